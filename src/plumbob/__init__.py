@@ -1,0 +1,106 @@
+"""Plumbob: attitude from MEMS inertial sensors, from bytes to an error against a reference.
+
+This page is the vocabulary. Every other docstring uses these words without explaining them again.
+
+Types
+-----
+ImuData
+    What the sensors said: ``t (N,)``, ``gyr (N, 3)``, ``acc (N, 3)``, ``mag (N, 3)``, ``temp_c (N,)``, ``flags (N,)``
+    and an `ImuMeta`. A missing triad is None, a missing sample NaN.
+AttitudeTrack
+    An attitude over time: ``t (N,)``, ``q_nb (N, 4)``, its `Frame` and `North`; estimates and references alike.
+CalibrationCard, NoiseCard
+    What a calibration and a noise analysis leave behind, as JSON.
+Filter
+    A named estimator with parameters and a state: ``process(data)`` gives a track, ``update(sample)`` goes on by one.
+
+Units
+-----
+SI and radians inside: rad/s, m/s², s, rad. Two declared exceptions: magnetic flux density in µT and temperature in °C.
+Anything else carries its unit in its name (``rate_dps``, ``tilt_deg``) and exists only at the border.
+Time is seconds since the start of the recording, kept to the nanosecond; a step is measured, never 1/rate.
+
+Frames
+------
+n
+    Navigation: local level, an explicit `Frame` (ENU, NED or NWU); there is no default.
+b
+    Body: right-handed axes fixed to the case.
+s
+    Sensor case, where it differs from the body.
+
+``x_to_from``: ``q_nb`` takes body coordinates to navigation coordinates, ``v_n = quat_rotate(q_nb, v_b)``, and adjacent
+letters cancel, ``q_ns = quat_multiply(q_nb, q_bs)``. Quaternions are Hamilton, scalar first (wxyz). Euler angles are
+ZYX: yaw, pitch, roll. A heading counts from true North, magnetic North, or a free zero: `North` says which.
+
+Signs
+-----
+``acc`` is specific force: at rest it points **up** and measures +g, whatever the navigation frame. A level body with z
+up (forward-left-up) reads ``[0, 0, +9.81]``; with z down (forward-right-down) it reads ``[0, 0, −9.81]``.
+
+Flags
+-----
+Every sample carries a `flags` integer; `plumbob.flags` names the bits. A flag never removes a value.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumbob.cards import CalibrationCard, NoiseCard
+    from plumbob.data import AttitudeTrack, ImuData, ImuMeta, ImuSample
+    from plumbob.errors import PlumbobError
+    from plumbob.evaluate import Evaluation, evaluate
+    from plumbob.filters import Filter, filter_names
+    from plumbob.io import Recording, read, write
+    from plumbob.rotations import Frame, North
+    from plumbob.sim import simulate
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "AttitudeTrack": "data",
+    "CalibrationCard": "cards",
+    "Evaluation": "evaluate",
+    "Filter": "filters",
+    "Frame": "rotations",
+    "ImuData": "data",
+    "ImuMeta": "data",
+    "ImuSample": "data",
+    "NoiseCard": "cards",
+    "North": "rotations",
+    "PlumbobError": "errors",
+    "Recording": "io",
+    "evaluate": "evaluate",
+    "filter_names": "filters",
+    "read": "io",
+    "simulate": "sim",
+    "write": "io",
+}
+
+__all__ = [
+    "AttitudeTrack",
+    "CalibrationCard",
+    "Evaluation",
+    "Filter",
+    "Frame",
+    "ImuData",
+    "ImuMeta",
+    "ImuSample",
+    "NoiseCard",
+    "North",
+    "PlumbobError",
+    "Recording",
+    "evaluate",
+    "filter_names",
+    "read",
+    "simulate",
+    "write",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first used, so that ``import plumbob`` stays light."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'plumbob' has no attribute '{name}'")
+    return getattr(import_module(f"plumbob.{_HOME[name]}"), name)

@@ -1,0 +1,1 @@
+"""Calibration: applying a card (fitting one comes with its own modules)."""

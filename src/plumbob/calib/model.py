@@ -1,0 +1,47 @@
+"""Apply a calibration card to a recording."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
+from plumbob.check import Floats
+from plumbob.data import TRIADS, ImuData
+from plumbob.errors import CalibrationError
+
+
+def apply_card(card: CalibrationCard, data: ImuData) -> ImuData:
+    """Return the recording with each triad of the card corrected, and the card's name in its meta.
+
+    Raises
+    ------
+    CalibrationError
+        If the card belongs to another device or unit, the recording is already calibrated, or it has no temperature
+        where the card needs one.
+    """
+    if card.device != data.meta.device:
+        raise CalibrationError(f"the card is for device '{card.device}', but the recording is of '{data.meta.device}'.")
+    if data.meta.calibration is not None:
+        raise CalibrationError(f"the recording is already calibrated, with {data.meta.calibration}.")
+    changed: dict[str, Any] = {}
+    for name in TRIADS:
+        model: TriadCalibration | None = getattr(card, name)
+        measured: Floats | None = getattr(data, name)
+        if model is None or measured is None:
+            continue
+        if (model.unit_in, model.unit_out) != (UNITS[name], UNITS[name]):
+            raise CalibrationError(
+                f"the card's {name} goes from {model.unit_in} to {model.unit_out}; the recording is in {UNITS[name]}."
+            )
+        changed[name] = _corrected(model, measured, data.temp_c)
+    return replace(data, **changed, meta=replace(data.meta, calibration=card.name))
+
+
+def _corrected(model: TriadCalibration, measured: Floats, temp_c: Floats | None) -> Floats:
+    bias: Floats = model.bias
+    if model.bias_per_k.any():
+        if temp_c is None:
+            raise CalibrationError("the card corrects for temperature, but the recording has no temp_c.")
+        bias = model.bias + np.outer(temp_c - model.temp_ref_c, model.bias_per_k)
+    return (measured - bias) @ model.matrix.T

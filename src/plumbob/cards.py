@@ -1,0 +1,207 @@
+"""Cards: what a calibration and a noise analysis leave behind, and what simulator and filters take up.
+
+A card is a small JSON file with a version, a device, units and a date. It refuses what it was not made for.
+"""
+
+import json
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from plumbob import check
+from plumbob.check import Floats
+from plumbob.errors import CalibrationError, DecodeError
+
+FORMAT_VERSION = 1
+UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
+
+
+@dataclass(frozen=True, eq=False)
+class TriadCalibration:
+    """Linear model of one triad: ``calibrated = matrix @ (measured − bias − bias_per_k (T − temp_ref_c))``.
+
+    Parameters
+    ----------
+    matrix : array_like (3, 3)
+        Scale, misalignment and soft iron; invertible.
+    bias : array_like (3,)
+        Offset in the unit of the measurement.
+    bias_per_k : array_like (3,)
+        Change of the offset per kelvin.
+    temp_ref_c : float
+        Temperature of `bias`, °C.
+    unit_in, unit_out : str
+        Units of measurement and result; "rad/s", "m/s2" or "uT".
+    residual_rms : float or None
+        Root mean square of what the fit left, in `unit_out`.
+    """
+
+    matrix: Floats
+    bias: Floats
+    unit_in: str
+    unit_out: str
+    bias_per_k: Floats = field(default_factory=lambda: np.zeros(3))
+    temp_ref_c: float = 25.0
+    residual_rms: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate the numbers."""
+        for name, shape in (("matrix", (3, 3)), ("bias", (3,)), ("bias_per_k", (3,))):
+            value = check.floats(name, getattr(self, name))
+            if value.shape != shape or not np.isfinite(value).all():
+                raise CalibrationError(f"{name} must be finite and of shape {shape}, but it is {value.tolist()}.")
+            object.__setattr__(self, name, check.read_only(value))
+        if not np.linalg.cond(self.matrix) < 1e3:
+            raise CalibrationError(f"matrix is singular or nearly so: {self.matrix.tolist()}.")
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationCard:
+    """Calibration of one unit.
+
+    Parameters
+    ----------
+    device : str
+        The unit that it belongs to; data of another unit are refused.
+    date : str
+        ISO 8601 date of the calibration.
+    method : str
+        How it was found.
+    gyr, acc, mag : TriadCalibration or None
+        One for each triad that was calibrated.
+    """
+
+    device: str
+    date: str
+    method: str
+    gyr: TriadCalibration | None = None
+    acc: TriadCalibration | None = None
+    mag: TriadCalibration | None = None
+
+    @property
+    def name(self) -> str:
+        """Short name for provenance."""
+        return f"{self.device} {self.date} ({self.method})"
+
+    def save(self, path: Path) -> None:
+        """Write the card as JSON."""
+        _write(path, "plumbob calibration card", self)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a card.
+
+        Raises
+        ------
+        DecodeError
+            If the file is no calibration card, or of a newer version.
+        """
+        raw = _read(path, "plumbob calibration card", cls)
+        for name in UNITS:
+            if raw.get(name) is not None:
+                raw[name] = _build(path, TriadCalibration, raw[name])
+        card: Self = _build(path, cls, raw)
+        return card
+
+
+@dataclass(frozen=True, eq=False)
+class TriadNoise:
+    """Noise of one triad, per axis, as root power spectral densities in inside units (IEEE Std 952 letters).
+
+    Parameters
+    ----------
+    n_rpsd : array_like (3,)
+        White noise N: rad/s/√Hz, m/s²/√Hz or µT/√Hz.
+    b : array_like (3,)
+        Bias instability B, in the unit of the triad.
+    k_rpsd : array_like (3,)
+        Random walk of the bias K, unit/s/√Hz.
+    """
+
+    n_rpsd: Floats
+    b: Floats
+    k_rpsd: Floats
+
+    def __post_init__(self) -> None:
+        """Validate the numbers."""
+        for name in ("n_rpsd", "b", "k_rpsd"):
+            value = check.floats(name, getattr(self, name))
+            if value.shape != (3,) or not (np.isfinite(value) & (value >= 0.0)).all():
+                raise CalibrationError(f"{name} must be three finite numbers ≥ 0, but it is {value.tolist()}.")
+            object.__setattr__(self, name, check.read_only(value))
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseCard:
+    """Noise of one unit: feeds the simulator and the Kalman filters.
+
+    Parameters
+    ----------
+    device : str
+        The unit or type that it describes.
+    source : str
+        Data sheet, or recording and method.
+    gyr, acc, mag : TriadNoise or None
+        One for each triad that is known.
+    """
+
+    device: str
+    source: str
+    gyr: TriadNoise | None = None
+    acc: TriadNoise | None = None
+    mag: TriadNoise | None = None
+
+    def save(self, path: Path) -> None:
+        """Write the card as JSON."""
+        _write(path, "plumbob noise card", self)
+
+    @classmethod
+    def load(cls, path: Path) -> Self:
+        """Read a card.
+
+        Raises
+        ------
+        DecodeError
+            If the file is no noise card, or of a newer version.
+        """
+        raw = _read(path, "plumbob noise card", cls)
+        for name in UNITS:
+            if raw.get(name) is not None:
+                raw[name] = _build(path, TriadNoise, raw[name])
+        card: Self = _build(path, cls, raw)
+        return card
+
+
+def _write(path: Path, kind: str, card: Any) -> None:
+    content = {"kind": kind, "format_version": FORMAT_VERSION, **asdict(card)}
+    path.write_text(json.dumps(content, indent=2, default=lambda a: a.tolist(), allow_nan=False) + "\n")
+
+
+def _read(path: Path, kind: str, cls: type) -> dict[str, Any]:
+    try:
+        raw = json.loads(path.read_text(), parse_constant=_no_constant)
+    except (ValueError, RecursionError) as error:
+        raise DecodeError(f"{path} is not a {kind}: {error}.") from error
+    if not isinstance(raw, dict) or raw.pop("kind", None) != kind:
+        raise DecodeError(f"{path} is not a {kind}: its 'kind' says otherwise.")
+    version = raw.pop("format_version", None)
+    if version != FORMAT_VERSION:
+        raise DecodeError(f"{path} has format_version {version}, but this program reads {FORMAT_VERSION}.")
+    return raw
+
+
+def _build(path: Path, cls: type[Any], raw: Any) -> Any:
+    known = {f.name for f in fields(cls)}
+    if not isinstance(raw, dict) or not set(raw) <= known:
+        unknown = sorted(set(raw) - known) if isinstance(raw, dict) else raw
+        raise DecodeError(f"{path}: {cls.__name__} has no {unknown}; known are {', '.join(sorted(known))}.")
+    try:
+        return cls(**raw)
+    except TypeError as error:
+        raise DecodeError(f"{path}: {cls.__name__} is incomplete: {error}.") from error
+
+
+def _no_constant(word: str) -> float:
+    raise ValueError(f"{word} is not a number in JSON")

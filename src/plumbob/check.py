@@ -1,0 +1,94 @@
+"""Validators: each names the argument, the rule, what was expected, what came and where."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.errors import ClockError, ShapeError
+
+Floats = NDArray[np.float64]
+
+
+def floats(name: str, value: ArrayLike) -> Floats:
+    """Return `value` as a C-contiguous float64 array, refusing masked, complex, text and object arrays."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise ShapeError(f"{name} is a masked array; fill the masked samples with NaN: {name}.filled(np.nan).")
+    array: NDArray[Any] = np.asarray(value)
+    if array.dtype.kind not in "fiub":
+        raise ShapeError(f"{name} must hold real numbers, but its type is {array.dtype}.")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def last_axis(name: str, value: ArrayLike, size: int) -> Floats:
+    """Return `value` as float64 with a last axis of `size` components and any leading shape."""
+    array = floats(name, value)
+    if array.ndim == 0 or array.shape[-1] != size:
+        raise ShapeError(f"{name} must have shape (..., {size}), but its shape is {array.shape}.")
+    return array
+
+
+def rows(name: str, value: ArrayLike, columns: int, count: int | None = None) -> Floats:
+    """Return `value` as a float64 table of `columns` columns and, where given, `count` rows."""
+    array = floats(name, value)
+    if array.ndim != 2 or array.shape[1] != columns:
+        hint = f"; it looks transposed: pass {name}.T" if array.ndim == 2 and array.shape[0] == columns else ""
+        raise ShapeError(f"{name} must have shape (N, {columns}), but its shape is {array.shape}{hint}.")
+    if count is not None and array.shape[0] != count:
+        raise ShapeError(f"{name} must have one row per time stamp ({count}), but it has {array.shape[0]}.")
+    return array
+
+
+def column(name: str, value: ArrayLike, count: int | None = None) -> Floats:
+    """Return `value` as a float64 vector and, where given, of `count` entries."""
+    array = floats(name, value)
+    if array.ndim != 1:
+        raise ShapeError(f"{name} must have shape (N,), but its shape is {array.shape}.")
+    if count is not None and array.shape[0] != count:
+        raise ShapeError(f"{name} must have one entry per time stamp ({count}), but it has {array.shape[0]}.")
+    return array
+
+
+def increasing_time(name: str, t: Floats) -> None:
+    """Refuse time stamps that are not finite or do not strictly increase."""
+    if t.shape[0] == 0:
+        raise ShapeError(f"{name} is empty; a recording needs at least one sample.")
+    finite = np.isfinite(t)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise ClockError(f"{name}[{i}] = {t[i]}: time stamps must be finite.")
+    if t.shape[0] > 1:
+        steps = np.diff(t)
+        i = int(np.argmin(steps > 0.0))
+        if not steps[i] > 0.0:
+            count = int(np.count_nonzero(steps <= 0.0))
+            raise ClockError(
+                f"{name} must strictly increase, but {name}[{i + 1}] = {t[i + 1]:.9f} s comes after "
+                f"{name}[{i}] = {t[i]:.9f} s ({count} such places). Sort the samples and drop repeated stamps."
+            )
+
+
+def unit_norm(name: str, q: Floats, tolerance: float = 1e-6) -> None:
+    """Refuse quaternions whose norm is not 1; rows of NaN (absent) pass."""
+    norm = np.sqrt(np.sum(q * q, axis=-1))
+    bad = np.abs(norm - 1.0) > tolerance
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise ShapeError(
+            f"{name}{list(where)} has norm {norm[where]:.9g}, but a rotation needs norm 1 ± {tolerance:g}."
+        )
+
+
+def one_of(name: str, value: str, known: Sequence[str]) -> str:
+    """Refuse a word that is not in `known`."""
+    if value not in known:
+        raise ShapeError(f"{name} must be one of {', '.join(known)}, but it is '{value}'.")
+    return value
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a view of `array` that cannot be written through."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

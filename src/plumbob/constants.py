@@ -1,0 +1,15 @@
+"""Physical constants: value, unit and source each. Tuning constants live with the parameters that use them."""
+
+from typing import Final
+
+G0: Final = 9.80665
+"""Standard acceleration of free fall, m/s² (3rd CGPM 1901; ISO 80000-3)."""
+
+EARTH_RATE: Final = 7.292115e-5
+"""Rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036)."""
+
+WGS84_A: Final = 6378137.0
+"""Semi-major axis of the reference ellipsoid, m (WGS 84, NGA.STND.0036)."""
+
+WGS84_F: Final = 1.0 / 298.257223563
+"""Flattening of the reference ellipsoid (WGS 84, NGA.STND.0036)."""

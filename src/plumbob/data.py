@@ -1,0 +1,384 @@
+"""The two central types: what sensors said, and what an attitude was or is believed to be.
+
+Both are frozen, hold read-only C-contiguous float64 arrays, and are validated once, when they are made.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import check, clock, flags
+from plumbob.check import Floats
+from plumbob.constants import G0
+from plumbob.errors import FrameError, ShapeError, UnitError
+from plumbob.rotations import Frame, North, quat_normalize
+from plumbob.units import to_deg
+
+TRIADS = ("gyr", "acc", "mag")
+ENOUGH = 100
+"""Samples from which on a recording's units are judged by its typical size."""
+
+_FLAGS = {
+    "gyr": (flags.GYR_ABSENT, flags.GYR_CLIPPED, flags.GYR_INVALID),
+    "acc": (flags.ACC_ABSENT, flags.ACC_CLIPPED, flags.ACC_INVALID),
+    "mag": (flags.MAG_ABSENT, flags.MAG_CLIPPED, flags.MAG_INVALID),
+}
+# No MEMS part measures beyond these: 100 rad/s is 5730 °/s, 2e4 m/s² about 2000 g, 1e5 µT is 0.1 T.
+_IMPOSSIBLE = {"gyr": 100.0, "acc": 2e4, "mag": 1e5}
+_SI = {"gyr": "rad/s", "acc": "m/s²", "mag": "µT"}
+
+
+@dataclass(frozen=True, slots=True)
+class ImuMeta:
+    """What is known about a recording besides its numbers.
+
+    Attributes
+    ----------
+    device : str
+        Name of the sensor unit.
+    gyr_range, acc_range, mag_range : float or None
+        Full scale of each triad, rad/s, m/s², µT. Values at it are flagged as clipped.
+    rate_nominal : float or None
+        Sampling rate as configured, Hz; for display only, mathematics uses the measured steps.
+    t0_ns : int
+        UTC of t = 0, ns since 1970; 0 where unknown.
+    axes : str
+        How the body axes lie in the sensor case, as in `plumbob.rotations.body_axes`.
+    frame : Frame or None
+        Navigation frame that attitudes of this recording are meant in, where someone said so.
+    north : North or None
+        What headings of this recording's reference count from, where known.
+    calibration : str or None
+        Name of the calibration card that has been applied; None says uncalibrated.
+    unit_check : bool
+        Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower.
+    """
+
+    device: str = "unknown"
+    gyr_range: float | None = None
+    acc_range: float | None = None
+    mag_range: float | None = None
+    rate_nominal: float | None = None
+    t0_ns: int = 0
+    axes: str = "x y z"
+    frame: Frame | None = None
+    north: North | None = None
+    calibration: str | None = None
+    unit_check: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ImuSample:
+    """One instant of an inertial unit, as a decoder yields it: t_ns in ns, rad/s, m/s², µT, °C; None is absent."""
+
+    t_ns: int
+    gyr: Floats | None = None
+    acc: Floats | None = None
+    mag: Floats | None = None
+    temp_c: float | None = None
+    flags: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class ImuData:
+    """Samples of a gyroscope, an accelerometer and a magnetometer on one time line.
+
+    A triad that the unit does not have is None; one that has no value in some samples (a slower magnetometer, a lost
+    packet) is NaN there. Time is kept to the nanosecond.
+
+    Parameters
+    ----------
+    t : array_like (N,)
+        Time since the start of the recording, s, strictly increasing; equal steps are not needed.
+    gyr : array_like (N, 3), optional
+        Angular rate of the body in body axes, rad/s.
+    acc : array_like (N, 3), optional
+        Specific force in body axes, m/s²: at rest it points up and measures +g.
+    mag : array_like (N, 3), optional
+        Magnetic flux density in body axes, µT.
+    temp_c : array_like (N,), optional
+        Temperature, °C.
+    flags : array_like (N,), optional
+        Flags already known, from `plumbob.flags`; absent, clipped, invalid and gap are added here.
+    meta : ImuMeta
+        What else is known.
+
+    Raises
+    ------
+    ShapeError
+        If lengths or shapes differ, or a triad holds no number at all.
+    ClockError
+        If time is not finite and increasing.
+    UnitError
+        If the values cannot be in the unit that they should be in.
+    """
+
+    t: Floats
+    gyr: Floats | None = None
+    acc: Floats | None = None
+    mag: Floats | None = None
+    temp_c: Floats | None = None
+    flags: NDArray[np.uint32] = field(default=None)  # type: ignore[arg-type]
+    meta: ImuMeta = field(default_factory=ImuMeta)
+
+    def __post_init__(self) -> None:
+        """Validate everything, once."""
+        t = check.column("t", self.t)
+        check.increasing_time("t", t)
+        t = clock.to_s(clock.to_ns(t))
+        check.increasing_time("t, rounded to nanoseconds,", t)
+        found = np.zeros(t.size, dtype=np.uint32)
+        if self.flags is not None:
+            found |= np.asarray(check.column("flags", self.flags, t.size)).astype(np.uint32)
+        found[clock.after_gap(t)] |= flags.GAP
+        self._set("t", t)
+        for name in TRIADS:
+            value = getattr(self, name)
+            if value is None:
+                found |= np.uint32(_FLAGS[name][0])
+                continue
+            triad = check.rows(name, value, 3, t.size)
+            found |= _judge(name, triad, getattr(self.meta, f"{name}_range"), self.meta.unit_check)
+            self._set(name, triad)
+        if all(getattr(self, name) is None for name in TRIADS):
+            raise ShapeError("a recording needs at least one of gyr, acc and mag, but none was given.")
+        if self.temp_c is not None:
+            self._set("temp_c", check.column("temp_c", self.temp_c, t.size))
+        self._set("flags", found)
+
+    def _set(self, name: str, array: NDArray[Any]) -> None:
+        object.__setattr__(self, name, check.read_only(array))
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    @property
+    def t_ns(self) -> NDArray[np.int64]:
+        """Time since the start, integer ns."""
+        return clock.to_ns(self.t)
+
+    @property
+    def triads(self) -> tuple[str, ...]:
+        """Names of the triads that this recording has."""
+        return tuple(name for name in TRIADS if getattr(self, name) is not None)
+
+    def __getitem__(self, rows: slice) -> Self:
+        """Samples of a slice with step 1, with their times and flags unchanged; no copy is made."""
+        start, stop, step = rows.indices(len(self))
+        if step != 1 or stop <= start:
+            raise ShapeError(f"a recording is cut by a non-empty slice of step 1, but {rows} selects {stop - start}.")
+        part = object.__new__(type(self))  # already validated
+        for f in fields(self):
+            value = getattr(self, f.name)
+            object.__setattr__(part, f.name, value[start:stop] if isinstance(value, np.ndarray) else value)
+        return part
+
+    def chunks(self, size: int) -> Iterator[Self]:
+        """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
+        if size < 1:
+            raise ShapeError(f"size must be at least 1, but it is {size}.")
+        for start in range(0, len(self), size):
+            yield self[start : start + size]
+
+    def usable(self, name: str) -> Floats:
+        """Triad (N, 3) as a filter should see it: absent and invalid samples are NaN.
+
+        Parameters
+        ----------
+        name : {"gyr", "acc", "mag"}
+            Which triad.
+        """
+        value: Floats | None = getattr(self, name)
+        if value is None:
+            return np.full((len(self), 3), np.nan)
+        invalid = (self.flags & np.uint32(_FLAGS[name][2])) != 0
+        return np.where(invalid[:, np.newaxis], np.nan, value) if invalid.any() else value
+
+    @classmethod
+    def from_streams(
+        cls,
+        t: Floats,
+        *,
+        gyr: Floats | None = None,
+        acc: Floats | None = None,
+        t_mag: Floats,
+        mag: Floats,
+        meta: ImuMeta | None = None,
+    ) -> Self:
+        """Join a magnetometer that has its own time stamps: each of its samples goes to the next inertial sample.
+
+        Later, not nearest, because a live filter has a magnetic sample only once it has arrived. Where two fall on one
+        inertial sample, the last wins; those after the last inertial sample are left out.
+
+        Parameters
+        ----------
+        t : array_like (N,)
+            Inertial time, s.
+        gyr, acc : array_like (N, 3), optional
+            Rates, rad/s, and specific force, m/s².
+        t_mag : array_like (M,)
+            Magnetometer time on the same clock, s.
+        mag : array_like (M, 3)
+            Flux density, µT.
+        meta : ImuMeta, optional
+            What else is known.
+        """
+        inertial, own = check.column("t", t), check.column("t_mag", t_mag)
+        check.increasing_time("t_mag", own)
+        values = check.rows("mag", mag, 3, own.size)
+        place = np.searchsorted(inertial, own)
+        inside = place < inertial.size
+        joined = np.full((inertial.size, 3), np.nan)
+        joined[place[inside]] = values[inside]
+        return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=meta or ImuMeta())
+
+
+@dataclass(frozen=True, eq=False)
+class AttitudeTrack:
+    """Attitude over time: an estimate or a reference.
+
+    Parameters
+    ----------
+    t : array_like (N,)
+        Time since the start of the recording, s, strictly increasing.
+    q_nb : array_like (N, 4)
+        Body to navigation, wxyz, normalised here; NaN rows where the attitude is not known.
+    frame : Frame
+        Navigation frame.
+    north : North
+        What the heading counts from.
+    bias_b : array_like (N, 3), optional
+        Estimated gyroscope bias in body axes, rad/s.
+    cov_b : array_like (N, 3, 3), optional
+        Covariance of the attitude error as a rotation vector in body axes, rad².
+    flags : array_like (N,), optional
+        Flags, from `plumbob.flags`.
+    score : array_like (N,) of bool, optional
+        Which samples count in an evaluation (a data set's movement mask); all where None.
+    source : str
+        Where it comes from: filter and parameters, or reference system.
+
+    Raises
+    ------
+    ShapeError
+        If lengths or shapes differ, or a norm is not 1 within 1e-3.
+    ClockError
+        If time is not finite and increasing.
+    FrameError
+        If no frame is given.
+    """
+
+    t: Floats
+    q_nb: Floats
+    frame: Frame
+    north: North
+    bias_b: Floats | None = None
+    cov_b: Floats | None = None
+    flags: NDArray[np.uint32] | None = None
+    score: NDArray[np.bool_] | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        """Validate everything, once."""
+        if not isinstance(self.frame, Frame) or not isinstance(self.north, North):
+            raise FrameError(f"a track needs a Frame and a North, but got frame={self.frame!r}, north={self.north!r}.")
+        t = check.column("t", self.t)
+        check.increasing_time("t", t)
+        q = check.rows("q_nb", self.q_nb, 4, t.size)
+        check.unit_norm("q_nb", q, tolerance=1e-3)  # files hold rounded digits
+        self._set("t", clock.to_s(clock.to_ns(t)))
+        # What is already normalised to the last bits stays as it is, so that storing a track changes nothing.
+        exact = np.abs(np.sum(q * q, axis=1) - 1.0) < 1e-12
+        self._set("q_nb", np.where(exact[:, np.newaxis], q, quat_normalize(q)))
+        if self.bias_b is not None:
+            self._set("bias_b", check.rows("bias_b", self.bias_b, 3, t.size))
+        if self.cov_b is not None:
+            cov = check.floats("cov_b", self.cov_b)
+            if cov.shape != (t.size, 3, 3):
+                raise ShapeError(f"cov_b must have shape ({t.size}, 3, 3), but its shape is {cov.shape}.")
+            self._set("cov_b", cov)
+        if self.flags is not None:
+            self._set("flags", check.column("flags", self.flags, t.size).astype(np.uint32))
+        if self.score is not None:
+            self._set("score", check.column("score", self.score, t.size).astype(bool))
+
+    def _set(self, name: str, array: NDArray[Any]) -> None:
+        object.__setattr__(self, name, check.read_only(array))
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """True where the attitude is known, (N,)."""
+        return np.asarray(np.isfinite(self.q_nb).all(axis=1))
+
+    def with_attitude(self, q_nb: Floats, **changes: Any) -> Self:
+        """Return the same track with another attitude (N, 4) and, where given, other fields."""
+        return replace(self, q_nb=q_nb, **changes)
+
+
+def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool) -> NDArray[np.uint32]:
+    """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
+    absent, clipped, invalid = _FLAGS[name]
+    missing = np.isnan(triad).any(axis=1)
+    if missing.all():
+        raise ShapeError(f"{name} is NaN in all {missing.size} samples; pass {name}=None if the unit has none.")
+    size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
+    limit = _IMPOSSIBLE[name] if full_scale is None else min(_IMPOSSIBLE[name], 1.05 * full_scale)
+    too_big: NDArray[np.bool_] = np.asarray(size > limit)
+    if unit_check:
+        _refuse_wrong_unit(name, triad, too_big, full_scale, limit)
+    found: NDArray[np.uint32] = np.where(missing, np.uint32(absent), np.uint32(0))
+    found[too_big] |= invalid
+    if full_scale is not None:  # the last code below full scale is already the end of the range
+        found[(size >= 0.999 * full_scale) & ~too_big] |= clipped
+    return found
+
+
+def _refuse_wrong_unit(
+    name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: float | None, limit: float
+) -> None:
+    if np.count_nonzero(too_big) > max(1, 0.01 * too_big.size):
+        i = int(np.argmax(too_big))
+        axis = int(np.nanargmax(np.abs(triad[i])))
+        what = f"range is ±{full_scale:.6g} {_SI[name]}" if full_scale else f"limit is {limit:g} {_SI[name]}"
+        raise UnitError(
+            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {what}"
+            f"{_in_degrees(name, full_scale)}, and {np.count_nonzero(too_big)} samples exceed it. {_ADVICE[name]}"
+        )
+    norm = np.sqrt(np.sum(triad * triad, axis=1))
+    norm = norm[np.isfinite(norm)]
+    if name == "gyr" or norm.size < ENOUGH:
+        return
+    typical = float(np.median(norm))
+    low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
+    if not low <= typical <= high:
+        usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
+        raise UnitError(
+            f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
+            f"{usual}{_guess(name, typical)}. {_ADVICE[name]}"
+        )
+
+
+_ADVICE = {
+    "gyr": "If the source holds °/s, convert it: units.dps(gyr), or unit = 'dps' in its profile.",
+    "acc": "If the source holds g, convert it: units.g(acc), or unit = 'g' in its profile; for a centrifuge or a drop "
+    "set unit_check=False.",
+    "mag": "If the source holds gauss, convert it: units.gauss(mag), or unit = 'gauss' in its profile.",
+}
+
+
+def _in_degrees(name: str, full_scale: float | None) -> str:
+    return f" ({to_deg(full_scale):.6g} °/s)" if name == "gyr" and full_scale else ""
+
+
+def _guess(name: str, typical: float) -> str:
+    guesses = {
+        "acc": ((0.5, 2.5, "g"), (500.0, 2500.0, "mg"), (1e3, 7e4, "raw counts")),
+        "mag": ((0.1, 1.0, "gauss"), (2e3, 1e5, "nT or raw counts"), (0.0, 1e-3, "tesla")),
+    }
+    return next((f"; it looks like {unit}" for low, high, unit in guesses[name] if low <= typical <= high), "")

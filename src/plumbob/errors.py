@@ -1,0 +1,37 @@
+"""One tree of errors. Each message says the rule, what was expected, what came, where, and what to do."""
+
+
+class PlumbobError(Exception):
+    """Base of every error that Plumbob raises on purpose; the command line prints it as one line and exits 1."""
+
+
+class UnitError(PlumbobError, ValueError):
+    """A quantity has no unit, an unknown unit, or values that its stated unit makes impossible."""
+
+
+class FrameError(PlumbobError, ValueError):
+    """A navigation frame, body axis or heading reference is missing, unknown or does not match."""
+
+
+class ShapeError(PlumbobError, ValueError):
+    """An array has the wrong shape, type or length, or holds nothing usable."""
+
+
+class ClockError(PlumbobError, ValueError):
+    """Time stamps are not finite, not increasing or do not overlap."""
+
+
+class DecodeError(PlumbobError, ValueError):
+    """A file or byte stream is not what it claims to be, or is damaged."""
+
+
+class ParameterError(PlumbobError, ValueError):
+    """A parameter is unknown or outside its range."""
+
+
+class CalibrationError(PlumbobError, ValueError):
+    """A calibration or noise card does not belong to the data that it is asked to serve."""
+
+
+class MissingExtraError(PlumbobError, ImportError):
+    """An optional dependency is not installed; the message says which extra brings it."""

@@ -1,0 +1,30 @@
+"""Filters: from sensor data to attitude, one file each, all behind `Filter`."""
+
+from importlib import import_module
+from typing import cast
+
+from plumbob.errors import ParameterError
+from plumbob.filters.base import Filter, FilterModule
+from plumbob.filters.params import CommonParams, Parameter, describe
+
+_MODULES = ("integrate", "integrate_first_order", "mahony", "tilt_compass")
+
+__all__ = ["CommonParams", "Filter", "FilterModule", "Parameter", "describe", "filter_names", "load"]
+
+
+def filter_names() -> tuple[str, ...]:
+    """Names that `Filter` and the command line accept."""
+    return _MODULES
+
+
+def load(name: str) -> FilterModule:
+    """Module of a filter.
+
+    Raises
+    ------
+    ParameterError
+        If there is no filter of that name.
+    """
+    if name not in _MODULES:
+        raise ParameterError(f"there is no filter '{name}'; known are {', '.join(_MODULES)}.")
+    return cast(FilterModule, import_module(f"plumbob.filters.{name}"))

@@ -1,0 +1,74 @@
+"""Attitude from one look at gravity and the magnetic field: how filters start, and what tilt and compass say.
+
+Tilt comes from the accelerometer alone and the heading from the field in the level plane, so that a magnetic
+disturbance never tips the horizon.
+"""
+
+import math
+
+from plumbob import flags
+from plumbob._jit import njit
+from plumbob.check import Floats
+from plumbob.filters.admission import usable
+from plumbob.filters.layout import HEADED, LEVEL, NORTH_X, NORTH_Y, STAGE, UP, Q
+from plumbob.rotations.kernels import Quat, Vec, quat_mul, quat_unit, rotate, third_row
+
+
+@njit
+def up_in_body(up: float, q0: float, q1: float, q2: float, q3: float) -> Vec:
+    """Unit vector away from the Earth in body axes, where an accelerometer at rest points."""
+    zx, zy, zz = third_row(q0, q1, q2, q3)
+    return up * zx, up * zy, up * zz
+
+
+@njit
+def level(up: float, ax: float, ay: float, az: float) -> Quat:
+    """Attitude of yaw zero whose up direction is that of the specific force a."""
+    zx, zy, zz = up * ax, up * ay, up * az
+    half_pitch = 0.5 * math.atan2(-zx, math.sqrt(zy * zy + zz * zz))
+    half_roll = 0.5 * math.atan2(zy, zz)
+    cp, sp, cr, sr = math.cos(half_pitch), math.sin(half_pitch), math.cos(half_roll), math.sin(half_roll)
+    return cp * cr, cp * sr, sp * cr, -sp * sr
+
+
+@njit
+def heading_offset(
+    c: Floats, q0: float, q1: float, q2: float, q3: float, mx: float, my: float, mz: float
+) -> tuple[bool, float]:
+    """Angle about the navigation z axis, rad, that brings the level part of the field m to north.
+
+    Returns
+    -------
+    tuple
+        False and 0 where the field stands (nearly) vertical, within 0.1 % of its size.
+    """
+    hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
+    level2 = hx * hx + hy * hy
+    if not level2 > 1e-6 * (level2 + hz * hz):
+        return False, 0.0
+    return True, math.atan2(hx * c[NORTH_Y] - hy * c[NORTH_X], hx * c[NORTH_X] + hy * c[NORTH_Y])
+
+
+@njit
+def turn_about_vertical(angle: float, q0: float, q1: float, q2: float, q3: float) -> Quat:
+    """Attitude q turned by an angle, rad, about the navigation z axis."""
+    return quat_mul(math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle), q0, q1, q2, q3)
+
+
+@njit
+def initialise(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
+    """Take up tilt, then heading, as soon as a sample shows them; returns what is still missing as flags."""
+    if x[STAGE] < LEVEL:
+        if not usable(ax, ay, az):
+            return flags.NOT_CONVERGED | flags.HEADING_FREE
+        x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = level(c[UP], ax, ay, az)
+        x[STAGE] = LEVEL
+    if not usable(mx, my, mz):
+        return flags.HEADING_FREE
+    found, angle = heading_offset(c, x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+    if not found:
+        return flags.HEADING_FREE
+    q0, q1, q2, q3 = turn_about_vertical(angle, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
+    x[STAGE] = HEADED
+    return 0

@@ -1,0 +1,292 @@
+"""The filter object: validates, remembers, and calls one step, whether data come whole, in chunks or one by one.
+
+A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficients`` (what the kernel reads), ``STATE``
+(how many own numbers evolve) and ``step``. Nothing else loops over samples.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob import check, clock, flags
+from plumbob._jit import Kernel, njit, specialise
+from plumbob.check import Floats
+from plumbob.data import AttitudeTrack, ImuData, ImuSample
+from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
+from plumbob.filters.layout import BIAS, HEADED, OUTPUT, OWN, STAGE, Q
+from plumbob.filters.params import CommonParams, build, describe
+from plumbob.rotations import Frame, North, quat_normalize
+
+STATE_VERSION = 1
+_ABSENT = check.read_only(np.full(3, np.nan))
+
+
+class FilterModule(Protocol):
+    """What a filter's file must hold."""
+
+    SUMMARY: str
+    REFERENCES: tuple[str, ...]
+    NEEDS: tuple[str, ...]
+    STATE: int
+    Params: Any
+    step: Kernel[..., int]
+
+    @staticmethod
+    def coefficients(params: Any) -> tuple[float, ...]:
+        """Own coefficients of the kernel."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """The two ways to call a filter's step."""
+
+    batch: Kernel[..., None]
+    single: Kernel[..., int]
+
+
+@njit
+def step(
+    c: Floats, x: Floats, dt: float,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
+) -> int:  # fmt: skip
+    """Stand in for the step of a filter, which `loops_of` puts here."""
+    return 0
+
+
+@njit
+def _batch(
+    c: Floats, x: Floats, dt: Floats, gyr: Floats, acc: Floats, mag: Floats, out: Floats, found: NDArray[np.uint32]
+) -> None:
+    for i in range(dt.shape[0]):
+        found[i] = step(
+            c, x, dt[i],
+            gyr[i, 0], gyr[i, 1], gyr[i, 2], acc[i, 0], acc[i, 1], acc[i, 2], mag[i, 0], mag[i, 1], mag[i, 2],
+        )  # fmt: skip
+        for k in range(out.shape[1]):
+            out[i, k] = x[k]
+
+
+@njit
+def _single(c: Floats, x: Floats, dt: float, gyr: Floats, acc: Floats, mag: Floats) -> int:
+    return step(c, x, dt, gyr[0], gyr[1], gyr[2], acc[0], acc[1], acc[2], mag[0], mag[1], mag[2])
+
+
+def loops_of(name: str, module: FilterModule) -> Loops:
+    """Batch and single-sample entry of a filter, compiled around its step."""
+    return Loops(
+        batch=specialise(_batch, f"batch_{name}", step=module.step),
+        single=specialise(_single, f"single_{name}", step=module.step),
+    )
+
+
+class Filter:
+    """An estimator with its parameters and its state.
+
+    Parameters
+    ----------
+    name : str
+        As listed by `filter_names`.
+    frame : Frame
+        Navigation frame of the result; there is no default.
+    params : Mapping, optional
+        Parameters by name; numbers in SI, text with its unit. Unknown names are refused.
+    init : array_like (4,), optional
+        Attitude q_nb to start from; without it the first samples give tilt and heading.
+
+    Attributes
+    ----------
+    name, frame : str, Frame
+        As given.
+    params : NamedTuple
+        The filter's own parameters, SI.
+    common : CommonParams
+        Declination, gap limit, use of the magnetometer.
+
+    Raises
+    ------
+    ParameterError
+        If the filter or a parameter is unknown.
+    FrameError
+        If no frame is given.
+
+    Examples
+    --------
+    >>> from plumbob import Filter, Frame
+    >>> Filter("mahony", frame=Frame.NED, params={"kp": 0.5, "gate": "0.08 g"}).params.gate
+    0.784532
+    """
+
+    def __init__(
+        self, name: str, *, frame: Frame, params: Mapping[str, Any] | None = None, init: ArrayLike | None = None
+    ) -> None:
+        from plumbob.filters import load
+
+        if not isinstance(frame, Frame):
+            raise FrameError(f"frame must be a Frame ({', '.join(Frame)}), but it is {frame!r}.")
+        self.name = name
+        self.frame = frame
+        self.module = load(name)
+        self.params, self.common = _split_params(name, self.module, dict(params or {}))
+        self._loops = _cached_loops(name, self.module)
+        self._c = _coefficients(self.module, self.params, self.common, frame)
+        self._init = None if init is None else _attitude(init)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample; parameters and start attitude stay."""
+        self._x: Floats = np.zeros(OWN + self.module.STATE)
+        self._x[Q] = 1.0
+        self._last_ns: int | None = None
+        if self._init is not None:
+            self._x[Q : Q + 4] = self._init
+            self._x[STAGE] = HEADED
+
+    @property
+    def q_nb(self) -> Floats:
+        """Attitude now, (4,)."""
+        return self._x[Q : Q + 4].copy()
+
+    @property
+    def bias_b(self) -> Floats:
+        """Gyroscope bias now, rad/s, (3,); zero for a filter that estimates none."""
+        return self._x[BIAS : BIAS + 3].copy()
+
+    def process(self, data: ImuData) -> AttitudeTrack:
+        """Take a recording, or its next chunk, and return the attitude at each of its samples.
+
+        Raises
+        ------
+        ShapeError
+            If the recording lacks a triad that the filter needs.
+        """
+        self._require(data.triads)
+        dt = clock.steps(data.t, self._last_ns)
+        out = np.empty((len(data), OUTPUT))
+        found = np.empty(len(data), dtype=np.uint32)
+        mag = data.usable("mag") if self.common.mag else np.full((len(data), 3), np.nan)
+        self._loops.batch.compiled(self._c, self._x, dt, data.usable("gyr"), data.usable("acc"), mag, out, found)
+        last = int(data.t_ns[-1])
+        self._last_ns = last if self._last_ns is None else max(self._last_ns, last)
+        return AttitudeTrack(
+            t=data.t,
+            q_nb=out[:, :4],
+            frame=self.frame,
+            north=self._north("mag" in data.triads),
+            bias_b=out[:, 4:7],
+            flags=found | data.flags,
+            source=self.describe(),
+        )
+
+    def update(self, sample: ImuSample) -> int:
+        """Take the next sample and return its flags; `q_nb` is then the attitude at its time."""
+        dt = 0.0 if self._last_ns is None else (sample.t_ns - self._last_ns) / 1e9
+        bad = sample.flags
+        gyr = _ABSENT if sample.gyr is None or bad & flags.GYR_INVALID else sample.gyr
+        acc = _ABSENT if sample.acc is None or bad & flags.ACC_INVALID else sample.acc
+        mag = _ABSENT if sample.mag is None or bad & flags.MAG_INVALID or not self.common.mag else sample.mag
+        found: int = self._loops.single.compiled(self._c, self._x, dt, gyr, acc, mag)
+        if not found & flags.TIME_FAULT:  # a late or repeated sample must not turn the clock back
+            self._last_ns = sample.t_ns
+        return found | bad
+
+    def warm_up(self) -> None:
+        """Compile now, so that the first live sample does not wait."""
+        c, x, none = self._c, self._x.copy(), np.empty((0, 3))
+        self._loops.single.compiled(c, x, 0.0, _ABSENT, _ABSENT, _ABSENT)
+        self._loops.batch.compiled(
+            c, x, np.empty(0), none, none, none, np.empty((0, OUTPUT)), np.empty(0, dtype=np.uint32)
+        )
+
+    def save(self) -> dict[str, Any]:
+        """Everything needed to go on later, ready for JSON, which keeps every bit of a float."""
+        return {
+            "kind": "plumbob filter state",
+            "version": STATE_VERSION,
+            "filter": self.name,
+            "frame": str(self.frame),
+            "params": {**self.params._asdict(), **self.common._asdict()},
+            "last_ns": self._last_ns,
+            "state": self._x.tolist(),
+        }
+
+    @classmethod
+    def restore(cls, saved: Mapping[str, Any]) -> Self:
+        """Filter that goes on where `save` was called.
+
+        Raises
+        ------
+        DecodeError
+            If the mapping is no saved state, or of another version.
+        """
+        if saved.get("kind") != "plumbob filter state" or saved.get("version") != STATE_VERSION:
+            raise DecodeError(f"not a saved filter state of version {STATE_VERSION}: {sorted(saved)}.")
+        filter_ = cls(saved["filter"], frame=Frame.parse(saved["frame"]), params=saved["params"])
+        state = np.array(saved["state"], dtype=np.float64)
+        if state.shape != filter_._x.shape:
+            raise DecodeError(f"the saved state has {state.size} numbers, but {filter_.name} has {filter_._x.size}.")
+        filter_._x = state
+        filter_._last_ns = saved["last_ns"]
+        return filter_
+
+    def describe(self) -> str:
+        """Name and parameters in one line, for provenance."""
+        both = {**self.params._asdict(), **self.common._asdict()}
+        return f"{self.name}({', '.join(f'{k}={_shown(v)}' for k, v in both.items())})"
+
+    def _require(self, triads: tuple[str, ...]) -> None:
+        missing = [name for name in self.module.NEEDS if name not in triads]
+        if missing:
+            raise ShapeError(
+                f"{self.name} needs {', '.join(self.module.NEEDS)}, but the recording has no {', '.join(missing)}."
+            )
+
+    def _north(self, has_mag: bool) -> North:
+        if not (has_mag and self.common.mag):
+            return North.FREE
+        return North.MAGNETIC if self.common.declination is None else North.TRUE
+
+
+_LOOPS: dict[str, Loops] = {}
+
+
+def _cached_loops(name: str, module: FilterModule) -> Loops:
+    if name not in _LOOPS:
+        _LOOPS[name] = loops_of(name, module)
+    return _LOOPS[name]
+
+
+def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tuple[Any, CommonParams]:
+    own = {p.name for p in describe(module.Params)}
+    shared = {p.name for p in describe(CommonParams)}
+    unknown = [k for k in values if k not in own | shared]
+    if unknown:
+        known = ", ".join(p.name for p in (*describe(module.Params), *describe(CommonParams)))
+        raise ParameterError(f"{name} has no parameter '{unknown[0]}'; known are {known}.")
+    return (
+        build(module.Params, {k: v for k, v in values.items() if k in own}, of=name),
+        build(CommonParams, {k: v for k, v in values.items() if k in shared}, of=name),
+    )
+
+
+def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame: Frame) -> Floats:
+    angle = common.declination or 0.0
+    north = math.cos(angle) * frame.north + math.sin(angle) * frame.east
+    return np.array([frame.up[2], north[0], north[1], common.max_gap, *module.coefficients(params)], dtype=np.float64)
+
+
+def _attitude(init: ArrayLike) -> Floats:
+    q = check.last_axis("init", init, 4)
+    if q.shape != (4,) or not np.isfinite(q).all():
+        raise ShapeError(f"init must be one finite quaternion of shape (4,), but its shape is {q.shape}.")
+    return quat_normalize(q)
+
+
+def _shown(value: Any) -> str:
+    if value is None or isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value:.6g}"

@@ -1,0 +1,63 @@
+"""Tilt and tilt-compensated compass: attitude from accelerometer and magnetometer alone, sample by sample.
+
+No gyroscope and no memory, but for the heading, which stays while the magnetometer is absent. It is right at rest and
+as wrong as the acceleration makes it in motion: the reference that shows what a filter gains.
+
+When to choose it: static tests, first look at a calibration, start values.
+
+Departures from [Yu2018]: arctan is atan2, so that all quadrants come out; heading is magnetic unless a declination is
+given.
+"""
+
+from typing import Final, NamedTuple
+
+from plumbob import flags
+from plumbob._jit import njit
+from plumbob.check import Floats
+from plumbob.filters.admission import admit, usable
+from plumbob.filters.alignment import heading_offset, level, turn_about_vertical
+from plumbob.filters.layout import HEADED, LEVEL, OWN, STAGE, UP, Q
+from plumbob.rotations.kernels import quat_unit
+
+SUMMARY: Final = "tilt and tilt-compensated compass, no gyroscope (reference estimator)"
+REFERENCES: Final = ("Yu2018",)
+NEEDS: Final = ("acc",)
+STATE: Final = 1
+
+YAW: Final = OWN  # heading kept from the last magnetic sample, rad
+
+
+class Params(NamedTuple):
+    """None of its own."""
+
+
+def coefficients(params: Params) -> tuple[float, ...]:
+    """Own coefficients of the kernel."""
+    return ()
+
+
+@njit
+def step(
+    c: Floats, x: Floats, dt: float,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
+) -> int:  # fmt: skip
+    """Take one sample."""
+    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    if found & flags.TIME_FAULT:
+        return found
+    found &= ~flags.GYR_HELD
+    if not usable(ax, ay, az):
+        found |= flags.ACC_GATED
+        return found | flags.NOT_CONVERGED | flags.HEADING_FREE if x[STAGE] < LEVEL else found
+    x[STAGE] = max(x[STAGE], LEVEL)
+    q0, q1, q2, q3 = level(c[UP], ax, ay, az)
+    headed = False
+    if usable(mx, my, mz):
+        headed, angle = heading_offset(c, q0, q1, q2, q3, mx, my, mz)
+        if headed:
+            x[YAW], x[STAGE] = angle, HEADED
+    q0, q1, q2, q3 = turn_about_vertical(x[YAW], q0, q1, q2, q3)
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
+    if not headed:
+        found |= flags.MAG_GATED
+    return found | flags.HEADING_FREE if x[STAGE] < HEADED else found

@@ -1,0 +1,48 @@
+"""Per-sample flags: one vocabulary for decoders, recordings, filters, reports and the live view.
+
+Plain integers, because kernels, Parquet columns and C structs all hold them. A flag never replaces a value: nothing is
+lost, and who reads the sample decides.
+"""
+
+from typing import Final
+
+GYR_ABSENT: Final = 1 << 0
+ACC_ABSENT: Final = 1 << 1
+MAG_ABSENT: Final = 1 << 2
+GYR_CLIPPED: Final = 1 << 3
+ACC_CLIPPED: Final = 1 << 4
+MAG_CLIPPED: Final = 1 << 5
+GYR_INVALID: Final = 1 << 6
+ACC_INVALID: Final = 1 << 7
+MAG_INVALID: Final = 1 << 8
+GAP: Final = 1 << 9
+TIME_FAULT: Final = 1 << 10
+ACC_GATED: Final = 1 << 11
+MAG_GATED: Final = 1 << 12
+GYR_HELD: Final = 1 << 13
+NOT_CONVERGED: Final = 1 << 14
+HEADING_FREE: Final = 1 << 15
+
+MEANING: Final[dict[int, tuple[str, str]]] = {
+    GYR_ABSENT: ("gyr-absent", "no gyroscope value in this sample"),
+    ACC_ABSENT: ("acc-absent", "no accelerometer value in this sample"),
+    MAG_ABSENT: ("mag-absent", "no magnetometer value in this sample"),
+    GYR_CLIPPED: ("gyr-clipped", "a gyroscope axis is at the end of its range"),
+    ACC_CLIPPED: ("acc-clipped", "an accelerometer axis is at the end of its range"),
+    MAG_CLIPPED: ("mag-clipped", "a magnetometer axis is at the end of its range"),
+    GYR_INVALID: ("gyr-invalid", "a gyroscope value is infinite or impossible"),
+    ACC_INVALID: ("acc-invalid", "an accelerometer value is infinite or impossible"),
+    MAG_INVALID: ("mag-invalid", "a magnetometer value is infinite or impossible"),
+    GAP: ("gap", "samples are missing before this one"),
+    TIME_FAULT: ("time-fault", "the time step is zero, negative or not finite; the sample was not used"),
+    ACC_GATED: ("acc-gated", "the filter did not use the accelerometer"),
+    MAG_GATED: ("mag-gated", "the filter did not use the magnetometer"),
+    GYR_HELD: ("gyr-held", "the filter turned on with the last good rate, or with none"),
+    NOT_CONVERGED: ("not-converged", "the attitude is not yet initialised"),
+    HEADING_FREE: ("heading-free", "no magnetometer has set the heading; it counts from an arbitrary zero"),
+}
+
+
+def names(flags: int) -> tuple[str, ...]:
+    """Names of the flags that are set, in order of their bits."""
+    return tuple(name for bit, (name, _) in MEANING.items() if flags & bit)

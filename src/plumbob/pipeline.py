@@ -1,0 +1,95 @@
+"""From a recording to an attitude: calibrate, estimate, in chunks, with progress."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from plumbob.calib.model import apply_card
+from plumbob.cards import CalibrationCard
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.errors import FrameError
+from plumbob.filters import Filter
+from plumbob.rotations import Frame
+
+CHUNK = 1 << 16
+"""Samples handed to a filter at a time; the result does not depend on it."""
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One way to estimate: a filter, its parameters, and a label for tables.
+
+    Attributes
+    ----------
+    filter : str
+        Name of the filter.
+    params : Mapping
+        Its parameters; numbers in SI, text with its unit.
+    label : str
+        How results are called; the filter's name where empty.
+    """
+
+    filter: str
+    params: Mapping[str, Any]
+    label: str = ""
+
+    @property
+    def name(self) -> str:
+        """Label, or the filter's name."""
+        return self.label or self.filter
+
+
+def navigation_frame(imu: ImuData, asked: Frame | None, *, where: str) -> Frame:
+    """Frame that was asked for, or that the recording names; never a guess.
+
+    Raises
+    ------
+    FrameError
+        If neither says one.
+    """
+    frame = asked or imu.meta.frame
+    if frame is None:
+        raise FrameError(f"{where} does not name a navigation frame; say --frame {', --frame '.join(Frame)}.")
+    return frame
+
+
+def calibrated(imu: ImuData, card: CalibrationCard | None) -> ImuData:
+    """Recording with the card applied, or as it is where there is none."""
+    return imu if card is None else apply_card(card, imu)
+
+
+def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | None = None) -> AttitudeTrack:
+    """Attitude at every sample of a recording.
+
+    Parameters
+    ----------
+    imu : ImuData
+        Calibrated samples.
+    stage : Stage
+        Filter and parameters.
+    frame : Frame
+        Navigation frame of the result.
+    progress : callable, optional
+        Called with the number of samples done since the last call.
+    """
+    filter_ = Filter(stage.filter, frame=frame, params=stage.params)
+    parts = []
+    for chunk in imu.chunks(CHUNK):
+        parts.append(filter_.process(chunk))
+        if progress:
+            progress(len(chunk))
+    return _joined(parts)
+
+
+def _joined(parts: list[AttitudeTrack]) -> AttitudeTrack:
+    if len(parts) == 1:
+        return parts[0]
+
+    def every(name: str) -> Any:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return replace(parts[0], t=every("t"), q_nb=every("q_nb"), bias_b=every("bias_b"), flags=every("flags"))

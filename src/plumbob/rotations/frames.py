@@ -1,0 +1,171 @@
+"""Navigation frames and body axes. There is no default frame anywhere: who asks for an attitude names one.
+
+Navigation frames are local and level. Body axes are the 24 right-handed ways to stick three axes on a case.
+"""
+
+from dataclasses import replace
+from enum import StrEnum
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plumbob import check
+from plumbob.check import Floats
+from plumbob.errors import FrameError
+from plumbob.rotations.dcm import quat_from_dcm
+from plumbob.rotations.quat import quat_multiply
+
+
+class Frame(StrEnum):
+    """A local level navigation frame; the letters name its x, y and z axes."""
+
+    ENU = "ENU"
+    NED = "NED"
+    NWU = "NWU"
+
+    @property
+    def east(self) -> Floats:
+        """Unit vector to the east, in this frame."""
+        return {"ENU": np.array([1.0, 0, 0]), "NED": np.array([0, 1.0, 0]), "NWU": np.array([0, -1.0, 0])}[self.value]
+
+    @property
+    def north(self) -> Floats:
+        """Unit vector to the north, in this frame."""
+        return np.array([0.0, 1.0, 0.0]) if self is Frame.ENU else np.array([1.0, 0.0, 0.0])
+
+    @property
+    def up(self) -> Floats:
+        """Unit vector away from the centre of gravity, in this frame."""
+        return np.array([0.0, 0.0, -1.0 if self is Frame.NED else 1.0])
+
+    @classmethod
+    def parse(cls, name: str) -> "Frame":
+        """Frame of that name.
+
+        Raises
+        ------
+        FrameError
+            If there is none.
+        """
+        try:
+            return cls(name.strip().upper())
+        except ValueError:
+            raise FrameError(f"'{name}' is not a navigation frame; known are {', '.join(cls)}.") from None
+
+
+class North(StrEnum):
+    """What a heading counts from."""
+
+    TRUE = "true"
+    MAGNETIC = "magnetic"
+    FREE = "free"
+
+    @classmethod
+    def parse(cls, name: str) -> "North":
+        """Heading reference of that name.
+
+        Raises
+        ------
+        FrameError
+            If there is none.
+        """
+        try:
+            return cls(name.strip().lower())
+        except ValueError:
+            raise FrameError(f"'{name}' is no heading reference; known are {', '.join(cls)}.") from None
+
+
+def frame_rotation(to: Frame, from_: Frame) -> Floats:
+    """Quaternion q_to_from between two navigation frames, shape (4,)."""
+    c = sum(np.outer(a, b) for a, b in zip(_axes(to), _axes(from_), strict=True))
+    return quat_from_dcm(np.asarray(c))
+
+
+def change_frame(q_nb: ArrayLike, *, to: Frame, from_: Frame) -> Floats:
+    """Attitude of the same body seen from another navigation frame; the body's own axes stay as they are.
+
+    Parameters
+    ----------
+    q_nb : array_like (..., 4)
+        Body to `from_`, wxyz.
+    to, from_ : Frame
+        Navigation frames.
+
+    Returns
+    -------
+    ndarray (..., 4)
+        Body to `to`.
+    """
+    q = check.last_axis("q_nb", q_nb, 4)
+    return q.copy() if to is from_ else quat_multiply(frame_rotation(to, from_), q)
+
+
+def body_axes(spec: str) -> Floats:
+    """Matrix C_bs that takes sensor-case coordinates to body coordinates.
+
+    Parameters
+    ----------
+    spec : str
+        Three signed letters: which sensor axis the body's x, y and z are. ``"x y z"`` changes nothing, ``"x -y -z"``
+        turns forward-right-down into forward-left-up, ``"y -x z"`` is a quarter turn about z.
+
+    Returns
+    -------
+    ndarray (3, 3)
+        A rotation by quarter turns, entries 0 and ±1.
+
+    Raises
+    ------
+    FrameError
+        If the letters are not three different axes, or the set is left-handed.
+    """
+    words = spec.replace(",", " ").split()
+    letters = [w.lstrip("+-") for w in words]
+    if sorted(letters) != ["x", "y", "z"] or any(len(w) - len(v) > 1 for w, v in zip(words, letters, strict=True)):
+        raise FrameError(f"body axes '{spec}' must name x, y and z once each, with a sign or none, as in 'y -x z'.")
+    c = np.zeros((3, 3))
+    for row, (word, letter) in enumerate(zip(words, letters, strict=True)):
+        c[row, "xyz".index(letter)] = -1.0 if word.startswith("-") else 1.0
+    if np.linalg.det(c) < 0.0:
+        raise FrameError(f"body axes '{spec}' are left-handed; no turning of a case gives them. Check one sign.")
+    return c
+
+
+class _Framed(Protocol):
+    @property
+    def frame(self) -> Frame: ...
+
+
+Track = TypeVar("Track", bound=_Framed)
+
+
+def assert_same(track: Track, from_: Frame, to: Frame, *, because: str) -> Track:
+    """Relabel a track's frame without turning it: the one door for data whose label was wrong.
+
+    Parameters
+    ----------
+    track : object with a frame
+        Such as an `AttitudeTrack`.
+    from_ : Frame
+        The label that it carries now.
+    to : Frame
+        The label that it should have carried.
+    because : str
+        Why; it must not be empty.
+
+    Raises
+    ------
+    FrameError
+        If the track does not carry `from_`, or no reason is given.
+    """
+    if track.frame is not from_:
+        raise FrameError(f"the track's frame is {track.frame}, not {from_}; nothing was relabelled.")
+    if not because.strip():
+        raise FrameError("relabelling a frame needs a reason: because='...'.")
+    changed: Any = replace(track, frame=to)  # type: ignore[type-var]
+    return changed  # type: ignore[no-any-return]
+
+
+def _axes(frame: Frame) -> tuple[Floats, Floats, Floats]:
+    return frame.east, frame.north, frame.up

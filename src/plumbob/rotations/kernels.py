@@ -1,0 +1,96 @@
+"""Scalar rotation kernels: the one home of each formula, used by the filters' steps and by the array functions.
+
+Hamilton product, scalar first. A quaternion is four floats, a vector three. Kernels without a branch also accept NumPy
+arrays component by component through ``.py_func``; that is how :mod:`plumbob.rotations.quat` uses them.
+"""
+
+import math
+
+from plumbob._jit import njit
+
+Vec = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+
+@njit
+def quat_mul(a0: float, a1: float, a2: float, a3: float, b0: float, b1: float, b2: float, b3: float) -> Quat:
+    """Hamilton product a ⊗ b."""
+    return (
+        a0 * b0 - a1 * b1 - a2 * b2 - a3 * b3,  # [Sola2017] (12)
+        a0 * b1 + a1 * b0 + a2 * b3 - a3 * b2,
+        a0 * b2 - a1 * b3 + a2 * b0 + a3 * b1,
+        a0 * b3 + a1 * b2 - a2 * b1 + a3 * b0,
+    )
+
+
+@njit
+def cross(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> Vec:
+    """Vector product a × b."""
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@njit
+def rotate(q0: float, q1: float, q2: float, q3: float, vx: float, vy: float, vz: float) -> Vec:
+    """Turn v by the unit quaternion q: with q_nb, body coordinates become navigation coordinates."""
+    tx = 2.0 * (q2 * vz - q3 * vy)
+    ty = 2.0 * (q3 * vx - q1 * vz)
+    tz = 2.0 * (q1 * vy - q2 * vx)
+    return (
+        vx + q0 * tx + (q2 * tz - q3 * ty),
+        vy + q0 * ty + (q3 * tx - q1 * tz),
+        vz + q0 * tz + (q1 * ty - q2 * tx),
+    )
+
+
+@njit
+def third_row(q0: float, q1: float, q2: float, q3: float) -> Vec:
+    """Third row of the matrix of q: with q_nb, the navigation z axis seen in the body."""
+    return (
+        2.0 * (q1 * q3 - q0 * q2),
+        2.0 * (q2 * q3 + q0 * q1),
+        q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3,
+    )
+
+
+@njit
+def quat_unit(q0: float, q1: float, q2: float, q3: float) -> Quat:
+    """Scale q to norm 1; a zero or non-finite q becomes the identity."""
+    n = q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3
+    if not (n > 0.0 and n < math.inf):
+        return 1.0, 0.0, 0.0, 0.0
+    s = 1.0 / math.sqrt(n)
+    return q0 * s, q1 * s, q2 * s, q3 * s
+
+
+@njit
+def quat_exp(rx: float, ry: float, rz: float) -> Quat:
+    """Unit quaternion of the rotation vector r (rad)."""
+    angle2 = rx * rx + ry * ry + rz * rz
+    if angle2 < 1e-4:  # below 0.01 rad: the next term of each series is under 1e-16
+        s = 0.5 - angle2 * (1.0 / 48.0 - angle2 * (1.0 / 3840.0 - angle2 / 645120.0))
+        w = 1.0 - angle2 * (1.0 / 8.0 - angle2 * (1.0 / 384.0 - angle2 / 46080.0))
+    else:
+        angle = math.sqrt(angle2)
+        s = math.sin(0.5 * angle) / angle
+        w = math.cos(0.5 * angle)
+    return w, s * rx, s * ry, s * rz  # [Sola2017] (101)
+
+
+@njit
+def quat_from_axes(
+    xx: float, xy: float, xz: float, yx: float, yy: float, yz: float, zx: float, zy: float, zz: float
+) -> Quat:
+    """Unit quaternion of the matrix with rows x, y, z (a proper rotation), by the largest of the four pivots."""
+    trace = xx + yy + zz
+    if trace >= xx and trace >= yy and trace >= zz:  # [Shepperd1978]: divide by the largest component
+        q0, q1, q2, q3 = 1.0 + trace, zy - yz, xz - zx, yx - xy
+    elif xx >= yy and xx >= zz:
+        q0, q1, q2, q3 = zy - yz, 1.0 + xx - yy - zz, yx + xy, xz + zx
+    elif yy >= zz:
+        q0, q1, q2, q3 = xz - zx, yx + xy, 1.0 - xx + yy - zz, zy + yz
+    else:
+        q0, q1, q2, q3 = yx - xy, xz + zx, zy + yz, 1.0 - xx - yy + zz
+    if q0 < 0.0:
+        q0, q1, q2, q3 = -q0, -q1, -q2, -q3
+    s = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
+    return q0 * s, q1 * s, q2 * s, q3 * s

@@ -1,0 +1,199 @@
+"""Units: the only place in the project that holds conversion factors.
+
+Inside, everything is SI and radians, with two declared exceptions: magnetic flux density in microtesla and temperature
+in degrees Celsius. Any other unit exists only at the border, where its name is part of the variable's name.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.constants import G0
+from plumbob.errors import UnitError
+
+Number = TypeVar("Number", float, NDArray[np.float64])
+
+
+class Quantity(StrEnum):
+    """What a number measures; the value is the unit that Plumbob uses inside."""
+
+    RATE = "rad/s"
+    ACCELERATION = "m/s2"
+    FIELD = "uT"
+    TEMPERATURE = "degC"
+    ANGLE = "rad"
+    TIME = "s"
+    LENGTH = "m"
+    SPEED = "m/s"
+    FREQUENCY = "Hz"
+    GAIN = "1/s"
+    GAIN_RATE = "1/s2"
+    RATIO = "1"
+
+    @property
+    def ambiguous(self) -> bool:
+        """True where the field writes the quantity in two units, so that a bare number would be a guess."""
+        return self in {Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.ANGLE}
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A named unit: ``inside = factor * value + offset``."""
+
+    quantity: Quantity
+    factor: float
+    offset: float = 0.0
+
+
+_DEG = math.pi / 180.0
+_MICRO = "\u00b5\u03bc"  # the micro sign and the Greek letter, which look alike
+
+UNITS: dict[str, Unit] = {
+    "rad/s": Unit(Quantity.RATE, 1.0),
+    "deg/s": Unit(Quantity.RATE, _DEG),
+    "mrad/s": Unit(Quantity.RATE, 1e-3),
+    "deg/h": Unit(Quantity.RATE, _DEG / 3600.0),
+    "rpm": Unit(Quantity.RATE, 2.0 * math.pi / 60.0),
+    "m/s2": Unit(Quantity.ACCELERATION, 1.0),
+    "g": Unit(Quantity.ACCELERATION, G0),
+    "mg": Unit(Quantity.ACCELERATION, 1e-3 * G0),
+    "uT": Unit(Quantity.FIELD, 1.0),
+    "nT": Unit(Quantity.FIELD, 1e-3),
+    "mT": Unit(Quantity.FIELD, 1e3),
+    "T": Unit(Quantity.FIELD, 1e6),
+    "gauss": Unit(Quantity.FIELD, 1e2),
+    "mgauss": Unit(Quantity.FIELD, 1e-1),
+    "degC": Unit(Quantity.TEMPERATURE, 1.0),
+    "K": Unit(Quantity.TEMPERATURE, 1.0, -273.15),
+    "rad": Unit(Quantity.ANGLE, 1.0),
+    "deg": Unit(Quantity.ANGLE, _DEG),
+    "s": Unit(Quantity.TIME, 1.0),
+    "ms": Unit(Quantity.TIME, 1e-3),
+    "us": Unit(Quantity.TIME, 1e-6),
+    "ns": Unit(Quantity.TIME, 1e-9),
+    "m": Unit(Quantity.LENGTH, 1.0),
+    "mm": Unit(Quantity.LENGTH, 1e-3),
+    "m/s": Unit(Quantity.SPEED, 1.0),
+    "Hz": Unit(Quantity.FREQUENCY, 1.0),
+    "1/s": Unit(Quantity.GAIN, 1.0),
+    "1/s2": Unit(Quantity.GAIN_RATE, 1.0),
+    "1": Unit(Quantity.RATIO, 1.0),
+    "%": Unit(Quantity.RATIO, 1e-2),
+}
+_ALIASES = {
+    "dps": "deg/s",
+    "°/s": "deg/s",
+    "°/h": "deg/h",
+    "r/min": "rpm",
+    "m/s^2": "m/s2",
+    "m/s²": "m/s2",
+    "Gs": "gauss",
+    "Ga": "gauss",
+    "mGs": "mgauss",
+    "mGa": "mgauss",
+    "°": "deg",
+    "°C": "degC",
+    "1/s²": "1/s2",
+    "1/s^2": "1/s2",
+}
+
+
+def unit(name: str, quantity: Quantity | None = None) -> Unit:
+    """Look a unit up by name.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"dps"``, ``"g"``, ``"uT"``; case matters (``mT`` is not ``MT``).
+    quantity : Quantity, optional
+        What the unit must measure.
+
+    Raises
+    ------
+    UnitError
+        If the name is unknown or measures something else.
+    """
+    canonical = name.strip()
+    for sign in _MICRO:
+        canonical = canonical.replace(sign, "u")
+    canonical = _ALIASES.get(canonical, canonical)
+    fitting = [k for k, u in UNITS.items() if quantity is None or u.quantity is quantity]
+    if canonical not in fitting:
+        what = "a unit" if quantity is None else f"a unit of {quantity.name.lower()}"
+        raise UnitError(f"'{name}' is not {what}; known are {', '.join(fitting)}.")
+    return UNITS[canonical]
+
+
+def to_si(value: Number, name: str, quantity: Quantity | None = None) -> Number:
+    """Convert from the named unit to the one used inside (SI, radians, µT, °C)."""
+    u = unit(name, quantity)
+    return value * u.factor + u.offset
+
+
+def from_si(value: Number, name: str, quantity: Quantity | None = None) -> Number:
+    """Convert from the unit used inside to the named one."""
+    u = unit(name, quantity)
+    return (value - u.offset) / u.factor
+
+
+def split(text: str) -> tuple[str, str]:
+    """Cut ``"0.08 g"`` into ``("0.08", "g")``; the unit is empty where there is none."""
+    match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*", text)
+    if match is None:
+        raise UnitError(f"'{text}' is not a number with a unit, as 0.08g or 3.2 deg are.")
+    return match[1], match[2] or ""
+
+
+def parse(text: str, quantity: Quantity) -> float:
+    """Read a number with its unit, as in ``"3.2 deg"``.
+
+    Raises
+    ------
+    UnitError
+        If it is no number, its unit is unknown or measures something else, or a unit is missing where two are usual.
+    """
+    number, name = split(text)
+    fitting = ", ".join(k for k, u in UNITS.items() if u.quantity is quantity)
+    if not name and quantity.ambiguous and float(number) != 0.0:
+        raise UnitError(f"'{text}' needs a unit of {quantity.name.lower()} ({fitting}); it could mean any of them.")
+    return to_si(float(number), name or quantity, quantity)
+
+
+def dps(value: Number) -> Number:
+    """Degrees per second to rad/s."""
+    return to_si(value, "deg/s")
+
+
+def g(value: Number) -> Number:
+    """Standard gravities to m/s²."""
+    return to_si(value, "g")
+
+
+def gauss(value: Number) -> Number:
+    """Gauss to µT."""
+    return to_si(value, "gauss")
+
+
+def deg(value: Number) -> Number:
+    """Degrees to radians."""
+    return to_si(value, "deg")
+
+
+def to_deg(value: Number) -> Number:
+    """Radians to degrees."""
+    return from_si(value, "deg")
+
+
+def to_dps(value: Number) -> Number:
+    """Convert rad/s to degrees per second."""
+    return from_si(value, "deg/s")
+
+
+def to_g(value: Number) -> Number:
+    """Convert m/s² to standard gravities."""
+    return from_si(value, "g")
