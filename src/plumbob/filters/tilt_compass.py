@@ -9,6 +9,7 @@ Departures from [Yu2018]: arctan is atan2, so that all quadrants come out; headi
 given.
 """
 
+import math
 from typing import Final, NamedTuple
 
 from plumbob import flags
@@ -16,7 +17,7 @@ from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.filters.admission import admit, usable
 from plumbob.filters.alignment import heading_offset, level, turn_about_vertical
-from plumbob.filters.layout import HEADED, LEVEL, OWN, STAGE, UP, Q
+from plumbob.filters.layout import COUNT, HEADED, LEVEL, OWN, STAGE, UP, Q
 from plumbob.rotations.kernels import quat_unit
 
 SUMMARY: Final = "tilt and tilt-compensated compass, no gyroscope (reference estimator)"
@@ -49,6 +50,9 @@ def step(
     if not usable(ax, ay, az):
         found |= flags.ACC_GATED
         return found | flags.NOT_CONVERGED | flags.HEADING_FREE if x[STAGE] < LEVEL else found
+    if x[COUNT] == 1.0:  # a start attitude that was given sets the heading until a magnetic sample comes
+        q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
+        x[YAW] = math.atan2(2.0 * (q1 * q2 + q0 * q3), q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3)
     x[STAGE] = max(x[STAGE], LEVEL)
     q0, q1, q2, q3 = level(c[UP], ax, ay, az)
     headed = False

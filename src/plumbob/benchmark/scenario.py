@@ -1,0 +1,112 @@
+"""Accuracy on a simulated scenario over many seeds: what a paper's test would have shown, again and again."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from plumbob.evaluate import evaluate
+from plumbob.pipeline import Stage, estimate
+from plumbob.rotations import Frame
+from plumbob.sim import simulate
+
+AXES = ("roll", "pitch", "yaw")
+FIGURES = ("rmse_deg", "max_abs_deg")
+
+
+@dataclass(frozen=True, slots=True)
+class MonteCarlo:
+    """Errors per axis of each filter in each seed.
+
+    Attributes
+    ----------
+    scenario : str
+        What was simulated, with its parameters.
+    settings : dict
+        What ran, by filter.
+    values : dict
+        ``values[filter][axis][figure]``, one number per seed, degrees.
+    """
+
+    scenario: str
+    settings: dict[str, str]
+    values: dict[str, dict[str, dict[str, list[float]]]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Ready for JSON: median, 95 % and maximum over the seeds beside the values themselves."""
+        summary = {
+            name: {axis: {figure: _summary(seeds) for figure, seeds in figures.items()} for axis, figures in axes.items()}
+            for name, axes in self.values.items()
+        }
+        return {"scenario": self.scenario, "settings": self.settings, "summary": summary, "seeds": self.values}
+
+    def text(self) -> str:
+        """Table of the errors over the seeds."""
+        lines = [self.scenario]
+        for name, setting in self.settings.items():
+            lines += ["", setting, f"{'':7}{'rms error, degrees':^30}{'largest error, degrees':^30}"]
+            lines += [f"{'':7}" + f"{'median':>10}{'95 %':>10}{'max':>10}" * 2]
+            for axis, figures in self.values[name].items():
+                cells = [f"{v:10.3f}" for figure in FIGURES for v in _summary(figures[figure]).values()]
+                lines += [f"{axis:7}{''.join(cells)}"]
+        return "\n".join(lines)
+
+
+def measure_scenario(
+    scenario: str,
+    stages: Sequence[Stage],
+    *,
+    frame: Frame,
+    sensors: str,
+    module: str,
+    seeds: Sequence[int],
+    settings: Mapping[str, Any],
+    progress: Callable[[int], None] | None = None,
+) -> MonteCarlo:
+    """Simulate a scenario with each seed and run each filter on it.
+
+    Parameters
+    ----------
+    scenario : str
+        Name of a scenario.
+    stages : sequence of Stage
+        Filters with their parameters.
+    frame : Frame
+        Navigation frame.
+    sensors, module : str
+        Sensor preset, and which module of it; as in `plumbob.sim.simulate`.
+    seeds : sequence of int
+        One run each.
+    settings : Mapping
+        Everything else that `plumbob.sim.simulate` takes.
+    progress : callable, optional
+        Called with 1 after each seed.
+    """
+    values: dict[str, dict[str, dict[str, list[float]]]] = {}
+    ran: dict[str, str] = {}
+    for seed in seeds:
+        run = simulate(scenario, frame=frame, sensors=sensors, module=module, seed=seed, **settings)
+        for stage in stages:
+            track = estimate(run.imu, stage, frame=frame)
+            ran[stage.name] = track.source
+            figures = evaluate(track, run.truth).summary()
+            _append(values.setdefault(stage.name, {}), figures)
+        if progress:
+            progress(1)
+    title = f"{scenario}: {run.truth.source}; sensors {sensors} ({module}), {len(seeds)} seeds"
+    return MonteCarlo(title, ran, values)
+
+
+def _append(by_axis: dict[str, dict[str, list[float]]], summary: Mapping[str, Any]) -> None:
+    for axis in AXES:
+        for figure in FIGURES:
+            by_axis.setdefault(axis, {}).setdefault(figure, []).append(summary[axis][figure])
+
+
+def _summary(seeds: Sequence[float]) -> dict[str, float]:
+    return {
+        "median": float(np.median(seeds)),
+        "p95": float(np.percentile(seeds, 95)),
+        "max": float(np.max(seeds)),
+    }

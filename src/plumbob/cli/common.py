@@ -1,0 +1,156 @@
+"""What verbs share: options that mean the same everywhere, progress, and notes to the user."""
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from plumbob.filters import Filter
+    from plumbob.io import Recording
+    from plumbob.pipeline import Stage
+    from plumbob.rotations import Frame
+
+Adder = Any  # argparse's sub-parser action, whose type is private
+
+PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob filters'"
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Option --json."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+
+
+def add_frame(parser: argparse.ArgumentParser, help_: str) -> None:
+    """Option --frame."""
+    parser.add_argument("--frame", metavar="ENU|NED|NWU", help=help_)
+
+
+def add_profile(parser: argparse.ArgumentParser) -> None:
+    """Option --profile."""
+    parser.add_argument("--profile", type=Path, metavar="TOML", help="what the columns of a CSV or text file mean")
+
+
+def frame_of(args: argparse.Namespace) -> "Frame | None":
+    """Frame that --frame names, if any."""
+    from plumbob.rotations import Frame
+
+    return None if args.frame is None else Frame.parse(args.frame)
+
+
+def read(path: Path, profile: Path | None = None) -> "Recording":
+    """Read a recording and tell what the reader noted."""
+    from plumbob import io
+
+    recording = io.read(path, profile=profile)
+    note(*(f"{path.name}: {line}" for line in recording.notes))
+    return recording
+
+
+def note(*lines: str) -> None:
+    """Tell the user something on standard error, out of the way of pipes."""
+    for line in lines:
+        print(f"note: {line}", file=sys.stderr)
+
+
+def print_json(value: Any) -> None:
+    """Print one JSON object; NaN is refused."""
+    print(json.dumps(value, indent=2, allow_nan=False))
+
+
+def stages(names: str, params: str | None) -> "list[Stage]":
+    """Filters named by a comma list, with the parameters that belong to each.
+
+    In `params`, ``name=value`` goes to the only filter, and ``filter.name=value`` to the one named. A TOML file holds
+    the same: plain keys for the only filter, or a table per filter.
+    """
+    from plumbob.errors import ParameterError
+    from plumbob.filters import load
+    from plumbob.pipeline import Stage
+
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    if not wanted:
+        raise ParameterError("no filter is named; see 'plumbob filters'.")
+    for name in wanted:
+        load(name)
+    by_filter: dict[str, dict[str, Any]] = {name: {} for name in wanted}
+    for key, value in _pairs(params):
+        owner, dot, parameter = key.rpartition(".")
+        if not dot and len(by_filter) > 1:
+            raise ParameterError(f"'{key}' could belong to any of {', '.join(by_filter)}; write {wanted[0]}.{key}.")
+        target = owner if dot else wanted[0]
+        if target not in by_filter:
+            raise ParameterError(f"'{key}' names filter '{target}', which does not run; these do: {', '.join(wanted)}.")
+        by_filter[target][parameter] = value
+    return [Stage(name, values) for name, values in by_filter.items()]
+
+
+def _pairs(params: str | None) -> Iterator[tuple[str, Any]]:
+    from plumbob.errors import ParameterError
+
+    if params is None:
+        return
+    if params.endswith(".toml"):
+        yield from _toml_pairs(Path(params))
+        return
+    for item in params.split(","):
+        key, equals, value = item.partition("=")
+        if not equals or not key.strip() or not value.strip():
+            raise ParameterError(f"--params needs name=value, separated by commas, but got '{item}'.")
+        yield key.strip(), value.strip()
+
+
+def _toml_pairs(path: Path) -> Iterator[tuple[str, Any]]:
+    import tomllib
+
+    from plumbob.errors import ParameterError
+
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ParameterError(f"{path} is not TOML: {error}.") from error
+    for key, value in content.items():
+        if isinstance(value, dict):
+            yield from ((f"{key}.{name}", _as_text(inner)) for name, inner in value.items())
+        else:
+            yield key, _as_text(value)
+
+
+def _as_text(value: Any) -> Any:
+    """Numbers of a file follow the rule for text: where two units are usual, one must stand there."""
+    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+@contextmanager
+def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Progress bar on standard error; silent where that is no terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+    with Progress(
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda done: bar.advance(task, done)
+
+
+def warn_of_compiling(names: Sequence[str]) -> None:
+    """Say why the next call waits, where a filter has not been compiled on this machine yet."""
+    from plumbob import _jit
+
+    cold = [name for name in names if _jit.is_cold(f"batch_{name}")]
+    if cold:
+        note(
+            f"compiling {', '.join(cold)} for this processor, once; this takes some seconds and is kept in "
+            f"{_jit.cache_folder()}"
+        )
+
+
+def describe_filter(filter_: "Filter") -> dict[str, Any]:
+    """Name and parameters of a filter, ready for JSON."""
+    return {"filter": filter_.name, "params": {**filter_.params._asdict(), **filter_.common._asdict()}}

@@ -1,0 +1,125 @@
+"""plumbob info: what a file holds."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from plumbob.cli import common
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "info",
+        help="what a recording or track holds: time, units, frames, flags",
+        description="Show what a recording or track holds: time line, ranges with units, frame, calibration and flags.",
+    )
+    p.add_argument("file", type=Path)
+    common.add_profile(p)
+    common.add_json(p)
+    p.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    recording = common.read(args.file, args.profile)
+    report: dict[str, Any] = {"file": str(args.file), "notes": list(recording.notes)}
+    if recording.imu is not None:
+        report["sensors"] = _sensors(recording.imu)
+    if recording.track is not None:
+        report["attitude"] = _attitude(recording.track)
+    common.print_json(report) if args.json else _print(report)
+    return 0
+
+
+def _sensors(imu: Any) -> dict[str, Any]:
+    import numpy as np
+
+    from plumbob import flags
+
+    meta = imu.meta
+    raised = {name: int(np.count_nonzero(imu.flags & bit)) for bit, (name, _) in flags.MEANING.items()}
+    return {
+        "device": meta.device,
+        "calibration": meta.calibration,
+        "frame": str(meta.frame) if meta.frame else None,
+        "axes": meta.axes,
+        "time": _timing(imu.t),
+        "triads": {name: _triad(imu, name) for name in imu.triads},
+        "flags": {name: count for name, count in raised.items() if count},
+    }
+
+
+def _triad(imu: Any, name: str) -> dict[str, Any]:
+    import numpy as np
+
+    from plumbob.cards import UNITS
+
+    values = imu.usable(name)
+    values = values[np.isfinite(values).all(axis=1)]
+    full_scale = getattr(imu.meta, f"{name}_range")
+    return {
+        "unit": UNITS[name],
+        "samples": len(values),
+        "range": full_scale,
+        "mean": values.mean(axis=0).tolist(),
+        "std": values.std(axis=0).tolist(),
+        "norm_median": float(np.median(np.linalg.norm(values, axis=1))),
+    }
+
+
+def _attitude(track: Any) -> dict[str, Any]:
+    return {
+        "source": track.source,
+        "frame": str(track.frame),
+        "north": str(track.north),
+        "time": _timing(track.t),
+        "known_samples": int(track.known.sum()),
+        "scored_samples": int(track.score.sum()) if track.score is not None else None,
+    }
+
+
+def _timing(t: Any) -> dict[str, Any]:
+    import math
+
+    from plumbob import clock
+
+    timing = clock.timing(t)
+    return {
+        "samples": timing.samples,
+        "duration_s": timing.duration,
+        "rate_hz": timing.rate if math.isfinite(timing.rate) else None,
+        "jitter_us": timing.jitter * 1e6,
+        "gaps": timing.gaps,
+        "longest_step_s": timing.longest,
+    }
+
+
+def _print(report: dict[str, Any]) -> None:
+    print(report["file"])
+    if sensors := report.get("sensors"):
+        print(f"device       {sensors['device']}, body axes '{sensors['axes']}' of the case")
+        print(f"calibration  {sensors['calibration'] or 'NONE: these sensor values are uncalibrated'}")
+        print(f"frame        {sensors['frame'] or 'not named; filters need --frame'}")
+        _print_timing(sensors["time"])
+        for name, triad in sensors["triads"].items():
+            print(
+                f"{name:12} {triad['samples']} samples in {triad['unit']}, |{name}| median {triad['norm_median']:.5g}"
+            )
+            print(f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}")
+        for name, count in sensors["flags"].items():
+            print(f"flag         {name}: {count} samples")
+    if attitude := report.get("attitude"):
+        print(f"attitude     {attitude['source'] or 'source not named'}")
+        print(f"frame        {attitude['frame']}, heading from {attitude['north']} north")
+        _print_timing(attitude["time"])
+        print(f"known        {attitude['known_samples']} samples, scored {attitude['scored_samples'] or 'all'}")
+
+
+def _print_timing(time: dict[str, Any]) -> None:
+    rate = "one sample" if time["rate_hz"] is None else f"{time['rate_hz']:.6g} Hz, jitter {time['jitter_us']:.3g} µs"
+    print(f"time         {time['samples']} samples, {time['duration_s']:.3f} s, {rate}, {time['gaps']} gaps")
+
+
+def _three(values: list[float]) -> str:
+    return "[" + ", ".join(f"{v:.4g}" for v in values) + "]"

@@ -1,0 +1,63 @@
+"""Entry point: finds the verb, and is the one place where an error becomes a line and an exit code."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from plumbob import __version__
+from plumbob.errors import PlumbobError
+
+VERBS = ("demo", "sim", "run", "eval", "info", "benchmark", "filters", "warmup")
+
+EPILOG = """\
+exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 70 a defect of this program
+units: SI and radians inside; every other unit is written, as in --params gate=0.08g
+"""
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """Parser of the whole command line."""
+    parser = argparse.ArgumentParser(
+        prog="plumbob",
+        description="Attitude from MEMS inertial sensors: simulate, read, calibrate, estimate, evaluate.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"plumbob {__version__}")
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for verb in VERBS:
+        import_module(f"plumbob.cli.{verb}").add_parser(verbs)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command line and return its exit code."""
+    args = build_parser().parse_args(argv)
+    try:
+        code: int = args.run(args)
+        sys.stdout.flush()
+    except PlumbobError as error:
+        print(f"plumbob {args.verb}: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:  # the reader of a pipe went away; that is its right
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        print(f"plumbob {args.verb}: {error}", file=sys.stderr)
+        return 1
+    except Exception:
+        import traceback
+
+        traceback.print_exc()
+        print(f"plumbob {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
+        return 70
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

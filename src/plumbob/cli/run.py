@@ -1,0 +1,104 @@
+"""plumbob run: from a recording to an attitude."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from plumbob.cli import common
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "run",
+        help="estimate the attitude of a recording with one filter",
+        description="Estimate the attitude at every sample of a recording with one filter, and write it as a track.",
+    )
+    p.add_argument("file", type=Path, help="recording: .parquet, .csv, .txt, BROAD .hdf5 or .mat")
+    p.add_argument("--filter", required=True, metavar="NAME", help="see 'plumbob filters'")
+    p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
+    common.add_frame(p, "navigation frame of the result; needed where the recording names none")
+    common.add_profile(p)
+    p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply first")
+    p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
+    common.add_json(p)
+    p.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob import io, pipeline
+    from plumbob.cards import CalibrationCard
+    from plumbob.errors import ParameterError, ShapeError
+
+    chosen = common.stages(args.filter, args.params)
+    if len(chosen) != 1:
+        raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
+    recording = common.read(args.file, args.profile)
+    if recording.imu is None:
+        raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
+    frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
+    card = CalibrationCard.load(args.calibration) if args.calibration else None
+    imu = pipeline.calibrated(recording.imu, card)
+    common.warn_of_compiling([chosen[0].filter])
+    with common.progress(f"{chosen[0].name}", len(imu)) as advance:
+        track = pipeline.estimate(imu, chosen[0], frame=frame, progress=advance)
+    if args.out:
+        provenance = (f"estimated from {args.file.name} by {track.source}", f"calibration: {imu.meta.calibration}")
+        io.write(args.out, track, notes=provenance)
+    report = _report(args, imu, track)
+    if recording.track is not None:
+        report["errors"] = _errors(track, recording.track)
+    common.print_json(report) if args.json else _print(report)
+    return 0
+
+
+def _report(args: argparse.Namespace, imu: Any, track: Any) -> dict[str, Any]:
+    import numpy as np
+
+    from plumbob import flags
+    from plumbob.rotations import euler_zyx_from_quat
+    from plumbob.units import to_deg
+
+    yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[-1]))
+    raised = {name: int(np.count_nonzero(track.flags & bit)) for bit, (name, _) in flags.MEANING.items()}
+    return {
+        "file": str(args.file),
+        "out": str(args.out) if args.out else None,
+        "filter": track.source,
+        "frame": str(track.frame),
+        "north": str(track.north),
+        "calibration": imu.meta.calibration,
+        "samples": len(track),
+        "duration_s": float(track.t[-1] - track.t[0]),
+        "last_attitude_deg": {"yaw": float(yaw), "pitch": float(pitch), "roll": float(roll)},
+        "flags": {name: count for name, count in raised.items() if count},
+    }
+
+
+def _errors(track: Any, reference: Any) -> dict[str, Any]:
+    """Errors against the reference that the recording carries; a word where they cannot be compared."""
+    from plumbob.errors import PlumbobError
+    from plumbob.evaluate import evaluate
+
+    try:
+        summary = evaluate(track, reference).summary()
+    except PlumbobError as error:
+        return {"not_compared": str(error)}
+    return {key: summary[key] for key in ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")}
+
+
+def _print(report: dict[str, Any]) -> None:
+    last = report["last_attitude_deg"]
+    print(f"{report['file']}: {report['samples']} samples, {report['duration_s']:.3f} s")
+    print(f"filter       {report['filter']}")
+    print(f"frame        {report['frame']}, heading from {report['north']} north")
+    print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
+    print(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
+    for name, count in report["flags"].items():
+        print(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
+    for name, value in report.get("errors", {}).items():
+        shown = value if value is None or isinstance(value, str) else f"{value:.3f}°"
+        print(f"error        {name.removesuffix('_deg').replace('_', ' ')}: {shown}")
+    if report["out"]:
+        print(f"written      {report['out']}")

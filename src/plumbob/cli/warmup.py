@@ -1,0 +1,30 @@
+"""plumbob warmup: compile before it matters."""
+
+import argparse
+
+from plumbob.cli import common
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "warmup",
+        help="compile all filters for this processor now",
+        description="Compile all filters for this processor now, so that no first run or live start waits for it.",
+    )
+    p.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob import _jit
+    from plumbob.filters import Filter, filter_names
+    from plumbob.rotations import Frame
+
+    names = filter_names()
+    with common.progress("compiling", len(names)) as advance:
+        for name in names:
+            Filter(name, frame=Frame.ENU).warm_up()
+            advance(1)
+    print(f"{len(names)} filters are ready; compiled kernels are kept in {_jit.cache_folder()}")
+    return 0

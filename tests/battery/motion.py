@@ -1,0 +1,50 @@
+"""Test motion that does not depend on the simulator: sums of sinusoids as rates, integrated finely for the truth."""
+
+import numpy as np
+
+from plumbob import Frame, ImuData
+from plumbob.constants import G0
+from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
+
+FIELD_ENU = np.array([0.0, 20.0, -43.0])  # µT; dip 65°, as in central Europe
+
+
+def consistent(n=2000, rate=100.0, amplitude=1.0, frame=Frame.ENU, seed=0, q_start=None):
+    """Noise-free samples of a turning body without acceleration, and its attitude q_nb in the given frame."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n) / rate
+    fine = 16
+    tf = np.arange(n * fine) / (rate * fine)
+    f, phase = rng.uniform(0.05, 0.8, (2, 3)), rng.uniform(0.0, 6.28, (2, 3))
+    rates = lambda s: amplitude * np.sin(2 * np.pi * f[0] * s[:, None] + phase[0]) * np.cos(  # noqa: E731
+        2 * np.pi * f[1] * s[:, None] + phase[1]
+    )
+    steps = quat_from_rotvec(rates(tf + 0.5 / (rate * fine)) / (rate * fine))  # midpoint rule on a 16 times finer grid
+    q = np.empty((n, 4))
+    current = quat_from_rotvec(rng.normal(size=3)) if q_start is None else np.asarray(q_start, dtype=float)
+    for i in range(n * fine):
+        if i % fine == 0:
+            q[i // fine] = current
+        current = quat_multiply(current, steps[i])
+        current = current / np.linalg.norm(current)
+    return ImuData(t=t, gyr=rates(t), **seen_by(q, frame)), q
+
+
+def seen_by(q_nb, frame):
+    """Specific force and field of a body that does not accelerate."""
+    field_n = FIELD_ENU[0] * frame.east + FIELD_ENU[1] * frame.north + FIELD_ENU[2] * frame.up
+    inverse = quat_conjugate(q_nb)
+    return {"acc": quat_rotate(inverse, G0 * frame.up), "mag": quat_rotate(inverse, field_n)}
+
+
+def noisy(n=600, seed=1):
+    """Samples without any physical sense: bits must agree on them all the same, absent ones included."""
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(rng.uniform(0.005, 0.02, n))
+    acc = rng.normal(size=(n, 3)) + [0.0, 0.0, 9.8]
+    mag = rng.normal(size=(n, 3)) * 10.0 + [0.0, 20.0, -40.0]
+    gyr = rng.normal(size=(n, 3))
+    mag[rng.random(n) < 0.6] = np.nan
+    acc[rng.random(n) < 0.1] = np.nan
+    gyr[rng.random(n) < 0.05] = np.nan
+    return ImuData(t=t, gyr=gyr, acc=acc, mag=mag)
