@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from plumbob.cards import CalibrationCard, NoiseCard
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta, ImuSample
     from plumbob.errors import PlumbobError
-    from plumbob.evaluate import Evaluation, evaluate
+    from plumbob.evaluate import Evaluation
     from plumbob.filters import Filter, filter_names
     from plumbob.io import Recording, read, write
     from plumbob.rotations import Frame, North
@@ -71,7 +71,6 @@ _HOME = {
     "North": "rotations",
     "PlumbobError": "errors",
     "Recording": "io",
-    "evaluate": "evaluate",
     "filter_names": "filters",
     "read": "io",
     "simulate": "sim",
@@ -91,7 +90,6 @@ __all__ = [
     "North",
     "PlumbobError",
     "Recording",
-    "evaluate",
     "filter_names",
     "read",
     "simulate",

@@ -1,5 +1,7 @@
 """Test motion that does not depend on the simulator: sums of sinusoids as rates, integrated finely for the truth."""
 
+import functools
+
 import numpy as np
 
 from plumbob import Frame, ImuData
@@ -9,25 +11,28 @@ from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, q
 FIELD_ENU = np.array([0.0, 20.0, -43.0])  # µT; dip 65°, as in central Europe
 
 
-def consistent(n=2000, rate=100.0, amplitude=1.0, frame=Frame.ENU, seed=0, q_start=None):
-    """Noise-free samples of a turning body without acceleration, and its attitude q_nb in the given frame."""
-    rng = np.random.default_rng(seed)
+@functools.cache
+def consistent(n=2000, rate=100.0, amplitude=1.0):
+    """Noise-free samples of a turning body without acceleration, and its attitude q_nb in ENU."""
+    rng = np.random.default_rng(0)
     t = np.arange(n) / rate
     fine = 16
     tf = np.arange(n * fine) / (rate * fine)
     f, phase = rng.uniform(0.05, 0.8, (2, 3)), rng.uniform(0.0, 6.28, (2, 3))
-    rates = lambda s: amplitude * np.sin(2 * np.pi * f[0] * s[:, None] + phase[0]) * np.cos(  # noqa: E731
-        2 * np.pi * f[1] * s[:, None] + phase[1]
-    )
+
+    def rates(s):
+        phases = 2 * np.pi * f[:, np.newaxis, :] * s[:, np.newaxis] + phase[:, np.newaxis, :]
+        return amplitude * np.sin(phases[0]) * np.cos(phases[1])
+
     steps = quat_from_rotvec(rates(tf + 0.5 / (rate * fine)) / (rate * fine))  # midpoint rule on a 16 times finer grid
     q = np.empty((n, 4))
-    current = quat_from_rotvec(rng.normal(size=3)) if q_start is None else np.asarray(q_start, dtype=float)
+    current = quat_from_rotvec(rng.normal(size=3))
     for i in range(n * fine):
         if i % fine == 0:
             q[i // fine] = current
         current = quat_multiply(current, steps[i])
         current = current / np.linalg.norm(current)
-    return ImuData(t=t, gyr=rates(t), **seen_by(q, frame)), q
+    return ImuData(t=t, gyr=rates(t), **seen_by(q, Frame.ENU)), q
 
 
 def seen_by(q_nb, frame):

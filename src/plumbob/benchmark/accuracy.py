@@ -67,9 +67,10 @@ def trials_in(folder: Path) -> list[Path]:
     """
     if not folder.is_dir():
         raise DecodeError(f"{folder} is not a folder of recordings.")
-    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in io.FORMATS)
+    known = [suffix for kind in io.FORMATS for suffix in kind.suffixes]
+    found = sorted(p for p in folder.iterdir() if p.suffix.lower() in known)
     if not found:
-        raise DecodeError(f"{folder} holds no recording; known suffixes are {', '.join(io.FORMATS)}.")
+        raise DecodeError(f"{folder} holds no recording; known suffixes are {', '.join(known)}.")
     return found
 
 

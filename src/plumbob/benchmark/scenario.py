@@ -36,7 +36,7 @@ class MonteCarlo:
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON: median, 95 % and maximum over the seeds beside the values themselves."""
         summary = {
-            name: {axis: {figure: _summary(seeds) for figure, seeds in figures.items()} for axis, figures in axes.items()}
+            name: {axis: {f: _summary(seeds) for f, seeds in figures.items()} for axis, figures in axes.items()}
             for name, axes in self.values.items()
         }
         return {"scenario": self.scenario, "settings": self.settings, "summary": summary, "seeds": self.values}
@@ -62,6 +62,7 @@ def measure_scenario(
     module: str,
     seeds: Sequence[int],
     settings: Mapping[str, Any],
+    settle: float = 0.0,
     progress: Callable[[int], None] | None = None,
 ) -> MonteCarlo:
     """Simulate a scenario with each seed and run each filter on it.
@@ -80,6 +81,8 @@ def measure_scenario(
         One run each.
     settings : Mapping
         Everything else that `plumbob.sim.simulate` takes.
+    settle : float
+        Time from the start that is left out, s.
     progress : callable, optional
         Called with 1 after each seed.
     """
@@ -90,11 +93,12 @@ def measure_scenario(
         for stage in stages:
             track = estimate(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
-            figures = evaluate(track, run.truth).summary()
+            figures = evaluate(track, run.truth, settle=settle).summary()
             _append(values.setdefault(stage.name, {}), figures)
         if progress:
             progress(1)
-    title = f"{scenario}: {run.truth.source}; sensors {sensors} ({module}), {len(seeds)} seeds"
+    what = run.truth.source.rpartition(", seed")[0]
+    title = f"{what}; sensors {sensors} ({module}); {len(seeds)} seeds; first {settle:g} s left out"
     return MonteCarlo(title, ran, values)
 
 

@@ -42,11 +42,12 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 
 
 def read(path: Path, profile: Path | None = None) -> "Recording":
-    """Read a recording and tell what the reader noted."""
+    """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
     from plumbob import io
 
     recording = io.read(path, profile=profile)
-    note(*(f"{path.name}: {line}" for line in recording.notes))
+    if recording.imu is not None:
+        note(*(f"{path.name}: {line}" for line in io.findings(recording.imu)))
     return recording
 
 
@@ -77,7 +78,7 @@ def stages(names: str, params: str | None) -> "list[Stage]":
     for name in wanted:
         load(name)
     by_filter: dict[str, dict[str, Any]] = {name: {} for name in wanted}
-    for key, value in _pairs(params):
+    for key, value in pairs(params):
         owner, dot, parameter = key.rpartition(".")
         if not dot and len(by_filter) > 1:
             raise ParameterError(f"'{key}' could belong to any of {', '.join(by_filter)}; write {wanted[0]}.{key}.")
@@ -88,10 +89,11 @@ def stages(names: str, params: str | None) -> "list[Stage]":
     return [Stage(name, values) for name, values in by_filter.items()]
 
 
-def _pairs(params: str | None) -> Iterator[tuple[str, Any]]:
+def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
+    """Names and values of ``name=value,...`` or of a TOML file, where a table's name goes before its keys."""
     from plumbob.errors import ParameterError
 
-    if params is None:
+    if not params:
         return
     if params.endswith(".toml"):
         yield from _toml_pairs(Path(params))
@@ -143,7 +145,7 @@ def warn_of_compiling(names: Sequence[str]) -> None:
     """Say why the next call waits, where a filter has not been compiled on this machine yet."""
     from plumbob import _jit
 
-    cold = [name for name in names if _jit.is_cold(f"batch_{name}")]
+    cold = [name for name in dict.fromkeys(names) if _jit.is_cold(f"batch_{name}")]
     if cold:
         note(
             f"compiling {', '.join(cold)} for this processor, once; this takes some seconds and is kept in "

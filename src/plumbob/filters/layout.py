@@ -1,6 +1,6 @@
 """Places in the flat float64 arrays that every kernel shares: coefficients `c` and state `x`.
 
-Flat arrays, not tuples, because a streamed call then passes two pointers; a filter's own entries follow the common ones.
+Flat arrays, not tuples, because a streamed call then passes two pointers; a filter's own entries come after these.
 """
 
 from typing import Final

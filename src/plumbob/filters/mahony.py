@@ -73,8 +73,9 @@ def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[i
     if not abs(norm - G0) <= c[GATE]:  # [Yu2018] (15)
         return flags.ACC_GATED, 0.0, 0.0, 0.0
     ux, uy, uz = up_in_body(c[UP], x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
-    ex, ey, ez = cross(ax / norm, ay / norm, az / norm, ux, uy, uz)  # [Mahony2008] (48c)
-    return 0, ex, ey, ez
+    ex, ey, ez = cross(ax, ay, az, ux, uy, uz)  # [Mahony2008] (48c)
+    scale = 1.0 / norm
+    return 0, scale * ex, scale * ey, scale * ez
 
 
 @njit
@@ -82,14 +83,13 @@ def field_error(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[
     """Turn that would bring the predicted field direction onto the measured one; zero and a flag where it is absent."""
     if not usable(mx, my, mz):
         return flags.MAG_GATED, 0.0, 0.0, 0.0
-    norm = math.sqrt(mx * mx + my * my + mz * mz)
-    mx, my, mz = mx / norm, my / norm, mz / norm
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
     level = math.sqrt(hx * hx + hy * hy)
     bx, by, bz = rotate(q0, -q1, -q2, -q3, level * c[NORTH_X], level * c[NORTH_Y], hz)
     ex, ey, ez = cross(mx, my, mz, bx, by, bz)  # [Mahony2008] (48c)
-    return 0, ex, ey, ez
+    scale = 1.0 / (mx * mx + my * my + mz * mz)
+    return 0, scale * ex, scale * ey, scale * ez
 
 
 @njit

@@ -1,0 +1,114 @@
+"""plumbob sim: a recording of which the truth is known."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plumbob.cli import common
+from plumbob.units import Quantity
+
+if TYPE_CHECKING:
+    from plumbob.rotations import Frame
+
+WORLD = {
+    "strength": Quantity.FIELD,
+    "dip": Quantity.ANGLE,
+    "declination": Quantity.ANGLE,
+    "temp_c": Quantity.TEMPERATURE,
+    "mag_rate": Quantity.FREQUENCY,
+    "jitter": Quantity.TIME,
+    "lost": Quantity.RATIO,
+}
+"""What --set takes besides the scenario's own parameters."""
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "sim",
+        help="simulate a recording with its truth",
+        description="Simulate what sensors would record in a scenario, and the truth beside it in the same file.",
+    )
+    add_scenario_options(p, optional=True)
+    p.add_argument("--seed", type=int, default=0, metavar="N", help="of everything left to chance (default 0)")
+    p.add_argument("--out", type=Path, metavar="FILE", help="recording to write (.parquet or .csv)")
+    p.add_argument("--card", type=Path, metavar="JSON", help="write the unit's calibration card too")
+    p.add_argument("--noise-card", type=Path, metavar="JSON", help="write the unit's noise card too")
+    p.add_argument("--list", action="store_true", help="list scenarios, their parameters and the sensors, and stop")
+    p.set_defaults(run=run)
+
+
+def add_scenario_options(p: argparse.ArgumentParser, *, optional: bool = False) -> None:
+    """Options that say what to simulate."""
+    p.add_argument("scenario", nargs="?" if optional else None, metavar="SCENARIO", help="see 'plumbob sim --list'")
+    common.add_frame(p, "navigation frame of the truth and of the body's axes; needed")
+    p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts, as mpu6000+hmc5983 (default ideal)")
+    p.add_argument(
+        "--module",
+        choices=("drawn", "calibrated"),
+        help="a unit as it left the line, or after an ideal calibration; needed but for ideal sensors",
+    )
+    p.add_argument("--rate", metavar="HZ", help="sampling rate, as 100Hz, where it shall differ from the scenario's")
+    p.add_argument("--duration", metavar="S", help="duration, as 600s, where it shall differ from the scenario's")
+    p.add_argument(
+        "--set",
+        default="",
+        metavar="P",
+        help=f"name=value,... with units: the scenario's parameters, and {', '.join(WORLD)}",
+    )
+
+
+def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]":
+    """Frame and keyword arguments of `plumbob.sim.simulate` that the options name."""
+    from plumbob.errors import FrameError, ParameterError
+    from plumbob.rotations import Frame
+    from plumbob.units import parse
+
+    frame = common.frame_of(args)
+    if frame is None:
+        raise FrameError(f"a simulation needs a navigation frame; say --frame {', --frame '.join(Frame)}.")
+    if args.module is None and args.sensors != "ideal":
+        raise ParameterError(f"say --module drawn for {args.sensors} as it left the line, or --module calibrated.")
+    args.module = args.module or "calibrated"
+    given = {key: parse(value, WORLD[key]) if key in WORLD else value for key, value in common.pairs(args.set)}
+    if args.rate is not None:
+        given["rate"] = parse(args.rate, Quantity.FREQUENCY)
+    if args.duration is not None:
+        given["duration"] = parse(args.duration, Quantity.TIME)
+    return frame, given
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob import io
+    from plumbob.errors import ParameterError
+    from plumbob.sim import simulate
+
+    if args.list:
+        _print_list()
+        return 0
+    if args.scenario is None or args.out is None:
+        raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
+    frame, given = scenario_settings(args)
+    result = simulate(args.scenario, frame=frame, sensors=args.sensors, module=args.module, seed=args.seed, **given)
+    recording = io.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=(result.truth.source,))
+    io.write(args.out, recording)
+    for path, card in ((args.card, result.calibration), (args.noise_card, result.noise)):
+        if path:
+            card.save(path)
+    print(f"{args.out}: {len(result.imu)} samples, {result.imu.t[-1]:.3f} s, {result.imu.meta.device}")
+    print(f"truth        {result.truth.source}, frame {frame}, heading from true north")
+    print(f"calibration  {result.imu.meta.calibration or 'NONE: a unit as it left the line'}")
+    return 0
+
+
+def _print_list() -> None:
+    from plumbob.sim import SCENARIOS, parameters_of, preset, preset_names
+
+    for name, kind in SCENARIOS.items():
+        print(f"{name}: {(kind.__doc__ or '').splitlines()[0]}")
+        for p in parameters_of(kind):
+            print(f"    {p.name:16} {p.default:>10.6g} {p.unit:6} {p.meaning}")
+    print("sensors, joined by +")
+    for name in preset_names():
+        print(f"    {name:18} {preset(name).title}")

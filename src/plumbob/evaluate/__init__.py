@@ -1,0 +1,28 @@
+"""Evaluation: what an attitude is worth against a reference, with every decision on record."""
+
+from plumbob.evaluate.align import Alignment
+from plumbob.evaluate.associate import Fate, Match, associate
+from plumbob.evaluate.consistency import Consistency
+from plumbob.evaluate.evaluation import Evaluation, Settings, evaluate
+from plumbob.evaluate.html import write_html
+from plumbob.evaluate.metrics import GIMBAL_GUARD, QUANTITIES, attitude_errors
+from plumbob.evaluate.statistics import Stats
+from plumbob.evaluate.timeshift import TimeOffset, find_time_offset
+
+__all__ = [
+    "GIMBAL_GUARD",
+    "QUANTITIES",
+    "Alignment",
+    "Consistency",
+    "Evaluation",
+    "Fate",
+    "Match",
+    "Settings",
+    "Stats",
+    "TimeOffset",
+    "associate",
+    "attitude_errors",
+    "evaluate",
+    "find_time_offset",
+    "write_html",
+]

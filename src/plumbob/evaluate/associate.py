@@ -1,0 +1,194 @@
+"""Bring an estimate and a reference to common times: the reference is read at the estimate's times.
+
+A time stamp that both have is taken as it is, to the last bit. Between two stamps the reference is interpolated at
+constant rate (slerp), never across a gap, never next to a row that is not known, never beyond its ends. Every sample of
+the estimate gets a `Fate`, so that what was left out can be counted and shown.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import clock
+from plumbob.check import Floats
+from plumbob.data import AttitudeTrack
+from plumbob.errors import ClockError, ParameterError
+from plumbob.rotations import quat_slerp
+
+Mask = NDArray[np.bool_]
+
+
+class Fate(IntEnum):
+    """What became of a sample of the estimate; the first that applies."""
+
+    SCORED = 0
+    ESTIMATE_UNKNOWN = 1
+    OUTSIDE = 2
+    GAP = 3
+    REFERENCE_UNKNOWN = 4
+    SETTLING = 5
+    MASKED = 6
+
+    @property
+    def label(self) -> str:
+        """Short name for tables and JSON."""
+        return self.name.lower()
+
+    @property
+    def meaning(self) -> str:
+        """One line for a reader."""
+        return _MEANING[self]
+
+
+_MEANING = {
+    Fate.SCORED: "scored",
+    Fate.ESTIMATE_UNKNOWN: "the estimate holds no attitude",
+    Fate.OUTSIDE: "before the reference begins or after it ends",
+    Fate.GAP: "the reference has no samples for longer than the largest gap",
+    Fate.REFERENCE_UNKNOWN: "the reference lost the body",
+    Fate.SETTLING: "in the settling time after the start of the estimate",
+    Fate.MASKED: "the reference says that it does not count",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A track read at given times.
+
+    Attributes
+    ----------
+    q_nb : ndarray (N, 4)
+        Attitude; NaN where the track does not tell it.
+    low, high : ndarray (N,)
+        Rows of the track on both sides; equal where the stamp is the track's own.
+    exact : ndarray (N,) of bool
+        The time is one of the track's own stamps.
+    outside, gap : ndarray (N,) of bool
+        Why it is not told: beyond the ends, or between stamps farther apart than the largest gap.
+    """
+
+    q_nb: Floats
+    low: NDArray[np.intp]
+    high: NDArray[np.intp]
+    exact: Mask
+    outside: Mask
+    gap: Mask
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """A reference at the times of an estimate of N samples.
+
+    Attributes
+    ----------
+    q_ref : ndarray (N, 4)
+        The reference there; NaN where it is not known.
+    fate : ndarray (N,) of uint8
+        A `Fate` for each sample.
+    exact : ndarray (N,) of bool
+        The reference has this very time stamp; elsewhere it is interpolated.
+    max_gap : float
+        Largest step of the reference that was bridged, s.
+    """
+
+    q_ref: Floats
+    fate: NDArray[np.uint8]
+    exact: Mask
+    max_gap: float
+
+    @property
+    def scored(self) -> Mask:
+        """True where the sample counts, (N,)."""
+        return np.asarray(self.fate == Fate.SCORED)
+
+    def counts(self) -> dict[Fate, int]:
+        """Samples of each fate that occurs."""
+        return {fate: n for fate in Fate if (n := int(np.count_nonzero(self.fate == fate)))}
+
+
+def associate(
+    estimate: AttitudeTrack,
+    reference: AttitudeTrack,
+    *,
+    max_gap: float | None = None,
+    settle: float = 0.0,
+    offset: float = 0.0,
+) -> Match:
+    """Read the reference at the times of the estimate.
+
+    Parameters
+    ----------
+    estimate, reference : AttitudeTrack
+        Their times count from the same start. The reference's ``score`` masks samples: an interpolated one counts only
+        where both neighbours do. A ``score`` of the estimate is not heard; nobody marks his own work.
+    max_gap : float, optional
+        Largest step between reference stamps that is bridged, s; by default `plumbob.clock.GAP_FACTOR` median steps of
+        the reference.
+    settle : float
+        Time after the estimate's first sample that is left out, s.
+    offset : float
+        Added to the reference's stamps, s.
+
+    Raises
+    ------
+    ClockError
+        If the two have no time in common.
+    ParameterError
+        If `max_gap` or `settle` is out of range.
+    """
+    limit = default_max_gap(reference) if max_gap is None else max_gap
+    if not 0.0 <= limit < np.inf:
+        raise ParameterError(f"max_gap must be a finite time ≥ 0 s, but it is {max_gap}.")
+    if not 0.0 <= settle < np.inf:
+        raise ParameterError(f"settle must be a finite time ≥ 0 s, but it is {settle}.")
+    reading = read_at(reference, clock.to_ns(estimate.t), max_gap=limit, offset=offset)
+    if reading.outside.all():
+        raise ClockError(_no_overlap(estimate, reference, offset))
+    fate = _fates(estimate, reference, reading, settle)
+    return Match(reading.q_nb, fate, reading.exact & (fate == Fate.SCORED), limit)
+
+
+def default_max_gap(track: AttitudeTrack) -> float:
+    """Largest step of a track that is bridged by default, s: `plumbob.clock.GAP_FACTOR` median steps, to the ns."""
+    steps_ns = np.diff(clock.to_ns(track.t))
+    return clock.GAP_FACTOR * float(np.median(steps_ns)) / 1e9 if steps_ns.size else 0.0
+
+
+def read_at(track: AttitudeTrack, t_ns: NDArray[np.int64], *, max_gap: float, offset: float = 0.0) -> Reading:
+    """Read a track at other times, integer ns (N,), with `offset` s added to its own stamps."""
+    own_ns = clock.to_ns(track.t + offset) if offset else clock.to_ns(track.t)
+    last = own_ns.size - 1
+    right = np.searchsorted(own_ns, t_ns)
+    high = np.minimum(right, last)
+    exact: Mask = own_ns[high] == t_ns
+    low = np.where(exact, high, np.maximum(right - 1, 0))
+    outside: Mask = ~exact & ((right == 0) | (right > last))
+    gap: Mask = ~outside & ((own_ns[high] - own_ns[low]) / 1e9 > max_gap)
+    between = ~exact & ~outside & ~gap
+    q_nb = np.full((t_ns.size, 4), np.nan)
+    q_nb[exact] = track.q_nb[high[exact]]
+    a, b = low[between], high[between]
+    q_nb[between] = quat_slerp(track.q_nb[a], track.q_nb[b], (t_ns[between] - own_ns[a]) / (own_ns[b] - own_ns[a]))
+    return Reading(q_nb, low, high, exact, outside, gap)
+
+
+def _fates(estimate: AttitudeTrack, reference: AttitudeTrack, reading: Reading, settle: float) -> NDArray[np.uint8]:
+    fate = np.zeros(len(estimate), dtype=np.uint8)
+    if reference.score is not None:
+        fate[~(reference.score[reading.low] & reference.score[reading.high])] = Fate.MASKED
+    fate[estimate.t < estimate.t[0] + settle] = Fate.SETTLING
+    fate[~np.isfinite(reading.q_nb).all(axis=1)] = Fate.REFERENCE_UNKNOWN
+    fate[reading.gap] = Fate.GAP
+    fate[reading.outside] = Fate.OUTSIDE
+    fate[~estimate.known] = Fate.ESTIMATE_UNKNOWN
+    return fate
+
+
+def _no_overlap(estimate: AttitudeTrack, reference: AttitudeTrack, offset: float) -> str:
+    first, last = reference.t[0] + offset, reference.t[-1] + offset
+    return (
+        f"estimate and reference have no time in common: the estimate spans {estimate.t[0]:.3f} to "
+        f"{estimate.t[-1]:.3f} s, the reference {first:.3f} to {last:.3f} s. Let both count from the same start."
+    )

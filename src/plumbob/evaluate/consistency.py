@@ -1,0 +1,95 @@
+"""Does the error fit the covariance that the filter claims? Normalised estimation error squared, [BarShalom2001] 5.4.
+
+With d the attitude error as a rotation vector in body axes and P its claimed covariance, dᵀ P⁻¹ d follows a chi-square
+law of 3 degrees of freedom where the filter is consistent: 3 on average, and within its 95 % bounds in 95 % of the
+samples. Far above, the filter trusts itself too much; far below, too little. Errors of one recording are correlated in
+time, so the bounds of the average over independent runs do not apply to the average over one recording.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaincinv
+
+from plumbob.check import Floats
+from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat
+
+DOF: Final = 3
+CONFIDENCE: Final = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """Agreement of errors with their claimed covariance.
+
+    Attributes
+    ----------
+    mean : float
+        Mean of dᵀ P⁻¹ d; `DOF` is expected.
+    lower, upper : float
+        Bounds that hold a consistent sample with probability `CONFIDENCE`.
+    share_inside : float
+        Share of samples between them.
+    count : int
+        Samples used.
+    unusable : int
+        Samples left out because their covariance is not positive definite.
+    """
+
+    mean: float
+    lower: float
+    upper: float
+    share_inside: float
+    count: int
+    unusable: int
+
+
+def nees(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Floats:
+    """Squared errors dᵀ P⁻¹ d, (N,); NaN where the covariance is not positive definite.
+
+    Parameters
+    ----------
+    q_est, q_ref : ndarray (N, 4)
+        Attitudes, known in every row.
+    cov_b : ndarray (N, 3, 3)
+        Claimed covariance of the error as a rotation vector in body axes, rad².
+    """
+    d = rotvec_from_quat(quat_multiply(quat_conjugate(q_est), q_ref))
+    usable = _positive_definite(cov_b)
+    squared = np.full(d.shape[0], np.nan)
+    weighted = np.linalg.solve(cov_b[usable], d[usable, :, np.newaxis])[..., 0]
+    squared[usable] = np.sum(d[usable] * weighted, axis=1)
+    return squared
+
+
+def consistency(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Consistency | None:
+    """Judge claimed covariances (N, 3, 3) of attitudes (N, 4); None where none is usable."""
+    squared = nees(q_est, q_ref, cov_b)
+    usable = squared[np.isfinite(squared)]
+    if not usable.size:
+        return None
+    lower, upper = chi_square_bounds()
+    inside = (usable >= lower) & (usable <= upper)
+    return Consistency(
+        mean=float(np.mean(usable)),
+        lower=lower,
+        upper=upper,
+        share_inside=float(np.mean(inside)),
+        count=int(usable.size),
+        unusable=int(squared.size - usable.size),
+    )
+
+
+def chi_square_bounds(dof: int = DOF, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Two-sided bounds of a chi-square variable, from the inverse of its distribution function."""
+    tail = 0.5 * (1.0 - confidence)
+    return 2.0 * float(gammaincinv(0.5 * dof, tail)), 2.0 * float(gammaincinv(0.5 * dof, 1.0 - tail))
+
+
+def _positive_definite(p: Floats) -> NDArray[np.bool_]:
+    """Sylvester's criterion: all leading minors are positive (NaN is not)."""
+    second = p[:, 0, 0] * p[:, 1, 1] - p[:, 0, 1] * p[:, 1, 0]
+    third = np.sum(p[:, 0] * np.cross(p[:, 1], p[:, 2]), axis=1)
+    return np.asarray((p[:, 0, 0] > 0.0) & (second > 0.0) & (third > 0.0))

@@ -1,0 +1,276 @@
+"""Compare an estimate with a reference: associate, align where asked, measure, and keep everything that was decided.
+
+One rule holds throughout: the estimate is judged as it was delivered. Whatever must be converted or aligned, frame,
+declination, time, mounting or heading, is done to the reference, and the result says so.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from plumbob import flags
+from plumbob.check import Floats
+from plumbob.data import AttitudeTrack
+from plumbob.errors import ParameterError, ShapeError
+from plumbob.evaluate import report
+from plumbob.evaluate.align import (
+    ALIGNMENTS,
+    Alignment,
+    find_heading,
+    find_mounting,
+    find_mounting_and_heading,
+    turn_heading,
+)
+from plumbob.evaluate.associate import Fate, Mask, Match, associate
+from plumbob.evaluate.consistency import Consistency, consistency
+from plumbob.evaluate.headings import HeadingPolicy, heading_policy
+from plumbob.evaluate.metrics import NEEDS_HEADING, QUANTITIES, attitude_errors
+from plumbob.evaluate.remarks import remarks
+from plumbob.evaluate.statistics import Stats
+from plumbob.evaluate.timeshift import find_time_offset
+from plumbob.rotations import change_frame, quat_angle
+
+RATE_BASELINE = 0.1
+"""Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What was asked for; times in s, angles in rad, None where left to the default."""
+
+    align: tuple[str, ...] = ()
+    max_gap: float | None = None
+    max_offset: float = 1.0
+    declination: float | None = None
+    settle: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """An estimate judged by a reference.
+
+    Attributes
+    ----------
+    estimate, reference : AttitudeTrack
+        As they were given.
+    settings : Settings
+        As they were asked for.
+    match : Match
+        Which samples met, and why others did not; `match.q_ref` is the reference in the estimate's frame, brought to
+        its times and aligned.
+    alignment : Alignment
+        What was found.
+    errors : mapping of str to ndarray (N,)
+        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known. The statistics
+        take only the rows where `match.scored`.
+    stats : mapping of str to Stats
+        Of each quantity that is scored.
+    not_scored : mapping of str to str
+        Why the others are not.
+    near_gimbal : int
+        Scored samples without yaw and roll, because a pitch is within `plumbob.evaluate.metrics.GIMBAL_GUARD` of ±90°.
+    consistency : Consistency or None
+        Where the estimate claims a covariance.
+    reference_rate : float or None
+        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be told.
+    notes : tuple of str
+        What a reader should know.
+    """
+
+    estimate: AttitudeTrack
+    reference: AttitudeTrack
+    settings: Settings
+    match: Match
+    alignment: Alignment
+    errors: Mapping[str, Floats]
+    stats: Mapping[str, Stats]
+    not_scored: Mapping[str, str]
+    near_gimbal: int
+    consistency: Consistency | None
+    reference_rate: float | None
+    notes: tuple[str, ...]
+
+    @property
+    def t(self) -> Floats:
+        """Times of the estimate, s, (N,)."""
+        return self.estimate.t
+
+    def flag_counts(self) -> dict[str, int]:
+        """Scored samples that carry each flag of the estimate that occurs."""
+        if self.estimate.flags is None:
+            return {}
+        raised = self.estimate.flags[self.match.scored]
+        counts = {name: int(np.count_nonzero(raised & np.uint32(bit))) for bit, (name, _) in flags.MEANING.items()}
+        return {name: n for name, n in counts.items() if n}
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluate.report`."""
+        return report.summary(self)
+
+    def text(self) -> str:
+        """Plain table of at most 80 columns."""
+        return report.text(self)
+
+
+def evaluate(
+    estimate: AttitudeTrack,
+    reference: AttitudeTrack,
+    *,
+    align: Collection[str] = (),
+    max_gap: float | None = None,
+    max_offset: float = 1.0,
+    declination: float | None = None,
+    settle: float = 0.0,
+) -> Evaluation:
+    """Judge an estimate by a reference.
+
+    Parameters
+    ----------
+    estimate : AttitudeTrack
+        Judged at its own times, in its own frame.
+    reference : AttitudeTrack
+        The truth; where it has a ``score``, only those samples count.
+    align : collection of {"time", "mounting", "heading"}
+        Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
+        time also removes the delay of a filter.
+    max_gap : float, optional
+        Largest step of the reference that is bridged, s; by default 5 of its median steps.
+    max_offset : float
+        Largest time offset sought, s.
+    declination : float, optional
+        Of the place, rad, east positive; needed where one heading is true and the other magnetic.
+    settle : float
+        Time after the estimate's first sample that is left out, s.
+
+    Returns
+    -------
+    Evaluation
+
+    Raises
+    ------
+    ParameterError
+        If a setting is unknown or out of range, or mounting and heading cannot be told apart.
+    ClockError
+        If the two have no time in common, or no time offset can be found.
+    FrameError
+        If one heading is true, the other magnetic, and neither declination nor alignment bridges them.
+    ShapeError
+        If no sample is left to score.
+    """
+    settings = Settings(_asked(align), max_gap, max_offset, declination, settle)
+    policy = heading_policy(
+        estimate.north, reference.north, aligned="heading" in settings.align, declination=declination
+    )
+    _refuse_blind_mounting(policy, settings)
+    truth = _in_frame_of(estimate, reference, policy)
+    time = _time_alignment(estimate, truth, settings)
+    match = associate(
+        estimate, truth, max_gap=max_gap, settle=settle, offset=0.0 if time.time is None else time.time.offset
+    )
+    _refuse_empty(match)
+    alignment = replace(_rotation_alignment(estimate, match, settings), time=time.time)
+    match = replace(match, q_ref=alignment.apply(match.q_ref, estimate.frame))
+    return _measure(estimate, reference, settings, match, alignment, policy)
+
+
+def _asked(align: Collection[str]) -> tuple[str, ...]:
+    words = {align} if isinstance(align, str) else set(align)
+    if not words <= set(ALIGNMENTS):
+        raise ParameterError(
+            f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(sorted(words - set(ALIGNMENTS)))}."
+        )
+    return tuple(word for word in ALIGNMENTS if word in words)
+
+
+def _refuse_blind_mounting(policy: HeadingPolicy, settings: Settings) -> None:
+    if "mounting" in settings.align and not policy.comparable:
+        raise ParameterError(f"a mounting is found from whole attitudes, but {policy.reason} together with it.")
+
+
+def _in_frame_of(estimate: AttitudeTrack, reference: AttitudeTrack, policy: HeadingPolicy) -> AttitudeTrack:
+    """Reference in the frame and from the north of the estimate; untouched to the last bit where they agree."""
+    if reference.frame is estimate.frame and not policy.turn:
+        return reference
+    q = change_frame(reference.q_nb, to=estimate.frame, from_=reference.frame)
+    return reference.with_attitude(turn_heading(q, policy.turn, estimate.frame), frame=estimate.frame)
+
+
+def _time_alignment(estimate: AttitudeTrack, truth: AttitudeTrack, settings: Settings) -> Alignment:
+    if "time" not in settings.align:
+        return Alignment()
+    offset = find_time_offset(estimate, truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
+    return Alignment(time=offset)
+
+
+def _rotation_alignment(estimate: AttitudeTrack, match: Match, settings: Settings) -> Alignment:
+    q_est, q_ref = estimate.q_nb[match.scored], match.q_ref[match.scored]
+    if {"mounting", "heading"} <= set(settings.align):
+        return find_mounting_and_heading(q_est, q_ref, estimate.frame)
+    if "mounting" in settings.align:
+        return Alignment(mounting=find_mounting(q_est, q_ref))
+    if "heading" in settings.align:
+        return Alignment(heading=find_heading(q_est, q_ref, estimate.frame))
+    return Alignment()
+
+
+def _refuse_empty(match: Match) -> None:
+    if not match.scored.any():
+        why = "; ".join(f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not Fate.SCORED)
+        raise ShapeError(f"no sample is left to score. Of {match.fate.size} samples of the estimate: {why}.")
+
+
+def _measure(
+    estimate: AttitudeTrack,
+    reference: AttitudeTrack,
+    settings: Settings,
+    match: Match,
+    alignment: Alignment,
+    policy: HeadingPolicy,
+) -> Evaluation:
+    scored = match.scored
+    errors = attitude_errors(estimate.q_nb, match.q_ref)
+    near_gimbal = int(np.count_nonzero(np.isnan(errors["roll"][scored])))
+    not_scored = dict.fromkeys(() if policy.comparable else NEEDS_HEADING, policy.reason)
+    stats: dict[str, Stats] = {}
+    for name in QUANTITIES:
+        found = None if name in not_scored else Stats.of(errors[name][scored], estimate.t[scored])
+        if found is not None:
+            stats[name] = found
+        else:
+            not_scored.setdefault(name, "pitch is near ±90° in every scored sample")
+    evaluation = Evaluation(
+        estimate=estimate,
+        reference=reference,
+        settings=settings,
+        match=match,
+        alignment=alignment,
+        errors={name: errors[name] for name in stats},
+        stats=stats,
+        not_scored=not_scored,
+        near_gimbal=near_gimbal,
+        consistency=_consistency(estimate, match, policy),
+        reference_rate=_reference_rate(estimate.t, match.q_ref, scored),
+        notes=(),
+    )
+    return replace(evaluation, notes=remarks(evaluation, policy))
+
+
+def _consistency(estimate: AttitudeTrack, match: Match, policy: HeadingPolicy) -> Consistency | None:
+    if estimate.cov_b is None or not policy.comparable:
+        return None
+    rows = match.scored
+    return consistency(estimate.q_nb[rows], match.q_ref[rows], estimate.cov_b[rows])
+
+
+def _reference_rate(t: Floats, q_ref: Floats, scored: Mask) -> float | None:
+    """Rms rate over pairs of scored samples about `RATE_BASELINE` apart, rad/s."""
+    if t.size < 2:
+        return None
+    stride = min(t.size - 1, max(1, round(RATE_BASELINE / float(np.median(np.diff(t))))))
+    both = scored[:-stride] & scored[stride:]
+    if not both.any():
+        return None
+    rate = quat_angle(q_ref[:-stride][both], q_ref[stride:][both]) / (t[stride:][both] - t[:-stride][both])
+    return float(np.sqrt(np.mean(rate * rate)))

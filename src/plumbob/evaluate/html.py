@@ -1,0 +1,267 @@
+"""One page about one or several evaluations: a single file that opens anywhere, without network and without scripts."""
+
+from collections.abc import Iterable, Mapping
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumbob import flags
+from plumbob.errors import ShapeError
+from plumbob.evaluate import figures
+from plumbob.evaluate.associate import Fate
+from plumbob.evaluate.metrics import QUANTITIES
+from plumbob.evaluate.report import degrees, describe_alignment, describe_consistency, describe_samples, describe_track
+from plumbob.evaluate.stylesheet import CSS
+from plumbob.units import to_deg, to_dps
+
+if TYPE_CHECKING:
+    from plumbob.evaluate.evaluation import Evaluation
+
+Rows = Iterable[tuple[str, str]]
+
+_COLUMNS = 800
+_ALL_COLUMNS = 3200  # shared by the evaluations of a page, so that many of them still make a small file
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
+_HEAD = ("RMSE", "mean", "std", "max |e|", "max at", "median |e|", "95 % |e|", "99 % |e|")
+_UNITS = ("deg", "deg", "deg", "deg", "s", "deg", "deg", "deg")
+_DEFINITIONS = (
+    "With e = q<sub>est</sub> ⊗ q<sub>ref</sub><sup>−1</sup> = (w, x, y, z) in the navigation frame: total 2 acos |w|, "
+    "heading 2 atan |z / w|, inclination 2 acos √(w² + z²), as in the BROAD benchmark (Laidig et al. 2021, "
+    "doi:10.3390/data6070072). Yaw, pitch and roll are signed differences of ZYX Euler angles, estimate minus "
+    "reference. Percentiles are of the magnitude, and RMSE² = mean² + std²."
+)
+
+
+def write_html(
+    path: str | Path, evaluations: Mapping[str, "Evaluation"], *, title: str, facts: Mapping[str, str]
+) -> Path:
+    """Write a self-contained page with tables and figures.
+
+    Parameters
+    ----------
+    path : path_like
+        File to write.
+    evaluations : mapping of str to Evaluation
+        By name, such as the filter's; several are compared.
+    title : str
+        Of the page.
+    facts : mapping of str to str
+        Provenance as name and value: device, recording, calibration, versions, date. Any text is safe.
+
+    Returns
+    -------
+    Path
+        The file written.
+
+    Raises
+    ------
+    ShapeError
+        If there is no evaluation.
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    if not evaluations:
+        raise ShapeError("a report needs at least one evaluation, but evaluations is empty.")
+    target = Path(path)
+    target.write_text(page(evaluations, title=title, facts=facts), encoding="utf-8")
+    return target
+
+
+def page(evaluations: Mapping[str, "Evaluation"], *, title: str, facts: Mapping[str, str]) -> str:
+    """Text of the page that `write_html` writes."""
+    columns = max(200, min(_COLUMNS, _ALL_COLUMNS // len(evaluations)))
+    body = [f"<header><h1>{escape(title)}</h1>{_definitions_list(facts.items())}</header>"]
+    if len(evaluations) > 1:
+        body.append(_comparison(evaluations))
+    body += [_section(i, name, e, columns) for i, (name, e) in enumerate(evaluations.items())]
+    body.append(f"<footer><p>{_DEFINITIONS}</p></footer>")
+    return (
+        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        f"<title>{escape(title)}</title>\n<style>\n{CSS}</style>\n</head>\n<body>\n<main>\n"
+        + "\n".join(body)
+        + "\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _comparison(evaluations: Mapping[str, "Evaluation"]) -> str:
+    """Table and distribution of all evaluations of the page."""
+    shared = figures.shared_quantity(list(evaluations.values()))
+    parts = ["<section><h2>Comparison</h2>", _comparison_table(evaluations)]
+    differing = _differences(list(evaluations.values()))
+    if differing:
+        parts.append(f"<p class='note'>Not like with like: the rows differ in {differing}.</p>")
+    keys = [(name, *figures.key_style(i)) for i, name in enumerate(evaluations)]
+    caption = f"Share of scored samples whose {shared} error is at most so large"
+    parts.append(_figure(caption, figures.comparison_figure(evaluations, shared), keys))
+    return "\n".join([*parts, "</section>"])
+
+
+def _differences(evaluations: list["Evaluation"]) -> str:
+    """In what the evaluations differ besides their estimates; empty where they can be compared."""
+    judged: dict[str, set[object]] = {
+        "the samples scored": {e.t[e.match.scored].tobytes() for e in evaluations},
+        "what was aligned": {e.settings.align for e in evaluations},
+        "the reference": {e.reference.source for e in evaluations},
+    }
+    return " and ".join(name for name, values in judged.items() if len(values) > 1)
+
+
+def _comparison_table(evaluations: Mapping[str, "Evaluation"]) -> str:
+    best = {
+        name: min((e.stats[name].rmse for e in evaluations.values() if name in e.stats), default=None)
+        for name in QUANTITIES
+    }
+    rows = []
+    for name, e in evaluations.items():
+        cells = [_best_cell(e, quantity, best[quantity]) for quantity in QUANTITIES]
+        cells.append(f"<td>{e.match.scored.sum()}</td><td>{', '.join(e.settings.align) or 'nothing'}</td>")
+        rows.append(f"<tr><th scope='row'>{escape(name)}</th>{''.join(cells)}</tr>")
+    head = "".join(f"<th scope='col'>{name}</th>" for name in QUANTITIES)
+    units = "<th></th>" + "<th>deg</th>" * len(QUANTITIES) + "<th></th><th></th>"
+    return (
+        "<div class='scroll'><table><caption>RMSE in degrees; the least of each column is bold</caption>"
+        f"<thead><tr><th></th>{head}<th scope='col'>samples</th><th scope='col'>aligned</th></tr>"
+        f"<tr class='units'>{units}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def _best_cell(e: "Evaluation", name: str, best: float | None) -> str:
+    if name not in e.stats:
+        return "<td class='none'>not scored</td>"
+    number = _number(e.stats[name].rmse)
+    return f"<td><strong>{number}</strong></td>" if e.stats[name].rmse == best else f"<td>{number}</td>"
+
+
+def _section(i: int, name: str, e: "Evaluation", columns: int) -> str:
+    """Everything about one evaluation."""
+    shade = ("not scored", figures.SHADE, "block")
+    attitude = [("estimate", figures.ESTIMATE, "solid"), ("reference", figures.REFERENCE, "solid"), shade]
+    errors = [(k, colour, "solid") for k, colour in figures.COLOUR.items() if k in e.stats]
+    parts = [
+        f"<section><h2>{escape(name)}</h2>",
+        f"<p class='source'>{escape(e.estimate.source)} against {escape(e.reference.source)}</p>",
+        _headline(e),
+        _notes(e),
+        _error_table(e),
+        _figure("Error over time", figures.error_figure(e, columns, str(i)), [*errors, shade]),
+        _figure("Yaw, pitch and roll over time", figures.attitude_figure(e, columns, str(i)), attitude),
+        _figure(
+            "Share of scored samples whose error is at most so large; dots mark 50, 95 and 99 %",
+            figures.distribution_figure(e, str(i)),
+            errors,
+        ),
+        "<div class='columns'>",
+        f"<div><h3>Compared</h3>{_definitions_list(_compared(e))}</div>",
+        f"<div><h3>Samples</h3>{_sample_table(e)}</div>",
+        "</div>",
+        _flag_table(e),
+        "</section>",
+    ]
+    return "\n".join(part for part in parts if part)
+
+
+def _headline(e: "Evaluation") -> str:
+    """The three figures that are quoted."""
+    cards = []
+    for name in figures.COLOUR:
+        value = f"{degrees(e.stats[name].rmse)}°" if name in e.stats else "<small>not scored</small>"
+        cards.append(f"<div><span>{name} RMSE</span><b>{value}</b></div>")
+    return f"<div class='cards'>{''.join(cards)}</div>"
+
+
+def _notes(e: "Evaluation") -> str:
+    reasons = [
+        f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
+        for reason in dict.fromkeys(e.not_scored.values())
+    ]
+    items = "".join(f"<li>{escape(note)}</li>" for note in (*reasons, *e.notes))
+    return f"<ul class='note'>{items}</ul>" if items else ""
+
+
+def _error_table(e: "Evaluation") -> str:
+    rows = []
+    for name in QUANTITIES:
+        if name not in e.stats:
+            rows.append(f"<tr><th scope='row'>{name}</th><td class='none' colspan='{len(_HEAD)}'>not scored</td></tr>")
+            continue
+        s = e.stats[name]
+        cells = [_number(a) for a in (s.rmse, s.mean, s.std, s.max_abs, s.p50, s.p95, s.p99)]
+        cells.insert(4, f"{s.max_at:.2f}")
+        rows.append(f"<tr><th scope='row'>{name}</th>{''.join(f'<td>{c}</td>' for c in cells)}</tr>")
+    head = "".join(f"<th scope='col'>{h}</th>" for h in _HEAD)
+    units = "".join(f"<th>{u}</th>" for u in _UNITS)
+    return (
+        "<div class='scroll'><table><caption>Errors over the scored samples</caption>"
+        f"<thead><tr><th></th>{head}</tr><tr class='units'><th></th>{units}</tr></thead>"
+        f"<tbody>{''.join(rows)}</tbody></table></div>"
+    )
+
+
+def _compared(e: "Evaluation") -> Rows:
+    s = e.settings
+    yield from ((name, describe_track(e, name)) for name in ("estimate", "reference"))
+    yield "scored", describe_samples(e)
+    yield "align asked", ", ".join(s.align) or "nothing"
+    yield from (("found", line) for line in describe_alignment(e))
+    yield "largest gap bridged", f"{1e3 * e.match.max_gap:.4g} ms" + ("" if s.max_gap is not None else " (default)")
+    if "time" in s.align:
+        yield "offsets searched", f"±{s.max_offset:g} s"
+    yield "settling left out", f"{s.settle:g} s"
+    if s.declination is not None:
+        yield "declination", f"{to_deg(s.declination):+.3f}° (east positive)"
+    if e.reference_rate is not None:
+        yield "reference turned at", f"{to_dps(e.reference_rate):.3g} °/s rms"
+    yield "covariance", describe_consistency(e)
+
+
+def _sample_table(e: "Evaluation") -> str:
+    counts = e.match.counts()
+    rows = [("scored", counts[Fate.SCORED])]
+    rows += [(fate.meaning, n) for fate, n in counts.items() if fate is not Fate.SCORED]
+    cells = "".join(
+        f"<tr><th scope='row'>{escape(k)}</th><td>{n}</td><td>{_share(n, e.t.size)}</td></tr>" for k, n in rows
+    )
+    total = f"<tr class='sum'><th scope='row'>all samples of the estimate</th><td>{e.t.size}</td><td>100 %</td></tr>"
+    return f"<table><tbody>{cells}{total}</tbody></table>"
+
+
+def _flag_table(e: "Evaluation") -> str:
+    counts = e.flag_counts()
+    if not counts:
+        return ""
+    meaning = dict(flags.MEANING.values())
+    scored = int(e.match.scored.sum())
+    rows = "".join(
+        f"<tr><th scope='row'>{name}</th><td>{n}</td><td>{_share(n, scored)}</td>"
+        f"<td class='text'>{meaning[name]}</td></tr>"
+        for name, n in counts.items()
+    )
+    return f"<h3>Flags raised in scored samples</h3><div class='scroll'><table><tbody>{rows}</tbody></table></div>"
+
+
+def _number(angle: float) -> str:
+    return degrees(angle).replace("-", "−")
+
+
+def _share(n: int, of: int) -> str:
+    percent = 100.0 * n / of
+    return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
+
+
+def _definitions_list(rows: Rows) -> str:
+    items = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in rows)
+    return f"<dl>{items}</dl>" if items else ""
+
+
+def _figure(caption: str, svg: str, keys: Iterable[tuple[str, str, str]]) -> str:
+    """Figure with caption and key; the names in the key are escaped here."""
+    key = "".join(f"<span>{_swatch(colour, dash)}{escape(name)}</span>" for name, colour, dash in keys)
+    return f"<figure><figcaption>{escape(caption)}<span class='key'>{key}</span></figcaption>{svg}</figure>"
+
+
+def _swatch(colour: str, dash: str) -> str:
+    style = "block" if dash == "block" else dash
+    return f"<i class='{style}' style='color: {figures.variable(colour)}'></i>"

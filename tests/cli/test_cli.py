@@ -1,0 +1,332 @@
+"""The command line as a user meets it: real processes, real files, exit codes and one-line errors."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from plumbob import Frame, ImuData, ImuMeta, io
+
+GOOD_PARAMS = "kp=0.5,ki=0.03,gate=off"
+
+
+def plumbob(*words, cwd=None, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "plumbob.cli.main", *map(str, words)],
+        cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+def ok(*words, **kwargs):
+    done = plumbob(*words, **kwargs)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def refused(*words, **kwargs):
+    """One line on standard error, nothing on standard output, exit 1; returns the line."""
+    done = plumbob(*words, **kwargs)
+    assert done.returncode == 1, (done.returncode, done.stdout, done.stderr)
+    assert done.stdout == ""
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    return lines[0]
+
+
+@pytest.fixture(scope="module")
+def buoy(tmp_path_factory):
+    """A minute of the buoy with calibrated sensors, simulated by the command line."""
+    path = tmp_path_factory.mktemp("cli") / "buoy.parquet"
+    ok("sim", "buoy", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated", "--duration", "60s",
+       "--seed", 3, "--out", path)  # fmt: skip
+    return path
+
+
+# --- the main line ------------------------------------------------------------------------------------------
+
+
+def test_simulate_run_evaluate(buoy, tmp_path):
+    track, page = tmp_path / "track.parquet", tmp_path / "page.html"
+    done = ok("run", buoy, "--filter", "mahony", "--params", "kp=0.05,ki=0.001,gate=off", "--out", track)
+    assert "frame        NED" in done.stdout
+    summary = json.loads(ok("eval", track, buoy, "--json", "--html", page).stdout)
+    for key in ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"):
+        assert 0.0 < summary[key] < 2.0
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    assert "total" in ok("eval", track, buoy, "--align", "heading").stdout
+
+
+def test_run_as_json_tells_what_was_run(buoy):
+    report = json.loads(ok("run", buoy, "--filter", "mahony", "--params", "gate=0.08g", "--json").stdout)
+    assert report["samples"] == 6000
+    assert report["filter"].startswith("mahony(kp=0.5, ki=0.03, gate=0.784532")
+    assert report["errors"]["total_rmse_deg"] > 0.0
+
+
+def test_parameters_from_a_toml_file(buoy, tmp_path):
+    for text in ('kp = 0.7\ngate = "0.08 g"\n', '[mahony]\nkp = 0.7\ngate = "0.08 g"\n'):
+        (tmp_path / "p.toml").write_text(text)
+        report = json.loads(ok("run", buoy, "--filter", "mahony", "--params", tmp_path / "p.toml", "--json").stdout)
+        assert report["filter"].startswith("mahony(kp=0.7, ki=0.03, gate=0.784532")
+
+
+def test_info(buoy):
+    report = json.loads(ok("info", buoy, "--json").stdout)
+    assert report["sensors"]["time"]["samples"] == 6000
+    assert report["sensors"]["time"]["rate_hz"] == pytest.approx(100.0)
+    assert report["attitude"]["frame"] == "NED"
+    assert "gyr" in ok("info", buoy).stdout
+
+
+def test_benchmark_accuracy_on_a_folder(buoy, tmp_path):
+    (tmp_path / "a.parquet").write_bytes(buoy.read_bytes())
+    (tmp_path / "b.parquet").write_bytes(buoy.read_bytes())
+    (tmp_path / "broken.parquet").write_bytes(buoy.read_bytes()[:5000])
+    words = ("benchmark", "accuracy", tmp_path, "--filters", "mahony,tilt_compass", "--params", "mahony.kp=0.05")
+    result = json.loads(ok(*words, "--json").stdout)
+    assert set(result["trials"]) == {"a", "b"}
+    assert "broken.parquet" in result["skipped"]
+    for name in ("mahony", "tilt_compass"):
+        one = result["trials"]["a"][name]["total_rmse_deg"]
+        assert result["mean"][name]["total_rmse_deg"] == pytest.approx(one)
+    assert "mean" in ok(*words).stdout
+
+
+def test_benchmark_scenario(tmp_path):
+    words = (
+        "benchmark",
+        "scenario",
+        "slide",
+        "--frame",
+        "NED",
+        "--seeds",
+        2,
+        "--filters",
+        "mahony",
+        "--params",
+        "gate=off",
+    )
+    result = json.loads(ok(*words, "--json").stdout)
+    assert len(result["seeds"]["mahony"]["roll"]["max_abs_deg"]) == 2
+    assert "largest error" in ok(*words).stdout
+
+
+def test_filters_and_sim_list():
+    listed = json.loads(ok("filters", "--json").stdout)
+    first = listed["filters"]["mahony"]["parameters"][0]
+    assert (first["name"], first["unit"], first["default"]) == ("kp", "1/s", 0.5)
+    assert "gate" in ok("filters").stdout
+    assert "mpu6000" in ok("sim", "--list").stdout
+
+
+def test_csv_and_back(buoy, tmp_path):
+    """A track and a recording survive CSV: the same errors to the last digit."""
+    recording = io.read(buoy)
+    io.write(tmp_path / "buoy.csv", recording)
+    a = json.loads(ok("run", buoy, "--filter", "mahony", "--json").stdout)["errors"]
+    b = json.loads(ok("run", tmp_path / "buoy.csv", "--filter", "mahony", "--json").stdout)["errors"]
+    assert a == b
+
+
+def test_demo_ends_in_a_table_and_a_page(tmp_path):
+    done = ok("demo", "--out", tmp_path / "demo")
+    assert "rms error, degrees" in done.stdout
+    page = tmp_path / "demo" / "report.html"
+    assert str(page) in done.stdout
+    assert "<svg" in page.read_text()
+
+
+# --- speed and courtesy -------------------------------------------------------------------------------------
+
+
+def test_help_imports_nothing_heavy():
+    """The answer in 0.2 s rests on this; the time itself belongs to no test."""
+    code = (
+        "import sys; from plumbob.cli.main import build_parser; build_parser().format_help();"
+        "print([m for m in ('numpy', 'numba', 'scipy', 'pyarrow', 'matplotlib', 'rich', 'h5py') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="nothing is compiled here")
+def test_the_first_run_on_a_cold_cache_says_why_it_waits(buoy, tmp_path):
+    words = ("run", buoy, "--filter", "integrate_first_order")
+    first = ok(*words, PLUMBOB_CACHE_DIR=str(tmp_path))
+    assert "compiling integrate_first_order for this processor, once" in first.stderr
+    assert str(tmp_path) in first.stderr
+    second = ok(*words, PLUMBOB_CACHE_DIR=str(tmp_path))
+    assert "compiling" not in second.stderr
+    assert second.stdout == first.stdout
+
+
+def test_a_closed_pipe_is_no_error(buoy):
+    done = subprocess.run(
+        f"{sys.executable} -m plumbob.cli.main filters | head -1",
+        shell=True,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr
+    assert done.stderr == ""
+
+
+@pytest.mark.parametrize("words", [[], ["run"], ["eval"], ["fly"], ["run", "x", "--filter"]])
+def test_wrong_usage_exits_2(words):
+    assert plumbob(*words).returncode == 2
+
+
+@pytest.mark.parametrize(
+    "verb", [["demo"], ["sim"], ["run"], ["eval"], ["info"], ["benchmark"], ["benchmark", "accuracy"],
+             ["benchmark", "scenario"], ["filters"], ["warmup"]]
+)  # fmt: skip
+def test_every_verb_has_help(verb):
+    done = ok(*verb, "--help")
+    assert done.stdout.startswith(f"usage: plumbob {verb[0]}")
+
+
+# --- what users get wrong -----------------------------------------------------------------------------------
+
+
+def table(n=200, **change):
+    """A level unit at rest, as columns of a logger: time in s, rates in °/s, force in g."""
+    t = np.arange(n) / 100.0
+    columns = {"t": t, **{k: np.zeros(n) for k in ("gx", "gy", "gz", "ax", "ay")}, "az": np.ones(n)}
+    return columns | change
+
+
+def write_table(path, columns):
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    return path
+
+
+PROFILE = """
+[file]
+separator = ","
+header = "names"
+[time]
+column = "t"
+unit = "s"
+[gyr]
+columns = ["gx", "gy", "gz"]
+unit = "{gyr}"
+[acc]
+columns = ["ax", "ay", "az"]
+unit = "{acc}"
+"""
+
+
+def write_profile(path, gyr="dps", acc="g"):
+    path.write_text(PROFILE.format(gyr=gyr, acc=acc))
+    return path
+
+
+RUN = ("--filter", "mahony", "--frame", "ENU")
+
+
+def test_a_csv_with_a_profile_runs(tmp_path):
+    csv = write_table(tmp_path / "log.csv", table())
+    profile = write_profile(tmp_path / "p.toml")
+    done = ok("run", csv, "--profile", profile, *RUN)
+    assert "NONE: these sensor values are uncalibrated" in done.stdout
+
+
+def test_wrong_units_are_refused(tmp_path):
+    csv = write_table(tmp_path / "log.csv", table())
+    line = refused("run", csv, "--profile", write_profile(tmp_path / "p.toml", acc="m/s2"), *RUN)
+    assert "looks like g" in line
+    fast = write_table(tmp_path / "fast.csv", table(gx=np.full(200, 300.0)))
+    line = refused("run", fast, "--profile", write_profile(tmp_path / "q.toml", gyr="rad/s"), *RUN)
+    assert "gyr[0, 0] = 300 rad/s" in line
+    assert "°/s" in line
+
+
+def test_an_unknown_unit_is_refused(tmp_path):
+    csv = write_table(tmp_path / "log.csv", table())
+    assert "furlong" in refused("run", csv, "--profile", write_profile(tmp_path / "p.toml", gyr="furlong"), *RUN)
+
+
+def test_a_csv_without_a_profile_is_refused(tmp_path):
+    csv = write_table(tmp_path / "log.csv", table())
+    line = refused("run", csv, *RUN)
+    assert "--profile" in line
+    assert "log.csv" in line
+
+
+def test_wrong_shapes_are_refused(tmp_path):
+    (tmp_path / "log.csv").write_text("t,gx,gy,gz,ax,ay\n0,0,0,0,0,0\n")
+    assert "az" in refused("run", tmp_path / "log.csv", "--profile", write_profile(tmp_path / "p.toml"), *RUN)
+
+
+def test_time_that_runs_back_is_refused(tmp_path):
+    t = np.arange(200) / 100.0
+    t[50] = 0.1
+    csv = write_table(tmp_path / "log.csv", table(t=t))
+    assert "increase" in refused("run", csv, "--profile", write_profile(tmp_path / "p.toml"), *RUN)
+
+
+def test_a_sensor_that_is_all_nan_is_refused(tmp_path):
+    nothing = np.full(200, np.nan)
+    csv = write_table(tmp_path / "log.csv", table(gx=nothing, gy=nothing, gz=nothing))
+    assert "gyr is NaN in all 200 samples" in refused("run", csv, "--profile", write_profile(tmp_path / "p.toml"), *RUN)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.999])
+def test_a_truncated_parquet_file_is_refused(buoy, tmp_path, share):
+    whole = buoy.read_bytes()
+    (tmp_path / "cut.parquet").write_bytes(whole[: int(share * len(whole))])
+    assert "cut.parquet" in refused("run", tmp_path / "cut.parquet", "--filter", "mahony")
+
+
+def test_a_missing_frame_filter_parameter_or_file_is_refused(buoy, tmp_path):
+    imu = ImuData(t=[0.0, 0.01], gyr=np.zeros((2, 3)), acc=[[0, 0, 9.8]] * 2, meta=ImuMeta(device="x"))
+    plain = io.write(tmp_path / "plain.parquet", imu)
+    assert "--frame ENU" in refused("run", plain, "--filter", "mahony")
+    assert "known are kp, ki, gate" in refused("run", buoy, "--filter", "mahony", "--params", "kq=1")
+    assert "needs a unit" in refused("run", buoy, "--filter", "mahony", "--params", "gate=0.08")
+    assert "known are" in refused("run", buoy, "--filter", "mahoney")
+    assert "does not exist" in refused("info", tmp_path / "nothing.parquet")
+    assert "known are" in refused("sim", "bouy", "--frame", "ENU", "--out", tmp_path / "x.parquet")
+    assert "--module" in refused(
+        "sim", "buoy", "--frame", "ENU", "--sensors", "mpu6000", "--out", tmp_path / "x.parquet"
+    )
+    assert "no attitude" in refused("eval", plain, buoy)
+
+
+def test_a_card_of_another_unit_is_refused(buoy, tmp_path):
+    card = tmp_path / "card.json"
+    ok("sim", "static", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "drawn", "--seed", 8,
+       "--out", tmp_path / "other.parquet", "--card", card)  # fmt: skip
+    line = refused("run", buoy, "--filter", "mahony", "--calibration", card)
+    assert "device" in line
+    done = ok("run", tmp_path / "other.parquet", "--filter", "mahony", "--calibration", card)
+    assert "calibration  mpu6000" in done.stdout
+
+
+def test_a_place_that_cannot_be_written_is_one_line(buoy, tmp_path):
+    line = refused("run", buoy, "--filter", "mahony", "--out", tmp_path / "no-such-folder" / "x.parquet")
+    assert "no-such-folder" in line
+
+
+def test_frames_are_told_apart(buoy, tmp_path):
+    """The same attitude estimated in ENU and in NED gives the same errors: eval converts the reference and says so."""
+    found = []
+    for frame in Frame:
+        track = tmp_path / f"{frame}.parquet"
+        ok("run", buoy, "--filter", "mahony", "--frame", frame, "--out", track)
+        found.append(json.loads(ok("eval", track, buoy, "--json").stdout)["total_rmse_deg"])
+    assert max(found) - min(found) < 1e-6
+
+
+def test_info_neither_compiles_nor_imports_numba(buoy):
+    code = (
+        "import sys; from plumbob.cli.main import main; "
+        f"main(['info', {str(buoy)!r}]); sys.exit(1 if 'numba' in sys.modules else 0)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0

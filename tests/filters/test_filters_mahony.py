@@ -1,0 +1,98 @@
+"""The buoy paper's filter: its equations, its gate, and the real recordings on which two other programs agree."""
+
+import math
+
+import numpy as np
+import pytest
+from tests.battery.motion import noisy, seen_by
+
+from plumbob import Filter, Frame, ImuData, flags
+from plumbob.constants import G0
+from plumbob.filters import mahony
+from plumbob.filters.layout import OWN
+from plumbob.rotations import dcm_from_quat, quat_angle, quat_from_euler_zyx, quat_multiply, quat_normalize
+
+
+def by_the_paper(q, integral, dt, gyr, acc, mag, kp, ki, gate):
+    """One step in NED as the corrected specification writes it, with matrices and NumPy."""
+    c = dcm_from_quat(q)
+    f = np.asarray(acc)
+    down = c.T @ [0.0, 0.0, 1.0]
+    error = np.cross(-f / np.linalg.norm(f), down) if abs(np.linalg.norm(f) - G0) < gate else np.zeros(3)
+    m = np.asarray(mag) / np.linalg.norm(mag)
+    h = c @ m  # turned level
+    b = np.array([math.hypot(h[0], h[1]), 0.0, h[2]])
+    error = error + np.cross(m, c.T @ b)
+    integral = integral + ki * dt * error  # [Yu2018] (7)
+    rate = np.asarray(gyr) + kp * error + integral
+    return quat_normalize(q + 0.5 * dt * quat_multiply(q, [0.0, *rate])), integral  # [Yu2018] (3), corrected
+
+
+def test_the_kernel_is_the_paper_step_by_step():
+    data = noisy(400)
+    whole = np.isfinite(data.mag).all(1) & np.isfinite(data.acc).all(1) & np.isfinite(data.gyr).all(1)
+    t = np.arange(int(whole.sum())) / 100.0
+    data = ImuData(t=t, gyr=data.gyr[whole], acc=data.acc[whole], mag=data.mag[whole])
+    f = Filter("mahony", frame=Frame.NED, params={"kp": 0.7, "ki": 0.2, "gate": 0.5})
+    track = f.process(data)
+    q, integral = track.q_nb[0], -track.bias_b[0]
+    gated = 0
+    for i in range(1, len(data)):
+        q, integral = by_the_paper(q, integral, 0.01, data.gyr[i], data.acc[i], data.mag[i], 0.7, 0.2, 0.5)
+        assert quat_angle(q, track.q_nb[i]) < 1e-12 * i
+        assert np.abs(integral + track.bias_b[i]).max() < 1e-12 * i
+        gated += bool(track.flags[i] & flags.ACC_GATED)
+    assert 10 < gated < len(data) - 10  # both branches were walked
+
+
+def test_errors_are_the_vector_products_of_measured_and_predicted_directions():
+    """[Mahony2008] (48c): a small turn of the attitude shows up as minus that turn, for tilt and heading alike."""
+    frame = Frame.ENU
+    q = quat_from_euler_zyx([0.3, -0.4, 1.1])
+    seen = seen_by(q, frame)
+    f = Filter("mahony", frame=frame, init=q)
+    for axis in np.eye(3):
+        x = np.zeros(OWN)
+        x[:4] = quat_normalize(quat_multiply(q, [1.0, *(0.5e-6 * axis)]))
+        tilt = mahony.tilt_error(f._c, x, *seen["acc"])[1:]
+        up_b = seen["acc"] / G0
+        level_turn = axis - up_b * (axis @ up_b)  # gravity does not show turns about itself
+        assert np.abs(np.array(tilt) + 1e-6 * level_turn).max() < 1e-11
+
+
+@pytest.mark.parametrize(
+    ("excess_g", "used"), [(0.0, True), (0.079, True), (0.081, False), (-0.079, True), (-0.081, False)]
+)
+def test_the_gate_is_in_g_when_it_says_so(excess_g, used):
+    q = quat_from_euler_zyx([0.0, 0.1, 0.2])
+    seen = seen_by(np.tile(q, (2, 1)), Frame.NED)
+    seen["acc"] = seen["acc"] * (1.0 + excess_g)
+    data = ImuData(t=[0.0, 0.01], gyr=np.zeros((2, 3)), **seen)
+    track = Filter("mahony", frame=Frame.NED, params={"gate": "0.08g"}).process(data)
+    assert bool(track.flags[1] & flags.ACC_GATED) is not used
+
+
+def test_a_constant_gyroscope_bias_is_learned():
+    """Poles of s² + 2 Kp s + 2 Ki (two vectors, each of gain about 1 about the vertical): settled after 300 s."""
+    q = np.tile(quat_from_euler_zyx([0.5, 0.1, -0.2]), (60_000, 1))
+    bias = np.radians([1.0, -2.0, 0.5])
+    data = ImuData(t=np.arange(60_000) / 100.0, gyr=np.tile(bias, (60_000, 1)), **seen_by(q, Frame.ENU))
+    track = Filter("mahony", frame=Frame.ENU).process(data)
+    assert np.abs(track.bias_b[-1] - bias).max() < 1e-6
+    assert quat_angle(track.q_nb[-1], q[-1]) < 1e-5
+
+
+def test_fifteen_real_trials_agree_with_two_other_programs(broad_folder):
+    """Mean over the trials, the paper's gains, no gate: ahrs 0.4.0 and qmt 0.2.4 both give 20.03/19.17/5.666°."""
+    from plumbob.benchmark import measure_accuracy, trials_in
+    from plumbob.pipeline import Stage
+
+    files = trials_in(broad_folder)
+    plain = measure_accuracy(files, [Stage("mahony", {"kp": 0.5, "ki": 0.03, "gate": None})])
+    assert len(plain.trials) == 15
+    mean = plain.mean()["mahony"]
+    assert mean["total_rmse_deg"] == pytest.approx(20.03, abs=0.3)
+    assert mean["heading_rmse_deg"] == pytest.approx(19.17, abs=0.3)
+    assert mean["inclination_rmse_deg"] == pytest.approx(5.666, abs=0.3)
+    gated = measure_accuracy(files, [Stage("mahony", {"kp": 0.5, "ki": 0.002, "gate": 2.0})])
+    assert gated.mean()["mahony"]["total_rmse_deg"] < 0.5 * mean["total_rmse_deg"]
