@@ -1,0 +1,37 @@
+"""Simulation: recordings of which the truth is known exactly.
+
+``simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=1)`` gives a recording, its
+true attitude, and the calibration and noise of the unit that recorded it.
+
+Not modelled: the Earth's rotation, filters and bandwidths of sensors, nonlinearity, and vibration rectification.
+"""
+
+from plumbob.sim.errors import TriadErrors
+from plumbob.sim.field import earth_field
+from plumbob.sim.motion import ConingMotion, EulerMotion, Motion, Truth
+from plumbob.sim.presets import Figure, Module, Preset, draw_module, preset, preset_names
+from plumbob.sim.scenarios import SCENARIOS, Parameter, Scenario, parameters_of, scenario
+from plumbob.sim.simulation import MODULES, Simulation, simulate
+
+__all__ = [
+    "MODULES",
+    "SCENARIOS",
+    "ConingMotion",
+    "EulerMotion",
+    "Figure",
+    "Module",
+    "Motion",
+    "Parameter",
+    "Preset",
+    "Scenario",
+    "Simulation",
+    "TriadErrors",
+    "Truth",
+    "draw_module",
+    "earth_field",
+    "parameters_of",
+    "preset",
+    "preset_names",
+    "scenario",
+    "simulate",
+]

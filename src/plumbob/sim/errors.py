@@ -1,0 +1,237 @@
+"""What a triad of sensors makes of the truth: the error model, applied and inverted.
+
+One equation holds for every triad; what a triad does not have is zero::
+
+    measured = clip(step(G(T) (I + M) (W truth + h) + b(T) + S f + drift + white))
+
+G gain, M misalignment, W and h soft and hard iron (magnetometer), b bias, S g-sensitivity (gyroscope) to the specific
+force f, drift = flicker + random walk + ramp, T temperature. Units are those of the triad, u: rad/s, m/s² or µT.
+"""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob import check
+from plumbob.cards import TriadCalibration, TriadNoise
+from plumbob.check import Floats
+from plumbob.errors import ParameterError
+from plumbob.sim import noise
+from plumbob.sim.noise import stream
+
+_MATRICES = ("misalignment", "soft_iron", "g_sensitivity")
+_SIZES = ("white_rpsd", "white_sd", "flicker", "walk_rpsd", "lsb", "latency")
+_DETERMINISTIC = (
+    "bias",
+    "bias_per_k",
+    "scale",
+    "scale_per_k",
+    "misalignment",
+    "soft_iron",
+    "hard_iron",
+    "g_sensitivity",
+    "latency",
+)
+
+
+def _nothing() -> Floats:
+    return np.zeros(3)
+
+
+def _no_coupling() -> Floats:
+    return np.zeros((3, 3))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TriadErrors:
+    """Errors of one triad. Where (3,) is asked for, one number stands for all three axes.
+
+    Parameters
+    ----------
+    white_rpsd : array_like (3,)
+        White noise N, u/√Hz: its Allan deviation is N/√τ, and one sample scatters by N √rate.
+    white_sd : array_like (3,)
+        White noise whose scatter per sample does not depend on the rate, u. The two add as squares.
+    flicker : array_like (3,)
+        Bias instability B, u: the floor of the Allan deviation is 0.6643 B.
+    walk_rpsd : array_like (3,)
+        Random walk K of the bias, u/s/√Hz: its Allan deviation is K √(τ/3).
+    ramp : array_like (3,)
+        Steady drift R, u/s.
+    bias : array_like (3,)
+        Offset at turn-on, at `temp_ref_c`, u.
+    bias_per_k : array_like (3,)
+        Change of the offset per kelvin, u/K.
+    temp_ref_c : float
+        Temperature at which bias and scale hold, °C.
+    scale : array_like (3,)
+        Relative error of the gain: 0.01 reads 1 % too much.
+    scale_per_k : array_like (3,)
+        Change of the gain per kelvin, 1/K.
+    misalignment : array_like (3, 3)
+        Off-diagonal entry ij is what axis i picks up of the input along j; the diagonal is zero.
+    soft_iron : array_like (3, 3)
+        How iron on the body changes the field, identity without any.
+    hard_iron : array_like (3,)
+        Field of the body itself, µT.
+    g_sensitivity : array_like (3, 3)
+        Bias per specific force, rad/s per m/s².
+    lsb : array_like (3,)
+        Step of quantisation, u; 0 is continuous.
+    full_scale : array_like (3,)
+        End of the range, u; values beyond are clipped to it.
+    latency : array_like (3,)
+        How much older than its time stamp a value is, s.
+    rate : float or None
+        Own sampling rate, Hz, where it differs from the recording's; rows without a new value are NaN.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not finite or outside its domain.
+    """
+
+    white_rpsd: Floats = field(default_factory=_nothing)
+    white_sd: Floats = field(default_factory=_nothing)
+    flicker: Floats = field(default_factory=_nothing)
+    walk_rpsd: Floats = field(default_factory=_nothing)
+    ramp: Floats = field(default_factory=_nothing)
+    bias: Floats = field(default_factory=_nothing)
+    bias_per_k: Floats = field(default_factory=_nothing)
+    temp_ref_c: float = 25.0
+    scale: Floats = field(default_factory=_nothing)
+    scale_per_k: Floats = field(default_factory=_nothing)
+    misalignment: Floats = field(default_factory=_no_coupling)
+    soft_iron: Floats = field(default_factory=lambda: np.eye(3))
+    hard_iron: Floats = field(default_factory=_nothing)
+    g_sensitivity: Floats = field(default_factory=_no_coupling)
+    lsb: Floats = field(default_factory=_nothing)
+    full_scale: Floats = field(default_factory=lambda: np.full(3, math.inf))
+    latency: Floats = field(default_factory=_nothing)
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        """Bring every array to its shape and validate it."""
+        for name in (f.name for f in fields(self) if f.name not in {"temp_ref_c", "rate"}):
+            shape = (3, 3) if name in _MATRICES else (3,)
+            object.__setattr__(self, name, check.read_only(_shaped(name, getattr(self, name), shape)))
+        if np.diag(self.misalignment).any():
+            raise ParameterError("misalignment must have a zero diagonal; the gain of an axis is its scale.")
+        if self.rate is not None and not 0.0 < self.rate < math.inf:
+            raise ParameterError(f"rate must be positive and finite, but it is {self.rate:g} Hz.")
+
+    def calibrated(self) -> Self:
+        """Return the same triad after an ideal calibration: noise, quantisation, range and rate stay."""
+        perfect = type(self)()
+        return replace(self, **{name: getattr(perfect, name) for name in _DETERMINISTIC})
+
+    @property
+    def response(self) -> Floats:
+        """Matrix (3, 3) from truth to measurement at `temp_ref_c`."""
+        return np.asarray(self._case @ self.soft_iron)
+
+    @property
+    def iron(self) -> Floats:
+        """What the triad reads of the hard iron, (3,), µT, at `temp_ref_c`."""
+        return np.asarray(self._case @ self.hard_iron)
+
+    @property
+    def _case(self) -> Floats:
+        gain = 1.0 + self.scale
+        return np.asarray(gain[:, np.newaxis] * (np.eye(3) + self.misalignment))
+
+    def card(self, unit: str) -> TriadCalibration:
+        """Calibration that undoes response, bias, iron and the bias's temperature: what a perfect laboratory finds.
+
+        A card has no place for g-sensitivity, for the temperature of the gain, and for latency; they remain.
+        """
+        return TriadCalibration(
+            matrix=np.asarray(np.linalg.inv(self.response), dtype=np.float64),
+            bias=self.bias + self.iron,
+            unit_in=unit,
+            unit_out=unit,
+            bias_per_k=self.bias_per_k,
+            temp_ref_c=self.temp_ref_c,
+        )
+
+    def noise_card(self, rate: float) -> TriadNoise:
+        """N, B and K of the triad when it is sampled at `rate`, Hz, or at its own rate."""
+        n = self.white_rpsd
+        own = self.white_sd / math.sqrt(self.own_rate(rate))
+        return TriadNoise(n_rpsd=np.hypot(n, own), b=self.flicker, k_rpsd=self.walk_rpsd)
+
+    def own_rate(self, rate: float) -> float:
+        """Rate at which the triad yields values in a recording of `rate`, Hz."""
+        return rate if self.rate is None else min(self.rate, rate)
+
+
+class Measured(NamedTuple):
+    """What a triad says: values (N, 3), the bias in them with drift and g-sensitivity (N, 3), and clipping (N, 3)."""
+
+    values: Floats
+    bias: Floats
+    clipped: NDArray[np.bool_]
+
+
+def measure(
+    errors: TriadErrors, truth_b: Floats, *, triad: str, seed: int, rate: float, temp_c: Floats, force_b: Floats
+) -> Measured:
+    """Let a triad measure.
+
+    Parameters
+    ----------
+    errors : TriadErrors
+        Of the triad.
+    truth_b : ndarray (N, 3)
+        True values in body axes at evenly spaced instants, u.
+    triad : {"gyr", "acc", "mag"}
+        Names the random streams.
+    seed : int
+        Of the random streams.
+    rate : float
+        Of the instants, Hz.
+    temp_c : ndarray (N,)
+        Temperature, °C.
+    force_b : ndarray (N, 3)
+        Specific force, m/s², for the g-sensitivity.
+    """
+    e, count = errors, truth_b.shape[0]
+    warmer = (temp_c - e.temp_ref_c)[:, np.newaxis]
+    gain_change = 1.0 + warmer * e.scale_per_k / (1.0 + e.scale)
+    bias = e.bias + warmer * e.bias_per_k + force_b @ e.g_sensitivity.T + _drift(e, count, triad, seed, rate)
+    analogue = gain_change * (truth_b @ e.response.T + e.iron) + bias + _white(e, count, triad, seed, rate)
+    digital = _steps(analogue, e.lsb)
+    return Measured(np.clip(digital, -e.full_scale, e.full_scale), bias, np.abs(digital) >= e.full_scale)
+
+
+def _white(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
+    by_density = noise.white_sd(e.white_rpsd, rate)
+    return noise.white(np.hypot(by_density, e.white_sd), count, stream(seed, triad, "white"))
+
+
+def _drift(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
+    drift = np.outer(np.arange(count) / rate, e.ramp)
+    if e.flicker.any():
+        drift += noise.flicker(e.flicker, count, stream(seed, triad, "flicker"))
+    if e.walk_rpsd.any():
+        drift += noise.random_walk(e.walk_rpsd, count, rate, stream(seed, triad, "walk"))
+    return drift
+
+
+def _steps(analogue: Floats, lsb: Floats) -> Floats:
+    step = np.where(lsb > 0.0, lsb, 1.0)
+    return np.where(lsb > 0.0, step * np.rint(analogue / step), analogue)
+
+
+def _shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    array = check.floats(name, value)
+    if array.shape != shape and (array.shape or name in _MATRICES):
+        raise ParameterError(f"{name} must be of shape {shape}, but its shape is {array.shape}.")
+    finite = np.isfinite(array) | (array == np.inf) if name == "full_scale" else np.isfinite(array)
+    low = 0.0 if name in _SIZES or name == "full_scale" else -math.inf
+    if not (finite & (array >= low)).all():
+        raise ParameterError(f"{name} must be finite and not below {low:g}, but it is {array.tolist()}.")
+    return np.array(np.broadcast_to(array, shape))
