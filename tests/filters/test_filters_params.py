@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from plumbob import Filter, Frame
 from plumbob.constants import G0
 from plumbob.errors import FrameError, ParameterError, ShapeError
-from plumbob.filters import CommonParams, describe, filter_names, load
+from plumbob.filters import CommonParams, filter_names, load
+from plumbob.params import describe
 
 
 def mahony(**params):
@@ -40,9 +41,9 @@ def test_the_gate_can_be_off(word):
         ({"gate": "0.08"}, "gate.*needs a unit.*m/s2, g, mg"),
         ({"gate": "0.08 deg"}, "not a unit of acceleration"),
         ({"gate": "much"}, "not a number"),
-        ({"kp": "-1"}, r"kp must lie in \[0, 100\] 1/s, but is -1"),
+        ({"kp": "-1"}, r"kp must be 0 to 100 1/s, but it is -1"),
         ({"kp": "nan"}, "kp"),
-        ({"kp": float("nan")}, "kp must lie in"),
+        ({"kp": float("nan")}, "kp must be 0 to"),
         ({"kp": None}, "kp must be a number"),
         ({"kp": True}, "kp must be a number"),
         ({"freqency": 100.0}, "no parameter 'freqency'; known are kp, ki, gate, declination, max_gap, mag"),

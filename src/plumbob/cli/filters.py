@@ -19,7 +19,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.filters import CommonParams, describe, filter_names, load
+    from plumbob.filters import CommonParams, filter_names, load
+    from plumbob.params import describe
 
     listed = {name: _entry(load(name)) for name in filter_names()}
     shared = [_row(p) for p in describe(CommonParams)]
@@ -36,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _entry(module: Any) -> dict[str, Any]:
-    from plumbob.filters import describe
+    from plumbob.params import describe
 
     return {
         "summary": module.SUMMARY,

@@ -4,12 +4,11 @@ from importlib import import_module
 from typing import cast
 
 from plumbob.errors import ParameterError
-from plumbob.filters.base import Filter, FilterModule
-from plumbob.filters.params import CommonParams, Parameter, describe
+from plumbob.filters.base import CommonParams, Filter, FilterModule
 
 _MODULES = ("integrate", "integrate_first_order", "mahony", "tilt_compass")
 
-__all__ = ["CommonParams", "Filter", "FilterModule", "Parameter", "describe", "filter_names", "load"]
+__all__ = ["CommonParams", "Filter", "FilterModule", "filter_names", "load"]
 
 
 def filter_names() -> tuple[str, ...]:

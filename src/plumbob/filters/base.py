@@ -7,7 +7,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Annotated, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,11 +18,22 @@ from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuSample
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.layout import BIAS, HEADED, OUTPUT, OWN, STAGE, Q
-from plumbob.filters.params import CommonParams, build, describe
+from plumbob.params import Spec, build, describe
 from plumbob.rotations import Frame, North, quat_normalize
+from plumbob.units import Quantity
 
 STATE_VERSION = 1
 _ABSENT = check.read_only(np.full(3, np.nan))
+
+
+class CommonParams(NamedTuple):
+    """What every filter takes besides its own parameters."""
+
+    declination: Annotated[
+        float | None, Spec(Quantity.ANGLE, "magnetic declination, east positive; off: headings are magnetic", -4, 4)
+    ] = None
+    max_gap: Annotated[float, Spec(Quantity.TIME, "a longer step is not integrated: the filter starts again", 0)] = 1.0
+    mag: Annotated[bool, Spec(Quantity.RATIO, "use the magnetometer; off: headings count from a free zero")] = True
 
 
 class FilterModule(Protocol):

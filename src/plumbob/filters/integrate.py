@@ -21,7 +21,7 @@ from plumbob.check import Floats
 from plumbob.filters.admission import admit
 from plumbob.filters.alignment import initialise
 from plumbob.filters.layout import HEADED, OWN, OWN_C, RATE, STAGE, Q
-from plumbob.filters.params import Spec
+from plumbob.params import Spec
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit
 from plumbob.units import Quantity
 

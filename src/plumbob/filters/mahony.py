@@ -34,7 +34,7 @@ from plumbob.constants import G0
 from plumbob.filters.admission import admit, usable
 from plumbob.filters.alignment import initialise, up_in_body
 from plumbob.filters.layout import BIAS, HEADED, NORTH_X, NORTH_Y, OWN_C, STAGE, UP, Q
-from plumbob.filters.params import Spec
+from plumbob.params import Spec
 from plumbob.rotations.kernels import Vec, cross, quat_mul, quat_unit, rotate
 from plumbob.units import Quantity
 

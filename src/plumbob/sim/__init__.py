@@ -10,7 +10,7 @@ from plumbob.sim.errors import TriadErrors
 from plumbob.sim.field import earth_field
 from plumbob.sim.motion import ConingMotion, EulerMotion, Motion, Truth
 from plumbob.sim.presets import Figure, Module, Preset, draw_module, preset, preset_names
-from plumbob.sim.scenarios import SCENARIOS, Parameter, Scenario, parameters_of, scenario
+from plumbob.sim.scenarios import SCENARIOS, Scenario, scenario
 from plumbob.sim.simulation import MODULES, Simulation, simulate
 
 __all__ = [
@@ -21,7 +21,6 @@ __all__ = [
     "Figure",
     "Module",
     "Motion",
-    "Parameter",
     "Preset",
     "Scenario",
     "Simulation",
@@ -29,7 +28,6 @@ __all__ = [
     "Truth",
     "draw_module",
     "earth_field",
-    "parameters_of",
     "preset",
     "preset_names",
     "scenario",

@@ -1,17 +1,19 @@
 """Scenarios: named motions with a few parameters, each a small frozen class.
 
-Parameters are in SI and radians. Every one carries its unit, its domain and its meaning; `parameters_of` lists them.
+Parameters are in SI and radians; each carries its unit, domain and meaning (`plumbob.params.describe` lists them).
 Headings count from true North over East; pitch is nose up, roll is right side down, in every navigation frame.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from plumbob.errors import ParameterError
+from plumbob.params import Spec, build, checked, describe
 from plumbob.rotations import Frame
 from plumbob.sim.motion import ConingMotion, EulerMotion, Motion
 from plumbob.sim.signals import (
@@ -27,29 +29,14 @@ from plumbob.sim.signals import (
     sinusoid,
 )
 from plumbob.sim.waves import draw_sea, oscillator
-from plumbob.units import Quantity, deg, dps, g, parse
+from plumbob.units import Quantity, deg, dps, g
 
 _REST = constant(0.0)
 _TURN = math.pi
 
 
-class Parameter(NamedTuple):
-    """One parameter of a scenario: default and domain are in `unit`, limits included."""
-
-    name: str
-    default: float
-    unit: Quantity
-    low: float
-    high: float
-    meaning: str
-
-
-def _given(default: float, unit: Quantity, low: float, high: float, meaning: str) -> Any:
-    return field(default=default, metadata={"unit": unit, "low": low, "high": high, "meaning": meaning})
-
-
 @dataclass(frozen=True, kw_only=True)
-class Scenario:
+class Scenario(ABC):
     """A motion to simulate.
 
     Attributes
@@ -67,35 +54,26 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Check every parameter's domain."""
-        for f in fields(self):
-            value, low, high = getattr(self, f.name), f.metadata["low"], f.metadata["high"]
-            if isinstance(value, bool) or not (isinstance(value, (int, float)) and low <= value <= high):
-                unit = f.metadata["unit"]
-                raise ParameterError(f"{f.name} must be {low:g} to {high:g} {unit}, but it is {value!r}.")
+        for p in describe(type(self)):
+            checked(type(self).__name__.lower(), p, getattr(self, p.name))
 
     @property
     def duration(self) -> float:
         """Time that it takes, s."""
         return 60.0
 
+    @abstractmethod
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Motion over the first `duration` s, with what is left to chance drawn from `rng`."""
-        raise NotImplementedError
-
-
-def parameters_of(scenario: type[Scenario]) -> tuple[Parameter, ...]:
-    """Parameters that a scenario takes."""
-    defaults = scenario()
-    return tuple(Parameter(f.name, getattr(defaults, f.name), **f.metadata) for f in fields(scenario))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Static(Scenario):
     """At rest, level or tilted: noise, turn-on bias, initial attitude."""
 
-    heading: float = _given(0.0, Quantity.ANGLE, -_TURN, _TURN, "heading")
-    pitch: float = _given(0.0, Quantity.ANGLE, -0.5 * _TURN, 0.5 * _TURN, "nose up")
-    roll: float = _given(0.0, Quantity.ANGLE, -_TURN, _TURN, "right side down")
+    heading: Annotated[float, Spec(Quantity.ANGLE, "heading", -_TURN, _TURN)] = 0.0
+    pitch: Annotated[float, Spec(Quantity.ANGLE, "nose up", -0.5 * _TURN, 0.5 * _TURN)] = 0.0
+    roll: Annotated[float, Spec(Quantity.ANGLE, "right side down", -_TURN, _TURN)] = 0.0
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Motion that is none."""
@@ -108,12 +86,12 @@ class Turntable(Scenario):
 
     rate: ClassVar[float] = 10.0
 
-    peak_rate: float = _given(
-        dps(60.0), Quantity.RATE, dps(0.01), dps(2000.0), "rate that is held, clockwise from above"
-    )
-    spin_up: float = _given(100.0, Quantity.TIME, 0.1, 1e4, "time from rest to the rate that is held")
-    hold: float = _given(100.0, Quantity.TIME, 0.0, 1e5, "time that the rate is held")
-    radius: float = _given(0.0, Quantity.LENGTH, 0.0, 10.0, "distance of the sensors behind the axis")
+    peak_rate: Annotated[
+        float, Spec(Quantity.RATE, "rate that is held, clockwise from above", dps(0.01), dps(2000.0))
+    ] = dps(60.0)
+    spin_up: Annotated[float, Spec(Quantity.TIME, "time from rest to the rate that is held", 0.1, 1e4)] = 100.0
+    hold: Annotated[float, Spec(Quantity.TIME, "time that the rate is held", 0.0, 1e5)] = 100.0
+    radius: Annotated[float, Spec(Quantity.LENGTH, "distance of the sensors behind the axis", 0.0, 10.0)] = 0.0
 
     @property
     def duration(self) -> float:
@@ -132,15 +110,15 @@ class Turntable(Scenario):
 class Slide(Scenario):
     """Slid to and fro over a level table, obliquely to its axes: acceleration without any tilt [Yu2018]."""
 
-    peak_speed: float = _given(2.0, Quantity.SPEED, 0.01, 20.0, "highest speed of a stroke")
-    stroke: float = _given(0.4, Quantity.TIME, 0.05, 60.0, "duration of a stroke")
-    pause: float = _given(0.4, Quantity.TIME, 0.0, 60.0, "rest between strokes")
-    strokes: float = _given(20, Quantity.RATIO, 1, 1e4, "number of strokes, a whole number")
-    direction: float = _given(
-        deg(50.0), Quantity.ANGLE, -_TURN, _TURN, "of the first stroke, from forward to the right"
-    )
-    heading: float = _given(0.0, Quantity.ANGLE, -_TURN, _TURN, "heading")
-    lead: float = _given(10.0, Quantity.TIME, 0.0, 1e4, "rest before the first stroke and after the last")
+    peak_speed: Annotated[float, Spec(Quantity.SPEED, "highest speed of a stroke", 0.01, 20.0)] = 2.0
+    stroke: Annotated[float, Spec(Quantity.TIME, "duration of a stroke", 0.05, 60.0)] = 0.4
+    pause: Annotated[float, Spec(Quantity.TIME, "rest between strokes", 0.0, 60.0)] = 0.4
+    strokes: Annotated[float, Spec(Quantity.RATIO, "number of strokes, a whole number", 1, 1e4)] = 20
+    direction: Annotated[
+        float, Spec(Quantity.ANGLE, "of the first stroke, from forward to the right", -_TURN, _TURN)
+    ] = deg(50.0)
+    heading: Annotated[float, Spec(Quantity.ANGLE, "heading", -_TURN, _TURN)] = 0.0
+    lead: Annotated[float, Spec(Quantity.TIME, "rest before the first stroke and after the last", 0.0, 1e4)] = 10.0
 
     def __post_init__(self) -> None:
         """Check every parameter's domain, and that strokes can be counted."""
@@ -177,17 +155,27 @@ class Buoy(Scenario):
     wanders by itself; pitch and roll follow the slopes along and across the mean heading.
     """
 
-    height: float = _given(1.5, Quantity.LENGTH, 0.0, 20.0, "significant wave height Hs")
-    period: float = _given(6.0, Quantity.TIME, 1.0, 25.0, "period Tp of the spectrum's peak")
-    peakedness: float = _given(1.0, Quantity.RATIO, 1.0, 10.0, "γ of the spectrum; 1 is Pierson and Moskowitz's")
-    waves_to: float = _given(deg(45.0), Quantity.ANGLE, -_TURN, _TURN, "mean direction that the waves travel to")
-    spread: float = _given(deg(20.0), Quantity.ANGLE, 0.0, _TURN, "standard deviation of the waves' directions")
-    way_period: float = _given(2.2, Quantity.TIME, 0.0, 25.0, "natural period of heave and surge; 0 follows the water")
-    way_damping: float = _given(1.0, Quantity.RATIO, 0.05, 10.0, "damping ratio of heave and surge")
-    tilt_period: float = _given(3.0, Quantity.TIME, 0.0, 25.0, "natural period of pitch and roll; 0 follows the slope")
-    tilt_damping: float = _given(0.4, Quantity.RATIO, 0.05, 10.0, "damping ratio of pitch and roll")
-    heading: float = _given(0.0, Quantity.ANGLE, -_TURN, _TURN, "mean heading")
-    yaw_wander: float = _given(deg(10.0), Quantity.ANGLE, 0.0, _TURN, "root mean square of the yaw about it")
+    height: Annotated[float, Spec(Quantity.LENGTH, "significant wave height Hs", 0.0, 20.0)] = 1.5
+    period: Annotated[float, Spec(Quantity.TIME, "period Tp of the spectrum's peak", 1.0, 25.0)] = 6.0
+    peakedness: Annotated[float, Spec(Quantity.RATIO, "γ of the spectrum; 1 is Pierson and Moskowitz's", 1.0, 10.0)] = (
+        1.0
+    )
+    waves_to: Annotated[float, Spec(Quantity.ANGLE, "mean direction that the waves travel to", -_TURN, _TURN)] = deg(
+        45.0
+    )
+    spread: Annotated[float, Spec(Quantity.ANGLE, "standard deviation of the waves' directions", 0.0, _TURN)] = deg(
+        20.0
+    )
+    way_period: Annotated[
+        float, Spec(Quantity.TIME, "natural period of heave and surge; 0 follows the water", 0.0, 25.0)
+    ] = 2.2
+    way_damping: Annotated[float, Spec(Quantity.RATIO, "damping ratio of heave and surge", 0.05, 10.0)] = 1.0
+    tilt_period: Annotated[
+        float, Spec(Quantity.TIME, "natural period of pitch and roll; 0 follows the slope", 0.0, 25.0)
+    ] = 3.0
+    tilt_damping: Annotated[float, Spec(Quantity.RATIO, "damping ratio of pitch and roll", 0.05, 10.0)] = 0.4
+    heading: Annotated[float, Spec(Quantity.ANGLE, "mean heading", -_TURN, _TURN)] = 0.0
+    yaw_wander: Annotated[float, Spec(Quantity.ANGLE, "root mean square of the yaw about it", 0.0, _TURN)] = deg(10.0)
 
     @property
     def duration(self) -> float:
@@ -225,18 +213,20 @@ class Buoy(Scenario):
 class Rod(Scenario):
     """Sensors at the top of a rigid rod that is moved by hand about its foot, vibrating later on [Li2012]."""
 
-    roll_limit: float = _given(deg(20.0), Quantity.ANGLE, 0.0, deg(80.0), "largest roll")
-    pitch_limit: float = _given(deg(15.0), Quantity.ANGLE, 0.0, deg(80.0), "largest pitch")
-    fastest: float = _given(1.5, Quantity.TIME, 0.1, 100.0, "shortest duration of a move")
-    slowest: float = _given(4.0, Quantity.TIME, 0.1, 100.0, "longest duration of a move")
-    pause: float = _given(2.0, Quantity.TIME, 0.0, 100.0, "longest rest between moves")
-    lever: float = _given(0.5, Quantity.LENGTH, 0.0, 10.0, "height of the sensors over the foot")
-    vibration: float = _given(g(0.08), Quantity.ACCELERATION, 0.0, g(10.0), "root mean square along each axis")
-    vibration_low: float = _given(3.0, Quantity.FREQUENCY, 0.1, 1e3, "lowest frequency of the vibration")
-    vibration_high: float = _given(20.0, Quantity.FREQUENCY, 0.1, 1e3, "highest frequency of the vibration")
-    vibration_start: float = _given(400.0, Quantity.TIME, 0.0, 1e6, "when the vibration begins; it grows over 2 s")
-    lead: float = _given(5.0, Quantity.TIME, 0.0, 1e4, "rest before the first move")
-    heading: float = _given(0.0, Quantity.ANGLE, -_TURN, _TURN, "heading")
+    roll_limit: Annotated[float, Spec(Quantity.ANGLE, "largest roll", 0.0, deg(80.0))] = deg(20.0)
+    pitch_limit: Annotated[float, Spec(Quantity.ANGLE, "largest pitch", 0.0, deg(80.0))] = deg(15.0)
+    fastest: Annotated[float, Spec(Quantity.TIME, "shortest duration of a move", 0.1, 100.0)] = 1.5
+    slowest: Annotated[float, Spec(Quantity.TIME, "longest duration of a move", 0.1, 100.0)] = 4.0
+    pause: Annotated[float, Spec(Quantity.TIME, "longest rest between moves", 0.0, 100.0)] = 2.0
+    lever: Annotated[float, Spec(Quantity.LENGTH, "height of the sensors over the foot", 0.0, 10.0)] = 0.5
+    vibration: Annotated[float, Spec(Quantity.ACCELERATION, "root mean square along each axis", 0.0, g(10.0))] = g(0.08)
+    vibration_low: Annotated[float, Spec(Quantity.FREQUENCY, "lowest frequency of the vibration", 0.1, 1e3)] = 3.0
+    vibration_high: Annotated[float, Spec(Quantity.FREQUENCY, "highest frequency of the vibration", 0.1, 1e3)] = 20.0
+    vibration_start: Annotated[float, Spec(Quantity.TIME, "when the vibration begins; it grows over 2 s", 0.0, 1e6)] = (
+        400.0
+    )
+    lead: Annotated[float, Spec(Quantity.TIME, "rest before the first move", 0.0, 1e4)] = 5.0
+    heading: Annotated[float, Spec(Quantity.ANGLE, "heading", -_TURN, _TURN)] = 0.0
 
     def __post_init__(self) -> None:
         """Check every parameter's domain, and that ranges are not empty."""
@@ -282,10 +272,10 @@ class Fin(Scenario):
 
     rate: ClassVar[float] = 500.0
 
-    swing: float = _given(deg(30.0), Quantity.ANGLE, 0.0, deg(170.0), "amplitude of the heading")
-    twist: float = _given(deg(20.0), Quantity.ANGLE, 0.0, deg(170.0), "amplitude of the roll")
-    frequency: float = _given(0.5, Quantity.FREQUENCY, 0.001, 50.0, "of both")
-    lag: float = _given(deg(90.0), Quantity.ANGLE, -_TURN, _TURN, "of the twist behind the swing")
+    swing: Annotated[float, Spec(Quantity.ANGLE, "amplitude of the heading", 0.0, deg(170.0))] = deg(30.0)
+    twist: Annotated[float, Spec(Quantity.ANGLE, "amplitude of the roll", 0.0, deg(170.0))] = deg(20.0)
+    frequency: Annotated[float, Spec(Quantity.FREQUENCY, "of both", 0.001, 50.0)] = 0.5
+    lag: Annotated[float, Spec(Quantity.ANGLE, "of the twist behind the swing", -_TURN, _TURN)] = deg(90.0)
 
     @property
     def duration(self) -> float:
@@ -303,8 +293,10 @@ class Fin(Scenario):
 class Coning(Scenario):
     """Classical coning motion, where the wrong order of turning shows most."""
 
-    half_angle: float = _given(deg(10.0), Quantity.ANGLE, 0.0, deg(170.0), "between the body's z axis and the cone's")
-    frequency: float = _given(1.0, Quantity.FREQUENCY, 0.001, 100.0, "turns round the cone per second")
+    half_angle: Annotated[float, Spec(Quantity.ANGLE, "between the body's z axis and the cone's", 0.0, deg(170.0))] = (
+        deg(10.0)
+    )
+    frequency: Annotated[float, Spec(Quantity.FREQUENCY, "turns round the cone per second", 0.001, 100.0)] = 1.0
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Closed form."""
@@ -336,14 +328,8 @@ def scenario(name: str, **parameters: float | str) -> Scenario:
     Raises
     ------
     ParameterError
-        If the name or a parameter is unknown, or a value is outside its domain.
-    UnitError
-        If a text has no unit where it needs one, or a wrong one.
+        If the name or a parameter is unknown, a value is outside its domain, or a text has not the unit that it needs.
     """
     if name not in SCENARIOS:
         raise ParameterError(f"'{name}' is no scenario; known are {', '.join(SCENARIOS)}.")
-    units = {p.name: p.unit for p in parameters_of(SCENARIOS[name])}
-    if unknown := [p for p in parameters if p not in units]:
-        raise ParameterError(f"scenario '{name}' has no parameter '{unknown[0]}'; known are {', '.join(units)}.")
-    values = {p: parse(value, units[p]) if isinstance(value, str) else value for p, value in parameters.items()}
-    return SCENARIOS[name](**values)
+    return build(SCENARIOS[name], parameters, of=name)

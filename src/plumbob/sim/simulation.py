@@ -13,13 +13,14 @@ from plumbob.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.check import Floats
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import FrameError, ParameterError
+from plumbob.params import describe
 from plumbob.rotations import Frame, North
 from plumbob.sim.errors import Measured, TriadErrors, measure
 from plumbob.sim.field import earth_field
 from plumbob.sim.motion import Truth
 from plumbob.sim.noise import stream
 from plumbob.sim.presets import Module, draw_module
-from plumbob.sim.scenarios import Scenario, parameters_of
+from plumbob.sim.scenarios import Scenario
 from plumbob.sim.scenarios import scenario as named_scenario
 from plumbob.sim.signals import Signal, constant
 from plumbob.sim.timeline import TimeLine, arrivals, time_line
@@ -69,6 +70,7 @@ class _World(NamedTuple):
     body: Callable[[float], Truth]
     temp_c: Floats
     field_n: Floats
+    declination: float
 
     def input_of(self, triad: str, delay: float) -> Floats:
         """True values (N, 3) of a triad, `delay` s before each instant of sampling."""
@@ -133,9 +135,7 @@ def simulate(
     FrameError
         If `frame` is no `Frame`.
     ParameterError
-        If a name is unknown or a value outside its domain.
-    UnitError
-        If the text of a parameter has no unit where it needs one, or a wrong one.
+        If a name is unknown, a value outside its domain, or a text without the unit that it needs.
     """
     if not isinstance(frame, Frame):
         raise FrameError(f"frame must be one of Frame.{', Frame.'.join(Frame)}, but it is {frame!r}.")
@@ -148,6 +148,7 @@ def simulate(
         body=cache(lambda delay: motion.truth(line.sampled - delay).in_frame(frame)),
         temp_c=(temp_c if isinstance(temp_c, Signal) else constant(temp_c)).at(line.sampled).value,
         field_n=earth_field(frame, strength=strength, dip=dip, declination=declination),
+        declination=declination,
     )
     stamped = motion.truth(line.stamps).in_frame(frame) if jitter else world.body(0.0)
     return _simulation(world, stamped.rows(line.kept), plan, unit, seed, calibrated=module == "calibrated")
@@ -166,6 +167,7 @@ def _simulation(
         rate_nominal=rate,
         frame=kinematics.frame,
         north=North.TRUE,
+        declination=world.declination,
         calibration="ideal (simulated)" if calibrated else None,
     )
     return Simulation(
@@ -258,7 +260,8 @@ def _noise(unit: Module, device: str, rate: float) -> NoiseCard:
 def _told(scenario: Scenario) -> str:
     """Scenario with its parameters, each in its unit."""
     values = (
-        f"{p.name}={getattr(scenario, p.name):.6g} {'' if p.unit is Quantity.RATIO else p.unit}".rstrip()
-        for p in parameters_of(type(scenario))
+        f"{p.name}={getattr(scenario, p.name):.6g}"
+        + ("" if p.spec.quantity is Quantity.RATIO else f" {p.spec.quantity}")
+        for p in describe(type(scenario))
     )
     return f"{type(scenario).__name__.lower()} ({', '.join(values)})"

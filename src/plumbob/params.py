@@ -1,4 +1,4 @@
-"""Parameters: a NamedTuple per filter, SI inside, each field annotated with its unit, domain and meaning.
+"""Parameters of filters and scenarios: a class whose fields are annotated with unit, domain and meaning, SI inside.
 
 In Python a number is in the stated SI unit. In text (command line, TOML) a number may carry a unit, and must where the
 field writes the quantity in two: ``gate=0.08`` is refused, for it has meant 0.08 g and 0.08 m/s².
@@ -8,10 +8,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import NoneType
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 from plumbob.errors import ParameterError, UnitError
 from plumbob.units import Quantity, parse
+
+Built = TypeVar("Built")
 
 _OFF, _ON = ("off", "none", "false"), ("on", "true")
 
@@ -48,53 +50,53 @@ class Parameter(NamedTuple):
     switch: bool
 
 
-class CommonParams(NamedTuple):
-    """What every filter takes besides its own parameters."""
-
-    declination: Annotated[
-        float | None, Spec(Quantity.ANGLE, "magnetic declination, east positive; off: headings are magnetic", -4, 4)
-    ] = None
-    max_gap: Annotated[float, Spec(Quantity.TIME, "a longer step is not integrated: the filter starts again", 0)] = 1.0
-    mag: Annotated[bool, Spec(Quantity.RATIO, "use the magnetometer; off: headings count from a free zero")] = True
-
-
-def describe(params: type[tuple[Any, ...]]) -> tuple[Parameter, ...]:
-    """Parameters of a filter's Params class, in order."""
-    defaults: Mapping[str, Any] = getattr(params, "_field_defaults")  # noqa: B009
+def describe(cls: type[Any]) -> tuple[Parameter, ...]:
+    """Parameters of a NamedTuple or dataclass whose fields are ``Annotated[type, Spec(...)] = default``, in order."""
     found = []
-    for name, hint in get_type_hints(params, include_extras=True).items():
-        kind, spec = get_args(hint) if get_origin(hint) is Annotated else (hint, None)
-        if not isinstance(spec, Spec):
-            raise TypeError(f"{params.__module__}.Params.{name} needs Annotated[..., Spec(...)]")
-        found.append(Parameter(name, spec, defaults[name], NoneType in get_args(kind), kind is bool))
+    for name, hint in get_type_hints(cls, include_extras=True).items():
+        spec = next((extra for extra in get_args(hint)[1:] if isinstance(extra, Spec)), None)
+        if spec is not None:
+            kind = get_args(hint)[0]
+            found.append(Parameter(name, spec, _default(cls, name), NoneType in get_args(kind), kind is bool))
     return tuple(found)
 
 
-def build(params: type[Any], values: Mapping[str, Any], *, of: str) -> Any:
-    """Params with the given values; text is parsed with its unit, numbers are in the unit inside.
+def _default(cls: type[Any], name: str) -> Any:
+    return getattr(cls, "_field_defaults", {}).get(name, getattr(cls, name))
+
+
+def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
+    """Instance with the given values; text is parsed with its unit, numbers are in the unit inside.
 
     Parameters
     ----------
-    params : type
-        A Params class.
+    cls : type
+        A class that `describe` understands.
     values : Mapping
         By name; what is not named keeps its default.
     of : str
-        Name of the filter, for messages.
+        Name of the filter or scenario, for messages.
 
     Raises
     ------
     ParameterError
         If a name is unknown, a value is outside its domain, or a unit is missing or wrong.
     """
-    known = {p.name: p for p in describe(params)}
+    known = {p.name: p for p in describe(cls)}
     for name in values:
         if name not in known:
             raise ParameterError(f"{of} has no parameter '{name}'; known are {', '.join(known)}.")
-    return params(**{name: _value(of, known[name], value) for name, value in values.items()})
+    return cls(**{name: checked(of, known[name], value) for name, value in values.items()})
 
 
-def _value(of: str, p: Parameter, value: Any) -> Any:
+def checked(of: str, p: Parameter, value: Any) -> Any:
+    """Value of a parameter in the unit inside, if it is one.
+
+    Raises
+    ------
+    ParameterError
+        If it is outside the domain, of another kind, or text without a unit where one is needed.
+    """
     if isinstance(value, str):
         value = _parse(of, p, value.strip())
     if value is None and p.optional:
@@ -107,7 +109,7 @@ def _value(of: str, p: Parameter, value: Any) -> Any:
         raise ParameterError(f"{of}: {p.name} must be a number in {p.spec.quantity}, but got {value!r}.")
     if not p.spec.low <= value <= p.spec.high:
         raise ParameterError(
-            f"{of}: {p.name} must lie in [{p.spec.low:g}, {p.spec.high:g}] {p.spec.quantity}, but is {value:g}."
+            f"{of}: {p.name} must be {p.spec.low:g} to {p.spec.high:g} {p.spec.quantity}, but it is {value:g}."
         )
     return float(value)
 
