@@ -44,14 +44,15 @@ def our_batch(data: ImuData) -> dict[str, Contender]:
     from plumbob import clock
 
     found: dict[str, Contender] = {}
-    dt, out, flags = clock.steps(data.t), np.empty((len(data), 7)), np.empty(len(data), dtype=np.uint32)
+    n = len(data)
+    dt, q_nb, bias_b, flags = clock.steps(data.t), np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
     for name in filter_names():
         f = Filter(name, frame=Frame.ENU)
         f.process(data[:2])
         loop, c, x = f._loops.batch.compiled, f._c, f._x
         found[f"plumbob {name} (kernel loop)"] = (
             len(data),
-            lambda loop=loop, c=c, x=x: loop(c, x, dt, data.gyr, data.acc, data.mag, out, flags),
+            lambda loop=loop, c=c, x=x: loop(c, x, dt, data.gyr, data.acc, data.mag, q_nb, bias_b, flags),
         )
         found[f"plumbob {name} (process)"] = (len(data), lambda f=f: (f.reset(), f.process(data)))
     return found

@@ -3,12 +3,13 @@
 `njit` marks a scalar kernel without importing numba. On its first call, a kernel and those that it names are compiled
 together. Four facts of numba make this file necessary: its import costs about a third of a second; its file cache does
 not notice an edit in another file (so the cache folder carries a fingerprint of all kernel sources, and a kernel from
-elsewhere is not cached); where the folder cannot be written, it caches beside the sources, or raises (so here it falls
+elsewhere is not cached); where that folder cannot be written it caches beside the sources, or raises (so here it falls
 back to no cache); and a damaged cache file or a full disk stops the call (here it costs a compilation).
 
 With ``NUMBA_DISABLE_JIT=1`` in the environment, kernels run as plain Python and give the same bits.
 """
 
+import contextlib
 import functools
 import hashlib
 import os
@@ -23,7 +24,22 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _KERNEL_SOURCES = ("constants.py", "flags.py", "_jit.py", "rotations/*.py", "filters/*.py")
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process
+
+
+def _read_sources() -> tuple[frozenset[str], str]:
+    """Files of all kernels, and a hash of their content; read at import, when it is what the memory holds."""
+    root = Path(__file__).parent
+    paths = [path for pattern in _KERNEL_SOURCES for path in sorted(root.glob(pattern))]
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return frozenset(map(str, paths)), digest.hexdigest()[:16]
+
+
+_SOURCES, _FINGERPRINT = _read_sources()
 
 
 class Kernel(Generic[P, R]):
@@ -64,15 +80,19 @@ def specialise(loop: Kernel[..., R], name: str, **kernels: Kernel[..., Any]) -> 
     loop : Kernel
         The pattern; it names its callee as a module global.
     name : str
-        Name of the copy. With the names of the kernels it names the file in numba's cache, which knows a function by
-        its name and its own code, not by what it calls.
+        Name of the copy. A hash of what the kernels are is added, for numba's cache knows a function by its name and
+        its own code, not by what it calls.
     **kernels : Kernel
         What the globals mean.
     """
     pattern = cast(FunctionType, loop.py_func)
     copy = FunctionType(pattern.__code__, {**pattern.__globals__, **kernels}, name, pattern.__defaults__)
-    meaning = (f"{k}={v.py_func.__module__}.{v.py_func.__qualname__}" for k, v in sorted(kernels.items()))
-    copy.__qualname__ = f"{name}-{hashlib.sha256(' '.join(meaning).encode()).hexdigest()[:12]}"
+    meant = hashlib.sha256()
+    for word, kernel in sorted(kernels.items()):
+        callee = cast(FunctionType, kernel.py_func)
+        code = callee.__code__
+        meant.update(f"{word}={callee.__module__}.{callee.__qualname__} {code.co_consts}".encode() + code.co_code)
+    copy.__qualname__ = f"{name}-{meant.hexdigest()[:12]}"
     copy.__module__ = pattern.__module__
     return Kernel(copy)
 
@@ -85,11 +105,11 @@ def jit_disabled() -> bool:
 def cache_folder() -> Path:
     """Folder of the compiled kernels for exactly these sources, this Python and this user."""
     base = os.environ.get("PLUMBOB_CACHE_DIR")
-    if base is None:
+    if not base:
         import platformdirs
 
         base = platformdirs.user_cache_dir("plumbob", appauthor=False)
-    return Path(base) / f"kernels-py{sys.version_info.major}{sys.version_info.minor}-{_fingerprint()}"
+    return Path(base) / f"kernels-py{sys.version_info.major}{sys.version_info.minor}-{_FINGERPRINT}"
 
 
 def is_cold(name: str) -> bool:
@@ -100,15 +120,73 @@ def is_cold(name: str) -> bool:
     return not (folder.is_dir() and any(folder.rglob(f"*.{name}-*.nbi")))
 
 
-def _sources() -> dict[Path, bytes]:
-    root = Path(__file__).parent
-    return {path: path.read_bytes() for pattern in _KERNEL_SOURCES for path in sorted(root.glob(pattern))}
+def _compile(kernel: Kernel[P, R]) -> Callable[P, R]:
+    import numba
+
+    func = _with_compiled_callees(cast(FunctionType, kernel.py_func))
+    inside = {reached.__code__.co_filename for reached in _reachable(kernel)} <= _SOURCES
+    return cast(Callable[P, R], (_cached(func) if inside else None) or numba.njit(**_OPTIONS)(func))
 
 
-@functools.cache
-def _fingerprint() -> str:
-    digest = hashlib.sha256()
-    for path, content in _SOURCES.items():
-        digest.update(path.relative_to(Path(__file__).parent).as_posix().encode())
-        digest.update(content)
-    return digest.hexdigest()[:16]
+def _cached(func: FunctionType) -> Any:
+    """Dispatcher with a file cache, or None where no folder can be written."""
+    import numba
+
+    config: Any = numba.config
+    outer = config.CACHE_DIR
+    try:
+        folder = cache_folder().expanduser().absolute()  # without a home this raises
+        config.CACHE_DIR = str(folder)
+        dispatcher: Any = numba.njit(cache=True, **_OPTIONS)(func)
+    except (RuntimeError, OSError):
+        return None
+    finally:
+        config.CACHE_DIR = outer
+    if not Path(dispatcher.stats.cache_path).is_relative_to(folder):
+        return None  # numba went elsewhere, where there is no fingerprint
+    # departs from the rule of public names only: numba offers no other place to catch what its cache raises
+    if hasattr(dispatcher, "_cache"):
+        dispatcher._cache = _Forgiving(dispatcher._cache)
+    return dispatcher
+
+
+class _Forgiving:
+    """A numba cache whose damaged file or full disk costs a compilation, not the call."""
+
+    def __init__(self, cache: Any) -> None:
+        self._cache = cache
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._cache, name)
+
+    def load_overload(self, *args: Any) -> Any:
+        try:
+            return self._cache.load_overload(*args)
+        except Exception:  # whatever unpickling a damaged file raises
+            with contextlib.suppress(Exception):
+                self._cache.flush()
+            return None
+
+    def save_overload(self, *args: Any) -> None:
+        with contextlib.suppress(Exception):
+            self._cache.save_overload(*args)
+
+
+def _reachable(kernel: Kernel[..., Any]) -> Iterator[FunctionType]:
+    func = cast(FunctionType, kernel.py_func)
+    yield func
+    for callee in _callees(func).values():
+        yield from _reachable(callee)
+
+
+def _callees(func: FunctionType) -> dict[str, Kernel[..., Any]]:
+    named = ((name, func.__globals__.get(name)) for name in func.__code__.co_names)
+    return {name: value for name, value in named if isinstance(value, Kernel)}
+
+
+def _with_compiled_callees(func: FunctionType) -> FunctionType:
+    names = {**func.__globals__, **{name: kernel.compiled for name, kernel in _callees(func).items()}}
+    bound = FunctionType(func.__code__, names, func.__name__, func.__defaults__)
+    bound.__qualname__ = func.__qualname__
+    bound.__module__ = func.__module__
+    return bound

@@ -4,6 +4,7 @@ A card is a small JSON file with a version, a device, units and a date. It refus
 """
 
 import json
+import math
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
@@ -53,6 +54,10 @@ class TriadCalibration:
             if value.shape != shape or not np.isfinite(value).all():
                 raise CalibrationError(f"{name} must be finite and of shape {shape}, but it is {value.tolist()}.")
             object.__setattr__(self, name, check.read_only(value))
+        _require_number("temp_ref_c", self.temp_ref_c)
+        if self.residual_rms is not None:
+            _require_number("residual_rms", self.residual_rms)
+        _require_text(unit_in=self.unit_in, unit_out=self.unit_out)
         if not np.linalg.cond(self.matrix) < 1e3:
             raise CalibrationError(f"matrix is singular or nearly so: {self.matrix.tolist()}.")
 
@@ -80,17 +85,22 @@ class CalibrationCard:
     acc: TriadCalibration | None = None
     mag: TriadCalibration | None = None
 
+    def __post_init__(self) -> None:
+        """Validate the names and the kind of each triad."""
+        _require_text(device=self.device, date=self.date, method=self.method)
+        _require_triads(self, TriadCalibration)
+
     @property
     def name(self) -> str:
         """Short name for provenance."""
         return f"{self.device} {self.date} ({self.method})"
 
-    def save(self, path: Path) -> None:
+    def save(self, path: str | Path) -> None:
         """Write the card as JSON."""
         _write(path, "plumbob calibration card", self)
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: str | Path) -> Self:
         """Read a card.
 
         Raises
@@ -153,12 +163,17 @@ class NoiseCard:
     acc: TriadNoise | None = None
     mag: TriadNoise | None = None
 
-    def save(self, path: Path) -> None:
+    def __post_init__(self) -> None:
+        """Validate the names and the kind of each triad."""
+        _require_text(device=self.device, source=self.source)
+        _require_triads(self, TriadNoise)
+
+    def save(self, path: str | Path) -> None:
         """Write the card as JSON."""
         _write(path, "plumbob noise card", self)
 
     @classmethod
-    def load(cls, path: Path) -> Self:
+    def load(cls, path: str | Path) -> Self:
         """Read a card.
 
         Raises
@@ -174,14 +189,16 @@ class NoiseCard:
         return card
 
 
-def _write(path: Path, kind: str, card: Any) -> None:
+def _write(path: str | Path, kind: str, card: Any) -> None:
     content = {"kind": kind, "format_version": FORMAT_VERSION, **asdict(card)}
-    path.write_text(json.dumps(content, indent=2, default=lambda a: a.tolist(), allow_nan=False) + "\n")
+    text = json.dumps(content, indent=2, default=lambda a: a.tolist(), allow_nan=False)
+    Path(path).write_text(text + "\n", encoding="utf-8")
 
 
-def _read(path: Path, kind: str, cls: type) -> dict[str, Any]:
+def _read(path: str | Path, kind: str, cls: type) -> dict[str, Any]:
     try:
-        raw = json.loads(path.read_text(), parse_constant=_no_constant)
+        text = Path(path).read_text(encoding="utf-8")
+        raw = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_repetition)
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"{path} is not a {kind}: {error}.") from error
     if not isinstance(raw, dict) or raw.pop("kind", None) != kind:
@@ -192,15 +209,39 @@ def _read(path: Path, kind: str, cls: type) -> dict[str, Any]:
     return raw
 
 
-def _build(path: Path, cls: type[Any], raw: Any) -> Any:
+def _build(path: str | Path, cls: type[Any], raw: Any) -> Any:
     known = {f.name for f in fields(cls)}
     if not isinstance(raw, dict) or not set(raw) <= known:
         unknown = sorted(set(raw) - known) if isinstance(raw, dict) else raw
         raise DecodeError(f"{path}: {cls.__name__} has no {unknown}; known are {', '.join(sorted(known))}.")
     try:
         return cls(**raw)
-    except TypeError as error:
-        raise DecodeError(f"{path}: {cls.__name__} is incomplete: {error}.") from error
+    except (TypeError, ValueError, OverflowError) as error:
+        raise DecodeError(f"{path}: {cls.__name__} is incomplete or wrong: {error}") from error
+
+
+def _require_number(name: str, value: Any) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise CalibrationError(f"{name} must be a finite number, but it is {value!r}.")
+
+
+def _require_text(**words: Any) -> None:
+    for name, value in words.items():
+        if not isinstance(value, str):
+            raise CalibrationError(f"{name} must be a text, but it is {value!r}.")
+
+
+def _require_triads(card: Any, cls: type) -> None:
+    for name in UNITS:
+        value = getattr(card, name)
+        if not isinstance(value, cls | None):
+            raise CalibrationError(f"{name} must be a {cls.__name__} or None, but it is {value!r}.")
+
+
+def _no_repetition(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    if len(dict(pairs)) != len(pairs):
+        raise ValueError(f"a key stands twice among {', '.join(key for key, _ in pairs)}")
+    return dict(pairs)
 
 
 def _no_constant(word: str) -> float:

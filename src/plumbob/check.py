@@ -13,12 +13,17 @@ Floats = NDArray[np.float64]
 
 def floats(name: str, value: ArrayLike) -> Floats:
     """Return `value` as a C-contiguous float64 array, refusing masked, complex, text and object arrays."""
-    if isinstance(value, np.ma.MaskedArray):
+    if isinstance(value, np.ma.MaskedArray) or (
+        isinstance(value, list | tuple) and any(isinstance(v, np.ma.MaskedArray) for v in value)
+    ):
         raise ShapeError(f"{name} is a masked array; fill the masked samples with NaN: {name}.filled(np.nan).")
-    array: NDArray[Any] = np.asarray(value)
+    try:
+        array: NDArray[Any] = np.asarray(value)
+    except ValueError as error:
+        raise ShapeError(f"{name} must be an array of numbers, but NumPy cannot make one of it: {error}") from error
     if array.dtype.kind not in "fiub":
         raise ShapeError(f"{name} must hold real numbers, but its type is {array.dtype}.")
-    return np.ascontiguousarray(array, dtype=np.float64)
+    return np.asarray(array, dtype=np.float64, order="C")
 
 
 def last_axis(name: str, value: ArrayLike, size: int) -> Floats:
@@ -50,6 +55,26 @@ def column(name: str, value: ArrayLike, count: int | None = None) -> Floats:
     return array
 
 
+def bits(name: str, value: ArrayLike, count: int) -> NDArray[np.uint32]:
+    """Return `value` as `count` words of 32 flags."""
+    words = column(name, value, count)
+    bad = ~((words >= 0.0) & (words < 2.0**32) & (words == np.floor(words)))  # NaN is bad too
+    if bad.any():
+        i = int(np.argmax(bad))
+        raise ShapeError(f"{name}[{i}] = {words[i]:g}, but flags are whole numbers from 0 to 2³² − 1.")
+    return words.astype(np.uint32)
+
+
+def mask(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:
+    """Return `value` as `count` truth values; numbers must be 0 or 1."""
+    marks = column(name, value, count)
+    bad = (marks != 0.0) & (marks != 1.0)
+    if bad.any():
+        i = int(np.argmax(bad))
+        raise ShapeError(f"{name}[{i}] = {marks[i]:g}, but it must be True or False.")
+    return marks.astype(np.bool_)
+
+
 def increasing_time(name: str, t: Floats) -> None:
     """Refuse time stamps that are not finite or do not strictly increase."""
     if t.shape[0] == 0:
@@ -59,10 +84,10 @@ def increasing_time(name: str, t: Floats) -> None:
         i = int(np.argmin(finite))
         raise ClockError(f"{name}[{i}] = {t[i]}: time stamps must be finite.")
     if t.shape[0] > 1:
-        steps = np.diff(t)
-        i = int(np.argmin(steps > 0.0))
-        if not steps[i] > 0.0:
-            count = int(np.count_nonzero(steps <= 0.0))
+        rises = t[1:] > t[:-1]
+        i = int(np.argmin(rises))
+        if not rises[i]:
+            count = int(np.count_nonzero(~rises))
             raise ClockError(
                 f"{name} must strictly increase, but {name}[{i + 1}] = {t[i + 1]:.9f} s comes after "
                 f"{name}[{i}] = {t[i]:.9f} s ({count} such places). Sort the samples and drop repeated stamps."
@@ -71,12 +96,13 @@ def increasing_time(name: str, t: Floats) -> None:
 
 def unit_norm(name: str, q: Floats, tolerance: float = 1e-6) -> None:
     """Refuse quaternions whose norm is not 1; rows of NaN (absent) pass."""
-    norm = np.sqrt(np.sum(q * q, axis=-1))
+    with np.errstate(over="ignore"):
+        norm = np.sqrt(np.sum(q * q, axis=-1))
     bad = np.abs(norm - 1.0) > tolerance
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
         raise ShapeError(
-            f"{name}{list(where)} has norm {norm[where]:.9g}, but a rotation needs norm 1 ± {tolerance:g}."
+            f"{name}{list(where) or ''} has norm {norm[where]:.9g}, but a rotation needs norm 1 ± {tolerance:g}."
         )
 
 
@@ -88,7 +114,12 @@ def one_of(name: str, value: str, known: Sequence[str]) -> str:
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a view of `array` that cannot be written through."""
-    view = array.view()
-    view.flags.writeable = False
-    return view
+    """Return the numbers of `array` where nobody writes any more: itself if its memory is read-only, else a copy."""
+    owner: Any = array
+    while isinstance(owner, np.ndarray):
+        if owner.flags.writeable:
+            array = array.copy()
+            array.flags.writeable = False
+            break
+        owner = owner.base
+    return array.view()  # whose flag cannot be set back, while the memory's owner is read-only

@@ -11,7 +11,7 @@ from plumbob.errors import ClockError
 GAP_FACTOR = 5.0
 """A step longer than this many median steps is a gap."""
 
-_LONGEST = 2**53 / 1e9  # beyond 104 days, float64 seconds no longer hold every nanosecond
+_LONGEST = float(2**23)  # 97 days: beyond, neighbouring float64 seconds are more than a nanosecond apart
 
 
 def to_ns(t: Floats) -> NDArray[np.int64]:
@@ -20,14 +20,15 @@ def to_ns(t: Floats) -> NDArray[np.int64]:
     Raises
     ------
     ClockError
-        If a time is farther than 104 days from the start, where seconds can no longer hold the nanosecond.
+        If a time is 97 days or farther from the start, where seconds can no longer hold the nanosecond.
     """
     if t.size and not float(np.max(np.abs(t))) < _LONGEST:
         raise ClockError(
             f"t reaches {float(np.max(np.abs(t))):.6g} s, but seconds count from the start of the recording and end at "
             f"{_LONGEST:.0f} s. For unix time use t - t[0] and put the start into meta.t0_ns."
         )
-    return np.rint(t * 1e9).astype(np.int64)
+    whole = np.trunc(t)  # t * 1e9 would round twice, and miss by 1 ns from 48 days on
+    return whole.astype(np.int64) * 1_000_000_000 + np.rint((t - whole) * 1e9).astype(np.int64)
 
 
 def to_s(t_ns: NDArray[np.int64]) -> Floats:
@@ -82,25 +83,27 @@ class Timing:
 
 def timing(t: Floats) -> Timing:
     """Measure rate, jitter and gaps of increasing times (N,), s."""
-    dt = np.diff(t)
-    if not dt.size:
+    dt_ns = np.diff(to_ns(t))
+    if not dt_ns.size:
         return Timing(t.size, 0.0, float("nan"), 0.0, 0, 0.0)
-    median = float(np.median(dt))
-    regular = dt[dt <= GAP_FACTOR * median]
+    gaps = _is_gap(dt_ns)
     return Timing(
         samples=t.size,
-        duration=float(t[-1] - t[0]),
-        rate=1.0 / median,
-        jitter=float(np.std(regular)),
-        gaps=int(dt.size - regular.size),
-        longest=float(dt.max()),
+        duration=int(dt_ns.sum()) / 1e9,
+        rate=1e9 / float(np.median(dt_ns)),
+        jitter=float(np.std(dt_ns[~gaps])) / 1e9,
+        gaps=int(np.count_nonzero(gaps)),
+        longest=int(dt_ns.max()) / 1e9,
     )
 
 
 def after_gap(t: Floats) -> NDArray[np.bool_]:
     """Mark the samples (N,) that come after a gap."""
-    dt = np.diff(t)
     late = np.zeros(t.size, dtype=bool)
-    if dt.size:
-        late[1:] = dt > GAP_FACTOR * float(np.median(dt))
+    late[1:] = _is_gap(np.diff(to_ns(t)))
     return late
+
+
+def _is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Decide on integers, so that rounding of t does not."""
+    return np.asarray(dt_ns > GAP_FACTOR * np.median(dt_ns) if dt_ns.size else np.zeros(0, dtype=bool))

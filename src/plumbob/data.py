@@ -1,10 +1,11 @@
 """The two central types: what sensors said, and what an attitude was or is believed to be.
 
-Both are frozen, hold read-only C-contiguous float64 arrays, and are validated once, when they are made.
+Both are frozen, hold read-only C-contiguous float64 arrays, and are validated once, when they are made. Arrays that
+somebody could still write to are copied; to hand over large ones without a copy, set ``array.flags.writeable = False``.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -13,8 +14,8 @@ from numpy.typing import NDArray
 from plumbob import check, clock, flags
 from plumbob.check import Floats
 from plumbob.constants import G0
-from plumbob.errors import FrameError, ShapeError, UnitError
-from plumbob.rotations import Frame, North, quat_normalize
+from plumbob.errors import ClockError, FrameError, ShapeError, UnitError
+from plumbob.rotations import Frame, North, body_axes, quat_normalize
 from plumbob.units import to_deg
 
 TRIADS = ("gyr", "acc", "mag")
@@ -51,6 +52,8 @@ class ImuMeta:
         Navigation frame that attitudes of this recording are meant in, where someone said so.
     north : North or None
         What headings of this recording's reference count from, where known.
+    declination : float or None
+        Magnetic declination at the place, east positive, rad, where known.
     calibration : str or None
         Name of the calibration card that has been applied; None says uncalibrated.
     unit_check : bool
@@ -66,8 +69,22 @@ class ImuMeta:
     axes: str = "x y z"
     frame: Frame | None = None
     north: North | None = None
+    declination: float | None = None
     calibration: str | None = None
     unit_check: bool = True
+
+    def __post_init__(self) -> None:
+        """Validate ranges and names."""
+        for name in TRIADS:
+            _check_range(name, getattr(self, f"{name}_range"))
+        if self.rate_nominal is not None and not 0.0 < self.rate_nominal < np.inf:
+            raise ShapeError(f"rate_nominal must be a positive number of Hz, or None, but it is {self.rate_nominal}.")
+        if not isinstance(self.frame, Frame | None) or not isinstance(self.north, North | None):
+            raise FrameError(
+                f"frame and north must be a Frame and a North, or None, but they are {self.frame!r} and {self.north!r}."
+                " Names become them with Frame.parse and North.parse."
+            )
+        body_axes(self.axes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +119,8 @@ class ImuData:
     temp_c : array_like (N,), optional
         Temperature, °C.
     flags : array_like (N,), optional
-        Flags already known, from `plumbob.flags`; absent, clipped, invalid and gap are added here.
+        Flags already known, from `plumbob.flags`; clipped, invalid and gap are added here. Absent is not taken over but
+        read from the values: it means NaN.
     meta : ImuMeta
         What else is known.
 
@@ -130,9 +148,8 @@ class ImuData:
         check.increasing_time("t", t)
         t = clock.to_s(clock.to_ns(t))
         check.increasing_time("t, rounded to nanoseconds,", t)
-        found = np.zeros(t.size, dtype=np.uint32)
-        if self.flags is not None:
-            found |= np.asarray(check.column("flags", self.flags, t.size)).astype(np.uint32)
+        known: Any = self.flags
+        found = np.zeros(t.size, dtype=np.uint32) if known is None else check.bits("flags", known, t.size)
         found[clock.after_gap(t)] |= flags.GAP
         self._set("t", t)
         for name in TRIADS:
@@ -141,6 +158,7 @@ class ImuData:
                 found |= np.uint32(_FLAGS[name][0])
                 continue
             triad = check.rows(name, value, 3, t.size)
+            found &= ~np.uint32(_FLAGS[name][0])
             found |= _judge(name, triad, getattr(self.meta, f"{name}_range"), self.meta.unit_check)
             self._set(name, triad)
         if all(getattr(self, name) is None for name in TRIADS):
@@ -165,15 +183,26 @@ class ImuData:
         """Names of the triads that this recording has."""
         return tuple(name for name in TRIADS if getattr(self, name) is not None)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        _refreeze(self, state)
+
     def __getitem__(self, rows: slice) -> Self:
         """Samples of a slice with step 1, with their times and flags unchanged; no copy is made."""
+        if not isinstance(rows, slice):
+            raise ShapeError(f"a recording is cut by a slice, as in data[10:20], but not by {type(rows).__name__}.")
         start, stop, step = rows.indices(len(self))
         if step != 1 or stop <= start:
-            raise ShapeError(f"a recording is cut by a non-empty slice of step 1, but {rows} selects {stop - start}.")
+            count = len(range(start, stop, step))
+            raise ShapeError(
+                f"a recording is cut by a non-empty slice of step 1, but {rows} selects {count} of {len(self)} samples."
+            )
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        return self._like({k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()})
+
+    def _like(self, state: dict[str, Any]) -> Self:
         part = object.__new__(type(self))  # already validated
-        for f in fields(self):
-            value = getattr(self, f.name)
-            object.__setattr__(part, f.name, value[start:stop] if isinstance(value, np.ndarray) else value)
+        for name, value in state.items():
+            object.__setattr__(part, name, value)
         return part
 
     def chunks(self, size: int) -> Iterator[Self]:
@@ -184,7 +213,7 @@ class ImuData:
             yield self[start : start + size]
 
     def usable(self, name: str) -> Floats:
-        """Triad (N, 3) as a filter should see it: absent and invalid samples are NaN.
+        """Triad (N, 3) as a filter should see it, read-only: absent and invalid samples are NaN on all three axes.
 
         Parameters
         ----------
@@ -193,9 +222,35 @@ class ImuData:
         """
         value: Floats | None = getattr(self, name)
         if value is None:
-            return np.full((len(self), 3), np.nan)
-        invalid = (self.flags & np.uint32(_FLAGS[name][2])) != 0
-        return np.where(invalid[:, np.newaxis], np.nan, value) if invalid.any() else value
+            return check.read_only(np.full((len(self), 3), np.nan))
+        absent, _, invalid = _FLAGS[name]
+        out = (self.flags & np.uint32(absent | invalid)) != 0
+        if np.isnan(value[out]).all():
+            return value
+        return check.read_only(np.where(out[:, np.newaxis], np.nan, value))
+
+    def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
+        """Return the same samples with corrected values of some triads.
+
+        Nothing is judged again, so that a part of a recording can be corrected as the whole; and flags stay, for they
+        tell what the sensor said: a value at the end of its range is clipped, whatever a calibration makes of it.
+
+        Parameters
+        ----------
+        meta : ImuMeta
+            The new meta.
+        **triads : array_like (N, 3)
+            New values of triads that the recording has.
+        """
+        state = {f.name: getattr(self, f.name) for f in fields(self)} | {"meta": meta}
+        found = self.flags.copy()
+        for name, value in triads.items():
+            if name not in self.triads:
+                raise ShapeError(f"the recording has no {name} to correct, only {', '.join(self.triads)}.")
+            state[name] = check.read_only(check.rows(name, value, 3, len(self)))
+            absent, _, invalid = _FLAGS[name]
+            found[np.isnan(state[name]).any(axis=1) & (self.flags & np.uint32(invalid) == 0)] |= absent
+        return self._like(state | {"flags": check.read_only(found)})
 
     @classmethod
     def from_streams(
@@ -211,7 +266,8 @@ class ImuData:
         """Join a magnetometer that has its own time stamps: each of its samples goes to the next inertial sample.
 
         Later, not nearest, because a live filter has a magnetic sample only once it has arrived. Where two fall on one
-        inertial sample, the last wins; those after the last inertial sample are left out.
+        inertial sample, the last wins; those after the last inertial sample are left out. Times are compared to the
+        nanosecond.
 
         Parameters
         ----------
@@ -225,12 +281,23 @@ class ImuData:
             Flux density, µT.
         meta : ImuMeta, optional
             What else is known.
+
+        Raises
+        ------
+        ClockError
+            If a clock does not increase, or no magnetic sample lies before the end of the inertial ones.
         """
         inertial, own = check.column("t", t), check.column("t_mag", t_mag)
+        check.increasing_time("t", inertial)
         check.increasing_time("t_mag", own)
         values = check.rows("mag", mag, 3, own.size)
-        place = np.searchsorted(inertial, own)
-        inside = place < inertial.size
+        place = np.searchsorted(clock.to_ns(inertial), clock.to_ns(own))
+        inside = (place < inertial.size) & ~np.isnan(values).any(axis=1)
+        if not inside.any():
+            raise ClockError(
+                f"no sample of mag, at {own[0]:.9g} to {own[-1]:.9g} s, has an inertial one after it: those are at "
+                f"{inertial[0]:.9g} to {inertial[-1]:.9g} s. Put both on one clock."
+            )
         joined = np.full((inertial.size, 3), np.nan)
         joined[place[inside]] = values[inside]
         return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=meta or ImuMeta())
@@ -287,9 +354,11 @@ class AttitudeTrack:
             raise FrameError(f"a track needs a Frame and a North, but got frame={self.frame!r}, north={self.north!r}.")
         t = check.column("t", self.t)
         check.increasing_time("t", t)
+        t = clock.to_s(clock.to_ns(t))
+        check.increasing_time("t, rounded to nanoseconds,", t)
+        self._set("t", t)
         q = check.rows("q_nb", self.q_nb, 4, t.size)
         check.unit_norm("q_nb", q, tolerance=1e-3)  # files hold rounded digits
-        self._set("t", clock.to_s(clock.to_ns(t)))
         # What is already normalised to the last bits stays as it is, so that storing a track changes nothing.
         exact = np.abs(np.sum(q * q, axis=1) - 1.0) < 1e-12
         self._set("q_nb", np.where(exact[:, np.newaxis], q, quat_normalize(q)))
@@ -301,12 +370,15 @@ class AttitudeTrack:
                 raise ShapeError(f"cov_b must have shape ({t.size}, 3, 3), but its shape is {cov.shape}.")
             self._set("cov_b", cov)
         if self.flags is not None:
-            self._set("flags", check.column("flags", self.flags, t.size).astype(np.uint32))
+            self._set("flags", check.bits("flags", self.flags, t.size))
         if self.score is not None:
-            self._set("score", check.column("score", self.score, t.size).astype(bool))
+            self._set("score", check.mask("score", self.score, t.size))
 
     def _set(self, name: str, array: NDArray[Any]) -> None:
         object.__setattr__(self, name, check.read_only(array))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        _refreeze(self, state)
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -316,17 +388,52 @@ class AttitudeTrack:
         """True where the attitude is known, (N,)."""
         return np.asarray(np.isfinite(self.q_nb).all(axis=1))
 
+    @classmethod
+    def trusted(cls, **values: Any) -> Self:
+        """Track of arrays that are known to be valid and are handed over: nothing is judged or copied, all is frozen.
+
+        Parameters
+        ----------
+        **values
+            The fields; those left out keep their defaults.
+        """
+        track = object.__new__(cls)
+        _refreeze(track, {f.name: f.default for f in fields(cls) if f.default is not MISSING} | values)
+        return track
+
     def with_attitude(self, q_nb: Floats, **changes: Any) -> Self:
         """Return the same track with another attitude (N, 4) and, where given, other fields."""
         return replace(self, q_nb=q_nb, **changes)
 
 
+def _refreeze(made: Any, state: dict[str, Any]) -> None:
+    """Fill a frozen object with arrays that nobody else writes to."""
+    for name, value in state.items():
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        object.__setattr__(made, name, value)
+
+
+def _check_range(name: str, full_scale: float | None) -> None:
+    if full_scale is None:
+        return
+    if not full_scale > 0.0:
+        raise UnitError(f"{name}_range must be a positive full scale in {_SI[name]}, or None, but it is {full_scale}.")
+    if full_scale > _IMPOSSIBLE[name]:
+        raise UnitError(
+            f"{name}_range = {full_scale:.6g} {_SI[name]}, but no MEMS part measures beyond {_IMPOSSIBLE[name]:g} "
+            f"{_SI[name]}. Ranges have the units of their values: {name}_range=units.{_CONVERTER[name]}(...)."
+        )
+
+
 def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool) -> NDArray[np.uint32]:
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
     absent, clipped, invalid = _FLAGS[name]
-    missing = np.isnan(triad).any(axis=1)
-    if missing.all():
-        raise ShapeError(f"{name} is NaN in all {missing.size} samples; pass {name}=None if the unit has none.")
+    missing = np.asarray(np.isnan(triad).any(axis=1))
+    if not _finite(triad).any():
+        raise ShapeError(
+            f"{name} has three finite numbers in none of {missing.size} samples; pass {name}=None if the unit has none."
+        )
     size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
     limit = _IMPOSSIBLE[name] if full_scale is None else min(_IMPOSSIBLE[name], 1.05 * full_scale)
     too_big: NDArray[np.bool_] = np.asarray(size > limit)
@@ -339,18 +446,24 @@ def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool)
     return found
 
 
+def _finite(triad: Floats) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(triad).all(axis=1))
+
+
 def _refuse_wrong_unit(
     name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: float | None, limit: float
 ) -> None:
-    if np.count_nonzero(too_big) > max(1, 0.01 * too_big.size):
-        i = int(np.argmax(too_big))
+    wrong = too_big & _finite(triad)  # infinity has no unit
+    if np.count_nonzero(wrong) > max(1, 0.01 * wrong.size):
+        i = int(np.argmax(wrong))
         axis = int(np.nanargmax(np.abs(triad[i])))
         what = f"range is ±{full_scale:.6g} {_SI[name]}" if full_scale else f"limit is {limit:g} {_SI[name]}"
         raise UnitError(
-            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {what}"
-            f"{_in_degrees(name, full_scale)}, and {np.count_nonzero(too_big)} samples exceed it. {_ADVICE[name]}"
+            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {what}{_in_degrees(name, full_scale)}, "
+            f"and {np.count_nonzero(wrong)} of {wrong.size} samples exceed it. {_ADVICE[name]}"
         )
-    norm = np.sqrt(np.sum(triad * triad, axis=1))
+    possible = triad[~too_big]
+    norm = np.sqrt(np.sum(possible * possible, axis=1))
     norm = norm[np.isfinite(norm)]
     if name == "gyr" or norm.size < ENOUGH:
         return
@@ -364,11 +477,13 @@ def _refuse_wrong_unit(
         )
 
 
+_CONVERTER = {"gyr": "dps", "acc": "g", "mag": "gauss"}
 _ADVICE = {
     "gyr": "If the source holds °/s, convert it: units.dps(gyr), or unit = 'dps' in its profile.",
     "acc": "If the source holds g, convert it: units.g(acc), or unit = 'g' in its profile; for a centrifuge or a drop "
     "set unit_check=False.",
-    "mag": "If the source holds gauss, convert it: units.gauss(mag), or unit = 'gauss' in its profile.",
+    "mag": "If the source holds gauss or nT, convert it: units.gauss(mag) or units.to_si(mag, 'nT'), or unit = 'gauss' "
+    "in its profile.",
 }
 
 

@@ -17,8 +17,8 @@ def apply_card(card: CalibrationCard, data: ImuData) -> ImuData:
     Raises
     ------
     CalibrationError
-        If the card belongs to another device or unit, the recording is already calibrated, or it has no temperature
-        where the card needs one.
+        If the card belongs to another device or unit or has nothing for this recording, the recording is already
+        calibrated, or a temperature is missing where the card needs one.
     """
     if card.device != data.meta.device:
         raise CalibrationError(f"the card is for device '{card.device}', but the recording is of '{data.meta.device}'.")
@@ -35,13 +35,20 @@ def apply_card(card: CalibrationCard, data: ImuData) -> ImuData:
                 f"the card's {name} goes from {model.unit_in} to {model.unit_out}; the recording is in {UNITS[name]}."
             )
         changed[name] = _corrected(model, measured, data.temp_c)
-    return replace(data, **changed, meta=replace(data.meta, calibration=card.name))
+    if not changed:
+        raise CalibrationError(f"the card has nothing for {', '.join(data.triads)}, the triads of the recording.")
+    return data.corrected(**changed, meta=replace(data.meta, calibration=card.name))
 
 
 def _corrected(model: TriadCalibration, measured: Floats, temp_c: Floats | None) -> Floats:
     bias: Floats = model.bias
     if model.bias_per_k.any():
-        if temp_c is None:
-            raise CalibrationError("the card corrects for temperature, but the recording has no temp_c.")
+        if temp_c is None or not np.isfinite(temp_c).all():
+            raise CalibrationError(
+                "the card corrects for temperature, but the recording has no temp_c, or not in every sample; fill it."
+            )
         bias = model.bias + np.outer(temp_c - model.temp_ref_c, model.bias_per_k)
-    return (measured - bias) @ model.matrix.T
+    with np.errstate(invalid="ignore", over="ignore"):  # an infinite value stays flagged and becomes what it may
+        x, y, z = np.moveaxis(measured - bias, 1, 0)
+        # In components, because a matrix product may round a part of a recording otherwise than the whole.
+        return np.stack([row[0] * x + row[1] * y + row[2] * z for row in model.matrix], axis=1)

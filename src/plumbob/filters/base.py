@@ -17,7 +17,7 @@ from plumbob._jit import Kernel, njit, specialise
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuSample
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
-from plumbob.filters.layout import BIAS, HEADED, OUTPUT, OWN, STAGE, Q
+from plumbob.filters.layout import BIAS, HEADED, OWN, STAGE, Q
 from plumbob.params import Spec, build, describe
 from plumbob.rotations import Frame, North, quat_normalize
 from plumbob.units import Quantity
@@ -71,15 +71,16 @@ def step(
 
 @njit
 def _batch(
-    c: Floats, x: Floats, dt: Floats, gyr: Floats, acc: Floats, mag: Floats, out: Floats, found: NDArray[np.uint32]
-) -> None:
+    c: Floats, x: Floats, dt: Floats, gyr: Floats, acc: Floats, mag: Floats,
+    q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
+) -> None:  # fmt: skip
     for i in range(dt.shape[0]):
         found[i] = step(
             c, x, dt[i],
             gyr[i, 0], gyr[i, 1], gyr[i, 2], acc[i, 0], acc[i, 1], acc[i, 2], mag[i, 0], mag[i, 1], mag[i, 2],
         )  # fmt: skip
-        for k in range(out.shape[1]):
-            out[i, k] = x[k]
+        q_nb[i, 0], q_nb[i, 1], q_nb[i, 2], q_nb[i, 3] = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
+        bias_b[i, 0], bias_b[i, 1], bias_b[i, 2] = x[BIAS], x[BIAS + 1], x[BIAS + 2]
 
 
 @njit
@@ -177,21 +178,25 @@ class Filter:
         """
         self._require(data.triads)
         dt = clock.steps(data.t, self._last_ns)
-        out = np.empty((len(data), OUTPUT))
-        found = np.empty(len(data), dtype=np.uint32)
-        mag = data.usable("mag") if self.common.mag else np.full((len(data), 3), np.nan)
-        self._loops.batch.compiled(self._c, self._x, dt, data.usable("gyr"), data.usable("acc"), mag, out, found)
+        mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
+        q_nb, bias_b, found = self._batch(dt, data.usable("gyr"), data.usable("acc"), mag)
         last = int(data.t_ns[-1])
         self._last_ns = last if self._last_ns is None else max(self._last_ns, last)
-        return AttitudeTrack(
+        return AttitudeTrack.trusted(
             t=data.t,
-            q_nb=out[:, :4],
+            q_nb=q_nb,
             frame=self.frame,
             north=self._north("mag" in data.triads),
-            bias_b=out[:, 4:7],
+            bias_b=bias_b,
             flags=found | data.flags,
             source=self.describe(),
         )
+
+    def _batch(self, dt: Floats, gyr: Floats, acc: Floats, mag: Floats) -> tuple[Floats, Floats, NDArray[np.uint32]]:
+        n = dt.size
+        q_nb, bias_b, found = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
+        self._loops.batch.compiled(self._c, self._x, dt, gyr, acc, mag, q_nb, bias_b, found)
+        return q_nb, bias_b, found
 
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time."""
@@ -207,11 +212,10 @@ class Filter:
 
     def warm_up(self) -> None:
         """Compile now, so that the first live sample does not wait."""
-        c, x, none = self._c, self._x.copy(), np.empty((0, 3))
-        self._loops.single.compiled(c, x, 0.0, _ABSENT, _ABSENT, _ABSENT)
-        self._loops.batch.compiled(
-            c, x, np.empty(0), none, none, none, np.empty((0, OUTPUT)), np.empty(0, dtype=np.uint32)
-        )
+        none = check.read_only(np.empty((0, 3)))  # as a recording's arrays are: numba tells them from writable ones
+        self._batch(np.empty(0), none, none, none)
+        for triad in (_ABSENT, _ABSENT.copy()):
+            self._loops.single.compiled(self._c, self._x.copy(), 0.0, triad, triad, triad)
 
     def save(self) -> dict[str, Any]:
         """Everything needed to go on later, ready for JSON, which keeps every bit of a float."""

@@ -20,7 +20,6 @@ STAGE: Final = 10  # what has been initialised
 HELD: Final = 11  # for how long the rate has been missing, s
 COUNT: Final = 12  # samples taken
 OWN: Final = 13
-OUTPUT: Final = 7  # the first numbers of the state are the output: attitude and bias
 
 # Stages
 BLIND: Final = 0.0

@@ -30,6 +30,8 @@ def quat_mean(q: ArrayLike, weights: ArrayLike | None = None) -> Floats:
     """
     array = check.rows("q", q, 4)
     w = np.ones(array.shape[0]) if weights is None else check.column("weights", weights, array.shape[0])
+    if not ((w >= 0.0) & (w < np.inf)).all():
+        raise ShapeError(f"weights must be finite and ≥ 0, but they hold {w[~((w >= 0.0) & (w < np.inf))][0]:g}.")
     keep = np.isfinite(array).all(axis=1) & (w > 0.0)
     if not keep.any():
         raise ShapeError("q holds no finite quaternion with a positive weight, so there is nothing to average.")

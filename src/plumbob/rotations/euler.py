@@ -5,7 +5,8 @@ navigation frame: x is North in NED and NWU, East in ENU. Pitch is positive nose
 body, and nose down in ENU or NWU with a forward-left-up body: the sign follows the axes, not the aircraft.
 
 Gimbal policy: within `GIMBAL_MARGIN` of pitch ±90° only yaw ∓ roll is defined; there roll is set to 0 and yaw carries
-the sum, so that the angles still give back the same rotation. `near_gimbal` tells where that happened.
+the sum. Yaw is always computed for the roll that is returned, so that the angles give back the same rotation: to
+rounding outside the margin, to twice the margin inside. `near_gimbal` tells where that happened.
 """
 
 import numpy as np
@@ -14,10 +15,10 @@ from numpy.typing import ArrayLike
 from plumbob import check
 from plumbob.check import Floats
 from plumbob.rotations import kernels
-from plumbob.rotations.quat import by_component
+from plumbob.rotations.quat import by_component, quat_rotate
 
-GIMBAL_MARGIN = 1e-6
-"""Distance from pitch ±90°, rad, inside which roll is set to 0. Double precision resolves pitch to about 1e-8 there."""
+GIMBAL_MARGIN = 1e-8
+"""Distance from pitch ±90°, rad, inside which roll is set to 0. There rounding leaves roll about 1e-8 rad uncertain."""
 
 
 def euler_zyx_from_quat(q: ArrayLike) -> Floats:
@@ -33,14 +34,13 @@ def euler_zyx_from_quat(q: ArrayLike) -> Floats:
     ndarray (..., 3)
         Yaw in (−π, π], pitch in [−π/2, π/2], roll in (−π, π], rad.
     """
-    q0, q1, q2, q3 = np.moveaxis(check.last_axis("q", q, 4), -1, 0)
-    down_x, down_y, down_z = np.moveaxis(by_component(kernels.third_row, check.floats("q", q)), -1, 0)
+    array = check.last_axis("q", q, 4)
+    down_x, down_y, down_z = np.moveaxis(by_component(kernels.third_row, array), -1, 0)
     pitch = np.arctan2(-down_x, np.hypot(down_y, down_z))  # stays accurate near ±90°, where asin does not
-    gimbal = _gimbal(pitch)
-    yaw = np.arctan2(2.0 * (q1 * q2 + q0 * q3), q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3)
-    yaw = np.where(gimbal, np.arctan2(2.0 * (q0 * q3 - q1 * q2), q0 * q0 - q1 * q1 + q2 * q2 - q3 * q3), yaw)
-    roll = np.where(gimbal, 0.0, np.arctan2(down_y, down_z))
-    return np.stack((yaw, pitch, roll), axis=-1)
+    roll = np.where(_gimbal(pitch), 0.0, np.arctan2(down_y + 0.0, down_z))  # + 0.0: −0 would turn π into −π
+    # Undo the roll: the y axis is then level, and its heading is yaw at every pitch.
+    level_y = quat_rotate(array, np.stack((np.zeros_like(roll), np.cos(roll), -np.sin(roll)), axis=-1))
+    return np.stack((np.arctan2(0.0 - level_y[..., 0], level_y[..., 1]), pitch, roll), axis=-1)
 
 
 def quat_from_euler_zyx(yaw_pitch_roll: ArrayLike) -> Floats:

@@ -98,7 +98,8 @@ def change_frame(q_nb: ArrayLike, *, to: Frame, from_: Frame) -> Floats:
         Body to `to`.
     """
     q = check.last_axis("q_nb", q_nb, 4)
-    return q.copy() if to is from_ else quat_multiply(frame_rotation(to, from_), q)
+    turn = frame_rotation(to, from_)
+    return q.copy() if to is from_ else quat_multiply(turn, q)
 
 
 def body_axes(spec: str) -> Floats:
@@ -168,4 +169,6 @@ def assert_same(track: Track, from_: Frame, to: Frame, *, because: str) -> Track
 
 
 def _axes(frame: Frame) -> tuple[Floats, Floats, Floats]:
+    if not isinstance(frame, Frame):
+        raise FrameError(f"a navigation frame must be a Frame, but it is {frame!r}. Names become one with Frame.parse.")
     return frame.east, frame.north, frame.up

@@ -49,7 +49,8 @@ def quat_normalize(q: ArrayLike) -> Floats:
         If a norm is zero or infinite; NaN (absent) stays NaN.
     """
     array = check.last_axis("q", q, 4)
-    norm = np.sqrt(np.sum(array * array, axis=-1, keepdims=True))
+    with np.errstate(over="ignore"):
+        norm = np.sqrt(np.sum(array * array, axis=-1, keepdims=True))
     if bool(np.any((norm == 0.0) | np.isinf(norm))):
         raise ShapeError("q holds a quaternion of norm zero or infinity, which is no rotation.")
     return np.asarray(array / norm)

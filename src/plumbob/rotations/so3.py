@@ -3,13 +3,23 @@
 The Jacobians follow [Sola2018]: ``exp(r + d) ≈ exp(r) exp(Jr(r) d)`` and ``exp(r + d) ≈ exp(Jl(r) d) exp(r)``.
 """
 
+import math
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob import check
 from plumbob.check import Floats
 
-_SMALL2 = 1e-4  # squared angle below which the series are used; they agree with the closed forms to 1e-16 there
+_SMALL2 = 1e-4  # squared angle below which the exponential and the first Jacobian term use their series
+# The other terms lose 1/angle² of their digits to cancellation, so their series serve up to 1 rad. Both end where the
+# next term is below 1e-17 of the sum: 1/(2k+3)! with alternating signs, and |B(2k+2)|/(2k+2)!, B the Bernoulli numbers.
+_THIRD = tuple((-1) ** k / math.factorial(2 * k + 3) for k in range(9))
+_COTANGENT = (
+    1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 1307674368000, 1 / 74724249600,
+    3617 / 10670622842880000, 43867 / 5109094217170944000, 174611 / 802857662698291200000,
+    77683 / 14101100039391805440000,
+)  # fmt: skip
 
 
 def quat_from_rotvec(rotvec: ArrayLike) -> Floats:
@@ -70,10 +80,10 @@ def right_jacobian_inverse(rotvec: ArrayLike) -> Floats:
     """Inverse of the right Jacobian, shape (..., 3, 3), for angles below 2π."""
     r = check.last_axis("rotvec", rotvec, 3)
     angle2 = np.sum(r * r, axis=-1)
-    small = angle2 < _SMALL2
+    small = angle2 < 1.0
     angle = np.sqrt(np.where(small, 1.0, angle2))
     closed = (1.0 - 0.5 * angle * np.cos(0.5 * angle) / np.sin(0.5 * angle)) / (angle * angle)
-    c = np.where(small, 1 / 12 + angle2 * (1 / 720 + angle2 / 30240), closed)[..., np.newaxis, np.newaxis]
+    c = np.where(small, _series(_COTANGENT, angle2, small), closed)[..., np.newaxis, np.newaxis]
     w = skew(r)
     return np.asarray(np.eye(3) + 0.5 * w + c * (w @ w))  # [Sola2018] (144)
 
@@ -89,5 +99,11 @@ def _jacobian_terms(r: Floats) -> tuple[Floats, Floats]:
     angle = np.sqrt(np.where(small, 1.0, angle2))
     half_sinc = np.sin(0.5 * angle) / angle
     a = np.where(small, 0.5 - angle2 * (1 / 24 - angle2 / 720), 2.0 * half_sinc * half_sinc)
-    b = np.where(small, 1 / 6 - angle2 * (1 / 120 - angle2 / 5040), (angle - np.sin(angle)) / angle**3)
+    small = angle2 < 1.0
+    angle = np.sqrt(np.where(small, 1.0, angle2))
+    b = np.where(small, _series(_THIRD, angle2, small), (angle - np.sin(angle)) / angle**3)
     return a[..., np.newaxis, np.newaxis], b[..., np.newaxis, np.newaxis]
+
+
+def _series(coefficients: tuple[float, ...], angle2: Floats, small: NDArray[np.bool_]) -> Floats:
+    return np.asarray(np.polynomial.polynomial.polyval(np.where(small, angle2, 0.0), coefficients))

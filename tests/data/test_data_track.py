@@ -1,0 +1,132 @@
+"""AttitudeTrack: an attitude over time."""
+
+import copy
+import pickle
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from plumbob.data import AttitudeTrack
+from plumbob.errors import ClockError, FrameError, ShapeError
+from plumbob.rotations import Frame, North, assert_same, quat_from_rotvec
+
+N = 50
+EPS = np.finfo(float).eps
+
+
+def parts():
+    t = 0.01 * np.arange(N)
+    return {"t": t, "q_nb": quat_from_rotvec(np.outer(t, [0.3, -0.2, 1.0])), "frame": Frame.ENU, "north": North.TRUE}
+
+
+def made(**changes):
+    return AttitudeTrack(**(parts() | changes))
+
+
+def test_plain():
+    track = made()
+    assert len(track) == N
+    assert np.array_equal(track.q_nb, parts()["q_nb"])
+    assert track.known.all()
+
+
+def test_rounded_digits_are_normalised_and_exact_ones_kept():
+    q = parts()["q_nb"]
+    rounded = made(q_nb=np.round(q, 4)).q_nb
+    assert np.abs(np.linalg.norm(rounded, axis=1) - 1).max() <= 2 * EPS
+    assert np.array_equal(made(q_nb=rounded).q_nb, rounded)  # storing a track again changes nothing
+
+
+def test_unknown_attitudes_are_nan():
+    q = parts()["q_nb"]
+    q[3], q[4, 2] = np.nan, np.nan
+    track = made(q_nb=q)
+    assert np.flatnonzero(~track.known).tolist() == [3, 4]
+    assert np.isnan(track.q_nb[4]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "says"),
+    [
+        ("q_nb", np.zeros((4, N)), r"q_nb must have shape \(N, 4\).*transposed"),
+        ("q_nb", np.zeros((N, 3)), r"q_nb must have shape \(N, 4\)"),
+        ("q_nb", np.zeros((N, 4)), r"q_nb\[0\] has norm 0, but"),
+        ("q_nb", np.tile([1.0, 0.1, 0, 0], (N, 1)), "q_nb.*has norm 1.00498756"),
+        ("q_nb", np.tile([np.inf, 0, 0, 0], (N, 1)), "q_nb.*has norm inf"),
+        ("q_nb", np.ones((N + 1, 4)) / 2, "q_nb must have one row per time stamp"),
+        ("q_nb", np.ma.ones((N, 4)) / 2, "q_nb is a masked array"),
+        ("bias_b", np.zeros((N, 4)), r"bias_b must have shape \(N, 3\)"),
+        ("cov_b", np.zeros((N, 3)), r"cov_b must have shape \(50, 3, 3\), but its shape is \(50, 3\)"),
+        ("cov_b", np.zeros((N - 1, 3, 3)), r"cov_b must have shape \(50, 3, 3\)"),
+        ("flags", np.full(N, -1), "flags"),
+        ("flags", np.zeros(N + 1), "flags must have one entry"),
+        ("score", np.full(N, np.nan), r"score\[0\] = nan, but it must be True or False"),
+        ("score", np.full(N, 2), "score"),
+        ("t", np.zeros((N, 1)), "t must have shape"),
+    ],
+)
+def test_refused(name, value, says):
+    with pytest.raises(ShapeError, match=says):
+        made(**{name: value})
+
+
+@pytest.mark.parametrize("wrong", [{"frame": None}, {"frame": "ENU"}, {"north": "true"}, {"north": None}])
+def test_a_frame_and_a_north_are_needed(wrong):
+    with pytest.raises(FrameError, match="needs a Frame and a North"):
+        made(**wrong)
+    with pytest.raises(TypeError):
+        AttitudeTrack(t=[0.0], q_nb=[[1, 0, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"), [({7: 0.01}, "strictly increase"), ({7: 0.06 + 1e-10}, "rounded to nanoseconds")]
+)
+def test_times(change, says):
+    t = parts()["t"]
+    t[list(change)] = list(change.values())
+    with pytest.raises(ClockError, match=says):
+        made(t=t)
+
+
+OPTIONAL = {
+    "bias_b": np.zeros((N, 3)),
+    "cov_b": np.tile(np.eye(3), (N, 1, 1)),
+    "flags": np.arange(N),
+    "score": np.arange(N) % 2 == 0,
+}
+
+
+def test_frozen_for_good():
+    mine = parts() | {name: value.copy() for name, value in OPTIONAL.items()}
+    track = AttitudeTrack(**mine)
+    arrays = ("t", "q_nb", *OPTIONAL)
+    before = {name: getattr(track, name).copy() for name in arrays}
+    for name in arrays:
+        mine[name][:] = 1
+    with pytest.raises(FrozenInstanceError):
+        track.frame = Frame.NED
+    for twin in (track, copy.deepcopy(track), pickle.loads(pickle.dumps(track))):  # noqa: S301
+        for name in arrays:
+            assert np.array_equal(getattr(twin, name), before[name])
+            assert not getattr(twin, name).flags.writeable
+    assert track.flags.dtype == np.uint32
+    assert track.score.dtype == bool
+
+
+def test_with_attitude():
+    track = made(**OPTIONAL)
+    turned = track.with_attitude(track.q_nb[::-1], source="reversed")
+    assert np.array_equal(turned.q_nb, track.q_nb[::-1])
+    assert turned.source == "reversed"
+    assert np.array_equal(turned.bias_b, track.bias_b)
+    with pytest.raises(ShapeError, match="q_nb"):
+        track.with_attitude(np.zeros((3, 4)))
+
+
+def test_relabelled_and_replaced():
+    track = made()
+    assert assert_same(track, Frame.ENU, Frame.NWU, because="test").frame is Frame.NWU
+    assert np.array_equal(replace(track, north=North.FREE).q_nb, track.q_nb)
+    with pytest.raises(FrameError):
+        assert_same(track, Frame.ENU, "NWU", because="test")

@@ -1,0 +1,26 @@
+"""One tree of errors."""
+
+import inspect
+import re
+
+import pytest
+
+from plumbob import errors
+
+TREE = [c for _, c in inspect.getmembers(errors, inspect.isclass)]
+
+
+@pytest.mark.parametrize("error", TREE)
+def test_all_descend_from_one_and_say_what_they_are(error):
+    assert issubclass(error, errors.PlumbobError)
+    assert re.match(r"[A-Z].*\.$", error.__doc__, re.DOTALL)
+
+
+@pytest.mark.parametrize("error", [e for e in TREE if e not in {errors.PlumbobError, errors.MissingExtraError}])
+def test_bad_values_are_value_errors_too(error):
+    """Who does not know this project catches ValueError."""
+    assert issubclass(error, ValueError)
+
+
+def test_a_missing_extra_is_an_import_error():
+    assert issubclass(errors.MissingExtraError, ImportError)

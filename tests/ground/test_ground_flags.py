@@ -1,0 +1,34 @@
+"""The vocabulary of flags."""
+
+from plumbob import flags
+
+BITS = {name: value for name, value in vars(flags).items() if name.isupper() and name != "MEANING"}
+
+
+def test_each_flag_is_one_bit_of_32_and_has_a_meaning():
+    assert sorted(BITS.values()) == sorted(flags.MEANING)
+    assert len(set(BITS.values())) == len(BITS)
+    for value in BITS.values():
+        assert value.bit_count() == 1
+        assert value < 2**32
+
+
+def test_words_follow_the_constants():
+    for name, value in BITS.items():
+        assert flags.MEANING[value][0] == name.lower().replace("_", "-")
+        assert flags.MEANING[value][1]
+
+
+def test_bits_never_move():
+    """Recordings on disk hold these numbers: a new flag takes a new bit."""
+    assert [flags.MEANING[1 << i][0] for i in range(16)] == [
+        "gyr-absent", "acc-absent", "mag-absent", "gyr-clipped", "acc-clipped", "mag-clipped",
+        "gyr-invalid", "acc-invalid", "mag-invalid", "gap", "time-fault", "acc-gated", "mag-gated", "gyr-held",
+        "not-converged", "heading-free",
+    ]  # fmt: skip
+
+
+def test_names():
+    assert flags.names(0) == ()
+    assert flags.names(flags.GAP | flags.GYR_ABSENT) == ("gyr-absent", "gap")
+    assert len(flags.names(0xFFFF)) == 16

@@ -1,0 +1,355 @@
+"""The door to numba: what is compiled, cached, shared and survived, mostly in fresh processes on a copy."""
+
+import ast
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob import _jit
+from plumbob._jit import njit, specialise
+from plumbob.rotations import kernels
+
+SOURCE = Path(plumbob.__file__).parent
+GROUND = ("__init__.py", "constants.py", "units.py", "errors.py", "check.py", "flags.py", "_jit.py")
+
+CALLEE = """
+from plumbob._jit import njit
+
+
+@njit
+def gain(x):
+    return {factor} * x
+"""
+PROBE = """
+from plumbob._jit import njit, specialise
+from plumbob.filters.callee import gain
+
+
+@njit
+def caller(x):
+    return gain(x) + 1.0
+
+
+@njit
+def double(x):
+    return 2.0 * x
+
+
+@njit
+def halve(x):
+    return 0.5 * x
+
+
+@njit
+def step(x):
+    return x
+
+
+@njit
+def loop(n, x):
+    for _ in range(n):
+        x = step(x)
+    return x
+
+
+doubling, halving = (specialise(loop, "loop", step=s) for s in (double, halve))
+"""
+REPORT = """
+import json, sys
+import numba
+hits = lambda k: sum(k.compiled.stats.cache_hits.values())
+print(json.dumps({
+    "caller": probe.caller(10.0), "doubling": probe.doubling(3, 1.0), "halving": probe.halving(3, 1.0),
+    "hits": [hits(k) for k in (probe.caller, probe.doubling, probe.halving)], "numba_folder": numba.config.CACHE_DIR,
+}))
+"""
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """A copy of the ground floor with one more module of kernels and its callee in another file."""
+    root = tmp_path / "tree"
+    package = root / "plumbob"
+    (package / "filters").mkdir(parents=True)
+    for name in GROUND:
+        shutil.copy(SOURCE / name, package / name)
+    shutil.copytree(SOURCE / "rotations", package / "rotations", ignore=shutil.ignore_patterns("__pycache__"))
+    (package / "filters" / "__init__.py").touch()
+    (package / "filters" / "callee.py").write_text(CALLEE.format(factor=3.0))
+    (package / "filters" / "probe.py").write_text(PROBE)
+    return root
+
+
+def python(code, *, tree=None, **environment):
+    """Run code in a fresh process; return what it prints as JSON."""
+    env = {k: v for k, v in os.environ.items() if k not in {"NUMBA_DISABLE_JIT", "PLUMBOB_CACHE_DIR"}}
+    env |= {"PYTHONDONTWRITEBYTECODE": "1", **({"PYTHONPATH": str(tree)} if tree else {}), **environment}
+    env = {k: v for k, v in env.items() if v is not None}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], env=env, capture_output=True, text=True, check=False, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def probe(tree, cache, before="", **environment):
+    code = f"import plumbob.filters.probe as probe\n{before}\n{REPORT}"
+    return python(code, tree=tree, PLUMBOB_CACHE_DIR=str(cache), **environment)
+
+
+def cached_files(folder):
+    return sorted(folder.rglob("*.nb?"))
+
+
+def right(found, factor=3.0):
+    return (found["caller"], found["doubling"], found["halving"]) == (10.0 * factor + 1.0, 8.0, 0.125)
+
+
+def test_cache_is_filled_used_and_never_stale(tree, tmp_path):
+    """A callee's edit, a specialised twin, an edit between import and compilation: each must reach the caller."""
+    cache = tmp_path / "cache"
+    first = probe(tree, cache, before="from plumbob import _jit; assert _jit.is_cold('loop')")
+    assert right(first)
+    assert first["hits"] == [0, 0, 0]
+    assert cached_files(cache)
+    assert not cached_files(tree)
+    second = probe(tree, cache, before="from plumbob import _jit; assert not _jit.is_cold('loop')")
+    assert right(second)
+    assert second["hits"] == [1, 1, 1]
+
+    callee = tree / "plumbob" / "filters" / "callee.py"
+    edit = f"open({str(callee)!r}, 'w').write({CALLEE.format(factor=5.0)!r})"
+    assert right(probe(tree, cache, before=edit), factor=3.0)  # this process imported the old source
+    edited = probe(tree, cache)
+    assert right(edited, factor=5.0)
+    assert edited["hits"][0] == 0
+
+
+def test_a_folder_that_cannot_be_written_means_no_cache(tree, tmp_path):
+    """And not a cache beside the sources, where nothing notices an edit in another file."""
+    (tmp_path / "cache").touch()
+    assert right(probe(tree, tmp_path / "cache"))
+    assert not cached_files(tmp_path)
+
+
+def test_without_a_home_there_is_no_cache(tree, tmp_path):
+    """An unknown user without HOME: '~' stays '~', and must not become a folder of that name."""
+    code = f"""
+import os, pwd
+def nobody(uid): raise KeyError(uid)
+pwd.getpwuid = nobody
+os.chdir({str(tmp_path)!r})
+import plumbob.filters.probe as probe
+{REPORT}"""
+    gone = {"HOME": None, "PLUMBOB_CACHE_DIR": None, "XDG_CACHE_HOME": None}
+    assert right(python(code, tree=tree, **gone))
+    assert not cached_files(tmp_path)
+    assert not (tmp_path / "~").exists()
+
+
+def test_a_full_disk_costs_only_the_cache(tree, tmp_path):
+    full = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))"
+    assert right(probe(tree, tmp_path / "cache", before=full))
+    assert not cached_files(tmp_path)
+
+
+def test_damaged_cache_files_cost_only_a_compilation(tree, tmp_path):
+    """What a power cut leaves: names without content, halves of files."""
+    cache = tmp_path / "cache"
+    probe(tree, cache)
+    for i, path in enumerate(cached_files(cache)):
+        os.truncate(path, [0, 20, path.stat().st_size // 2][i % 3])
+    repaired = probe(tree, cache)
+    assert right(repaired)
+    assert repaired["hits"] == [0, 0, 0]
+    assert probe(tree, cache)["hits"] == [1, 1, 1]
+
+
+def test_kernels_from_elsewhere_are_not_cached(tree, tmp_path):
+    """Their sources are not in the fingerprint, so an edit in one would leave the other stale."""
+    (tree / "elsewhere.py").write_text(PROBE.replace("plumbob.filters.callee", "outside"))
+    (tree / "outside.py").write_text(CALLEE.format(factor=7.0))
+    before = "import elsewhere as probe"
+    assert right(probe(tree, tmp_path / "cache", before=before), factor=7.0)
+    assert not cached_files(tmp_path)
+
+
+def test_threads_that_call_first_at_the_same_time(tree, tmp_path):
+    """Numba's cache folder is a global: without a lock it is left behind, or missed, and files land in the tree."""
+    threads = """
+import threading, sys
+from plumbob.rotations import kernels
+sys.setswitchinterval(1e-6)
+work = [
+    (probe.caller, (10.0,), 31.0), (probe.doubling, (3, 1.0), 8.0), (probe.halving, (3, 1.0), 0.125),
+    (kernels.cross, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    (kernels.quat_unit, (0.0, 0.0, 0.0, 2.0), (0.0, 0.0, 0.0, 1.0)),
+]
+wrong, barrier = [], threading.Barrier(10)
+def run(kernel, args, expected):
+    barrier.wait()
+    try:
+        if kernel(*args) != expected:
+            wrong.append(kernel)
+    except Exception as error:
+        wrong.append(error)
+crew = [threading.Thread(target=run, args=job) for job in 2 * work]
+[t.start() for t in crew]; [t.join() for t in crew]
+assert not wrong, wrong
+"""
+    found = probe(tree, tmp_path / "cache", before=threads)
+    assert right(found)
+    assert found["numba_folder"] == ""
+    assert not cached_files(tree)
+    names = {path.name.split("-")[0] for path in cached_files(tmp_path / "cache")}
+    assert {"probe.caller", "probe.loop", "kernels.cross", "kernels.quat_unit", "callee.gain"} <= names
+
+
+ARGUMENTS = {
+    "quat_mul": (0.1, -0.7, 0.3, 0.6, 0.5, 0.2, -0.4, 0.7),
+    "cross": (0.1, -0.7, 0.3, 0.6, 0.5, 0.2),
+    "rotate": (0.5, -0.1, 0.7, -0.5, 9.1, -0.3, 1e-3),
+    "third_row": (0.5, -0.1, 0.7, -0.5),
+    "quat_unit": (0.5, -0.1, 0.7, 0.2),
+    "quat_exp": (0.5, -0.1, 0.7),
+    "quat_from_axes": (0.36, 0.48, -0.8, -0.8, 0.6, 0.0, 0.48, 0.64, 0.6),
+}
+
+
+def test_plain_python_gives_the_same_bits_and_needs_no_numba():
+    code = f"""
+import json, sys
+from plumbob.rotations import kernels
+found = {{name: [x.hex() for x in getattr(kernels, name)(*args)] for name, args in {ARGUMENTS!r}.items()}}
+assert "numba" not in sys.modules
+print(json.dumps(found))"""
+    plain = python(code, NUMBA_DISABLE_JIT="1")
+    assert plain == {name: [x.hex() for x in getattr(kernels, name)(*args)] for name, args in ARGUMENTS.items()}
+
+
+def test_every_rotation_kernel_is_among_them():
+    assert set(ARGUMENTS) == {name for name, value in vars(kernels).items() if isinstance(value, _jit.Kernel)}
+
+
+def test_importing_stays_light():
+    """Numba takes a third of a second and SciPy as long; a script that only reads its arguments needs neither."""
+    code = """
+import json, sys
+import plumbob
+heavy = ("numba", "scipy", "pyarrow", "matplotlib", "h5py", "pandas", "numpy")
+first = [name for name in heavy if name in sys.modules]
+import plumbob.rotations, plumbob.data, plumbob.cards, plumbob.clock, plumbob.units
+print(json.dumps([first, [name for name in heavy if name in sys.modules]]))"""
+    assert python(code) == [[], ["numpy"]]
+
+
+def imported_from(tree):
+    """Names in a module and the file of this package that each comes from."""
+    found = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "plumbob":
+            for alias in node.names:
+                parts = [*node.module.split(".")[1:], alias.name]
+                as_module = SOURCE.joinpath(*parts).with_suffix(".py")
+                found[alias.asname or alias.name] = as_module if as_module.exists() else SOURCE.joinpath(
+                    *parts[:-1]
+                ).with_suffix(".py")  # fmt: skip
+    return found
+
+
+def is_kernel(node):
+    return isinstance(node, ast.FunctionDef) and any(getattr(d, "id", "") == "njit" for d in node.decorator_list)
+
+
+@pytest.mark.parametrize("path", sorted(SOURCE.rglob("*.py")), ids=lambda p: p.relative_to(SOURCE).as_posix())
+def test_all_that_a_kernel_uses_is_in_the_fingerprint(path):
+    """Else an edit there leaves the compiled kernel as it was."""
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    origin = imported_from(module)
+    for kernel in filter(is_kernel, ast.walk(module)):
+        assert str(path) in _jit._SOURCES, f"{path} holds kernels, but _jit._KERNEL_SOURCES does not name it"
+        used = {n.id for statement in kernel.body for n in ast.walk(statement) if isinstance(n, ast.Name)}
+        for name in used & set(origin):
+            assert str(origin[name]) in _jit._SOURCES, f"{kernel.name} uses {name} from {origin[name]}"
+
+
+class TestInProcess:
+    def test_a_kernel_keeps_its_name_and_text(self):
+        assert kernels.rotate.__name__ == "rotate"
+        assert "unit quaternion" in kernels.rotate.__doc__
+        assert kernels.rotate.compiled is kernels.rotate.compiled
+
+    def test_nothing_is_compiled_before_the_first_call(self):
+        def never():
+            raise AssertionError
+
+        assert njit(never)._compiled is None
+
+    @pytest.mark.parametrize(("value", "off"), [("1", True), ("0", False), ("", False), (None, False)])
+    def test_switch(self, monkeypatch, value, off):
+        if value is None:
+            monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
+        else:
+            monkeypatch.setenv("NUMBA_DISABLE_JIT", value)
+        assert _jit.jit_disabled() is off
+
+    def test_cold_until_something_is_cached(self, monkeypatch, tmp_path):
+        monkeypatch.delenv("NUMBA_DISABLE_JIT", raising=False)
+        monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path))
+        assert _jit.cache_folder().parent == tmp_path
+        monkeypatch.setenv("PLUMBOB_CACHE_DIR", "")  # as good as none, and not the working directory
+        assert _jit.cache_folder().is_absolute()
+        monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path))
+        assert _jit.is_cold("loop")
+        _jit.cache_folder().mkdir()
+        (_jit.cache_folder() / "base.loop_twin-0a1b-52.py311.nbi").touch()
+        assert _jit.is_cold("loop")
+        (_jit.cache_folder() / "base.loop-0a1b-52.py311.nbi").touch()
+        assert not _jit.is_cold("loop")
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+        assert not _jit.is_cold("other")
+
+    def test_specialised_copies_leave_the_pattern_alone(self, monkeypatch):
+        monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+
+        @njit
+        def twice(x):
+            return 2.0 * x
+
+        @njit
+        def thrice(x):
+            return 3.0 * x
+
+        two, three = (specialise(pattern, "copy", inner=k) for k in (twice, thrice))
+        assert (pattern(1.0), two(1.0), three(1.0)) == (2.0, 3.0, 4.0)
+        assert two.py_func.__qualname__ != three.py_func.__qualname__
+        assert two.py_func.__qualname__ == specialise(pattern, "copy", inner=twice).py_func.__qualname__
+
+    def test_numba_division_follows_numpy(self):
+        """error_model="numpy": no exception inside a step."""
+        if _jit.jit_disabled():
+            pytest.skip("plain Python raises")
+        assert np.isnan(divide(0.0, 0.0))
+        assert np.isinf(divide(1.0, 0.0))
+
+
+@njit
+def inner(x):
+    return x
+
+
+@njit
+def pattern(x):
+    return inner(x) + 1.0
+
+
+@njit
+def divide(a, b):
+    return a / b

@@ -1,0 +1,169 @@
+"""Yaw, pitch and roll: signs, ranges, and the policy at pitch ±90°."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import example, given
+
+from plumbob.errors import ShapeError
+from plumbob.rotations import (
+    body_rate_from_euler_zyx,
+    euler_zyx_from_quat,
+    near_gimbal,
+    quat_angle,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+)
+from plumbob.rotations.euler import GIMBAL_MARGIN
+
+EPS = np.finfo(float).eps
+ROUNDING = 16 * EPS  # a dozen products of sines and cosines, there and back
+DEG = np.pi / 180
+
+angles = st.floats(-np.pi, np.pi)
+pitches = st.floats(-np.pi / 2, np.pi / 2)
+
+
+def rebuilt(q):
+    return quat_angle(q, quat_from_euler_zyx(euler_zyx_from_quat(q)))
+
+
+def test_order_is_yaw_then_pitch_then_roll_about_moving_axes():
+    """Three rotation vectors, each about the axis that the ones before have turned."""
+    yaw, pitch, roll = 0.7, -0.4, 1.1
+    z, y, x = (quat_from_rotvec(a * e) for a, e in zip((yaw, pitch, roll), np.eye(3)[::-1], strict=True))
+    assert quat_angle(quat_from_euler_zyx([yaw, pitch, roll]), quat_multiply(quat_multiply(z, y), x)) <= ROUNDING
+
+
+@pytest.mark.parametrize(
+    ("angles_deg", "axis", "expected"),
+    [  # in NED, body forward-right-down: what a pilot says
+        ((90, 0, 0), [1, 0, 0], [0, 1, 0]),  # heading 90°: the nose points east
+        ((0, 90, 0), [1, 0, 0], [0, 0, -1]),  # pitch +90°: the nose points up
+        ((0, 0, 90), [0, 1, 0], [0, 0, 1]),  # roll +90°: the right wing points down
+        ((90, 0, 90), [0, 1, 0], [0, 0, 1]),
+        ((90, 90, 0), [0, 0, 1], [0, 1, 0]),  # then pitched up: the belly faces east, where the nose was
+    ],
+)
+def test_signs_in_ned(angles_deg, axis, expected):
+    turned = quat_rotate(quat_from_euler_zyx(np.multiply(angles_deg, DEG)), axis)
+    np.testing.assert_allclose(turned, expected, atol=4 * EPS)
+
+
+def test_pitch_is_nose_down_where_z_is_up():
+    nose = quat_rotate(quat_from_euler_zyx([0.0, 10 * DEG, 0.0]), [1, 0, 0])
+    assert nose[2] < 0  # in ENU and NWU z is up
+
+
+@given(angles, pitches, angles)
+@example(0.0, 0.0, 0.0)
+@example(np.pi, 0.0, np.pi)
+@example(3.0, np.pi / 2, -1.0)
+@example(3.0, -np.pi / 2, -1.0)
+def test_ranges_and_reconstruction(yaw, pitch, roll):
+    q = quat_from_euler_zyx([yaw, pitch, roll])
+    back = euler_zyx_from_quat(q)
+    assert (np.abs(back) <= [np.pi, np.pi / 2, np.pi]).all()
+    assert rebuilt(q) <= (2 * GIMBAL_MARGIN if near_gimbal(q) else ROUNDING)
+
+
+@given(angles, st.floats(-1.5, 1.5), angles)
+def test_angles_come_back(yaw, pitch, roll):
+    """1.5 rad leaves cos(pitch) = 0.07: an error of the quaternion reaches yaw and roll 14 times magnified."""
+    back = euler_zyx_from_quat(quat_from_euler_zyx([yaw, pitch, roll]))
+    apart = (back - [yaw, pitch, roll] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(apart).max() <= 14 * ROUNDING
+
+
+def test_bijection(rotvec):
+    q = quat_from_rotvec(rotvec)
+    assert euler_zyx_from_quat(q).shape == rotvec.shape
+    assert near_gimbal(q).shape == rotvec.shape[:-1]
+    assert rebuilt(q).max(initial=0) <= ROUNDING
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("yaw", [0.0, 0.5, -2.0, np.pi])
+@pytest.mark.parametrize("roll", [0.0, -0.4, 3.0])
+@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 0.9, 1.1, 10.0, 1e3, 1e6], ids="off={}".format)
+def test_around_the_gimbal(sign, yaw, roll, off):
+    """`off` counts in margins from ±90°; below 1 the policy holds, above it does not, and the rotation is the same."""
+    pitch = sign * (np.pi / 2 - off * GIMBAL_MARGIN)
+    q = quat_from_euler_zyx([yaw, pitch, roll])
+    back = euler_zyx_from_quat(q)
+    inside = off < 1
+    assert bool(near_gimbal(q)) is inside
+    # Inside, roll goes into yaw, which moves the body x axis by at most 2 sin(roll/2) times the distance.
+    assert rebuilt(q) <= ROUNDING + (2 * off * GIMBAL_MARGIN if inside else 0)
+    assert abs(back[1] - pitch) <= 4 * EPS
+    if inside:
+        assert back[2] == 0.0
+        apart = (back[0] - (yaw - sign * roll) + np.pi) % (2 * np.pi) - np.pi
+        assert abs(apart) <= ROUNDING + 2 * off * GIMBAL_MARGIN
+    else:
+        apart = (back[[0, 2]] - [yaw, roll] + np.pi) % (2 * np.pi) - np.pi
+        assert np.abs(apart).max() <= 4 * EPS / (off * GIMBAL_MARGIN) + ROUNDING
+
+
+def test_exactly_90_degrees():
+    half = np.sqrt(0.5)
+    np.testing.assert_allclose(euler_zyx_from_quat([half, 0, half, 0]), [0, np.pi / 2, 0], atol=2 * EPS)
+    np.testing.assert_allclose(euler_zyx_from_quat([half, 0, -half, 0]), [0, -np.pi / 2, 0], atol=2 * EPS)
+
+
+@pytest.mark.parametrize(
+    ("q", "expected"),
+    [
+        ([1, 0, 0, 0], [0, 0, 0]),
+        ([0, 1, 0, 0], [0, 0, np.pi]),
+        ([0, 0, 0, 1], [np.pi, 0, 0]),
+        ([0, 0, 1, 0], [np.pi, 0, np.pi]),
+        ([-1, -0.0, -0.0, -0.0], [0, 0, 0]),
+        ([-0.0, 1, -0.0, -0.0], [0, 0, np.pi]),
+        ([-0.0, 1, -0.0, 0.0], [0, 0, np.pi]),
+        ([-0.0, -0.0, -0.0, 1], [np.pi, 0, 0]),
+    ],
+)
+def test_half_turns_are_plus_pi(q, expected):
+    """Angles lie in (−π, π], whatever the sign of a zero."""
+    assert np.array_equal(euler_zyx_from_quat(q), expected)
+    assert rebuilt(np.array(q, dtype=float)) <= ROUNDING
+
+
+def test_both_signs_of_a_quaternion_have_the_same_angles(quats):
+    assert np.array_equal(euler_zyx_from_quat(quats), euler_zyx_from_quat(-quats))
+
+
+def test_absent_stays_absent():
+    assert np.isnan(euler_zyx_from_quat([np.nan] * 4)).all()
+    assert not near_gimbal([np.nan] * 4)
+
+
+def test_body_rate_against_differences():
+    """ω_b dt = log(q(t − dt/2)⁻¹ q(t + dt/2)) for angles that move at constant rates."""
+    rng = np.random.default_rng(2)
+    angle = rng.uniform([-3, -1.4, -3], [3, 1.4, 3], (200, 3))
+    rate = rng.normal(size=(200, 3))
+    h = EPS ** (1 / 3)
+    before, after = (quat_from_euler_zyx(angle + s * h / 2 * rate) for s in (-1, 1))
+    measured = rotvec_from_quat(quat_multiply(quat_conjugate(before), after)) / h
+    scale = 1 + np.abs(rate).max() ** 3  # third derivatives of the angles' sines and cosines
+    assert np.abs(body_rate_from_euler_zyx(angle, rate) - measured).max() <= 8 * scale * (h**2 + EPS / h)
+
+
+def test_a_level_turn_is_a_rate_about_z():
+    np.testing.assert_array_equal(body_rate_from_euler_zyx([0.3, 0, 0], [0.1, 0, 0]), [0, 0, 0.1])
+    # Banked by 90° the turn is a pitch rate, pitched up by 90° a roll rate with the other sign.
+    np.testing.assert_allclose(body_rate_from_euler_zyx([0, 0, np.pi / 2], [0.1, 0, 0]), [0, 0.1, 0], atol=EPS)
+    np.testing.assert_allclose(body_rate_from_euler_zyx([0, np.pi / 2, 0], [0.1, 0, 0]), [-0.1, 0, 0], atol=EPS)
+
+
+def test_wrong_shapes():
+    with pytest.raises(ShapeError, match="yaw_pitch_roll must have shape"):
+        quat_from_euler_zyx([0.0, 0.0])
+    with pytest.raises(ShapeError, match="rates must have shape"):
+        body_rate_from_euler_zyx([0.0, 0.0, 0.0], 1.0)

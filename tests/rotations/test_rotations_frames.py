@@ -1,0 +1,200 @@
+"""Navigation frames and body axes, by cases worked out by hand."""
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from plumbob.errors import FrameError
+from plumbob.rotations import (
+    Frame,
+    North,
+    assert_same,
+    body_axes,
+    change_frame,
+    dcm_from_quat,
+    frame_rotation,
+    quat_angle,
+    quat_conjugate,
+    quat_multiply,
+    quat_rotate,
+)
+
+EPS = np.finfo(float).eps
+HALF = np.sqrt(0.5)
+PAIRS = list(itertools.product(Frame, Frame))
+
+
+@pytest.mark.parametrize("frame", Frame)
+def test_east_north_up_are_right_handed_in_each_frame(frame):
+    assert np.array_equal(np.cross(frame.east, frame.north), frame.up)
+    assert np.linalg.det(np.stack((frame.east, frame.north, frame.up))) == 1.0
+
+
+def test_letters_name_the_axes():
+    """N, E, D, W, U in the name are the columns of the unit matrix, in order."""
+    for frame in Frame:
+        named = {"N": frame.north, "E": frame.east, "U": frame.up, "S": -frame.north, "W": -frame.east, "D": -frame.up}
+        assert np.array_equal([named[letter] for letter in frame.value], np.eye(3))
+
+
+# A level body with its nose to the north, forward-left-up (FLU) and forward-right-down (FRD).
+NOSE_NORTH = {
+    ("FLU", Frame.ENU): [HALF, 0, 0, HALF],  # x → y, y → −x: a quarter turn about up
+    ("FLU", Frame.NWU): [1, 0, 0, 0],
+    ("FLU", Frame.NED): [0, 1, 0, 0],  # x stays, y and z turn over
+    ("FRD", Frame.ENU): [0, HALF, HALF, 0],  # x → y, y → x, z → −z: half a turn about the north-east
+    ("FRD", Frame.NWU): [0, 1, 0, 0],
+    ("FRD", Frame.NED): [1, 0, 0, 0],
+}
+AXES = {"FLU": ("north", "west", "up"), "FRD": ("north", "east", "down")}
+
+
+def direction(frame, word):
+    opposite = {"west": "east", "south": "north", "down": "up"}
+    return -getattr(frame, opposite[word]) if word in opposite else getattr(frame, word)
+
+
+@pytest.mark.parametrize(("body", "frame"), NOSE_NORTH)
+def test_hand_cases_point_where_they_say(body, frame):
+    q = NOSE_NORTH[body, frame]
+    for axis, word in zip(np.eye(3), AXES[body], strict=True):
+        np.testing.assert_allclose(quat_rotate(q, axis), direction(frame, word), atol=2 * EPS)
+
+
+@pytest.mark.parametrize("body", ["FLU", "FRD"])
+@pytest.mark.parametrize(("to", "from_"), PAIRS)
+def test_a_body_keeps_its_attitude_in_the_world(body, to, from_):
+    changed = change_frame(NOSE_NORTH[body, from_], to=to, from_=from_)
+    assert quat_angle(changed, NOSE_NORTH[body, to]) <= 4 * EPS
+
+
+@pytest.mark.parametrize(("to", "from_"), PAIRS)
+def test_frame_rotations_form_a_group(to, from_):
+    q = frame_rotation(to, from_)
+    for word in ("east", "north", "up"):
+        np.testing.assert_allclose(quat_rotate(q, getattr(from_, word)), getattr(to, word), atol=4 * EPS)
+    assert quat_angle(quat_conjugate(q), frame_rotation(from_, to)) <= 4 * EPS
+    for via in Frame:
+        chain = quat_multiply(frame_rotation(to, via), frame_rotation(via, from_))
+        assert quat_angle(chain, q) <= 8 * EPS
+
+
+def test_known_rotations_between_frames():
+    # The half turn about the north-east bisector (x + y)/√2 exchanges E with N and turns U over: textbook ENU ↔ NED.
+    np.testing.assert_allclose(frame_rotation(Frame.NED, Frame.ENU), [0, HALF, HALF, 0], atol=EPS)
+    np.testing.assert_allclose(frame_rotation(Frame.NED, Frame.NWU), [0, 1, 0, 0], atol=EPS)
+    np.testing.assert_allclose(frame_rotation(Frame.NWU, Frame.ENU), [HALF, 0, 0, -HALF], atol=EPS)
+
+
+def test_changing_frames_turns_the_world_and_not_the_body(quats):
+    """The up direction seen in the body is the same, from whichever frame it is computed."""
+    for to, from_ in PAIRS:
+        changed = change_frame(quats, to=to, from_=from_)
+        seen = quat_rotate(quat_conjugate(quats), from_.up)
+        np.testing.assert_allclose(quat_rotate(quat_conjugate(changed), to.up), seen, atol=16 * EPS)
+
+
+def test_same_frame_gives_a_copy(quats):
+    same = change_frame(quats, to=Frame.NED, from_=Frame.NED)
+    assert np.array_equal(same, quats)
+    assert not np.shares_memory(same, quats)
+
+
+@pytest.mark.parametrize(("to", "from_"), [("ENU", Frame.ENU), ("ENU", "ENU"), ("XYZ", "XYZ"), (None, Frame.NED)])
+def test_a_frame_must_be_a_frame(to, from_):
+    with pytest.raises(FrameError, match="must be a Frame"):
+        change_frame([1, 0, 0, 0], to=to, from_=from_)
+
+
+@pytest.mark.parametrize("name", [" ned ", "NED", "Ned"])
+def test_parse(name):
+    assert Frame.parse(name) is Frame.NED
+
+
+@pytest.mark.parametrize("name", ["", "NEU", "north", "ENU NED"])
+def test_parse_refuses_and_lists(name):
+    with pytest.raises(FrameError, match=r"known are ENU, NED, NWU\."):
+        Frame.parse(name)
+
+
+def test_parse_north():
+    assert North.parse(" Magnetic") is North.MAGNETIC
+    with pytest.raises(FrameError, match="'grid' is no heading reference; known are true, magnetic, free"):
+        North.parse("grid")
+
+
+SPECS = [
+    " ".join(sign + letter for sign, letter in zip(signs, order, strict=True))
+    for order in itertools.permutations("xyz")
+    for signs in itertools.product(("", "-"), repeat=3)
+]
+
+
+class TestBodyAxes:
+    @staticmethod
+    def right_handed(spec):
+        """The third letter is the vector product of the first two."""
+        x, y, z = (("-" in w, "xyz".index(w[-1])) for w in spec.split())
+        cyclic = (y[1] - x[1]) % 3 == 1
+        return (x[0] ^ y[0] ^ z[0]) != cyclic
+
+    def test_24_of_48_are_right_handed(self):
+        assert len(SPECS) == len(set(SPECS)) == 48
+        assert sum(map(self.right_handed, SPECS)) == 24
+
+    @pytest.mark.parametrize("spec", SPECS)
+    def test_each(self, spec):
+        if not self.right_handed(spec):
+            with pytest.raises(FrameError, match="left-handed"):
+                body_axes(spec)
+            return
+        c = body_axes(spec)
+        assert set(np.abs(c).ravel()) == {0.0, 1.0}
+        assert np.array_equal(c @ c.T, np.eye(3))
+        assert np.linalg.det(c) == 1.0
+        v_s = np.array([1.0, 2.0, 3.0])
+        expected = [("xyz".index(w[-1]) + 1) * (-1 if "-" in w else 1) for w in spec.split()]
+        assert np.array_equal(c @ v_s, expected)
+
+    def test_the_documented_examples(self):
+        assert np.array_equal(body_axes("x y z"), np.eye(3))
+        frd_to_flu = body_axes("x -y -z")
+        assert np.array_equal(frd_to_flu @ [1, 0, 0], [1, 0, 0])
+        assert np.array_equal(frd_to_flu @ [0, 1, 0], [0, -1, 0])  # right becomes −left
+        assert np.array_equal(body_axes("y -x z"), dcm_from_quat([HALF, 0, 0, -HALF]).round())
+
+    @pytest.mark.parametrize("spec", ["+x +y +z", "x,y,z", " x, y , z", "x\ty\tz"])
+    def test_ways_to_write(self, spec):
+        assert np.array_equal(body_axes(spec), np.eye(3))
+
+    @pytest.mark.parametrize(
+        "spec", ["", "x y", "x x z", "xyz", "x y z z", "--x y z", "+-x y z", "X Y Z", "1 2 3", "x −y −z", "x- y z"]
+    )
+    def test_refused(self, spec):
+        with pytest.raises(FrameError, match="must name x, y and z once each"):
+            body_axes(spec)
+
+
+@dataclass(frozen=True)
+class Track:
+    frame: Frame
+    q_nb: tuple
+
+
+class TestAssertSame:
+    def test_relabels_without_turning(self):
+        track = Track(Frame.NWU, (1, 2, 3, 4))
+        relabelled = assert_same(track, Frame.NWU, Frame.ENU, because="the file says NWU, its paper ENU")
+        assert relabelled == Track(Frame.ENU, (1, 2, 3, 4))
+        assert track.frame is Frame.NWU
+
+    def test_refuses_another_label(self):
+        with pytest.raises(FrameError, match="frame is NWU, not NED; nothing was relabelled"):
+            assert_same(Track(Frame.NWU, ()), Frame.NED, Frame.ENU, because="a reason")
+
+    @pytest.mark.parametrize("because", ["", "  \n"])
+    def test_needs_a_reason(self, because):
+        with pytest.raises(FrameError, match="needs a reason"):
+            assert_same(Track(Frame.NWU, ()), Frame.NWU, Frame.ENU, because=because)

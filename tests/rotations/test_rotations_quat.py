@@ -1,0 +1,192 @@
+"""Quaternion algebra: the axioms of a group, and of its action on vectors."""
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis.extra import numpy as hnp
+
+from plumbob.errors import ShapeError
+from plumbob.rotations import (
+    IDENTITY,
+    dcm_from_quat,
+    quat_angle,
+    quat_conjugate,
+    quat_continuous,
+    quat_from_rotvec,
+    quat_from_xyzw,
+    quat_multiply,
+    quat_normalize,
+    quat_rotate,
+    quat_slerp,
+    quat_to_xyzw,
+)
+
+EPS = np.finfo(float).eps
+PRODUCT = 8 * EPS  # a component takes 7 roundings of EPS/2 on numbers up to 1; twice that, for the inputs' own norms
+
+unit_quats = (
+    hnp.arrays(float, 4, elements=st.floats(-1, 1, allow_subnormal=False))
+    .filter(lambda q: np.linalg.norm(q) > 1e-3)
+    .map(lambda q: q / np.linalg.norm(q))
+)
+vectors = hnp.arrays(float, 3, elements=st.integers(-(10**9), 10**9).map(lambda n: n / 1e6))
+
+
+@given(unit_quats, unit_quats, unit_quats)
+def test_associative(a, b, c):
+    left, right = quat_multiply(quat_multiply(a, b), c), quat_multiply(a, quat_multiply(b, c))
+    assert np.abs(left - right).max() <= 2 * PRODUCT
+
+
+@given(unit_quats)
+def test_identity_and_inverse(q):
+    assert np.array_equal(quat_multiply(q, IDENTITY), q)
+    assert np.array_equal(quat_multiply(IDENTITY, q), q)
+    assert np.abs(quat_multiply(q, quat_conjugate(q)) - IDENTITY).max() <= PRODUCT
+
+
+@given(unit_quats, unit_quats, vectors)
+def test_product_acts_as_one_rotation_after_the_other(a, b, v):
+    scale = np.linalg.norm(v)
+    both = quat_rotate(quat_multiply(a, b), v)
+    assert np.abs(both - quat_rotate(a, quat_rotate(b, v))).max() <= 6 * PRODUCT * scale
+
+
+@given(unit_quats, vectors, vectors)
+def test_rotation_keeps_lengths_angles_and_handedness(q, v, w):
+    scale = np.linalg.norm(v) * np.linalg.norm(w)
+    rv, rw = quat_rotate(q, v), quat_rotate(q, w)
+    assert abs(rv @ rw - v @ w) <= 6 * PRODUCT * scale
+    assert np.abs(np.cross(rv, rw) - quat_rotate(q, np.cross(v, w))).max() <= 12 * PRODUCT * scale
+
+
+@given(unit_quats, vectors)
+def test_both_signs_turn_alike(q, v):
+    assert np.array_equal(quat_rotate(-q, v), quat_rotate(q, v))
+    assert quat_angle(q, -q) <= PRODUCT
+
+
+def test_hamilton_and_not_jpl():
+    i, j, k = np.eye(4)[1:]
+    assert np.array_equal(quat_multiply(i, j), k)  # Hamilton: ij = k; JPL has ij = −k
+    assert np.array_equal(quat_multiply(j, i), -k)
+    assert np.array_equal(quat_multiply(np.stack((i, j, k)), np.stack((i, j, k))), [-np.eye(4)[0]] * 3)
+
+
+def test_active_quarter_turn_about_z_takes_x_to_y():
+    q = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]  # cos 45°, sin 45° about z
+    np.testing.assert_allclose(quat_rotate(q, [1, 0, 0]), [0, 1, 0], atol=2 * EPS)
+
+
+def test_shapes_broadcast(rotvec):
+    q = quat_from_rotvec(rotvec)
+    shape = q.shape[:-1]
+    assert quat_multiply(q, q).shape == quat_normalize(q).shape == quat_conjugate(q).shape == (*shape, 4)
+    assert quat_rotate(q, [1.0, 0.0, 0.0]).shape == (*shape, 3)
+    assert quat_multiply(IDENTITY, q).shape == (*shape, 4)
+    assert np.shape(quat_angle(q, IDENTITY)) == shape
+    assert quat_to_xyzw(q).shape == (*shape, 4)
+    one_to_many = quat_rotate(q[..., np.newaxis, :], np.eye(3))
+    np.testing.assert_allclose(np.swapaxes(one_to_many, -1, -2), dcm_from_quat(q), atol=PRODUCT)
+
+
+def test_angle_is_the_length_of_the_rotation_vector(rotvec):
+    expected = np.linalg.norm(rotvec, axis=-1)
+    np.testing.assert_allclose(quat_angle(quat_from_rotvec(rotvec), IDENTITY), expected, rtol=4 * EPS, atol=0)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-20, 1e-12, 1e-9])
+def test_angle_between_neighbours_keeps_its_digits(size, quats):
+    """Products of four numbers up to 1 leave EPS of noise, whatever the angle: arccos would leave √EPS = 1.5e-8."""
+    near = quat_multiply(quats, quat_from_rotvec([0.0, size, 0.0]))
+    assert np.abs(quat_angle(quats, near) - size).max() <= 4 * EPS
+
+
+@pytest.mark.parametrize("q", [[0, 0, 0, 0], [1, np.inf, 0, 0], [0, 0, 0, -np.inf], [1e200, 0, 0, 0]])
+def test_normalize_refuses_what_is_no_rotation(q):
+    with pytest.raises(ShapeError, match="norm zero or infinity"):
+        quat_normalize([[1, 0, 0, 0], q])
+
+
+def test_normalize_keeps_absent_absent():
+    q = quat_normalize([[0, 0, 0, 2.0], [np.nan] * 4])
+    assert np.array_equal(q, [[0, 0, 0, 1], [np.nan] * 4], equal_nan=True)
+
+
+@pytest.mark.parametrize("bad", [np.zeros(3), np.zeros((4, 3)), 1.0, np.zeros(5), np.ma.zeros(4), [1, 2, 3, "4"], 1j])
+def test_wrong_shapes_and_types_are_named(bad):
+    for call in (quat_conjugate, quat_normalize, dcm_from_quat, quat_to_xyzw):
+        with pytest.raises(ShapeError, match=r"^q "):
+            call(bad)
+
+
+def test_xyzw_order():
+    assert np.array_equal(quat_from_xyzw([1, 2, 3, 4]), [4, 1, 2, 3])
+    assert np.array_equal(quat_to_xyzw([4, 1, 2, 3]), [1, 2, 3, 4])
+
+
+def test_inputs_are_left_alone(quats):
+    before = quats.copy()
+    for call in (quat_conjugate, quat_normalize, quat_to_xyzw, quat_from_xyzw, quat_continuous, dcm_from_quat):
+        result = call(quats)
+        assert not np.shares_memory(result, quats)
+    assert np.array_equal(before, quats)
+    with pytest.raises(ValueError, match="read-only"):
+        IDENTITY[0] = 0.0
+
+
+class TestSlerp:
+    def test_constant_rate(self, quats):
+        a, b = quats[:500], quats[500:]
+        fractions = np.linspace(0.0, 1.0, 11)
+        path = quat_slerp(a, b, fractions[:, np.newaxis])
+        assert path.shape == (11, 500, 4)
+        steps = quat_angle(path[1:], path[:-1])
+        whole = quat_angle(a, b)
+        assert (whole <= np.pi).all()
+        assert np.abs(steps - whole / 10).max() <= 2 * PRODUCT
+
+    def test_ends(self, quats):
+        a, b = quats[:500], quats[500:]
+        assert np.array_equal(quat_slerp(a, b, 0.0), a)
+        assert quat_angle(quat_slerp(a, b, 1.0), b).max() <= 2 * PRODUCT
+
+    def test_takes_the_shorter_arc_for_either_sign(self):
+        b = quat_from_rotvec([0, 0, 1.0])
+        for end in (b, -b):
+            np.testing.assert_allclose(quat_slerp(IDENTITY, end, 0.5), quat_from_rotvec([0, 0, 0.5]), atol=PRODUCT)
+
+    def test_equal_ends(self, quats):
+        assert quat_angle(quat_slerp(quats, quats, 0.3), quats).max() <= 2 * PRODUCT
+
+    def test_half_turn_apart_goes_one_of_the_two_ways(self):
+        middle = quat_slerp(IDENTITY, [0.0, 0.0, 1.0, 0.0], 0.5)
+        assert abs(quat_angle(middle, IDENTITY) - np.pi / 2) <= PRODUCT
+
+
+class TestContinuous:
+    def test_neighbours_agree_and_rotations_stay(self):
+        angle = np.linspace(0, 20, 400)
+        q = quat_from_rotvec(np.outer(angle, [0.6, 0.0, 0.8]))
+        jumping = q * np.where(np.random.default_rng(1).random(400) < 0.5, -1.0, 1.0)[:, np.newaxis]
+        smooth = quat_continuous(jumping)
+        assert (np.sum(smooth[1:] * smooth[:-1], axis=1) > 0).all()
+        assert np.array_equal(np.abs(smooth), np.abs(q))
+        assert np.array_equal(smooth[0], jumping[0])
+
+    def test_large_steps(self):
+        """Neighbours up to 170° apart: the product of the nearer signs is cos 85°, and small."""
+        q = quat_from_rotvec(np.outer(np.deg2rad([0, 170, 10, 175, 20, 179]), [0, 0, 1.0]))
+        smooth = quat_continuous(q * [[1], [-1], [1], [1], [-1], [1]])
+        assert (np.sum(smooth[1:] * smooth[:-1], axis=1) > 0).all()
+
+    def test_absent_rows_stay_where_they_are(self):
+        q = np.array([[1.0, 0, 0, 0], [np.nan] * 4, [-1.0, 0, 0, 0], [1.0, 0, 0, 0]])
+        smooth = quat_continuous(q)
+        assert np.array_equal(np.isnan(smooth), np.isnan(q))
+        assert np.array_equal(smooth[3], smooth[2])
+
+    @pytest.mark.parametrize("count", [0, 1, 2])
+    def test_short(self, count):
+        assert quat_continuous(np.tile([1.0, 0, 0, 0], (count, 1))).shape == (count, 4)
