@@ -63,7 +63,7 @@ def calibrated(imu: ImuData, card: CalibrationCard | None) -> ImuData:
 
 
 def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | None = None) -> AttitudeTrack:
-    """Attitude at every sample of a recording.
+    """Attitude at every sample of a recording; headings are true where the recording knows its declination.
 
     Parameters
     ----------
@@ -76,7 +76,8 @@ def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | N
     progress : callable, optional
         Called with the number of samples done since the last call.
     """
-    filter_ = Filter(stage.filter, frame=frame, params=stage.params)
+    known = {} if imu.meta.declination is None else {"declination": imu.meta.declination}
+    filter_ = Filter(stage.filter, frame=frame, params={**known, **stage.params})
     parts = []
     for chunk in imu.chunks(CHUNK):
         parts.append(filter_.process(chunk))

@@ -207,9 +207,9 @@ def write_table(path, columns):
 
 
 PROFILE = """
-[file]
 separator = ","
-header = "names"
+[header]
+names = true
 [time]
 column = "t"
 unit = "s"
@@ -219,6 +219,7 @@ unit = "{gyr}"
 [acc]
 columns = ["ax", "ay", "az"]
 unit = "{acc}"
+sign = "specific-force"
 """
 
 

@@ -67,8 +67,7 @@ def run(args: argparse.Namespace) -> int:
     results = {}
     with common.progress("estimating", len(chosen)) as advance:
         for stage in chosen:
-            given = pipeline.Stage(stage.filter, {**stage.params, "declination": deg(-4.0)}, stage.label)
-            track = pipeline.estimate(imu, given, frame=Frame.NED)
+            track = pipeline.estimate(imu, stage, frame=Frame.NED)
             io.write(args.out / f"{stage.name.replace(' ', '-').replace(',', '')}.parquet", track)
             results[stage.name] = evaluate(track, buoy.truth, settle=SETTLE)
             advance(1)

@@ -5,7 +5,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, Protocol, Self
 
@@ -23,6 +23,7 @@ from plumbob.rotations import Frame, North, quat_normalize
 from plumbob.units import Quantity
 
 STATE_VERSION = 1
+_INVALID = flags.GYR_INVALID | flags.ACC_INVALID | flags.MAG_INVALID
 _ABSENT = check.read_only(np.full(3, np.nan))
 
 
@@ -146,6 +147,7 @@ class Filter:
         self.params, self.common = _split_params(name, self.module, dict(params or {}))
         self._loops = _cached_loops(name, self.module)
         self._c = _coefficients(self.module, self.params, self.common, frame)
+        self._single: Callable[..., int] = self._compile_single  # numba is imported when it is needed, and not here
         self._init = None if init is None else _attitude(init)
         self.reset()
 
@@ -200,15 +202,28 @@ class Filter:
 
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time."""
-        dt = 0.0 if self._last_ns is None else (sample.t_ns - self._last_ns) / 1e9
-        bad = sample.flags
-        gyr = _ABSENT if sample.gyr is None or bad & flags.GYR_INVALID else sample.gyr
-        acc = _ABSENT if sample.acc is None or bad & flags.ACC_INVALID else sample.acc
-        mag = _ABSENT if sample.mag is None or bad & flags.MAG_INVALID or not self.common.mag else sample.mag
-        found: int = self._loops.single.compiled(self._c, self._x, dt, gyr, acc, mag)
+        last, bad = self._last_ns, sample.flags
+        dt = 0.0 if last is None else (sample.t_ns - last) / 1e9
+        gyr, acc, mag = sample.gyr, sample.acc, sample.mag
+        if gyr is None or acc is None or mag is None or bad & _INVALID or not self.common.mag:
+            gyr, acc, mag = self._usable(sample)
+        found = self._single(self._c, self._x, dt, gyr, acc, mag)
         if not found & flags.TIME_FAULT:  # a late or repeated sample must not turn the clock back
             self._last_ns = sample.t_ns
         return found | bad
+
+    def _usable(self, sample: ImuSample) -> tuple[Floats, Floats, Floats]:
+        """Triads of a sample, NaN where absent, invalid or not wanted."""
+        bad = sample.flags
+        return (
+            _ABSENT if sample.gyr is None or bad & flags.GYR_INVALID else sample.gyr,
+            _ABSENT if sample.acc is None or bad & flags.ACC_INVALID else sample.acc,
+            _ABSENT if sample.mag is None or bad & flags.MAG_INVALID or not self.common.mag else sample.mag,
+        )
+
+    def _compile_single(self, *args: Any) -> int:
+        self._single = self._loops.single.compiled
+        return self._single(*args)
 
     def warm_up(self) -> None:
         """Compile now, so that the first live sample does not wait."""

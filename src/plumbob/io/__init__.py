@@ -1,0 +1,155 @@
+"""Files: `read` and `write` choose the format by the suffix; `FORMATS` lists what there is."""
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.errors import DecodeError, ParameterError
+from plumbob.io.broad import read_broad
+from plumbob.io.files import existing_file
+from plumbob.io.findings import findings
+from plumbob.io.parquet import read_parquet, write_parquet
+from plumbob.io.profile import Profile
+from plumbob.io.profile_toml import load_profile, parse_profile
+from plumbob.io.recording import Recording
+from plumbob.io.text import read_text
+from plumbob.io.text_write import write_csv
+
+__all__ = ["FORMATS", "Format", "Profile", "Recording", "findings", "load_profile", "parse_profile", "read", "write"]
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A file format.
+
+    Attributes
+    ----------
+    name : str
+        What it is called.
+    suffixes : tuple of str
+        File names that end so are taken for it.
+    what : str
+        One line for help and documentation.
+    read : callable
+        Reader of a path, and of a profile where it takes one.
+    takes_profile : bool
+        Whether a profile describes such files.
+    writers : tuple of (str, callable)
+        Suffixes that can be written, with their writers.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    what: str
+    read: Callable[..., Recording]
+    takes_profile: bool = False
+    writers: tuple[tuple[str, Callable[[Path, Recording], None]], ...] = ()
+
+
+FORMATS: Final = (
+    Format(
+        name="native",
+        suffixes=(".parquet",),
+        what="native recording: every bit, units and a checksum inside",
+        read=read_parquet,
+        writers=((".parquet", write_parquet),),
+    ),
+    Format(
+        name="text",
+        suffixes=(".csv", ".txt", ".tsv", ".lvm", ".dat", ".log"),
+        what="text tables, described by a profile in TOML; written as .csv with its profile beside it",
+        read=read_text,
+        takes_profile=True,
+        writers=((".csv", write_csv),),
+    ),
+    Format(
+        name="BROAD",
+        suffixes=(".hdf5", ".h5", ".mat"),
+        what="trials of the BROAD data set, HDF5 or MATLAB v5; read only",
+        read=read_broad,
+    ),
+)
+
+
+def read(path: str | os.PathLike[str], *, profile: Profile | str | Path | None = None) -> Recording:
+    """Read a recording; its notes also say what was found in the data (`plumbob.io.findings`).
+
+    Parameters
+    ----------
+    path : path
+        The file; its suffix says the format.
+    profile : Profile or path, optional
+        For text files: what they do not say about themselves.
+
+    Raises
+    ------
+    DecodeError
+        If there is no such file, its suffix is unknown, or it is not what it claims to be.
+    ParameterError
+        If a profile is given for a file that describes itself.
+    UnitError, ClockError, ShapeError, FrameError
+        If its numbers cannot be what they are declared to be.
+    """
+    kind = _format(Path(path))
+    file = existing_file(path)
+    if profile is not None and not kind.takes_profile:
+        raise ParameterError(f"{file} describes itself ({kind.name}), so it takes no profile; leave --profile out.")
+    recording = kind.read(file, profile) if kind.takes_profile else kind.read(file)
+    found = () if recording.imu is None else findings(recording.imu)
+    return replace(recording, notes=(*recording.notes, *found))
+
+
+def write(
+    path: str | os.PathLike[str], what: Recording | ImuData | AttitudeTrack, *, notes: Iterable[str] = ()
+) -> Path:
+    """Write a recording, samples alone, or an attitude alone; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+        The file; its suffix says the format.
+    what : Recording, ImuData or AttitudeTrack
+        The content.
+    notes : iterable of str
+        Lines of provenance to add.
+
+    Returns
+    -------
+    Path
+        Where it is.
+
+    Raises
+    ------
+    DecodeError
+        If the suffix is unknown or cannot be written, or the system refuses.
+    ClockError
+        If samples and attitude have different time stamps.
+    """
+    file = Path(path)
+    writers = dict(_format(file).writers)
+    if file.suffix.lower() not in writers:
+        raise DecodeError(f"{file}: {file.suffix} is read only; write {' or '.join(_writable())} instead.")
+    recording = _recording(what, file.stem)
+    writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *notes)))
+    return file
+
+
+def _recording(what: Recording | ImuData | AttitudeTrack, name: str) -> Recording:
+    if isinstance(what, ImuData):
+        return Recording(imu=what, name=name)
+    return Recording(track=what, name=name) if isinstance(what, AttitudeTrack) else what
+
+
+def _format(path: Path) -> Format:
+    for kind in FORMATS:
+        if path.suffix.lower() in kind.suffixes:
+            return kind
+    known = ", ".join(suffix for kind in FORMATS for suffix in kind.suffixes)
+    raise DecodeError(f"{path}: the suffix '{path.suffix}' is unknown; known are {known}.")
+
+
+def _writable() -> list[str]:
+    return [suffix for kind in FORMATS for suffix, _ in kind.writers]

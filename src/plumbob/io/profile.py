@@ -1,0 +1,207 @@
+"""A profile: what a text file does not say about itself, as plain data. `profile_toml` reads it from a file."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from plumbob.rotations import Frame, North
+
+ColumnRef = int | str
+"""A column by its number, counted from 1, or by its name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How the text is laid out.
+
+    Attributes
+    ----------
+    separator : str
+        Between cells: comma, semicolon, tab, or a blank for runs of blanks and tabs.
+    decimal : str
+        Point or comma.
+    encoding : str
+        Of the file, as Python names it.
+    comment : str
+        Lines that begin with it are left out; empty for none.
+    missing : tuple of str
+        Cells that stand for "no value".
+    marker : str
+        The table starts after this line; empty for none.
+    occurrence : int
+        Which one, where the marker comes more than once.
+    skip : int
+        Lines to leave out after the marker, or at the top.
+    names : bool
+        Whether a row of column names follows.
+    after_names : int
+        Lines to leave out after that row, such as one of units.
+    rows : int or None
+        Rows of numbers that the file must have.
+    """
+
+    separator: str
+    decimal: str = "."
+    encoding: str = "utf-8"
+    comment: str = ""
+    missing: tuple[str, ...] = ("", "NaN")
+    marker: str = ""
+    occurrence: int = 1
+    skip: int = 0
+    names: bool = True
+    after_names: int = 0
+    rows: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TimeColumn:
+    """Time from a column.
+
+    Attributes
+    ----------
+    column : int or str
+        The column.
+    unit : str
+        Its unit.
+    unix : bool
+        Whether it counts from 1970 (UTC).
+    """
+
+    column: ColumnRef
+    unit: str
+    unix: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class TimeRate:
+    """Time of a file that has none, from its declared rate, Hz."""
+
+    rate: float
+
+
+@dataclass(frozen=True, slots=True)
+class GroupSource:
+    """Columns of one vector.
+
+    Attributes
+    ----------
+    columns : tuple of int or str
+        One for each component.
+    unit : str
+        Their unit.
+    unit_per_count : float
+        What one count is worth in that unit; 1 where the file holds the unit itself.
+    gravity : bool
+        Whether the columns point down at rest, as gravity does, instead of up.
+    full_scale : float or None
+        Measuring range, in the unit used inside.
+    """
+
+    columns: tuple[ColumnRef, ...]
+    unit: str
+    unit_per_count: float = 1.0
+    gravity: bool = False
+    full_scale: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceSource:
+    """Columns of a reference attitude.
+
+    Attributes
+    ----------
+    columns : tuple of int or str
+        Four for a quaternion, three for angles.
+    order : str
+        ``"wxyz"``, ``"xyzw"`` or ``"yaw pitch roll"``.
+    frame : Frame
+        Navigation frame.
+    north : North
+        What the heading counts from.
+    unit : str or None
+        Unit of the angles.
+    of : str or None
+        Whose attitude it is, ``"body"`` or ``"case"``; needed only where the body axes are remapped.
+    source : str
+        Where it comes from.
+    score, flags : int, str or None
+        Columns with the samples that count (1 or 0) and with flags.
+    bias : GroupSource or None
+        Columns of the gyroscope bias.
+    covariance : GroupSource or None
+        Nine columns, row by row; `unit` is the angle's, whose square they are in.
+    """
+
+    columns: tuple[ColumnRef, ...]
+    order: str
+    frame: Frame
+    north: North
+    unit: str | None = None
+    of: str | None = None
+    source: str = ""
+    score: ColumnRef | None = None
+    flags: ColumnRef | None = None
+    bias: GroupSource | None = None
+    covariance: GroupSource | None = None
+
+    @property
+    def used(self) -> tuple[ColumnRef, ...]:
+        """Every column that it uses."""
+        single = [ref for ref in (self.score, self.flags) if ref is not None]
+        groups = [group.columns for group in (self.bias, self.covariance) if group is not None]
+        return (*self.columns, *single, *(ref for group in groups for ref in group))
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Everything that a text file does not say about itself.
+
+    Attributes
+    ----------
+    layout : Layout
+        How the text is laid out.
+    time : TimeColumn or TimeRate
+        Where time comes from.
+    triads : mapping of str to GroupSource
+        ``gyr``, ``acc``, ``mag``, as far as the file has them.
+    temperature : GroupSource or None
+        Temperature, one column.
+    flags : int, str or None
+        Column of flags in Plumbob's own meaning.
+    reference : ReferenceSource or None
+        Attitude.
+    meta : mapping
+        Fields of `ImuMeta` that the profile declares.
+    notes : tuple of str
+        Provenance.
+    axes_applied : bool
+        Whether the columns are in body axes already, and the axes are only kept.
+    origin : str
+        Name of the profile's file, for messages.
+    """
+
+    layout: Layout
+    time: TimeColumn | TimeRate
+    triads: Mapping[str, GroupSource] = field(default_factory=dict)
+    temperature: GroupSource | None = None
+    flags: ColumnRef | None = None
+    reference: ReferenceSource | None = None
+    meta: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    axes_applied: bool = False
+    origin: str = "profile"
+
+    @property
+    def turn(self) -> str | None:
+        """Body axes that the columns must be turned to; None where they are in them."""
+        axes = str(self.meta.get("axes", "x y z"))
+        return None if self.axes_applied or axes.split() == ["x", "y", "z"] else axes
+
+    @property
+    def used(self) -> tuple[ColumnRef, ...]:
+        """Every column that it uses, time included."""
+        time = [self.time.column] if isinstance(self.time, TimeColumn) else []
+        single = time if self.flags is None else [*time, self.flags]
+        groups = [*self.triads.values(), *([self.temperature] if self.temperature else [])]
+        reference = self.reference.used if self.reference else ()
+        return (*single, *(ref for group in groups for ref in group.columns), *reference)

@@ -1,0 +1,185 @@
+"""Read text files as their profile declares them: units to SI, signs, body axes, references."""
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plumbob import units
+from plumbob.check import Floats
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.errors import DecodeError
+from plumbob.io.files import excerpt, existing_file, reading
+from plumbob.io.profile import ColumnRef, GroupSource, Profile, ReferenceSource, TimeColumn, TimeRate
+from plumbob.io.profile_toml import GUIDE, load_profile
+from plumbob.io.recording import Recording
+from plumbob.io.text_table import Table, read_table
+from plumbob.rotations import (
+    body_axes,
+    quat_conjugate,
+    quat_from_dcm,
+    quat_from_euler_zyx,
+    quat_from_xyzw,
+    quat_multiply,
+)
+
+_FIRST_LINE_BYTES = 4096
+
+
+def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> Recording:
+    """Read a CSV or TXT file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    profile : Profile or path, optional
+        What it does not say about itself; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside it is taken.
+
+    Raises
+    ------
+    DecodeError
+        If there is no profile, it is invalid, or the file does not fit it.
+    UnitError
+        If the values cannot be in the declared units.
+    ClockError
+        If time is missing or does not increase.
+    ShapeError
+        If a declared triad holds no number.
+    """
+    file = existing_file(path)
+    declared, note = _profile(file, profile)
+    with reading(file):
+        time = declared.time
+        exact = time.column if isinstance(time, TimeColumn) and time.unix else None
+        table = read_table(file.read_bytes(), declared.layout, declared.used, exact)
+        t, t0_ns = _time(declared, table)
+        imu = _imu(declared, table, t, t0_ns) if declared.triads else None
+        track = None if declared.reference is None else _track(declared.reference, table, t, declared.turn)
+        notes = (*declared.notes, note, *table.notes, *_changes(declared))
+        return Recording(imu=imu, track=track, name=file.stem, notes=notes)
+
+
+def sidecars(path: Path) -> tuple[Path, Path]:
+    """Names that a profile beside a text file may have."""
+    return path.with_name(f"{path.stem}.toml"), path.with_name(f"{path.stem}.profile.toml")
+
+
+def _profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
+    if isinstance(given, Profile):
+        return given, f"read with the profile {given.origin}"
+    if given is not None:
+        return load_profile(given), f"read with the profile {Path(given).name}"
+    found = [path for path in sidecars(file) if path.is_file()]
+    if len(found) > 1:
+        raise DecodeError(
+            f"{file}: both {found[0].name} and {found[1].name} lie beside it; name one: --profile FILE.toml."
+        )
+    if not found:
+        raise DecodeError(
+            f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
+            f"it); its first line is {_first_line(file)}; {GUIDE} shows how to write one."
+        )
+    return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
+
+
+def _first_line(file: Path) -> str:
+    with reading(file), file.open("rb") as stream:
+        return excerpt(stream.readline(_FIRST_LINE_BYTES).decode("utf-8", "replace").strip())
+
+
+def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
+    source = profile.time
+    if isinstance(source, TimeRate):
+        return np.arange(table.rows) / source.rate, 0
+    nanoseconds = Fraction(units.unit(source.unit).factor).limit_denominator(10**9) * 10**9
+    t0_ns = round(Fraction(table.zero) * nanoseconds)
+    return _inside(table.columns[source.column], source.unit), t0_ns
+
+
+def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
+    triads: dict[str, Any] = {name: _vector(group, table, profile.turn) for name, group in profile.triads.items()}
+    temperature = profile.temperature
+    time = profile.time
+    implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns} if time.unix else {}
+    return ImuData(
+        t=t,
+        temp_c=None if temperature is None else _inside(table.columns[temperature.columns[0]], temperature.unit),
+        flags=_optional(table, profile.flags),  # type: ignore[arg-type]
+        meta=ImuMeta(**{**implied, **profile.meta}),
+        **triads,
+    )
+
+
+def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -> AttitudeTrack:
+    turn = turn if source.of == "case" else None
+    q_nb = _attitude(source, table)
+    if turn is not None:
+        q_nb = quat_multiply(q_nb, quat_conjugate(quat_from_dcm(body_axes(turn))))  # q_nb = q_ns ⊗ q_sb
+    return AttitudeTrack(
+        t=t,
+        q_nb=q_nb,
+        frame=source.frame,
+        north=source.north,
+        bias_b=None if source.bias is None else _vector(source.bias, table, turn),
+        cov_b=None if source.covariance is None else _covariance(source.covariance, table, turn),
+        flags=_optional(table, source.flags),  # type: ignore[arg-type]
+        score=_optional(table, source.score),  # type: ignore[arg-type]
+        source=source.source,
+    )
+
+
+def _optional(table: Table, ref: ColumnRef | None) -> Floats | None:
+    return None if ref is None else table.columns[ref]
+
+
+def _inside(values: Floats, unit: str) -> Floats:
+    known = units.unit(unit)
+    # What is already in the unit used inside keeps every bit, the sign of zero included.
+    return values if (known.factor, known.offset) == (1.0, 0.0) else units.to_si(values, unit)
+
+
+def _stacked(columns: tuple[ColumnRef, ...], table: Table) -> Floats:
+    return np.stack([table.columns[ref] for ref in columns], axis=1)
+
+
+def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
+    counts = _stacked(group.columns, table)
+    values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
+    values = -values if group.gravity else values
+    if turn is None:
+        return values
+    place, sign = _picks(turn)
+    return values[:, place] * sign
+
+
+def _covariance(group: GroupSource, table: Table, turn: str | None) -> Floats:
+    cov = _stacked(group.columns, table).reshape(-1, 3, 3)
+    if turn is not None:
+        place, sign = _picks(turn)
+        cov = cov[:, place][:, :, place] * np.outer(sign, sign)
+    factor = units.unit(group.unit).factor
+    return cov if factor == 1.0 else cov * factor**2
+
+
+def _picks(axes: str) -> tuple[Any, Floats]:
+    """Which sensor axis each body axis is, and its sign; picking spoils no component where another is missing."""
+    c_bs = body_axes(axes)
+    return np.abs(c_bs).argmax(axis=1), c_bs.sum(axis=1)
+
+
+def _attitude(source: ReferenceSource, table: Table) -> Floats:
+    values = _stacked(source.columns, table)
+    if source.unit is not None:
+        return quat_from_euler_zyx(_inside(values, source.unit))
+    return quat_from_xyzw(values) if source.order == "xyzw" else values
+
+
+def _changes(profile: Profile) -> tuple[str, ...]:
+    notes = []
+    if any(group.gravity for group in profile.triads.values()):
+        notes.append("acc was negated: the profile says that it points down at rest, as gravity does")
+    if profile.turn is not None:
+        notes.append(f"body axes are '{profile.turn}' of the sensor case, as the profile says")
+    return tuple(notes)

@@ -1,0 +1,313 @@
+"""BROAD trials: real ones where they are at hand, tiny ones made here, and hostile ones."""
+
+import struct
+import sys
+import zlib
+
+import numpy as np
+import pytest
+import scipy.io
+from io_samples import DATA
+
+from plumbob.errors import DecodeError, MissingExtraError, PlumbobError
+from plumbob.io import broad_keys, broad_mat, read
+from plumbob.rotations import Frame, North
+
+h5py = pytest.importorskip("h5py")
+
+ROWS = 40
+RATE = 2000.0 / 7.0
+TRIALS = sorted(DATA.glob("broad/*.hdf5"))[:2] + sorted(DATA.glob("broad/*.mat"))[:2]
+KEYS = ("imu_gyr", "imu_acc", "imu_mag", "opt_quat", "movement", "sampling_rate")
+
+
+def content(rows=ROWS):
+    rng = np.random.default_rng(5)
+    quat = rng.normal(size=(rows, 4))
+    quat /= np.linalg.norm(quat, axis=1, keepdims=True)
+    quat[3:6] = np.nan
+    return {
+        "imu_gyr": rng.normal(size=(rows, 3)),
+        "imu_acc": rng.normal(size=(rows, 3)) + [0.0, 0.0, 9.8],
+        "imu_mag": rng.normal(size=(rows, 3)) + [0.0, 20.0, -40.0],
+        "opt_quat": quat,
+        "opt_pos": rng.normal(size=(rows, 3)),
+        "movement": np.arange(rows) >= 4,
+        "sampling_rate": RATE,
+    }
+
+
+def write_hdf5(path, found, *, rate_as_attribute=True):
+    with h5py.File(path, "w") as hdf5:
+        for key, value in found.items():
+            if key == "sampling_rate" and rate_as_attribute:
+                hdf5.attrs[key] = value
+            else:
+                hdf5[key] = value
+    return path
+
+
+def write_mat(path, found, *, compress=True):
+    scipy.io.savemat(path, found, do_compression=compress, oned_as="column")
+    return path
+
+
+WRITERS = {".hdf5": write_hdf5, ".mat": write_mat}
+every_container = pytest.mark.parametrize("suffix", WRITERS)
+
+
+def refused(path, match):
+    with pytest.raises(DecodeError, match=match) as caught:
+        read(path)
+    assert path.name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def check(recording, direct, rate):
+    for name in ("gyr", "acc", "mag"):
+        assert getattr(recording.imu, name).tobytes() == np.ascontiguousarray(direct[f"imu_{name}"]).tobytes()
+    quat, movement = np.asarray(direct["opt_quat"]), np.asarray(direct["movement"]).ravel() != 0
+    known = ~np.isnan(quat).any(axis=1)
+    track = recording.track
+    assert np.abs(track.q_nb - quat)[known].max() < 1e-15
+    assert np.array_equal(track.known, known)
+    assert np.array_equal(track.score, movement & known)
+    assert (track.frame, track.north) == (Frame.ENU, North.MAGNETIC)
+    assert recording.imu.t_ns.tolist() == [round(k * 1e9 / rate) for k in range(len(quat))]
+    assert recording.imu.t.tobytes() == track.t.tobytes()
+    assert recording.imu.meta.device == "Myon aktos-t"
+    assert recording.imu.meta.rate_nominal == rate
+
+
+# Real trials ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not TRIALS, reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+@pytest.mark.parametrize("path", TRIALS, ids=lambda path: path.name)
+def test_a_real_trial_is_what_its_own_library_reads(path):
+    recording = read(path)
+    if path.suffix == ".mat":
+        direct = scipy.io.loadmat(path, variable_names=KEYS)
+        check(recording, direct, float(direct["sampling_rate"].item()))
+    else:
+        with h5py.File(path, "r") as hdf5:
+            check(recording, {key: hdf5[key][()] for key in KEYS[:-1]}, float(hdf5.attrs["sampling_rate"]))
+    assert recording.name == path.stem
+    assert np.median(np.linalg.norm(recording.imu.acc, axis=1)) == pytest.approx(9.81, abs=0.2)  # gravity, and motion
+    assert any("doi:10.3390/data6070072" in note for note in recording.notes)
+
+
+@pytest.mark.skipif(not TRIALS, reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+def test_a_level_unit_at_rest_points_up():
+    """Before the movement phase the unit lies still: rotated to ENU, specific force points up and is g long."""
+    from plumbob.rotations import quat_rotate
+
+    recording = read(TRIALS[0])
+    rows = np.flatnonzero(recording.track.known & ~recording.track.score)[:500]
+    acc_n = quat_rotate(recording.track.q_nb[rows], recording.imu.acc[rows]).mean(axis=0)
+    assert acc_n == pytest.approx([0.0, 0.0, 9.81], abs=0.3)  # the unit's own bias is below 0.3 m/s²
+
+
+# Made here ------------------------------------------------------------------------------------------------------------
+
+
+@every_container
+def test_a_trial_made_here(tmp_path, suffix):
+    found = content()
+    recording = read(WRITERS[suffix](tmp_path / f"a{suffix}", found))
+    check(recording, found, RATE)
+    assert "reference lost in 3 of 40 samples; 36 belong to the movement phase" in recording.notes
+
+
+def test_containers_are_known_by_content_not_by_name(tmp_path):
+    check(read(write_hdf5(tmp_path / "a.mat", content())), content(), RATE)
+    scipy.io.savemat(tmp_path / "b.mat", content(), oned_as="column")
+    (tmp_path / "b.mat").rename(tmp_path / "b.h5")
+    check(read(tmp_path / "b.h5"), content(), RATE)
+
+
+def test_the_rate_may_be_a_data_set(tmp_path):
+    check(read(write_hdf5(tmp_path / "a.h5", content(), rate_as_attribute=False)), content(), RATE)
+
+
+def test_uncompressed_mat(tmp_path):
+    check(read(write_mat(tmp_path / "a.mat", content(), compress=False)), content(), RATE)
+
+
+@every_container
+@pytest.mark.parametrize("key", KEYS)
+def test_a_missing_key_is_named(tmp_path, suffix, key):
+    found = content()
+    del found[key]
+    refused(WRITERS[suffix](tmp_path / f"a{suffix}", found), f"no BROAD trial: {key} missing")
+
+
+@every_container
+@pytest.mark.parametrize(
+    ("key", "value", "match"),
+    [
+        ("imu_acc", np.zeros((ROWS - 1, 3)), "imu_acc must have shape"),
+        ("imu_acc", np.zeros((3, ROWS)), "imu_acc must have shape"),
+        ("imu_gyr", np.zeros((3, ROWS)), "must have shape"),
+        ("opt_quat", np.zeros((ROWS, 3)), "opt_quat must have shape"),
+        ("movement", np.zeros((ROWS, 2)), "movement must have shape"),
+        ("sampling_rate", 0.0, "sampling_rate must be"),
+        ("sampling_rate", np.nan, "sampling_rate must be"),
+        ("sampling_rate", np.array([1.0, 2.0]), "sampling_rate must be"),
+        ("imu_mag", np.zeros((ROWS, 3), dtype=complex), "imu_mag|numeric|real"),
+    ],
+)
+def test_arrays_that_do_not_belong_together(tmp_path, suffix, key, value, match):
+    with pytest.raises(PlumbobError, match=match) as caught:
+        read(WRITERS[suffix](tmp_path / f"a{suffix}", content() | {key: value}))
+    assert f"a{suffix}" in str(caught.value)
+
+
+@every_container
+def test_a_cut_trial_is_refused_or_whole(tmp_path, suffix):
+    path = WRITERS[suffix](tmp_path / f"a{suffix}", content(rows=8))
+    raw = path.read_bytes()
+    for size in np.unique(np.linspace(0, len(raw) - 1, 60).astype(int)):
+        path.write_bytes(raw[:size])
+        try:
+            check(read(path), content(rows=8), RATE)
+        except DecodeError as error:
+            assert "\n" not in str(error)
+
+
+@every_container
+def test_random_damage_ends_in_one_of_our_errors(tmp_path, suffix):
+    """Neither container has a checksum, so a flipped number cannot be seen; it must not be another exception."""
+    path = WRITERS[suffix](tmp_path / f"a{suffix}", content(rows=8))
+    raw = path.read_bytes()
+    rng = np.random.default_rng(9)
+    for _ in range(150):
+        damaged = bytearray(raw)
+        for place in rng.integers(0, len(raw), 3):
+            damaged[place] = rng.integers(0, 256)
+        path.write_bytes(damaged)
+        try:
+            read(path)
+        except PlumbobError as error:
+            assert "\n" not in str(error)
+
+
+def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
+    path = write_hdf5(tmp_path / "a.hdf5", content())
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[hdf5\]"'):
+        read(path)
+    assert read(write_mat(tmp_path / "a.mat", content())).imu is not None  # MATLAB v5 needs no extra
+
+
+# Hostile HDF5 ---------------------------------------------------------------------------------------------------------
+
+
+def hostile(path, make):
+    """A trial whose accelerometer is made by `make` from the open file."""
+    found = content()
+    del found["imu_acc"]
+    write_hdf5(path, found)
+    with h5py.File(path, "r+") as hdf5:
+        make(hdf5)
+    return path
+
+
+@pytest.fixture
+def secret(tmp_path):
+    path = tmp_path / "secret.bin"
+    path.write_bytes(np.full((ROWS, 3), 9.8).tobytes())
+    return path
+
+
+def test_external_storage_is_refused(tmp_path, secret):
+    def make(hdf5):
+        hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
+
+    path = hostile(tmp_path / "a.hdf5", make)
+    with h5py.File(path, "r") as hdf5:
+        assert hdf5["imu_acc"][0, 0] == 9.8  # a plain reader would read the other file
+    refused(path, "imu_acc is stored in another file")
+
+
+def test_external_links_are_refused(tmp_path):
+    write_hdf5(tmp_path / "other.hdf5", content())
+
+    def make(hdf5):
+        hdf5["imu_acc"] = h5py.ExternalLink("other.hdf5", "/imu_acc")
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is a link")
+
+
+def test_soft_links_are_refused(tmp_path):
+    def make(hdf5):
+        hdf5["imu_acc"] = h5py.SoftLink("/imu_gyr")
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is a link")
+
+
+def test_virtual_data_are_refused(tmp_path):
+    write_hdf5(tmp_path / "other.hdf5", content())
+
+    def make(hdf5):
+        layout = h5py.VirtualLayout((ROWS, 3), "f8")
+        layout[:] = h5py.VirtualSource(tmp_path / "other.hdf5", "imu_acc", (ROWS, 3))
+        hdf5.create_virtual_dataset("imu_acc", layout)
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is stored in another file")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda hdf5: hdf5.create_group("imu_acc"),
+        lambda hdf5: hdf5.create_dataset("imu_acc", data=h5py.Empty("f8")),
+        lambda hdf5: hdf5.create_dataset("imu_acc", data=np.array(["text"], dtype=object), dtype=h5py.string_dtype()),
+        lambda hdf5: hdf5.create_dataset("imu_acc", (ROWS, 3), [("a", "f8"), ("b", "f8")]),
+    ],
+)
+def test_what_is_no_array_of_numbers_is_refused(tmp_path, make):
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is no numeric data set")
+
+
+def test_claims_of_size_are_refused_before_reading(tmp_path):
+    def huge(hdf5):
+        del hdf5["imu_gyr"]
+        for key in ("imu_gyr", "imu_acc"):
+            hdf5.create_dataset(key, (10**9, 3), "f8", chunks=(1000, 3))
+
+    refused(hostile(tmp_path / "a.hdf5", huge), "claims 1000000000 rows")
+
+    def chunky(hdf5):
+        hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", chunks=(2**24, 3), maxshape=(None, 3))
+
+    refused(hostile(tmp_path / "b.hdf5", chunky), "claims chunks")
+
+
+# Hostile MATLAB -------------------------------------------------------------------------------------------------------
+
+
+def test_only_numeric_variables_are_read(tmp_path):
+    cells = np.full((ROWS, 3), 1.0, dtype=object)
+    refused(write_mat(tmp_path / "a.mat", content() | {"imu_acc": cells}), "imu_acc must be numeric, .* cell")
+
+
+def test_other_variables_are_not_unpacked(tmp_path, monkeypatch):
+    asked = []
+    load = scipy.io.loadmat
+    monkeypatch.setattr(scipy.io, "loadmat", lambda *a, **k: asked.append(k["variable_names"]) or load(*a, **k))
+    read(write_mat(tmp_path / "a.mat", content() | {"payload": np.zeros(1000)}))
+    assert sorted(asked[0]) == sorted(KEYS)
+
+
+def test_a_bomb_is_refused_without_unpacking_it_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr(broad_mat, "MAX_UNPACKED", 2 * 1024 * 1024)
+    path = write_mat(tmp_path / "a.mat", content())
+    packed = zlib.compress(bytes(64 * 1024 * 1024), 1)
+    path.write_bytes(path.read_bytes() + struct.pack("<II", 15, len(packed)) + packed)
+    refused(path, "unpacks to more than 2 MiB")
+
+
+def test_a_trial_of_the_largest_size_fits_the_budget():
+    per_row = 8 * sum(int(np.prod(shape)) for shape in broad_keys.SHAPES.values())
+    assert broad_keys.MAX_ROWS * (per_row + 8 * 3) < broad_mat.MAX_UNPACKED  # with opt_pos, which is not read
