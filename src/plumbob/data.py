@@ -431,9 +431,8 @@ def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool)
     absent, clipped, invalid = _FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
     if not _finite(triad).any():
-        raise ShapeError(
-            f"{name} has three finite numbers in none of {missing.size} samples; pass {name}=None if the unit has none."
-        )
+        what = "is NaN" if missing.all() else "has no three finite numbers"
+        raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
     size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
     limit = _IMPOSSIBLE[name] if full_scale is None else min(_IMPOSSIBLE[name], 1.05 * full_scale)
     too_big: NDArray[np.bool_] = np.asarray(size > limit)

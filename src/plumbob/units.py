@@ -8,15 +8,16 @@ import math
 import re
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, TypeVar
 
 from plumbob.constants import G0
 from plumbob.errors import UnitError
 
-Number = TypeVar("Number", float, NDArray[np.float64])
+if TYPE_CHECKING:  # the command line asks for units before it needs arrays
+    import numpy as np
+    from numpy.typing import NDArray
+
+Number = TypeVar("Number", "float", "NDArray[np.float64]")
 
 
 class Quantity(StrEnum):

@@ -51,11 +51,11 @@ def buoy(tmp_path_factory):
 
 def test_simulate_run_evaluate(buoy, tmp_path):
     track, page = tmp_path / "track.parquet", tmp_path / "page.html"
-    done = ok("run", buoy, "--filter", "mahony", "--params", "kp=0.05,ki=0.001,gate=off", "--out", track)
+    done = ok("run", buoy, "--filter", "mahony", "--params", "gate=0.08g", "--out", track)
     assert "frame        NED" in done.stdout
     summary = json.loads(ok("eval", track, buoy, "--json", "--html", page).stdout)
     for key in ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"):
-        assert 0.0 < summary[key] < 2.0
+        assert 0.0 < summary[key] < 3.0  # a few times the filter's rms error in these waves, about 1°
     assert page.read_text().startswith("<!DOCTYPE html>")
     assert "total" in ok("eval", track, buoy, "--align", "heading").stdout
 

@@ -109,8 +109,8 @@ class TestRefusedShapes:
             (np.zeros((N, 3), dtype=complex), "real numbers, but its type is complex128"),
             (np.full((N, 3), None), "type is object"),
             (np.full((N, 3), "0.0"), "type is <U3"),
-            (np.full((N, 3), np.nan), r"three finite numbers in none of 200 samples; pass \w+=None"),
-            (np.full((N, 3), np.inf), "three finite numbers in none of 200 samples"),
+            (np.full((N, 3), np.nan), r"is NaN in all 200 samples; pass \w+=None"),
+            (np.full((N, 3), np.inf), "has no three finite numbers in all 200 samples"),
         ],
     )
     def test_triads(self, name, value, says):
