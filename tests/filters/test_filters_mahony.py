@@ -8,6 +8,7 @@ from tests.battery.motion import noisy, seen_by
 
 from plumbob import Filter, Frame, ImuData, flags
 from plumbob.constants import G0
+from plumbob.evaluate import attitude_errors
 from plumbob.filters import mahony
 from plumbob.filters.layout import OWN
 from plumbob.rotations import dcm_from_quat, quat_angle, quat_from_euler_zyx, quat_multiply, quat_normalize
@@ -96,3 +97,24 @@ def test_fifteen_real_trials_agree_with_two_other_programs(broad_folder):
     assert mean["inclination_rmse_deg"] == pytest.approx(5.666, abs=0.3)
     gated = measure_accuracy(files, [Stage("mahony", {"kp": 0.5, "ki": 0.002, "gate": 2.0})])
     assert gated.mean()["mahony"]["total_rmse_deg"] < 0.5 * mean["total_rmse_deg"]
+
+
+def test_quick_start_averages_a_bad_first_look_away():
+    """With gain 1/t the n-th look has weight 1/n, so one wrong look of 5° among 100 leaves at most 5°/100 of tilt.
+
+    Kp = 0.05 1/s alone leaves 5° exp(−0.05) = 4.76° after a second. The heading, which the wrong tilt had turned too,
+    comes back more slowly, for its gain is that times cos² of the dip.
+    """
+    q = np.tile(quat_from_euler_zyx([0.3, 0.0, 0.0]), (101, 1))
+    seen = seen_by(q, Frame.NED)
+    tilted = seen_by(quat_multiply(q[:1], quat_from_euler_zyx([0.0, math.radians(5.0), 0.0])), Frame.NED)
+    acc = np.concatenate((tilted["acc"], seen["acc"][1:]))
+    data = ImuData(t=np.arange(101) / 100.0, gyr=np.zeros((101, 3)), acc=acc, mag=seen["mag"])
+
+    def tilt_left(**more):
+        params = {"kp": 0.05, "ki": 0.0, "gate": None, **more}
+        track = Filter("mahony", frame=Frame.NED, params=params).process(data)
+        return np.degrees(attitude_errors(track.q_nb[-1:], q[-1:])["inclination"][0])
+
+    assert tilt_left() == pytest.approx(4.76, abs=0.1)
+    assert tilt_left(quick_start=True) < 0.05

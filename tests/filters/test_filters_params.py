@@ -46,7 +46,10 @@ def test_the_gate_can_be_off(word):
         ({"kp": float("nan")}, "kp must be 0 to"),
         ({"kp": None}, "kp must be a number"),
         ({"kp": True}, "kp must be a number"),
-        ({"freqency": 100.0}, "no parameter 'freqency'; known are kp, ki, gate, declination, max_gap, mag"),
+        (
+            {"freqency": 100.0},
+            "no parameter 'freqency'; known are kp, ki, gate, quick_start, declination, max_gap, mag",
+        ),
         ({"mag": "yes"}, "mag"),
         ({"declination": "3"}, "declination.*needs a unit.*rad, deg"),
     ],

@@ -4,10 +4,11 @@ Gravity and the magnetic field, as the present attitude predicts them in body ax
 directions; the vector products are fed back to the rate with a proportional gain, and to a bias with an integral gain.
 
 This is the direct form with vector measurements, [Mahony2008] (48), and not the passive filter on a reconstructed
-attitude. It has no start-up gain ramp and no limit on the bias, as the buoy paper has none.
+attitude. There is no limit on the bias, as the buoy paper has none.
 
 When to choose it: to reproduce the paper, or where code must fit in a small controller. The paper's Kp = 0.5 1/s is
-about ten times too high for a buoy in waves: its corner lies at 0.08 Hz, just below the swell.
+about ten times too high for a buoy in waves: its corner lies at 0.08 Hz, just below the swell. With gains for waves
+(Kp 0.05, Ki 0.001) a start in motion takes minutes to forget; ``quick_start=on`` shortens that.
 
 =========  ==========  =======  =====================================================
 symbol     name        unit     meaning
@@ -17,11 +18,14 @@ b          x[BIAS]     rad/s    gyroscope bias, minus the integral term of the p
 Kp         kp          1/s      proportional gain, rad/s per rad
 Ki         ki          1/s²     integral gain
 ε          gate        m/s²     largest difference of the specific force from g
+t          x[ELAPSED]  s        time since tilt was first taken up
 =========  ==========  =======  =====================================================
 
 Departures from [Yu2018]: signs and indices of its equation (3) corrected; q is normalised after every step; e is the
 vector sum of the two vector products, not of their moduli; ε carries its unit (as the reported reduction fits ε in g).
-The magnetic reference is the measured field turned level and to north, so a dip angle is not needed. [Mahony2008] §V
+The magnetic reference is the measured field turned level and to north, so a dip angle is not needed. Added: the quick
+start, off by default, which replaces Kp by 1/t (the gain that averages all looks at gravity and field since the start)
+and Ki by 0 until 1/t has fallen to Kp.
 """
 
 import math
@@ -33,7 +37,7 @@ from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.filters.admission import admit, usable
 from plumbob.filters.alignment import initialise, up_in_body
-from plumbob.filters.layout import BIAS, HEADED, NORTH_X, NORTH_Y, OWN_C, STAGE, UP, Q
+from plumbob.filters.layout import BIAS, BLIND, HEADED, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.params import Spec
 from plumbob.rotations.kernels import Vec, cross, quat_mul, quat_unit, rotate
 from plumbob.units import Quantity
@@ -41,11 +45,13 @@ from plumbob.units import Quantity
 SUMMARY: Final = "PI complementary filter with a norm gate (drifting-buoy paper; Mahony 2008)"
 REFERENCES: Final = ("Mahony2008", "Yu2018")
 NEEDS: Final = ("gyr", "acc")
-STATE: Final = 0
+STATE: Final = 1
 
 KP: Final = OWN_C
 KI: Final = OWN_C + 1
 GATE: Final = OWN_C + 2
+QUICK: Final = OWN_C + 3
+ELAPSED: Final = OWN
 
 
 class Params(NamedTuple):
@@ -57,11 +63,16 @@ class Params(NamedTuple):
         float | None,
         Spec(Quantity.ACCELERATION, "use the accelerometer only where its norm is this near g; off: always", 0, 1e3),
     ] = 0.08 * G0
+    quick_start: Annotated[
+        bool,
+        Spec(Quantity.RATIO, "average at first, with gain 1/t, until that has fallen to kp; for a start in motion"),
+    ] = False
 
 
 def coefficients(params: Params) -> tuple[float, ...]:
     """Own coefficients of the kernel."""
-    return params.kp, params.ki, math.inf if params.gate is None else params.gate
+    gate = math.inf if params.gate is None else params.gate
+    return params.kp, params.ki, gate, 1.0 if params.quick_start else 0.0
 
 
 @njit
@@ -95,10 +106,15 @@ def field_error(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[
 @njit
 def regulate(c: Floats, x: Floats, dt: float, ex: float, ey: float, ez: float) -> Vec:
     """Correction of the rate by the PI law, and the bias that it learns."""
-    x[BIAS] -= c[KI] * dt * ex  # [Yu2018] (7)
-    x[BIAS + 1] -= c[KI] * dt * ey
-    x[BIAS + 2] -= c[KI] * dt * ez
-    return c[KP] * ex - x[BIAS], c[KP] * ey - x[BIAS + 1], c[KP] * ez - x[BIAS + 2]
+    kp, ki = c[KP], c[KI]
+    if c[QUICK] != 0.0:
+        x[ELAPSED] += dt
+        if 0.0 < x[ELAPSED] and kp * x[ELAPSED] < 1.0:
+            kp, ki = 1.0 / x[ELAPSED], 0.0
+    x[BIAS] -= ki * dt * ex  # [Yu2018] (7)
+    x[BIAS + 1] -= ki * dt * ey
+    x[BIAS + 2] -= ki * dt * ez
+    return kp * ex - x[BIAS], kp * ey - x[BIAS + 1], kp * ez - x[BIAS + 2]
 
 
 @njit
@@ -119,6 +135,8 @@ def step(
     if found & flags.TIME_FAULT:
         return found
     if x[STAGE] < HEADED:
+        if x[STAGE] == BLIND:
+            x[ELAPSED] = 0.0
         found |= initialise(c, x, ax, ay, az, mx, my, mz)
     acc_flag, tx, ty, tz = tilt_error(c, x, ax, ay, az)
     mag_flag, fx, fy, fz = field_error(c, x, mx, my, mz)
