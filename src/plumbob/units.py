@@ -126,7 +126,7 @@ def unit(name: str, quantity: Quantity | None = None) -> Unit:
     fitting = [k for k, u in UNITS.items() if quantity is None or u.quantity is quantity]
     if canonical not in fitting:
         what = "a unit" if quantity is None else f"a unit of {quantity.name.lower()}"
-        raise UnitError(f"'{name}' is not {what}; known are {', '.join(fitting)}.")
+        raise UnitError(f"{name!r} is not {what}; known are {', '.join(fitting)}.")
     return UNITS[canonical]
 
 
@@ -146,7 +146,7 @@ def split(text: str) -> tuple[str, str]:
     """Cut ``"0.08 g"`` into ``("0.08", "g")``; the unit is empty where there is none."""
     match = re.fullmatch(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*?)?\s*", text)
     if match is None:
-        raise UnitError(f"'{text}' is not a number with a unit, as 0.08g or 3.2 deg are.")
+        raise UnitError(f"{text!r} is not a number with a unit, as 0.08g or 3.2 deg are.")
     return match[1], match[2] or ""
 
 
@@ -161,7 +161,7 @@ def parse(text: str, quantity: Quantity) -> float:
     number, name = split(text)
     fitting = ", ".join(k for k, u in UNITS.items() if u.quantity is quantity)
     if not name and quantity.ambiguous and float(number) != 0.0:
-        raise UnitError(f"'{text}' needs a unit of {quantity.name.lower()} ({fitting}); it could mean any of them.")
+        raise UnitError(f"{text!r} needs a unit of {quantity.name.lower()} ({fitting}); it could mean any of them.")
     return to_si(float(number), name or quantity, quantity)
 
 

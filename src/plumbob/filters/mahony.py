@@ -109,7 +109,7 @@ def regulate(c: Floats, x: Floats, dt: float, ex: float, ey: float, ez: float) -
     kp, ki = c[KP], c[KI]
     if c[QUICK] != 0.0:
         x[ELAPSED] += dt
-        if 0.0 < x[ELAPSED] and kp * x[ELAPSED] < 1.0:
+        if x[ELAPSED] > 0.0 and kp * x[ELAPSED] < 1.0:
             kp, ki = 1.0 / x[ELAPSED], 0.0
     x[BIAS] -= ki * dt * ex  # [Yu2018] (7)
     x[BIAS + 1] -= ki * dt * ey

@@ -51,7 +51,7 @@ class Frame(StrEnum):
         try:
             return cls(name.strip().upper())
         except ValueError:
-            raise FrameError(f"'{name}' is not a navigation frame; known are {', '.join(cls)}.") from None
+            raise FrameError(f"{name!r} is not a navigation frame; known are {', '.join(cls)}.") from None
 
 
 class North(StrEnum):
@@ -73,7 +73,7 @@ class North(StrEnum):
         try:
             return cls(name.strip().lower())
         except ValueError:
-            raise FrameError(f"'{name}' is no heading reference; known are {', '.join(cls)}.") from None
+            raise FrameError(f"{name!r} is no heading reference; known are {', '.join(cls)}.") from None
 
 
 def frame_rotation(to: Frame, from_: Frame) -> Floats:
@@ -124,12 +124,12 @@ def body_axes(spec: str) -> Floats:
     words = spec.replace(",", " ").split()
     letters = [w.lstrip("+-") for w in words]
     if sorted(letters) != ["x", "y", "z"] or any(len(w) - len(v) > 1 for w, v in zip(words, letters, strict=True)):
-        raise FrameError(f"body axes '{spec}' must name x, y and z once each, with a sign or none, as in 'y -x z'.")
+        raise FrameError(f"body axes {spec!r} must name x, y and z once each, with a sign or none, as in 'y -x z'.")
     c = np.zeros((3, 3))
     for row, (word, letter) in enumerate(zip(words, letters, strict=True)):
         c[row, "xyz".index(letter)] = -1.0 if word.startswith("-") else 1.0
     if np.linalg.det(c) < 0.0:
-        raise FrameError(f"body axes '{spec}' are left-handed; no turning of a case gives them. Check one sign.")
+        raise FrameError(f"body axes {spec!r} are left-handed; no turning of a case gives them. Check one sign.")
     return c
 
 
