@@ -11,10 +11,11 @@ from types import NoneType
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
 
 from plumbob.errors import ParameterError, UnitError
-from plumbob.units import Quantity, parse
+from plumbob.units import Quantity, from_si, parse
 
 Built = TypeVar("Built")
 
+_SHOWN_IN = {Quantity.ANGLE: "deg", Quantity.RATE: "deg/s"}
 _OFF, _ON = ("off", "none", "false"), ("on", "true")
 
 
@@ -63,6 +64,14 @@ def describe(cls: type[Any]) -> tuple[Parameter, ...]:
 
 def _default(cls: type[Any], name: str) -> Any:
     return getattr(cls, "_field_defaults", {}).get(name, getattr(cls, name))
+
+
+def shown(p: Parameter, value: Any) -> str:
+    """Value of a parameter as text with its unit, angles in degrees; `build` reads it back."""
+    if value is None or isinstance(value, bool):
+        return "on" if value else "off"
+    name = _SHOWN_IN.get(p.spec.quantity, p.spec.quantity.value)
+    return f"{from_si(float(value), name):.6g}{'' if p.spec.quantity is Quantity.RATIO else f' {name}'}"
 
 
 def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:

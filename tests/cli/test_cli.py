@@ -63,7 +63,7 @@ def test_simulate_run_evaluate(buoy, tmp_path):
 def test_run_as_json_tells_what_was_run(buoy):
     report = json.loads(ok("run", buoy, "--filter", "mahony", "--params", "gate=0.08g", "--json").stdout)
     assert report["samples"] == 6000
-    assert report["filter"].startswith("mahony(kp=0.5, ki=0.03, gate=0.784532")
+    assert report["filter"].startswith("mahony(kp=0.5 1/s, ki=0.03 1/s2, gate=0.784532 m/s2")
     assert report["errors"]["total_rmse_deg"] > 0.0
 
 
@@ -71,7 +71,7 @@ def test_parameters_from_a_toml_file(buoy, tmp_path):
     for text in ('kp = 0.7\ngate = "0.08 g"\n', '[mahony]\nkp = 0.7\ngate = "0.08 g"\n'):
         (tmp_path / "p.toml").write_text(text)
         report = json.loads(ok("run", buoy, "--filter", "mahony", "--params", tmp_path / "p.toml", "--json").stdout)
-        assert report["filter"].startswith("mahony(kp=0.7, ki=0.03, gate=0.784532")
+        assert report["filter"].startswith("mahony(kp=0.7 1/s, ki=0.03 1/s2, gate=0.784532 m/s2")
 
 
 def test_info(buoy):

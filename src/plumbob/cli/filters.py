@@ -1,9 +1,12 @@
 """plumbob filters: what can estimate, and with which parameters."""
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
+
+if TYPE_CHECKING:
+    from plumbob.params import Parameter
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -47,15 +50,15 @@ def _entry(module: Any) -> dict[str, Any]:
     }
 
 
-def _row(p: Any) -> dict[str, Any]:
+def _row(p: "Parameter") -> dict[str, Any]:
+    from plumbob.params import shown
+
     unit = "on/off" if p.switch else str(p.spec.quantity)
-    return {"name": p.name, "unit": unit, "default": p.default, "meaning": p.spec.meaning}
+    text = shown(p, p.default)
+    return {"name": p.name, "unit": unit, "default": p.default, "default_text": text, "meaning": p.spec.meaning}
 
 
 def _print_rows(rows: list[dict[str, Any]]) -> None:
     for row in rows:
-        default = row["default"]
-        shown = {None: "off", True: "on", False: "off"}.get(default) if default in (None, True, False) else None
-        if isinstance(default, float):
-            shown = f"{default:g}"
-        print(f"    {row['name']:12} {shown:>10} {row['unit']:7} {row['meaning']}")
+        unit = "" if row["default_text"] != "off" or row["unit"] == "on/off" else f" [{row['unit']}]"
+        print(f"    {row['name']:12} {row['default_text']:>14}  {row['meaning']}{unit}")

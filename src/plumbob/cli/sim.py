@@ -103,13 +103,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_list() -> None:
-    from plumbob.params import describe
+    from plumbob.params import describe, shown
     from plumbob.sim import SCENARIOS, preset, preset_names
 
     for name, kind in SCENARIOS.items():
         print(f"{name}: {(kind.__doc__ or '').splitlines()[0]}")
         for p in describe(kind):
-            print(f"    {p.name:16} {p.default:>10.6g} {p.spec.quantity:6} {p.spec.meaning}")
+            print(f"    {p.name:16} {shown(p, p.default):>14}  {p.spec.meaning}")
     print("sensors, joined by +")
     for name in preset_names():
         print(f"    {name:18} {preset(name).title}")

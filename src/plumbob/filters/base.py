@@ -18,7 +18,7 @@ from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuSample
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.layout import BIAS, HEADED, OWN, STAGE, Q
-from plumbob.params import Spec, build, describe
+from plumbob.params import Spec, build, describe, shown
 from plumbob.rotations import Frame, North, quat_normalize
 from plumbob.units import Quantity
 
@@ -265,8 +265,8 @@ class Filter:
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
-        both = {**self.params._asdict(), **self.common._asdict()}
-        return f"{self.name}({', '.join(f'{k}={_shown(v)}' for k, v in both.items())})"
+        pairs = ((p, getattr(holder, p.name)) for holder in (self.params, self.common) for p in describe(type(holder)))
+        return f"{self.name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs)})"
 
     def _require(self, triads: tuple[str, ...]) -> None:
         missing = [name for name in self.module.NEEDS if name not in triads]
@@ -314,9 +314,3 @@ def _attitude(init: ArrayLike) -> Floats:
     if q.shape != (4,) or not np.isfinite(q).all():
         raise ShapeError(f"init must be one finite quaternion of shape (4,), but its shape is {q.shape}.")
     return quat_normalize(q)
-
-
-def _shown(value: Any) -> str:
-    if value is None or isinstance(value, bool):
-        return "on" if value else "off"
-    return f"{value:.6g}"

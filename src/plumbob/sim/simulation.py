@@ -13,7 +13,7 @@ from plumbob.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.check import Floats
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import FrameError, ParameterError
-from plumbob.params import describe
+from plumbob.params import describe, shown
 from plumbob.rotations import Frame, North
 from plumbob.sim.errors import Measured, TriadErrors, measure
 from plumbob.sim.field import earth_field
@@ -24,7 +24,7 @@ from plumbob.sim.scenarios import Scenario
 from plumbob.sim.scenarios import scenario as named_scenario
 from plumbob.sim.signals import Signal, constant
 from plumbob.sim.timeline import TimeLine, arrivals, time_line
-from plumbob.units import Quantity, deg
+from plumbob.units import deg
 
 MODULES = ("drawn", "calibrated")
 """What a module may be: as it left the line, or after an ideal calibration."""
@@ -259,9 +259,5 @@ def _noise(unit: Module, device: str, rate: float) -> NoiseCard:
 
 def _told(scenario: Scenario) -> str:
     """Scenario with its parameters, each in its unit."""
-    values = (
-        f"{p.name}={getattr(scenario, p.name):.6g}"
-        + ("" if p.spec.quantity is Quantity.RATIO else f" {p.spec.quantity}")
-        for p in describe(type(scenario))
-    )
+    values = (f"{p.name}={shown(p, getattr(scenario, p.name))}" for p in describe(type(scenario)))
     return f"{type(scenario).__name__.lower()} ({', '.join(values)})"

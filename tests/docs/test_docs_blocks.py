@@ -1,0 +1,62 @@
+"""The code on the first page and in the documents runs and prints what it says."""
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page):
+    return BLOCK.findall(page.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_python_blocks_print_what_follows_them(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    found = blocks(page)
+    for (kind, code), (after, text) in zip(found, [*found[1:], ("", "")], strict=True):
+        if kind == "python":
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed):
+                exec(compile(code, page.name, "exec"), names)
+            if after == "text":
+                assert printed.getvalue() == text
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_console_blocks_run(page, tmp_path):
+    lines = [line for kind, code in blocks(page) if kind == "console" for line in code.splitlines()]
+    for line in lines:
+        words = shlex.split(line.removeprefix("$ "), comments=True)
+        if words[0] == "plumbob":
+            done = subprocess.run(
+                [sys.executable, "-m", "plumbob.cli.main", *words[1:]],
+                cwd=tmp_path, env=os.environ, capture_output=True, text=True, check=False,
+            )  # fmt: skip
+            assert done.returncode == 0, (line, done.stderr)
+        else:
+            assert words[0] in {"make", "pip"}, line
+
+
+def test_the_first_page_shows_python_and_its_output():
+    kinds = [kind for kind, _ in blocks(ROOT / "README.md")]
+    assert kinds[:3] == ["console", "python", "text"]
+    code = blocks(ROOT / "README.md")[1][1]
+    assert len([line for line in code.splitlines() if line.strip()]) <= 12
+
+
+def test_links_lead_to_files():
+    for page in PAGES:
+        for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / link).exists(), (page.name, link)
