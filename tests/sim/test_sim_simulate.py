@@ -217,7 +217,7 @@ def test_meta_says_what_was_made():
     assert made.imu.meta.acc_range == pytest.approx(4.0 * G0)
     assert made.imu.meta.mag_range == pytest.approx(130.0)
     assert len(made.imu) == 1000
-    assert "rod (roll_limit=0.349066 rad" in made.truth.source
+    assert "rod (roll_limit=20 deg" in made.truth.source
     assert "hmc5983 mag.hard_iron" in made.noise.source
 
 

@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     card = args.out / "card.json"
     buoy.calibration.save(card)
     _say(args, f"1 emulated   {raw}: {len(buoy.imu)} samples of an uncalibrated {SENSORS}, {buoy.imu.t[-1]:.0f} s")
-    imu = pipeline.calibrated(common.read(raw).imu or buoy.imu, buoy.calibration)
+    imu = pipeline.calibrated(io.read(raw).imu or buoy.imu, buoy.calibration)
     _say(args, f"2 calibrated with {card}")
     chosen = stages()
     common.warn_of_compiling([stage.filter for stage in chosen])
