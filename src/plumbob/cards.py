@@ -7,7 +7,7 @@ import json
 import math
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -17,6 +17,33 @@ from plumbob.errors import CalibrationError, DecodeError
 
 FORMAT_VERSION = 1
 UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
+
+
+class _Card:
+    """What both cards share: the file."""
+
+    _KIND: ClassVar[str]
+    _TRIAD: ClassVar[type]
+
+    def save(self, path: str | Path) -> None:
+        """Write the card as JSON."""
+        _write(path, self._KIND, self)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a card.
+
+        Raises
+        ------
+        DecodeError
+            If the file is no card of this kind, or of a newer version.
+        """
+        raw = _read(path, cls._KIND, cls)
+        for name in UNITS:
+            if raw.get(name) is not None:
+                raw[name] = _build(path, cls._TRIAD, raw[name])
+        card: Self = _build(path, cls, raw)
+        return card
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +90,7 @@ class TriadCalibration:
 
 
 @dataclass(frozen=True, eq=False)
-class CalibrationCard:
+class CalibrationCard(_Card):
     """Calibration of one unit.
 
     Parameters
@@ -77,6 +104,9 @@ class CalibrationCard:
     gyr, acc, mag : TriadCalibration or None
         One for each triad that was calibrated.
     """
+
+    _KIND: ClassVar = "plumbob calibration card"
+    _TRIAD: ClassVar = TriadCalibration
 
     device: str
     date: str
@@ -94,26 +124,6 @@ class CalibrationCard:
     def name(self) -> str:
         """Short name for provenance."""
         return f"{self.device} {self.date} ({self.method})"
-
-    def save(self, path: str | Path) -> None:
-        """Write the card as JSON."""
-        _write(path, "plumbob calibration card", self)
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a card.
-
-        Raises
-        ------
-        DecodeError
-            If the file is no calibration card, or of a newer version.
-        """
-        raw = _read(path, "plumbob calibration card", cls)
-        for name in UNITS:
-            if raw.get(name) is not None:
-                raw[name] = _build(path, TriadCalibration, raw[name])
-        card: Self = _build(path, cls, raw)
-        return card
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +154,7 @@ class TriadNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseCard:
+class NoiseCard(_Card):
     """Noise of one unit: feeds the simulator and the Kalman filters.
 
     Parameters
@@ -157,6 +167,9 @@ class NoiseCard:
         One for each triad that is known.
     """
 
+    _KIND: ClassVar = "plumbob noise card"
+    _TRIAD: ClassVar = TriadNoise
+
     device: str
     source: str
     gyr: TriadNoise | None = None
@@ -167,26 +180,6 @@ class NoiseCard:
         """Validate the names and the kind of each triad."""
         _require_text(device=self.device, source=self.source)
         _require_triads(self, TriadNoise)
-
-    def save(self, path: str | Path) -> None:
-        """Write the card as JSON."""
-        _write(path, "plumbob noise card", self)
-
-    @classmethod
-    def load(cls, path: str | Path) -> Self:
-        """Read a card.
-
-        Raises
-        ------
-        DecodeError
-            If the file is no noise card, or of a newer version.
-        """
-        raw = _read(path, "plumbob noise card", cls)
-        for name in UNITS:
-            if raw.get(name) is not None:
-                raw[name] = _build(path, TriadNoise, raw[name])
-        card: Self = _build(path, cls, raw)
-        return card
 
 
 def _write(path: str | Path, kind: str, card: Any) -> None:
