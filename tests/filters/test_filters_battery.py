@@ -6,11 +6,11 @@ import subprocess
 import sys
 
 import pytest
-from tests.battery.filters import FilterBattery, bits
-from tests.battery.motion import noisy
 
 from plumbob import Filter, Frame
 from plumbob.filters import filter_names
+from tests.battery.filters import FilterBattery, bits
+from tests.battery.motion import noisy
 
 
 class TestEveryFilter(FilterBattery):

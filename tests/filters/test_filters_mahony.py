@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from tests.battery.motion import noisy, seen_by
 
 from plumbob import Filter, Frame, ImuData, flags
 from plumbob.constants import G0
@@ -12,6 +11,7 @@ from plumbob.evaluate import attitude_errors
 from plumbob.filters import mahony
 from plumbob.filters.layout import OWN
 from plumbob.rotations import dcm_from_quat, quat_angle, quat_from_euler_zyx, quat_multiply, quat_normalize
+from tests.battery.motion import noisy, seen_by
 
 
 def by_the_paper(q, integral, dt, gyr, acc, mag, kp, ki, gate):
