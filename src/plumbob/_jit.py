@@ -14,6 +14,7 @@ import functools
 import hashlib
 import os
 import sys
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -118,6 +119,17 @@ def is_cold(name: str) -> bool:
         return False
     folder = cache_folder()
     return not (folder.is_dir() and any(folder.rglob(f"*.{name}-*.nbi")))
+
+
+def can_cache() -> bool:
+    """True where compiled kernels can be kept for the next process."""
+    try:
+        folder = cache_folder().expanduser().absolute()
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except (OSError, RuntimeError):
+        return False
 
 
 def _compile(kernel: Kernel[P, R]) -> Callable[P, R]:

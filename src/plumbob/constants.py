@@ -8,6 +8,15 @@ G0: Final = 9.80665
 EARTH_RATE: Final = 7.292115e-5
 """Rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036)."""
 
+IMPOSSIBLE_RATE: Final = 100.0
+"""No MEMS gyroscope measures beyond this, rad/s (5730 °/s; the widest on sale end at 4000 to 5000 °/s)."""
+
+IMPOSSIBLE_ACCELERATION: Final = 2e4
+"""No MEMS accelerometer for attitude measures beyond this, m/s² (about 2000 g; shock sensors excepted)."""
+
+IMPOSSIBLE_FIELD: Final = 1e5
+"""No magnetometer of a compass measures beyond this, µT (0.1 T)."""
+
 WGS84_A: Final = 6378137.0
 """Semi-major axis of the reference ellipsoid, m (WGS 84, NGA.STND.0036)."""
 

@@ -106,6 +106,8 @@ def checked(of: str, p: Parameter, value: Any) -> Any:
     ParameterError
         If it is outside the domain, of another kind, or text without a unit where one is needed.
     """
+    if hasattr(value, "item"):  # a NumPy scalar
+        value = value.item()
     if isinstance(value, str):
         value = _parse(of, p, value.strip())
     if value is None and p.optional:

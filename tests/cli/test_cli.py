@@ -16,7 +16,8 @@ GOOD_PARAMS = "kp=0.5,ki=0.03,gate=off"
 def plumbob(*words, cwd=None, **environment):
     return subprocess.run(
         [sys.executable, "-m", "plumbob.cli.main", *map(str, words)],
-        cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, check=False,
+        cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, errors="replace",
+        check=False,
     )  # fmt: skip
 
 
@@ -157,7 +158,7 @@ def test_help_imports_nothing_heavy():
 def test_the_first_run_on_a_cold_cache_says_why_it_waits(buoy, tmp_path):
     words = ("run", buoy, "--filter", "integrate_first_order")
     first = ok(*words, PLUMBOB_CACHE_DIR=str(tmp_path))
-    assert "compiling integrate_first_order for this processor, once" in first.stderr
+    assert "compiling integrate_first_order for this processor, which takes some seconds, once" in first.stderr
     assert str(tmp_path) in first.stderr
     second = ok(*words, PLUMBOB_CACHE_DIR=str(tmp_path))
     assert "compiling" not in second.stderr
@@ -331,3 +332,70 @@ def test_info_neither_compiles_nor_imports_numba(buoy):
         f"main(['info', {str(buoy)!r}]); sys.exit(1 if 'numba' in sys.modules else 0)"
     )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=False).returncode == 0
+
+
+def test_an_output_never_replaces_an_input(buoy, tmp_path):
+    copy = tmp_path / "copy.parquet"
+    copy.write_bytes(buoy.read_bytes())
+    line = refused("run", copy, "--filter", "mahony", "--out", tmp_path / "." / "copy.parquet")
+    assert "is an input" in line
+    assert copy.read_bytes() == buoy.read_bytes()
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "gbk", "cp1252"])
+def test_a_terminal_that_cannot_show_units_still_gets_the_result(buoy, encoding):
+    assert "mahony" in ok("filters", PYTHONIOENCODING=encoding).stdout
+    ok("info", buoy, PYTHONIOENCODING=encoding)
+    ok("sim", "--list", PYTHONIOENCODING=encoding)
+
+
+def test_the_card_is_named_in_the_estimate(tmp_path):
+    card, raw, out = (tmp_path / name for name in ("card.json", "raw.parquet", "out.parquet"))
+    ok(
+        "sim",
+        "static",
+        "--frame",
+        "NED",
+        "--sensors",
+        "mpu6000+hmc5983",
+        "--module",
+        "drawn",
+        "--out",
+        raw,
+        "--card",
+        card,
+    )
+    done = ok("run", raw, "--filter", "mahony", "--calibration", card, "--out", out)
+    assert "no card has been applied" not in done.stderr
+    assert any(note.startswith("calibrated with mpu6000") for note in io.read(out).notes)
+
+
+def test_one_unfit_recording_does_not_stop_the_benchmark(buoy, tmp_path):
+    (tmp_path / "good.parquet").write_bytes(buoy.read_bytes())
+    whole = io.read(buoy)
+    gyro_only = ImuData(t=whole.imu.t, gyr=whole.imu.gyr, meta=whole.imu.meta)
+    io.write(tmp_path / "gyro.parquet", io.Recording(imu=gyro_only, track=whole.track, name="gyro"))
+    result = json.loads(
+        ok("benchmark", "accuracy", tmp_path, "--filters", "mahony", "--align", "heading", "--json").stdout
+    )
+    assert set(result["trials"]) == {"good"}
+    assert "no acc" in result["skipped"]["gyro.parquet"]
+    assert result["align"] == ["heading"]
+
+
+def test_a_parameter_given_twice_is_refused(buoy):
+    assert "twice" in refused("run", buoy, "--filter", "mahony", "--params", "kp=0.5,kp=0.1")
+
+
+def test_warmup_says_where_kernels_are_kept_or_that_they_are_not(tmp_path):
+    assert str(tmp_path) in ok("warmup", PLUMBOB_CACHE_DIR=str(tmp_path)).stdout
+    (tmp_path / "file").write_text("in the way")
+    assert "cannot be written" in refused("warmup", PLUMBOB_CACHE_DIR=str(tmp_path / "file"))
+
+
+def test_python_m_plumbob_and_discovery():
+    done = subprocess.run([sys.executable, "-m", "plumbob", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("plumbob ")
+    import plumbob
+
+    assert {"Filter", "ImuData", "simulate", "read"} <= set(dir(plumbob))

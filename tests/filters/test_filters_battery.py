@@ -5,12 +5,15 @@ import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
-from plumbob import Filter, Frame
+from plumbob import Filter, Frame, ImuData, ImuSample
+from plumbob.errors import ClockError, DecodeError, ShapeError
 from plumbob.filters import filter_names
+from plumbob.rotations import quat_from_euler_zyx
 from tests.battery.filters import FilterBattery, bits
-from tests.battery.motion import noisy
+from tests.battery.motion import consistent, noisy
 
 
 class TestEveryFilter(FilterBattery):
@@ -30,3 +33,64 @@ def test_compiled_and_plain_python_give_the_same_bits(name):
         [sys.executable, "-W", "ignore", "-c", code], env=environment, capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == digest(name)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(2), np.zeros(0), np.zeros(6), np.zeros((1, 3)), np.zeros((3, 1)), 1.0])
+@pytest.mark.parametrize("triad", ["gyr", "acc", "mag"])
+def test_a_sample_of_the_wrong_shape_is_refused(triad, wrong):
+    f = Filter("mahony", frame=Frame.ENU)
+    good = {"gyr": np.zeros(3), "acc": np.array([0.0, 0.0, 9.8]), "mag": np.array([0.0, 20.0, -40.0])}
+    f.update(ImuSample(0, **good))
+    before = f.save()
+    with pytest.raises(ShapeError, match=rf"{triad} of a sample must have shape \(3,\)"):
+        f.update(ImuSample(10_000_000, **{**good, triad: wrong}))
+    assert f.save() == before
+
+
+def test_a_sample_time_in_seconds_is_refused():
+    with pytest.raises(ClockError, match=r"whole number of nanoseconds, but it is 0\.01"):
+        Filter("mahony", frame=Frame.ENU).update(ImuSample(0.01, gyr=np.zeros(3)))
+    Filter("mahony", frame=Frame.ENU).update(ImuSample(np.int64(10_000_000), gyr=np.zeros(3)))
+
+
+@pytest.mark.parametrize(
+    ("triad", "value"), [("gyr", 150.0), ("acc", 3e4), ("mag", 2e5), ("acc", np.inf), ("mag", np.nan)]
+)
+@pytest.mark.parametrize("name", filter_names())
+def test_streamed_impossible_and_absent_values_are_judged_as_in_a_recording(name, triad, value):
+    clean = consistent(300)[0]
+    arrays = {k: getattr(clean, k).copy() for k in ("gyr", "acc", "mag")}
+    arrays[triad][100] = value
+    data = ImuData(t=clean.t, **arrays)
+    track = Filter(name, frame=Frame.ENU).process(data)
+    f = Filter(name, frame=Frame.ENU)
+    for i, t_ns in enumerate(data.t_ns.tolist()):
+        found = f.update(ImuSample(t_ns, **{k: v[i] for k, v in arrays.items()}))
+        assert f.q_nb.tobytes() == track.q_nb[i].tobytes(), i
+        assert found == track.flags[i], i
+
+
+def test_a_restored_filter_remembers_its_start_attitude():
+    start = quat_from_euler_zyx([0.3, 0.2, 0.1])
+    f = Filter.restore(Filter("integrate", frame=Frame.ENU, init=start).save())
+    f.reset()
+    assert (f.q_nb == start).all()
+
+
+@pytest.mark.parametrize(
+    "damage", [{"filter": None}, {"state": None}, {"state": [1.0]}, {"state": [float("nan")] * 17}]
+)
+def test_a_damaged_saved_state_is_refused(damage):
+    saved = {**Filter("integrate", frame=Frame.ENU).save(), **{k: v for k, v in damage.items() if v is not None}}
+    for key in (k for k, v in damage.items() if v is None):
+        del saved[key]
+    with pytest.raises(DecodeError):
+        Filter.restore(saved)
+    with pytest.raises(DecodeError):
+        Filter.restore({"kind": "something else"})
+
+
+def test_what_is_no_recording_is_refused_by_name():
+    with pytest.raises(ShapeError, match="process takes an ImuData, but got dict"):
+        Filter("mahony", frame=Frame.ENU).process({})
+    assert repr(Filter("mahony", frame=Frame.NED)).startswith("<Filter mahony(kp=0.5 1/s")

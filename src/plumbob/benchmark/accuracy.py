@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from plumbob import io
-from plumbob.errors import DecodeError, PlumbobError
+from plumbob.errors import DecodeError, PlumbobError, ShapeError
 from plumbob.evaluate import evaluate
 from plumbob.pipeline import Stage, estimate, navigation_frame
 from plumbob.rotations import Frame
@@ -23,13 +23,16 @@ class Accuracy:
     trials : dict
         ``trials[trial][filter][key]``, degrees.
     settings : dict
-        What ran, by filter.
+        What ran, by filter; several where recordings know different declinations.
+    align : tuple of str
+        What was aligned before the errors were measured.
     skipped : dict
         Files that are no trial, and why.
     """
 
     trials: dict[str, dict[str, dict[str, float | None]]]
     settings: dict[str, str]
+    align: tuple[str, ...]
     skipped: dict[str, str]
 
     def mean(self) -> dict[str, dict[str, float | None]]:
@@ -43,16 +46,26 @@ class Accuracy:
 
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON: per trial and mean, by filter."""
-        return {"settings": self.settings, "trials": self.trials, "mean": self.mean(), "skipped": self.skipped}
+        aligned = list(self.align)
+        return {
+            "settings": self.settings,
+            "align": aligned,
+            "trials": self.trials,
+            "mean": self.mean(),
+            "skipped": self.skipped,
+        }
 
     def text(self) -> str:
         """Table of the trials and their mean, per filter."""
         width = max(len(name) for name in (*self.trials, "mean"))
         lines = []
         for name, setting in self.settings.items():
-            lines += [setting, f"{'RMSE in degrees':{width}}  {'total':>9} {'heading':>9} {'incl.':>9}"]
+            aligned = f"aligned first: {', '.join(self.align) or 'nothing'}"
+            lines += [setting, aligned, f"{'RMSE in degrees':{width}}  {'total':>9} {'heading':>9} {'incl.':>9}"]
             lines += [_row(trial, width, errors[name]) for trial, errors in self.trials.items()]
             lines += [_row("mean", width, self.mean()[name]), ""]
+        if self.skipped:
+            lines += [f"mean of {len(self.trials)} recordings; {len(self.skipped)} skipped"]
         lines += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         return "\n".join(lines).rstrip()
 
@@ -103,7 +116,7 @@ def measure_accuracy(
         If no file is a trial.
     """
     trials: dict[str, dict[str, dict[str, float | None]]] = {}
-    settings: dict[str, str] = {}
+    settings: dict[str, list[str]] = {}
     skipped: dict[str, str] = {}
     for path in files:
         try:
@@ -120,13 +133,19 @@ def measure_accuracy(
         nav = navigation_frame(recording.imu, frame, where=str(path))
         trials[path.stem] = {}
         for stage in stages:
-            track = estimate(recording.imu, stage, frame=nav)
-            settings[stage.name] = track.source
+            try:
+                track = estimate(recording.imu, stage, frame=nav)
+            except ShapeError as error:
+                skipped[path.name] = str(error)
+                trials.pop(path.stem, None)
+                break
+            settings.setdefault(stage.name, []).append(track.source)
             summary = evaluate(track, recording.track, align=align).summary()
             trials[path.stem][stage.name] = {key: summary[key] for key in KEYS}
     if not trials:
         raise DecodeError("no file holds both sensor data and a reference. " + "; ".join(skipped.values()))
-    return Accuracy(trials, settings, skipped)
+    told = {name: " or ".join(dict.fromkeys(sources)) for name, sources in settings.items()}
+    return Accuracy(trials, told, tuple(align), skipped)
 
 
 def _row(name: str, width: int, errors: dict[str, float | None]) -> str:

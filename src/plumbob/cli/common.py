@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from plumbob.filters import Filter
     from plumbob.io import Recording
     from plumbob.pipeline import Stage
     from plumbob.rotations import Frame
@@ -51,6 +50,15 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
     return recording
 
 
+def keep_inputs(*inputs: Path | None, out: Path | None) -> None:
+    """Refuse an output that would replace an input."""
+    from plumbob.errors import ParameterError
+
+    for path in inputs:
+        if path is not None and out is not None and path.resolve() == out.resolve():
+            raise ParameterError(f"{out} is an input; writing there would destroy it. Name another file.")
+
+
 def note(*lines: str) -> None:
     """Tell the user something on standard error, out of the way of pipes."""
     for line in lines:
@@ -85,6 +93,8 @@ def stages(names: str, params: str | None) -> "list[Stage]":
         target = owner if dot else wanted[0]
         if target not in by_filter:
             raise ParameterError(f"'{key}' names filter '{target}', which does not run; these do: {', '.join(wanted)}.")
+        if parameter in by_filter[target]:
+            raise ParameterError(f"'{key}' is given twice.")
         by_filter[target][parameter] = value
     return [Stage(name, values) for name, values in by_filter.items()]
 
@@ -147,12 +157,5 @@ def warn_of_compiling(names: Sequence[str]) -> None:
 
     cold = [name for name in dict.fromkeys(names) if _jit.is_cold(f"batch_{name}")]
     if cold:
-        note(
-            f"compiling {', '.join(cold)} for this processor, once; this takes some seconds and is kept in "
-            f"{_jit.cache_folder()}"
-        )
-
-
-def describe_filter(filter_: "Filter") -> dict[str, Any]:
-    """Name and parameters of a filter, ready for JSON."""
-    return {"filter": filter_.name, "params": {**filter_.params._asdict(), **filter_.common._asdict()}}
+        kept = f"once; it is kept in {_jit.cache_folder()}" if _jit.can_cache() else "at each run: no cache can be kept"
+        note(f"compiling {', '.join(cold)} for this processor, which takes some seconds, {kept}")

@@ -1,6 +1,7 @@
 """Entry point: finds the verb, and is the one place where an error becomes a line and an exit code."""
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -35,10 +36,14 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code."""
+    for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
     args = build_parser().parse_args(argv)
     try:
         code: int = args.run(args)
-        sys.stdout.flush()
+        if sys.stdout:
+            sys.stdout.flush()
     except PlumbobError as error:
         print(f"plumbob {args.verb}: {error}", file=sys.stderr)
         return 1

@@ -2,9 +2,12 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
+
+if TYPE_CHECKING:
+    from plumbob.data import AttitudeTrack, ImuData
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -34,17 +37,19 @@ def run(args: argparse.Namespace) -> int:
     chosen = common.stages(args.filter, args.params)
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
-    recording = common.read(args.file, args.profile)
+    common.keep_inputs(args.file, args.profile, args.calibration, out=args.out)
+    recording = io.read(args.file, profile=args.profile)
     if recording.imu is None:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
     frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
     card = CalibrationCard.load(args.calibration) if args.calibration else None
     imu = pipeline.calibrated(recording.imu, card)
+    common.note(*(f"{args.file.name}: {line}" for line in io.findings(imu)))
     common.warn_of_compiling([chosen[0].filter])
     with common.progress(f"{chosen[0].name}", len(imu)) as advance:
         track = pipeline.estimate(imu, chosen[0], frame=frame, progress=advance)
     if args.out:
-        provenance = (f"estimated from {args.file.name} by {track.source}", f"calibration: {imu.meta.calibration}")
+        provenance = (f"estimated from {args.file.name} by {track.source}", _calibrated(imu))
         io.write(args.out, track, notes=provenance)
     report = _report(args, imu, track)
     if recording.track is not None:
@@ -53,7 +58,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _report(args: argparse.Namespace, imu: Any, track: Any) -> dict[str, Any]:
+def _calibrated(imu: "ImuData") -> str:
+    return f"calibrated with {imu.meta.calibration}" if imu.meta.calibration else "from uncalibrated sensor values"
+
+
+def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") -> dict[str, Any]:
     import numpy as np
 
     from plumbob import flags
@@ -61,7 +70,7 @@ def _report(args: argparse.Namespace, imu: Any, track: Any) -> dict[str, Any]:
     from plumbob.units import to_deg
 
     yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[-1]))
-    raised = {name: int(np.count_nonzero(track.flags & bit)) for bit, (name, _) in flags.MEANING.items()}
+    raised = {name: int(np.count_nonzero(np.asarray(track.flags) & bit)) for bit, (name, _) in flags.MEANING.items()}
     return {
         "file": str(args.file),
         "out": str(args.out) if args.out else None,
@@ -76,7 +85,7 @@ def _report(args: argparse.Namespace, imu: Any, track: Any) -> dict[str, Any]:
     }
 
 
-def _errors(track: Any, reference: Any) -> dict[str, Any]:
+def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any]:
     """Errors against the reference that the recording carries; a word where they cannot be compared."""
     from plumbob.errors import PlumbobError
     from plumbob.evaluate import evaluate
@@ -85,7 +94,8 @@ def _errors(track: Any, reference: Any) -> dict[str, Any]:
         summary = evaluate(track, reference).summary()
     except PlumbobError as error:
         return {"not_compared": str(error)}
-    return {key: summary[key] for key in ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")}
+    keys = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
+    return {key: summary[key] for key in keys} | {"not_scored": summary["not_scored"]}
 
 
 def _print(report: dict[str, Any]) -> None:
@@ -98,7 +108,10 @@ def _print(report: dict[str, Any]) -> None:
     for name, count in report["flags"].items():
         print(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
     for name, value in report.get("errors", {}).items():
-        shown = value if value is None or isinstance(value, str) else f"{value:.3f}°"
-        print(f"error        {name.removesuffix('_deg').replace('_', ' ')}: {shown}")
+        if value and name != "not_scored":
+            shown = value if isinstance(value, str) else f"{value:.3f}°"
+            print(f"error        {name.removesuffix('_deg').replace('_', ' ')}: {shown}")
+    for name, why in report.get("errors", {}).get("not_scored", {}).items():
+        print(f"not scored   {name}: {why}")
     if report["out"]:
         print(f"written      {report['out']}")

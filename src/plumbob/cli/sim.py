@@ -89,6 +89,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.scenario is None or args.out is None:
         raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
+    common.keep_inputs(args.card, args.noise_card, out=args.out)
     frame, given = scenario_settings(args)
     result = simulate(args.scenario, frame=frame, sensors=args.sensors, module=args.module, seed=args.seed, **given)
     recording = io.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=(result.truth.source,))

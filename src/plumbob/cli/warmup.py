@@ -18,6 +18,7 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import _jit
+    from plumbob.errors import PlumbobError
     from plumbob.filters import Filter, filter_names
     from plumbob.rotations import Frame
 
@@ -26,5 +27,7 @@ def run(args: argparse.Namespace) -> int:
         for name in names:
             Filter(name, frame=Frame.ENU).warm_up()
             advance(1)
+    if not _jit.can_cache():
+        raise PlumbobError(f"{_jit.cache_folder()} cannot be written, so compiled kernels are lost when this ends.")
     print(f"{len(names)} filters are ready; compiled kernels are kept in {_jit.cache_folder()}")
     return 0

@@ -43,6 +43,22 @@ def admit(c: Floats, x: Floats, dt: float, gx: float, gy: float, gz: float) -> t
 
 
 @njit
+def judge(vx: float, vy: float, vz: float, limit: float, absent: int, invalid: int) -> tuple[int, float, float, float]:
+    """Flags of one sample of a triad, and its values, NaN where they cannot be used; as `ImuData` judges them."""
+    if math.isnan(vx) or math.isnan(vy) or math.isnan(vz):
+        return absent, math.nan, math.nan, math.nan
+    if abs(vx) > limit or abs(vy) > limit or abs(vz) > limit:
+        return invalid, math.nan, math.nan, math.nan
+    return 0, vx, vy, vz
+
+
+@njit
+def refused(flag: int, vx: float, vy: float, vz: float) -> int:
+    """Flag of a vector that is there but was not used; none for NaN, which other flags explain."""
+    return 0 if math.isnan(vx) or math.isnan(vy) or math.isnan(vz) else flag
+
+
+@njit
 def usable(vx: float, vy: float, vz: float) -> bool:
     """True for a vector that has a direction: finite and not zero."""
     size2 = vx * vx + vy * vy + vz * vz

@@ -5,6 +5,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 """
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, Protocol, Self
@@ -15,14 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob import check, clock, flags
 from plumbob._jit import Kernel, njit, specialise
 from plumbob.check import Floats
-from plumbob.data import AttitudeTrack, ImuData, ImuSample
-from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
+from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuSample
+from plumbob.errors import ClockError, DecodeError, FrameError, ParameterError, ShapeError
+from plumbob.filters.admission import judge
 from plumbob.filters.layout import BIAS, HEADED, OWN, STAGE, Q
 from plumbob.params import Spec, build, describe, shown
 from plumbob.rotations import Frame, North, quat_normalize
 from plumbob.units import Quantity
 
 STATE_VERSION = 1
+WRONG_SHAPE = -1
 _INVALID = flags.GYR_INVALID | flags.ACC_INVALID | flags.MAG_INVALID
 _ABSENT = check.read_only(np.full(3, np.nan))
 
@@ -86,7 +90,12 @@ def _batch(
 
 @njit
 def _single(c: Floats, x: Floats, dt: float, gyr: Floats, acc: Floats, mag: Floats) -> int:
-    return step(c, x, dt, gyr[0], gyr[1], gyr[2], acc[0], acc[1], acc[2], mag[0], mag[1], mag[2])
+    if gyr.shape[0] != 3 or acc.shape[0] != 3 or mag.shape[0] != 3:
+        return WRONG_SHAPE
+    no_gyr, gx, gy, gz = judge(gyr[0], gyr[1], gyr[2], IMPOSSIBLE_RATE, flags.GYR_ABSENT, flags.GYR_INVALID)
+    no_acc, ax, ay, az = judge(acc[0], acc[1], acc[2], IMPOSSIBLE_ACCELERATION, flags.ACC_ABSENT, flags.ACC_INVALID)
+    no_mag, mx, my, mz = judge(mag[0], mag[1], mag[2], IMPOSSIBLE_FIELD, flags.MAG_ABSENT, flags.MAG_INVALID)
+    return no_gyr | no_acc | no_mag | step(c, x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
 
 
 def loops_of(name: str, module: FilterModule) -> Loops:
@@ -178,6 +187,8 @@ class Filter:
         ShapeError
             If the recording lacks a triad that the filter needs.
         """
+        if not isinstance(data, ImuData):
+            raise ShapeError(f"process takes an ImuData, but got {type(data).__name__}; of a Recording take its .imu.")
         self._require(data.triads)
         dt = clock.steps(data.t, self._last_ns)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
@@ -201,15 +212,34 @@ class Filter:
         return q_nb, bias_b, found
 
     def update(self, sample: ImuSample) -> int:
-        """Take the next sample and return its flags; `q_nb` is then the attitude at its time."""
-        last, bad = self._last_ns, sample.flags
-        dt = 0.0 if last is None else (sample.t_ns - last) / 1e9
+        """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
+
+        What `ImuData` finds in a recording is found here too, absent and impossible values; what only the source knows,
+        the ends of ranges and lost packets, are the flags of the sample.
+
+        Raises
+        ------
+        ShapeError
+            If a triad has not the shape (3,).
+        ClockError
+            If the time is no whole number of ns.
+        """
+        last, bad, t_ns = self._last_ns, sample.flags, sample.t_ns
+        if t_ns.__class__ is not int:
+            t_ns = _whole(t_ns)
+        dt = 0.0 if last is None else (t_ns - last) / 1e9
         gyr, acc, mag = sample.gyr, sample.acc, sample.mag
         if gyr is None or acc is None or mag is None or bad & _INVALID or not self.common.mag:
             gyr, acc, mag = self._usable(sample)
-        found = self._single(self._c, self._x, dt, gyr, acc, mag)
+        try:
+            found = self._single(self._c, self._x, dt, gyr, acc, mag)
+        except Exception:  # numba's, where an array has not one axis
+            _require_triads(gyr, acc, mag)
+            raise
+        if found < 0:
+            _require_triads(gyr, acc, mag)
         if not found & flags.TIME_FAULT:  # a late or repeated sample must not turn the clock back
-            self._last_ns = sample.t_ns
+            self._last_ns = t_ns
         return found | bad
 
     def _usable(self, sample: ImuSample) -> tuple[Floats, Floats, Floats]:
@@ -240,6 +270,7 @@ class Filter:
             "filter": self.name,
             "frame": str(self.frame),
             "params": {**self.params._asdict(), **self.common._asdict()},
+            "init": None if self._init is None else self._init.tolist(),
             "last_ns": self._last_ns,
             "state": self._x.tolist(),
         }
@@ -253,15 +284,23 @@ class Filter:
         DecodeError
             If the mapping is no saved state, or of another version.
         """
-        if saved.get("kind") != "plumbob filter state" or saved.get("version") != STATE_VERSION:
-            raise DecodeError(f"not a saved filter state of version {STATE_VERSION}: {sorted(saved)}.")
-        filter_ = cls(saved["filter"], frame=Frame.parse(saved["frame"]), params=saved["params"])
-        state = np.array(saved["state"], dtype=np.float64)
-        if state.shape != filter_._x.shape:
-            raise DecodeError(f"the saved state has {state.size} numbers, but {filter_.name} has {filter_._x.size}.")
-        filter_._x = state
-        filter_._last_ns = saved["last_ns"]
+        if not isinstance(saved, Mapping) or saved.get("kind") != "plumbob filter state":
+            raise DecodeError("this is no saved filter state; give what Filter.save() returned.")
+        if saved.get("version") != STATE_VERSION:
+            raise DecodeError(f"the saved state has version {saved.get('version')}, but this is {STATE_VERSION}.")
+        missing = {"filter", "frame", "params", "init", "last_ns", "state"} - set(saved)
+        if missing:
+            raise DecodeError(f"the saved state lacks {', '.join(sorted(missing))}.")
+        filter_ = cls(saved["filter"], frame=Frame.parse(saved["frame"]), params=saved["params"], init=saved["init"])
+        state = check.column("state", saved["state"])
+        if state.shape != filter_._x.shape or not np.isfinite(state).all():
+            raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")
+        filter_._x = state.copy()
+        filter_._last_ns = None if saved["last_ns"] is None else _whole(saved["last_ns"])
         return filter_
+
+    def __repr__(self) -> str:
+        return f"<Filter {self.describe()} in {self.frame}>"
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
@@ -307,6 +346,19 @@ def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame
     angle = common.declination or 0.0
     north = math.cos(angle) * frame.north + math.sin(angle) * frame.east
     return np.array([frame.up[2], north[0], north[1], common.max_gap, *module.coefficients(params)], dtype=np.float64)
+
+
+def _whole(t_ns: Any) -> int:
+    try:
+        return operator.index(t_ns)
+    except TypeError:
+        raise ClockError(f"t_ns must be a whole number of nanoseconds, but it is {t_ns!r}.") from None
+
+
+def _require_triads(*triads: Floats) -> None:
+    for name, value in zip(TRIADS, triads, strict=True):
+        if np.shape(value) != (3,):
+            raise ShapeError(f"{name} of a sample must have shape (3,), but its shape is {np.shape(value)}.")
 
 
 def _attitude(init: ArrayLike) -> Floats:

@@ -28,7 +28,7 @@ from typing import Annotated, Final, NamedTuple
 from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
-from plumbob.filters.admission import admit, usable
+from plumbob.filters.admission import admit, refused, usable
 from plumbob.filters.alignment import initialise
 from plumbob.filters.layout import BIAS, HEADED, NORTH_X, NORTH_Y, OWN_C, STAGE, UP, Q
 from plumbob.params import Spec
@@ -81,7 +81,7 @@ def gradient(
 def tilt_gradient(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[int, float, float, float, float]:
     """Gradient that the accelerometer gives, or zero and a flag."""
     if not usable(ax, ay, az):
-        return flags.ACC_GATED, 0.0, 0.0, 0.0, 0.0
+        return refused(flags.ACC_GATED, ax, ay, az), 0.0, 0.0, 0.0, 0.0
     s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
     g0, g1, g2, g3 = gradient(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], 0.0, 0.0, c[UP], s * ax, s * ay, s * az)
     return 0, g0, g1, g2, g3
@@ -91,7 +91,7 @@ def tilt_gradient(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tupl
 def field_gradient(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[int, float, float, float, float]:
     """Gradient that the magnetometer gives, or zero and a flag; its reference is its own field turned to north."""
     if not usable(mx, my, mz):
-        return flags.MAG_GATED, 0.0, 0.0, 0.0, 0.0
+        return refused(flags.MAG_GATED, mx, my, mz), 0.0, 0.0, 0.0, 0.0
     s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
     mx, my, mz = s * mx, s * my, s * mz
     hx, hy, hz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)

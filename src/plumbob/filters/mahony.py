@@ -35,7 +35,7 @@ from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.constants import G0
-from plumbob.filters.admission import admit, usable
+from plumbob.filters.admission import admit, refused, usable
 from plumbob.filters.alignment import initialise, up_in_body
 from plumbob.filters.layout import BIAS, BLIND, HEADED, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.params import Spec
@@ -79,7 +79,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
 def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[int, float, float, float]:
     """Turn that would bring the predicted up direction onto the specific force; zero and a flag where it is gated."""
     if not usable(ax, ay, az):
-        return flags.ACC_GATED, 0.0, 0.0, 0.0
+        return refused(flags.ACC_GATED, ax, ay, az), 0.0, 0.0, 0.0
     norm = math.sqrt(ax * ax + ay * ay + az * az)
     if not abs(norm - G0) <= c[GATE]:  # [Yu2018] (15)
         return flags.ACC_GATED, 0.0, 0.0, 0.0
@@ -93,7 +93,7 @@ def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[i
 def field_error(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[int, float, float, float]:
     """Turn that would bring the predicted field direction onto the measured one; zero and a flag where it is absent."""
     if not usable(mx, my, mz):
-        return flags.MAG_GATED, 0.0, 0.0, 0.0
+        return refused(flags.MAG_GATED, mx, my, mz), 0.0, 0.0, 0.0
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
     level = math.sqrt(hx * hx + hy * hy)

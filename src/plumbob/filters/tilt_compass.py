@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
-from plumbob.filters.admission import admit, usable
+from plumbob.filters.admission import admit, refused, usable
 from plumbob.filters.alignment import heading_offset, level, turn_about_vertical
 from plumbob.filters.layout import COUNT, HEADED, LEVEL, OWN, STAGE, UP, Q
 from plumbob.rotations.kernels import quat_unit
@@ -48,7 +48,7 @@ def step(
         return found
     found &= ~flags.GYR_HELD
     if not usable(ax, ay, az):
-        found |= flags.ACC_GATED
+        found |= refused(flags.ACC_GATED, ax, ay, az)
         return found | flags.NOT_CONVERGED | flags.HEADING_FREE if x[STAGE] < LEVEL else found
     if x[COUNT] == 1.0:  # a start attitude that was given sets the heading until a magnetic sample comes
         q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
@@ -63,5 +63,5 @@ def step(
     q0, q1, q2, q3 = turn_about_vertical(x[YAW], q0, q1, q2, q3)
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
     if not headed:
-        found |= flags.MAG_GATED
+        found |= refused(flags.MAG_GATED, mx, my, mz)
     return found | flags.HEADING_FREE if x[STAGE] < HEADED else found
