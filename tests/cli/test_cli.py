@@ -399,3 +399,29 @@ def test_python_m_plumbob_and_discovery():
     import plumbob
 
     assert {"Filter", "ImuData", "simulate", "read"} <= set(dir(plumbob))
+
+
+def test_time_in_milliseconds_declared_as_seconds_is_noticed(tmp_path):
+    csv = write_table(tmp_path / "log.csv", table(t=np.arange(200) * 10.0))
+    done = ok("run", csv, "--profile", write_profile(tmp_path / "p.toml"), *RUN)
+    assert "the median step is 10 s. Check the unit of time" in done.stderr
+
+
+def test_heading_is_clockwise_from_north_in_every_frame(tmp_path):
+    """A level body heading east-north-east, 60°: yaw is 60° in NED and 30° in ENU, its heading 60° in all."""
+    for frame, yaw in (("NED", 60.0), ("ENU", 30.0), ("NWU", -60.0)):
+        ok(
+            "sim",
+            "static",
+            "--frame",
+            frame,
+            "--set",
+            "heading=60deg",
+            "--duration",
+            "1s",
+            "--out",
+            tmp_path / "s.parquet",
+        )
+        last = json.loads(ok("run", tmp_path / "s.parquet", "--filter", "mahony", "--json").stdout)["last_attitude_deg"]
+        assert last["heading"] == pytest.approx(60.0, abs=1e-6)
+        assert last["yaw"] == pytest.approx(yaw, abs=1e-6)

@@ -72,6 +72,9 @@ def run(args: argparse.Namespace) -> int:
             results[stage.name] = evaluate(track, buoy.truth, settle=SETTLE)
             advance(1)
     _say(args, f"3 estimated  with {len(results)} filters, attitudes beside the recording")
+    if not args.json:
+        print(f"4 evaluated  after {SETTLE:.0f} s of settling, in {time.perf_counter() - started:.1f} s\n")
+        print(_table(results))
     facts = {"scenario": buoy.truth.source, "sensors": imu.meta.device, "calibration": str(imu.meta.calibration)}
     page = write_html(
         args.out / "report.html", results, title="A buoy in waves, four ways to its attitude", facts=facts
@@ -79,8 +82,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         common.print_json({"report": str(page), "filters": {name: r.summary() for name, r in results.items()}})
         return 0
-    print(f"4 evaluated  after {SETTLE:.0f} s of settling, in {time.perf_counter() - started:.1f} s\n")
-    print(_table(results))
     print(f"\nreport       {page.resolve()}")
     return 0
 

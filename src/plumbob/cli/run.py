@@ -48,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     common.warn_of_compiling([chosen[0].filter])
     with common.progress(f"{chosen[0].name}", len(imu)) as advance:
         track = pipeline.estimate(imu, chosen[0], frame=frame, progress=advance)
+    _warn_of_restarts(imu, track)
     if args.out:
         provenance = (f"estimated from {args.file.name} by {track.source}", _calibrated(imu))
         io.write(args.out, track, notes=provenance)
@@ -58,6 +59,21 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _warn_of_restarts(imu: "ImuData", track: "AttitudeTrack") -> None:
+    """A filter that starts anew all the time is no filter: most often time is in another unit than declared."""
+    import numpy as np
+
+    from plumbob import clock, flags
+
+    share = float(np.mean((np.asarray(track.flags) & flags.GAP) != 0))
+    if share > 0.05:
+        step = 1.0 / clock.timing(imu.t).rate
+        common.note(
+            f"{100.0 * share:.0f} % of the samples come after a gap, at which a filter starts anew where it exceeds "
+            f"max_gap; the median step is {step:.4g} s. Check the unit of time, and max_gap."
+        )
+
+
 def _calibrated(imu: "ImuData") -> str:
     return f"calibrated with {imu.meta.calibration}" if imu.meta.calibration else "from uncalibrated sensor values"
 
@@ -66,10 +82,13 @@ def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") ->
     import numpy as np
 
     from plumbob import flags
-    from plumbob.rotations import euler_zyx_from_quat
+    from plumbob.rotations import euler_zyx_from_quat, quat_rotate
     from plumbob.units import to_deg
 
-    yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[-1]))
+    last = track.q_nb[-1]
+    yaw, pitch, roll = to_deg(euler_zyx_from_quat(last))
+    forward = quat_rotate(last, [1.0, 0.0, 0.0])
+    heading = to_deg(float(np.arctan2(forward @ track.frame.east, forward @ track.frame.north))) % 360.0
     raised = {name: int(np.count_nonzero(np.asarray(track.flags) & bit)) for bit, (name, _) in flags.MEANING.items()}
     return {
         "file": str(args.file),
@@ -80,7 +99,7 @@ def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") ->
         "calibration": imu.meta.calibration,
         "samples": len(track),
         "duration_s": float(track.t[-1] - track.t[0]),
-        "last_attitude_deg": {"yaw": float(yaw), "pitch": float(pitch), "roll": float(roll)},
+        "last_attitude_deg": {"heading": heading, "yaw": float(yaw), "pitch": float(pitch), "roll": float(roll)},
         "flags": {name: count for name, count in raised.items() if count},
     }
 
@@ -105,6 +124,7 @@ def _print(report: dict[str, Any]) -> None:
     print(f"frame        {report['frame']}, heading from {report['north']} north")
     print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
     print(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
+    print(f"heading      {last['heading']:.3f}° clockwise from {report['north']} north, of the body's x axis")
     for name, count in report["flags"].items():
         print(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
     for name, value in report.get("errors", {}).items():

@@ -158,8 +158,8 @@ class Module:
 
 
 def preset_names() -> tuple[str, ...]:
-    """Names of all parts, variants included."""
-    return tuple(sorted(full for full, _ in _index().values()))
+    """Names of all parts, variants and aliases included."""
+    return tuple(sorted(_index()))
 
 
 @cache
