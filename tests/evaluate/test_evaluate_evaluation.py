@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from plumbob import flags
+from plumbob import Filter, ImuData, flags
 from plumbob.errors import FrameError, ParameterError, ShapeError, UnitError
 from plumbob.evaluate import QUANTITIES, evaluate
 from plumbob.evaluate.align import turn_heading
+from plumbob.evaluate.html import page
 from plumbob.rotations import (
     Frame,
     North,
@@ -61,15 +62,33 @@ def test_declination_turns_magnetic_into_true(track, t, frame):
 
 def test_true_against_magnetic_is_refused(track, t, reference):
     estimate = track(t, reference.q_nb, north=North.TRUE)
-    with pytest.raises(FrameError, match="true north, the reference's from magnetic north; pass the declination"):
+    with pytest.raises(FrameError, match="true north, the reference's from magnetic north; give the declination"):
         evaluate(estimate, reference)
     result = evaluate(
         track(t, turn_heading(reference.q_nb, 0.1, Frame.ENU), north=North.TRUE), reference, align=("heading",)
     )
     assert result.alignment.heading == pytest.approx(0.1, abs=1e-12)
     assert any("holds the declination" in note for note in result.notes)
-    with pytest.raises(UnitError, match="radians"):
+    with pytest.raises(UnitError, match="4 rad"):
         evaluate(estimate, reference, declination=4.0)
+
+
+def test_advice_serves_users_of_python_and_of_the_command_line(track, t, reference):
+    with pytest.raises(FrameError) as refused:
+        evaluate(track(t, reference.q_nb, north=North.TRUE), reference)
+    with pytest.raises(UnitError) as out_of_range:
+        evaluate(track(t, reference.q_nb, north=North.TRUE), reference, declination=4.0)
+    free = evaluate(track(t, reference.q_nb, north=North.FREE), reference)
+    turned = evaluate(track(t, turn_heading(reference.q_nb, 1.0, Frame.ENU)), reference)
+    for advice, option in (
+        (str(refused.value), "--declination"),
+        (str(refused.value), "--align heading"),
+        (str(out_of_range.value), "--declination 3.2deg"),
+        (free.not_scored["heading"], "--align heading"),
+        (turned.notes[0], "--align heading"),
+    ):
+        assert option in advice
+        assert "{" not in advice
 
 
 @pytest.mark.parametrize("swap", [False, True])
@@ -156,6 +175,54 @@ def test_flags_are_counted_over_scored_samples(track, t, reference):
     result = evaluate(track(t, reference.q_nb, flags=raised), reference, settle=2.0)
     assert result.flag_counts() == {"mag-gated": 100, "heading-free": 10}
     assert any("10 scored samples carry heading-free" in note for note in result.notes)
+
+
+def test_an_aligned_heading_is_not_called_arbitrary(track, t, reference):
+    free = track(t, reference.q_nb, north=North.FREE, flags=np.full(t.size, flags.HEADING_FREE))
+    result = evaluate(free, reference, align={"heading"})
+    assert not any("arbitrary zero" in note for note in result.notes)
+
+
+ROLLED = quat_from_euler_zyx([0.0, 0.0, deg(40.0)])
+
+
+def at_rest(name, *, blind, **settings):
+    """Track of a filter on a unit at rest, rolled by 40°, whose accelerometer is silent for `blind` samples first."""
+    t = np.arange(1000) / 100.0
+    acc = np.tile(9.81 * np.array([0.0, np.sin(deg(40.0)), np.cos(deg(40.0))]), (t.size, 1))
+    acc[:blind] = np.nan
+    data = ImuData(t=t, gyr=np.zeros((t.size, 3)), acc=acc if blind < t.size else None)
+    return Filter(name, frame=Frame.ENU, **settings).process(data)
+
+
+@pytest.mark.parametrize("name", ["mahony", "integrate"])
+def test_an_estimate_is_scored_once_it_has_started(track, name):
+    estimate = at_rest(name, blind=500)
+    result = evaluate(estimate, track(estimate.t, np.tile(ROLLED, (1000, 1)), north=North.FREE))
+    assert result.stats["inclination"].max_abs < deg(0.1)  # 40° where the identity before the start is scored
+    assert np.isnan(result.errors["inclination"][:500]).all()
+    assert "not-converged" not in result.flag_counts()
+    assert strict(result)["samples"]["left_out"] == {"not_started": 500}
+    assert "500 the estimate had not started" in result.text()
+    assert "the estimate had not started" in page({"it": result}, title="", facts={})
+
+
+def test_a_filter_that_never_starts_is_refused(track):
+    gyro_only = at_rest("integrate", blind=1000)
+    reference = track(gyro_only.t, np.tile(ROLLED, (1000, 1)), north=North.FREE)
+    with pytest.raises(ShapeError, match=r"never took up an attitude.*init=.*accelerometer"):
+        evaluate(gyro_only, reference)
+    given = evaluate(at_rest("integrate", blind=1000, init=ROLLED), reference)
+    assert given.stats["inclination"].count == 1000
+
+
+def test_the_step_of_a_start_is_no_motion_to_align_time_by(track, t, motion):
+    early = t < 5.0
+    q = np.where(early[:, np.newaxis], [1.0, 0.0, 0.0, 0.0], motion(t - 0.05))
+    estimate = track(t, q, flags=np.where(early, flags.NOT_CONVERGED, 0))
+    found = evaluate(estimate, track(t, motion(t)), align={"time"}).alignment.time
+    assert found.offset == pytest.approx(0.05, abs=1e-4)
+    assert found.correlation > 0.999
 
 
 def test_the_motion_is_told_so_that_rest_cannot_flatter(track):

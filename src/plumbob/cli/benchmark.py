@@ -43,7 +43,7 @@ def _add_scenario(kinds: common.Adder) -> None:
     add_scenario_options(p)
     _add_filters(p)
     p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
-    p.add_argument("--settle", type=float, default=0.0, metavar="S", help="leave out the first S seconds (default 0)")
+    p.add_argument("--settle", default="0", metavar="S", help="leave out so much at the start, as 60s (default 0)")
     common.add_json(p)
     p.set_defaults(run=run_scenario)
 
@@ -72,6 +72,7 @@ def run_scenario(args: argparse.Namespace) -> int:
     """Do it on a scenario."""
     from plumbob.benchmark import measure_scenario
     from plumbob.errors import ParameterError
+    from plumbob.units import Quantity, parse
 
     if args.seeds < 1:
         raise ParameterError(f"--seeds must be at least 1, but it is {args.seeds}.")
@@ -87,7 +88,7 @@ def run_scenario(args: argparse.Namespace) -> int:
             module=args.module,
             seeds=range(args.seeds),
             settings=settings,
-            settle=args.settle,
+            settle=parse(args.settle, Quantity.TIME),
             progress=advance,
         )
     common.print_json(result.as_dict()) if args.json else print(result.text())

@@ -1,12 +1,19 @@
 """plumbob eval: an estimate against a reference."""
 
 import argparse
+import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 
+if TYPE_CHECKING:
+    from plumbob.data import AttitudeTrack
+    from plumbob.evaluate import Evaluation
+    from plumbob.units import Quantity
+
 ALIGNMENTS = ("heading", "mounting", "time")
+PAGE_SUFFIXES = (".html", ".htm")
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -20,8 +27,8 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("estimate", type=Path, help="track written by 'plumbob run'")
     p.add_argument("reference", type=Path, help="track, or a recording that carries a reference")
     p.add_argument("--align", default="", metavar="A,B", help=f"remove first: any of {', '.join(ALIGNMENTS)}")
-    p.add_argument("--settle", type=float, default=0.0, metavar="S", help="leave out the first S seconds (default 0)")
-    p.add_argument("--max-gap", type=float, metavar="S", help="do not interpolate across longer reference gaps, s")
+    p.add_argument("--settle", default="0", metavar="S", help="leave out so much at the start, as 10s (default 0)")
+    p.add_argument("--max-gap", metavar="S", help="do not interpolate across longer reference gaps, as 0.5s")
     p.add_argument("--declination", metavar="ANGLE", help="magnetic declination with unit, east positive, as in 3.2deg")
     common.add_profile(p)
     p.add_argument("--html", type=Path, metavar="FILE", help="write a page with plots that opens offline")
@@ -32,39 +39,57 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.evaluate import evaluate
+    from plumbob.units import Quantity
 
-    estimate = _track(args.estimate, None)
+    _refuse_mixed_up_files(args)
+    settle, max_gap = _number(args.settle, Quantity.TIME), _number(args.max_gap, Quantity.TIME)
+    declination = _number(args.declination, Quantity.ANGLE)
+    estimate = _track(args.estimate, None, estimated=True)
     reference = _track(args.reference, args.profile)
     result = evaluate(
         estimate,
         reference,
         align=alignments(args.align),
-        max_gap=args.max_gap,
-        declination=_angle(args.declination),
-        settle=args.settle,
+        max_gap=max_gap,
+        declination=declination,
+        settle=0.0 if settle is None else settle,
     )
+    common.print_json(result.summary()) if args.json else print(result.text())
     if args.html:
-        from plumbob.evaluate import write_html
-
-        facts = {"estimate": f"{args.estimate.name}: {estimate.source}", "reference": args.reference.name}
-        write_html(
-            args.html, {args.estimate.stem: result}, title=f"{args.estimate.name} against a reference", facts=facts
-        )
-    if args.json:
-        common.print_json(result.summary())
-    else:
-        print(result.text())
-        if args.html:
+        _write_page(args, result)
+        if not args.json:
             print(f"page         {args.html}")
     return 0
 
 
-def _track(path: Path, profile: Path | None) -> Any:
+def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
+    from plumbob.errors import ParameterError
+
+    if args.estimate.resolve() == args.reference.resolve():
+        raise ParameterError(f"{args.estimate} is both estimate and reference; name the track of 'plumbob run' first.")
+    common.keep_inputs(args.estimate, args.reference, args.profile, out=args.html)
+    if args.html and args.html.suffix.lower() not in PAGE_SUFFIXES:
+        raise ParameterError(f"--html writes a page, so its name must end in .html or .htm, but it is {args.html}.")
+
+
+def _write_page(args: argparse.Namespace, result: "Evaluation") -> None:
+    """Write the page after the numbers, which need neither matplotlib nor a place to write."""
+    from plumbob.evaluate import write_html
+
+    if sys.stdout:
+        sys.stdout.flush()
+    facts = {"estimate": f"{args.estimate.name}: {result.estimate.source}", "reference": args.reference.name}
+    write_html(args.html, {args.estimate.stem: result}, title=f"{args.estimate.name} against a reference", facts=facts)
+
+
+def _track(path: Path, profile: Path | None, *, estimated: bool = False) -> "AttitudeTrack":
     from plumbob.errors import ShapeError
 
     recording = common.read(path, profile)
     if recording.track is None:
         raise ShapeError(f"{path} holds sensor data but no attitude; run a filter on it first: plumbob run {path} ...")
+    if estimated and recording.imu is not None:
+        common.note(f"{path} holds sensor data: it looks like a recording with its reference, not an estimate")
     return recording.track
 
 
@@ -76,7 +101,7 @@ def alignments(text: str) -> tuple[str, ...]:
     return tuple(check.one_of("--align", word, ALIGNMENTS) for word in words)
 
 
-def _angle(text: str | None) -> float | None:
-    from plumbob.units import Quantity, parse
+def _number(text: str | None, quantity: "Quantity") -> float | None:
+    from plumbob.units import parse
 
-    return None if text is None else parse(text, Quantity.ANGLE)
+    return None if text is None else parse(text, quantity)

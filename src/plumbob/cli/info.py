@@ -36,6 +36,7 @@ def _sensors(imu: Any) -> dict[str, Any]:
     import numpy as np
 
     from plumbob import flags
+    from plumbob.units import to_deg
 
     meta = imu.meta
     raised = {name: int(np.count_nonzero(imu.flags & bit)) for bit, (name, _) in flags.MEANING.items()}
@@ -44,6 +45,7 @@ def _sensors(imu: Any) -> dict[str, Any]:
         "calibration": meta.calibration,
         "frame": str(meta.frame) if meta.frame else None,
         "axes": meta.axes,
+        "declination_deg": None if meta.declination is None else to_deg(meta.declination),
         "time": _timing(imu.t),
         "triads": {name: _triad(imu, name) for name in imu.triads},
         "flags": {name: count for name, count in raised.items() if count},
@@ -62,9 +64,9 @@ def _triad(imu: Any, name: str) -> dict[str, Any]:
         "unit": UNITS[name],
         "samples": len(values),
         "range": full_scale,
-        "mean": values.mean(axis=0).tolist(),
-        "std": values.std(axis=0).tolist(),
-        "norm_median": float(np.median(np.linalg.norm(values, axis=1))),
+        "mean": values.mean(axis=0).tolist() if len(values) else None,
+        "std": values.std(axis=0).tolist() if len(values) else None,
+        "norm_median": float(np.median(np.linalg.norm(values, axis=1))) if len(values) else None,
     }
 
 
@@ -96,17 +98,20 @@ def _timing(t: Any) -> dict[str, Any]:
 
 
 def _print(report: dict[str, Any]) -> None:
+    from plumbob.io.findings import provenance
+
     print(report["file"])
+    for line in provenance(report["notes"]):  # findings stand on standard error already
+        print(f"{'note':12} {line}")
     if sensors := report.get("sensors"):
         print(f"device       {sensors['device']}, body axes '{sensors['axes']}' of the case")
         print(f"calibration  {sensors['calibration'] or 'NONE: these sensor values are uncalibrated'}")
         print(f"frame        {sensors['frame'] or 'not named; filters need --frame'}")
+        if sensors["declination_deg"] is not None:
+            print(f"declination  {sensors['declination_deg']:+.4g}°, east positive")
         _print_timing(sensors["time"])
         for name, triad in sensors["triads"].items():
-            print(
-                f"{name:12} {triad['samples']} samples in {triad['unit']}, |{name}| median {triad['norm_median']:.5g}"
-            )
-            print(f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}")
+            _print_triad(name, triad)
         for name, count in sensors["flags"].items():
             print(f"flag         {name}: {count} samples")
     if attitude := report.get("attitude"):
@@ -116,9 +121,19 @@ def _print(report: dict[str, Any]) -> None:
         print(f"known        {attitude['known_samples']} samples, scored {attitude['scored_samples'] or 'all'}")
 
 
+def _print_triad(name: str, triad: dict[str, Any]) -> None:
+    reach = "" if triad["range"] is None else f", range ±{triad['range']:.5g}"
+    if not triad["samples"]:
+        print(f"{name:12} no usable sample in {triad['unit']}{reach}")
+        return
+    print(f"{name:12} {triad['samples']} samples in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}")
+    print(f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}")
+
+
 def _print_timing(time: dict[str, Any]) -> None:
     rate = "one sample" if time["rate_hz"] is None else f"{time['rate_hz']:.6g} Hz, jitter {time['jitter_us']:.3g} µs"
-    print(f"time         {time['samples']} samples, {time['duration_s']:.3f} s, {rate}, {time['gaps']} gaps")
+    longest = "" if time["rate_hz"] is None else f", longest step {time['longest_step_s']:.6g} s"
+    print(f"time         {time['samples']} samples, {time['duration_s']:.3f} s, {rate}, {time['gaps']} gaps{longest}")
 
 
 def _three(values: list[float]) -> str:

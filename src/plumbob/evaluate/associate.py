@@ -11,7 +11,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob import clock
+from plumbob import clock, flags
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack
 from plumbob.errors import ClockError, ParameterError
@@ -25,11 +25,12 @@ class Fate(IntEnum):
 
     SCORED = 0
     ESTIMATE_UNKNOWN = 1
-    OUTSIDE = 2
-    GAP = 3
-    REFERENCE_UNKNOWN = 4
-    SETTLING = 5
-    MASKED = 6
+    NOT_STARTED = 2
+    OUTSIDE = 3
+    GAP = 4
+    REFERENCE_UNKNOWN = 5
+    SETTLING = 6
+    MASKED = 7
 
     @property
     def label(self) -> str:
@@ -45,6 +46,7 @@ class Fate(IntEnum):
 _MEANING = {
     Fate.SCORED: "scored",
     Fate.ESTIMATE_UNKNOWN: "the estimate holds no attitude",
+    Fate.NOT_STARTED: "the estimate had not started",
     Fate.OUTSIDE: "before the reference begins or after it ends",
     Fate.GAP: "the reference has no samples for longer than the largest gap",
     Fate.REFERENCE_UNKNOWN: "the reference lost the body",
@@ -122,7 +124,8 @@ def associate(
     ----------
     estimate, reference : AttitudeTrack
         Their times count from the same start. The reference's ``score`` masks samples: an interpolated one counts only
-        where both neighbours do. A ``score`` of the estimate is not heard; nobody marks his own work.
+        where both neighbours do. A ``score`` of the estimate is not heard; nobody marks his own work. What it holds
+        before the filter took up an attitude, `not_started`, is nobody's work and does not count.
     max_gap : float, optional
         Largest step between reference stamps that is bridged, s; by default `plumbob.clock.GAP_FACTOR` median steps of
         the reference.
@@ -148,6 +151,13 @@ def associate(
         raise ClockError(_no_overlap(estimate, reference, offset))
     fate = _fates(estimate, reference, reading, settle)
     return Match(reading.q_nb, fate, reading.exact & (fate == Fate.SCORED), limit)
+
+
+def not_started(track: AttitudeTrack) -> Mask:
+    """True where a filter had not taken up an attitude and the track holds a stand-in for one, (N,)."""
+    if track.flags is None:
+        return np.zeros(len(track), dtype=np.bool_)
+    return np.asarray(track.flags & np.uint32(flags.NOT_CONVERGED) != 0)
 
 
 def default_max_gap(track: AttitudeTrack) -> float:
@@ -182,6 +192,7 @@ def _fates(estimate: AttitudeTrack, reference: AttitudeTrack, reading: Reading, 
     fate[~np.isfinite(reading.q_nb).all(axis=1)] = Fate.REFERENCE_UNKNOWN
     fate[reading.gap] = Fate.GAP
     fate[reading.outside] = Fate.OUTSIDE
+    fate[not_started(estimate)] = Fate.NOT_STARTED
     fate[~estimate.known] = Fate.ESTIMATE_UNKNOWN
     return fate
 

@@ -23,7 +23,7 @@ from plumbob.evaluate.align import (
     find_mounting_and_heading,
     turn_heading,
 )
-from plumbob.evaluate.associate import Fate, Mask, Match, associate
+from plumbob.evaluate.associate import Fate, Mask, Match, associate, not_started
 from plumbob.evaluate.consistency import Consistency, consistency
 from plumbob.evaluate.headings import HeadingPolicy, heading_policy
 from plumbob.evaluate.metrics import NEEDS_HEADING, QUANTITIES, attitude_errors
@@ -63,8 +63,8 @@ class Evaluation:
     alignment : Alignment
         What was found.
     errors : mapping of str to ndarray (N,)
-        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known. The statistics
-        take only the rows where `match.scored`.
+        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known; NaN before the
+        estimate had started. The statistics take only the rows where `match.scored`.
     stats : mapping of str to Stats
         Of each quantity that is scored.
     not_scored : mapping of str to str
@@ -129,7 +129,8 @@ def evaluate(
     Parameters
     ----------
     estimate : AttitudeTrack
-        Judged at its own times, in its own frame.
+        Judged at its own times, in its own frame; not where it carries `plumbob.flags.NOT_CONVERGED`, because what it
+        holds there is no estimate yet.
     reference : AttitudeTrack
         The truth; where it has a ``score``, only those samples count.
     align : collection of {"time", "mounting", "heading"}
@@ -169,7 +170,7 @@ def evaluate(
     match = associate(
         estimate, truth, max_gap=max_gap, settle=settle, offset=0.0 if time.time is None else time.time.offset
     )
-    _refuse_empty(match)
+    _refuse_empty(estimate, match)
     alignment = replace(_rotation_alignment(estimate, match, settings), time=time.time)
     match = replace(match, q_ref=alignment.apply(match.q_ref, estimate.frame))
     return _measure(estimate, reference, settings, match, alignment, policy)
@@ -197,10 +198,16 @@ def _in_frame_of(estimate: AttitudeTrack, reference: AttitudeTrack, policy: Head
     return reference.with_attitude(turn_heading(q, policy.turn, estimate.frame), frame=estimate.frame)
 
 
+def _as_started(estimate: AttitudeTrack) -> AttitudeTrack:
+    """Estimate without the stand-in that it holds before it started: the step away from that is no motion."""
+    early = not_started(estimate)
+    return estimate.with_attitude(np.where(early[:, np.newaxis], np.nan, estimate.q_nb)) if early.any() else estimate
+
+
 def _time_alignment(estimate: AttitudeTrack, truth: AttitudeTrack, settings: Settings) -> Alignment:
     if "time" not in settings.align:
         return Alignment()
-    offset = find_time_offset(estimate, truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
+    offset = find_time_offset(_as_started(estimate), truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
     return Alignment(time=offset)
 
 
@@ -215,10 +222,16 @@ def _rotation_alignment(estimate: AttitudeTrack, match: Match, settings: Setting
     return Alignment()
 
 
-def _refuse_empty(match: Match) -> None:
-    if not match.scored.any():
-        why = "; ".join(f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not Fate.SCORED)
-        raise ShapeError(f"no sample is left to score. Of {match.fate.size} samples of the estimate: {why}.")
+def _refuse_empty(estimate: AttitudeTrack, match: Match) -> None:
+    if match.scored.any():
+        return
+    if not_started(estimate).all():
+        raise ShapeError(
+            f"no sample is left to score: the filter never took up an attitude in {len(estimate)} samples. Give it one "
+            "with Filter(..., init=...), or use a recording with an accelerometer."
+        )
+    why = "; ".join(f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not Fate.SCORED)
+    raise ShapeError(f"no sample is left to score. Of {match.fate.size} samples of the estimate: {why}.")
 
 
 def _measure(
@@ -230,7 +243,7 @@ def _measure(
     policy: HeadingPolicy,
 ) -> Evaluation:
     scored = match.scored
-    errors = attitude_errors(estimate.q_nb, match.q_ref)
+    errors = attitude_errors(_as_started(estimate).q_nb, match.q_ref)
     near_gimbal = int(np.count_nonzero(np.isnan(errors["roll"][scored])))
     not_scored = dict.fromkeys(() if policy.comparable else NEEDS_HEADING, policy.reason)
     stats: dict[str, Stats] = {}

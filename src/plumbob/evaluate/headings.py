@@ -57,7 +57,10 @@ def heading_policy(estimate: North, reference: North, *, aligned: bool, declinat
         If the declination is no angle in radians.
     """
     if declination is not None and not abs(declination) <= np.pi:
-        raise UnitError(f"declination must be an angle in radians, but it is {declination:g}; use units.deg(...).")
+        raise UnitError(
+            f"declination must be an angle of at most π rad, 180°, but it is {declination:g} rad; degrees are written "
+            "declination=units.deg(3.2), or --declination 3.2deg."
+        )
     if North.FREE in {estimate, reference}:
         return _free(estimate, reference, aligned)
     if estimate is reference:
@@ -70,8 +73,9 @@ def heading_policy(estimate: North, reference: North, *, aligned: bool, declinat
         note = f"the heading found holds the declination: {estimate} north less {reference} north"
         return HeadingPolicy(note=note)
     raise FrameError(
-        f"the estimate's heading counts from {estimate} north, the reference's from {reference} north; pass the "
-        "declination of the place in rad, east positive, or align={'heading'}."
+        f"the estimate's heading counts from {estimate} north, the reference's from {reference} north; give "
+        "the declination of the place, east positive (declination=, --declination), or align the heading (align=, "
+        "--align heading)."
     )
 
 
@@ -79,5 +83,5 @@ def _free(estimate: North, reference: North, aligned: bool) -> HeadingPolicy:
     if aligned:
         return HeadingPolicy(note="a free heading was compared after its best constant was removed")
     who = " and the ".join(name for name, n in (("estimate", estimate), ("reference", reference)) if n is North.FREE)
-    reason = f"the heading of the {who} counts from an arbitrary zero; to score it, use align={{'heading'}}"
+    reason = f"the heading of the {who} counts from an arbitrary zero; to score it, align it (align=, --align heading)"
     return HeadingPolicy(comparable=False, reason=reason)

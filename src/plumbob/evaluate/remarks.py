@@ -65,7 +65,7 @@ def _gimbal(e: "Evaluation") -> str:
 def _free_heading(e: "Evaluation") -> str:
     name = flags.MEANING[flags.HEADING_FREE][0]
     count = e.flag_counts().get(name, 0)
-    if not count or "heading" in e.not_scored:
+    if not count or "heading" in e.not_scored or e.alignment.heading is not None:
         return ""
     return (
         f"{count} scored samples carry {name}: their heading counts from an arbitrary zero and is scored all the same"
@@ -85,7 +85,8 @@ def _constant_part(e: "Evaluation") -> str:
         if after < _EXPLAINED * before:
             return (
                 f"most of the error is {_describe(alignment)}: without it, total RMSE would be {to_deg(after):.2f}° "
-                f"instead of {to_deg(before):.2f}°. If that constant is no error, use align={{'{name}'}}"
+                f"instead of {to_deg(before):.2f}°. If that constant is no error, align it (align=, "
+                f"--align {name})"
             )
     return ""
 

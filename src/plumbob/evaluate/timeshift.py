@@ -133,12 +133,14 @@ def _coarse(rate_est: Floats, rate_ref: Floats, step: float, max_offset: float) 
     if not top > MIN_CORRELATION:
         raise ClockError(
             f"within ±{max_offset:g} s the turning of estimate and reference does not match: the best correlation is "
-            f"{top:.2f}, but {MIN_CORRELATION} is needed. Search farther, or check that they are one recording."
+            f"{top:.2f}, but {MIN_CORRELATION} is needed. Search farther (max_offset=), or check "
+            "that they are one recording."
         )
     best = int(np.argmin(np.where(r > top - _TIE, np.abs(lags), np.inf)))
     if best in {0, r.size - 1}:
         raise ParameterError(
-            f"the best time offset lies at the end of the search, {lags[best] * step:.3f} s; pass a larger max_offset."
+            f"the best time offset lies at the end of the search, {lags[best] * step:.3f} s; search farther "
+            "(max_offset=), or let both count from the same start."
         )
     peaks = [i for i in range(1, r.size - 1) if i != best and r[i] > r[i - 1] and r[i] >= r[i + 1]]
     rival = max(peaks, key=lambda i: float(r[i]), default=None)
