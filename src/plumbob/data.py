@@ -6,6 +6,7 @@ somebody could still write to are copied; to hand over large ones without a copy
 
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass, field, fields, replace
+from numbers import Integral, Real
 from typing import Any, Self
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from plumbob import check, clock, flags
 from plumbob.check import Floats
-from plumbob.constants import G0
+from plumbob.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.errors import ClockError, FrameError, ShapeError, UnitError
 from plumbob.rotations import Frame, North, body_axes, quat_normalize
 from plumbob.units import to_deg
@@ -27,8 +28,7 @@ _FLAGS = {
     "acc": (flags.ACC_ABSENT, flags.ACC_CLIPPED, flags.ACC_INVALID),
     "mag": (flags.MAG_ABSENT, flags.MAG_CLIPPED, flags.MAG_INVALID),
 }
-# No MEMS part measures beyond these: 100 rad/s is 5730 °/s, 2e4 m/s² about 2000 g, 1e5 µT is 0.1 T.
-_IMPOSSIBLE = {"gyr": 100.0, "acc": 2e4, "mag": 1e5}
+_IMPOSSIBLE = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
 _SI = {"gyr": "rad/s", "acc": "m/s²", "mag": "µT"}
 
 
@@ -53,7 +53,7 @@ class ImuMeta:
     north : North or None
         What headings of this recording's reference count from, where known.
     declination : float or None
-        Magnetic declination at the place, east positive, rad, where known.
+        Magnetic declination at the place, east positive, rad, from −π to π, where known.
     calibration : str or None
         Name of the calibration card that has been applied; None says uncalibrated.
     unit_check : bool
@@ -84,6 +84,8 @@ class ImuMeta:
                 f"frame and north must be a Frame and a North, or None, but they are {self.frame!r} and {self.north!r}."
                 " Names become them with Frame.parse and North.parse."
             )
+        object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
+        object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
 
 
@@ -104,7 +106,8 @@ class ImuData:
     """Samples of a gyroscope, an accelerometer and a magnetometer on one time line.
 
     A triad that the unit does not have is None; one that has no value in some samples (a slower magnetometer, a lost
-    packet) is NaN there. Time is kept to the nanosecond.
+    packet) is NaN there. Time is kept to the nanosecond. Arrays are read-only; what insists on writable ones (some of
+    SciPy does) takes a ``.copy()``.
 
     Parameters
     ----------
@@ -414,6 +417,23 @@ def _refreeze(made: Any, state: dict[str, Any]) -> None:
         object.__setattr__(made, name, value)
 
 
+def _whole_ns(t0_ns: Any) -> int:
+    if not isinstance(t0_ns, Integral) or isinstance(t0_ns, bool):
+        raise ShapeError(f"t0_ns must be an int, UTC in ns since 1970, but it is {t0_ns!r}.")
+    return int(t0_ns)
+
+
+def _declination(angle: Any) -> float | None:
+    if angle is None:
+        return None
+    if not isinstance(angle, Real) or isinstance(angle, bool):
+        raise ShapeError(f"declination must be a number in rad, or None, but it is {angle!r}; use units.deg(...).")
+    declination = float(angle)
+    if not abs(declination) <= np.pi:
+        raise UnitError(f"declination must be an angle in rad from −π to π, but it is {angle}; use units.deg(...).")
+    return declination
+
+
 def _check_range(name: str, full_scale: float | None) -> None:
     if full_scale is None:
         return
@@ -470,6 +490,12 @@ def _refuse_wrong_unit(
     low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
     if not low <= typical <= high:
         usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
+        zeros = int(np.count_nonzero(norm == 0.0))
+        if 2 * zeros > norm.size:
+            raise UnitError(
+                f"|{name}| is exactly zero in {zeros} of {norm.size} samples, but on Earth it lies in {usual}. The "
+                f"sensor was off or its columns were never filled: make those samples NaN, or leave {name} out."
+            )
         raise UnitError(
             f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
             f"{usual}{_guess(name, typical)}. {_ADVICE[name]}"

@@ -264,6 +264,31 @@ class TestRanges:
             ImuMeta(gyr_range=np.inf)
 
 
+class TestDeclinationAndStart:
+    @pytest.mark.parametrize("bad", [12.0, -3.2, np.nan, np.inf])
+    def test_declination_is_in_rad(self, bad):
+        with pytest.raises(UnitError, match=r"declination must be an angle in rad from −π to π"):
+            ImuMeta(declination=bad)
+
+    @pytest.mark.parametrize("bad", ["3 deg", True, [0.1], 1j])
+    def test_declination_is_a_number(self, bad):
+        with pytest.raises(ShapeError, match="declination must be a number in rad"):
+            ImuMeta(declination=bad)
+
+    @pytest.mark.parametrize("good", [0, -np.pi, np.pi, np.float64(0.1), np.float32(0.5)])
+    def test_declination_becomes_a_float(self, good):
+        assert ImuMeta(declination=good).declination == good
+        assert type(ImuMeta(declination=good).declination) is float
+
+    @pytest.mark.parametrize("bad", [1.5, 2.0, "3", None, True, np.nan])
+    def test_start_is_whole_nanoseconds(self, bad):
+        with pytest.raises(ShapeError, match="t0_ns must be an int"):
+            ImuMeta(t0_ns=bad)
+
+    def test_start_of_numpy_becomes_an_int(self):
+        assert type(ImuMeta(t0_ns=np.int64(5)).t0_ns) is int
+
+
 class TestWrongUnits:
     """A recording that fits its unit nowhere on Earth is refused with what it looks like and what to do."""
 
@@ -297,6 +322,22 @@ class TestWrongUnits:
     def test_typical_size(self, name, factor, looks_like, advice):
         with pytest.raises(UnitError, match=rf"\|{name}\| is .*{looks_like}\. .*{advice}"):
             made(**{name: factor * parts()[name]})
+
+    @pytest.mark.parametrize("name", ["acc", "mag"])
+    def test_zeros_are_no_unit(self, name):
+        values = parts()[name]
+        values[50:] = 0.0
+        with pytest.raises(UnitError, match=rf"\|{name}\| is exactly zero in 150 of 200 samples") as caught:
+            made(**{name: values})
+        assert "looks like" not in str(caught.value)
+        assert "holds" not in str(caught.value)
+        assert made(**{name: values}, meta=ImuMeta(unit_check=False))
+
+    def test_few_zeros_do_not_hide_the_unit(self):
+        acc = parts()["acc"] / G
+        acc[:80] = 0.0
+        with pytest.raises(UnitError, match="looks like g"):
+            made(acc=acc)
 
     def test_raw_counts_of_a_gyroscope(self):
         with pytest.raises(UnitError, match=r"gyr\[\d+, \d\]"):

@@ -305,7 +305,7 @@ def test_a_claim_of_more_than_the_file_can_hold_is_refused(folder, monkeypatch):
     refused(path, "claims 12 rows")
 
 
-@pytest.mark.parametrize("meta", [ImuMeta(device=None), ImuMeta(t0_ns=1.5), ImuMeta(unit_check="no")])
+@pytest.mark.parametrize("meta", [ImuMeta(device=None), ImuMeta(unit_check="no")])
 def test_meta_that_no_file_can_keep_is_refused_before_writing(folder, meta):
     path = folder / "meta.parquet"
     with pytest.raises(ParameterError, match="a file cannot keep it"):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.errors import DecodeError, ParameterError
+from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.io.broad import read_broad
 from plumbob.io.files import existing_file
 from plumbob.io.findings import findings
@@ -127,7 +127,11 @@ def write(
         If the suffix is unknown or cannot be written, or the system refuses.
     ClockError
         If samples and attitude have different time stamps.
+    ShapeError
+        If the notes are not lines of text.
     """
+    if isinstance(notes, str):  # whose lines would be its letters
+        raise ShapeError(f"notes must be a sequence of lines of text, but got {notes!r}.")
     file = Path(path)
     writers = dict(_format(file).writers)
     if file.suffix.lower() not in writers:

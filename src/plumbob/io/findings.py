@@ -1,5 +1,6 @@
 """What a user must know about a recording before trusting it, found in the data at each reading and never stored."""
 
+import math
 from collections.abc import Iterable, Iterator
 from typing import Final
 
@@ -8,20 +9,26 @@ import numpy as np
 from plumbob import clock, flags
 from plumbob.check import Floats
 from plumbob.data import ImuData
+from plumbob.io.turning import turning
+from plumbob.units import to_deg
 
 EARTH_FIELD: Final = (22.0, 67.0)
 """Smallest and largest flux density at the surface of the Earth, µT (IGRF-13, doi:10.1186/s40623-020-01288-x)."""
 
-TOPICS: Final = ("calibration: ", "magnetic field: ", "clipped: ", "invalid: ", "gaps: ")
+TOPICS: Final = ("calibration: ", "magnetic field: ", "clipped: ", "invalid: ", "gaps: ", "stuck: ", "gyroscope: ")
 """How the lines of `findings` begin."""
+
+STUCK_FOR: Final = 1.0
+"""A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
+STUCK_SAMPLES: Final = 50
 
 _CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
 _INVALID = {"gyr": flags.GYR_INVALID, "acc": flags.ACC_INVALID, "mag": flags.MAG_INVALID}
 
 
 def findings(imu: ImuData) -> tuple[str, ...]:
-    """Lines about calibration, size of the magnetic field, clipped and invalid samples, and gaps."""
-    return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu))
+    """Lines about calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, the gyroscope."""
+    return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *_gyroscope(imu))
 
 
 def provenance(notes: Iterable[str]) -> tuple[str, ...]:
@@ -71,3 +78,46 @@ def _gaps(imu: ImuData) -> Iterator[str]:
 
 def _longest(imu: ImuData) -> float:
     return clock.timing(imu.t).longest
+
+
+def _stuck(imu: ImuData) -> Iterator[str]:
+    for name in imu.triads:
+        values = imu.usable(name)
+        known = np.flatnonzero(~np.isnan(values).any(axis=1))
+        t, values = imu.t[known], values[known]
+        starts = np.flatnonzero(np.concatenate(([True], (values[1:] != values[:-1]).any(axis=1))))[: known.size]
+        if starts.size < 2:  # it never changes: a simulation without noise, at rest
+            continue
+        ends = np.append(starts[1:], known.size) - 1
+        lasting = t[ends] - t[starts]
+        lasting[ends - starts + 1 < STUCK_SAMPLES] = 0.0
+        i = int(np.argmax(lasting))
+        if lasting[i] >= STUCK_FOR:
+            what = "does not change" if values[starts[i]].any() else "is exactly zero"
+            count = int(np.count_nonzero(lasting >= STUCK_FOR))
+            more = f", the longest of {count} such stretches" if count > 1 else ""
+            yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[starts[i]]:.6g} s{more}"
+
+
+def _gyroscope(imu: ImuData) -> Iterator[str]:
+    found = turning(imu)
+    if not found.tells:
+        return
+    times = to_deg(1.0)
+    if found.factor < 0.0:
+        yield "gyroscope: it turns against the accelerometer: a sign or an axis is wrong"
+    elif _is_about(found.factor * times):
+        yield (
+            f"gyroscope: the acceleration turns {times:.0f} times slower than the rates say; they look like °/s "
+            "declared as rad/s"
+        )
+    elif _is_about(found.factor / times):
+        yield (
+            f"gyroscope: the acceleration turns {times:.0f} times faster than the rates say; they look like rad/s "
+            "declared as °/s"
+        )
+
+
+def _is_about(factor: float) -> bool:
+    """Within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too."""
+    return abs(math.log2(factor)) < 1.0
