@@ -425,3 +425,13 @@ def test_heading_is_clockwise_from_north_in_every_frame(tmp_path):
         last = json.loads(ok("run", tmp_path / "s.parquet", "--filter", "mahony", "--json").stdout)["last_attitude_deg"]
         assert last["heading"] == pytest.approx(60.0, abs=1e-6)
         assert last["yaw"] == pytest.approx(yaw, abs=1e-6)
+
+
+def test_an_error_of_zero_is_printed_and_one_that_is_not_scored_says_why(tmp_path):
+    """Ideal sensors at rest are without error to the last printed digit."""
+    ok("sim", "static", "--frame", "ENU", "--duration", "5s", "--out", tmp_path / "s.parquet")
+    done = ok("run", tmp_path / "s.parquet", "--filter", "mahony")
+    assert "inclination rmse: 0.000°" in done.stdout
+    free = ok("run", tmp_path / "s.parquet", "--filter", "mahony", "--params", "mag=off").stdout
+    assert "not scored   heading: " in free
+    assert "inclination rmse: 0.000°" in free

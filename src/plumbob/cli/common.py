@@ -65,6 +65,11 @@ def note(*lines: str) -> None:
         print(f"note: {line}", file=sys.stderr)
 
 
+def zero_of(north: str) -> str:
+    """What a heading counts from, in words."""
+    return "an arbitrary zero" if north == "free" else f"{north} north"
+
+
 def print_json(value: Any) -> None:
     """Print one JSON object; NaN is refused."""
     print(json.dumps(value, indent=2, allow_nan=False))

@@ -116,7 +116,7 @@ def _print(report: dict[str, Any]) -> None:
             print(f"flag         {name}: {count} samples")
     if attitude := report.get("attitude"):
         print(f"attitude     {attitude['source'] or 'source not named'}")
-        print(f"frame        {attitude['frame']}, heading from {attitude['north']} north")
+        print(f"frame        {attitude['frame']}, heading from {common.zero_of(attitude['north'])}")
         _print_timing(attitude["time"])
         print(f"known        {attitude['known_samples']} samples, scored {attitude['scored_samples'] or 'all'}")
 

@@ -121,14 +121,14 @@ def _print(report: dict[str, Any]) -> None:
     last = report["last_attitude_deg"]
     print(f"{report['file']}: {report['samples']} samples, {report['duration_s']:.3f} s")
     print(f"filter       {report['filter']}")
-    print(f"frame        {report['frame']}, heading from {report['north']} north")
+    print(f"frame        {report['frame']}, heading from {common.zero_of(report['north'])}")
     print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
     print(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
-    print(f"heading      {last['heading']:.3f}° clockwise from {report['north']} north, of the body's x axis")
+    print(f"heading      {last['heading']:.3f}° clockwise from {common.zero_of(report['north'])}, of the body's x axis")
     for name, count in report["flags"].items():
         print(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
     for name, value in report.get("errors", {}).items():
-        if value and name != "not_scored":
+        if value is not None and name != "not_scored":
             shown = value if isinstance(value, str) else f"{value:.3f}°"
             print(f"error        {name.removesuffix('_deg').replace('_', ' ')}: {shown}")
     for name, why in report.get("errors", {}).get("not_scored", {}).items():
