@@ -4,7 +4,12 @@ Plain integers, because kernels, Parquet columns and C structs all hold them. A 
 lost, and who reads the sample decides.
 """
 
+import typing
 from typing import Final
+
+if typing.TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 GYR_ABSENT: Final = 1 << 0
 ACC_ABSENT: Final = 1 << 1
@@ -46,3 +51,9 @@ MEANING: Final[dict[int, tuple[str, str]]] = {
 def names(flags: int) -> tuple[str, ...]:
     """Names of the flags that are set, in order of their bits."""
     return tuple(name for bit, (name, _) in MEANING.items() if flags & bit)
+
+
+def counts(words: "NDArray[np.uint32]") -> dict[str, int]:
+    """How many samples carry each flag that occurs, by name, in order of the bits."""
+    found = {name: int(((words & bit) != 0).sum()) for bit, (name, _) in MEANING.items()}
+    return {name: count for name, count in found.items() if count}

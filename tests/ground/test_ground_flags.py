@@ -1,5 +1,7 @@
 """The vocabulary of flags."""
 
+import numpy as np
+
 from plumbob import flags
 
 BITS = {name: value for name, value in vars(flags).items() if name.isupper() and name != "MEANING"}
@@ -32,3 +34,9 @@ def test_names():
     assert flags.names(0) == ()
     assert flags.names(flags.GAP | flags.GYR_ABSENT) == ("gyr-absent", "gap")
     assert len(flags.names(0xFFFF)) == 16
+
+
+def test_counts():
+    words = np.array([flags.GAP, flags.GAP | flags.GYR_ABSENT, 0], dtype=np.uint32)
+    assert flags.counts(words) == {"gyr-absent": 1, "gap": 2}
+    assert flags.counts(words[2:]) == {}

@@ -46,7 +46,7 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
 
     recording = io.read(path, profile=profile)
     if recording.imu is not None:
-        note(*(f"{path.name}: {line}" for line in io.findings(recording.imu)))
+        note(*(f"{path.name}: {line}" for line in io.found_in(recording.notes)))
     return recording
 
 

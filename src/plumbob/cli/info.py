@@ -33,13 +33,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _sensors(imu: Any) -> dict[str, Any]:
-    import numpy as np
 
     from plumbob import flags
     from plumbob.units import to_deg
 
     meta = imu.meta
-    raised = {name: int(np.count_nonzero(imu.flags & bit)) for bit, (name, _) in flags.MEANING.items()}
     return {
         "device": meta.device,
         "calibration": meta.calibration,
@@ -48,7 +46,7 @@ def _sensors(imu: Any) -> dict[str, Any]:
         "declination_deg": None if meta.declination is None else to_deg(meta.declination),
         "time": _timing(imu.t),
         "triads": {name: _triad(imu, name) for name in imu.triads},
-        "flags": {name: count for name, count in raised.items() if count},
+        "flags": flags.counts(imu.flags),
     }
 
 

@@ -44,7 +44,8 @@ def run(args: argparse.Namespace) -> int:
     frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
     card = CalibrationCard.load(args.calibration) if args.calibration else None
     imu = pipeline.calibrated(recording.imu, card)
-    common.note(*(f"{args.file.name}: {line}" for line in io.findings(imu)))
+    found = io.found_in(recording.notes) if card is None else io.findings(imu)
+    common.note(*(f"{args.file.name}: {line}" for line in found))
     common.warn_of_compiling([chosen[0].filter])
     with common.progress(f"{chosen[0].name}", len(imu)) as advance:
         track = pipeline.estimate(imu, chosen[0], frame=frame, progress=advance)
@@ -89,7 +90,6 @@ def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") ->
     yaw, pitch, roll = to_deg(euler_zyx_from_quat(last))
     forward = quat_rotate(last, [1.0, 0.0, 0.0])
     heading = to_deg(float(np.arctan2(forward @ track.frame.east, forward @ track.frame.north))) % 360.0
-    raised = {name: int(np.count_nonzero(np.asarray(track.flags) & bit)) for bit, (name, _) in flags.MEANING.items()}
     return {
         "file": str(args.file),
         "out": str(args.out) if args.out else None,
@@ -100,7 +100,7 @@ def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") ->
         "samples": len(track),
         "duration_s": float(track.t[-1] - track.t[0]),
         "last_attitude_deg": {"heading": heading, "yaw": float(yaw), "pitch": float(pitch), "roll": float(roll)},
-        "flags": {name: count for name, count in raised.items() if count},
+        "flags": flags.counts(np.asarray(track.flags)),
     }
 
 

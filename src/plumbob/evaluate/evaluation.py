@@ -101,9 +101,7 @@ class Evaluation:
         """Scored samples that carry each flag of the estimate that occurs."""
         if self.estimate.flags is None:
             return {}
-        raised = self.estimate.flags[self.match.scored]
-        counts = {name: int(np.count_nonzero(raised & np.uint32(bit))) for bit, (name, _) in flags.MEANING.items()}
-        return {name: n for name, n in counts.items() if n}
+        return flags.counts(self.estimate.flags[self.match.scored])
 
     def summary(self) -> dict[str, Any]:
         """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluate.report`."""

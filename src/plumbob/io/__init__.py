@@ -10,7 +10,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.io.broad import read_broad
 from plumbob.io.files import existing_file
-from plumbob.io.findings import findings
+from plumbob.io.findings import findings, found_in
 from plumbob.io.parquet import read_parquet, write_parquet
 from plumbob.io.profile import Profile
 from plumbob.io.profile_toml import load_profile, parse_profile
@@ -18,7 +18,18 @@ from plumbob.io.recording import Recording
 from plumbob.io.text import read_text
 from plumbob.io.text_write import write_csv
 
-__all__ = ["FORMATS", "Format", "Profile", "Recording", "findings", "load_profile", "parse_profile", "read", "write"]
+__all__ = [
+    "FORMATS",
+    "Format",
+    "Profile",
+    "Recording",
+    "findings",
+    "found_in",
+    "load_profile",
+    "parse_profile",
+    "read",
+    "write",
+]
 
 
 @dataclass(frozen=True, slots=True)

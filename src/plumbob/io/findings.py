@@ -31,6 +31,11 @@ def findings(imu: ImuData) -> tuple[str, ...]:
     return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *_gyroscope(imu))
 
 
+def found_in(notes: Iterable[str]) -> tuple[str, ...]:
+    """Findings among the notes of a recording that has been read, so that nobody looks for them twice."""
+    return tuple(note for note in notes if note.startswith(TOPICS))
+
+
 def provenance(notes: Iterable[str]) -> tuple[str, ...]:
     """Notes without findings, which would go stale in a file, and without repetitions."""
     return tuple(dict.fromkeys(note for note in notes if not note.startswith(TOPICS)))
