@@ -48,7 +48,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from plumbob.cards import CalibrationCard, NoiseCard
-    from plumbob.data import AttitudeTrack, ImuData, ImuMeta, ImuSample
+    from plumbob.data import AttitudeTrack, ImuData, ImuMeta
     from plumbob.errors import PlumbobError
     from plumbob.evaluate import Evaluation
     from plumbob.filters import Filter, filter_names
@@ -66,7 +66,7 @@ _HOME = {
     "Frame": "rotations",
     "ImuData": "data",
     "ImuMeta": "data",
-    "ImuSample": "data",
+    "ImuSample": "sample",
     "NoiseCard": "cards",
     "North": "rotations",
     "PlumbobError": "errors",

@@ -36,23 +36,6 @@ def to_s(t_ns: NDArray[np.int64]) -> Floats:
     return t_ns / 1e9
 
 
-def steps(t: Floats, last_ns: int | None = None) -> Floats:
-    """Measured time steps, s, from integer nanoseconds, so that cutting a recording in chunks keeps every bit.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Times since the start, s.
-    last_ns : int, optional
-        Time of the sample before the first one, ns; without it the first step is 0.
-    """
-    t_ns = to_ns(t)
-    before = np.concatenate((t_ns[:1] if last_ns is None else [last_ns], t_ns[:-1]))
-    if last_ns is not None:  # samples older than the last one taken do not turn the clock back
-        before = np.maximum(before, last_ns)
-    return (t_ns - before) / 1e9
-
-
 @dataclass(frozen=True, slots=True)
 class Timing:
     """What the time stamps of a recording say.

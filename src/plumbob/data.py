@@ -17,6 +17,7 @@ from plumbob.check import Floats
 from plumbob.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.errors import ClockError, FrameError, ShapeError, UnitError
 from plumbob.rotations import Frame, North, body_axes, quat_normalize
+from plumbob.sample import ImuSample
 from plumbob.units import to_deg
 
 TRIADS = ("gyr", "acc", "mag")
@@ -87,18 +88,6 @@ class ImuMeta:
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
-
-
-@dataclass(frozen=True, slots=True)
-class ImuSample:
-    """One instant of an inertial unit, as a decoder yields it: t_ns in ns, rad/s, m/s², µT, °C; None is absent."""
-
-    t_ns: int
-    gyr: Floats | None = None
-    acc: Floats | None = None
-    mag: Floats | None = None
-    temp_c: float | None = None
-    flags: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,6 +204,18 @@ class ImuData:
         for start in range(0, len(self), size):
             yield self[start : start + size]
 
+    def samples(self) -> Iterator[ImuSample]:
+        """Yield the samples one by one, as a live source would."""
+        values = np.column_stack(
+            [np.full((len(self), 3), np.nan) if v is None else v for v in map(self._triad, TRIADS)]
+        )
+        temp_c = [None] * len(self) if self.temp_c is None else self.temp_c.tolist()
+        yield from map(ImuSample.packed, self.t_ns.tolist(), values, temp_c, self.flags.tolist())
+
+    def _triad(self, name: str) -> Floats | None:
+        triad: Floats | None = getattr(self, name)
+        return triad
+
     def usable(self, name: str) -> Floats:
         """Triad (N, 3) as a filter should see it, read-only: absent and invalid samples are NaN on all three axes.
 
@@ -223,7 +224,7 @@ class ImuData:
         name : {"gyr", "acc", "mag"}
             Which triad.
         """
-        value: Floats | None = getattr(self, name)
+        value = self._triad(name)
         if value is None:
             return check.read_only(np.full((len(self), 3), np.nan))
         absent, _, invalid = _FLAGS[name]

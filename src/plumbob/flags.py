@@ -27,6 +27,11 @@ MAG_GATED: Final = 1 << 12
 GYR_HELD: Final = 1 << 13
 NOT_CONVERGED: Final = 1 << 14
 HEADING_FREE: Final = 1 << 15
+GYR_STUCK: Final = 1 << 16
+ACC_STUCK: Final = 1 << 17
+MAG_STUCK: Final = 1 << 18
+AT_REST: Final = 1 << 19
+INCONSISTENT: Final = 1 << 20
 
 MEANING: Final[dict[int, tuple[str, str]]] = {
     GYR_ABSENT: ("gyr-absent", "no gyroscope value in this sample"),
@@ -43,7 +48,12 @@ MEANING: Final[dict[int, tuple[str, str]]] = {
     ACC_GATED: ("acc-gated", "the filter did not use the accelerometer"),
     MAG_GATED: ("mag-gated", "the filter did not use the magnetometer"),
     GYR_HELD: ("gyr-held", "the filter turned on with the last good rate, or with none"),
-    NOT_CONVERGED: ("not-converged", "the attitude is not yet initialised"),
+    NOT_CONVERGED: ("not-converged", "the attitude is not yet initialised, or not yet again"),
+    GYR_STUCK: ("gyr-stuck", "the gyroscope has said the same, bit for bit, for longer than noise allows"),
+    ACC_STUCK: ("acc-stuck", "the accelerometer has said the same, bit for bit, for longer than noise allows"),
+    MAG_STUCK: ("mag-stuck", "the magnetometer has said the same, bit for bit, for longer than noise allows"),
+    AT_REST: ("at-rest", "the filter takes the unit to be at rest"),
+    INCONSISTENT: ("inconsistent", "the sensors contradict each other more than their noise explains"),
     HEADING_FREE: ("heading-free", "no magnetometer has set the heading; it counts from an arbitrary zero"),
 }
 

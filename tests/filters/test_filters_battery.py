@@ -38,19 +38,16 @@ def test_compiled_and_plain_python_give_the_same_bits(name):
 @pytest.mark.parametrize("wrong", [np.zeros(2), np.zeros(0), np.zeros(6), np.zeros((1, 3)), np.zeros((3, 1)), 1.0])
 @pytest.mark.parametrize("triad", ["gyr", "acc", "mag"])
 def test_a_sample_of_the_wrong_shape_is_refused(triad, wrong):
-    f = Filter("mahony", frame=Frame.ENU)
-    good = {"gyr": np.zeros(3), "acc": np.array([0.0, 0.0, 9.8]), "mag": np.array([0.0, 20.0, -40.0])}
-    f.update(ImuSample(0, **good))
-    before = f.save()
     with pytest.raises(ShapeError, match=rf"{triad} of a sample must have shape \(3,\)"):
-        f.update(ImuSample(10_000_000, **{**good, triad: wrong}))
-    assert f.save() == before
+        ImuSample(10_000_000, **{triad: wrong})
+    with pytest.raises(ShapeError, match=r"values of a sample must have shape \(9,\)"):
+        ImuSample.packed(0, np.zeros(8))
 
 
 def test_a_sample_time_in_seconds_is_refused():
     with pytest.raises(ClockError, match=r"whole number of nanoseconds, but it is 0\.01"):
-        Filter("mahony", frame=Frame.ENU).update(ImuSample(0.01, gyr=np.zeros(3)))
-    Filter("mahony", frame=Frame.ENU).update(ImuSample(np.int64(10_000_000), gyr=np.zeros(3)))
+        ImuSample(0.01, gyr=np.zeros(3))
+    assert ImuSample(np.int64(10_000_000)).t_ns == 10_000_000
 
 
 @pytest.mark.parametrize(
@@ -78,7 +75,7 @@ def test_a_restored_filter_remembers_its_start_attitude():
 
 
 @pytest.mark.parametrize(
-    "damage", [{"filter": None}, {"state": None}, {"state": [1.0]}, {"state": [float("nan")] * 17}]
+    "damage", [{"filter": None}, {"state": None}, {"state": [1.0]}, {"state": [float("nan")] * 29}]
 )
 def test_a_damaged_saved_state_is_refused(damage):
     saved = {**Filter("integrate", frame=Frame.ENU).save(), **{k: v for k, v in damage.items() if v is not None}}

@@ -51,32 +51,6 @@ def test_just_inside_the_limit():
     assert clock.to_ns(np.array([np.nextafter(2.0**23, 0)]))[0] == LIMIT_NS - 1
 
 
-@given(st.lists(st.integers(1, 10**12), min_size=1, max_size=40), nanoseconds.filter(lambda n: n < DAY_NS), st.data())
-def test_chunked_steps_are_the_whole_ones_bit_for_bit(steps_ns, start, data):
-    t = clock.to_s(start + np.cumsum(steps_ns))
-    whole = clock.steps(t)
-    assert np.array_equal(whole[1:], np.array(steps_ns[1:]) / 1e9)
-    assert whole[0] == 0.0
-    cut = data.draw(st.integers(1, len(t)))
-    parts, last = [], None
-    for i in range(0, len(t), cut):
-        parts.append(clock.steps(t[i : i + cut], last))
-        last = int(clock.to_ns(t[i : i + cut])[-1])
-    assert np.concatenate(parts).tobytes() == whole.tobytes()
-
-
-def test_differences_of_seconds_would_not_do():
-    """Why steps are made from integers: t[i+1] − t[i] carries the rounding of t."""
-    t = clock.to_s(10_000_000 * np.arange(1000))
-    assert len(set(np.diff(t))) > 1
-    assert set(clock.steps(t)[1:]) == {0.01}
-
-
-def test_a_late_sample_has_a_negative_step():
-    assert clock.steps(np.array([1.0]), last_ns=1_500_000_000).tolist() == [-0.5]
-    assert clock.steps(np.array([1.0, 1.25, 2.0]), last_ns=1_500_000_000).tolist() == [-0.5, -0.25, 0.5]
-
-
 class TestTiming:
     def test_even(self):
         timing = clock.timing(0.01 * np.arange(101))

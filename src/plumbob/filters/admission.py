@@ -20,11 +20,8 @@ def admit(c: Floats, x: Floats, dt: float, gx: float, gy: float, gz: float) -> t
     Returns
     -------
     tuple
-        Flags, then the step, s, and the rate, rad/s, to integrate. With `TIME_FAULT` the sample must not be used.
+        Flags, then the step, s, and the rate, rad/s, to integrate.
     """
-    first = x[COUNT] == 0.0
-    if not (dt > 0.0 or (first and dt == 0.0)) or dt == math.inf:
-        return flags.TIME_FAULT, 0.0, 0.0, 0.0, 0.0
     x[COUNT] += 1.0
     found = 0
     if dt > c[MAX_GAP]:  # what happened meanwhile is unknown: start again, never integrate a jump
@@ -43,11 +40,13 @@ def admit(c: Floats, x: Floats, dt: float, gx: float, gy: float, gz: float) -> t
 
 
 @njit
-def judge(vx: float, vy: float, vz: float, limit: float, absent: int, invalid: int) -> tuple[int, float, float, float]:
+def judge(
+    known: int, vx: float, vy: float, vz: float, limit: float, absent: int, invalid: int
+) -> tuple[int, float, float, float]:
     """Flags of one sample of a triad, and its values, NaN where they cannot be used; as `ImuData` judges them."""
     if math.isnan(vx) or math.isnan(vy) or math.isnan(vz):
         return absent, math.nan, math.nan, math.nan
-    if abs(vx) > limit or abs(vy) > limit or abs(vz) > limit:
+    if known or abs(vx) > limit or abs(vy) > limit or abs(vz) > limit:
         return invalid, math.nan, math.nan, math.nan
     return 0, vx, vy, vz
 

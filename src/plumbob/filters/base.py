@@ -5,7 +5,6 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 """
 
 import math
-import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple, Protocol, Self
@@ -13,22 +12,23 @@ from typing import Annotated, Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check, clock, flags
+from plumbob import check, flags
 from plumbob._jit import Kernel, njit, specialise
+from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuSample
-from plumbob.errors import ClockError, DecodeError, FrameError, ParameterError, ShapeError
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.admission import judge
-from plumbob.filters.layout import BIAS, HEADED, OWN, STAGE, Q
+from plumbob.filters.layout import BIAS, HEADED, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.timing import tick
+from plumbob.filters.watch import watch
 from plumbob.params import Spec, build, describe, shown
 from plumbob.rotations import Frame, North, quat_normalize
+from plumbob.sample import ImuSample
 from plumbob.units import Quantity
 
-STATE_VERSION = 1
-WRONG_SHAPE = -1
-_INVALID = flags.GYR_INVALID | flags.ACC_INVALID | flags.MAG_INVALID
-_ABSENT = check.read_only(np.full(3, np.nan))
+STATE_VERSION = 2
 
 
 class CommonParams(NamedTuple):
@@ -42,7 +42,12 @@ class CommonParams(NamedTuple):
 
 
 class FilterModule(Protocol):
-    """What a filter's file must hold."""
+    """What a filter's file must hold.
+
+    It may hold two more functions. ``covariance(q_nb, entries)`` gives the covariance of the attitude error in body
+    axes, (N, 3, 3), rad², from the entries of the state that the slice ``COVARIANCE`` names; ``from_noise(card)``
+    gives parameters from a `NoiseCard`.
+    """
 
     SUMMARY: str
     REFERENCES: tuple[str, ...]
@@ -67,7 +72,7 @@ class Loops:
 
 @njit
 def step(
-    c: Floats, x: Floats, dt: float,
+    c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Stand in for the step of a filter, which `loops_of` puts here."""
@@ -75,34 +80,58 @@ def step(
 
 
 @njit
+def _take(
+    c: Floats, x: Floats, t_ns: int, seen: int,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
+) -> int:  # fmt: skip
+    dt = tick(x, t_ns)
+    if dt < 0.0:
+        return seen | flags.TIME_FAULT
+    seen |= watch(x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
+    return seen | step(c, x, dt, seen, gx, gy, gz, ax, ay, az, mx, my, mz)
+
+
+@njit
 def _batch(
-    c: Floats, x: Floats, dt: Floats, gyr: Floats, acc: Floats, mag: Floats,
-    q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
+    c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
+    q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32], first: int, cov: Floats,
 ) -> None:  # fmt: skip
-    for i in range(dt.shape[0]):
-        found[i] = step(
-            c, x, dt[i],
+    for i in range(t_ns.shape[0]):
+        found[i] = _take(
+            c, x, t_ns[i], int(seen[i]),
             gyr[i, 0], gyr[i, 1], gyr[i, 2], acc[i, 0], acc[i, 1], acc[i, 2], mag[i, 0], mag[i, 1], mag[i, 2],
         )  # fmt: skip
         q_nb[i, 0], q_nb[i, 1], q_nb[i, 2], q_nb[i, 3] = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
         bias_b[i, 0], bias_b[i, 1], bias_b[i, 2] = x[BIAS], x[BIAS + 1], x[BIAS + 2]
+        for k in range(cov.shape[1]):
+            cov[i, k] = x[first + k]
 
 
 @njit
-def _single(c: Floats, x: Floats, dt: float, gyr: Floats, acc: Floats, mag: Floats) -> int:
-    if gyr.shape[0] != 3 or acc.shape[0] != 3 or mag.shape[0] != 3:
-        return WRONG_SHAPE
-    no_gyr, gx, gy, gz = judge(gyr[0], gyr[1], gyr[2], IMPOSSIBLE_RATE, flags.GYR_ABSENT, flags.GYR_INVALID)
-    no_acc, ax, ay, az = judge(acc[0], acc[1], acc[2], IMPOSSIBLE_ACCELERATION, flags.ACC_ABSENT, flags.ACC_INVALID)
-    no_mag, mx, my, mz = judge(mag[0], mag[1], mag[2], IMPOSSIBLE_FIELD, flags.MAG_ABSENT, flags.MAG_INVALID)
-    return no_gyr | no_acc | no_mag | step(c, x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
+def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
+    size = int(s[SIZE])
+    c, x = s[:size], s[size:]
+    gyr_flag, gx, gy, gz = judge(
+        seen & flags.GYR_INVALID, values[0], values[1], values[2], IMPOSSIBLE_RATE, flags.GYR_ABSENT, flags.GYR_INVALID
+    )
+    acc_flag, ax, ay, az = judge(
+        seen & flags.ACC_INVALID, values[3], values[4], values[5],
+        IMPOSSIBLE_ACCELERATION, flags.ACC_ABSENT, flags.ACC_INVALID,
+    )  # fmt: skip
+    mag_flag, mx, my, mz = judge(
+        seen & flags.MAG_INVALID, values[6], values[7], values[8], IMPOSSIBLE_FIELD, flags.MAG_ABSENT, flags.MAG_INVALID
+    )
+    if c[USE_MAG] == 0.0:
+        mx, my, mz = math.nan, math.nan, math.nan
+    return _take(c, x, t_ns, seen | gyr_flag | acc_flag | mag_flag, gx, gy, gz, ax, ay, az, mx, my, mz)
 
 
 def loops_of(name: str, module: FilterModule) -> Loops:
     """Batch and single-sample entry of a filter, compiled around its step."""
+    take = specialise(_take, f"take_{name}", step=module.step)
     return Loops(
-        batch=specialise(_batch, f"batch_{name}", step=module.step),
-        single=specialise(_single, f"single_{name}", step=module.step),
+        batch=specialise(_batch, f"batch_{name}", _take=take),
+        single=specialise(_single, f"single_{name}", _take=take),
     )
 
 
@@ -117,6 +146,8 @@ class Filter:
         Navigation frame of the result; there is no default.
     params : Mapping, optional
         Parameters by name; numbers in SI, text with its unit. Unknown names are refused.
+    noise : NoiseCard, optional
+        Noise of the unit, for filters that take their noise parameters from it; `params` has the last word.
     init : array_like (4,), optional
         Attitude q_nb to start from; without it the first samples give tilt and heading.
 
@@ -144,7 +175,13 @@ class Filter:
     """
 
     def __init__(
-        self, name: str, *, frame: Frame, params: Mapping[str, Any] | None = None, init: ArrayLike | None = None
+        self,
+        name: str,
+        *,
+        frame: Frame,
+        params: Mapping[str, Any] | None = None,
+        noise: NoiseCard | None = None,
+        init: ArrayLike | None = None,
     ) -> None:
         from plumbob.filters import load
 
@@ -153,18 +190,21 @@ class Filter:
         self.name = name
         self.frame = frame
         self.module = load(name)
-        self.params, self.common = _split_params(name, self.module, dict(params or {}))
+        from_card = _from_noise(name, self.module, noise)
+        self.params, self.common = _split_params(name, self.module, {**from_card, **(params or {})})
         self._loops = _cached_loops(name, self.module)
-        self._c = _coefficients(self.module, self.params, self.common, frame)
+        c = _coefficients(self.module, self.params, self.common, frame)
+        self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
+        self._c, self._x = self._s[: c.size], self._s[c.size :]
+        self._q = self._x[Q : Q + 4]
         self._single: Callable[..., int] = self._compile_single  # numba is imported when it is needed, and not here
         self._init = None if init is None else _attitude(init)
         self.reset()
 
     def reset(self) -> None:
         """Forget every sample; parameters and start attitude stay."""
-        self._x: Floats = np.zeros(OWN + self.module.STATE)
+        self._x[:] = 0.0
         self._x[Q] = 1.0
-        self._last_ns: int | None = None
         if self._init is not None:
             self._x[Q : Q + 4] = self._init
             self._x[STAGE] = HEADED
@@ -172,15 +212,36 @@ class Filter:
     @property
     def q_nb(self) -> Floats:
         """Attitude now, (4,)."""
-        return self._x[Q : Q + 4].copy()
+        return self._q.copy()
 
     @property
     def bias_b(self) -> Floats:
         """Gyroscope bias now, rad/s, (3,); zero for a filter that estimates none."""
         return self._x[BIAS : BIAS + 3].copy()
 
-    def process(self, data: ImuData) -> AttitudeTrack:
+    @property
+    def cov_b(self) -> Floats | None:
+        """Covariance of the attitude error in body axes now, rad², (3, 3); None for a filter that claims none."""
+        place = self._covariance
+        if place.start == place.stop:
+            return None
+        one: Floats = self._claimed(self._x[np.newaxis, Q : Q + 4], self._x[np.newaxis, place])[0]
+        return one
+
+    def _claimed(self, q_nb: Floats, entries: Floats) -> Floats:
+        module: Any = self.module
+        covariance: Floats = module.covariance(q_nb, entries)
+        return covariance
+
+    def process(self, data: ImuData, *, covariance: bool = False) -> AttitudeTrack:
         """Take a recording, or its next chunk, and return the attitude at each of its samples.
+
+        Parameters
+        ----------
+        data : ImuData
+            The recording, or its next chunk.
+        covariance : bool
+            Keep the covariance of the attitude in the track, where the filter claims one.
 
         Raises
         ------
@@ -190,66 +251,45 @@ class Filter:
         if not isinstance(data, ImuData):
             raise ShapeError(f"process takes an ImuData, but got {type(data).__name__}; of a Recording take its .imu.")
         self._require(data.triads)
-        dt = clock.steps(data.t, self._last_ns)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
-        q_nb, bias_b, found = self._batch(dt, data.usable("gyr"), data.usable("acc"), mag)
-        last = int(data.t_ns[-1])
-        self._last_ns = last if self._last_ns is None else max(self._last_ns, last)
+        place = self._covariance if covariance else slice(0, 0)
+        q_nb, bias_b, found, cov = self._batch(
+            data.t_ns, data.flags, data.usable("gyr"), data.usable("acc"), mag, place
+        )
         return AttitudeTrack.trusted(
             t=data.t,
             q_nb=q_nb,
             frame=self.frame,
             north=self._north("mag" in data.triads),
             bias_b=bias_b,
-            flags=found | data.flags,
+            cov_b=self._claimed(q_nb, cov) if cov.size else None,
+            flags=found,
             source=self.describe(),
         )
 
-    def _batch(self, dt: Floats, gyr: Floats, acc: Floats, mag: Floats) -> tuple[Floats, Floats, NDArray[np.uint32]]:
-        n = dt.size
+    @property
+    def _covariance(self) -> slice:
+        place: slice = getattr(self.module, "COVARIANCE", slice(0, 0))
+        return place
+
+    def _batch(
+        self, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats, place: slice
+    ) -> tuple[Floats, Floats, NDArray[np.uint32], Floats]:
+        n = t_ns.size
         q_nb, bias_b, found = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
-        self._loops.batch.compiled(self._c, self._x, dt, gyr, acc, mag, q_nb, bias_b, found)
-        return q_nb, bias_b, found
+        cov = np.empty((n, place.stop - place.start))
+        self._loops.batch.compiled(
+            self._c, self._x, t_ns, seen, gyr, acc, mag, q_nb, bias_b, found, place.start, cov
+        )  # fmt: skip
+        return q_nb, bias_b, found, cov
 
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
 
         What `ImuData` finds in a recording is found here too, absent and impossible values; what only the source knows,
         the ends of ranges and lost packets, are the flags of the sample.
-
-        Raises
-        ------
-        ShapeError
-            If a triad has not the shape (3,).
-        ClockError
-            If the time is no whole number of ns.
         """
-        last, bad, t_ns = self._last_ns, sample.flags, sample.t_ns
-        if t_ns.__class__ is not int:
-            t_ns = _whole(t_ns)
-        dt = 0.0 if last is None else (t_ns - last) / 1e9
-        gyr, acc, mag = sample.gyr, sample.acc, sample.mag
-        if gyr is None or acc is None or mag is None or bad & _INVALID or not self.common.mag:
-            gyr, acc, mag = self._usable(sample)
-        try:
-            found = self._single(self._c, self._x, dt, gyr, acc, mag)
-        except Exception:  # numba's, where an array has not one axis
-            _require_triads(gyr, acc, mag)
-            raise
-        if found < 0:
-            _require_triads(gyr, acc, mag)
-        if not found & flags.TIME_FAULT:  # a late or repeated sample must not turn the clock back
-            self._last_ns = t_ns
-        return found | bad
-
-    def _usable(self, sample: ImuSample) -> tuple[Floats, Floats, Floats]:
-        """Triads of a sample, NaN where absent, invalid or not wanted."""
-        bad = sample.flags
-        return (
-            _ABSENT if sample.gyr is None or bad & flags.GYR_INVALID else sample.gyr,
-            _ABSENT if sample.acc is None or bad & flags.ACC_INVALID else sample.acc,
-            _ABSENT if sample.mag is None or bad & flags.MAG_INVALID or not self.common.mag else sample.mag,
-        )
+        return self._single(self._s, sample.t_ns, sample.flags, sample.values)
 
     def _compile_single(self, *args: Any) -> int:
         self._single = self._loops.single.compiled
@@ -258,9 +298,9 @@ class Filter:
     def warm_up(self) -> None:
         """Compile now, so that the first live sample does not wait."""
         none = check.read_only(np.empty((0, 3)))  # as a recording's arrays are: numba tells them from writable ones
-        self._batch(np.empty(0), none, none, none)
-        for triad in (_ABSENT, _ABSENT.copy()):
-            self._loops.single.compiled(self._c, self._x.copy(), 0.0, triad, triad, triad)
+        words = check.read_only(np.empty(0, dtype=np.uint32))
+        self._batch(np.empty(0, dtype=np.int64), words, none, none, none, slice(0, 0))
+        self._loops.single.compiled(self._s.copy(), 0, 0, ImuSample(0).values)
 
     def save(self) -> dict[str, Any]:
         """Everything needed to go on later, ready for JSON, which keeps every bit of a float."""
@@ -271,7 +311,6 @@ class Filter:
             "frame": str(self.frame),
             "params": {**self.params._asdict(), **self.common._asdict()},
             "init": None if self._init is None else self._init.tolist(),
-            "last_ns": self._last_ns,
             "state": self._x.tolist(),
         }
 
@@ -288,15 +327,14 @@ class Filter:
             raise DecodeError("this is no saved filter state; give what Filter.save() returned.")
         if saved.get("version") != STATE_VERSION:
             raise DecodeError(f"the saved state has version {saved.get('version')}, but this is {STATE_VERSION}.")
-        missing = {"filter", "frame", "params", "init", "last_ns", "state"} - set(saved)
+        missing = {"filter", "frame", "params", "init", "state"} - set(saved)
         if missing:
             raise DecodeError(f"the saved state lacks {', '.join(sorted(missing))}.")
         filter_ = cls(saved["filter"], frame=Frame.parse(saved["frame"]), params=saved["params"], init=saved["init"])
         state = check.column("state", saved["state"])
         if state.shape != filter_._x.shape or not np.isfinite(state).all():
             raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")
-        filter_._x = state.copy()
-        filter_._last_ns = None if saved["last_ns"] is None else _whole(saved["last_ns"])
+        filter_._x[:] = state
         return filter_
 
     def __repr__(self) -> str:
@@ -345,20 +383,18 @@ def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tu
 def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame: Frame) -> Floats:
     angle = common.declination or 0.0
     north = math.cos(angle) * frame.north + math.sin(angle) * frame.east
-    return np.array([frame.up[2], north[0], north[1], common.max_gap, *module.coefficients(params)], dtype=np.float64)
+    shared = (frame.up[2], north[0], north[1], common.max_gap, 1.0 if common.mag else 0.0)
+    own = module.coefficients(params)
+    return np.array([1.0 + len(shared) + len(own), *shared, *own], dtype=np.float64)
 
 
-def _whole(t_ns: Any) -> int:
-    try:
-        return operator.index(t_ns)
-    except TypeError:
-        raise ClockError(f"t_ns must be a whole number of nanoseconds, but it is {t_ns!r}.") from None
-
-
-def _require_triads(*triads: Floats) -> None:
-    for name, value in zip(TRIADS, triads, strict=True):
-        if np.shape(value) != (3,):
-            raise ShapeError(f"{name} of a sample must have shape (3,), but its shape is {np.shape(value)}.")
+def _from_noise(name: str, module: FilterModule, noise: NoiseCard | None) -> Mapping[str, Any]:
+    if noise is None:
+        return {}
+    found: Mapping[str, Any] | None = module.from_noise(noise) if hasattr(module, "from_noise") else None
+    if found is None:
+        raise ParameterError(f"{name} has no parameter that a noise card could give; leave the card out.")
+    return found
 
 
 def _attitude(init: ArrayLike) -> Floats:

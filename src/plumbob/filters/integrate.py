@@ -15,7 +15,6 @@ Departures from [Bortz1971]: the non-commuting integral is cut after its first t
 
 from typing import Annotated, Final, NamedTuple
 
-from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.filters.admission import admit
@@ -76,14 +75,12 @@ def turn(x: Floats, rx: float, ry: float, rz: float) -> None:
 
 @njit
 def step(
-    c: Floats, x: Floats, dt: float,
+    c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample; accelerometer and magnetometer only give the start."""
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
-    if found & flags.TIME_FAULT:
-        return found
     if c[MEAN_RATE] != 0.0:
         rx, ry, rz = dt * gx, dt * gy, dt * gz
     else:

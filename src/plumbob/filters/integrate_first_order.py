@@ -8,7 +8,6 @@ Departures from [Yu2018]: the indices of its equation (3) are corrected, and q i
 
 from typing import Final, NamedTuple
 
-from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.filters.admission import admit
@@ -33,13 +32,11 @@ def coefficients(params: Params) -> tuple[float, ...]:
 
 @njit
 def step(
-    c: Floats, x: Floats, dt: float,
+    c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample; accelerometer and magnetometer only give the start."""
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
-    if found & flags.TIME_FAULT:
-        return found
     integrate(x, dt, gx, gy, gz)
     if x[STAGE] < HEADED:
         found |= initialise(c, x, ax, ay, az, mx, my, mz)

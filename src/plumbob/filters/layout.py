@@ -6,11 +6,13 @@ Flat arrays, not tuples, because a streamed call then passes two pointers; a fil
 from typing import Final
 
 # Coefficients
-UP: Final = 0  # +1 where the navigation z axis points up, −1 where it points down
-NORTH_X: Final = 1  # horizontal unit vector that the magnetometer calls north, in the navigation frame
-NORTH_Y: Final = 2
-MAX_GAP: Final = 3  # s; a longer step is not integrated
-OWN_C: Final = 4
+SIZE: Final = 0  # how many coefficients there are; in a streamed call the state follows them in one array
+UP: Final = 1  # +1 where the navigation z axis points up, −1 where it points down
+NORTH_X: Final = 2  # horizontal unit vector that the magnetometer calls north, in the navigation frame
+NORTH_Y: Final = 3
+MAX_GAP: Final = 4  # s; a longer step is not integrated
+USE_MAG: Final = 5  # 0 where the magnetometer is not wanted
+OWN_C: Final = 6
 
 # State
 Q: Final = 0  # q_nb, 4
@@ -19,7 +21,10 @@ RATE: Final = 7  # last good rate in body axes, rad/s, 3
 STAGE: Final = 10  # what has been initialised
 HELD: Final = 11  # for how long the rate has been missing, s
 COUNT: Final = 12  # samples taken
-OWN: Final = 13
+LAST: Final = 13  # last values of gyr, acc and mag, 9
+SAME: Final = 22  # for how long each triad has said the same, s, 3
+CLOCK: Final = 25  # see timing.py, 7
+OWN: Final = 32
 
 # Stages
 BLIND: Final = 0.0

@@ -114,13 +114,11 @@ def learn_bias(c: Floats, x: Floats, dt: float, e0: float, e1: float, e2: float,
 
 @njit
 def step(
-    c: Floats, x: Floats, dt: float,
+    c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
-    if found & flags.TIME_FAULT:
-        return found
     if x[STAGE] < HEADED:
         found |= initialise(c, x, ax, ay, az, mx, my, mz)
     acc_flag, t0, t1, t2, t3 = tilt_gradient(c, x, ax, ay, az)

@@ -127,13 +127,11 @@ def integrate(x: Floats, dt: float, wx: float, wy: float, wz: float) -> None:
 
 @njit
 def step(
-    c: Floats, x: Floats, dt: float,
+    c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
-    if found & flags.TIME_FAULT:
-        return found
     if x[STAGE] < HEADED:
         if x[STAGE] == BLIND:
             x[ELAPSED] = 0.0

@@ -39,13 +39,11 @@ def coefficients(params: Params) -> tuple[float, ...]:
 
 @njit
 def step(
-    c: Floats, x: Floats, dt: float,
+    c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
     """Take one sample."""
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
-    if found & flags.TIME_FAULT:
-        return found
     found &= ~flags.GYR_HELD
     if not usable(ax, ay, az):
         found |= refused(flags.ACC_GATED, ax, ay, az)
