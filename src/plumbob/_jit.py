@@ -24,8 +24,8 @@ from typing import Any, Generic, ParamSpec, TypeVar, cast
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_KERNEL_SOURCES = ("constants.py", "flags.py", "_jit.py", "rotations/*.py", "filters/*.py")
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+_KERNEL_SOURCES = ("constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "filters/*.py")
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process
 
 
@@ -63,6 +63,39 @@ class Kernel(Generic[P, R]):
                 if self._compiled is None:
                     self._compiled = self.py_func if jit_disabled() else _compile(self)
         return self._compiled
+
+
+class _Bare(Kernel[[Any], Any]):
+    """The address of an array's first number, by which a kernel indexes it like the array."""
+
+    @property
+    def compiled(self) -> Callable[[Any], Any]:
+        """An intrinsic to call from a kernel."""
+        if self._compiled is None:
+            self._compiled = self.py_func if jit_disabled() else _address_intrinsic()
+        return self._compiled
+
+
+def _address_intrinsic() -> Callable[[Any], Any]:
+    from numba import types
+    from numba.extending import intrinsic
+
+    def bare(_typing: Any, array: Any) -> Any:
+        def load(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return context.make_array(signature.args[0])(context, builder, value=args[0]).data
+
+        return cast(Any, types.CPointer)(array.dtype)(array), load
+
+    return cast(Callable[[Any], Any], intrinsic(bare))
+
+
+def _itself(array: Any) -> Any:
+    return array
+
+
+bare = _Bare(_itself)
+"""Loops hand their arrays to kernels as bare addresses: numba counts references to an array in every kernel that takes
+one, with atomic operations that cost as much as the arithmetic. The array must outlive the call."""
 
 
 def njit(py_func: Callable[P, R]) -> Kernel[P, R]:

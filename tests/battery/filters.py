@@ -98,7 +98,8 @@ class FilterBattery:
         omega = np.array([0.3, -0.5, 0.9])
         t = np.arange(1000) / 100.0
         q = quat_multiply(quat_from_euler_zyx([0.1, 0.2, 0.3]), quat_from_rotvec(t[:, None] * omega))
-        data = ImuData(t=t, gyr=np.tile(omega, (1000, 1)), **seen_by(q, Frame.ENU))
+        alive = np.where(np.arange(1000) % 2, EPS, 0.0)[:, None]  # the same bits for long would be a stuck sensor
+        data = ImuData(t=t, gyr=omega * (1.0 + alive), **seen_by(q, Frame.ENU))
         error = quat_angle(Filter(name, frame=Frame.ENU).process(data).q_nb, q).max()
         speed = np.linalg.norm(omega)
         lag = speed * 0.01  # the PI filter compares with the attitude of the sample before

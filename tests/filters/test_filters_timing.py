@@ -1,7 +1,7 @@
 """Steps from integer nanoseconds, and a clock that was set back."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from plumbob import Filter, Frame, ImuData, clock, flags
@@ -24,6 +24,7 @@ def ticks(times_ns):
 
 
 @given(st.lists(st.integers(1, 10**12), min_size=1, max_size=40), st.integers(-(10**18), TODAY_NS))
+@settings(deadline=None)  # the first call compiles
 def test_steps_are_exact_differences_at_any_time_of_day(steps_ns, start_ns):
     times_ns = [start_ns + sum(steps_ns[: i + 1]) for i in range(len(steps_ns))]
     assert ticks(times_ns) == [0.0, *(ns / 1e9 for ns in steps_ns[1:])]
@@ -42,7 +43,7 @@ def test_late_and_repeated_samples_are_not_used_and_do_not_turn_the_clock_back()
 
 def test_three_late_samples_in_order_are_a_clock_that_was_set_back():
     """30 → 5, 10, 15: the third is taken; it stands for three intervals of 5 ns. Then the clock goes on from there."""
-    assert ticks([10, 20, 30, 5, 10, 15, 20]) == [0, 1e-8, 1e-8, LATE, LATE, 10e-9 + 5e-9, 5e-9]
+    assert ticks([10, 20, 30, 5, 10, 15, 20]) == [0, 1e-8, 1e-8, LATE, LATE, 15e-9, 5e-9]
     assert ticks([10, 20, 30, 5, 10, 9, 11, 31]) == [0, 1e-8, 1e-8, LATE, LATE, LATE, LATE, 1e-9]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob import check, flags
-from plumbob._jit import Kernel, njit, specialise
+from plumbob._jit import Kernel, bare, njit, specialise
 from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
@@ -64,9 +64,10 @@ class FilterModule(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Loops:
-    """The two ways to call a filter's step."""
+    """The ways to call a filter's step; keeping a covariance costs time, so that it has its own."""
 
     batch: Kernel[..., None]
+    claiming: Kernel[..., None]
     single: Kernel[..., int]
 
 
@@ -92,17 +93,41 @@ def _take(
 
 
 @njit
+def _row(
+    i: int, c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32],
+    gyr: Floats, acc: Floats, mag: Floats, q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
+) -> None:  # fmt: skip
+    found[i] = _take(
+        c, x, t_ns[i], int(seen[i]),
+        gyr[3 * i], gyr[3 * i + 1], gyr[3 * i + 2], acc[3 * i], acc[3 * i + 1], acc[3 * i + 2],
+        mag[3 * i], mag[3 * i + 1], mag[3 * i + 2],
+    )  # fmt: skip
+    q_nb[4 * i], q_nb[4 * i + 1], q_nb[4 * i + 2], q_nb[4 * i + 3] = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
+    bias_b[3 * i], bias_b[3 * i + 1], bias_b[3 * i + 2] = x[BIAS], x[BIAS + 1], x[BIAS + 2]
+
+
+@njit
 def _batch(
+    c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
+    q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32],
+) -> None:  # fmt: skip
+    for i in range(t_ns.shape[0]):
+        _row(
+            i, bare(c), bare(x), bare(t_ns), bare(seen), bare(gyr), bare(acc), bare(mag),
+            bare(q_nb), bare(bias_b), bare(found),
+        )  # fmt: skip
+
+
+@njit
+def _claiming(
     c: Floats, x: Floats, t_ns: NDArray[np.int64], seen: NDArray[np.uint32], gyr: Floats, acc: Floats, mag: Floats,
     q_nb: Floats, bias_b: Floats, found: NDArray[np.uint32], first: int, cov: Floats,
 ) -> None:  # fmt: skip
     for i in range(t_ns.shape[0]):
-        found[i] = _take(
-            c, x, t_ns[i], int(seen[i]),
-            gyr[i, 0], gyr[i, 1], gyr[i, 2], acc[i, 0], acc[i, 1], acc[i, 2], mag[i, 0], mag[i, 1], mag[i, 2],
+        _row(
+            i, bare(c), bare(x), bare(t_ns), bare(seen), bare(gyr), bare(acc), bare(mag),
+            bare(q_nb), bare(bias_b), bare(found),
         )  # fmt: skip
-        q_nb[i, 0], q_nb[i, 1], q_nb[i, 2], q_nb[i, 3] = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
-        bias_b[i, 0], bias_b[i, 1], bias_b[i, 2] = x[BIAS], x[BIAS + 1], x[BIAS + 2]
         for k in range(cov.shape[1]):
             cov[i, k] = x[first + k]
 
@@ -110,7 +135,7 @@ def _batch(
 @njit
 def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
     size = int(s[SIZE])
-    c, x = s[:size], s[size:]
+    c, x = bare(s), bare(s[size:])
     gyr_flag, gx, gy, gz = judge(
         seen & flags.GYR_INVALID, values[0], values[1], values[2], IMPOSSIBLE_RATE, flags.GYR_ABSENT, flags.GYR_INVALID
     )
@@ -127,10 +152,12 @@ def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
 
 
 def loops_of(name: str, module: FilterModule) -> Loops:
-    """Batch and single-sample entry of a filter, compiled around its step."""
+    """Batch and single-sample entries of a filter, compiled around its step."""
     take = specialise(_take, f"take_{name}", step=module.step)
+    row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
-        batch=specialise(_batch, f"batch_{name}", _take=take),
+        batch=specialise(_batch, f"batch_{name}", _row=row),
+        claiming=specialise(_claiming, f"claiming_{name}", _row=row),
         single=specialise(_single, f"single_{name}", _take=take),
     )
 
@@ -278,9 +305,13 @@ class Filter:
         n = t_ns.size
         q_nb, bias_b, found = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
         cov = np.empty((n, place.stop - place.start))
-        self._loops.batch.compiled(
-            self._c, self._x, t_ns, seen, gyr, acc, mag, q_nb, bias_b, found, place.start, cov
+        args = (
+            self._c, self._x, t_ns, seen, gyr.ravel(), acc.ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), found
         )  # fmt: skip
+        if cov.size:
+            self._loops.claiming.compiled(*args, place.start, cov)
+        else:
+            self._loops.batch.compiled(*args)
         return q_nb, bias_b, found, cov
 
     def update(self, sample: ImuSample) -> int:

@@ -21,10 +21,10 @@ RATE: Final = 7  # last good rate in body axes, rad/s, 3
 STAGE: Final = 10  # what has been initialised
 HELD: Final = 11  # for how long the rate has been missing, s
 COUNT: Final = 12  # samples taken
-LAST: Final = 13  # last values of gyr, acc and mag, 9
-SAME: Final = 22  # for how long each triad has said the same, s, 3
-CLOCK: Final = 25  # see timing.py, 7
-OWN: Final = 32
+LAST: Final = 13  # what each triad said last, as one number, 3
+SAME: Final = 16  # for how long it has said the same, s, 3
+CLOCK: Final = 19  # see timing.py, 5
+OWN: Final = 24
 
 # Stages
 BLIND: Final = 0.0

@@ -39,7 +39,7 @@ from plumbob.filters.admission import admit, refused, usable
 from plumbob.filters.alignment import initialise, up_in_body
 from plumbob.filters.layout import BIAS, BLIND, HEADED, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.params import Spec
-from plumbob.rotations.kernels import Vec, cross, quat_mul, quat_unit, rotate
+from plumbob.rotations.kernels import Vec, cross, quat_mul, quat_unit, rows
 from plumbob.units import Quantity
 
 SUMMARY: Final = "PI complementary filter with a norm gate (drifting-buoy paper; Mahony 2008)"
@@ -94,13 +94,15 @@ def field_error(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[
     """Turn that would bring the predicted field direction onto the measured one; zero and a flag where it is absent."""
     if not usable(mx, my, mz):
         return refused(flags.MAG_GATED, mx, my, mz), 0.0, 0.0, 0.0
-    q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
-    hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    hx, hy, hz = r00 * mx + r01 * my + r02 * mz, r10 * mx + r11 * my + r12 * mz, r20 * mx + r21 * my + r22 * mz
     level = math.sqrt(hx * hx + hy * hy)
-    bx, by, bz = rotate(q0, -q1, -q2, -q3, level * c[NORTH_X], level * c[NORTH_Y], hz)
-    ex, ey, ez = cross(mx, my, mz, bx, by, bz)  # [Mahony2008] (48c)
+    nx, ny = c[NORTH_X], c[NORTH_Y]
+    lx, ly, lz = cross(mx, my, mz, nx * r00 + ny * r10, nx * r01 + ny * r11, nx * r02 + ny * r12)
+    vx, vy, vz = cross(mx, my, mz, r20, r21, r22)
     scale = 1.0 / (mx * mx + my * my + mz * mz)
-    return 0, scale * ex, scale * ey, scale * ez
+    # m × b with b = level · north + hz · z, [Mahony2008] (48c)
+    return 0, scale * (level * lx + hz * vx), scale * (level * ly + hz * vy), scale * (level * lz + hz * vz)
 
 
 @njit

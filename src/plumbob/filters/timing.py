@@ -1,7 +1,8 @@
 """Time steps of samples that arrive in order, mostly.
 
-Steps are differences of integer nanoseconds, so that cutting a recording in chunks keeps every bit; the state is all
-float64, which holds a time of today only as whole seconds and nanoseconds apart. A sample that is not later than the
+Steps are differences of integer nanoseconds, so that cutting a recording in chunks keeps every bit. The state is all
+float64, which cannot hold a time of today to the nanosecond: it holds an anchor in whole seconds, and nanoseconds from
+there, which are exact for 104 days; then the anchor moves. A sample that is not later than the
 last one taken is late and not used. Only when `RISING` samples in a row are late, but in order among themselves, has
 the source's clock been set back, and the filter follows it.
 """
@@ -16,40 +17,44 @@ RISING: Final = 3.0
 LATE: Final = -1.0
 """Step of a sample that must not be used."""
 
-_LAST: Final = CLOCK
+_ANCHOR: Final = CLOCK  # s
+_LAST: Final = CLOCK + 1  # times of the last sample, and of the first and the last late one, ns from the anchor
 _FIRST_LATE: Final = CLOCK + 2
-_LAST_LATE: Final = CLOCK + 4
-_COUNT: Final = CLOCK + 6
+_LAST_LATE: Final = CLOCK + 3
+_COUNT: Final = CLOCK + 4  # of late ones in a row
 _SECOND: Final = 1_000_000_000
+_EXACT: Final = 2**53
 
 
 @njit
-def _since(x: Floats, place: int, t_ns: int) -> float:
-    whole = (t_ns // _SECOND - int(x[place])) * _SECOND
-    return (whole + (t_ns % _SECOND - int(x[place + 1]))) / 1e9
-
-
-@njit
-def _remember(x: Floats, place: int, t_ns: int) -> None:
-    x[place], x[place + 1] = float(t_ns // _SECOND), float(t_ns % _SECOND)
+def _from_anchor(x: Floats, t_ns: int) -> float:
+    """Time since the anchor, ns, which moves where it is too far away."""
+    since = t_ns - int(x[_ANCHOR]) * _SECOND
+    if -_EXACT < since < _EXACT:
+        return float(since)
+    anchor = t_ns // _SECOND
+    moved = float((anchor - int(x[_ANCHOR])) * _SECOND)  # a late time may now be inexact; it is very late
+    x[_ANCHOR] = float(anchor)
+    x[_LAST] -= moved
+    x[_FIRST_LATE] -= moved
+    x[_LAST_LATE] -= moved
+    return float(t_ns - anchor * _SECOND)
 
 
 @njit
 def tick(x: Floats, t_ns: int) -> float:
     """Step to a sample at t_ns, s; 0 for the first, and `LATE` for one that must not be used."""
-    dt = _since(x, _LAST, t_ns)
+    now = _from_anchor(x, t_ns)
+    dt = (now - x[_LAST]) / 1e9
     if dt > 0.0 or x[COUNT] == 0.0:
-        _remember(x, _LAST, t_ns)
-        x[_COUNT] = 0.0
+        x[_LAST], x[_COUNT] = now, 0.0
         return dt if x[COUNT] > 0.0 else 0.0
-    behind = _since(x, _LAST_LATE, t_ns)
+    behind = now - x[_LAST_LATE]
     if x[_COUNT] == 0.0 or not behind > 0.0:
-        _remember(x, _FIRST_LATE, t_ns)
-        x[_COUNT] = 0.0
-    _remember(x, _LAST_LATE, t_ns)
+        x[_FIRST_LATE], x[_COUNT] = now, 0.0
+    x[_LAST_LATE] = now
     x[_COUNT] += 1.0
     if x[_COUNT] < RISING:
         return LATE
-    _remember(x, _LAST, t_ns)
-    x[_COUNT] = 0.0
-    return _since(x, _FIRST_LATE, t_ns) + behind  # what the late ones did not turn is made up for
+    x[_LAST], x[_COUNT] = now, 0.0
+    return float(now - x[_FIRST_LATE] + behind) / 1e9  # what the late ones did not turn is made up for

@@ -9,7 +9,7 @@ import math
 from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
-from plumbob.filters.layout import COUNT, LAST, SAME
+from plumbob.filters.layout import LAST, SAME
 
 LONG = 0.25
 """A triad that repeats itself for longer than this, s, and for `MANY` samples, is stuck."""
@@ -17,17 +17,21 @@ MANY = 25.0
 """Three axes of noise that is small against the last digit repeat some times; 25 times at a stretch they do not."""
 
 
+_MIX_Y, _MIX_Z = math.sqrt(2.0), math.sqrt(3.0)  # no combination of whole steps of the axes gives the same sum
+
+
 @njit
 def _repeats(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float) -> bool:
-    last, same = LAST + 3 * triad, SAME + triad
-    if math.isnan(vx):  # absent, the clock goes on
-        x[same] += dt
+    """One number stands for the three axes; it stays the same where they do, and practically only there."""
+    said = vx + _MIX_Y * vy + _MIX_Z * vz
+    if said != x[LAST + triad]:
+        if math.isnan(said):  # absent: the clock goes on
+            x[SAME + triad] += dt
+        else:
+            x[LAST + triad], x[SAME + triad] = said, 0.0
         return False
-    if vx == x[last] and vy == x[last + 1] and vz == x[last + 2]:
-        x[same] += dt
-        return bool(x[same] > LONG and x[same] > MANY * dt)
-    x[last], x[last + 1], x[last + 2], x[same] = vx, vy, vz, 0.0
-    return False
+    x[SAME + triad] += dt
+    return bool(x[SAME + triad] > LONG and x[SAME + triad] > MANY * dt)
 
 
 @njit
@@ -35,9 +39,7 @@ def watch(
     x: Floats, dt: float,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
-    """Flags of the triads that are stuck; a sample out of time is not looked at."""
-    if not dt > 0.0 and x[COUNT] > 0.0:
-        return 0
+    """Flags of the triads that are stuck."""
     found = 0
     if _repeats(x, 0, dt, gx, gy, gz):
         found |= flags.GYR_STUCK

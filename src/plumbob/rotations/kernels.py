@@ -43,6 +43,21 @@ def rotate(q0: float, q1: float, q2: float, q3: float, vx: float, vy: float, vz:
 
 
 @njit
+def rows(
+    q0: float, q1: float, q2: float, q3: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Rows of the matrix of q, one after the other: with q_nb, the navigation axes seen in the body."""
+    xx, yy, zz = 2.0 * q1 * q1, 2.0 * q2 * q2, 2.0 * q3 * q3
+    xy, xz, yz = 2.0 * q1 * q2, 2.0 * q1 * q3, 2.0 * q2 * q3
+    wx, wy, wz = 2.0 * q0 * q1, 2.0 * q0 * q2, 2.0 * q0 * q3
+    return (
+        1.0 - (yy + zz), xy - wz, xz + wy,
+        xy + wz, 1.0 - (xx + zz), yz - wx,
+        xz - wy, yz + wx, 1.0 - (xx + yy),
+    )  # fmt: skip
+
+
+@njit
 def third_row(q0: float, q1: float, q2: float, q3: float) -> Vec:
     """Third row of the matrix of q: with q_nb, the navigation z axis seen in the body."""
     return (
@@ -56,9 +71,12 @@ def third_row(q0: float, q1: float, q2: float, q3: float) -> Vec:
 def quat_unit(q0: float, q1: float, q2: float, q3: float) -> Quat:
     """Scale q to norm 1; a zero or non-finite q becomes the identity."""
     n = q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3
-    if not (n > 0.0 and n < math.inf):
+    if abs(n - 1.0) < 1e-8:  # one Newton step of 1/√n, whose error is below 1e-16 here, without root and division
+        s = 1.5 - 0.5 * n
+    elif n > 0.0 and n < math.inf:
+        s = 1.0 / math.sqrt(n)
+    else:
         return 1.0, 0.0, 0.0, 0.0
-    s = 1.0 / math.sqrt(n)
     return q0 * s, q1 * s, q2 * s, q3 * s
 
 

@@ -1,0 +1,104 @@
+"""Can the magnetometer be trusted? The Earth's field keeps its size and dip; magnets and iron change them.
+
+Size and dip of the field, seen with the present tilt, are compared with a reference that follows slowly while they
+agree. Where they do not, the field is disturbed. But a pair that lasts while the unit turns (and so is no magnet that
+turns with it) becomes the new reference, [Laidig2023]. The dip is kept as its sine, which costs no arcus function.
+"""
+
+import math
+from typing import Final
+
+from plumbob._jit import njit
+from plumbob.check import Floats
+from plumbob.filters.smooth import kept_weights, smooth
+from plumbob.units import deg, dps
+
+TAU_NOW: Final = 0.05
+"""Smoothing of the field now, s."""
+TAU_REFERENCE: Final = 20.0
+"""How slowly the reference follows, s."""
+SIZE_BAND: Final = 0.1
+"""Largest relative deviation of the size."""
+DIP_BAND: Final = deg(10.0)
+"""Largest deviation of the dip, rad."""
+SETTLED: Final = 0.5
+"""For so long, s, must the field agree again before it is trusted."""
+TURNING: Final = dps(20.0)
+"""Rate of turn, rad/s, from which on a new field is taken to stand still in space."""
+FIRST_AFTER: Final = 5.0
+"""The first reference is taken after so long of turning, s."""
+NEW_AFTER: Final = 20.0
+"""And a new one after so long, s."""
+
+FIELD_SIZE: Final = 16
+_NOW, _REFERENCE, _AGREED, _CANDIDATE, _LASTED, _TRUSTED, _WEIGHTS = 0, 4, 6, 7, 9, 10, 11
+
+_COS_BAND = math.cos(DIP_BAND)
+
+
+@njit
+def near(size: float, dip: float, size0: float, dip0: float) -> bool:
+    """True where a field agrees with another in size and dip, given as its sine; not with one of size zero."""
+    if not abs(size - size0) < SIZE_BAND * size0:
+        return False
+    cos2 = (1.0 - dip * dip) * (1.0 - dip0 * dip0)
+    return math.sqrt(max(0.0, cos2)) + dip * dip0 > _COS_BAND
+
+
+@njit
+def _follow(x: Floats, place: int, gain: float, h: float, v: float) -> None:
+    x[place] += gain * (h - x[place])
+    x[place + 1] += gain * (v - x[place + 1])
+
+
+@njit
+def _now(x: Floats, place: int, at: int, dt: float, size: float, dip: float) -> tuple[float, float]:
+    """Size and sine of the dip as they are now, smoothed over `TAU_NOW`; `at` is the place of the weights."""
+    if x[place] == 0.0:
+        x[place], x[place + 2] = size, dip
+    p, q, r, s = kept_weights(x, at, dt, TAU_NOW)
+    x[place], x[place + 1] = smooth(p, q, r, s, x[place], x[place + 1], size)
+    x[place + 2], x[place + 3] = smooth(p, q, r, s, x[place + 2], x[place + 3], dip)
+    return x[place], x[place + 2]
+
+
+@njit
+def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float) -> bool:
+    """Take the horizontal and vertical part of a field sample, µT, and say whether it is to be distrusted.
+
+    Parameters
+    ----------
+    x : ndarray
+        State.
+    at : int
+        Place of the `FIELD_SIZE` numbers of this block in it.
+    dt : float
+        Time since the last field sample, s.
+    turning : float
+        Rate of turn, rad/s.
+    h, v : float
+        Parts of the field.
+    """
+    ref, new = at + _REFERENCE, at + _CANDIDATE
+    size = math.sqrt(h * h + v * v)
+    size, dip = _now(x, at + _NOW, at + _WEIGHTS, dt, size, v / size)
+    slow = dt / (dt + TAU_REFERENCE)
+    if near(size, dip, x[ref], x[ref + 1]):
+        x[at + _AGREED] += dt
+        if x[at + _AGREED] >= SETTLED:
+            x[at + _TRUSTED] = 1.0
+            _follow(x, ref, slow, size, dip)
+    else:
+        x[at + _AGREED], x[at + _TRUSTED] = 0.0, 0.0
+    if not near(size, dip, x[new], x[new + 1]):
+        x[at + _LASTED] = 0.0
+        x[new], x[new + 1] = size, dip
+        return bool(x[at + _TRUSTED] == 0.0)
+    if turning >= TURNING:
+        x[at + _LASTED] += dt
+    _follow(x, new, slow, size, dip)
+    known = x[ref] > 0.0
+    if x[at + _TRUSTED] == 0.0 and x[at + _LASTED] >= (NEW_AFTER if known else FIRST_AFTER):
+        x[ref], x[ref + 1] = x[new], x[new + 1]
+        x[at + _TRUSTED], x[at + _AGREED] = 1.0, SETTLED
+    return bool(x[at + _TRUSTED] == 0.0)

@@ -1,0 +1,93 @@
+"""What the modern filters let in: nothing stuck or clipped, no spike; and how far the attitude may have run off.
+
+`admission` judges one sample by itself. Here the rate is also compared with the one before: a jump that no body makes
+in one step is held back for one sample, and made up for if the next sample confirms it. And where the rate is not
+known (absent, clipped, stuck, or skipped by a gap), the angle that may have been missed is counted, so that a filter
+can open its gains or begin again instead of trusting a wrong attitude.
+"""
+
+import math
+from typing import Final
+
+from plumbob import flags
+from plumbob._jit import njit
+from plumbob.check import Floats
+from plumbob.filters.admission import HOLD, admit
+from plumbob.filters.layout import HELD, RATE
+from plumbob.rotations.kernels import Vec
+
+JUMP: Final = 1000.0
+"""A rate that changes faster than this, rad/s², is a spike until the next sample confirms it."""
+UNKNOWN_RATE: Final = 2.0
+"""How fast a body may turn, rad/s, of which nothing is known."""
+UNKNOWN_CHANGE: Final = 20.0
+"""How fast a rate may change, rad/s², of which nothing is known."""
+LONG_STEP: Final = 0.15
+"""In a step longer than this, s, the rate may have been anything between its ends."""
+
+GUARD_SIZE: Final = 4
+_SPIKE, _WAITING = 0, 3  # places of the rate that waits for confirmation, and of whether one does
+
+Admitted = tuple[int, float, float, float, float, float]
+
+
+@njit
+def hold_spike(x: Floats, at: int, dt: float, gx: float, gy: float, gz: float) -> tuple[bool, float, float, float]:
+    """Hold back a rate that jumps; returns whether it was, and the rate to use."""
+    px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
+    jump = max(abs(gx - px), abs(gy - py), abs(gz - pz))
+    if not jump > JUMP * dt or x[HELD] > 0.0:
+        x[at + _WAITING] = 0.0
+        return False, gx, gy, gz
+    if x[at + _WAITING] == 0.0:
+        x[at + _SPIKE], x[at + _SPIKE + 1], x[at + _SPIKE + 2], x[at + _WAITING] = gx, gy, gz, 1.0
+        return True, px, py, pz
+    x[at + _WAITING] = 0.0  # confirmed: what the held sample did not turn is made up for
+    sx, sy, sz = x[at + _SPIKE], x[at + _SPIKE + 1], x[at + _SPIKE + 2]
+    return False, gx + sx - px, gy + sy - py, gz + sz - pz
+
+
+@njit
+def missed_angle(x: Floats, seen: int, dt: float, px: float, py: float, pz: float) -> float:
+    """Angle, rad, by which the step may be wrong because the rate was not known; p is the rate before."""
+    held: float = x[HELD]
+    if held > HOLD:
+        return UNKNOWN_RATE * dt
+    if held > 0.0:
+        return UNKNOWN_CHANGE * held * dt
+    speed = math.sqrt(x[RATE] * x[RATE] + x[RATE + 1] * x[RATE + 1] + x[RATE + 2] * x[RATE + 2])
+    if seen & flags.GYR_CLIPPED:
+        return 0.5 * speed * dt
+    if dt > LONG_STEP:
+        change = max(abs(x[RATE] - px), abs(x[RATE + 1] - py), abs(x[RATE + 2] - pz))
+        return float(0.5 * change + 0.2 * speed) * dt
+    return 0.0
+
+
+@njit
+def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, gy: float, gz: float) -> Admitted:
+    """Judge the rate and the step.
+
+    Returns
+    -------
+    tuple
+        Flags; the step, s, zero after a gap; the rate to turn with, rad/s; the angle that may have been missed, rad.
+    """
+    px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
+    spike = False
+    if seen & flags.GYR_STUCK:
+        gx = math.nan
+    elif dt > 0.0:
+        spike, gx, gy, gz = hold_spike(x, at, dt, gx, gy, gz)
+    found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
+    if spike:
+        found |= flags.GYR_HELD
+    return found, dt, gx, gy, gz, missed_angle(x, seen, dt, px, py, pz)
+
+
+@njit
+def trusted(seen: int, bad: int, vx: float, vy: float, vz: float) -> Vec:
+    """Vector, or NaN where one of the flags `bad` says that it is not to be used."""
+    if seen & bad:
+        return math.nan, math.nan, math.nan
+    return vx, vy, vz

@@ -1,0 +1,428 @@
+"""Versatile quaternion-based filter, our own writing of [Laidig2023]: a slow horizon in an almost inertial frame.
+
+The gyroscope alone turns a frame that drifts by its bias only. In that frame the specific force is smoothed over
+seconds, so that accelerations average out while gravity stays; what is left of the tilt turns the drifting frame level.
+The heading is corrected by the field in the level plane, by a first-order filter, where the field is that of the Earth.
+The gyroscope bias is learned at rest from the mean rate, and in motion from the turn of the smoothed horizon.
+
+When to choose it: as the default for anything that moves, where a covariance is not needed. It has one setting per
+question (how long do accelerations last: tau_acc; how far is the field to be trusted: tau_mag) and needs no noise
+figures.
+
+=============  ==============  ========  ======================================================
+symbol         name            unit      meaning
+=============  ==============  ========  ======================================================
+q_S            x[GYRO]         1         body to the drifting frame, by the gyroscope alone
+q_I            x[TILT]         1         drifting frame to a level one with z up
+δ              x[TURN]         1         half-angle cosine and sine of the turn to north
+b              x[BIAS]         rad/s     gyroscope bias
+P              x[COV]          rad²/s²   its covariance, upper triangle
+=============  ==============  ========  ======================================================
+
+Departures from [Laidig2023]: the low-passes are exact for any step (the paper's are bilinear and want equal steps), and
+so are all other time constants; sensors may be absent, at any rate. Added: stuck, clipped and jumping sensors are kept
+out; where the rate was unknown for long enough to matter, horizon and heading begin again as at the start; a smoothed
+specific force that is not g is not followed for a while; a bias that jumps is noticed by the corrections that it keeps
+calling for.
+"""
+
+import math
+from typing import Annotated, Final, NamedTuple
+
+from plumbob import flags
+from plumbob._jit import njit
+from plumbob.check import Floats
+from plumbob.constants import G0
+from plumbob.filters.admission import refused, usable
+from plumbob.filters.alignment import initialise
+from plumbob.filters.field import FIELD_SIZE, disturbed
+from plumbob.filters.guard import GUARD_SIZE, admit_rate, trusted
+from plumbob.filters.layout import BIAS, BLIND, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
+from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
+from plumbob.filters.smooth import kept_weights, smooth
+from plumbob.params import Spec
+from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate
+from plumbob.units import Quantity, deg, dps
+
+SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"
+REFERENCES: Final = ("Laidig2023",)
+NEEDS: Final = ("gyr", "acc")
+STATE: Final = 59 + REST_SIZE + FIELD_SIZE + GUARD_SIZE
+
+TAU_ACC: Final = OWN_C
+TAU_MAG: Final = OWN_C + 1
+BIAS_START: Final = OWN_C + 2
+BIAS_MAX: Final = OWN_C + 3
+BIAS_MOVING: Final = OWN_C + 4
+BIAS_RESTING: Final = OWN_C + 5
+REST_RATE: Final = OWN_C + 6
+REST_FORCE: Final = OWN_C + 7
+REST_AFTER: Final = OWN_C + 8
+REJECT: Final = OWN_C + 9
+
+GYRO: Final = OWN  # 4
+TILT: Final = OWN + 4  # 4
+TURN: Final = OWN + 8  # 2
+FORCE: Final = OWN + 10  # smoothed specific force in the drifting frame, y and w of each axis, 6
+ROWS: Final = OWN + 16  # smoothed matrix of body to level, y and w, 18
+BLURRED: Final = OWN + 34  # smoothed level part of the bias, y and w, 4
+COV: Final = OWN + 38  # 6
+WEIGHTS: Final = OWN + 44  # of the low-pass, with the step that they are for, 5
+LOOKS: Final = OWN + 49  # specific forces since the start, for their mean until tau_acc is over
+LOOKED: Final = OWN + 50  # for how long, s
+ACC_AGE: Final = OWN + 51  # since the last specific force, s
+MAG_AGE: Final = OWN + 52  # since the last field, s
+FIRST_GAIN: Final = OWN + 53  # gain of the heading at the start: 1, 1/2, 1/3 … then 0
+REJECTED: Final = OWN + 54  # for how long the field has been rejected, s
+GATED: Final = OWN + 55  # for how long the horizon has been, s
+MISSED: Final = OWN + 56  # angle that may have been missed, rad
+CALLED: Final = OWN + 57  # correction that the horizon keeps calling for, x and y, rad/s, 2
+REST: Final = OWN + 59
+FIELD: Final = REST + REST_SIZE
+GUARD: Final = FIELD + FIELD_SIZE
+
+FORGET: Final = 100.0
+"""A bias that is not seen is as uncertain as at the start after about this, s."""
+FORGET_RATE: Final = dps(0.1)
+"""And drifts by this meanwhile, rad/s."""
+BLIND_WEIGHT: Final = 1e-4
+"""Weight of the assumption that the unseen part of the bias, about the vertical, is zero."""
+REJECT_SLOW: Final = 2.0
+"""A field that is rejected for too long is followed, but so many times more slowly."""
+GATE_BAND: Final = 0.08 * G0
+"""A smoothed specific force farther from g than this, m/s², is not gravity alone."""
+GATE_FOR: Final = 15.0
+"""It is not followed for so long, s."""
+MISSED_LIMIT: Final = deg(3.0)
+"""Where the attitude may be off by more than this, rad, it begins again."""
+START_BAND: Final = 0.3 * G0
+"""It begins only with a specific force this near to g, m/s²."""
+CALLED_TAU: Final = 3.0
+"""Corrections are averaged over this, s,"""
+CALLED_LIMIT: Final = dps(2.5)
+"""and beyond this, rad/s, they mean that the bias has jumped,"""
+JUMP_SD: Final = dps(5.0)
+"""by so much, rad/s."""
+
+
+class Params(NamedTuple):
+    """Settings; the defaults are the paper's, but for the largest bias."""
+
+    tau_acc: Annotated[
+        float, Spec(Quantity.TIME, "smoothing of the specific force; longer where accelerations last longer", 0.05, 600)
+    ] = 3.0
+    tau_mag: Annotated[
+        float, Spec(Quantity.TIME, "time constant of the heading; longer where the field is disturbed", 0.05, 6000)
+    ] = 9.0
+    bias_start: Annotated[float, Spec(Quantity.RATE, "standard deviation of the bias at the start", 1e-6, 1)] = dps(0.5)
+    bias_max: Annotated[float, Spec(Quantity.RATE, "largest bias", 1e-6, 1)] = dps(2.0)
+    bias_moving: Annotated[
+        float,
+        Spec(Quantity.RATE, "standard deviation that the bias reaches in motion; smaller learns more slowly", 1e-7, 1),
+    ] = dps(0.1)
+    bias_resting: Annotated[float, Spec(Quantity.RATE, "standard deviation that the bias reaches at rest", 1e-7, 1)] = (
+        dps(0.03)
+    )
+    rest_rate: Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)] = dps(2.0)
+    rest_force: Annotated[
+        float, Spec(Quantity.ACCELERATION, "at rest, the specific force stays this near to its mean", 0, 100)
+    ] = 0.5
+    rest_after: Annotated[float, Spec(Quantity.TIME, "rest begins after so long of stillness", 0, 600)] = 1.5
+    mag_reject: Annotated[
+        float, Spec(Quantity.TIME, "a disturbed field is not followed for so long; 0: it always is", 0, 1e6)
+    ] = 60.0
+
+
+def coefficients(params: Params) -> tuple[float, ...]:
+    """Own coefficients of the kernel."""
+    return tuple(params)
+
+
+@njit
+def begin(c: Floats, x: Floats) -> None:
+    """Take the attitude as it is, and start all averages anew; the bias stays."""
+    q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
+    if c[UP] < 0.0:  # the level frame has z up: half a turn about x
+        q0, q1, q2, q3 = q1, -q0, q3, -q2
+    x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3] = q0, q1, q2, q3
+    x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3] = 1.0, 0.0, 0.0, 0.0
+    x[TURN], x[TURN + 1] = 1.0, 0.0
+    average_anew(c, x)
+
+
+@njit
+def average_anew(c: Floats, x: Floats) -> None:
+    """Follow the next specific force at once, then the mean, then the low-pass; and so the heading."""
+    x[LOOKS], x[LOOKED], x[GATED], x[MISSED] = 0.0, 0.0, 0.0, 0.0
+    x[CALLED], x[CALLED + 1] = 0.0, 0.0
+    x[FIRST_GAIN], x[REJECTED] = 1.0, c[REJECT]
+
+
+@njit
+def reset_bias(x: Floats, sd: float) -> None:
+    """Know the bias to a standard deviation, rad/s, and nothing better."""
+    for k in range(6):
+        x[COV + k] = 0.0
+    x[COV], x[COV + 3], x[COV + 5] = sd * sd, sd * sd, sd * sd
+
+
+@njit
+def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
+    """Turn the body in the drifting frame."""
+    e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))
+    q0, q1, q2, q3 = quat_mul(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], e0, e1, e2, e3)
+    x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3] = quat_unit(q0, q1, q2, q3)
+
+
+@njit
+def average(x: Floats, place: int, first: bool, v: float) -> None:
+    """Smooth one number: its mean at first, then the low-pass."""
+    if first:
+        x[place] += (v - x[place]) / x[LOOKS]
+        x[place + 1] = 0.0
+    else:
+        x[place], x[place + 1] = smooth(
+            x[WEIGHTS], x[WEIGHTS + 1], x[WEIGHTS + 2], x[WEIGHTS + 3], x[place], x[place + 1], v
+        )
+
+
+@njit
+def horizon(c: Floats, x: Floats, dt: float, first: bool, ax: float, ay: float, az: float) -> tuple[bool, float, float]:
+    """Smooth the specific force and turn the drifting frame level; returns whether it did, and the turn about x and y.
+
+    Where the smoothed specific force is not g, the tilt is not followed, for `GATE_FOR` at most.
+    """
+    fx, fy, fz = rotate(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], ax, ay, az)
+    average(x, FORCE, first, fx)
+    average(x, FORCE + 2, first, fy)
+    average(x, FORCE + 4, first, fz)
+    fx, fy, fz = x[FORCE], x[FORCE + 2], x[FORCE + 4]
+    norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+    if not abs(norm - G0) <= GATE_BAND:
+        x[GATED] += dt
+        if x[GATED] < GATE_FOR:
+            return False, 0.0, 0.0
+    else:
+        x[GATED] = max(0.0, x[GATED] - dt)
+    s = 1.0 / norm
+    ex, ey, ez = rotate(x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], s * fx, s * fy, s * fz)
+    w = math.sqrt(max(0.5 * (ez + 1.0), 1e-12))
+    half = 0.5 / w
+    t0, t1, t2, t3 = quat_mul(w, half * ey, -half * ex, 0.0, x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3])
+    x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3] = quat_unit(t0, t1, t2, t3)
+    return True, ey, -ex
+
+
+@njit
+def look(x: Floats, h0: float, h1: float, h2: float, residual: float, var: float, limit: float) -> None:
+    """One Kalman update of the bias with a scalar that sees it along h."""
+    p0 = x[COV] * h0 + x[COV + 1] * h1 + x[COV + 2] * h2
+    p1 = x[COV + 1] * h0 + x[COV + 3] * h1 + x[COV + 4] * h2
+    p2 = x[COV + 2] * h0 + x[COV + 4] * h1 + x[COV + 5] * h2
+    s = 1.0 / (h0 * p0 + h1 * p1 + h2 * p2 + var)
+    k0, k1, k2 = s * p0, s * p1, s * p2
+    residual = min(max(residual, -limit), limit)
+    x[BIAS] = min(max(x[BIAS] + k0 * residual, -limit), limit)
+    x[BIAS + 1] = min(max(x[BIAS + 1] + k1 * residual, -limit), limit)
+    x[BIAS + 2] = min(max(x[BIAS + 2] + k2 * residual, -limit), limit)
+    x[COV] -= k0 * p0
+    x[COV + 1] -= k0 * p1
+    x[COV + 2] -= k0 * p2
+    x[COV + 3] -= k1 * p1
+    x[COV + 4] -= k1 * p2
+    x[COV + 5] -= k2 * p2
+
+
+@njit
+def drift(c: Floats, x: Floats, dt: float) -> float:
+    """Let the bias grow uncertain again, up to its start; returns the variance that it grew by."""
+    grown = FORGET_RATE * FORGET_RATE * dt / FORGET
+    most = c[BIAS_START] * c[BIAS_START]
+    for k in (0, 3, 5):
+        if x[COV + k] < most:
+            x[COV + k] += grown
+    return grown
+
+
+@njit
+def learn_resting(c: Floats, x: Floats, grown: float) -> None:
+    """At rest the mean rate is the bias."""
+    level = c[BIAS_RESTING] * c[BIAS_RESTING]
+    var = level * level / grown + level  # with it, P settles at the wanted level
+    mx, my, mz = mean_rate(x, REST)
+    limit = c[BIAS_MAX]
+    look(x, 1.0, 0.0, 0.0, mx - x[BIAS], var, limit)
+    look(x, 0.0, 1.0, 0.0, my - x[BIAS + 1], var, limit)
+    look(x, 0.0, 0.0, 1.0, mz - x[BIAS + 2], var, limit)
+
+
+@njit
+def seen_along(x: Floats, row: int, y: float) -> tuple[float, float, float, float]:
+    """Direction in which a row of the smoothed matrix sees the bias, and what is left of y."""
+    h0, h1, h2 = x[ROWS + 6 * row], x[ROWS + 6 * row + 2], x[ROWS + 6 * row + 4]
+    return h0, h1, h2, y - h0 * x[BIAS] - h1 * x[BIAS + 1] - h2 * x[BIAS + 2]
+
+
+@njit
+def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: float) -> bool:
+    """In motion, what is left of the bias calls for turns v of the horizon, rad; true where the bias has jumped."""
+    level = c[BIAS_MOVING] * c[BIAS_MOVING]
+    var = level * level / grown + level
+    limit = c[BIAS_MAX]
+    h0, h1, h2, rx = seen_along(x, 0, x[BLURRED] - vx / dt)
+    look(x, h0, h1, h2, rx, var, limit)
+    h0, h1, h2, ry = seen_along(x, 1, x[BLURRED + 2] - vy / dt)
+    look(x, h0, h1, h2, ry, var, limit)
+    h0, h1, h2, rz = seen_along(x, 2, 0.0)
+    look(x, h0, h1, h2, rz, var / BLIND_WEIGHT, limit)
+    k = dt / (dt + CALLED_TAU)
+    x[CALLED] += k * (rx - x[CALLED])
+    x[CALLED + 1] += k * (ry - x[CALLED + 1])
+    return bool(x[CALLED] * x[CALLED] + x[CALLED + 1] * x[CALLED + 1] > CALLED_LIMIT * CALLED_LIMIT)
+
+
+@njit
+def blur(x: Floats, first: bool) -> None:
+    """Smooth the matrix of body to level, and the bias seen through it, as the specific force is smoothed."""
+    q0, q1, q2, q3 = quat_mul(
+        x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3]
+    )
+    b0, b1, b2 = x[BIAS], x[BIAS + 1], x[BIAS + 2]
+    bx, by, _ = rotate(q0, q1, q2, q3, b0, b1, b2)
+    average(x, BLURRED, first, bx)
+    average(x, BLURRED + 2, first, by)
+    for column in range(3):
+        vx, vy, vz = rotate(
+            q0, q1, q2, q3, 1.0 if column == 0 else 0.0, 1.0 if column == 1 else 0.0, 1.0 if column == 2 else 0.0
+        )
+        average(x, ROWS + 2 * column, first, vx)
+        average(x, ROWS + 6 + 2 * column, first, vy)
+        average(x, ROWS + 12 + 2 * column, first, vz)
+
+
+@njit
+def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: float, v: float) -> int:
+    """Turn towards north, given the level and the vertical part of the field in the level frame."""
+    cos, sin = x[TURN], x[TURN + 1]
+    cos2, sin2 = cos * cos - sin * sin, 2.0 * cos * sin
+    hx, hy = cos2 * hx - sin2 * hy, sin2 * hx + cos2 * hy
+    level2 = hx * hx + hy * hy
+    if not level2 > 1e-6 * (level2 + v * v):
+        return flags.MAG_GATED
+    bad = disturbed(x, FIELD, min(dt, 1.0), turning, math.sqrt(level2), v)
+    nx, ny = c[NORTH_X], c[UP] * c[NORTH_Y]
+    error = math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
+    gain = 1.0 - math.exp(-dt / c[TAU_MAG])
+    found = 0
+    if bad and c[REJECT] > 0.0 and x[FIRST_GAIN] == 0.0:
+        found = flags.MAG_GATED
+        if x[REJECTED] < c[REJECT]:
+            x[REJECTED] += dt
+            return found
+        gain /= REJECT_SLOW
+    elif not bad:
+        x[REJECTED] = max(0.0, x[REJECTED] - REJECT_SLOW * dt)
+    if x[FIRST_GAIN] > gain:
+        gain = x[FIRST_GAIN]
+        x[FIRST_GAIN] = gain / (gain + 1.0)
+    else:
+        x[FIRST_GAIN] = 0.0
+    w, _, _, z = quat_exp(0.0, 0.0, gain * error)
+    cos, sin = w * cos - z * sin, w * sin + z * cos
+    s = 1.5 - 0.5 * (cos * cos + sin * sin)  # norm 1 to the last bits, so that a long run keeps it
+    x[TURN], x[TURN + 1] = s * cos, s * sin
+    return found
+
+
+@njit
+def follow_gravity(
+    c: Floats, x: Floats, held: bool, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
+) -> int:
+    """Turn level, and learn the bias; the rate is only looked at for rest, and not where it was held."""
+    dt, x[ACC_AGE] = x[ACC_AGE], 0.0
+    if held:
+        gx = math.nan
+    resting = at_rest(x, REST, dt, c[REST_RATE], c[REST_FORCE], c[BIAS_MAX], c[REST_AFTER], gx, gy, gz, ax, ay, az)
+    kept_weights(x, WEIGHTS, dt, c[TAU_ACC])
+    first = x[LOOKED] < c[TAU_ACC]
+    x[LOOKS] += 1.0
+    x[LOOKED] += dt
+    followed, vx, vy = horizon(c, x, dt, first, ax, ay, az)
+    blur(x, first)
+    if not followed:
+        return flags.ACC_GATED
+    if dt == 0.0 or x[LOOKS] == 1.0:
+        return 0
+    grown = drift(c, x, dt)
+    if resting:
+        learn_resting(c, x, grown)
+        return flags.AT_REST
+    if not learn_moving(c, x, dt, grown, vx, vy):
+        return 0
+    reset_bias(x, JUMP_SD)
+    return flags.INCONSISTENT
+
+
+@njit
+def compose(c: Floats, x: Floats, q0: float, q1: float, q2: float, q3: float) -> None:
+    """Attitude in the navigation frame from that in the level frame, q."""
+    cos, sin = x[TURN], x[TURN + 1]
+    q0, q1, q2, q3 = quat_mul(cos, 0.0, 0.0, sin, q0, q1, q2, q3)
+    if c[UP] < 0.0:
+        q0, q1, q2, q3 = -q1, q0, -q3, q2
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q0, q1, q2, q3
+
+
+@njit
+def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
+    """Begin with the first specific force that may be gravity."""
+    if x[STAGE] >= LEVEL:  # an attitude that was given
+        begin(c, x)
+        x[FIRST_GAIN] = 0.0
+        return 0
+    if not abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND:
+        return flags.NOT_CONVERGED | flags.HEADING_FREE
+    found = initialise(c, x, ax, ay, az, mx, my, mz)
+    begin(c, x)
+    return found
+
+
+@njit
+def step(
+    c: Floats, x: Floats, dt: float, seen: int,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
+) -> int:  # fmt: skip
+    """Take one sample."""
+    found, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, seen, gx, gy, gz)
+    ax, ay, az = trusted(seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
+    mx, my, mz = trusted(seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
+    if x[COUNT] == 1.0:
+        reset_bias(x, c[BIAS_START])
+    if x[COUNT] == 1.0 or x[STAGE] == BLIND:
+        found |= start(c, x, ax, ay, az, mx, my, mz)
+    turn(x, dt, gx, gy, gz)
+    x[MISSED] += missed
+    if x[MISSED] > MISSED_LIMIT:
+        found |= flags.NOT_CONVERGED
+        if abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND:
+            average_anew(c, x)
+    x[ACC_AGE] += dt
+    x[MAG_AGE] += dt
+    if x[STAGE] >= LEVEL and usable(ax, ay, az):
+        found |= follow_gravity(c, x, found & flags.GYR_HELD != 0, gx, gy, gz, ax, ay, az)
+    else:
+        found |= refused(flags.ACC_GATED, ax, ay, az)
+    q0, q1, q2, q3 = quat_mul(
+        x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3]
+    )
+    if x[STAGE] >= LEVEL and usable(mx, my, mz):
+        hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
+        wx, wy, wz = mean_rate(x, REST)
+        found |= heading(c, x, x[MAG_AGE], math.sqrt(wx * wx + wy * wy + wz * wz), hx, hy, hz)
+        x[MAG_AGE] = 0.0
+    else:
+        found |= refused(flags.MAG_GATED, mx, my, mz)
+    if x[STAGE] < HEADED:
+        found |= flags.HEADING_FREE
+    compose(c, x, q0, q1, q2, q3)
+    return found
