@@ -63,6 +63,12 @@ def _now(x: Floats, place: int, at: int, dt: float, size: float, dip: float) -> 
 
 
 @njit
+def known(x: Floats, at: int) -> bool:
+    """True where there is a reference to compare with."""
+    return bool(x[at + _REFERENCE] > 0.0)
+
+
+@njit
 def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float) -> bool:
     """Take the horizontal and vertical part of a field sample, µT, and say whether it is to be distrusted.
 
@@ -97,8 +103,7 @@ def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float)
     if turning >= TURNING:
         x[at + _LASTED] += dt
     _follow(x, new, slow, size, dip)
-    known = x[ref] > 0.0
-    if x[at + _TRUSTED] == 0.0 and x[at + _LASTED] >= (NEW_AFTER if known else FIRST_AFTER):
+    if x[at + _TRUSTED] == 0.0 and x[at + _LASTED] >= (NEW_AFTER if known(x, at) else FIRST_AFTER):
         x[ref], x[ref + 1] = x[new], x[new + 1]
         x[at + _TRUSTED], x[at + _AGREED] = 1.0, SETTLED
     return bool(x[at + _TRUSTED] == 0.0)

@@ -1,0 +1,533 @@
+"""Multiplicative extended Kalman filter with a covariance that is meant: attitude, gyroscope bias, level velocity.
+
+The attitude error is a small rotation in the *navigation* frame, ``q_true = exp(θ) ⊗ q``, [Sola2017] section 7. There
+gravity and north are constant, so each measurement sees fixed states, is a scalar, and nothing is inverted.
+
+A body that stays about where it is cannot keep an acceleration: its velocity is bounded. So the level specific force is
+integrated to a velocity, and the one measurement of the tilt is that this velocity is zero, but for the speed that the
+body has. A wrong tilt makes the velocity run away at once; a wave, a step or a stroke does not. This is how vertical
+reference units at sea are aided. The speed is learned from how the velocity varies (adaptive noise), and `speed_lasts`
+says how long it lasts, so that the claim does not depend on the rate and holds in motion.
+
+The field gives the heading alone: a disturbance never tips the horizon, though what is uncertain in the tilt is counted
+in the heading (a consider update). At rest the rate is the bias: a zero-rate update, with the noise that it shares with
+the integration accounted for.
+
+When to choose it: where the uncertainty matters as much as the attitude: to fuse on, to gate, to know when a result is
+good enough; at sea; and where noise figures of the sensor are known (`NoiseCard`). A vehicle that keeps accelerating or
+turning has no bounded velocity: give it a larger speed_lasts, or choose another filter.
+
+=======  ===============  ==============  ====================================================
+symbol   name             unit            meaning
+=======  ===============  ==============  ====================================================
+q        x[Q]             1               attitude q_nb
+b        x[BIAS]          rad/s           gyroscope bias
+v        x[ERROR + V]     m/s             level velocity, navigation x and y
+P        x[COV]           mixed           covariance of (θ, b, v), 8 × 8 row by row, upper half
+=======  ===============  ==============  ====================================================
+
+Departures from [Sola2017]: the reset after a correction is of first order in θ (its Jacobian is taken as the identity);
+measurements are the level velocity and the heading, not whole vectors. Not an invariant filter: the bias is in body
+axes.
+"""
+
+import math
+from typing import Annotated, Final, NamedTuple
+
+import numpy as np
+
+from plumbob import flags
+from plumbob._jit import njit
+from plumbob.cards import NoiseCard
+from plumbob.check import Floats
+from plumbob.constants import G0
+from plumbob.filters.admission import refused, usable
+from plumbob.filters.alignment import initialise
+from plumbob.filters.field import FIELD_SIZE, disturbed, known
+from plumbob.filters.guard import GUARD_SIZE, admit_rate, trusted
+from plumbob.filters.layout import BIAS, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
+from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
+from plumbob.params import Spec
+from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
+from plumbob.units import Quantity, deg, dps
+
+SUMMARY: Final = "multiplicative EKF: attitude, bias, disturbances, true covariance, gates, rest detection"
+REFERENCES: Final = ("Sola2017",)
+NEEDS: Final = ("gyr", "acc")
+
+N: Final = 8
+TH: Final = 0  # first place of each error in (θ, b, v)
+B: Final = 3
+V: Final = 6
+
+GYR_VAR: Final = OWN_C  # (rad/s)²/Hz
+WALK_VAR: Final = OWN_C + 1  # (rad/s²)²/Hz
+SCALE_VAR: Final = OWN_C + 2  # rad²/s per (rad/s)²
+BIAS_START: Final = OWN_C + 3
+ACC_VAR: Final = OWN_C + 4  # (m/s²)²/Hz
+SPEED_VAR: Final = OWN_C + 5  # (m/s)²
+SPEED_LASTS: Final = OWN_C + 6
+MAG_VAR: Final = OWN_C + 7  # µT²/Hz
+BEND_VAR: Final = OWN_C + 8  # rad²/Hz
+REST_RATE: Final = OWN_C + 9
+REST_FORCE: Final = OWN_C + 10
+REST_AFTER: Final = OWN_C + 11
+REJECT: Final = OWN_C + 12
+
+COV: Final = OWN  # 64, of which the upper half is used
+ERROR: Final = OWN + 64  # what a step's measurements have found: θ, then b and v themselves, 8
+COLUMN: Final = OWN + 72  # P Hᵀ of a measurement, 8
+MEAN: Final = OWN + 80  # slow mean of the velocity, x and y, m/s, 2
+SPEED2: Final = OWN + 82  # learned variance of the velocity, (m/s)²
+ACC_AGE: Final = OWN + 83  # since the last specific force, s
+MAG_AGE: Final = OWN + 84  # since the last field, s
+REJECTED: Final = OWN + 85  # for how long the field has been rejected, s
+GATED: Final = OWN + 86  # for how long the velocity has been beyond the gate, s
+FORCE: Final = OWN + 87  # mean specific force in navigation axes, m/s², 3
+STEP_TURN: Final = OWN + 90  # Δt R, row by row, 9
+REST: Final = OWN + 99
+HEADING: Final = 2 * N + 2  # place of the heading's variance in P
+FIELD: Final = REST + REST_SIZE
+GUARD: Final = FIELD + FIELD_SIZE
+STATE: Final = GUARD + GUARD_SIZE - OWN
+
+COVARIANCE: Final = slice(COV, COV + 3 * N)
+
+HUBER: Final = 9.0
+"""An innovation beyond this many variances counts with the noise that would make it so many."""
+GATE: Final = 25.0
+"""Beyond this many the sample is flagged as gated."""
+MEAN_TAU: Final = 3.0
+"""The velocity is taken about its mean over this, s: a wrong tilt moves the mean, the body's motion the rest;"""
+SPEED_TAU: Final = 3.0
+"""and its variance is learned over this, s."""
+GATE_FOR: Final = 1.0
+"""A velocity that has been beyond the gate for so long, s, begins anew."""
+FORCE_TAU: Final = 3.0
+"""A specific force whose mean over this, s,"""
+LEAN: Final = 0.2 * G0
+"""is level by more than this, m/s²,"""
+NORM_BAND: Final = 0.02 * G0
+"""though its size is this near to g, m/s², tells of a wrong tilt: the bias has jumped,"""
+JUMP_SD: Final = dps(5.0)
+"""by so much, rad/s."""
+START_TILT: Final = deg(2.0)
+"""Standard deviation of the first tilt, rad: an acceleration of 0.035 g."""
+START_HEADING: Final = deg(5.0)
+"""And of the first heading."""
+LOST: Final = deg(20.0) ** 2
+"""With a larger variance of the tilt, rad², the linear update is no good: it is taken up anew."""
+DOUBTFUL: Final = deg(5.0) ** 2
+"""With a larger variance of the tilt, rad², the attitude is not converged."""
+FREE: Final = 3.0
+"""No heading is more uncertain than this, rad²."""
+START_BAND: Final = 0.3 * G0
+"""Tilt is taken up only from a specific force this near to g, m/s²."""
+REST_BIAS: Final = dps(5.0)
+"""A mean rate beyond this, rad/s, is no bias, and the unit not at rest."""
+REST_BAND: Final = dps(0.2)
+"""Nor is it if it differs from the bias by more than this, rad/s, and three standard deviations."""
+SHORTEST: Final = 1e-6
+"""A measurement at no distance in time counts as one at this, s."""
+
+
+class Params(NamedTuple):
+    """Noise of the sensors, and how the body and its surroundings behave; all independent of the rate."""
+
+    gyr_noise: Annotated[float, Spec(Quantity.RATE, "white noise of the gyroscope, rad/s/√Hz", 1e-9, 1)] = dps(0.01)
+    gyr_walk: Annotated[float, Spec(Quantity.RATE, "random walk of its bias, rad/s/√s", 0, 1)] = dps(0.003)
+    gyr_scale: Annotated[
+        float, Spec(Quantity.RATIO, "uncertainty of its scale and alignment, as a share of the rate", 0, 0.5)
+    ] = 0.003
+    bias_start: Annotated[float, Spec(Quantity.RATE, "standard deviation of its bias at the start", 1e-9, 1)] = dps(0.5)
+    acc_noise: Annotated[float, Spec(Quantity.ACCELERATION, "white noise of the accelerometer, m/s²/√Hz", 1e-6, 10)] = (
+        0.003
+    )
+    speed: Annotated[
+        float, Spec(Quantity.SPEED, "least level speed that is always expected; more is learned", 1e-3, 1e3)
+    ] = 0.05
+    speed_lasts: Annotated[float, Spec(Quantity.TIME, "for how long a speed lasts before it turns back", 1e-3, 600)] = (
+        0.3
+    )
+    mag_noise: Annotated[float, Spec(Quantity.FIELD, "white noise of the magnetometer, µT/√Hz", 1e-4, 100)] = 0.1
+    mag_bend: Annotated[
+        float, Spec(Quantity.ANGLE, "standard deviation of the field's direction from place to place", 0, 2)
+    ] = deg(5.0)
+    mag_lasts: Annotated[float, Spec(Quantity.TIME, "for how long a disturbance of the field lasts", 1e-3, 6000)] = 5.0
+    rest_rate: Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)] = dps(2.0)
+    rest_force: Annotated[
+        float, Spec(Quantity.ACCELERATION, "at rest, the specific force stays this near to its mean", 0, 100)
+    ] = 0.5
+    rest_after: Annotated[float, Spec(Quantity.TIME, "rest begins after so long of stillness", 0, 600)] = 1.5
+    mag_reject: Annotated[
+        float, Spec(Quantity.TIME, "a disturbed field is not used for so long; 0: it always is", 0, 1e6)
+    ] = 60.0
+
+
+def coefficients(params: Params) -> tuple[float, ...]:
+    """Own coefficients of the kernel."""
+    p = params
+    return (
+        p.gyr_noise**2, p.gyr_walk**2, p.gyr_scale**2, p.bias_start, p.acc_noise**2, p.speed**2, p.speed_lasts,
+        p.mag_noise**2, 2.0 * p.mag_bend**2 * p.mag_lasts, p.rest_rate, p.rest_force, p.rest_after, p.mag_reject,
+    )  # fmt: skip
+
+
+def from_noise(card: NoiseCard) -> dict[str, float]:
+    """Noise parameters from a card: root mean squares over the axes; what it does not hold keeps its default."""
+    found = {}
+    for name, noise in (("gyr", card.gyr), ("acc", card.acc), ("mag", card.mag)):
+        if noise is not None and noise.n_rpsd.any():
+            found[f"{name}_noise"] = float(np.sqrt(np.mean(noise.n_rpsd**2)))
+    if card.gyr is not None and card.gyr.k_rpsd.any():
+        found["gyr_walk"] = float(np.sqrt(np.mean(card.gyr.k_rpsd**2)))
+    return found
+
+
+def covariance(q_nb: Floats, entries: Floats) -> Floats:
+    """Covariance of the attitude error in body axes, (N, 3, 3), rad², from the first three rows of P, (N, 24)."""
+    from plumbob.rotations import dcm_from_quat
+
+    upper = np.triu(entries.reshape(-1, 3, N)[:, :, :3])
+    in_n = upper + np.swapaxes(np.triu(upper, 1), 1, 2)
+    c_nb = dcm_from_quat(q_nb)
+    turned: Floats = np.swapaxes(c_nb, 1, 2) @ in_n @ c_nb
+    return turned
+
+
+@njit
+def know(x: Floats, i: int, sd: float) -> None:
+    """Know one error to a standard deviation, uncorrelated with the others."""
+    for j in range(N):
+        x[COV + N * min(i, j) + max(i, j)] = 0.0
+    x[COV + (N + 1) * i] = sd * sd
+
+
+@njit
+def know_tilt(x: Floats, sd: float) -> None:
+    """Know both tilts, rad, and that the body stands."""
+    know(x, TH, sd)
+    know(x, TH + 1, sd)
+    stop(x)
+
+
+@njit
+def know_bias(x: Floats, sd: float) -> None:
+    """Know the bias, rad/s."""
+    for i in range(B, B + 3):
+        know(x, i, sd)
+
+
+@njit
+def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
+    """Turn the body by the rate less its bias."""
+    e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))
+    q0, q1, q2, q3 = quat_mul(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], e0, e1, e2, e3)
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
+
+
+@njit
+def pair(x: Floats, i: int, j: int) -> float:
+    """Entry i, j of P."""
+    entry: float = x[COV + N * min(i, j) + max(i, j)]
+    return entry
+
+
+@njit
+def carry(x: Floats) -> None:
+    """P ← F P Fᵀ of θ ← θ − D δb, with D = Δt R in x[STEP_TURN]."""
+    for i in range(3):
+        d0, d1, d2 = x[STEP_TURN + 3 * i], x[STEP_TURN + 3 * i + 1], x[STEP_TURN + 3 * i + 2]
+        for j in range(i, 3):
+            row = COV + N * j + B
+            x[COV + N * i + j] -= d0 * x[row] + d1 * x[row + 1] + d2 * x[row + 2]
+    for i in range(3):
+        d0, d1, d2 = x[STEP_TURN + 3 * i], x[STEP_TURN + 3 * i + 1], x[STEP_TURN + 3 * i + 2]
+        for j in range(B, N):
+            x[COV + N * i + j] -= d0 * pair(x, B, j) + d1 * pair(x, B + 1, j) + d2 * pair(x, B + 2, j)
+    for j in range(3):
+        d0, d1, d2 = x[STEP_TURN + 3 * j], x[STEP_TURN + 3 * j + 1], x[STEP_TURN + 3 * j + 2]
+        for i in range(j + 1):
+            row = COV + N * i + B
+            x[COV + N * i + j] -= d0 * x[row] + d1 * x[row + 1] + d2 * x[row + 2]
+
+
+@njit
+def push(x: Floats, p: float) -> None:
+    """P ← F P Fᵀ of v ← v + p (θ_y, −θ_x): a wrong tilt takes gravity for an acceleration."""
+    vx, vy = COV + V, COV + V + 1  # columns of v in row 0
+    x[vx + N * V] += p * (2.0 * x[vx + N] + p * x[COV + N + 1])
+    x[vy + N * V] += p * (x[vy + N] - x[vx] - p * x[COV + 1])
+    x[vy + N * V + N] += p * (p * x[COV] - 2.0 * x[vy])
+    for k in range(V):
+        x[vx + N * k] += p * pair(x, 1, k)
+        x[vy + N * k] -= p * pair(x, 0, k)
+
+
+@njit
+def spread(x: Floats, i: int, missed: float) -> None:
+    """Add an angle that may have been missed to the standard deviation of an attitude error."""
+    sd = math.sqrt(x[COV + (N + 1) * i]) + missed
+    x[COV + (N + 1) * i] = sd * sd
+
+
+@njit
+def predict(
+    c: Floats, x: Floats, dt: float, missed: float, gx: float, gy: float, gz: float,
+    r00: float, r01: float, r02: float, r10: float, r11: float, r12: float, r20: float, r21: float, r22: float,
+) -> None:  # fmt: skip
+    """Covariance of attitude and bias over a step at whose end the attitude is R."""
+    x[STEP_TURN], x[STEP_TURN + 1], x[STEP_TURN + 2] = dt * r00, dt * r01, dt * r02
+    x[STEP_TURN + 3], x[STEP_TURN + 4], x[STEP_TURN + 5] = dt * r10, dt * r11, dt * r12
+    x[STEP_TURN + 6], x[STEP_TURN + 7], x[STEP_TURN + 8] = dt * r20, dt * r21, dt * r22
+    carry(x)
+    noise = dt * (c[GYR_VAR] + c[SCALE_VAR] * (gx * gx + gy * gy + gz * gz))
+    for i in range(3):
+        x[COV + (N + 1) * i] += noise
+        x[COV + (N + 1) * (B + i)] += c[WALK_VAR] * dt
+        if missed > 0.0:
+            spread(x, i, missed)
+    x[COV + HEADING] = min(x[COV + HEADING], FREE)
+
+
+@njit
+def update(x: Floats, residual: float, s: float) -> None:
+    """State and covariance by the column P Hᵀ and the innovation's variance s."""
+    for i in range(N):
+        gain = x[COLUMN + i] / s
+        x[ERROR + i] += gain * residual
+        for j in range(i, N):
+            x[COV + N * i + j] -= gain * x[COLUMN + j]
+
+
+@njit
+def stand_still(x: Floats, axis: int, var: float) -> float:
+    """The velocity along a navigation axis is zero, give or take; returns the squared innovation over its variance."""
+    for k in range(N):
+        x[COLUMN + k] = pair(x, V + axis, k)
+    s = x[COLUMN + V + axis] + var
+    residual = -x[ERROR + V + axis]
+    nis: float = residual * residual / s
+    update(x, residual, s * max(1.0, nis / HUBER))
+    return nis
+
+
+@njit
+def point_north(x: Floats, lean_x: float, lean_y: float, angle: float, var: float) -> float:
+    """Heading angle that a field shows through a tilt; tilt and its covariance stay. Returns its squared innovation."""
+    for k in range(N):
+        x[COLUMN + k] = lean_x * pair(x, 0, k) + lean_y * pair(x, 1, k) + pair(x, 2, k)
+    s = lean_x * x[COLUMN] + lean_y * x[COLUMN + 1] + x[COLUMN + 2] + var
+    residual = angle - lean_x * x[ERROR] - lean_y * x[ERROR + 1] - x[ERROR + 2]
+    nis: float = residual * residual / s
+    tilt_x, tilt_y, xx, xy, yy = x[ERROR], x[ERROR + 1], x[COV], x[COV + 1], x[COV + N + 1]
+    update(x, residual, s * max(1.0, nis / HUBER))
+    x[ERROR], x[ERROR + 1], x[COV], x[COV + 1], x[COV + N + 1] = tilt_x, tilt_y, xx, xy, yy
+    return nis
+
+
+@njit
+def zero_rate(x: Floats, axis: int, rate: float, noise: float, dt: float, r0: float, r1: float, r2: float) -> None:
+    """At rest a rate is bias and noise, the same noise that this step's turn has; r is the axis in navigation."""
+    for k in range(N):
+        x[COLUMN + k] = pair(x, B + axis, k)
+    x[COLUMN] -= noise * r0
+    x[COLUMN + 1] -= noise * r1
+    x[COLUMN + 2] -= noise * r2
+    update(x, rate - x[ERROR + B + axis], x[COLUMN + B + axis] + noise / dt)
+
+
+@njit
+def may_be_bias(x: Floats) -> bool:
+    """True where the mean rate is near the bias, for what is known of it; a slow turn is not."""
+    for k in range(3):
+        beyond = abs(x[REST + 2 * k] - x[BIAS + k]) - REST_BAND
+        if beyond > 0.0 and beyond * beyond > HUBER * x[COV + (N + 1) * (B + k)]:
+            return False
+    return True
+
+
+@njit
+def inject(x: Floats) -> None:
+    """Move the errors that were found into attitude and bias."""
+    e0, e1, e2, e3 = quat_exp(x[ERROR], x[ERROR + 1], x[ERROR + 2])
+    q0, q1, q2, q3 = quat_mul(e0, e1, e2, e3, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
+    x[ERROR], x[ERROR + 1], x[ERROR + 2] = 0.0, 0.0, 0.0
+    x[BIAS], x[BIAS + 1], x[BIAS + 2] = x[ERROR + 3], x[ERROR + 4], x[ERROR + 5]
+
+
+@njit
+def learn_speed(x: Floats, dt: float) -> None:
+    """Learn how fast the body moves, from the velocity about its mean, so that a wrong tilt does not pass for speed."""
+    slow, gain = dt / (dt + MEAN_TAU), dt / (dt + SPEED_TAU)
+    dx, dy = x[ERROR + V] - x[MEAN], x[ERROR + V + 1] - x[MEAN + 1]
+    x[MEAN] += slow * dx
+    x[MEAN + 1] += slow * dy
+    x[SPEED2] += gain * (0.5 * (dx * dx + dy * dy) - x[SPEED2])
+
+
+@njit
+def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: float) -> int:
+    """Integrate a specific force in navigation axes, the last one dt ago, and call the velocity back."""
+    slow = dt / (dt + FORCE_TAU)
+    x[FORCE] += slow * (fx - x[FORCE])
+    x[FORCE + 1] += slow * (fy - x[FORCE + 1])
+    x[FORCE + 2] += slow * (fz - x[FORCE + 2])
+    push(x, dt * c[UP] * G0)
+    x[COV + (N + 1) * V] += c[ACC_VAR] * dt
+    x[COV + (N + 1) * V + N + 1] += c[ACC_VAR] * dt
+    x[ERROR + V] += dt * fx
+    x[ERROR + V + 1] += dt * fy
+    learn_speed(x, dt)
+    if leans(x):
+        level_again(c, x, x[FORCE], x[FORCE + 1], x[FORCE + 2])
+        know_bias(x, JUMP_SD)
+        return flags.INCONSISTENT
+    if dt == 0.0:
+        return 0
+    var = 2.0 * c[SPEED_LASTS] * max(x[SPEED2], c[SPEED_VAR]) / dt
+    nis = max(stand_still(x, 0, var), stand_still(x, 1, var))
+    if nis < GATE:
+        x[GATED] = 0.0
+        return 0
+    x[GATED] += dt
+    if x[GATED] > GATE_FOR:
+        stop(x)
+    return flags.ACC_GATED
+
+
+@njit
+def stop(x: Floats) -> None:
+    """Begin anew with a velocity of zero."""
+    know(x, V, 0.0)
+    know(x, V + 1, 0.0)
+    x[ERROR + V], x[ERROR + V + 1], x[MEAN], x[MEAN + 1], x[GATED] = 0.0, 0.0, 0.0, 0.0, 0.0
+
+
+@njit
+def leans(x: Floats) -> bool:
+    """True where the mean specific force is gravity by its size, but stands askew: the tilt is wrong."""
+    mx, my, mz = x[FORCE], x[FORCE + 1], x[FORCE + 2]
+    level2 = mx * mx + my * my
+    return bool(level2 > LEAN * LEAN and abs(math.sqrt(level2 + mz * mz) - G0) < NORM_BAND)
+
+
+@njit
+def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: float, hz: float) -> int:
+    """Heading from a field in navigation axes, the last one dt ago."""
+    level2 = hx * hx + hy * hy
+    if not level2 > 1e-6 * (level2 + hz * hz):
+        return flags.MAG_GATED
+    level = math.sqrt(level2)
+    if disturbed(x, FIELD, min(dt, 1.0), turning, level, hz) and c[REJECT] > 0.0 and known(x, FIELD):
+        x[REJECTED] += dt
+        if x[REJECTED] < c[REJECT]:
+            return flags.MAG_GATED
+    else:
+        x[REJECTED] = max(0.0, x[REJECTED] - 2.0 * dt)
+    nx, ny = c[NORTH_X], c[NORTH_Y]
+    angle = math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
+    lean = -hz / level
+    var = (c[BEND_VAR] + c[MAG_VAR] / level2) / max(dt, SHORTEST)
+    nis = point_north(x, lean * nx, lean * ny, angle, var)
+    return flags.MAG_GATED if nis > GATE else 0
+
+
+@njit
+def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
+    """Take up what is missing: tilt from a specific force that may be gravity, heading from a field."""
+    if x[STAGE] < LEVEL and not abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND:
+        return flags.NOT_CONVERGED | flags.HEADING_FREE
+    before = x[STAGE]
+    found = initialise(c, x, ax, ay, az, mx, my, mz)
+    if before < LEVEL:
+        know_tilt(x, START_TILT)
+        know(x, TH + 2, math.sqrt(FREE))
+        x[FORCE], x[FORCE + 1], x[FORCE + 2] = 0.0, 0.0, c[UP] * G0
+    if x[STAGE] == HEADED:
+        know(x, TH + 2, START_HEADING)
+    return found
+
+
+@njit
+def begin(c: Floats, x: Floats) -> None:
+    """Covariance before the first sample."""
+    know_bias(x, c[BIAS_START])
+    if x[STAGE] == HEADED:  # an attitude that was given
+        know_tilt(x, START_TILT)
+        know(x, TH + 2, START_HEADING)
+        x[FORCE + 2] = c[UP] * G0
+
+
+@njit
+def level_again(c: Floats, x: Floats, fx: float, fy: float, fz: float) -> None:
+    """Turn the specific force, in navigation axes, up by the shortest way, and know the tilt as at the start."""
+    norm = math.sqrt(fx * fx + fy * fy + fz * fz)
+    if not abs(norm - G0) <= START_BAND:
+        return
+    up = c[UP]
+    w = math.sqrt(max(0.5 + 0.5 * up * fz / norm, 1e-12))
+    half = 0.5 * up / (w * norm)
+    q0, q1, q2, q3 = quat_mul(w, half * fy, -half * fx, 0.0, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
+    know_tilt(x, START_TILT)
+    x[FORCE], x[FORCE + 1], x[FORCE + 2] = 0.0, 0.0, up * G0
+
+
+@njit
+def step(
+    c: Floats, x: Floats, dt: float, seen: int,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
+) -> int:  # fmt: skip
+    """Take one sample."""
+    found, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, seen, gx, gy, gz)
+    ax, ay, az = trusted(seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
+    mx, my, mz = trusted(seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
+    if x[COUNT] == 1.0:
+        begin(c, x)
+    turn(x, dt, gx, gy, gz)
+    r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    predict(c, x, dt, missed, gx, gy, gz, r00, r01, r02, r10, r11, r12, r20, r21, r22)
+    x[ACC_AGE] += dt
+    x[MAG_AGE] += dt
+    if x[STAGE] < HEADED:
+        found |= start(c, x, ax, ay, az, mx, my, mz)
+        if x[STAGE] < LEVEL:
+            return found
+        r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    x[ERROR + B], x[ERROR + B + 1], x[ERROR + B + 2] = x[BIAS], x[BIAS + 1], x[BIAS + 2]
+    resting = False
+    if usable(ax, ay, az):
+        fx = r00 * ax + r01 * ay + r02 * az
+        fy = r10 * ax + r11 * ay + r12 * az
+        fz = r20 * ax + r21 * ay + r22 * az
+        if max(x[COV], x[COV + N + 1]) > LOST:
+            level_again(c, x, fx, fy, fz)
+        else:
+            found |= follow_gravity(c, x, x[ACC_AGE], fx, fy, fz)
+        resting = at_rest(
+            x, REST, x[ACC_AGE], c[REST_RATE], c[REST_FORCE], REST_BIAS, c[REST_AFTER],
+            math.nan if found & flags.GYR_HELD else gx, gy, gz, ax, ay, az,
+        )  # fmt: skip
+        x[ACC_AGE] = 0.0
+    else:
+        found |= refused(flags.ACC_GATED, ax, ay, az)
+    if usable(mx, my, mz):
+        hx = r00 * mx + r01 * my + r02 * mz
+        hy = r10 * mx + r11 * my + r12 * mz
+        hz = r20 * mx + r21 * my + r22 * mz
+        wx, wy, wz = mean_rate(x, REST)
+        found |= follow_field(c, x, x[MAG_AGE], math.sqrt(wx * wx + wy * wy + wz * wz), hx, hy, hz)
+        x[MAG_AGE] = 0.0
+    else:
+        found |= refused(flags.MAG_GATED, mx, my, mz)
+    if resting and dt > 0.0 and may_be_bias(x):
+        found |= flags.AT_REST
+        zero_rate(x, 0, gx, c[GYR_VAR], dt, r00, r10, r20)
+        zero_rate(x, 1, gy, c[GYR_VAR], dt, r01, r11, r21)
+        zero_rate(x, 2, gz, c[GYR_VAR], dt, r02, r12, r22)
+    inject(x)
+    if max(x[COV], x[COV + N + 1]) > DOUBTFUL:
+        found |= flags.NOT_CONVERGED
+    return found
