@@ -1,6 +1,25 @@
-"""Benchmarks: the same filters on many recordings or many simulated seeds, with one table at the end."""
+"""Benchmarks: the same filters on many recordings, many simulated seeds or many faults, with one table at the end."""
 
 from plumbob.benchmark.accuracy import Accuracy, measure_accuracy, trials_in
+from plumbob.benchmark.contender import OurFilter
+from plumbob.benchmark.fault_cases import ARGUMENTS, CASES, Case, choose, listing
+from plumbob.benchmark.faults import Faults, measure_faults
+from plumbob.benchmark.peers import peers
 from plumbob.benchmark.scenario import MonteCarlo, measure_scenario
 
-__all__ = ["Accuracy", "MonteCarlo", "measure_accuracy", "measure_scenario", "trials_in"]
+__all__ = [
+    "ARGUMENTS",
+    "CASES",
+    "Accuracy",
+    "Case",
+    "Faults",
+    "MonteCarlo",
+    "OurFilter",
+    "choose",
+    "listing",
+    "measure_accuracy",
+    "measure_faults",
+    "measure_scenario",
+    "peers",
+    "trials_in",
+]
