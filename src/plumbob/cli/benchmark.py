@@ -1,22 +1,28 @@
-"""plumbob benchmark: filters on many recordings, or on many seeds of a scenario."""
+"""plumbob benchmark: filters on many recordings, on many seeds of a scenario, or under faults."""
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 from plumbob.cli.sim import add_scenario_options, scenario_settings
+
+if TYPE_CHECKING:
+    from plumbob.benchmark import Case
 
 
 def add_parser(verbs: common.Adder) -> None:
     """Declare the verb and what can be benchmarked."""
     p = verbs.add_parser(
         "benchmark",
-        help="filters on a folder of recordings, or on many seeds of a scenario",
-        description="Measure filters on many recordings with references, or on many seeds of a simulated scenario.",
+        help="filters on a folder of recordings, on many seeds of a scenario, or under faults",
+        description="Measure filters on many recordings with references, on many seeds of a simulated scenario, or "
+        "under faults of their input.",
     )
     kinds = p.add_subparsers(dest="kind", metavar="KIND", required=True)
     _add_accuracy(kinds)
     _add_scenario(kinds)
+    _add_faults(kinds)
 
 
 def _add_accuracy(kinds: common.Adder) -> None:
@@ -48,8 +54,23 @@ def _add_scenario(kinds: common.Adder) -> None:
     p.set_defaults(run=run_scenario)
 
 
-def _add_filters(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--filters", required=True, metavar="A,B", help="see 'plumbob filters'")
+def _add_faults(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "faults",
+        help="damaged samples, time stamps, starts and arguments, beside other libraries",
+        description="Damage a simulated stream in many ways, feed it to filters and to other libraries sample by "
+        "sample, and print what each makes of it beside its own clean run.",
+    )
+    _add_filters(p, required=False)
+    p.add_argument("--peers", default="none", metavar="A,B", help="vqf, imufusion, ahrs, all or none (default none)")
+    p.add_argument("--cases", default="", metavar="A,B", help="cases or groups, F1 to F9 (default all)")
+    p.add_argument("--list", action="store_true", help="list the cases with what they inject")
+    common.add_json(p)
+    p.set_defaults(run=run_faults)
+
+
+def _add_filters(p: argparse.ArgumentParser, *, required: bool = True) -> None:
+    p.add_argument("--filters", required=required, metavar="A,B", help="see 'plumbob filters'")
     p.add_argument("--params", metavar="P", help=f"{common.PARAMS_HELP}; with several filters write filter.name=value")
 
 
@@ -93,3 +114,34 @@ def run_scenario(args: argparse.Namespace) -> int:
         )
     common.print_json(result.as_dict()) if args.json else print(result.text())
     return 0
+
+
+def run_faults(args: argparse.Namespace) -> int:
+    """Do it under faults."""
+    from plumbob.benchmark import ARGUMENTS, OurFilter, listing, measure_faults, peers
+    from plumbob.errors import ParameterError
+
+    if args.list:
+        print(listing())
+        return 0
+    if args.filters is None:
+        raise ParameterError("--filters is missing; 'plumbob filters' shows what there is, --list shows the cases.")
+    chosen = common.stages(args.filters, args.params)
+    cases, wanted = _cases(args.cases)
+    others, absent = peers(args.peers)
+    contenders = [*map(OurFilter, chosen), *others]
+    common.warn_of_compiling([stage.filter for stage in chosen])
+    with common.progress(f"{len(cases)} cases, {len(contenders)} contenders", len(cases) * len(contenders)) as advance:
+        result = measure_faults(
+            contenders, cases, arguments=ARGUMENTS in wanted or not wanted, absent=absent, progress=advance
+        )
+    common.print_json(result.as_dict()) if args.json else print(result.text())
+    return 0
+
+
+def _cases(names: str) -> "tuple[list[Case], list[str]]":
+    """Cases that a comma list names, all where it is empty, and the names."""
+    from plumbob.benchmark import CASES, choose
+
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    return (choose(wanted) if wanted else list(CASES)), wanted
