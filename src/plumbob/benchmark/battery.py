@@ -141,10 +141,12 @@ def construct(contender: Contender, construction: Construction) -> ApiVerdict:
 
 def _in_a_process(contender: str, construction: str) -> ApiVerdict:
     code = f"from plumbob.benchmark.battery import child; child({contender!r}, {construction!r})"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=_SECONDS
-    )  # fmt: skip
-    if done.returncode < 0:
+    words = [sys.executable, "-c", code]
+    try:
+        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=_SECONDS)
+    except subprocess.TimeoutExpired:
+        return ApiVerdict.UNCLEAR
+    if done.returncode not in (0, 1):  # a failed assertion in C; Python itself would leave with 1
         return ApiVerdict.KILLED
     return ApiVerdict(done.stdout.strip()) if done.returncode == 0 else ApiVerdict.UNCLEAR
 

@@ -128,7 +128,7 @@ class Faults:
         """Ready for JSON."""
         return {
             "settings": self.settings,
-            "clean_rms_deg": self.clean_rms_deg,
+            "clean_rms_deg": {name: v if math.isfinite(v) else None for name, v in self.clean_rms_deg.items()},
             "score": {name: self.score(name).as_dict() for name in self.settings},
             "cases": {
                 case.name: {

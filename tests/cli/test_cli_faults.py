@@ -1,0 +1,69 @@
+"""plumbob benchmark faults as a user meets it."""
+
+import json
+
+import pytest
+
+from plumbob.benchmark import CASES
+from plumbob.cli.main import main
+
+
+def run(capsys, *words):
+    """Exit code, standard output and standard error."""
+    code = main(["benchmark", "faults", *words])
+    return code, *capsys.readouterr()
+
+
+def test_json_has_every_key(capsys):
+    code, out, _ = run(capsys, "--filters", "mahony,integrate", "--cases", "nan_acc_1,dt_nan_1,F9", "--json")
+    result = json.loads(out)
+    assert code == 0
+    assert set(result) == {"settings", "clean_rms_deg", "score", "cases", "arguments", "absent"}
+    assert set(result["cases"]) == {"nan_acc_1", "dt_nan_1"}
+    case = result["cases"]["dt_nan_1"]
+    assert set(case) == {"group", "what", "results"}
+    assert set(case["results"]) == set(result["settings"]) == set(result["arguments"]) == {"mahony", "integrate"}
+    keys = {"verdict", "peak_deg", "recover_s", "end_deg", "flagged", "flags", "errors"}
+    assert set(case["results"]["mahony"]) == keys
+    assert case["results"]["mahony"]["verdict"] == "clear error"
+    counts = {"ok", "clear error", "flagged, recovers", "recovers, silent", "wrong", "NaN for ever"}
+    assert set(result["score"]["integrate"]) == {"cases", "pass_percent", "strict_percent"} | counts
+    assert result["arguments"]["mahony"]["sample: float32"] == "accepted"
+
+
+def test_tables(capsys):
+    code, out, _ = run(capsys, "--filters", "mahony", "--params", "kp=0.7", "--cases", "F6,dt_nan_1")
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()[:3]] == ["fault", "gyro_bias_step_5dps", "dt_nan_1"]
+    assert "mahony(kp=0.7 1/s" in out
+    assert "argument  " not in out
+
+
+def test_help(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["benchmark", "faults", "--help"])
+    assert capsys.readouterr().out.startswith("usage: plumbob benchmark faults")
+
+
+def test_list_needs_no_filter(capsys):
+    code, out, _ = run(capsys, "--list")
+    assert code == 0
+    assert all(case.name in out and case.what in out for case in CASES)
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (["--filters", "mahony", "--cases", "nan_gps_1"], "there is no case or group 'nan_gps_1'"),
+        (["--filters", "magic"], "there is no filter 'magic'"),
+        (["--filters", "mahony", "--peers", "px4"], "there is no peer 'px4'"),
+        (["--filters", "mahony", "--params", "kq=1"], "mahony has no parameter 'kq'"),
+        ([], "--filters is missing"),
+    ],
+)
+def test_what_is_unknown_is_one_clear_line(capsys, words, line):
+    code, out, err = run(capsys, *words)
+    assert (code, out) == (1, "")
+    said = [one for one in err.splitlines() if not one.startswith("note: ")]
+    assert len(said) == 1
+    assert line in said[0]
