@@ -29,7 +29,7 @@ from plumbob.benchmark.fault_scene import (
 )
 from plumbob.check import Floats
 from plumbob.errors import ParameterError
-from plumbob.units import dps, g
+from plumbob.units import deg, dps, g
 
 ARGUMENTS: Final = "F9"
 """The group that is no damaged stream: see `plumbob.benchmark.battery`."""
@@ -238,14 +238,14 @@ _STARTS: Final = [
     _turned("clean", "level, heading zero, at rest: the start that the others are measured by"),
     *(_first(kind, triad) for triad in _ALL for kind in ("nan", "zero")),
     _first("nan", "all"),
-    _turned("upside_down", "a roll of 177°", start=(0.0, 0.0, math.radians(177.0))),
+    _turned("upside_down", "a roll of 177°", start=(0.0, 0.0, deg(177.0))),
     _turned("upside_down_exact", "a roll of 180°", start=(0.0, 0.0, math.pi)),
     _turned("pitch_90", "a pitch of 90°", start=(0.0, 0.5 * math.pi, 0.0)),
     _turned("heading_180_exact", "a yaw of 180°", start=(math.pi, 0.0, 0.0)),
     _turned("moving_300dps", "300 °/s about z from the first sample instead of rest", extra=_spinning_at_first),
     _start("in_freefall_3s", "acc says exactly zero for the first 3 s", edits.put(0.0, "acc"), 3.0),
     _start("no_mag_10s_then_mag", "a yaw of 70°, and no mag in the first 10 s", edits.skip_mag, 10.0,
-           start=(math.radians(70.0), 0.0, 0.0)),
+           start=(deg(70.0), 0.0, 0.0)),
 ]  # fmt: skip
 
 CASES: Final[tuple[Case, ...]] = (*_SIGNALS, *_STARTS)

@@ -28,7 +28,7 @@ from plumbob.rotations import (
 )
 from plumbob.rotations.kernels import quat_mul
 from plumbob.sim.field import earth_field
-from plumbob.units import dps, g
+from plumbob.units import deg, dps, g
 
 RATE: Final = 100.0
 """Samples per second."""
@@ -39,7 +39,8 @@ FRAME: Final = Frame.ENU
 
 RANGES: Final = {"gyr": dps(2000.0), "acc": g(16.0), "mag": 4900.0}
 """Full scale of each triad, rad/s, m/s², µT."""
-FIELD_N: Final[Floats] = earth_field(FRAME, strength=49.0, dip=math.radians(66.0), declination=0.0)
+DIP_DEG: Final = 66.0
+FIELD_N: Final[Floats] = earth_field(FRAME, strength=49.0, dip=deg(DIP_DEG), declination=0.0)
 GRAVITY_N: Final[Floats] = G0 * FRAME.up
 
 _SD = {"gyr": dps(0.1), "acc": 0.03, "mag": 0.3}  # white, per sample and axis

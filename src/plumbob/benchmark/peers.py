@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from plumbob.benchmark.contender import Construction, Contender, Running
-from plumbob.benchmark.fault_scene import RATE, Row
+from plumbob.benchmark.fault_scene import DIP_DEG, RATE, Row
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.errors import ParameterError
@@ -23,7 +23,6 @@ from plumbob.rotations import Frame, change_frame, quat_conjugate
 from plumbob.units import to_deg
 
 STEP = 1.0 / RATE
-DIP_DEG = 66.0
 
 
 def peers(names: str) -> tuple[list[Contender], dict[str, str]]:
