@@ -24,7 +24,9 @@ from typing import Any, Generic, ParamSpec, TypeVar, cast
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_KERNEL_SOURCES = ("constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "filters/*.py")
+_KERNEL_SOURCES = (
+    "constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "filters/*.py", "noise/*.py"
+)  # fmt: skip
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process
 
