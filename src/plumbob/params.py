@@ -15,7 +15,7 @@ from plumbob.units import Quantity, from_si, parse
 
 Built = TypeVar("Built")
 
-_SHOWN_IN = {Quantity.ANGLE: "deg", Quantity.RATE: "deg/s"}
+_SHOWN_IN = {Quantity.ANGLE: "deg", Quantity.RATE: "deg/s", Quantity.ANGULAR_ACCELERATION: "deg/s2"}
 _OFF, _ON = ("off", "none", "false"), ("on", "true")
 
 

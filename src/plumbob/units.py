@@ -24,6 +24,7 @@ class Quantity(StrEnum):
     """What a number measures; the value is the unit that Plumbob uses inside."""
 
     RATE = "rad/s"
+    ANGULAR_ACCELERATION = "rad/s2"
     ACCELERATION = "m/s2"
     FIELD = "uT"
     TEMPERATURE = "degC"
@@ -39,7 +40,13 @@ class Quantity(StrEnum):
     @property
     def ambiguous(self) -> bool:
         """True where the field writes the quantity in two units, so that a bare number would be a guess."""
-        return self in {Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.ANGLE}
+        return self in {
+            Quantity.RATE,
+            Quantity.ANGULAR_ACCELERATION,
+            Quantity.ACCELERATION,
+            Quantity.FIELD,
+            Quantity.ANGLE,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +67,8 @@ UNITS: dict[str, Unit] = {
     "mrad/s": Unit(Quantity.RATE, 1e-3),
     "deg/h": Unit(Quantity.RATE, _DEG / 3600.0),
     "rpm": Unit(Quantity.RATE, 2.0 * math.pi / 60.0),
+    "rad/s2": Unit(Quantity.ANGULAR_ACCELERATION, 1.0),
+    "deg/s2": Unit(Quantity.ANGULAR_ACCELERATION, _DEG),
     "m/s2": Unit(Quantity.ACCELERATION, 1.0),
     "g": Unit(Quantity.ACCELERATION, G0),
     "mg": Unit(Quantity.ACCELERATION, 1e-3 * G0),

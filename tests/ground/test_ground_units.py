@@ -23,6 +23,8 @@ DEFINITIONS = {
     "mrad/s": 1e-3,
     "deg/h": TURN / 360 / 3600,
     "rpm": TURN / 60,
+    "rad/s2": 1.0,
+    "deg/s2": TURN / 360,
     "m/s2": 1.0,
     "g": 9.80665,
     "mg": 9.80665e-3,
@@ -144,7 +146,8 @@ def test_arrays_are_converted_and_left_alone():
 
 
 def test_ambiguous_quantities_are_those_with_two_habits():
-    assert {q.name for q in Quantity if q.ambiguous} == {"RATE", "ACCELERATION", "FIELD", "ANGLE"}
+    known = {"RATE", "ANGULAR_ACCELERATION", "ACCELERATION", "FIELD", "ANGLE"}
+    assert {q.name for q in Quantity if q.ambiguous} == known
 
 
 def test_constants():
