@@ -1,6 +1,7 @@
 """Benchmarks: the same filters on many recordings, many simulated seeds or many faults, with one table at the end."""
 
 from plumbob.benchmark.accuracy import Accuracy, measure_accuracy, trials_in
+from plumbob.benchmark.channel import ChannelTest, measure_channel
 from plumbob.benchmark.contender import OurFilter
 from plumbob.benchmark.fault_cases import ARGUMENTS, CASES, Case, choose, listing
 from plumbob.benchmark.faults import Faults, measure_faults
@@ -12,12 +13,14 @@ __all__ = [
     "CASES",
     "Accuracy",
     "Case",
+    "ChannelTest",
     "Faults",
     "MonteCarlo",
     "OurFilter",
     "choose",
     "listing",
     "measure_accuracy",
+    "measure_channel",
     "measure_faults",
     "measure_scenario",
     "peers",

@@ -23,6 +23,7 @@ def add_parser(verbs: common.Adder) -> None:
     _add_accuracy(kinds)
     _add_scenario(kinds)
     _add_faults(kinds)
+    _add_channel(kinds)
 
 
 def _add_accuracy(kinds: common.Adder) -> None:
@@ -67,6 +68,18 @@ def _add_faults(kinds: common.Adder) -> None:
     p.add_argument("--list", action="store_true", help="list the cases with what they inject")
     common.add_json(p)
     p.set_defaults(run=run_faults)
+
+
+def _add_channel(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "channel",
+        help="the trackball paper's filter of a gyroscope channel, at rest and on a turntable",
+        description="Repeat the trackball paper's tests of its rate filter on simulated data, beside a moving average "
+        "and a filter with two states, and print noise, lag, angle, and what long averaging shows.",
+    )
+    p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
+    common.add_json(p)
+    p.set_defaults(run=run_channel)
 
 
 def _add_filters(p: argparse.ArgumentParser, *, required: bool = True) -> None:
@@ -145,3 +158,18 @@ def _cases(names: str) -> "tuple[list[Case], list[str]]":
 
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     return (choose(wanted) if wanted else list(CASES)), wanted
+
+
+def run_channel(args: argparse.Namespace) -> int:
+    """Do it on a gyroscope channel."""
+    from plumbob.benchmark.channel import PARTS, measure_channel
+    from plumbob.errors import ParameterError
+    from plumbob.filters.channel import channel_names
+
+    if args.seeds < 1:
+        raise ParameterError(f"--seeds must be at least 1, but it is {args.seeds}.")
+    common.warn_of_compiling([f"channel_{name}" for name in channel_names()])
+    with common.progress(f"{args.seeds} seeds", PARTS * args.seeds) as advance:
+        result = measure_channel(range(args.seeds), progress=advance)
+    common.print_json(result.as_dict()) if args.json else print(result.text())
+    return 0
