@@ -184,7 +184,7 @@ def test_wrong_usage_exits_2(words):
 
 @pytest.mark.parametrize(
     "verb", [["demo"], ["sim"], ["run"], ["eval"], ["info"], ["benchmark"], ["benchmark", "accuracy"],
-             ["benchmark", "scenario"], ["filters"], ["warmup"]]
+             ["benchmark", "scenario"], ["benchmark", "channel"], ["filters"], ["warmup"]]
 )  # fmt: skip
 def test_every_verb_has_help(verb):
     done = ok(*verb, "--help")

@@ -30,8 +30,8 @@ def static_lines(static: StaticTest) -> Iterator[str]:
 def turntable_lines(scale: float, rows: Sequence[OnTurntable]) -> Iterator[str]:
     """Lines of the test on the turntable."""
     yield f"2  Turntable, 0 to 60 °/s in 100 s, then constant; bias {to_dps(BIAS):g} °/s, gain wrong by {scale:.0%}"
-    yield f"{'':20}{'rms, °/s':^18}{'mean, °/s':^18}{'behind, °/s':^18}{'angle':>9}"
-    yield f"{'':20}{'ramp':>9}{'constant':>9}{'ramp':>9}{'constant':>9}{'measured':>9}{'theory':>9}{'worst, °':>9}"
+    yield f"{'':20}{'rms, °/s':^18}{'mean, °/s':^18}{'behind, °/s':^18}{'angle on':>9}"
+    yield f"{'':20}{'ramp':>9}{'constant':>9}{'ramp':>9}{'constant':>9}{'measured':>9}{'theory':>9}{'ramp, °':>9}"
     for row in rows:
         rates = (row.ramp_rms, row.hold_rms, row.ramp_mean, row.hold_mean, row.lag, row.lag_theory)
         yield f"{row.name:20}{''.join(f'{to_dps(v):9.3f}' for v in rates)}{to_deg(row.angle):9.2f}"
@@ -61,7 +61,7 @@ def _allan_lines(
     taus: Sequence[float], count: int, before: Sequence[float], ratios: Sequence[tuple[float, Sequence[float]]]
 ) -> Iterator[str]:
     yield f"{'τ, s':22}{''.join(f'{tau:8g}' for tau in taus)}"
-    yield f"{'degrees of freedom':22}{''.join(f'{degrees_of_freedom(count, tau):8.1f}' for tau in taus)}"
+    yield f"{'dof, white noise':22}{''.join(f'{degrees_of_freedom(count, tau):8.1f}' for tau in taus)}"
     yield f"{'before, °/s':22}{''.join(f'{to_dps(v):8.4f}' for v in before)}"
     for ratio, values in ratios:
         yield f"{f'ratio, Q/R={ratio:g}':22}{''.join(f'{v:8.3f}' for v in values)}"
