@@ -1,1 +1,1 @@
-"""Calibration: applying a card (fitting one comes with its own modules)."""
+"""Calibration: applying a card, and the drift of a gyroscope (fitting a card comes with its own modules)."""
