@@ -6,7 +6,16 @@ from typing import cast
 from plumbob.errors import ParameterError
 from plumbob.filters.base import CommonParams, Filter, FilterModule
 
-_MODULES = ("integrate", "integrate_first_order", "madgwick", "mahony", "mekf", "tilt_compass", "vqf")
+_MODULES = (
+    "complementary",
+    "integrate",
+    "integrate_first_order",
+    "madgwick",
+    "mahony",
+    "mekf",
+    "tilt_compass",
+    "vqf",
+)
 
 __all__ = ["CommonParams", "Filter", "FilterModule", "filter_names", "load"]
 
