@@ -116,6 +116,16 @@ def test_benchmark_scenario(tmp_path):
     assert "largest error" in ok(*words).stdout
 
 
+def test_benchmark_of_the_arm_paper_s_rows():
+    """Gyroscope alone beside fuzzy-PI, at rest; a std is kept for papers that give nothing else."""
+    words = "benchmark scenario arm --set turn=0deg --sensors arm --module drawn --frame NED --seeds 2"
+    result = json.loads(ok(*words.split(), "--filters", "integrate,fuzzy_pi", "--json").stdout)
+    assert "arm (turn=0 deg, time=30 s)" in result["scenario"]
+    for name in ("integrate", "fuzzy_pi"):
+        for figures in result["seeds"][name].values():
+            assert all(std <= rms for std, rms in zip(figures["std_deg"], figures["rmse_deg"], strict=True))
+
+
 def test_filters_and_sim_list():
     listed = json.loads(ok("filters", "--json").stdout)
     first = listed["filters"]["mahony"]["parameters"][0]

@@ -202,6 +202,16 @@ def test_fin_at_one_hertz_exceeds_the_range_of_the_adxrs290():
     np.testing.assert_allclose(peak[:2], [126.0, 121.0], atol=0.5)  # page: 126/121 °/s on x/y
 
 
+def test_arm_turns_as_the_arm_paper_says():
+    # page of the teaching-arm paper: heading 0 to −90° uniformly in 30 s, Ts = 0.1 s
+    t = grid("arm")
+    assert t.size == 300
+    body = truth("arm", t)
+    np.testing.assert_allclose(angles(body) / DEG, np.outer(-3.0 * t, [1.0, 0.0, 0.0]), atol=1e-12)
+    np.testing.assert_allclose(body.rate_b / DEG, np.tile([0.0, 0.0, -3.0], (300, 1)), atol=1e-12)
+    assert not body.acc_n.any()
+
+
 def test_coning_goes_round_at_its_frequency():
     body = truth("coning", [0.0, 0.25, 0.5], half_angle=0.2, frequency=1.0)
     # half angle of the rotation vector about north, then east, then south (frame NED)
@@ -229,7 +239,7 @@ def test_text_with_a_unit_is_understood():
 @pytest.mark.parametrize(
     ("name", "parameters", "rule"),
     [
-        ("sailing", {}, "known are static, turntable, slide, buoy, rod, fin, coning"),
+        ("sailing", {}, "known are static, turntable, slide, buoy, rod, fin, arm, coning"),
         ("slide", {"speed": 1.0}, "no parameter 'speed'; known are peak_speed, stroke"),
         ("slide", {"stroke": 0.0}, "stroke must be 0.05 to 60 s"),
         ("slide", {"strokes": 2.5}, "whole number"),

@@ -290,6 +290,27 @@ class Fin(Scenario):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Arm(Scenario):
+    """Teaching arm: level, it turns about the vertical at a constant rate from first to last [HuangJiang]."""
+
+    rate: ClassVar[float] = 10.0
+
+    turn: Annotated[float, Spec(Quantity.ANGLE, "of the heading, clockwise from above", -100 * _TURN, 100 * _TURN)] = (
+        deg(-90.0)
+    )
+    time: Annotated[float, Spec(Quantity.TIME, "time that the turn takes", 0.1, 1e4)] = 30.0
+
+    @property
+    def duration(self) -> float:
+        """Time that it takes, s."""
+        return self.time
+
+    def motion(self, rng: np.random.Generator, duration: float) -> Motion:
+        """Heading that is a line."""
+        return EulerMotion(Frame.NED, Stack((Polynomial((0.0, self.turn / self.time)), _REST, _REST)))
+
+
+@dataclass(frozen=True, kw_only=True)
 class Coning(Scenario):
     """Classical coning motion, where the wrong order of turning shows most."""
 
@@ -310,6 +331,7 @@ SCENARIOS: Mapping[str, type[Scenario]] = {
     "buoy": Buoy,
     "rod": Rod,
     "fin": Fin,
+    "arm": Arm,
     "coning": Coning,
 }
 """Every scenario by name."""
