@@ -108,6 +108,7 @@ class FilterBattery:
             "tilt_compass": 1e-7,
             # exact turns, compared with the attitude predicted to the sample: what is left is rounding of the start
             "complementary": 1e-12,
+            "fuzzy_pi": 1e-12,
             "integrate_first_order": 10 * speed**3 * 1e-4 / 12 * 1.01,
         }
         assert error < bound.get(name, lag) + CHATTER.get(name, 0.0)
