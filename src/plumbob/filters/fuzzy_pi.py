@@ -94,7 +94,8 @@ class Params(NamedTuple):
         float, Spec(Quantity.RATE, "correction by the rules from 2° on; raise it to recover faster", 0, dps(U_END))
     ] = dps(3.0)
     sum_table: Annotated[
-        bool, Spec(Quantity.RATIO, "rules that add up error and integral: steep, in place of ki, slope and far")
+        bool,
+        Spec(Quantity.RATIO, "rules that add up error and integral, 4.5 1/s and 3 1/s2, for slope, far and their ki"),
     ] = False
 
 
