@@ -15,7 +15,14 @@ from plumbob.units import Quantity, from_si, parse
 
 Built = TypeVar("Built")
 
-_SHOWN_IN = {Quantity.ANGLE: "deg", Quantity.RATE: "deg/s", Quantity.ANGULAR_ACCELERATION: "deg/s2"}
+_SHOWN_IN = {
+    Quantity.ANGLE: "deg",
+    Quantity.RATE: "deg/s",
+    Quantity.ANGULAR_ACCELERATION: "deg/s2",
+    Quantity.RATE_NOISE: "deg/s/rtHz",
+    Quantity.RATE_WALK: "deg/s2/rtHz",
+    Quantity.ACCELERATION_NOISE: "mg/rtHz",
+}
 _OFF, _ON = ("off", "none", "false"), ("on", "true")
 
 

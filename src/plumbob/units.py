@@ -36,17 +36,26 @@ class Quantity(StrEnum):
     GAIN = "1/s"
     GAIN_RATE = "1/s2"
     RATIO = "1"
+    RATE_NOISE = "rad/s/rtHz"
+    RATE_WALK = "rad/s2/rtHz"
+    ACCELERATION_NOISE = "m/s2/rtHz"
 
     @property
     def ambiguous(self) -> bool:
         """True where the field writes the quantity in two units, so that a bare number would be a guess."""
-        return self in {
-            Quantity.RATE,
-            Quantity.ANGULAR_ACCELERATION,
-            Quantity.ACCELERATION,
-            Quantity.FIELD,
-            Quantity.ANGLE,
-        }
+        return self in _AMBIGUOUS
+
+
+_AMBIGUOUS = {
+    Quantity.RATE,
+    Quantity.ANGULAR_ACCELERATION,
+    Quantity.ACCELERATION,
+    Quantity.FIELD,
+    Quantity.ANGLE,
+    Quantity.RATE_NOISE,
+    Quantity.RATE_WALK,
+    Quantity.ACCELERATION_NOISE,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,6 +103,15 @@ UNITS: dict[str, Unit] = {
     "1/s2": Unit(Quantity.GAIN_RATE, 1.0),
     "1": Unit(Quantity.RATIO, 1.0),
     "%": Unit(Quantity.RATIO, 1e-2),
+    "rad/s/rtHz": Unit(Quantity.RATE_NOISE, 1.0),
+    "deg/s/rtHz": Unit(Quantity.RATE_NOISE, _DEG),
+    "deg/rth": Unit(Quantity.RATE_NOISE, _DEG / 60.0),
+    "rad/s2/rtHz": Unit(Quantity.RATE_WALK, 1.0),
+    "deg/s2/rtHz": Unit(Quantity.RATE_WALK, _DEG),
+    "deg/h/rth": Unit(Quantity.RATE_WALK, _DEG / 3600.0 / 60.0),
+    "m/s2/rtHz": Unit(Quantity.ACCELERATION_NOISE, 1.0),
+    "mg/rtHz": Unit(Quantity.ACCELERATION_NOISE, 1e-3 * G0),
+    "ug/rtHz": Unit(Quantity.ACCELERATION_NOISE, 1e-6 * G0),
 }
 _ALIASES = {
     "dps": "deg/s",

@@ -50,6 +50,16 @@ DEFINITIONS = {
     "1/s2": 1.0,
     "1": 1.0,
     "%": 1e-2,
+    # root power spectral densities: 1 Hz = 1/s, so 1 rad/s/√Hz = 1 rad/√s and 1 °/√h = 1°/√(3600 s) = (1/60) °/s/√Hz
+    "rad/s/rtHz": 1.0,
+    "deg/s/rtHz": TURN / 360,
+    "deg/rth": TURN / 360 / 60,
+    "rad/s2/rtHz": 1.0,
+    "deg/s2/rtHz": TURN / 360,
+    "deg/h/rth": TURN / 360 / 3600 / 60,
+    "m/s2/rtHz": 1.0,
+    "mg/rtHz": 9.80665e-3,
+    "ug/rtHz": 9.80665e-6,
 }
 ALIASES = {
     "dps": "deg/s", "°/s": "deg/s", "°/h": "deg/h", "r/min": "rpm", "m/s^2": "m/s2", "m/s²": "m/s2", "Gs": "gauss",
@@ -146,8 +156,17 @@ def test_arrays_are_converted_and_left_alone():
 
 
 def test_ambiguous_quantities_are_those_with_two_habits():
-    known = {"RATE", "ANGULAR_ACCELERATION", "ACCELERATION", "FIELD", "ANGLE"}
-    assert {q.name for q in Quantity if q.ambiguous} == known
+    habits = {
+        "RATE",
+        "ANGULAR_ACCELERATION",
+        "ACCELERATION",
+        "FIELD",
+        "ANGLE",
+        "RATE_NOISE",
+        "RATE_WALK",
+        "ACCELERATION_NOISE",
+    }
+    assert {q.name for q in Quantity if q.ambiguous} == habits
 
 
 def test_constants():

@@ -81,9 +81,8 @@ def quat_unit(q0: float, q1: float, q2: float, q3: float) -> Quat:
 
 
 @njit
-def quat_exp(rx: float, ry: float, rz: float) -> Quat:
-    """Unit quaternion of the rotation vector r (rad)."""
-    angle2 = rx * rx + ry * ry + rz * rz
+def half_angle(angle2: float) -> tuple[float, float]:
+    """cos(θ/2) and sin(θ/2)/θ from θ² (rad²)."""
     if angle2 < 1e-4:  # below 0.01 rad: the next term of each series is under 1e-16
         s = 0.5 - angle2 * (1.0 / 48.0 - angle2 * (1.0 / 3840.0 - angle2 / 645120.0))
         w = 1.0 - angle2 * (1.0 / 8.0 - angle2 * (1.0 / 384.0 - angle2 / 46080.0))
@@ -91,6 +90,13 @@ def quat_exp(rx: float, ry: float, rz: float) -> Quat:
         angle = math.sqrt(angle2)
         s = math.sin(0.5 * angle) / angle
         w = math.cos(0.5 * angle)
+    return w, s
+
+
+@njit
+def quat_exp(rx: float, ry: float, rz: float) -> Quat:
+    """Unit quaternion of the rotation vector r (rad)."""
+    w, s = half_angle(rx * rx + ry * ry + rz * rz)
     return w, s * rx, s * ry, s * rz  # [Sola2017] (101)
 
 
