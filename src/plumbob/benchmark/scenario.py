@@ -105,7 +105,7 @@ def measure_scenario(
 
 
 def _append(by_axis: dict[str, dict[str, list[float]]], summary: Mapping[str, Any]) -> None:
-    for axis in AXES:
+    for axis in (axis for axis in AXES if summary[axis] is not None):  # a free heading has no error
         for figure in FIGURES:
             by_axis.setdefault(axis, {}).setdefault(figure, []).append(summary[axis][figure])
 

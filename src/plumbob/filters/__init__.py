@@ -8,6 +8,7 @@ from plumbob.filters.base import CommonParams, Filter, FilterModule
 
 _MODULES = (
     "complementary",
+    "ekf7",
     "fuzzy_pi",
     "integrate",
     "integrate_first_order",
