@@ -9,6 +9,7 @@ from plumbob.filters.base import CommonParams, Filter, FilterModule
 _MODULES = (
     "complementary",
     "ekf7",
+    "ekf_quaternion",
     "fuzzy_pi",
     "integrate",
     "integrate_first_order",

@@ -34,9 +34,9 @@ motion, the noise is never taken to be smaller than what the norm of the specifi
 does not tip the horizon; and where the rate is missing, the quaternion becomes uncertain. As the heading is not
 corrected, its variance would grow beyond what the other entries of P can be told from: it is held near 1 rad².
 
-The paper's own switch is ``hard_switch=on``: at rest, tilt and bias are the mean accelerometer's and gyroscope's, and
-the Kalman filter waits. Its covariance then stays what it was, which makes the filter learn a wrong bias after the rest;
-``reset=on`` sets it to that of the means. The paper gives no thresholds and no noises: all defaults are this project's.
+The paper's own switch is ``hard_switch=on``: at rest, tilt and bias are those of the mean specific force and rate, and
+the Kalman filter waits. Its covariance then stays what it was, which leaves the filter wrong about its bias after a
+rest; ``reset=on`` sets it to that of the means. The paper gives no thresholds and no noises: all defaults are this project's.
 """
 
 import math
@@ -51,7 +51,7 @@ from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.filters.admission import admit, refused, usable
 from plumbob.filters.alignment import initialise, level
-from plumbob.filters.layout import BIAS, BLIND, HEADED, OWN, OWN_C, STAGE, UP, Q
+from plumbob.filters.layout import BIAS, HEADED, OWN, OWN_C, STAGE, UP, Q
 from plumbob.params import Spec
 from plumbob.rotations.kernels import Quat, half_angle, quat_mul, quat_unit, third_row
 from plumbob.units import Quantity, deg, dps, g
@@ -167,10 +167,8 @@ def bias_derivative(
 ) -> tuple[Quat, Quat, Quat]:
     """Columns of ∂(q ⊗ exp W)/∂X, where W = (ω − X) Δt, w = cos |W|/2 and s = sin(|W|/2)/|W|."""
     angle2 = wx * wx + wy * wy + wz * wz
-    if angle2 < 1e-4:  # as in `half_angle`
-        r = angle2 * (1.0 / 960.0 - angle2 / 107520.0) - 1.0 / 24.0
-    else:
-        r = (0.5 * w - s) / angle2  # ds/d|W| / |W|
+    small = angle2 * (1.0 / 960.0 - angle2 / 107520.0) - 1.0 / 24.0
+    r = small if angle2 < 1e-4 else (0.5 * w - s) / angle2  # ds/d|W| / |W|, by its series as in `half_angle`
     u0, u1, u2, u3 = quat_mul(q0, q1, q2, q3, 0.5 * dt * s, -dt * r * wx, -dt * r * wy, -dt * r * wz)
     s = -dt * s  # for W = 0 this leaves Δt/2 Ψ of [Li2012], step (1)
     return (
@@ -249,7 +247,7 @@ def spread_turn(
 
 @njit
 def add_noise(x: Floats, angle_var: float, walk_var: float) -> None:
-    """Make every turn of the attitude, but not the length of q, more uncertain by angle_var, and the bias by walk_var."""
+    """Make every turn of the attitude more uncertain by angle_var, and the bias by walk_var; the length of q is kept."""
     p = 0.25 * angle_var
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     x[P_QQ] += p * (1.0 - q0 * q0)  # Ξ Ξᵀ = 1 − q qᵀ
@@ -421,7 +419,7 @@ def take_means(c: Floats, x: Floats) -> None:
 
 @njit
 def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
-    """Take up tilt and heading; whenever the attitude is taken up, P starts again, but what is known of the bias stays."""
+    """Take up tilt and heading; P then starts again, but what is known of the bias stays."""
     before = x[STAGE]
     missing = initialise(c, x, ax, ay, az, mx, my, mz) if before < HEADED else 0
     if x[P_QQ] == 0.0:
