@@ -36,7 +36,8 @@ corrected, its variance would grow beyond what the other entries of P can be tol
 
 The paper's own switch is ``hard_switch=on``: at rest, tilt and bias are those of the mean specific force and rate, and
 the Kalman filter waits. Its covariance then stays what it was, which leaves the filter wrong about its bias after a
-rest; ``reset=on`` sets it to that of the means. The paper gives no thresholds and no noises: all defaults are this project's.
+rest; ``reset=on`` sets it to that of the means. The paper gives no thresholds and no
+noises: all defaults are this project's.
 """
 
 import math
@@ -247,7 +248,7 @@ def spread_turn(
 
 @njit
 def add_noise(x: Floats, angle_var: float, walk_var: float) -> None:
-    """Make every turn of the attitude more uncertain by angle_var, and the bias by walk_var; the length of q is kept."""
+    """Make every turn of the attitude more uncertain by angle_var, the bias by walk_var; the length of q is kept."""
     p = 0.25 * angle_var
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     x[P_QQ] += p * (1.0 - q0 * q0)  # Ξ Ξᵀ = 1 − q qᵀ

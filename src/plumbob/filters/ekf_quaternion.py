@@ -14,16 +14,18 @@ P          x[P]             1              covariance of q, its 10 upper entries
 Q          gyro_noise       rad/s/√Hz      white noise N of the rate; the paper's variance is N²/Δt
 R          direction_sd     1              scatter of a direction over 0.1 s; the paper's variance is its square
 P0         start_sd         1              scatter of each component of q at the start
+m_D        x[FIELD_Z]       1              part of the field's direction along the navigation z axis, if it is learned
 =========  ===============  =============  =====================================================
 
 Noises are independent of the rate, and are the paper's Q = 1e-4 (rad/s)² and R = 1e-3 at its own step of 0.1 s: a
 direction that is measured n times in 0.1 s may scatter √n times as much each time.
 
 Departures from [HuangJiang]: specific force points up, in any level frame, where the paper's gravity points down; q is
-normalised, after the prediction (with P, whose first-order growth is thus undone) and after the correction. The field
-reference is the measured field turned level and to north, so that its east part is 0, as the paper says, and no dip is
-needed; P is then a measure of gain, and no covariance is claimed of it. The six numbers are corrected one after the
-other about the same prediction, which gives what one matrix of six gives. A sensor that is absent leaves its half out.
+normalised, after the prediction (with P, whose first-order growth is thus undone) and after the correction. The paper
+takes the field [m_N, 0, m_D] as known; so does ``dip``, without which the dip is learned as the mean of what is seen.
+The reference may thus be made of the measurements, and no covariance is claimed. The six numbers are corrected one after
+the other about the same prediction, which gives what one matrix of six gives. A sensor that is absent leaves its half
+out.
 """
 
 import math
@@ -42,15 +44,20 @@ from plumbob.units import Quantity
 SUMMARY: Final = "quaternion Kalman filter on two directions (arm-teaching paper), without bias"
 REFERENCES: Final = ("HuangJiang",)
 NEEDS: Final = ("gyr", "acc")
-STATE: Final = 10
+STATE: Final = 12
 
 GYRO_VAR: Final = OWN_C  # N²
 DIRECTION_VAR: Final = OWN_C + 1
 START_VAR: Final = OWN_C + 2
+SIN_DIP: Final = OWN_C + 3  # NaN where it is to be learned
 P: Final = OWN
+FIELD_Z: Final = OWN + 10
+LOOKED: Final = OWN + 11  # for how long the field has been seen, s, at most DIP_MEMORY
 
 PAPER_STEP: Final = 0.1
 """Sampling interval of the paper, s."""
+DIP_MEMORY: Final = 100.0
+"""A dip that is learned is the mean over so long, s: longer than motion, shorter than a walk into another room."""
 
 
 class Params(NamedTuple):
@@ -66,11 +73,16 @@ class Params(NamedTuple):
     start_sd: Annotated[
         float, Spec(Quantity.RATIO, "standard deviation of each component of q at the start", 1e-6, 1)
     ] = math.sqrt(1e-3)
+    dip: Annotated[
+        float | None,
+        Spec(Quantity.ANGLE, "angle of the field below the horizontal, if it is known; off: learned", -1.57, 1.57),
+    ] = None
 
 
 def coefficients(params: Params) -> tuple[float, ...]:
     """Own coefficients of the kernel."""
-    return params.gyro_noise**2, params.direction_sd**2 * PAPER_STEP, params.start_sd**2
+    dip = math.nan if params.dip is None else math.sin(params.dip)
+    return params.gyro_noise**2, params.direction_sd**2 * PAPER_STEP, params.start_sd**2, dip
 
 
 @njit
@@ -151,31 +163,38 @@ def correct_direction(
 
 
 @njit
-def level_field(c: Floats, q0: float, q1: float, q2: float, q3: float, mx: float, my: float, mz: float) -> Vec:
-    """Turn the field into the navigation frame, and its level part to north."""
-    hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
-    size = math.sqrt(hx * hx + hy * hy)
-    return size * c[NORTH_X], size * c[NORTH_Y], hz
+def field_reference(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: float) -> Vec:
+    """Direction of the field in the navigation frame: north, and down by the dip, known or the mean of all looks."""
+    z = -c[UP] * c[SIN_DIP]
+    if math.isnan(z):
+        _, _, hz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+        x[LOOKED] = min(x[LOOKED] + dt, DIP_MEMORY)
+        x[FIELD_Z] += dt / x[LOOKED] * (hz - x[FIELD_Z])
+        z = x[FIELD_Z]
+    size = math.sqrt(max(1.0 - z * z, 0.0))
+    return size * c[NORTH_X], size * c[NORTH_Y], z
 
 
 @njit
 def correct_all(
-    c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float, var: float
+    c: Floats, x: Floats, dt: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float
 ) -> int:
     """Take up both directions about the same prediction; returns flags of what could not be used."""
     found = 0
+    var = c[DIRECTION_VAR] / dt
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
+    if usable(mx, my, mz):
+        s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+        mx, my, mz = s * mx, s * my, s * mz
+        dx, dy, dz = field_reference(c, x, dt, mx, my, mz)
+        correct_direction(x, q0, q1, q2, q3, dx, dy, dz, mx, my, mz, var)
+    else:
+        found |= refused(flags.MAG_GATED, mx, my, mz)
     if usable(ax, ay, az):
         s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
         correct_direction(x, q0, q1, q2, q3, 0.0, 0.0, c[UP], s * ax, s * ay, s * az, var)
     else:
         found |= refused(flags.ACC_GATED, ax, ay, az)
-    if usable(mx, my, mz):
-        s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-        dx, dy, dz = level_field(c, q0, q1, q2, q3, s * mx, s * my, s * mz)
-        correct_direction(x, q0, q1, q2, q3, dx, dy, dz, s * mx, s * my, s * mz, var)
-    else:
-        found |= refused(flags.MAG_GATED, mx, my, mz)
     return found
 
 
@@ -193,6 +212,6 @@ def step(
     if x[P] == 0.0 or x[STAGE] != before:
         start_covariance(x, c[START_VAR])
     if dt > 0.0:
-        found |= correct_all(c, x, ax, ay, az, mx, my, mz, c[DIRECTION_VAR] / dt)
+        found |= correct_all(c, x, dt, ax, ay, az, mx, my, mz)
         x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     return found
