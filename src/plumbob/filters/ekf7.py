@@ -60,7 +60,7 @@ from plumbob.units import Quantity, deg, dps, g
 SUMMARY: Final = "quaternion and bias Kalman filter with a rest detector (rod paper); heading is free"
 REFERENCES: Final = ("Li2012",)
 NEEDS: Final = ("gyr", "acc")
-STATE: Final = 35
+STATE: Final = 39
 
 GYRO_VAR: Final = OWN_C  # N²
 WALK_VAR: Final = OWN_C + 1  # K²
@@ -80,6 +80,7 @@ P_BB: Final = OWN + 22
 QUIET: Final = OWN + 28  # for how long nothing has moved, s
 MEAN_ACC: Final = OWN + 29
 MEAN_GYR: Final = OWN + 32
+ABOUT: Final = OWN + 35  # attitude that P is about, 4
 COVARIANCE: Final = slice(P_QQ, P_QB)
 
 HEADING_LIMIT: Final = 1.0
@@ -160,6 +161,7 @@ def set_covariance(x: Floats, angle_var: float, bias_var: float) -> None:
     p = 0.25 * angle_var  # a turn by θ moves q by θ/2
     x[P_QQ], x[P_QQ + 4], x[P_QQ + 7], x[P_QQ + 9] = p, p, p, p
     x[P_BB], x[P_BB + 3], x[P_BB + 5] = bias_var, bias_var, bias_var
+    x[ABOUT], x[ABOUT + 1], x[ABOUT + 2], x[ABOUT + 3] = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
 
 
 @njit
@@ -271,12 +273,14 @@ def predict(x: Floats, dt: float, gx: float, gy: float, gz: float, angle_var: fl
     """Turn the attitude by the rate less the bias, and P with it: P⁻ = Φ P Φᵀ + Q."""
     wx, wy, wz = dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2])  # [Li2012] (9)
     w, s = half_angle(wx * wx + wy * wy + wz * wz)
-    e1, e2, e3 = s * wx, s * wy, s * wz
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     bx, by, bz = bias_derivative(q0, q1, q2, q3, dt, wx, wy, wz, w, s)
-    dx, dy, dz = spread_to_bias(x, w, e1, e2, e3, bx, by, bz)
-    spread_turn(x, w, e1, e2, e3, bx, by, bz, dx, dy, dz)
-    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_mul(q0, q1, q2, q3, w, e1, e2, e3)  # [Li2012] (10)
+    q0, q1, q2, q3 = quat_mul(q0, q1, q2, q3, w, s * wx, s * wy, s * wz)  # [Li2012] (10)
+    e0, e1, e2, e3 = quat_mul(x[ABOUT], -x[ABOUT + 1], -x[ABOUT + 2], -x[ABOUT + 3], q0, q1, q2, q3)
+    dx, dy, dz = spread_to_bias(x, e0, e1, e2, e3, bx, by, bz)
+    spread_turn(x, e0, e1, e2, e3, bx, by, bz, dx, dy, dz)
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q0, q1, q2, q3
+    x[ABOUT], x[ABOUT + 1], x[ABOUT + 2], x[ABOUT + 3] = q0, q1, q2, q3
     add_noise(x, angle_var, walk_var)
 
 
@@ -350,7 +354,7 @@ def hold_heading(x: Floats) -> None:
     """Halve the error of the heading, with all that depends on it, where its variance has reached the limit."""
     if x[P_QQ] + x[P_QQ + 4] + x[P_QQ + 7] + x[P_QQ + 9] < 0.25 * HEADING_LIMIT:
         return
-    v0, v1, v2, v3 = -x[Q + 3], -x[Q + 2], x[Q + 1], x[Q]  # 2 ∂q/∂heading
+    v0, v1, v2, v3 = -x[ABOUT + 3], -x[ABOUT + 2], x[ABOUT + 1], x[ABOUT]  # 2 ∂q/∂heading
     y0 = x[P_QQ] * v0 + x[P_QQ + 1] * v1 + x[P_QQ + 2] * v2 + x[P_QQ + 3] * v3
     y1 = x[P_QQ + 1] * v0 + x[P_QQ + 4] * v1 + x[P_QQ + 5] * v2 + x[P_QQ + 6] * v3
     y2 = x[P_QQ + 2] * v0 + x[P_QQ + 5] * v1 + x[P_QQ + 7] * v2 + x[P_QQ + 8] * v3
@@ -433,6 +437,13 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
 
 
 @njit
+def motion_var(c: Floats, x: Floats, dt: float, excess: float) -> float:
+    """Variance of the accelerometer in motion; it falls to that of rest as the quiet lasts, so that rest is no jump."""
+    moving = 1.0 - x[QUIET] / c[REST_TIME]
+    return max((c[REST_VAR] + (c[MOTION_VAR] - c[REST_VAR]) * (moving * moving)) / dt, excess * excess)
+
+
+@njit
 def step(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -456,7 +467,7 @@ def step(
     elif not sees:
         found |= refused(flags.ACC_GATED, ax, ay, az)
     elif dt > 0.0:
-        var = c[REST_VAR] / dt if rest else max(c[MOTION_VAR] / dt, excess * excess)
+        var = c[REST_VAR] / dt if rest else motion_var(c, x, dt, excess)
         correct_gravity(x, c[UP], ax, ay, az, var)
         hold_heading(x)
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])

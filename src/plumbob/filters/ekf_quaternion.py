@@ -23,9 +23,9 @@ direction that is measured n times in 0.1 s may scatter √n times as much each 
 Departures from [HuangJiang]: specific force points up, in any level frame, where the paper's gravity points down; q is
 normalised, after the prediction (with P, whose first-order growth is thus undone) and after the correction. The paper
 takes the field [m_N, 0, m_D] as known; so does ``dip``, without which the dip is learned as the mean of what is seen.
-The reference may thus be made of the measurements, and no covariance is claimed. The six numbers are corrected one after
-the other about the same prediction, which gives what one matrix of six gives. A sensor that is absent leaves its half
-out.
+The reference may thus be made of the measurements, and no covariance is claimed. The six numbers are corrected one
+after the other about the same prediction, which gives what one matrix of six gives. A sensor that is absent leaves its
+half out.
 """
 
 import math
