@@ -64,7 +64,7 @@ def test_the_prediction_by_differences():
     rng = np.random.default_rng(1)
     for _ in range(20):
         q, w, dt = quat_normalize(rng.normal(size=4)), rng.normal(size=3), 0.1
-        f = by_differences(lambda p, w=w: p + 0.5 * dt * quat_multiply(p, [0.0, *w]), q)
+        f = by_differences(lambda p, w=w, dt=dt: p + 0.5 * dt * quat_multiply(p, [0.0, *w]), q)
         assert np.abs(f - (np.eye(4) + 0.5 * dt * omega(w))).max() < 1e-8
         root = rng.normal(size=(4, 4))
         x = np.zeros(OWN + ekf_quaternion.STATE)
@@ -151,7 +151,7 @@ def test_a_learned_dip_comes_to_the_true_one():
 
 
 def static_errors(seed, n=301):
-    """At rest with the noise that reproduces the paper's tables: rate 0.1°/s and bias ±0.13°/s, 1e-2 g, 500 nT of 50 µT."""
+    """At rest with the noise that reproduces the paper's tables: 0.1°/s and bias ±0.13°/s, 1e-2 g, 500 nT of 50 µT."""
     rng = np.random.default_rng(seed)
     bias = np.radians(rng.uniform(-0.13, 0.13, 3))
     data = ImuData(
