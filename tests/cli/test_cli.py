@@ -126,6 +126,19 @@ def test_benchmark_of_the_arm_paper_s_rows():
             assert all(std <= rms for std, rms in zip(figures["std_deg"], figures["rmse_deg"], strict=True))
 
 
+def test_benchmark_scenario_with_a_limit_and_a_free_heading():
+    """Ideal sensors at rest: both filters are right to rounding, all seeds keep any limit, the heading has no error."""
+    words = ("benchmark", "scenario", "static", "--frame", "NED", "--seeds", 2, "--duration", "2s", "--limit", "1deg")
+    words += ("--filters", "ekf7,integrate", "--params", "ekf7.mag=off,integrate.mag=off")
+    result = json.loads(ok(*words, "--json").stdout)
+    assert result["limit_deg"] == pytest.approx(1.0)
+    assert result["share_within_limit"] == {"ekf7": 1.0, "integrate": 1.0}
+    assert set(result["seeds"]["ekf7"]) == {"roll", "pitch"}
+    text = ok(*words).stdout
+    assert text.count("stay within 1° in 100 % of the seeds") == 2
+    assert "largest tilt error of integrate over that of ekf7" in text
+
+
 def test_filters_and_sim_list():
     listed = json.loads(ok("filters", "--json").stdout)
     first = listed["filters"]["mahony"]["parameters"][0]

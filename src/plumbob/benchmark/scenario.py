@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from plumbob.check import Floats
 from plumbob.evaluate import evaluate
 from plumbob.pipeline import Stage, estimate
 from plumbob.rotations import Frame
 from plumbob.sim import simulate
+from plumbob.units import to_deg
 
 AXES = ("roll", "pitch", "yaw")
 FIGURES = ("rmse_deg", "std_deg", "max_abs_deg")
@@ -28,12 +30,24 @@ class MonteCarlo:
     settings : dict
         What ran, by filter.
     values : dict
-        ``values[filter][axis][figure]``, one number per seed, degrees.
+        ``values[filter][axis][figure]``, one number per seed, degrees. A heading that is free has none.
+    limit_deg : float or None
+        Error of roll and pitch, degrees, that is to be kept.
     """
 
     scenario: str
     settings: dict[str, str]
     values: dict[str, dict[str, dict[str, list[float]]]]
+    limit_deg: float | None = None
+
+    def largest_tilt(self, name: str) -> Floats:
+        """Largest error of roll and pitch together in each seed, degrees."""
+        roll, pitch = (self.values[name][axis]["max_abs_deg"] for axis in ("roll", "pitch"))
+        return np.maximum(roll, pitch)
+
+    def kept(self, name: str, limit_deg: float) -> float:
+        """Share of the seeds whose roll and pitch stay within a limit."""
+        return float(np.mean(self.largest_tilt(name) <= limit_deg))
 
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON: median, 95 % and maximum over the seeds beside the values themselves."""
@@ -41,7 +55,16 @@ class MonteCarlo:
             name: {axis: {f: _summary(seeds) for f, seeds in figures.items()} for axis, figures in axes.items()}
             for name, axes in self.values.items()
         }
-        return {"scenario": self.scenario, "settings": self.settings, "summary": summary, "seeds": self.values}
+        found: dict[str, Any] = {
+            "scenario": self.scenario,
+            "settings": self.settings,
+            "summary": summary,
+            "seeds": self.values,
+        }
+        if self.limit_deg is not None:
+            shares = {name: self.kept(name, self.limit_deg) for name in self.values}
+            found |= {"limit_deg": self.limit_deg, "share_within_limit": shares}
+        return found
 
     def text(self) -> str:
         """Table of the errors over the seeds."""
@@ -52,7 +75,21 @@ class MonteCarlo:
             for axis, figures in self.values[name].items():
                 cells = [f"{v:10.3f}" for figure in SHOWN for v in _summary(figures[figure]).values()]
                 lines += [f"{axis:7}{''.join(cells)}"]
-        return "\n".join(lines)
+            if self.limit_deg is not None:
+                share = 100.0 * self.kept(name, self.limit_deg)
+                lines += [f"roll and pitch stay within {self.limit_deg:g}° in {share:.0f} % of the seeds"]
+        return "\n".join([*lines, *self._ratios()])
+
+    def _ratios(self) -> list[str]:
+        """Tilt errors of the other filters beside the first one's, where a limit was asked for."""
+        first, *others = self.values
+        lines = []
+        for name in others if self.limit_deg is not None else ():
+            with np.errstate(divide="ignore", invalid="ignore"):  # ideal sensors may leave no error at all
+                ratio = self.largest_tilt(name) / self.largest_tilt(first)
+            figures = f"{np.median(ratio):.1f} (median over the seeds; least {ratio.min():.1f})"
+            lines += ["", f"largest tilt error of {name} over that of {first}: {figures}"]
+        return lines
 
 
 def measure_scenario(
@@ -65,6 +102,7 @@ def measure_scenario(
     seeds: Sequence[int],
     settings: Mapping[str, Any],
     settle: float = 0.0,
+    limit: float | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> MonteCarlo:
     """Simulate a scenario with each seed and run each filter on it.
@@ -85,6 +123,8 @@ def measure_scenario(
         Everything else that `plumbob.sim.simulate` takes.
     settle : float
         Time from the start that is left out, s.
+    limit : float, optional
+        Error of roll and pitch, rad: the share of the seeds that keep it is told, and how the filters compare.
     progress : callable, optional
         Called with 1 after each seed.
     """
@@ -101,7 +141,7 @@ def measure_scenario(
             progress(1)
     what = run.truth.source.rpartition(", seed")[0]
     title = f"{what}; sensors {sensors} ({module}); {len(seeds)} seeds; first {settle:g} s left out"
-    return MonteCarlo(title, ran, values)
+    return MonteCarlo(title, ran, values, None if limit is None else to_deg(limit))
 
 
 def _append(by_axis: dict[str, dict[str, list[float]]], summary: Mapping[str, Any]) -> None:

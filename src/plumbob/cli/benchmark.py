@@ -51,6 +51,7 @@ def _add_scenario(kinds: common.Adder) -> None:
     _add_filters(p)
     p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
     p.add_argument("--settle", default="0", metavar="S", help="leave out so much at the start, as 60s (default 0)")
+    p.add_argument("--limit", metavar="A", help="tell in how many seeds roll and pitch stay within this, as 1deg")
     common.add_json(p)
     p.set_defaults(run=run_scenario)
 
@@ -123,6 +124,7 @@ def run_scenario(args: argparse.Namespace) -> int:
             seeds=range(args.seeds),
             settings=settings,
             settle=parse(args.settle, Quantity.TIME),
+            limit=None if args.limit is None else parse(args.limit, Quantity.ANGLE),
             progress=advance,
         )
     common.print_json(result.as_dict()) if args.json else print(result.text())
