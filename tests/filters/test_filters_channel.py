@@ -327,7 +327,7 @@ def test_they_are_no_attitude_filters():
         (lambda: RateFilter("kalman"), ParameterError, "no channel filter 'kalman'; known are scalar, two_state"),
         (lambda: RateFilter("scalar", params={"q": 1.0}), ParameterError, "scalar has no parameter 'q'"),
         (lambda: RateFilter("scalar", channels=0), ParameterError, "channels must be at least 1"),
-        (lambda: RateFilter("scalar", state=np.zeros(3)), ShapeError, r"state of scalar.* has shape \(1, 34\)"),
+        (lambda: RateFilter("scalar", state=np.zeros(3)), ShapeError, r"state of scalar.* has shape \(1, \d+\)"),
         (lambda: RateFilter("scalar").process([0.0], [[1.0]]), ShapeError, r"rate must have shape \(N,\)"),
         (lambda: RateFilter("scalar", channels=3).process([0.0], [1.0]), ShapeError, r"rate must have shape \(N, 3\)"),
         (lambda: RateFilter("scalar").process([0.0, 1.0], [1.0]), ShapeError, "one entry per time stamp"),
