@@ -29,6 +29,8 @@ FIRST_AFTER: Final = 5.0
 """The first reference is taken after so long of turning, s."""
 NEW_AFTER: Final = 20.0
 """And a new one after so long, s."""
+UNKNOWN2: Final = deg(5.0) ** 2
+"""Square of the deviation, rad, of a field that there is no reference for."""
 
 FIELD_SIZE: Final = 16
 _NOW, _REFERENCE, _AGREED, _CANDIDATE, _LASTED, _TRUSTED, _WEIGHTS = 0, 4, 6, 7, 9, 10, 11
@@ -107,3 +109,18 @@ def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float)
         x[ref], x[ref + 1] = x[new], x[new + 1]
         x[at + _TRUSTED], x[at + _AGREED] = 1.0, SETTLED
     return bool(x[at + _TRUSTED] == 0.0)
+
+
+@njit
+def unlike2(x: Floats, at: int) -> float:
+    """Square of how far the field deviates from the reference, in rad as seen from the level plane.
+
+    A disturbance has no reason to leave the heading alone: what it does to size and dip, it does to the heading too.
+    """
+    size, dip, size0, dip0 = x[at + _NOW], x[at + _NOW + 2], x[at + _REFERENCE], x[at + _REFERENCE + 1]
+    if not size0 > 0.0:
+        return UNKNOWN2
+    level2 = max(1.0 - dip0 * dip0, 0.01)
+    longer, steeper = size / size0 - 1.0, (dip - dip0) / math.sqrt(level2)
+    deviation2: float = (longer * longer + steeper * steeper) / level2
+    return deviation2

@@ -12,9 +12,11 @@ from typing import Final
 from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
+from plumbob.constants import G0
 from plumbob.filters.admission import HOLD, admit
-from plumbob.filters.layout import HELD, RATE
+from plumbob.filters.layout import HELD, RATE, SAME
 from plumbob.rotations.kernels import Vec
+from plumbob.units import deg
 
 JUMP: Final = 1000.0
 """A rate that changes faster than this, rad/s², is a spike until the next sample confirms it."""
@@ -24,6 +26,14 @@ UNKNOWN_CHANGE: Final = 20.0
 """How fast a rate may change, rad/s², of which nothing is known."""
 LONG_STEP: Final = 0.15
 """In a step longer than this, s, the rate may have been anything between its ends."""
+
+STALE: Final = deg(2.0)
+"""A vector that is the same after this turn, rad, is an old one."""
+
+GRAVITY_TAU: Final = 3.0
+"""A specific force whose size has over this, s,"""
+GRAVITY_BAND: Final = 0.03 * G0
+"""stayed this near to g, m/s², is gravity alone."""
 
 GUARD_SIZE: Final = 4
 _SPIKE, _WAITING = 0, 3  # places of the rate that waits for confirmation, and of whether one does
@@ -82,12 +92,29 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     if spike:
         found |= flags.GYR_HELD
+    if dt > LONG_STEP:
+        found |= flags.GAP
     return found, dt, gx, gy, gz, missed_angle(x, seen, dt, px, py, pz)
 
 
 @njit
-def trusted(seen: int, bad: int, vx: float, vy: float, vz: float) -> Vec:
-    """Vector, or NaN where one of the flags `bad` says that it is not to be used."""
-    if seen & bad:
+def only_gravity(x: Floats, place: int, dt: float, ax: float, ay: float, az: float) -> bool:
+    """True where the specific force has had the size of gravity for a while, and has it now.
+
+    Accelerations change its size, a wrong attitude does not: where this is true, a horizon that leans is a wrong one.
+    """
+    beyond = math.sqrt(ax * ax + ay * ay + az * az) - G0
+    x[place] += dt / (dt + GRAVITY_TAU) * (beyond * beyond - x[place])
+    return bool(max(x[place], beyond * beyond) < GRAVITY_BAND * GRAVITY_BAND)
+
+
+@njit
+def trusted(x: Floats, triad: int, seen: int, bad: int, vx: float, vy: float, vz: float) -> Vec:
+    """Vector, or NaN where one of the flags `bad` says that it is not to be used, or where it is of old.
+
+    A vector that stays the same, bit for bit, while the body turns is an old one said again: a slow sensor, held.
+    """
+    turned = x[SAME + triad] * max(abs(x[RATE]), abs(x[RATE + 1]), abs(x[RATE + 2]))
+    if seen & bad or turned > STALE:
         return math.nan, math.nan, math.nan
     return vx, vy, vz

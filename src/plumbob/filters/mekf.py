@@ -43,8 +43,8 @@ from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.filters.admission import refused, usable
 from plumbob.filters.alignment import initialise
-from plumbob.filters.field import FIELD_SIZE, disturbed, known
-from plumbob.filters.guard import GUARD_SIZE, admit_rate, trusted
+from plumbob.filters.field import FIELD_SIZE, disturbed, known, unlike2
+from plumbob.filters.guard import GUARD_SIZE, admit_rate, only_gravity, trusted
 from plumbob.filters.layout import BIAS, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
 from plumbob.params import Spec
@@ -68,7 +68,8 @@ ACC_VAR: Final = OWN_C + 4  # (m/s²)²/Hz
 SPEED_VAR: Final = OWN_C + 5  # (m/s)²
 SPEED_LASTS: Final = OWN_C + 6
 MAG_VAR: Final = OWN_C + 7  # µT²/Hz
-BEND_VAR: Final = OWN_C + 8  # rad²/Hz
+BEND_VAR: Final = OWN_C + 8  # rad²
+BEND_LASTS: Final = OWN_C + 13  # twice the time that a disturbance lasts, s
 REST_RATE: Final = OWN_C + 9
 REST_FORCE: Final = OWN_C + 10
 REST_AFTER: Final = OWN_C + 11
@@ -84,8 +85,9 @@ MAG_AGE: Final = OWN + 84  # since the last field, s
 REJECTED: Final = OWN + 85  # for how long the field has been rejected, s
 GATED: Final = OWN + 86  # for how long the velocity has been beyond the gate, s
 FORCE: Final = OWN + 87  # mean specific force in navigation axes, m/s², 3
-STEP_TURN: Final = OWN + 90  # Δt R, row by row, 9
-REST: Final = OWN + 99
+SIZE2: Final = OWN + 90  # mean square of its size beyond g, (m/s²)²
+STEP_TURN: Final = OWN + 91  # Δt R, row by row, 9
+REST: Final = OWN + 100
 HEADING: Final = 2 * N + 2  # place of the heading's variance in P
 FIELD: Final = REST + REST_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
@@ -103,19 +105,17 @@ SPEED_TAU: Final = 3.0
 """and its variance is learned over this, s."""
 GATE_FOR: Final = 1.0
 """A velocity that has been beyond the gate for so long, s, begins anew."""
-FORCE_TAU: Final = 3.0
+FORCE_TAU: Final = 1.0
 """A specific force whose mean over this, s,"""
-LEAN: Final = 0.2 * G0
-"""is level by more than this, m/s²,"""
-NORM_BAND: Final = 0.02 * G0
-"""though its size is this near to g, m/s², tells of a wrong tilt: the bias has jumped,"""
+LEAN: Final = 0.08 * G0
+"""is level by more than this, m/s², though it is gravity alone, tells of a wrong tilt: the bias has jumped,"""
 JUMP_SD: Final = dps(5.0)
 """by so much, rad/s."""
 START_TILT: Final = deg(2.0)
 """Standard deviation of the first tilt, rad: an acceleration of 0.035 g."""
 START_HEADING: Final = deg(5.0)
 """And of the first heading."""
-LOST: Final = deg(20.0) ** 2
+LOST: Final = deg(8.0) ** 2
 """With a larger variance of the tilt, rad², the linear update is no good: it is taken up anew."""
 DOUBTFUL: Final = deg(5.0) ** 2
 """With a larger variance of the tilt, rad², the attitude is not converged."""
@@ -151,8 +151,8 @@ class Params(NamedTuple):
     )
     mag_noise: Annotated[float, Spec(Quantity.FIELD, "white noise of the magnetometer, µT/√Hz", 1e-4, 100)] = 0.1
     mag_bend: Annotated[
-        float, Spec(Quantity.ANGLE, "standard deviation of the field's direction from place to place", 0, 2)
-    ] = deg(5.0)
+        float, Spec(Quantity.ANGLE, "how far the field's direction is off where its size and dip are right", 0, 2)
+    ] = deg(2.0)
     mag_lasts: Annotated[float, Spec(Quantity.TIME, "for how long a disturbance of the field lasts", 1e-3, 6000)] = 5.0
     rest_rate: Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)] = dps(2.0)
     rest_force: Annotated[
@@ -169,7 +169,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     p = params
     return (
         p.gyr_noise**2, p.gyr_walk**2, p.gyr_scale**2, p.bias_start, p.acc_noise**2, p.speed**2, p.speed_lasts,
-        p.mag_noise**2, 2.0 * p.mag_bend**2 * p.mag_lasts, p.rest_rate, p.rest_force, p.rest_after, p.mag_reject,
+        p.mag_noise**2, p.mag_bend**2, p.rest_rate, p.rest_force, p.rest_after, p.mag_reject, 2.0 * p.mag_lasts,
     )  # fmt: skip
 
 
@@ -370,6 +370,7 @@ def learn_speed(x: Floats, dt: float) -> None:
 @njit
 def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: float) -> int:
     """Integrate a specific force in navigation axes, the last one dt ago, and call the velocity back."""
+    gravity = only_gravity(x, SIZE2, dt, fx, fy, fz)
     slow = dt / (dt + FORCE_TAU)
     x[FORCE] += slow * (fx - x[FORCE])
     x[FORCE + 1] += slow * (fy - x[FORCE + 1])
@@ -380,9 +381,10 @@ def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: fl
     x[ERROR + V] += dt * fx
     x[ERROR + V + 1] += dt * fy
     learn_speed(x, dt)
-    if leans(x):
+    if gravity and leans(x):
         level_again(c, x, x[FORCE], x[FORCE + 1], x[FORCE + 2])
         know_bias(x, JUMP_SD)
+        know(x, TH + 2, math.sqrt(FREE))
         return flags.INCONSISTENT
     if dt == 0.0:
         return 0
@@ -407,10 +409,8 @@ def stop(x: Floats) -> None:
 
 @njit
 def leans(x: Floats) -> bool:
-    """True where the mean specific force is gravity by its size, but stands askew: the tilt is wrong."""
-    mx, my, mz = x[FORCE], x[FORCE + 1], x[FORCE + 2]
-    level2 = mx * mx + my * my
-    return bool(level2 > LEAN * LEAN and abs(math.sqrt(level2 + mz * mz) - G0) < NORM_BAND)
+    """True where the mean specific force stands askew."""
+    return bool(x[FORCE] * x[FORCE] + x[FORCE + 1] * x[FORCE + 1] > LEAN * LEAN)
 
 
 @njit
@@ -429,7 +429,11 @@ def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy:
     nx, ny = c[NORTH_X], c[NORTH_Y]
     angle = math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
     lean = -hz / level
-    var = (c[BEND_VAR] + c[MAG_VAR] / level2) / max(dt, SHORTEST)
+    if x[COV + HEADING] > 9.0 * START_HEADING * START_HEADING:  # one look knows more: begin anew with it
+        x[ERROR + TH + 2] += angle
+        know(x, TH + 2, math.sqrt(START_HEADING * START_HEADING + 0.5 * lean * lean * (x[COV] + x[COV + N + 1])))
+        return 0
+    var = (c[BEND_LASTS] * (c[BEND_VAR] + unlike2(x, FIELD)) + c[MAG_VAR] / level2) / max(dt, SHORTEST)
     nis = point_north(x, lean * nx, lean * ny, angle, var)
     return flags.MAG_GATED if nis > GATE else 0
 
@@ -482,8 +486,8 @@ def step(
 ) -> int:  # fmt: skip
     """Take one sample."""
     found, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, seen, gx, gy, gz)
-    ax, ay, az = trusted(seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
-    mx, my, mz = trusted(seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
+    ax, ay, az = trusted(x, 1, seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
+    mx, my, mz = trusted(x, 2, seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
     if x[COUNT] == 1.0:
         begin(c, x)
     turn(x, dt, gx, gy, gz)
@@ -504,8 +508,11 @@ def step(
         fz = r20 * ax + r21 * ay + r22 * az
         if max(x[COV], x[COV + N + 1]) > LOST:
             level_again(c, x, fx, fy, fz)
+            found |= flags.INCONSISTENT
         else:
             found |= follow_gravity(c, x, x[ACC_AGE], fx, fy, fz)
+        if found & flags.INCONSISTENT:  # the attitude is another one
+            r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
         resting = at_rest(
             x, REST, x[ACC_AGE], c[REST_RATE], c[REST_FORCE], REST_BIAS, c[REST_AFTER],
             math.nan if found & flags.GYR_HELD else gx, gy, gz, ax, ay, az,

@@ -36,7 +36,7 @@ from plumbob.constants import G0
 from plumbob.filters.admission import refused, usable
 from plumbob.filters.alignment import initialise
 from plumbob.filters.field import FIELD_SIZE, disturbed
-from plumbob.filters.guard import GUARD_SIZE, admit_rate, trusted
+from plumbob.filters.guard import GUARD_SIZE, admit_rate, only_gravity, trusted
 from plumbob.filters.layout import BIAS, BLIND, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
 from plumbob.filters.smooth import kept_weights, smooth
@@ -47,7 +47,7 @@ from plumbob.units import Quantity, deg, dps
 SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"
 REFERENCES: Final = ("Laidig2023",)
 NEEDS: Final = ("gyr", "acc")
-STATE: Final = 59 + REST_SIZE + FIELD_SIZE + GUARD_SIZE
+STATE: Final = 61 + REST_SIZE + FIELD_SIZE + GUARD_SIZE
 
 TAU_ACC: Final = OWN_C
 TAU_MAG: Final = OWN_C + 1
@@ -76,8 +76,10 @@ FIRST_GAIN: Final = OWN + 53  # gain of the heading at the start: 1, 1/2, 1/3 �
 REJECTED: Final = OWN + 54  # for how long the field has been rejected, s
 GATED: Final = OWN + 55  # for how long the horizon has been, s
 MISSED: Final = OWN + 56  # angle that may have been missed, rad
-CALLED: Final = OWN + 57  # correction that the horizon keeps calling for, x and y, rad/s, 2
-REST: Final = OWN + 59
+LEANING: Final = OWN + 57  # mean level specific force, x and y, m/s², 2
+SIZE2: Final = OWN + 59  # mean square of the specific force's size beyond g, (m/s²)²
+QUIET: Final = OWN + 60  # since the horizon was last found wrong, s
+REST: Final = OWN + 61
 FIELD: Final = REST + REST_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
 
@@ -93,14 +95,18 @@ GATE_BAND: Final = 0.08 * G0
 """A smoothed specific force farther from g than this, m/s², is not gravity alone."""
 GATE_FOR: Final = 15.0
 """It is not followed for so long, s."""
+REST_BIAS: Final = dps(2.0)
+"""A mean rate beyond this, rad/s, is a slow turn and no rest."""
 MISSED_LIMIT: Final = deg(3.0)
 """Where the attitude may be off by more than this, rad, it begins again."""
 START_BAND: Final = 0.3 * G0
 """It begins only with a specific force this near to g, m/s²."""
-CALLED_TAU: Final = 3.0
-"""Corrections are averaged over this, s,"""
-CALLED_LIMIT: Final = dps(2.5)
-"""and beyond this, rad/s, they mean that the bias has jumped,"""
+LEAN_TAU: Final = 1.0
+"""A specific force whose mean over this, s,"""
+LEAN: Final = 0.08 * G0
+"""is level by more than this, m/s², though it is gravity alone, tells that the bias has jumped,"""
+LEAN_AFTER: Final = 5.0
+"""and not again for so long, s,"""
 JUMP_SD: Final = dps(5.0)
 """by so much, rad/s."""
 
@@ -115,7 +121,7 @@ class Params(NamedTuple):
         float, Spec(Quantity.TIME, "time constant of the heading; longer where the field is disturbed", 0.05, 6000)
     ] = 9.0
     bias_start: Annotated[float, Spec(Quantity.RATE, "standard deviation of the bias at the start", 1e-6, 1)] = dps(0.5)
-    bias_max: Annotated[float, Spec(Quantity.RATE, "largest bias", 1e-6, 1)] = dps(2.0)
+    bias_max: Annotated[float, Spec(Quantity.RATE, "largest bias", 1e-6, 1)] = dps(10.0)
     bias_moving: Annotated[
         float,
         Spec(Quantity.RATE, "standard deviation that the bias reaches in motion; smaller learns more slowly", 1e-7, 1),
@@ -154,7 +160,6 @@ def begin(c: Floats, x: Floats) -> None:
 def average_anew(c: Floats, x: Floats) -> None:
     """Follow the next specific force at once, then the mean, then the low-pass; and so the heading."""
     x[LOOKS], x[LOOKED], x[GATED], x[MISSED] = 0.0, 0.0, 0.0, 0.0
-    x[CALLED], x[CALLED + 1] = 0.0, 0.0
     x[FIRST_GAIN], x[REJECTED] = 1.0, c[REJECT]
 
 
@@ -264,8 +269,8 @@ def seen_along(x: Floats, row: int, y: float) -> tuple[float, float, float, floa
 
 
 @njit
-def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: float) -> bool:
-    """In motion, what is left of the bias calls for turns v of the horizon, rad; true where the bias has jumped."""
+def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: float) -> None:
+    """In motion, what is left of the bias calls for turns v of the horizon, rad."""
     level = c[BIAS_MOVING] * c[BIAS_MOVING]
     var = level * level / grown + level
     limit = c[BIAS_MAX]
@@ -275,10 +280,6 @@ def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: f
     look(x, h0, h1, h2, ry, var, limit)
     h0, h1, h2, rz = seen_along(x, 2, 0.0)
     look(x, h0, h1, h2, rz, var / BLIND_WEIGHT, limit)
-    k = dt / (dt + CALLED_TAU)
-    x[CALLED] += k * (rx - x[CALLED])
-    x[CALLED + 1] += k * (ry - x[CALLED + 1])
-    return bool(x[CALLED] * x[CALLED] + x[CALLED + 1] * x[CALLED + 1] > CALLED_LIMIT * CALLED_LIMIT)
 
 
 @njit
@@ -335,6 +336,21 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
 
 
 @njit
+def leans(x: Floats, dt: float, ax: float, ay: float, az: float) -> bool:
+    """True where the specific force, which is gravity alone, stands askew in the level frame; not twice in a row."""
+    fx, fy, fz = rotate(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], ax, ay, az)
+    fx, fy, _ = rotate(x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], fx, fy, fz)
+    gain = dt / (dt + LEAN_TAU)
+    x[LEANING] += gain * (fx - x[LEANING])
+    x[LEANING + 1] += gain * (fy - x[LEANING + 1])
+    x[QUIET] += dt
+    if x[QUIET] < LEAN_AFTER or x[LEANING] * x[LEANING] + x[LEANING + 1] * x[LEANING + 1] < LEAN * LEAN:
+        return False
+    x[LEANING], x[LEANING + 1], x[QUIET] = 0.0, 0.0, 0.0
+    return True
+
+
+@njit
 def follow_gravity(
     c: Floats, x: Floats, held: bool, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
 ) -> int:
@@ -342,8 +358,13 @@ def follow_gravity(
     dt, x[ACC_AGE] = x[ACC_AGE], 0.0
     if held:
         gx = math.nan
-    resting = at_rest(x, REST, dt, c[REST_RATE], c[REST_FORCE], c[BIAS_MAX], c[REST_AFTER], gx, gy, gz, ax, ay, az)
+    resting = at_rest(x, REST, dt, c[REST_RATE], c[REST_FORCE], REST_BIAS, c[REST_AFTER], gx, gy, gz, ax, ay, az)
     kept_weights(x, WEIGHTS, dt, c[TAU_ACC])
+    found = 0
+    if only_gravity(x, SIZE2, dt, ax, ay, az) and not held and leans(x, dt, ax, ay, az):
+        average_anew(c, x)
+        reset_bias(x, JUMP_SD)
+        found = flags.INCONSISTENT
     first = x[LOOKED] < c[TAU_ACC]
     x[LOOKS] += 1.0
     x[LOOKED] += dt
@@ -352,15 +373,13 @@ def follow_gravity(
     if not followed:
         return flags.ACC_GATED
     if dt == 0.0 or x[LOOKS] == 1.0:
-        return 0
+        return found
     grown = drift(c, x, dt)
     if resting:
         learn_resting(c, x, grown)
         return flags.AT_REST
-    if not learn_moving(c, x, dt, grown, vx, vy):
-        return 0
-    reset_bias(x, JUMP_SD)
-    return flags.INCONSISTENT
+    learn_moving(c, x, dt, grown, vx, vy)
+    return found
 
 
 @njit
@@ -394,8 +413,8 @@ def step(
 ) -> int:  # fmt: skip
     """Take one sample."""
     found, dt, gx, gy, gz, missed = admit_rate(c, x, GUARD, dt, seen, gx, gy, gz)
-    ax, ay, az = trusted(seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
-    mx, my, mz = trusted(seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
+    ax, ay, az = trusted(x, 1, seen, flags.ACC_STUCK | flags.ACC_CLIPPED, ax, ay, az)
+    mx, my, mz = trusted(x, 2, seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
     if x[COUNT] == 1.0:
         reset_bias(x, c[BIAS_START])
     if x[COUNT] == 1.0 or x[STAGE] == BLIND:
