@@ -112,15 +112,17 @@ def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float)
 
 
 @njit
-def unlike2(x: Floats, at: int) -> float:
+def unlike2(x: Floats, at: int, noise: float) -> float:
     """Square of how far the field deviates from the reference, in rad as seen from the level plane.
 
     A disturbance has no reason to leave the heading alone: what it does to size and dip, it does to the heading too.
+    Of the deviation, two parts of white noise, µT²/Hz, after the smoothing are taken off.
     """
     size, dip, size0, dip0 = x[at + _NOW], x[at + _NOW + 2], x[at + _REFERENCE], x[at + _REFERENCE + 1]
     if not size0 > 0.0:
         return UNKNOWN2
     level2 = max(1.0 - dip0 * dip0, 0.01)
     longer, steeper = size / size0 - 1.0, (dip - dip0) / math.sqrt(level2)
-    deviation2: float = (longer * longer + steeper * steeper) / level2
-    return deviation2
+    expected = noise / (TAU_NOW * size0 * size0)
+    beyond2: float = max(0.0, longer * longer + steeper * steeper - expected) / level2
+    return beyond2

@@ -30,10 +30,21 @@ LONG_STEP: Final = 0.15
 STALE: Final = deg(2.0)
 """A vector that is the same after this turn, rad, is an old one."""
 
-GRAVITY_TAU: Final = 3.0
-"""A specific force whose size has over this, s,"""
-GRAVITY_BAND: Final = 0.03 * G0
-"""stayed this near to g, m/s², is gravity alone."""
+LEAN: Final = 0.15 * G0
+"""A specific force whose mean is level by more than this, m/s²,"""
+LEAN_TAU: Final = 1.0
+"""over this, s, leans."""
+LONGER: Final = 0.01 * G0
+"""An acceleration that makes it lean makes it longer by √(1 + 0.15²) − 1 of g: more than this, m/s²."""
+SIZE_TAU: Final = 30.0
+"""What the size of gravity is to this sensor is learned over this, s."""
+STEADY: Final = 0.03 * G0
+"""A specific force whose size has varied by less than this, m/s²,"""
+STEADY_TAU: Final = 3.0
+"""over this, s, is that of a body which does not accelerate."""
+KEEPS_ON: Final = 0.06 * G0
+"""One whose mean is longer than gravity by this, m/s², over the same time, is that of a body which keeps on doing so."""
+GRAVITY_SIZE: Final = 4
 
 GUARD_SIZE: Final = 4
 _SPIKE, _WAITING = 0, 3  # places of the rate that waits for confirmation, and of whether one does
@@ -98,14 +109,28 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
 
 
 @njit
-def only_gravity(x: Floats, place: int, dt: float, ax: float, ay: float, az: float) -> bool:
-    """True where the specific force has had the size of gravity for a while, and has it now.
+def only_gravity(x: Floats, at: int, dt: float, ax: float, ay: float, az: float) -> bool:
+    """True where the specific force has had the size of gravity for a while.
 
-    Accelerations change its size, a wrong attitude does not: where this is true, a horizon that leans is a wrong one.
+    An acceleration that makes the mean specific force lean by `LEAN` makes it longer too, by more than `LONGER`; a
+    wrong attitude does not. Gravity's size as this sensor sees it is learned slowly: its scale does not matter.
     """
-    beyond = math.sqrt(ax * ax + ay * ay + az * az) - G0
-    x[place] += dt / (dt + GRAVITY_TAU) * (beyond * beyond - x[place])
-    return bool(max(x[place], beyond * beyond) < GRAVITY_BAND * GRAVITY_BAND)
+    size = math.sqrt(ax * ax + ay * ay + az * az)
+    if x[at] == 0.0:
+        x[at], x[at + 1] = G0, G0
+    x[at] += dt / (dt + SIZE_TAU) * (size - x[at])
+    x[at + 1] += dt / (dt + LEAN_TAU) * (size - x[at + 1])
+    beyond = size - x[at]
+    x[at + 2] += dt / (dt + STEADY_TAU) * (beyond * beyond - x[at + 2])
+    return bool(abs(x[at + 1] - x[at]) < LONGER and x[at + 2] < STEADY * STEADY)
+
+
+@njit
+def keeps_accelerating(x: Floats, at: int, dt: float, mx: float, my: float, mz: float) -> bool:
+    """True where the mean specific force m has been longer than gravity for some seconds: no wave or stroke does that."""
+    beyond = math.sqrt(mx * mx + my * my + mz * mz) - x[at]
+    x[at + 3] += dt / (dt + STEADY_TAU) * (beyond - x[at + 3])
+    return bool(x[at + 3] > KEEPS_ON)
 
 
 @njit

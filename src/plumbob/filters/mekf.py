@@ -44,11 +44,20 @@ from plumbob.constants import G0
 from plumbob.filters.admission import refused, usable
 from plumbob.filters.alignment import initialise
 from plumbob.filters.field import FIELD_SIZE, disturbed, known, unlike2
-from plumbob.filters.guard import GUARD_SIZE, admit_rate, only_gravity, trusted
+from plumbob.filters.guard import (
+    GRAVITY_SIZE,
+    GUARD_SIZE,
+    LEAN,
+    LEAN_TAU,
+    admit_rate,
+    keeps_accelerating,
+    only_gravity,
+    trusted,
+)
 from plumbob.filters.layout import BIAS, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
 from plumbob.params import Spec
-from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
+from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate, rows
 from plumbob.units import Quantity, deg, dps
 
 SUMMARY: Final = "multiplicative EKF: attitude, bias, disturbances, true covariance, gates, rest detection"
@@ -85,18 +94,24 @@ MAG_AGE: Final = OWN + 84  # since the last field, s
 REJECTED: Final = OWN + 85  # for how long the field has been rejected, s
 GATED: Final = OWN + 86  # for how long the velocity has been beyond the gate, s
 FORCE: Final = OWN + 87  # mean specific force in navigation axes, m/s², 3
-SIZE2: Final = OWN + 90  # mean square of its size beyond g, (m/s²)²
-STEP_TURN: Final = OWN + 91  # Δt R, row by row, 9
-REST: Final = OWN + 100
+STEP_TURN: Final = OWN + 91  # what a rate's error does to the attitude's in this step, row by row, 9
+TURN: Final = OWN + 100  # whose turn it is, 0 or 1
+NIS: Final = OWN + 101  # last squared innovations over their variances, of both velocities and the heading, 3
+FIELDS: Final = OWN + 104  # fields since the last look: how many, and their sum in navigation axes, µT, 4
+REST: Final = OWN + 108
 HEADING: Final = 2 * N + 2  # place of the heading's variance in P
-FIELD: Final = REST + REST_SIZE
+GRAVITY: Final = REST + REST_SIZE
+FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
 STATE: Final = GUARD + GUARD_SIZE - OWN
 
 COVARIANCE: Final = slice(COV, COV + 3 * N)
 
 HUBER: Final = 9.0
+HUBER_INVERSE: Final = 1.0 / HUBER
 """An innovation beyond this many variances counts with the noise that would make it so many."""
+OFTEN: Final = 0.015
+"""Corrections are slow; more often than this, s, none is made twice: it would cost time and tell nothing."""
 GATE: Final = 25.0
 """Beyond this many the sample is flagged as gated."""
 MEAN_TAU: Final = 3.0
@@ -105,19 +120,17 @@ SPEED_TAU: Final = 3.0
 """and its variance is learned over this, s."""
 GATE_FOR: Final = 1.0
 """A velocity that has been beyond the gate for so long, s, begins anew."""
-FORCE_TAU: Final = 1.0
-"""A specific force whose mean over this, s,"""
-LEAN: Final = 0.08 * G0
-"""is level by more than this, m/s², though it is gravity alone, tells of a wrong tilt: the bias has jumped,"""
 JUMP_SD: Final = dps(5.0)
-"""by so much, rad/s."""
-START_TILT: Final = deg(2.0)
-"""Standard deviation of the first tilt, rad: an acceleration of 0.035 g."""
+"""Standard deviation of a bias that has jumped, rad/s; a horizon that leans tells of it."""
+START_TILT: Final = deg(5.0)
+"""Standard deviation of the first tilt, rad: an acceleration of 0.09 g."""
+START_SPEED: Final = 1.0
+"""Speed that is expected at the start, m/s; what it is, is learned."""
 START_HEADING: Final = deg(5.0)
 """And of the first heading."""
 LOST: Final = deg(8.0) ** 2
 """With a larger variance of the tilt, rad², the linear update is no good: it is taken up anew."""
-DOUBTFUL: Final = deg(5.0) ** 2
+DOUBTFUL: Final = deg(6.0) ** 2
 """With a larger variance of the tilt, rad², the attitude is not converged."""
 FREE: Final = 3.0
 """No heading is more uncertain than this, rad²."""
@@ -212,6 +225,14 @@ def know_tilt(x: Floats, sd: float) -> None:
 
 
 @njit
+def know_heading(x: Floats, lean_x: float, lean_y: float) -> None:
+    """Know the heading from one field: it has the tilt's error in it, as the field leans."""
+    for k in (0, 1, 3, 4, 5, 6, 7):
+        x[COV + N * min(2, k) + max(2, k)] = -lean_x * pair(x, 0, k) - lean_y * pair(x, 1, k)
+    x[COV + HEADING] = START_HEADING * START_HEADING - lean_x * pair(x, 0, 2) - lean_y * pair(x, 1, 2)
+
+
+@njit
 def know_bias(x: Floats, sd: float) -> None:
     """Know the bias, rad/s."""
     for i in range(B, B + 3):
@@ -235,7 +256,7 @@ def pair(x: Floats, i: int, j: int) -> float:
 
 @njit
 def carry(x: Floats) -> None:
-    """P ← F P Fᵀ of θ ← θ − D δb, with D = Δt R in x[STEP_TURN]."""
+    """P ← F P Fᵀ of θ ← θ − D δb, with D in x[STEP_TURN]."""
     for i in range(3):
         d0, d1, d2 = x[STEP_TURN + 3 * i], x[STEP_TURN + 3 * i + 1], x[STEP_TURN + 3 * i + 2]
         for j in range(i, 3):
@@ -271,15 +292,31 @@ def spread(x: Floats, i: int, missed: float) -> None:
     x[COV + (N + 1) * i] = sd * sd
 
 
+_SIXTH: Final = 1.0 / 6.0
+
+
+@njit
+def effect(dt: float, ux: float, uy: float, uz: float, rx: float, ry: float, rz: float) -> Vec:
+    """Row r of Δt R J(u), with u the turn of the step and J the right Jacobian of so(3), to second order in u."""
+    ax, ay, az = cross(rx, ry, rz, ux, uy, uz)
+    bx, by, bz = cross(ax, ay, az, ux, uy, uz)
+    return (
+        dt * (rx - 0.5 * ax + _SIXTH * bx),  # [Sola2017] (192), r [u]× = r × u
+        dt * (ry - 0.5 * ay + _SIXTH * by),
+        dt * (rz - 0.5 * az + _SIXTH * bz),
+    )
+
+
 @njit
 def predict(
     c: Floats, x: Floats, dt: float, missed: float, gx: float, gy: float, gz: float,
     r00: float, r01: float, r02: float, r10: float, r11: float, r12: float, r20: float, r21: float, r22: float,
 ) -> None:  # fmt: skip
     """Covariance of attitude and bias over a step at whose end the attitude is R."""
-    x[STEP_TURN], x[STEP_TURN + 1], x[STEP_TURN + 2] = dt * r00, dt * r01, dt * r02
-    x[STEP_TURN + 3], x[STEP_TURN + 4], x[STEP_TURN + 5] = dt * r10, dt * r11, dt * r12
-    x[STEP_TURN + 6], x[STEP_TURN + 7], x[STEP_TURN + 8] = dt * r20, dt * r21, dt * r22
+    ux, uy, uz = dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2])
+    x[STEP_TURN], x[STEP_TURN + 1], x[STEP_TURN + 2] = effect(dt, ux, uy, uz, r00, r01, r02)
+    x[STEP_TURN + 3], x[STEP_TURN + 4], x[STEP_TURN + 5] = effect(dt, ux, uy, uz, r10, r11, r12)
+    x[STEP_TURN + 6], x[STEP_TURN + 7], x[STEP_TURN + 8] = effect(dt, ux, uy, uz, r20, r21, r22)
     carry(x)
     noise = dt * (c[GYR_VAR] + c[SCALE_VAR] * (gx * gx + gy * gy + gz * gz))
     for i in range(3):
@@ -293,8 +330,9 @@ def predict(
 @njit
 def update(x: Floats, residual: float, s: float) -> None:
     """State and covariance by the column P Hᵀ and the innovation's variance s."""
+    inverse = 1.0 / s
     for i in range(N):
-        gain = x[COLUMN + i] / s
+        gain = inverse * x[COLUMN + i]
         x[ERROR + i] += gain * residual
         for j in range(i, N):
             x[COV + N * i + j] -= gain * x[COLUMN + j]
@@ -308,21 +346,32 @@ def stand_still(x: Floats, axis: int, var: float) -> float:
     s = x[COLUMN + V + axis] + var
     residual = -x[ERROR + V + axis]
     nis: float = residual * residual / s
-    update(x, residual, s * max(1.0, nis / HUBER))
+    x[NIS + axis] = nis
+    update(x, residual, max(s, residual * residual * HUBER_INVERSE))
     return nis
 
 
 @njit
 def point_north(x: Floats, lean_x: float, lean_y: float, angle: float, var: float) -> float:
-    """Heading angle that a field shows through a tilt; tilt and its covariance stay. Returns its squared innovation."""
+    """Heading angle that a field shows through a tilt; it corrects heading and bias. Returns its squared innovation.
+
+    Tilt and velocity are only considered: their entries of P among themselves stay, as Joseph's form with a gain of zero
+    for them leaves them.
+    """
     for k in range(N):
         x[COLUMN + k] = lean_x * pair(x, 0, k) + lean_y * pair(x, 1, k) + pair(x, 2, k)
     s = lean_x * x[COLUMN] + lean_y * x[COLUMN + 1] + x[COLUMN + 2] + var
     residual = angle - lean_x * x[ERROR] - lean_y * x[ERROR + 1] - x[ERROR + 2]
     nis: float = residual * residual / s
-    tilt_x, tilt_y, xx, xy, yy = x[ERROR], x[ERROR + 1], x[COV], x[COV + 1], x[COV + N + 1]
-    update(x, residual, s * max(1.0, nis / HUBER))
-    x[ERROR], x[ERROR + 1], x[COV], x[COV + 1], x[COV + N + 1] = tilt_x, tilt_y, xx, xy, yy
+    x[NIS + 2] = nis
+    inverse = 1.0 / max(s, residual * residual * HUBER_INVERSE)
+    for i in range(TH + 2, V):
+        gain = inverse * x[COLUMN + i]
+        x[ERROR + i] += gain * residual
+        for j in range(i, N):
+            x[COV + N * i + j] -= gain * x[COLUMN + j]
+        x[COV + i] -= gain * x[COLUMN]
+        x[COV + N + i] -= gain * x[COLUMN + 1]
     return nis
 
 
@@ -334,7 +383,8 @@ def zero_rate(x: Floats, axis: int, rate: float, noise: float, dt: float, r0: fl
     x[COLUMN] -= noise * r0
     x[COLUMN + 1] -= noise * r1
     x[COLUMN + 2] -= noise * r2
-    update(x, rate - x[ERROR + B + axis], x[COLUMN + B + axis] + noise / dt)
+    residual = rate - x[ERROR + B + axis]
+    update(x, residual, max(x[COLUMN + B + axis] + noise / dt, residual * residual * HUBER_INVERSE))
 
 
 @njit
@@ -368,10 +418,19 @@ def learn_speed(x: Floats, dt: float) -> None:
 
 
 @njit
+def take_turns(x: Floats, dt: float, density: float) -> float:
+    """Call back the velocity, at a high rate one axis in a step and the other in the next; returns the larger nis."""
+    x[TURN] = 1.0 - x[TURN]
+    if dt > OFTEN:
+        return max(stand_still(x, 0, density / dt), stand_still(x, 1, density / dt))
+    return stand_still(x, int(x[TURN]), density / (2.0 * dt))
+
+
+@njit
 def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: float) -> int:
     """Integrate a specific force in navigation axes, the last one dt ago, and call the velocity back."""
-    gravity = only_gravity(x, SIZE2, dt, fx, fy, fz)
-    slow = dt / (dt + FORCE_TAU)
+    gravity = only_gravity(x, GRAVITY, dt, fx, fy, fz)
+    slow = dt / (dt + LEAN_TAU)
     x[FORCE] += slow * (fx - x[FORCE])
     x[FORCE + 1] += slow * (fy - x[FORCE + 1])
     x[FORCE + 2] += slow * (fz - x[FORCE + 2])
@@ -388,13 +447,14 @@ def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: fl
         return flags.INCONSISTENT
     if dt == 0.0:
         return 0
-    var = 2.0 * c[SPEED_LASTS] * max(x[SPEED2], c[SPEED_VAR]) / dt
-    nis = max(stand_still(x, 0, var), stand_still(x, 1, var))
-    if nis < GATE:
+    var = 2.0 * c[SPEED_LASTS] * max(x[SPEED2], c[SPEED_VAR])
+    nis = take_turns(x, dt, var)
+    runs_off = keeps_accelerating(x, GRAVITY, dt, x[FORCE], x[FORCE + 1], x[FORCE + 2])
+    if nis < GATE and not runs_off:
         x[GATED] = 0.0
         return 0
     x[GATED] += dt
-    if x[GATED] > GATE_FOR:
+    if runs_off or x[GATED] > GATE_FOR:
         stop(x)
     return flags.ACC_GATED
 
@@ -428,14 +488,26 @@ def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy:
         x[REJECTED] = max(0.0, x[REJECTED] - 2.0 * dt)
     nx, ny = c[NORTH_X], c[NORTH_Y]
     angle = math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
-    lean = -hz / level
+    # Along north, where the field is expected, and not along its noise, which would be in gain and innovation alike
+    lean_x, lean_y = -hz / level * nx, -hz / level * ny
     if x[COV + HEADING] > 9.0 * START_HEADING * START_HEADING:  # one look knows more: begin anew with it
         x[ERROR + TH + 2] += angle
-        know(x, TH + 2, math.sqrt(START_HEADING * START_HEADING + 0.5 * lean * lean * (x[COV] + x[COV + N + 1])))
+        know_heading(x, lean_x, lean_y)
         return 0
-    var = (c[BEND_LASTS] * (c[BEND_VAR] + unlike2(x, FIELD)) + c[MAG_VAR] / level2) / max(dt, SHORTEST)
-    nis = point_north(x, lean * nx, lean * ny, angle, var)
+    var = (c[BEND_LASTS] * (c[BEND_VAR] + unlike2(x, FIELD, c[MAG_VAR])) + c[MAG_VAR] / level2) / max(dt, SHORTEST)
+    nis = point_north(x, lean_x, lean_y, angle, var)
     return flags.MAG_GATED if nis > GATE else 0
+
+
+@njit
+def look_at_field(c: Floats, x: Floats) -> int:
+    """Heading from the mean of the fields since the last look."""
+    wx, wy, wz = mean_rate(x, REST)
+    s = 1.0 / x[FIELDS]
+    hx, hy, hz = s * x[FIELDS + 1], s * x[FIELDS + 2], s * x[FIELDS + 3]
+    found = follow_field(c, x, x[MAG_AGE], math.sqrt(wx * wx + wy * wy + wz * wz), hx, hy, hz)
+    x[FIELDS], x[FIELDS + 1], x[FIELDS + 2], x[FIELDS + 3], x[MAG_AGE] = 0.0, 0.0, 0.0, 0.0, 0.0
+    return found
 
 
 @njit
@@ -449,8 +521,11 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
         know_tilt(x, START_TILT)
         know(x, TH + 2, math.sqrt(FREE))
         x[FORCE], x[FORCE + 1], x[FORCE + 2] = 0.0, 0.0, c[UP] * G0
+        x[SPEED2] = START_SPEED * START_SPEED
     if x[STAGE] == HEADED:
-        know(x, TH + 2, START_HEADING)
+        hx, hy, hz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+        s = -hz / (hx * hx + hy * hy)
+        know_heading(x, s * hx, s * hy)
     return found
 
 
@@ -461,7 +536,7 @@ def begin(c: Floats, x: Floats) -> None:
     if x[STAGE] == HEADED:  # an attitude that was given
         know_tilt(x, START_TILT)
         know(x, TH + 2, START_HEADING)
-        x[FORCE + 2] = c[UP] * G0
+        x[FORCE + 2], x[SPEED2] = c[UP] * G0, START_SPEED * START_SPEED
 
 
 @njit
@@ -520,15 +595,15 @@ def step(
         x[ACC_AGE] = 0.0
     else:
         found |= refused(flags.ACC_GATED, ax, ay, az)
-    if usable(mx, my, mz):
-        hx = r00 * mx + r01 * my + r02 * mz
-        hy = r10 * mx + r11 * my + r12 * mz
-        hz = r20 * mx + r21 * my + r22 * mz
-        wx, wy, wz = mean_rate(x, REST)
-        found |= follow_field(c, x, x[MAG_AGE], math.sqrt(wx * wx + wy * wy + wz * wz), hx, hy, hz)
-        x[MAG_AGE] = 0.0
-    else:
+    if not usable(mx, my, mz):
         found |= refused(flags.MAG_GATED, mx, my, mz)
+    else:
+        x[FIELDS] += 1.0
+        x[FIELDS + 1] += r00 * mx + r01 * my + r02 * mz
+        x[FIELDS + 2] += r10 * mx + r11 * my + r12 * mz
+        x[FIELDS + 3] += r20 * mx + r21 * my + r22 * mz
+    if x[FIELDS] > 0.0 and (x[MAG_AGE] > OFTEN or dt == 0.0):
+        found |= look_at_field(c, x)
     if resting and dt > 0.0 and may_be_bias(x):
         found |= flags.AT_REST
         zero_rate(x, 0, gx, c[GYR_VAR], dt, r00, r10, r20)

@@ -36,7 +36,7 @@ from plumbob.constants import G0
 from plumbob.filters.admission import refused, usable
 from plumbob.filters.alignment import initialise
 from plumbob.filters.field import FIELD_SIZE, disturbed
-from plumbob.filters.guard import GUARD_SIZE, admit_rate, only_gravity, trusted
+from plumbob.filters.guard import GRAVITY_SIZE, GUARD_SIZE, LEAN, LEAN_TAU, admit_rate, only_gravity, trusted
 from plumbob.filters.layout import BIAS, BLIND, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
 from plumbob.filters.smooth import kept_weights, smooth
@@ -47,7 +47,7 @@ from plumbob.units import Quantity, deg, dps
 SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"
 REFERENCES: Final = ("Laidig2023",)
 NEEDS: Final = ("gyr", "acc")
-STATE: Final = 61 + REST_SIZE + FIELD_SIZE + GUARD_SIZE
+STATE: Final = 61 + REST_SIZE + GRAVITY_SIZE + FIELD_SIZE + GUARD_SIZE
 
 TAU_ACC: Final = OWN_C
 TAU_MAG: Final = OWN_C + 1
@@ -77,10 +77,10 @@ REJECTED: Final = OWN + 54  # for how long the field has been rejected, s
 GATED: Final = OWN + 55  # for how long the horizon has been, s
 MISSED: Final = OWN + 56  # angle that may have been missed, rad
 LEANING: Final = OWN + 57  # mean level specific force, x and y, m/s², 2
-SIZE2: Final = OWN + 59  # mean square of the specific force's size beyond g, (m/s²)²
 QUIET: Final = OWN + 60  # since the horizon was last found wrong, s
 REST: Final = OWN + 61
-FIELD: Final = REST + REST_SIZE
+GRAVITY: Final = REST + REST_SIZE
+FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
 
 FORGET: Final = 100.0
@@ -101,14 +101,10 @@ MISSED_LIMIT: Final = deg(3.0)
 """Where the attitude may be off by more than this, rad, it begins again."""
 START_BAND: Final = 0.3 * G0
 """It begins only with a specific force this near to g, m/s²."""
-LEAN_TAU: Final = 1.0
-"""A specific force whose mean over this, s,"""
-LEAN: Final = 0.08 * G0
-"""is level by more than this, m/s², though it is gravity alone, tells that the bias has jumped,"""
 LEAN_AFTER: Final = 5.0
 """and not again for so long, s,"""
 JUMP_SD: Final = dps(5.0)
-"""by so much, rad/s."""
+"""Standard deviation of a bias that has jumped, rad/s."""
 
 
 class Params(NamedTuple):
@@ -160,6 +156,7 @@ def begin(c: Floats, x: Floats) -> None:
 def average_anew(c: Floats, x: Floats) -> None:
     """Follow the next specific force at once, then the mean, then the low-pass; and so the heading."""
     x[LOOKS], x[LOOKED], x[GATED], x[MISSED] = 0.0, 0.0, 0.0, 0.0
+    x[LEANING], x[LEANING + 1], x[QUIET] = 0.0, 0.0, 0.0
     x[FIRST_GAIN], x[REJECTED] = 1.0, c[REJECT]
 
 
@@ -337,17 +334,15 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
 
 @njit
 def leans(x: Floats, dt: float, ax: float, ay: float, az: float) -> bool:
-    """True where the specific force, which is gravity alone, stands askew in the level frame; not twice in a row."""
+    """True where the specific force, which is gravity alone, stands askew in the level frame; not soon again."""
     fx, fy, fz = rotate(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], ax, ay, az)
     fx, fy, _ = rotate(x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], fx, fy, fz)
     gain = dt / (dt + LEAN_TAU)
     x[LEANING] += gain * (fx - x[LEANING])
     x[LEANING + 1] += gain * (fy - x[LEANING + 1])
     x[QUIET] += dt
-    if x[QUIET] < LEAN_AFTER or x[LEANING] * x[LEANING] + x[LEANING + 1] * x[LEANING + 1] < LEAN * LEAN:
-        return False
-    x[LEANING], x[LEANING + 1], x[QUIET] = 0.0, 0.0, 0.0
-    return True
+    lean2 = x[LEANING] * x[LEANING] + x[LEANING + 1] * x[LEANING + 1]
+    return bool(x[QUIET] > LEAN_AFTER and lean2 > LEAN * LEAN)
 
 
 @njit
@@ -361,7 +356,7 @@ def follow_gravity(
     resting = at_rest(x, REST, dt, c[REST_RATE], c[REST_FORCE], REST_BIAS, c[REST_AFTER], gx, gy, gz, ax, ay, az)
     kept_weights(x, WEIGHTS, dt, c[TAU_ACC])
     found = 0
-    if only_gravity(x, SIZE2, dt, ax, ay, az) and not held and leans(x, dt, ax, ay, az):
+    if only_gravity(x, GRAVITY, dt, ax, ay, az) and not held and leans(x, dt, ax, ay, az):
         average_anew(c, x)
         reset_bias(x, JUMP_SD)
         found = flags.INCONSISTENT
