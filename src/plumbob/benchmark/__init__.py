@@ -5,6 +5,7 @@ from plumbob.benchmark.channel import ChannelTest, measure_channel
 from plumbob.benchmark.contender import OurFilter
 from plumbob.benchmark.fault_cases import ARGUMENTS, CASES, Case, choose, listing
 from plumbob.benchmark.faults import Faults, measure_faults
+from plumbob.benchmark.peer_runs import peer_runs
 from plumbob.benchmark.peers import peers
 from plumbob.benchmark.scenario import MonteCarlo, measure_scenario
 
@@ -23,6 +24,7 @@ __all__ = [
     "measure_channel",
     "measure_faults",
     "measure_scenario",
+    "peer_runs",
     "peers",
     "trials_in",
 ]

@@ -5,11 +5,11 @@ identity. A peer without time input runs with its nominal step.
 """
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +24,8 @@ from plumbob.units import to_deg
 
 STEP = 1.0 / RATE
 
+Made = TypeVar("Made")
+
 
 def peers(names: str) -> tuple[list[Contender], dict[str, str]]:
     """Contenders of the libraries that a comma list names, and those that are absent, with the reason.
@@ -33,20 +35,38 @@ def peers(names: str) -> tuple[list[Contender], dict[str, str]]:
     ParameterError
         If a library is not known here.
     """
+    return made(names, _LIBRARIES)
+
+
+def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tuple[list[Made], dict[str, str]]:
+    """Make what there is of each library that a comma list names, and say which are absent, with the reason.
+
+    Parameters
+    ----------
+    names : str
+        Libraries, or all, or none.
+    kinds : Mapping
+        By library: what is made of the imported library.
+
+    Raises
+    ------
+    ParameterError
+        If a library is not known here.
+    """
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     if wanted in (["all"], ["none"]):
-        wanted = list(_LIBRARIES) if wanted == ["all"] else []
-    found: list[Contender] = []
+        wanted = list(kinds) if wanted == ["all"] else []
+    found: list[Made] = []
     absent: dict[str, str] = {}
     for name in dict.fromkeys(wanted):
-        if name not in _LIBRARIES:
-            raise ParameterError(f"there is no peer '{name}'; known are {', '.join(_LIBRARIES)}, all and none.")
+        if name not in kinds:
+            raise ParameterError(f"there is no peer '{name}'; known are {', '.join(kinds)}, all and none.")
         try:
             library = import_module(name)
         except ImportError as error:
             absent[name] = f"{error}; pip install {name} brings it"
             continue
-        found += [kind(library) for kind in _LIBRARIES[name]]
+        found += [kind(library) for kind in kinds[name]]
     return found, absent
 
 
@@ -121,7 +141,7 @@ class _RunningVqf:
         return q
 
 
-class _Vqf(_Peer):
+class Vqf(_Peer):
     """The compiled classes of vqf, with a magnetometer."""
 
     timed = False
@@ -136,10 +156,13 @@ class _Vqf(_Peer):
         self.settings = f"{self.name}({STEP:g} s), defaults"
 
     def start(self, rate: float = STEP) -> Running:
+        """Make a fresh one, at a step in s."""
         return _RunningVqf(getattr(self.library, self.KIND)(rate))
 
 
-class _BasicVqf(_Vqf):
+class BasicVqf(Vqf):
+    """Without rest detection, bias estimation and rejection of disturbances."""
+
     KIND = "BasicVQF"
 
 
@@ -167,7 +190,7 @@ class _RunningFusion:
         return q
 
 
-class _Fusion(_Peer):
+class Fusion(_Peer):
     """x-io Fusion with its default settings."""
 
     name = "imufusion(default)"
@@ -179,6 +202,11 @@ class _Fusion(_Peer):
     }  # fmt: skip
 
     def start(self, rate: float = RATE) -> Running:
+        """Make a fresh one, at a rate in Hz."""
+        return _RunningFusion(self.make(rate))
+
+    def make(self, rate: float) -> Any:
+        """Object of the library with its settings, at a nominal rate, Hz."""
         settings = self.library.AhrsSettings()
         settings.sample_rate = rate
         settings.convention = self.library.CONVENTION_ENU  # its constructor would ignore the argument
@@ -186,10 +214,10 @@ class _Fusion(_Peer):
             setattr(settings, name, value)
         filter_ = self.library.Ahrs()
         filter_.set_settings(settings)
-        return _RunningFusion(filter_)
+        return filter_
 
 
-class _FusionTuned(_Fusion):
+class FusionTuned(Fusion):
     """x-io Fusion with the settings of its own advanced example, rejection on."""
 
     name = "imufusion(tuned)"
@@ -236,7 +264,7 @@ class _RunningEkf(_RunningAhrs):
         self._q = self._filter.update(self._q, gyr, acc, mag, dt=dt)
 
 
-class _Ahrs(_Peer):
+class Ahrs(_Peer):
     """One class of ahrs."""
 
     KIND = "Mahony"
@@ -250,10 +278,13 @@ class _Ahrs(_Peer):
         self.settings = f"{self.name}({shown or 'defaults'}), streamed from the identity"
 
     def start(self, rate: float = RATE) -> Running:
+        """Make a fresh one, at a rate in Hz."""
         return self.RUNNING(getattr(self.library.filters, self.KIND)(frequency=rate, **self.ARGUMENTS))
 
 
-class _Madgwick(_Ahrs):
+class Madgwick(Ahrs):
+    """The gradient descent of the 2010 report."""
+
     KIND = "Madgwick"
 
     def enu(self, q: Floats) -> Floats:
@@ -261,13 +292,13 @@ class _Madgwick(_Ahrs):
         return change_frame(q, to=Frame.ENU, from_=Frame.NWU)
 
 
-class _Ekf(_Ahrs):
+class _Ekf(Ahrs):
     KIND = "EKF"
     RUNNING = _RunningEkf
     ARGUMENTS: Mapping[str, Any] = {"frame": "ENU", "magnetic_ref": DIP_DEG}
 
 
-class _Aqua(_Ahrs):
+class _Aqua(Ahrs):
     KIND = "AQUA"
 
     def enu(self, q: Floats) -> Floats:
@@ -276,7 +307,7 @@ class _Aqua(_Ahrs):
 
 
 _LIBRARIES: Final[Mapping[str, tuple[Any, ...]]] = {
-    "vqf": (_Vqf, _BasicVqf),
-    "imufusion": (_Fusion, _FusionTuned),
-    "ahrs": (_Madgwick, _Ahrs, _Ekf, _Aqua),
+    "vqf": (Vqf, BasicVqf),
+    "imufusion": (Fusion, FusionTuned),
+    "ahrs": (Madgwick, Ahrs, _Ekf, _Aqua),
 }

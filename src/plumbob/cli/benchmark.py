@@ -31,10 +31,11 @@ def _add_accuracy(kinds: common.Adder) -> None:
         "accuracy",
         help="errors on every recording of a folder, and their mean",
         description="Run filters, with one parameter set for all trials, on every recording of a folder that carries a "
-        "reference, and print the errors per trial and their mean.",
+        "reference, and print the errors per trial and their mean. Other libraries can run on the same recordings.",
     )
     p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
     _add_filters(p)
+    _add_peers(p, "; ahrs takes a second for 5000 samples")
     p.add_argument("--align", default="", metavar="A,B", help="remove heading, mounting or time offsets first")
     common.add_frame(p, "navigation frame where a recording names none")
     common.add_json(p)
@@ -64,7 +65,7 @@ def _add_faults(kinds: common.Adder) -> None:
         "sample, and print what each makes of it beside its own clean run.",
     )
     _add_filters(p, required=False)
-    p.add_argument("--peers", default="none", metavar="A,B", help="vqf, imufusion, ahrs, all or none (default none)")
+    _add_peers(p)
     p.add_argument("--cases", default="", metavar="A,B", help="cases or groups, F1 to F9 (default all)")
     p.add_argument("--list", action="store_true", help="list the cases with what they inject")
     common.add_json(p)
@@ -88,16 +89,29 @@ def _add_filters(p: argparse.ArgumentParser, *, required: bool = True) -> None:
     p.add_argument("--params", metavar="P", help=f"{common.PARAMS_HELP}; with several filters write filter.name=value")
 
 
+def _add_peers(p: argparse.ArgumentParser, more: str = "") -> None:
+    help_ = f"vqf, imufusion, ahrs, all or none (default none){more}"
+    p.add_argument("--peers", default="none", metavar="A,B", help=help_)
+
+
 def run_accuracy(args: argparse.Namespace) -> int:
     """Do it on recordings."""
-    from plumbob.benchmark import measure_accuracy, trials_in
+    from plumbob.benchmark import measure_accuracy, peer_runs, trials_in
     from plumbob.cli.eval import alignments
 
     files, chosen = trials_in(args.folder), common.stages(args.filters, args.params)
+    others, absent = peer_runs(args.peers)
     common.warn_of_compiling([stage.filter for stage in chosen])
-    with common.progress(f"{len(files)} recordings", len(files)) as advance:
+    runs = len(chosen) + len(others)
+    with common.progress(f"{len(files)} files, {runs} runs each", len(files) * runs) as advance:
         result = measure_accuracy(
-            files, chosen, frame=common.frame_of(args), align=alignments(args.align), progress=advance
+            files,
+            chosen,
+            peers=others,
+            absent=absent,
+            frame=common.frame_of(args),
+            align=alignments(args.align),
+            progress=advance,
         )
     common.print_json(result.as_dict()) if args.json else print(result.text())
     return 0
