@@ -1,0 +1,56 @@
+"""plumbob benchmark accuracy with other libraries, as a user meets it."""
+
+import json
+import sys
+
+import pytest
+
+from plumbob import Frame, io
+from plumbob.cli.main import main
+from plumbob.sim import simulate
+
+
+@pytest.fixture
+def folder(tmp_path):
+    run = simulate("buoy", frame=Frame.ENU, sensors="ideal", module="calibrated", seed=1, duration=10.0)
+    io.write(tmp_path / "a.parquet", io.Recording(imu=run.imu, track=run.truth, name="a"))
+    return str(tmp_path)
+
+
+def run(capsys, *words):
+    """Exit code, standard output and standard error."""
+    code = main(["benchmark", "accuracy", *words])
+    return code, *capsys.readouterr()
+
+
+def test_json_has_the_peers_beside_our_filters(capsys, folder):
+    pytest.importorskip("vqf")
+    code, out, _ = run(capsys, folder, "--filters", "mahony,integrate", "--peers", "vqf", "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert set(found) == {"settings", "align", "trials", "mean", "skipped", "absent"}
+    names = {"mahony", "integrate", "vqf.VQF", "vqf.BasicVQF", "vqf.offlineVQF"}
+    assert set(found["settings"]) == set(found["trials"]["a"]) == set(found["mean"]) == names
+    keys = {"total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"}
+    assert all(set(errors) == keys for errors in found["mean"].values())
+    assert found["absent"] == {}
+
+
+def test_the_means_stand_together_at_the_end_of_the_text(capsys, folder):
+    out = run(capsys, folder, "--filters", "mahony,tilt_compass")[1]
+    assert [line.split()[0] for line in out.splitlines()[-3:]] == ["means", "mahony", "tilt_compass"]
+    alone = run(capsys, folder, "--filters", "mahony")[1]
+    assert alone.splitlines()[-1].split()[0] == "mean"
+
+
+def test_peers_that_are_absent_are_named_and_the_others_run(capsys, folder, monkeypatch):
+    monkeypatch.setitem(sys.modules, "ahrs", None)  # Python's own way to say that there is none
+    code, out, _ = run(capsys, folder, "--filters", "mahony", "--peers", "ahrs")
+    assert code == 0
+    assert out.splitlines()[-1].startswith("peer left out: ahrs: ")
+
+
+def test_an_unknown_peer_is_one_clear_line(capsys, folder):
+    code, out, err = run(capsys, folder, "--filters", "mahony", "--peers", "px4")
+    assert (code, out) == (1, "")
+    assert "there is no peer 'px4'" in err

@@ -1,0 +1,95 @@
+"""plumbob filters as a user meets it."""
+
+import json
+import math
+
+import pytest
+
+from plumbob.cli.main import main
+from plumbob.filters import filter_names, load
+
+
+def run(capsys, *words):
+    """Exit code, standard output and standard error."""
+    code = main(["filters", *words])
+    return code, *capsys.readouterr()
+
+
+def parameter(listed, owner, name):
+    rows = listed["every_filter"] if owner is None else listed["filters"][owner]["parameters"]
+    return next(row for row in rows if row["name"] == name)
+
+
+@pytest.fixture
+def listed(capsys):
+    return json.loads(run(capsys, "--json")[1])
+
+
+def test_every_filter_says_what_it_claims_and_takes(listed):
+    assert tuple(listed["filters"]) == filter_names()
+    for name, entry in listed["filters"].items():
+        assert set(entry) == {"summary", "needs", "references", "covariance", "noise_card", "parameters"}
+        assert entry["covariance"] == hasattr(load(name), "COVARIANCE")
+        assert entry["noise_card"] == hasattr(load(name), "from_noise")
+        assert entry["summary"]
+        assert entry["references"]
+    assert listed["filters"]["ekf7"]["covariance"]
+    assert not listed["filters"]["mahony"]["covariance"]
+
+
+def test_a_parameter_has_unit_default_range_and_meaning(listed):
+    """Ranges are those of the declarations: kp 0 to 100 1/s, declination ±4 rad = ±229.183°, max_gap from 0 s on."""
+    keys = {"name", "unit", "default", "default_text", "low", "high", "range_text", "meaning"}
+    rows = [row for entry in listed["filters"].values() for row in entry["parameters"]] + listed["every_filter"]
+    for row in rows:
+        assert set(row) == keys
+        assert row["meaning"]
+    assert parameter(listed, "mahony", "kp")["range_text"] == "0 to 100 1/s"
+    assert (parameter(listed, "mahony", "kp")["low"], parameter(listed, "mahony", "kp")["high"]) == (0.0, 100.0)
+    assert parameter(listed, "mahony", "gate")["range_text"] == "0 to 1000 m/s2, or off"
+    assert parameter(listed, "mahony", "quick_start")["range_text"] == "on, off"
+    declination = parameter(listed, None, "declination")
+    assert declination["range_text"] == f"{-math.degrees(4):.6g} to {math.degrees(4):.6g} deg, or off"
+    gap = parameter(listed, None, "max_gap")
+    assert (gap["range_text"], gap["low"], gap["high"]) == ("0 s and more", 0.0, None)
+
+
+def test_every_default_lies_in_its_range(listed):
+    for entry in listed["filters"].values():
+        for row in entry["parameters"]:
+            if isinstance(row["default"], float):
+                assert (row["low"] or -math.inf) <= row["default"] <= (row["high"] or math.inf), row["name"]
+
+
+@pytest.mark.parametrize("name", filter_names())
+def test_one_filter_tells_when_to_choose_it_and_where_it_departs(capsys, name):
+    code, out, _ = run(capsys, name)
+    assert code == 0
+    assert "epartures from [" in out
+    assert out.splitlines()[0] == f"{name}: {load(name).SUMMARY}"
+    for p in load(name).Params._fields:
+        assert f"    {p} " in out
+    assert sum(line.startswith(f"{other}: ") for other in filter_names() for line in out.splitlines()) == 1
+
+
+def test_one_filter_as_json(capsys):
+    found = json.loads(run(capsys, "mekf", "--json")[1])
+    assert list(found["filters"]) == ["mekf"]
+    assert "When to choose it" in found["filters"]["mekf"]["description"]
+    assert {row["name"] for row in found["every_filter"]} == {"declination", "max_gap", "mag"}
+
+
+def test_the_list_is_one_block_per_filter(capsys):
+    code, out, _ = run(capsys)
+    assert code == 0
+    for name in filter_names():
+        assert f"{name}: {load(name).SUMMARY}" in out
+    assert out.count("claims a covariance") == sum(hasattr(load(name), "COVARIANCE") for name in filter_names())
+    assert "When to choose it" not in out
+
+
+def test_an_unknown_filter_is_one_clear_line(capsys):
+    code, out, err = run(capsys, "magic")
+    assert (code, out) == (1, "")
+    assert "there is no filter 'magic'" in err
+    assert len(err.splitlines()) == 1
