@@ -410,8 +410,10 @@ def test_a_parameter_given_twice_is_refused(buoy):
     assert "twice" in refused("run", buoy, "--filter", "mahony", "--params", "kp=0.5,kp=0.1")
 
 
-def test_warmup_says_where_kernels_are_kept_or_that_they_are_not(tmp_path):
+def test_warmup_says_where_kernels_are_kept_or_that_they_are_not(buoy, tmp_path):
     assert str(tmp_path) in ok("warmup", PLUMBOB_CACHE_DIR=str(tmp_path)).stdout
+    for words in (("run", buoy, "--filter", "mekf"), ("benchmark", "channel", "--seeds", 1)):
+        assert "compiling" not in ok(*words, PLUMBOB_CACHE_DIR=str(tmp_path)).stderr
     (tmp_path / "file").write_text("in the way")
     assert "cannot be written" in refused("warmup", PLUMBOB_CACHE_DIR=str(tmp_path / "file"))
 

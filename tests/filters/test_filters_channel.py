@@ -7,6 +7,7 @@ import pytest
 from scipy import linalg, signal
 
 from plumbob import flags
+from plumbob._jit import jit_disabled
 from plumbob.errors import ClockError, ParameterError, ShapeError
 from plumbob.filters import filter_names
 from plumbob.filters.channel import RateFilter, channel_names, load
@@ -265,6 +266,16 @@ class TestEveryChannelFilter:
             alone = RateFilter(name).process(T, rate[:, k])
             assert alone.rate.tobytes() == together.rate[:, k].tobytes()
             assert (together.flags & alone.flags == alone.flags).all()
+
+    @pytest.mark.skipif(jit_disabled(), reason="nothing is compiled here")
+    def test_warming_up_compiles_what_is_called_later(self, name):
+        """One loop for one channel, for three side by side, and for a sample alone."""
+        RateFilter(name).warm_up()
+        RateFilter(name).process(even(3), [0.1, 0.2, 0.3])
+        three = RateFilter(name, channels=3)
+        three.process(even(3), np.ones((3, 3)))
+        three.update(10**9, 0.1, 0.2, 0.3)
+        assert len(three._batch.compiled.signatures) == 1
 
     def test_a_constant_passes_as_it_is(self, name):
         """A bias is nothing that a filter of a channel could take away."""

@@ -20,14 +20,19 @@ def run(args: argparse.Namespace) -> int:
     from plumbob import _jit
     from plumbob.errors import PlumbobError
     from plumbob.filters import Filter, filter_names
+    from plumbob.filters.channel import RateFilter, channel_names
     from plumbob.rotations import Frame
 
-    names = filter_names()
-    with common.progress("compiling", len(names)) as advance:
+    names, channels = filter_names(), channel_names()
+    with common.progress("compiling", len(names) + len(channels)) as advance:
         for name in names:
             Filter(name, frame=Frame.ENU).warm_up()
             advance(1)
+        for name in channels:
+            RateFilter(name).warm_up()
+            advance(1)
     if not _jit.can_cache():
         raise PlumbobError(f"{_jit.cache_folder()} cannot be written, so compiled kernels are lost when this ends.")
-    print(f"{len(names)} filters are ready; compiled kernels are kept in {_jit.cache_folder()}")
+    ready = f"{len(names)} filters and {len(channels)} filters of a rate channel are ready"
+    print(f"{ready}; compiled kernels are kept in {_jit.cache_folder()}")
     return 0

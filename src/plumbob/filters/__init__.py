@@ -20,7 +20,7 @@ _MODULES = (
     "vqf",
 )
 
-__all__ = ["CommonParams", "Filter", "FilterModule", "filter_names", "load"]
+__all__ = ["CommonParams", "Filter", "FilterModule", "claims_covariance", "filter_names", "load", "takes_noise"]
 
 
 def filter_names() -> tuple[str, ...]:
@@ -39,3 +39,13 @@ def load(name: str) -> FilterModule:
     if name not in _MODULES:
         raise ParameterError(f"there is no filter '{name}'; known are {', '.join(_MODULES)}.")
     return cast(FilterModule, import_module(f"plumbob.filters.{name}"))
+
+
+def claims_covariance(name: str) -> bool:
+    """Whether a filter claims a covariance of its attitude."""
+    return hasattr(load(name), "COVARIANCE")
+
+
+def takes_noise(name: str) -> bool:
+    """Whether a filter takes parameters from a `NoiseCard`."""
+    return hasattr(load(name), "from_noise")

@@ -308,7 +308,7 @@ class Filter:
         args = (
             self._c, self._x, t_ns, seen, gyr.ravel(), acc.ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), found
         )  # fmt: skip
-        if cov.size:
+        if cov.shape[1]:
             self._loops.claiming.compiled(*args, place.start, cov)
         else:
             self._loops.batch.compiled(*args)
@@ -327,10 +327,11 @@ class Filter:
         return self._single(*args)
 
     def warm_up(self) -> None:
-        """Compile now, so that the first live sample does not wait."""
+        """Compile now, so that neither a recording nor the first live sample waits."""
         none = check.read_only(np.empty((0, 3)))  # as a recording's arrays are: numba tells them from writable ones
         words = check.read_only(np.empty(0, dtype=np.uint32))
-        self._batch(np.empty(0, dtype=np.int64), words, none, none, none, slice(0, 0))
+        for place in (slice(0, 0), self._covariance):
+            self._batch(np.empty(0, dtype=np.int64), words, none, none, none, place)
         self._loops.single.compiled(self._s.copy(), 0, 0, ImuSample(0).values)
 
     def save(self) -> dict[str, Any]:

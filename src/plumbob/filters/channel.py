@@ -193,6 +193,10 @@ class RateFilter:
         _, found = self._run(np.array([t_ns], dtype=np.int64), np.array([rate], dtype=np.float64))
         return int(found[0])
 
+    def warm_up(self) -> None:
+        """Compile now, so that the first sample does not wait."""
+        self._run(np.empty(0, dtype=np.int64), np.empty((0, self._x.shape[0])))
+
     def _run(self, t_ns: NDArray[np.int64], rate: Floats) -> tuple[Floats, NDArray[np.uint32]]:
         out, found = np.empty(rate.shape), np.empty(t_ns.size, dtype=np.uint32)
         self._batch(self._c, self._x, t_ns, check.read_only(rate), out, found)
