@@ -2,7 +2,7 @@
 
 from plumbob.evaluate.align import Alignment
 from plumbob.evaluate.associate import Fate, Match, associate
-from plumbob.evaluate.consistency import Consistency
+from plumbob.evaluate.consistency import Consistency, claimed_sd
 from plumbob.evaluate.evaluation import Evaluation, Settings, evaluate
 from plumbob.evaluate.html import write_html
 from plumbob.evaluate.metrics import GIMBAL_GUARD, QUANTITIES, attitude_errors
@@ -22,6 +22,7 @@ __all__ = [
     "TimeOffset",
     "associate",
     "attitude_errors",
+    "claimed_sd",
     "evaluate",
     "find_time_offset",
     "write_html",

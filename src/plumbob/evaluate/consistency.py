@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
 from plumbob.check import Floats
-from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat
+from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
 
 DOF: Final = 3
 CONFIDENCE: Final = 0.95
@@ -80,6 +80,21 @@ def consistency(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Consistency | No
         count=int(usable.size),
         unusable=int(squared.size - usable.size),
     )
+
+
+def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
+    """Standard deviations (N,), rad, that a covariance claims for inclination and heading, to first order.
+
+    The error's two level parts in the navigation frame make the inclination, its vertical part the heading; so a
+    consistent filter's errors have these rms values. NaN where nothing is claimed yet: a variance that is not positive.
+    """
+    c_nb = dcm_from_quat(q_nb)
+    xx, yy, zz = np.moveaxis(np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb), -1, 0)
+    return _sd(xx + yy), _sd(zz)
+
+
+def _sd(variance: Floats) -> Floats:
+    return np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
 def chi_square_bounds(dof: int = DOF, confidence: float = CONFIDENCE) -> tuple[float, float]:

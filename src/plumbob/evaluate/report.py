@@ -76,7 +76,7 @@ def heading_lines(e: "Evaluation") -> list[tuple[str, str]]:
         facts.append(("settling", f"{e.settings.settle:g} s left out at the start"))
     if e.reference_rate is not None:
         facts.append(("motion", f"the reference turned at {to_dps(e.reference_rate):.3g} °/s rms"))
-    if e.consistency is not None:
+    if e.estimate.cov_b is not None:
         facts.append(("covariance", describe_consistency(e)))
     facts += [("flagged", f"{n} scored samples: {name}") for name, n in e.flag_counts().items()]
     return facts
@@ -123,8 +123,10 @@ def describe_alignment(e: "Evaluation") -> list[str]:
 def describe_consistency(e: "Evaluation") -> str:
     """How the error fits the claimed covariance."""
     c = e.consistency
+    if e.estimate.cov_b is None:
+        return "none claimed"
     if c is None:
-        return "none claimed, or not comparable"
+        return f"claimed, but not judged: {e.not_scored.get('total', 'in no scored sample is it positive definite')}"
     left_out = f"; {c.unusable} samples with an unusable covariance" if c.unusable else ""
     return (
         f"NEES {c.mean:.3g} on average ({DOF} expected), {100 * c.share_inside:.1f} % inside "
