@@ -1,16 +1,16 @@
 """From a recording to an attitude: calibrate, estimate, in chunks, with progress."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from plumbob.calib.model import apply_card
-from plumbob.cards import CalibrationCard
+from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import FrameError
-from plumbob.filters import Filter
+from plumbob.filters import Filter, takes_noise
 from plumbob.rotations import Frame
 
 CHUNK = 1 << 16
@@ -31,16 +31,33 @@ class Stage:
         Its parameters; numbers in SI, text with its unit.
     label : str
         How results are called; the filter's name where empty.
+    noise : NoiseCard or None
+        Noise of the unit, for a filter that takes its parameters from it; `params` has the last word.
     """
 
     filter: str
     params: Mapping[str, Any]
     label: str = ""
+    noise: NoiseCard | None = None
 
     @property
     def name(self) -> str:
         """Label, or the filter's name."""
         return self.label or self.filter
+
+
+def with_noise(stages: Sequence[Stage], card: NoiseCard) -> list[Stage]:
+    """Stages with a noise card for each filter that takes one; for all where none does, so that the filter refuses it.
+
+    Parameters
+    ----------
+    stages : sequence of Stage
+        Filters with their parameters.
+    card : NoiseCard
+        Noise of the unit.
+    """
+    takers = [stage.filter for stage in stages if takes_noise(stage.filter)]
+    return [replace(stage, noise=card) if stage.filter in takers or not takers else stage for stage in stages]
 
 
 def navigation_frame(imu: ImuData, asked: Frame | None, *, where: str) -> Frame:
@@ -63,24 +80,26 @@ def calibrated(imu: ImuData, card: CalibrationCard | None) -> ImuData:
 
 
 def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | None = None) -> AttitudeTrack:
-    """Attitude at every sample of a recording; headings are true where the recording knows its declination.
+    """Attitude at every sample of a recording, with its covariance where the filter claims one.
+
+    Headings are true where the recording knows its declination.
 
     Parameters
     ----------
     imu : ImuData
         Calibrated samples.
     stage : Stage
-        Filter and parameters.
+        Filter, parameters and noise card.
     frame : Frame
         Navigation frame of the result.
     progress : callable, optional
         Called with the number of samples done since the last call.
     """
     known = {} if imu.meta.declination is None else {"declination": imu.meta.declination}
-    filter_ = Filter(stage.filter, frame=frame, params={**known, **stage.params})
+    filter_ = Filter(stage.filter, frame=frame, params={**known, **stage.params}, noise=stage.noise)
     parts = []
     for chunk in imu.chunks(CHUNK):
-        parts.append(filter_.process(chunk))
+        parts.append(filter_.process(chunk, covariance=True))
         if progress:
             progress(len(chunk))
     return _joined(parts)
@@ -93,4 +112,7 @@ def _joined(parts: list[AttitudeTrack]) -> AttitudeTrack:
     def every(name: str) -> Any:
         return np.concatenate([getattr(part, name) for part in parts])
 
-    return replace(parts[0], t=every("t"), q_nb=every("q_nb"), bias_b=every("bias_b"), flags=every("flags"))
+    cov_b = None if parts[0].cov_b is None else every("cov_b")
+    return replace(
+        parts[0], t=every("t"), q_nb=every("q_nb"), bias_b=every("bias_b"), flags=every("flags"), cov_b=cov_b
+    )

@@ -8,7 +8,7 @@ import numpy as np
 
 from plumbob.check import Floats
 from plumbob.evaluate import evaluate
-from plumbob.pipeline import Stage, estimate
+from plumbob.pipeline import Stage, estimate, with_noise
 from plumbob.rotations import Frame
 from plumbob.sim import simulate
 from plumbob.units import to_deg
@@ -103,6 +103,7 @@ def measure_scenario(
     settings: Mapping[str, Any],
     settle: float = 0.0,
     limit: float | None = None,
+    own_noise: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> MonteCarlo:
     """Simulate a scenario with each seed and run each filter on it.
@@ -125,6 +126,8 @@ def measure_scenario(
         Time from the start that is left out, s.
     limit : float, optional
         Error of roll and pitch, rad: the share of the seeds that keep it is told, and how the filters compare.
+    own_noise : bool
+        Give each filter that takes one the noise card of the simulated unit.
     progress : callable, optional
         Called with 1 after each seed.
     """
@@ -132,7 +135,7 @@ def measure_scenario(
     ran: dict[str, str] = {}
     for seed in seeds:
         run = simulate(scenario, frame=frame, sensors=sensors, module=module, seed=seed, **settings)
-        for stage in stages:
+        for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = estimate(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
             figures = evaluate(track, run.truth, settle=settle).summary()
@@ -141,6 +144,8 @@ def measure_scenario(
             progress(1)
     what = run.truth.source.rpartition(", seed")[0]
     title = f"{what}; sensors {sensors} ({module}); {len(seeds)} seeds; first {settle:g} s left out"
+    if own_noise:
+        title += "; noise cards of the units"
     return MonteCarlo(title, ran, values, None if limit is None else to_deg(limit))
 
 

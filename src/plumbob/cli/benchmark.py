@@ -9,6 +9,7 @@ from plumbob.cli.sim import add_scenario_options, scenario_settings
 
 if TYPE_CHECKING:
     from plumbob.benchmark import Case
+    from plumbob.pipeline import Stage
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -36,6 +37,7 @@ def _add_accuracy(kinds: common.Adder) -> None:
     p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
     _add_filters(p)
     _add_peers(p, "; ahrs takes a second for 5000 samples")
+    common.add_noise(p)
     p.add_argument("--align", default="", metavar="A,B", help="remove heading, mounting or time offsets first")
     common.add_frame(p, "navigation frame where a recording names none")
     common.add_json(p)
@@ -50,6 +52,9 @@ def _add_scenario(kinds: common.Adder) -> None:
     )
     add_scenario_options(p)
     _add_filters(p)
+    p.add_argument(
+        "--noise", metavar="JSON|own", help="noise card for filters that take one; own: of the simulated unit"
+    )
     p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
     p.add_argument("--settle", default="0", metavar="S", help="leave out so much at the start, as 60s (default 0)")
     p.add_argument("--limit", metavar="A", help="tell in how many seeds roll and pitch stay within this, as 1deg")
@@ -99,7 +104,8 @@ def run_accuracy(args: argparse.Namespace) -> int:
     from plumbob.benchmark import measure_accuracy, peer_runs, trials_in
     from plumbob.cli.eval import alignments
 
-    files, chosen = trials_in(args.folder), common.stages(args.filters, args.params)
+    files = trials_in(args.folder)
+    chosen = common.given_noise(common.stages(args.filters, args.params), args.noise)
     others, absent = peer_runs(args.peers)
     common.warn_of_compiling([stage.filter for stage in chosen])
     runs = len(chosen) + len(others)
@@ -125,7 +131,7 @@ def run_scenario(args: argparse.Namespace) -> int:
 
     if args.seeds < 1:
         raise ParameterError(f"--seeds must be at least 1, but it is {args.seeds}.")
-    chosen = common.stages(args.filters, args.params)
+    chosen, own_noise = _with_noise(common.stages(args.filters, args.params), args.noise)
     frame, settings = scenario_settings(args)
     common.warn_of_compiling([stage.filter for stage in chosen])
     with common.progress(f"{args.seeds} seeds", args.seeds) as advance:
@@ -139,10 +145,19 @@ def run_scenario(args: argparse.Namespace) -> int:
             settings=settings,
             settle=parse(args.settle, Quantity.TIME),
             limit=None if args.limit is None else parse(args.limit, Quantity.ANGLE),
+            own_noise=own_noise,
             progress=advance,
         )
     common.print_json(result.as_dict()) if args.json else print(result.text())
     return 0
+
+
+def _with_noise(chosen: "list[Stage]", noise: str | None) -> "tuple[list[Stage], bool]":
+    """Filters with the noise card that --noise names, and whether each simulated unit's own is to be taken."""
+    if noise != "own":
+        return common.given_noise(chosen, None if noise is None else Path(noise)), False
+    common.tell_noise(chosen)
+    return chosen, True
 
 
 def run_faults(args: argparse.Namespace) -> int:

@@ -33,6 +33,13 @@ def add_profile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--profile", type=Path, metavar="TOML", help="what the columns of a CSV or text file mean")
 
 
+def add_noise(
+    parser: argparse.ArgumentParser, help_: str = "noise card of the unit, for filters that take one"
+) -> None:
+    """Option --noise."""
+    parser.add_argument("--noise", type=Path, metavar="JSON", help=help_)
+
+
 def frame_of(args: argparse.Namespace) -> "Frame | None":
     """Frame that --frame names, if any."""
     from plumbob.rotations import Frame
@@ -104,6 +111,27 @@ def stages(names: str, params: str | None) -> "list[Stage]":
     return [Stage(name, values) for name, values in by_filter.items()]
 
 
+def given_noise(chosen: "Sequence[Stage]", path: Path | None) -> "list[Stage]":
+    """Stages with the noise card of a file, where one is named, for each filter that takes one."""
+    from plumbob.cards import NoiseCard
+    from plumbob.pipeline import with_noise
+
+    if path is None:
+        return list(chosen)
+    card = NoiseCard.load(path)
+    tell_noise(chosen)
+    return with_noise(chosen, card)
+
+
+def tell_noise(chosen: "Sequence[Stage]") -> None:
+    """Say which of several filters take a noise card, and which do not."""
+    from plumbob.filters import takes_noise
+
+    takers, others = ([s.filter for s in chosen if takes_noise(s.filter) is takes] for takes in (True, False))
+    if takers and others:
+        note(f"the noise card is for {', '.join(takers)}; {', '.join(others)} can take nothing from it")
+
+
 def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
     """Names and values of ``name=value,...`` or of a TOML file, where a table's name goes before its keys."""
     from plumbob.errors import ParameterError
@@ -159,8 +187,10 @@ def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
 def warn_of_compiling(names: Sequence[str]) -> None:
     """Say why the next call waits, where a filter has not been compiled on this machine yet."""
     from plumbob import _jit
+    from plumbob.filters import claims_covariance, filter_names
 
-    cold = [name for name in dict.fromkeys(names) if _jit.is_cold(f"batch_{name}")]
+    loops = {name: "claiming" if name in filter_names() and claims_covariance(name) else "batch" for name in names}
+    cold = [name for name, loop in loops.items() if _jit.is_cold(f"{loop}_{name}")]
     if cold:
         kept = f"once; it is kept in {_jit.cache_folder()}" if _jit.can_cache() else "at each run: no cache can be kept"
         note(f"compiling {', '.join(cold)} for this processor, which takes some seconds, {kept}")

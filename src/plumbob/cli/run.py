@@ -1,6 +1,7 @@
 """plumbob run: from a recording to an attitude."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ from plumbob.cli import common
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack, ImuData
+    from plumbob.pipeline import Stage
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -23,6 +25,7 @@ def add_parser(verbs: common.Adder) -> None:
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
     common.add_profile(p)
     p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply first")
+    common.add_noise(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
     common.add_json(p)
     p.set_defaults(run=run)
@@ -37,7 +40,8 @@ def run(args: argparse.Namespace) -> int:
     chosen = common.stages(args.filter, args.params)
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
-    common.keep_inputs(args.file, args.profile, args.calibration, out=args.out)
+    common.keep_inputs(args.file, args.profile, args.calibration, args.noise, out=args.out)
+    stage = common.given_noise(chosen, args.noise)[0]
     recording = io.read(args.file, profile=args.profile)
     if recording.imu is None:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
@@ -46,14 +50,14 @@ def run(args: argparse.Namespace) -> int:
     imu = pipeline.calibrated(recording.imu, card)
     found = io.found_in(recording.notes) if card is None else io.findings(imu)
     common.note(*(f"{args.file.name}: {line}" for line in found))
-    common.warn_of_compiling([chosen[0].filter])
-    with common.progress(f"{chosen[0].name}", len(imu)) as advance:
-        track = pipeline.estimate(imu, chosen[0], frame=frame, progress=advance)
+    common.warn_of_compiling([stage.filter])
+    with common.progress(f"{stage.name}", len(imu)) as advance:
+        track = pipeline.estimate(imu, stage, frame=frame, progress=advance)
     _warn_of_restarts(imu, track)
     if args.out:
         provenance = (f"estimated from {args.file.name} by {track.source}", _calibrated(imu))
         io.write(args.out, track, notes=provenance)
-    report = _report(args, imu, track)
+    report = _report(args, imu, track) | {"noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
     if recording.track is not None:
         report["errors"] = _errors(track, recording.track)
     common.print_json(report) if args.json else _print(report)
@@ -77,6 +81,23 @@ def _warn_of_restarts(imu: "ImuData", track: "AttitudeTrack") -> None:
 
 def _calibrated(imu: "ImuData") -> str:
     return f"calibrated with {imu.meta.calibration}" if imu.meta.calibration else "from uncalibrated sensor values"
+
+
+def _noise(stage: "Stage") -> str | None:
+    return f"{stage.noise.device} ({stage.noise.source})" if stage.noise else None
+
+
+def _claimed(track: "AttitudeTrack") -> dict[str, float | None] | None:
+    """Standard deviations that the filter claims for its last attitude; none for a heading that is free."""
+    from plumbob.evaluate import claimed_sd
+    from plumbob.rotations import North
+    from plumbob.units import to_deg
+
+    if track.cov_b is None:
+        return None
+    tilt, heading = (float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:]))
+    known = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
+    return {name: to_deg(sd) if math.isfinite(sd) else None for name, sd in known.items()}
 
 
 def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") -> dict[str, Any]:
@@ -123,8 +144,14 @@ def _print(report: dict[str, Any]) -> None:
     print(f"filter       {report['filter']}")
     print(f"frame        {report['frame']}, heading from {common.zero_of(report['north'])}")
     print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
+    if report["noise_card"]:
+        print(f"noise card   {report['noise_card']}")
     print(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
     print(f"heading      {last['heading']:.3f}° clockwise from {common.zero_of(report['north'])}, of the body's x axis")
+    if report["claimed_sd_deg"]:
+        claims = report["claimed_sd_deg"].items()
+        told = ", ".join(f"{name} {'unknown' if sd is None else f'{sd:.3f}°'}" for name, sd in claims)
+        print(f"claimed      {told} (standard deviations at the end)")
     for name, count in report["flags"].items():
         print(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
     for name, value in report.get("errors", {}).items():
