@@ -153,8 +153,8 @@ def covariance(q_nb: Floats, entries: Floats) -> Floats:
     p = np.empty((len(entries), 4, 4))
     p[:, rows, columns] = p[:, columns, rows] = entries
     q0, q1, q2, q3 = q_nb.T
-    xi = np.array([[-q1, -q2, -q3], [q0, -q3, q2], [q3, q0, -q1], [-q2, q1, q0]])
-    found: Floats = 4.0 * np.einsum("ain,nab,bjn->nij", xi, p, xi)
+    xi = np.moveaxis(np.array([[-q1, -q2, -q3], [q0, -q3, q2], [q3, q0, -q1], [-q2, q1, q0]]), 2, 0)
+    found: Floats = 4.0 * (np.swapaxes(xi, 1, 2) @ (p @ xi))
     return found
 
 
