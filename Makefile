@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test lint bench clean
+.PHONY: setup demo test lint bench endurance clean
 
 setup: $(VENV)/.installed
 
@@ -35,6 +35,9 @@ test: lint
 
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py
+
+endurance: setup
+	$(BIN)/python benchmarks/endurance.py
 
 clean:
 	rm -rf $(VENV) demo-out bench-out build dist
