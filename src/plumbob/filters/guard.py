@@ -43,7 +43,7 @@ STEADY: Final = 0.03 * G0
 STEADY_TAU: Final = 3.0
 """over this, s, is that of a body which does not accelerate."""
 KEEPS_ON: Final = 0.06 * G0
-"""One whose mean is longer than gravity by this, m/s², over the same time, is that of a body which keeps on doing so."""
+"""If its mean is longer than gravity by this, m/s², over the same time, the body keeps accelerating."""
 GRAVITY_SIZE: Final = 4
 
 GUARD_SIZE: Final = 4
@@ -127,7 +127,7 @@ def only_gravity(x: Floats, at: int, dt: float, ax: float, ay: float, az: float)
 
 @njit
 def keeps_accelerating(x: Floats, at: int, dt: float, mx: float, my: float, mz: float) -> bool:
-    """True where the mean specific force m has been longer than gravity for some seconds: no wave or stroke does that."""
+    """True where the mean specific force m has been too long for some seconds: no wave or stroke does that."""
     beyond = math.sqrt(mx * mx + my * my + mz * mz) - x[at]
     x[at + 3] += dt / (dt + STEADY_TAU) * (beyond - x[at + 3])
     return bool(x[at + 3] > KEEPS_ON)

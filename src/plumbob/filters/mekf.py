@@ -355,8 +355,8 @@ def stand_still(x: Floats, axis: int, var: float) -> float:
 def point_north(x: Floats, lean_x: float, lean_y: float, angle: float, var: float) -> float:
     """Heading angle that a field shows through a tilt; it corrects heading and bias. Returns its squared innovation.
 
-    Tilt and velocity are only considered: their entries of P among themselves stay, as Joseph's form with a gain of zero
-    for them leaves them.
+    Tilt and velocity are only considered: their entries of P among themselves stay, as Joseph's form with a gain of
+    zero for them leaves them.
     """
     for k in range(N):
         x[COLUMN + k] = lean_x * pair(x, 0, k) + lean_y * pair(x, 1, k) + pair(x, 2, k)
