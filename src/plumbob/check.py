@@ -12,7 +12,11 @@ Floats = NDArray[np.float64]
 
 
 def floats(name: str, value: ArrayLike) -> Floats:
-    """Return `value` as a C-contiguous float64 array, refusing masked, complex, text and object arrays."""
+    """Return `value` as a C-contiguous float64 array, refusing masked, complex, truth, text and object arrays."""
+    return _float64(name, value, "fiu")
+
+
+def _float64(name: str, value: ArrayLike, kinds: str) -> Floats:
     if isinstance(value, np.ma.MaskedArray) or (
         isinstance(value, list | tuple) and any(isinstance(v, np.ma.MaskedArray) for v in value)
     ):
@@ -21,7 +25,7 @@ def floats(name: str, value: ArrayLike) -> Floats:
         array: NDArray[Any] = np.asarray(value)
     except ValueError as error:
         raise ShapeError(f"{name} must be an array of numbers, but NumPy cannot make one of it: {error}") from error
-    if array.dtype.kind not in "fiub":
+    if array.dtype.kind not in kinds:
         raise ShapeError(f"{name} must hold real numbers, but its type is {array.dtype}.")
     return np.asarray(array, dtype=np.float64, order="C")
 
@@ -47,7 +51,10 @@ def rows(name: str, value: ArrayLike, columns: int, count: int | None = None) ->
 
 def column(name: str, value: ArrayLike, count: int | None = None) -> Floats:
     """Return `value` as a float64 vector and, where given, of `count` entries."""
-    array = floats(name, value)
+    return _one_column(name, floats(name, value), count)
+
+
+def _one_column(name: str, array: Floats, count: int | None) -> Floats:
     if array.ndim != 1:
         raise ShapeError(f"{name} must have shape (N,), but its shape is {array.shape}.")
     if count is not None and array.shape[0] != count:
@@ -67,7 +74,7 @@ def bits(name: str, value: ArrayLike, count: int) -> NDArray[np.uint32]:
 
 def mask(name: str, value: ArrayLike, count: int) -> NDArray[np.bool_]:
     """Return `value` as `count` truth values; numbers must be 0 or 1."""
-    marks = column(name, value, count)
+    marks = _one_column(name, _float64(name, value, "fiub"), count)
     bad = (marks != 0.0) & (marks != 1.0)
     if bad.any():
         i = int(np.argmax(bad))

@@ -45,6 +45,9 @@ class TestFloats:
         [
             (np.ma.masked_array([1.0, 2.0], [False, True]), r"x is a masked array; .*x\.filled\(np\.nan\)"),
             ([np.ma.masked_array([1.0, 2.0], [False, True])], "masked array"),
+            ([False, False, True], "x must hold real numbers, but its type is bool"),
+            (True, "type is bool"),
+            (np.zeros((2, 3), dtype=bool), "type is bool"),
             ([1 + 2j], "real numbers, but its type is complex128"),
             (["1.0"], "real numbers, but its type is <U3"),
             ([b"1.0"], r"type is \|S3"),
@@ -108,6 +111,19 @@ class TestMask:
     @pytest.mark.parametrize("value", [[True, False], [1, 0], [1.0, 0.0], np.array([1, 0], dtype=np.uint8)])
     def test_truth_values(self, value):
         assert check.mask("score", value, 2).tolist() == [True, False]
+
+    @pytest.mark.parametrize(
+        ("value", "says"),
+        [
+            (np.ma.masked_array([True, False], [False, True]), "masked array"),
+            (["yes", "no"], "real numbers"),
+            (True, r"shape \(N,\)"),
+            ([True], r"one entry per time stamp \(2\)"),
+        ],
+    )
+    def test_what_is_no_column_of_truth_values(self, value, says):
+        with pytest.raises(ShapeError, match=f"score .*{says}"):
+            check.mask("score", value, 2)
 
     @pytest.mark.parametrize("bad", [2, -1, np.nan, 0.5])
     def test_refused(self, bad):

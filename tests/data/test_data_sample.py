@@ -1,0 +1,144 @@
+"""One sample: what is taken, what is refused, and a recording taken apart into samples."""
+
+import numpy as np
+import pytest
+
+from plumbob import Filter, Frame, ImuData, ImuSample, flags
+from plumbob.data import ImuMeta
+from plumbob.errors import ClockError, ShapeError
+from tests.battery.motion import noisy
+
+TRIADS = ("gyr", "acc", "mag")
+NINE = np.arange(1.0, 10.0)
+
+
+def same(a, b):
+    return np.array_equal(a, b, equal_nan=True)
+
+
+class TestImuSample:
+    def test_triads_stand_in_order_and_absent_ones_are_nan(self):
+        s = ImuSample(5, gyr=[1.0, 2.0, 3.0], mag=(7, 8, 9))
+        assert same(s.values, [1, 2, 3, np.nan, np.nan, np.nan, 7, 8, 9])
+        assert (s.t_ns, s.temp_c, s.flags) == (5, None, 0)
+        assert same(ImuSample(0).values, np.full(9, np.nan))
+
+    def test_triads_and_packed_make_the_same_sample(self):
+        apart = ImuSample(-7, NINE[:3], NINE[3:6], NINE[6:], temp_c=21.5, flags=flags.GAP)
+        packed = ImuSample.packed(-7, NINE, 21.5, flags.GAP)
+        for s in (apart, packed):
+            assert (s.t_ns, s.temp_c, s.flags) == (-7, 21.5, flags.GAP)
+            assert s.values.tobytes() == NINE.tobytes()
+            assert [getattr(s, name).tolist() for name in TRIADS] == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+
+    @pytest.mark.parametrize(
+        "dress",
+        [
+            np.array([1, 2, 3], dtype=np.int8),
+            np.array([1, 2, 3], dtype=np.uint64),
+            np.array([1, 2, 3], dtype=np.float16),
+            np.array([1, 2, 3], dtype=np.float32),
+            np.array([1, 2, 3], dtype=">f8"),
+            np.array([3.0, 2.0, 1.0])[::-1],
+            memoryview(np.array([1.0, 2.0, 3.0])),
+            range(1, 4),
+        ],
+        ids=lambda v: f"{type(v).__name__}-{getattr(v, 'dtype', '')}",
+    )
+    @pytest.mark.parametrize("triad", TRIADS)
+    def test_numbers_in_any_dress(self, triad, dress):
+        s = ImuSample(0, **{triad: dress})
+        assert s.values.dtype == np.float64
+        assert s.values.dtype.isnative
+        assert getattr(s, triad).tolist() == [1.0, 2.0, 3.0]
+
+    @pytest.mark.parametrize(
+        ("wrong", "says"),
+        [
+            ([False, False, True], "must hold real numbers, but its type is bool"),
+            ([1j, 0, 0], "must hold real numbers, but its type is complex128"),
+            (["1", "2", "3"], "must hold real numbers"),
+            ([1.0, None, 3.0], "must hold real numbers, but its type is object"),
+            (np.ma.masked_array([1.0, 2.0, 3.0], [0, 1, 0]), "masked array"),
+            ([[1.0], [2.0, 3.0], [4.0]], "must be an array of numbers"),
+        ],
+    )
+    def test_what_is_no_number_is_refused_by_name(self, wrong, says):
+        for triad in TRIADS:
+            with pytest.raises(ShapeError, match=f"{triad} .*{says}"):
+                ImuSample(0, **{triad: wrong})
+
+    @pytest.mark.parametrize("wrong", [np.zeros(8), np.zeros((3, 3)), np.zeros((9, 1)), 0.0, []])
+    def test_packed_takes_nine(self, wrong):
+        with pytest.raises(ShapeError, match=r"values of a sample must have shape \(9,\), but their shape is"):
+            ImuSample.packed(0, wrong)
+        with pytest.raises(ShapeError, match="values must hold real numbers, but its type is bool"):
+            ImuSample.packed(0, np.zeros(9, dtype=bool))
+
+    @pytest.mark.parametrize("t", [0.5, "0", None, np.float64(3.0)])
+    def test_a_time_that_is_no_whole_number_is_refused(self, t):
+        for make in (lambda: ImuSample(t), lambda: ImuSample.packed(t, NINE)):
+            with pytest.raises(ClockError, match="whole number of nanoseconds, but it is"):
+                make()
+
+    def test_the_numbers_are_its_own_and_cannot_be_written(self):
+        mine = NINE.copy()
+        for s in (ImuSample.packed(0, mine), ImuSample(0, mine[:3], mine[3:6], mine[6:])):
+            mine[:] = -1.0
+            assert s.values.tolist() == NINE.tolist()
+            mine[:] = NINE
+            for view in (s.values, s.gyr, s.acc, s.mag):
+                with pytest.raises(ValueError, match="read-only"):
+                    view[0] = 0.0
+
+    def test_it_shows_all_it_holds(self):
+        s = ImuSample(12, gyr=[0.5, 0.0, -0.5], temp_c=20.0, flags=3)
+        none = "[nan, nan, nan]"
+        assert repr(s) == f"ImuSample(t_ns=12, gyr=[0.5, 0.0, -0.5], acc={none}, mag={none}, temp_c=20.0, flags=3)"
+
+
+class TestSamplesOfARecording:
+    def test_put_together_again_they_are_the_recording(self):
+        plain = noisy(300)
+        gyr = plain.gyr.copy()
+        gyr[7] = 30.0
+        temp_c = np.linspace(20.0, 21.0, 300)
+        meta = ImuMeta(gyr_range=30.0)  # so that a sample is clipped, which only its flags say
+        data = ImuData(t=plain.t, gyr=gyr, acc=plain.acc, mag=plain.mag, temp_c=temp_c, meta=meta)
+        samples = list(data.samples())
+        again = ImuData(
+            t=[s.t_ns / 1e9 for s in samples],
+            **{name: [getattr(s, name) for s in samples] for name in TRIADS},
+            temp_c=[s.temp_c for s in samples],
+            flags=[s.flags for s in samples],
+        )
+        assert [s.t_ns for s in samples] == data.t_ns.tolist()
+        assert again.t.tobytes() == data.t.tobytes()
+        for name in TRIADS:
+            assert getattr(again, name).tobytes() == getattr(data, name).tobytes()
+        assert again.temp_c.tobytes() == data.temp_c.tobytes()
+        assert again.flags.tolist() == data.flags.tolist()
+        assert again.flags[7] & flags.GYR_CLIPPED
+
+    @pytest.mark.parametrize("has", TRIADS)
+    def test_a_triad_that_the_unit_lacks_is_nan(self, has):
+        data = ImuData(t=[0.0, 0.1], **{has: [[1.0, 2.0, 9.0]] * 2})
+        for s in data.samples():
+            assert s.temp_c is None
+            for name in TRIADS:
+                assert same(getattr(s, name), [1.0, 2.0, 9.0] if name == has else [np.nan] * 3)
+
+    def test_a_part_keeps_its_times_and_flags(self):
+        data = noisy(50)
+        whole, part = list(data.samples())[20:30], list(data[20:30].samples())
+        assert [(s.t_ns, s.flags, s.values.tobytes()) for s in part] == [
+            (s.t_ns, s.flags, s.values.tobytes()) for s in whole
+        ]
+
+    def test_samples_outlive_the_recording_and_the_filter_leaves_them_alone(self):
+        samples = list(noisy(20).samples())
+        before = [s.values.tobytes() for s in samples]
+        f = Filter("mahony", frame=Frame.ENU)
+        for s in samples:
+            f.update(s)
+        assert [s.values.tobytes() for s in samples] == before
