@@ -50,22 +50,23 @@ GUARD_SIZE: Final = 4
 _SPIKE, _WAITING = 0, 3  # places of the rate that waits for confirmation, and of whether one does
 
 Admitted = tuple[int, float, float, float, float, float]
+Held = tuple[bool, float, float, float, float, float, float]
 
 
 @njit
-def hold_spike(x: Floats, at: int, dt: float, gx: float, gy: float, gz: float) -> tuple[bool, float, float, float]:
-    """Hold back a rate that jumps; returns whether it was, and the rate to use."""
+def hold_spike(x: Floats, at: int, dt: float, gx: float, gy: float, gz: float) -> Held:
+    """Hold back a rate that jumps; returns whether it was, the rate to use, and what must be made up for."""
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
     jump = max(abs(gx - px), abs(gy - py), abs(gz - pz))
     if not jump > JUMP * dt or x[HELD] > 0.0:
         x[at + _WAITING] = 0.0
-        return False, gx, gy, gz
+        return False, gx, gy, gz, 0.0, 0.0, 0.0
     if x[at + _WAITING] == 0.0:
         x[at + _SPIKE], x[at + _SPIKE + 1], x[at + _SPIKE + 2], x[at + _WAITING] = gx, gy, gz, 1.0
-        return True, px, py, pz
+        return True, px, py, pz, 0.0, 0.0, 0.0
     x[at + _WAITING] = 0.0  # confirmed: what the held sample did not turn is made up for
     sx, sy, sz = x[at + _SPIKE], x[at + _SPIKE + 1], x[at + _SPIKE + 2]
-    return False, gx + sx - px, gy + sy - py, gz + sz - pz
+    return False, gx, gy, gz, sx - px, sy - py, sz - pz
 
 
 @njit
@@ -95,14 +96,16 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
         Flags; the step, s, zero after a gap; the rate to turn with, rad/s; the angle that may have been missed, rad.
     """
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
-    spike = False
+    spike, ox, oy, oz = False, 0.0, 0.0, 0.0
     if seen & flags.GYR_STUCK:
         gx = math.nan
     elif dt > 0.0:
-        spike, gx, gy, gz = hold_spike(x, at, dt, gx, gy, gz)
+        spike, gx, gy, gz, ox, oy, oz = hold_spike(x, at, dt, gx, gy, gz)
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
     if spike:
         found |= flags.GYR_HELD
+    elif not found & flags.GYR_HELD:  # added after `admit`, which keeps the rate that the next one is compared with
+        gx, gy, gz = gx + ox, gy + oy, gz + oz
     if dt > LONG_STEP:
         found |= flags.GAP
     return found, dt, gx, gy, gz, missed_angle(x, seen, dt, px, py, pz)

@@ -1,0 +1,204 @@
+"""What is let in: a spike that waits, one that is confirmed, and the angle that may have been missed."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plumbob import Filter, Frame, flags
+from plumbob.constants import IMPOSSIBLE_RATE
+from plumbob.filters.admission import HOLD
+from plumbob.filters.guard import (
+    GUARD_SIZE,
+    JUMP,
+    LONG_STEP,
+    UNKNOWN_CHANGE,
+    UNKNOWN_RATE,
+    admit_rate,
+    trusted,
+)
+from plumbob.filters.layout import OWN, RATE, STAGE
+
+DT = 0.01
+AT = OWN
+NAN = (math.nan,) * 3
+LIMIT = JUMP * DT
+"""Largest change of a rate in one step that is no spike, rad/s."""
+
+
+class Gate:
+    """The guard with its state."""
+
+    def __init__(self):
+        self.c = Filter("integrate", frame=Frame.ENU)._c  # for its largest gap, 1 s
+        self.x = np.zeros(OWN + GUARD_SIZE)
+        self.x[STAGE] = 2.0
+
+    def take(self, rate, dt=DT, seen=0):
+        """Feed one rate; returns flags, step, rate to turn with and missed angle."""
+        found, dt, *turning, missed = admit_rate.py_func(self.c, self.x, AT, dt, seen, *rate)
+        return found, dt, np.array(turning), missed
+
+    def turned(self, rates):
+        """Angle about each axis after these rates, rad."""
+        return sum(dt * w for _, dt, w, _ in map(self.take, rates))
+
+
+def steady(rate, n=5):
+    gate = Gate()
+    for _ in range(n):
+        gate.take(rate)
+    return gate
+
+
+class TestSpike:
+    @pytest.mark.parametrize("axis", [0, 1, 2])
+    @pytest.mark.parametrize("sign", [-1.0, 1.0])
+    def test_it_is_held_for_one_sample_and_forgotten(self, axis, sign):
+        gate, base = steady([0.1, 0.2, 0.3]), np.array([0.1, 0.2, 0.3])
+        spike = base + sign * 1.01 * LIMIT * np.eye(3)[axis]
+        found, dt, rate, missed = gate.take(spike)
+        assert found == flags.GYR_HELD
+        assert (dt, missed) == (DT, 0.0)
+        assert rate.tolist() == base.tolist()
+        for _ in range(3):
+            found, _, rate, _ = gate.take(base)
+            assert found == 0
+            assert rate.tolist() == base.tolist()
+
+    def test_a_change_that_a_body_can_make_is_not_held(self):
+        gate = steady([0.0, 0.0, 0.0])
+        found, _, rate, _ = gate.take([0.99 * LIMIT, -0.99 * LIMIT, 0.0])
+        assert found == 0
+        assert rate.tolist() == [0.99 * LIMIT, -0.99 * LIMIT, 0.0]
+
+    @given(st.lists(st.floats(-30.0, 30.0), min_size=6, max_size=6))
+    @settings(deadline=None)
+    def test_confirmed_it_is_made_up_for_and_the_angle_is_exact(self, six):
+        """A body that is hit: the rate jumps and stays; one sample late, but not an angle lost."""
+        before, after = np.array(six[:3]), np.array(six[3:])
+        if not 1.001 * LIMIT < np.abs(after - before).max():
+            after[0] = before[0] + 2.0 * LIMIT
+        gate = steady(before)
+        found, _, held, _ = gate.take(after)
+        assert found == flags.GYR_HELD
+        assert held.tolist() == before.tolist()
+        found, _, twice, _ = gate.take(after)
+        assert found == 0
+        total = DT * (held + twice)
+        for _ in range(3):
+            found, _, rate, _ = gate.take(after)
+            assert found == 0
+            assert rate.tolist() == after.tolist()
+            total += DT * rate
+        assert np.abs(total - 5.0 * DT * after).max() < 20 * np.finfo(float).eps * 5.0 * DT * 150.0  # rates up to 150
+
+    def test_two_samples_of_different_size_confirm_each_other(self):
+        """Both say that the rate was not what it had been; what counts is the angle of both."""
+        gate = steady([0.0, 0.0, 0.0])
+        angle = gate.turned([[15.0, 0.0, 0.0], [20.0, 0.0, 0.0], [20.0, 0.0, 0.0]])
+        assert angle[0] == pytest.approx(0.55, rel=1e-12)
+
+    def test_spikes_with_a_good_sample_between_are_each_held(self):
+        gate, angle = steady([0.0, 0.0, 1.0]), np.zeros(3)
+        for _ in range(10):
+            angle += gate.turned([[50.0, 0.0, 1.0], [0.0, 0.0, 1.0]])
+        assert angle == pytest.approx([0.0, 0.0, 0.2], rel=1e-12)
+
+    def test_after_a_missing_rate_nothing_is_known_to_jump_from(self):
+        gate = steady([0.0, 0.0, 0.0])
+        assert gate.take(NAN)[0] == flags.GYR_HELD
+        found, _, rate, _ = gate.take([20.0, 0.0, 0.0])
+        assert found == 0
+        assert rate[0] == 20.0
+
+    def test_a_rate_that_turns_more_than_half_a_revolution_is_never_let_in(self):
+        """Confirmed or not: 400 rad/s turns 4 rad in 10 ms, of which the axis is not known."""
+        gate = steady([0.0, 0.0, 1.0])
+        for _ in range(5):
+            found, _, rate, _ = gate.take([400.0, 0.0, 1.0])
+            assert found & flags.GYR_HELD
+            assert rate[0] == 0.0
+
+    def test_the_first_sample_has_no_step_and_nothing_to_compare_with(self):
+        gate = Gate()
+        assert gate.take([20.0, 0.0, 0.0], dt=0.0)[0] == 0
+        found, _, rate, _ = gate.take([20.0, 0.0, 0.0])
+        assert (found, rate[0]) == (0, 20.0)
+
+
+class TestStuck:
+    def test_a_stuck_rate_is_none(self):
+        gate = steady([0.1, 0.2, 0.3])
+        found, _, rate, missed = gate.take([5.0, 5.0, 5.0], seen=flags.GYR_STUCK)
+        assert found == flags.GYR_HELD
+        assert rate.tolist() == [0.1, 0.2, 0.3]
+        assert missed > 0.0
+
+
+class TestMissedAngle:
+    def test_nothing_is_missed_while_the_rate_is_known(self):
+        gate = Gate()
+        for _ in range(20):
+            assert gate.take([3.0, -2.0, 1.0])[3] == 0.0
+
+    def test_without_a_rate_the_doubt_grows_and_then_all_is_unknown(self):
+        """While the last rate is held its change is unknown, Σ α·t·Δt → α HOLD²/2; then the rate itself."""
+        gate, total = steady([1.0, 0.0, 0.0]), 0.0
+        for k in range(1, 51):
+            found, _, rate, missed = gate.take(NAN)
+            assert found == flags.GYR_HELD
+            held = k * DT <= HOLD + 1e-9
+            assert rate[0] == (1.0 if held else 0.0)
+            assert missed == pytest.approx(UNKNOWN_CHANGE * k * DT * DT if held else UNKNOWN_RATE * DT, rel=1e-12)
+            total += missed
+        assert total == pytest.approx(UNKNOWN_CHANGE * 55 * DT * DT + 40 * UNKNOWN_RATE * DT, rel=1e-12)
+        assert gate.take([1.0, 0.0, 0.0])[3] == 0.0
+
+    def test_a_clipped_rate_may_be_half_as_fast_again(self):
+        missed = steady([3.0, 4.0, 0.0]).take([3.0, 4.0, 0.0], seen=flags.GYR_CLIPPED)[3]
+        assert missed == pytest.approx(0.5 * 5.0 * DT, rel=1e-12)
+
+    @pytest.mark.parametrize(("dt", "counts"), [(0.999 * LONG_STEP, False), (1.001 * LONG_STEP, True), (0.9, True)])
+    def test_a_long_step_counts_the_change_and_a_share_of_the_rate(self, dt, counts):
+        missed = steady([1.0, 0.0, 0.0]).take([1.0, -0.5, 0.0], dt=dt)[3]
+        expected = (0.5 * 0.5 + 0.2 * math.hypot(1.0, 0.5)) * dt if counts else 0.0
+        assert missed == pytest.approx(expected, rel=1e-12)
+
+    def test_a_gap_is_no_missed_angle_but_a_new_start(self):
+        gate = steady([1.0, 0.0, 0.0])
+        found, dt, _, missed = gate.take([1.0, 0.0, 0.0], dt=5.0)
+        assert (found, dt, missed) == (flags.GAP, 0.0, 0.0)
+        assert gate.x[STAGE] == 0.0
+
+    @given(
+        st.lists(
+            st.tuples(
+                st.one_of(
+                    st.tuples(*[st.floats(-IMPOSSIBLE_RATE, IMPOSSIBLE_RATE)] * 3),
+                    st.just(NAN),
+                ),
+                st.floats(0.0, 1e6),
+                st.sampled_from([0, flags.GYR_STUCK, flags.GYR_CLIPPED]),
+            ),
+            max_size=30,
+        )
+    )
+    @settings(deadline=None)
+    def test_whatever_comes_what_is_let_in_is_finite(self, stream):
+        """A rate is there or not, and no sensor says more than the largest: the loops see to it."""
+        gate = Gate()
+        for rate, dt, seen in stream:
+            _, step, turning, missed = gate.take(rate, dt, seen)
+            assert 0.0 <= step <= 1.0
+            assert np.isfinite(turning).all()
+            assert 0.0 <= missed < math.inf
+            assert np.isfinite(gate.x[RATE : RATE + 3]).all()
+
+
+@pytest.mark.parametrize(("seen", "passes"), [(0, True), (1, True), (2, False), (6, False), (4, False)])
+def test_trusted_passes_what_no_bad_flag_names(seen, passes):
+    found = trusted.py_func(seen, 6, 1.0, 2.0, 3.0)
+    assert found == (1.0, 2.0, 3.0) if passes else all(map(math.isnan, found))

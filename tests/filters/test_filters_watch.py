@@ -1,0 +1,171 @@
+"""Stuck or not: the same for long and often is, a slow sensor and an absent one are not."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from plumbob import flags
+from plumbob.filters.layout import LAST, OWN
+from plumbob.filters.watch import LONG, MANY, watch
+
+STUCK = (flags.GYR_STUCK, flags.ACC_STUCK, flags.MAG_STUCK)
+NAN = (math.nan,) * 3
+
+
+class Stream:
+    """The watch with its state; a triad that is not given says something new each time."""
+
+    def __init__(self):
+        self.x, self.count = np.zeros(OWN), 0
+
+    def take(self, dt, **triads):
+        """Feed one sample; returns its flags."""
+        self.count += 1
+        new = (float(self.count), 0.0, 0.0)
+        return watch.py_func(self.x, dt, *(v for name in ("gyr", "acc", "mag") for v in triads.get(name, new)))
+
+
+@pytest.mark.parametrize("triad", ["gyr", "acc", "mag"])
+@pytest.mark.parametrize("rate", [10.0, 50.0, 100.0, 200.0, 1000.0])
+def test_it_takes_long_and_many(rate, triad):
+    stream, flag = Stream(), STUCK[("gyr", "acc", "mag").index(triad)]
+    answers = [stream.take(1.0 / rate, **{triad: (0.1, -0.2, 0.3)}) for _ in range(400)]
+    assert set(answers) == {0, flag}
+    repeats = answers.index(flag)  # the first sample repeats nothing
+    assert repeats > MANY - 1.0  # a sum of steps may pass the limit by its rounding, one repeat early
+    assert repeats / rate > LONG - 1.0 / rate
+    assert repeats == pytest.approx(max(MANY, LONG * rate), abs=1.001)
+    assert all(answers[repeats:])
+    assert stream.take(1.0 / rate, **{triad: (0.1, -0.2, 0.30001)}) == 0
+
+
+def test_each_triad_is_watched_by_itself():
+    stream = Stream()
+    for _ in range(60):
+        found = stream.take(0.01, gyr=(1.0, 2.0, 3.0), mag=(1.0, 2.0, 3.0))
+    assert found == flags.GYR_STUCK | flags.MAG_STUCK
+
+
+@pytest.mark.parametrize("rate", [100.0, 400.0, 1000.0])
+def test_a_slow_magnetometer_that_repeats_its_value_is_not_stuck(rate):
+    """10 Hz: each value stands for 0.1 s, less than `LONG`."""
+    stream = Stream()
+    for k in range(round(20 * rate)):
+        assert stream.take(1.0 / rate, mag=(math.floor(k * 10.0 / rate), 0.0, 5.0)) == 0
+
+
+def test_a_slow_magnetometer_that_is_absent_in_between_is_not_stuck():
+    stream = Stream()
+    for k in range(2000):
+        assert stream.take(0.01, mag=(float(k), 0.0, 5.0) if k % 10 == 0 else NAN) == 0
+
+
+def test_a_triad_that_is_always_absent_is_not_stuck():
+    stream = Stream()
+    assert not any(stream.take(0.01, mag=NAN) for _ in range(1000))
+
+
+def test_what_says_the_same_before_and_after_an_absence_is():
+    """The clock goes on while nothing is said."""
+    stream = Stream()
+    found = [stream.take(0.01, mag=(1.0, 2.0, 3.0) if k % 10 == 0 else NAN) for k in range(200)]
+    said = found[::10]
+    first = said.index(flags.MAG_STUCK)
+    assert LONG < first * 0.1 < LONG + 0.11
+    assert all(said[first:])
+    assert not any(word for k, word in enumerate(found) if k % 10)  # an absent one is not called stuck
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_one_absent_axis_makes_the_triad_absent(axis):
+    stream, holed = Stream(), [1.0, 2.0, 3.0]
+    holed[axis] = math.nan
+    assert not any(stream.take(0.01, acc=tuple(holed)) for _ in range(200))
+    assert np.isfinite(stream.x).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_one_axis_that_lives_is_enough(axis):
+    """The last bit of a value about 50 µT, and of one axis alone, shows in the sum of all three."""
+    stream = Stream()
+    for k in range(500):
+        field = [50.0, -43.0, 20.0]
+        field[axis] += 0.01 * (k % 2)  # 10 nT, below any magnetometer's last digit
+        assert stream.take(0.01, mag=tuple(field)) == 0
+
+
+def test_alternating_values_are_not_stuck():
+    stream = Stream()
+    assert not any(stream.take(0.01, gyr=(0.1 * (k % 2), 0.0, 0.0)) for k in range(500))
+
+
+def test_zeros_from_the_start_are_stuck_like_any_other_value():
+    stream = Stream()
+    found = [stream.take(0.01, acc=(0.0, 0.0, 0.0)) for _ in range(100)]
+    assert found[-1] == flags.ACC_STUCK
+    assert abs(found.index(flags.ACC_STUCK) - MANY) < 2.0
+
+
+def sums(triads):
+    """The number that stands for each triad in the state."""
+    x, found = np.zeros(OWN), []
+    for v in triads:
+        watch.py_func(x, 0.01, *v, *NAN, *NAN)
+        found.append(x[LAST])
+    return found
+
+
+LSB = st.sampled_from([1.0, 9.80665 / 16384, math.radians(1.0 / 16.4), 0.15, 2.0**-11, 0.1])
+CODES = st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 3)
+
+
+@given(LSB, st.lists(CODES, min_size=2, max_size=12, unique=True))
+@settings(deadline=None)
+def test_two_quantised_triads_do_not_collide(lsb, codes):
+    """Codes of 16 bits times a last digit."""
+    found = sums([tuple(lsb * k for k in code) for code in codes])
+    assert len(set(found)) == len(codes)
+
+
+@given(LSB, CODES, st.permutations([0, 1, 2]), st.tuples(*[st.integers(-3, 3)] * 3))
+@settings(deadline=None)
+def test_neighbours_swaps_and_signs_do_not_collide(lsb, code, order, change):
+    """What a plain sum would mistake for the same."""
+    others = [
+        tuple(code[k] for k in order),
+        tuple(-k for k in code),
+        tuple(a + b for a, b in zip(code, change, strict=True)),
+    ]
+    for other in others:
+        if other != code:
+            a, b = sums([tuple(lsb * k for k in code), tuple(lsb * k for k in other)])
+            assert a != b
+
+
+def test_no_change_of_up_to_2047_digits_is_lost_in_rounding():
+    """All of them: the least |i + √2 j + √3 k| is far above what 16-bit sums round.
+
+    The sum of |codes| up to 2¹⁵ is below 4.15 · 2¹⁵ digits; two roundings of products and two of sums, each of half an
+    ε of that, on both sides.
+    """
+    size = 2047
+    j = np.arange(-size, size + 1, dtype=float)
+    least = math.inf
+    for k in range(size + 1):
+        rest = math.sqrt(2.0) * j + math.sqrt(3.0) * k
+        away = np.abs(rest - np.rint(rest))
+        away[np.abs(np.rint(rest)) > size] = 1.0
+        if k == 0:
+            away[size] = 1.0  # no change at all
+        least = min(least, float(away.min()))
+    assert least > 100 * (2 * 4 * 0.5 * np.finfo(float).eps * 4.15 * 2**15)
+
+
+def test_noise_of_half_a_digit_is_alive():
+    """A sample is three zeros with erf(1/√2)³ = 0.32, and 25 in a row are with 0.32²⁵ = 4e-13."""
+    rng = np.random.default_rng(1)
+    stream = Stream()
+    assert not any(stream.take(0.01, acc=tuple(np.rint(0.5 * rng.normal(size=3)))) for _ in range(10_000))
