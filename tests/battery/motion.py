@@ -6,7 +6,7 @@ import numpy as np
 
 from plumbob import Frame, ImuData
 from plumbob.constants import G0
-from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
+from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_rotate
 
 FIELD_ENU = np.array([0.0, 20.0, -43.0])  # µT; dip 65°, as in central Europe
 
@@ -33,6 +33,24 @@ def consistent(n=2000, rate=100.0, amplitude=1.0):
         current = quat_multiply(current, steps[i])
         current = current / np.linalg.norm(current)
     return ImuData(t=t, gyr=rates(t), **seen_by(q, Frame.ENU)), q
+
+
+def swinging(rate, seconds=10.0):
+    """Samples of a body whose yaw, pitch and roll are sines, with rates from the closed form, and its q_nb in ENU."""
+    t = np.arange(round(seconds * rate)) / rate
+    w, size = 2.0 * np.pi * np.array([0.13, 0.21, 0.34]), np.array([0.9, 0.5, 0.7])
+    angles = size * np.sin(w * t[:, np.newaxis] + [0.0, 0.4, 0.8])
+    yaw_rate, pitch_rate, roll_rate = (size * w * np.cos(w * t[:, np.newaxis] + [0.0, 0.4, 0.8])).T
+    _, pitch, roll = angles.T
+    gyr = np.column_stack(
+        [
+            roll_rate - yaw_rate * np.sin(pitch),
+            pitch_rate * np.cos(roll) + yaw_rate * np.cos(pitch) * np.sin(roll),
+            yaw_rate * np.cos(pitch) * np.cos(roll) - pitch_rate * np.sin(roll),
+        ]
+    )
+    q = quat_from_euler_zyx(angles)
+    return ImuData(t=t, gyr=gyr, **seen_by(q, Frame.ENU)), q
 
 
 def seen_by(q_nb, frame):

@@ -79,7 +79,7 @@ class TestSpike:
     def test_confirmed_it_is_made_up_for_and_the_angle_is_exact(self, six):
         """A body that is hit: the rate jumps and stays; one sample late, but not an angle lost."""
         before, after = np.array(six[:3]), np.array(six[3:])
-        if not 1.001 * LIMIT < np.abs(after - before).max():
+        if np.abs(after - before).max() <= 1.001 * LIMIT:
             after[0] = before[0] + 2.0 * LIMIT
         gate = steady(before)
         found, _, held, _ = gate.take(after)

@@ -20,8 +20,9 @@ P              x[COV]          rad²/s²   its covariance, upper triangle
 =============  ==============  ========  ======================================================
 
 Departures from [Laidig2023]: the low-passes are exact for any step (the paper's are bilinear and want equal steps), and
-so are all other time constants; sensors may be absent, at any rate. Added: stuck, clipped and jumping sensors are kept
-out; where the rate was unknown for long enough to matter, horizon and heading begin again as at the start; a smoothed
+so are all other time constants; sensors may be absent, at any rate; what the bias is learned from in motion is limited
+in length, not axis by axis, so that no heading is special. Added: stuck, clipped and jumping sensors are kept out;
+where the rate was unknown for long enough to matter, horizon and heading begin again as at the start; a smoothed
 specific force that is not g is not followed for a while; a bias that jumps is noticed by the corrections that it keeps
 calling for.
 """
@@ -271,10 +272,15 @@ def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: f
     level = c[BIAS_MOVING] * c[BIAS_MOVING]
     var = level * level / grown + level
     limit = c[BIAS_MAX]
-    h0, h1, h2, rx = seen_along(x, 0, x[BLURRED] - vx / dt)
-    look(x, h0, h1, h2, rx, var, limit)
-    h0, h1, h2, ry = seen_along(x, 1, x[BLURRED + 2] - vy / dt)
-    look(x, h0, h1, h2, ry, var, limit)
+    yx, yy = x[BLURRED] - vx / dt, x[BLURRED + 2] - vy / dt
+    _, _, _, rx = seen_along(x, 0, yx)
+    _, _, _, ry = seen_along(x, 1, yy)
+    length = math.sqrt(rx * rx + ry * ry)
+    cut = 1.0 - limit / length if length > limit else 0.0  # one for both: a limit for each axis would favour a heading
+    h0, h1, h2, residual = seen_along(x, 0, yx - cut * rx)
+    look(x, h0, h1, h2, residual, var, limit)
+    h0, h1, h2, residual = seen_along(x, 1, yy - cut * ry)
+    look(x, h0, h1, h2, residual, var, limit)
     h0, h1, h2, rz = seen_along(x, 2, 0.0)
     look(x, h0, h1, h2, rz, var / BLIND_WEIGHT, limit)
 
@@ -412,6 +418,7 @@ def step(
     mx, my, mz = trusted(x, 2, seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
     if x[COUNT] == 1.0:
         reset_bias(x, c[BIAS_START])
+        begin(c, x)  # so that there is an attitude, if not a true one, until gravity is seen
     if x[COUNT] == 1.0 or x[STAGE] == BLIND:
         found |= start(c, x, ax, ay, az, mx, my, mz)
     turn(x, dt, gx, gy, gz)
