@@ -180,7 +180,7 @@ class TestBias:
     def test_in_motion_it_is_learned_about_every_axis(self, axis, seen, at_first, sign):
         """1°/s in a minute of slow turning, without a magnetometer too.
 
-        A Kalman filter of a constant leaves b/(1 + h² t/a), with a = v Δt/bias_start² = 4 s (v is the variance of a look
+        A Kalman filter of a constant leaves b/(1 + h² t/a), with a = v Δt/bias_start² = 4 s (v: variance of a look
         in motion) and h² the mean square of the shares in which the level rows see the axis: 1 for x, which stays
         level, ½ for y and z. While the horizon's lag τ builds up, its turn says less than the bias: h₀² τ less in all,
         with h₀ the share at the start. So b (a + h₀² τ)/(a + h² t) is left, but for the smoothing (0.86 of h² of y and
