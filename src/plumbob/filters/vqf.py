@@ -272,13 +272,13 @@ def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: f
     level = c[BIAS_MOVING] * c[BIAS_MOVING]
     var = level * level / grown + level
     limit = c[BIAS_MAX]
-    yx, yy = x[BLURRED] - vx / dt, x[BLURRED + 2] - vy / dt
-    _, _, _, rx = seen_along(x, 0, yx)
+    yy = x[BLURRED + 2] - vy / dt
+    h0, h1, h2, rx = seen_along(x, 0, x[BLURRED] - vx / dt)
     _, _, _, ry = seen_along(x, 1, yy)
-    length = math.sqrt(rx * rx + ry * ry)
-    cut = 1.0 - limit / length if length > limit else 0.0  # one for both: a limit for each axis would favour a heading
-    h0, h1, h2, residual = seen_along(x, 0, yx - cut * rx)
-    look(x, h0, h1, h2, residual, var, limit)
+    length2, cut = rx * rx + ry * ry, 0.0
+    if length2 > limit * limit:
+        cut = 1.0 - limit / math.sqrt(length2)  # one for both: a limit for each axis would favour a heading
+    look(x, h0, h1, h2, rx - cut * rx, var, limit)
     h0, h1, h2, residual = seen_along(x, 1, yy - cut * ry)
     look(x, h0, h1, h2, residual, var, limit)
     h0, h1, h2, rz = seen_along(x, 2, 0.0)
