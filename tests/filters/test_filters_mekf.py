@@ -131,8 +131,7 @@ def test_an_update_is_the_textbook_s():
     x[mekf.ERROR : mekf.ERROR + N] = np.arange(N) / 50.0
     before = x[mekf.ERROR : mekf.ERROR + N].copy()
     s = h @ p @ h + var
-    nis = mekf.stand_still(x, 0, var)
-    assert nis == pytest.approx((h @ before) ** 2 / s, rel=1e-12)
+    mekf.stand_still(x, 0, var)
     assert np.abs(full(x) - (p - np.outer(p @ h, h @ p) / s)).max() < 1e-12
     assert np.abs(x[mekf.ERROR : mekf.ERROR + N] - (before - p @ h * (h @ before) / s)).max() < 1e-12
 
@@ -218,14 +217,15 @@ def test_errors_fit_the_covariance_that_is_claimed():
             theta[2] ** 2 / p[2, 2],
             error @ np.linalg.solve(p[B:V, B:V], error),
         )
-        nis.append(f._x[mekf.NIS : mekf.NIS + 3])
+        nis.append(f._x[mekf.NIS : mekf.NIS + 2])
     for total, degrees in zip(sums, (2, 1, 3), strict=True):
         low, high = chi2.ppf([0.025, 0.975], degrees * SEEDS) / SEEDS
         assert low < total / SEEDS < high
     # Innovations: the last ones. A single velocity holds less than the density of its whole process says.
+    velocity, heading = np.mean(nis, axis=0)
+    assert velocity < chi2.ppf(0.975, 2 * SEEDS) / SEEDS
     low, high = chi2.ppf([0.025, 0.975], SEEDS) / SEEDS
-    assert (np.mean(nis, axis=0) < high).all()
-    assert low < np.mean(nis, axis=0)[2]
+    assert low < heading < high
 
 
 def test_the_covariance_is_that_of_the_body_axes():
@@ -300,7 +300,7 @@ def test_a_magnet_is_rejected():
     error = quat_angle(track.q_nb, q)
     assert error[3000:].max() < math.radians(1.0)
     gated = track.flags & flags.MAG_GATED != 0
-    assert gated[3100:].mean() > 0.4  # the field is looked at every second sample, at this rate
+    assert gated[3100:].mean() > 0.3  # the field is looked at in every third sample, at this rate
 
 
 def test_a_gyroscope_s_bias_that_jumps_is_noticed_and_learned():

@@ -95,8 +95,8 @@ REJECTED: Final = OWN + 85  # for how long the field has been rejected, s
 GATED: Final = OWN + 86  # for how long the velocity has been beyond the gate, s
 FORCE: Final = OWN + 87  # mean specific force in navigation axes, m/s², 3
 STEP_TURN: Final = OWN + 91  # what a rate's error does to the attitude's in this step, row by row, 9
-TURN: Final = OWN + 100  # whose turn it is, 0 or 1
-NIS: Final = OWN + 101  # last squared innovations over their variances, of both velocities and the heading, 3
+SINCE: Final = OWN + 100  # since the velocity was last called back, s
+NIS: Final = OWN + 101  # last squared innovations over their variances, of the velocity and the heading, 2
 FIELDS: Final = OWN + 104  # fields since the last look: how many, and their sum in navigation axes, µT, 4
 REST: Final = OWN + 108
 HEADING: Final = 2 * N + 2  # place of the heading's variance in P
@@ -110,8 +110,8 @@ COVARIANCE: Final = slice(COV, COV + 3 * N)
 HUBER: Final = 9.0
 HUBER_INVERSE: Final = 1.0 / HUBER
 """An innovation beyond this many variances counts with the noise that would make it so many."""
-OFTEN: Final = 0.015
-"""Corrections are slow; more often than this, s, none is made twice: it would cost time and tell nothing."""
+OFTEN: Final = 0.025
+"""Corrections are slow: none is made twice within this, s; it would cost time and tell nothing."""
 GATE: Final = 25.0
 """Beyond this many the sample is flagged as gated."""
 MEAN_TAU: Final = 3.0
@@ -222,6 +222,7 @@ def know_tilt(x: Floats, sd: float) -> None:
     know(x, TH, sd)
     know(x, TH + 1, sd)
     stop(x)
+    x[FIELDS], x[FIELDS + 1], x[FIELDS + 2], x[FIELDS + 3] = 0.0, 0.0, 0.0, 0.0  # seen with the old tilt
 
 
 @njit
@@ -286,10 +287,12 @@ def push(x: Floats, p: float) -> None:
 
 
 @njit
-def spread(x: Floats, i: int, missed: float) -> None:
-    """Add an angle that may have been missed to the standard deviation of an attitude error."""
-    sd = math.sqrt(x[COV + (N + 1) * i]) + missed
-    x[COV + (N + 1) * i] = sd * sd
+def spread(x: Floats, missed: float) -> None:
+    """Add an angle that may have been missed to the standard deviation of the attitude; both tilts alike."""
+    tilt = 2.0 * missed * math.sqrt(0.5 * (x[COV] + x[COV + N + 1])) + missed * missed
+    x[COV] += tilt
+    x[COV + N + 1] += tilt
+    x[COV + HEADING] += 2.0 * missed * math.sqrt(x[COV + HEADING]) + missed * missed
 
 
 _SIXTH: Final = 1.0 / 6.0
@@ -322,8 +325,8 @@ def predict(
     for i in range(3):
         x[COV + (N + 1) * i] += noise
         x[COV + (N + 1) * (B + i)] += c[WALK_VAR] * dt
-        if missed > 0.0:
-            spread(x, i, missed)
+    if missed > 0.0:
+        spread(x, missed)
     x[COV + HEADING] = min(x[COV + HEADING], FREE)
 
 
@@ -339,16 +342,11 @@ def update(x: Floats, residual: float, s: float) -> None:
 
 
 @njit
-def stand_still(x: Floats, axis: int, var: float) -> float:
-    """The velocity along a navigation axis is zero, give or take; returns the squared innovation over its variance."""
+def stand_still(x: Floats, axis: int, var: float) -> None:
+    """The velocity along a navigation axis is zero, but for the variance."""
     for k in range(N):
         x[COLUMN + k] = pair(x, V + axis, k)
-    s = x[COLUMN + V + axis] + var
-    residual = -x[ERROR + V + axis]
-    nis: float = residual * residual / s
-    x[NIS + axis] = nis
-    update(x, residual, max(s, residual * residual * HUBER_INVERSE))
-    return nis
+    update(x, -x[ERROR + V + axis], x[COLUMN + V + axis] + var)
 
 
 @njit
@@ -363,7 +361,7 @@ def point_north(x: Floats, lean_x: float, lean_y: float, angle: float, var: floa
     s = lean_x * x[COLUMN] + lean_y * x[COLUMN + 1] + x[COLUMN + 2] + var
     residual = angle - lean_x * x[ERROR] - lean_y * x[ERROR + 1] - x[ERROR + 2]
     nis: float = residual * residual / s
-    x[NIS + 2] = nis
+    x[NIS + 1] = nis
     inverse = 1.0 / max(s, residual * residual * HUBER_INVERSE)
     for i in range(TH + 2, V):
         gain = inverse * x[COLUMN + i]
@@ -418,12 +416,18 @@ def learn_speed(x: Floats, dt: float) -> None:
 
 
 @njit
-def take_turns(x: Floats, dt: float, density: float) -> float:
-    """Call back the velocity, at a high rate one axis in a step and the other in the next; returns the larger nis."""
-    x[TURN] = 1.0 - x[TURN]
-    if dt > OFTEN:
-        return max(stand_still(x, 0, density / dt), stand_still(x, 1, density / dt))
-    return stand_still(x, int(x[TURN]), density / (2.0 * dt))
+def call_back(x: Floats, density: float) -> float:
+    """The level velocity is zero, give or take; returns the squared innovation over its variance, for both axes."""
+    var = density / x[SINCE]
+    vx, vy = x[ERROR + V], x[ERROR + V + 1]
+    place = COV + (N + 1) * V
+    sxx, sxy, syy = x[place] + var, x[place + 1], x[place + N + 1] + var
+    nis: float = (syy * vx * vx - 2.0 * sxy * vx * vy + sxx * vy * vy) / (sxx * syy - sxy * sxy)
+    var *= max(1.0, nis * HUBER_INVERSE)
+    stand_still(x, 0, var)
+    stand_still(x, 1, var)
+    x[SINCE], x[NIS] = 0.0, nis
+    return nis
 
 
 @njit
@@ -445,15 +449,15 @@ def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: fl
         know_bias(x, JUMP_SD)
         know(x, TH + 2, math.sqrt(FREE))
         return flags.INCONSISTENT
-    if dt == 0.0:
+    x[SINCE] += dt
+    if x[SINCE] < OFTEN:
         return 0
-    var = 2.0 * c[SPEED_LASTS] * max(x[SPEED2], c[SPEED_VAR])
-    nis = take_turns(x, dt, var)
-    runs_off = keeps_accelerating(x, GRAVITY, dt, x[FORCE], x[FORCE + 1], x[FORCE + 2])
+    runs_off = keeps_accelerating(x, GRAVITY, x[SINCE], x[FORCE], x[FORCE + 1], x[FORCE + 2])
+    nis = call_back(x, 2.0 * c[SPEED_LASTS] * max(x[SPEED2], c[SPEED_VAR]))
     if nis < GATE and not runs_off:
         x[GATED] = 0.0
         return 0
-    x[GATED] += dt
+    x[GATED] += max(dt, OFTEN)
     if runs_off or x[GATED] > GATE_FOR:
         stop(x)
     return flags.ACC_GATED
@@ -508,6 +512,23 @@ def look_at_field(c: Floats, x: Floats) -> int:
     found = follow_field(c, x, x[MAG_AGE], math.sqrt(wx * wx + wy * wy + wz * wz), hx, hy, hz)
     x[FIELDS], x[FIELDS + 1], x[FIELDS + 2], x[FIELDS + 3], x[MAG_AGE] = 0.0, 0.0, 0.0, 0.0, 0.0
     return found
+
+
+@njit
+def take_field(
+    c: Floats, x: Floats, dt: float,
+    r00: float, r01: float, r02: float, r10: float, r11: float, r12: float, r20: float, r21: float, r22: float,
+    mx: float, my: float, mz: float,
+) -> int:  # fmt: skip
+    """Add a field to those since the last look, and look where that is long ago."""
+    if usable(mx, my, mz):
+        x[FIELDS] += 1.0
+        x[FIELDS + 1] += r00 * mx + r01 * my + r02 * mz
+        x[FIELDS + 2] += r10 * mx + r11 * my + r12 * mz
+        x[FIELDS + 3] += r20 * mx + r21 * my + r22 * mz
+    elif x[FIELDS] == 0.0:
+        return refused(flags.MAG_GATED, mx, my, mz)
+    return look_at_field(c, x) if x[MAG_AGE] > OFTEN or dt == 0.0 else 0
 
 
 @njit
@@ -581,7 +602,7 @@ def step(
         fx = r00 * ax + r01 * ay + r02 * az
         fy = r10 * ax + r11 * ay + r12 * az
         fz = r20 * ax + r21 * ay + r22 * az
-        if max(x[COV], x[COV + N + 1]) > LOST:
+        if x[COV] + x[COV + N + 1] > 2.0 * LOST:
             level_again(c, x, fx, fy, fz)
             found |= flags.INCONSISTENT
         else:
@@ -595,21 +616,13 @@ def step(
         x[ACC_AGE] = 0.0
     else:
         found |= refused(flags.ACC_GATED, ax, ay, az)
-    if not usable(mx, my, mz):
-        found |= refused(flags.MAG_GATED, mx, my, mz)
-    else:
-        x[FIELDS] += 1.0
-        x[FIELDS + 1] += r00 * mx + r01 * my + r02 * mz
-        x[FIELDS + 2] += r10 * mx + r11 * my + r12 * mz
-        x[FIELDS + 3] += r20 * mx + r21 * my + r22 * mz
-    if x[FIELDS] > 0.0 and (x[MAG_AGE] > OFTEN or dt == 0.0):
-        found |= look_at_field(c, x)
+    found |= take_field(c, x, dt, r00, r01, r02, r10, r11, r12, r20, r21, r22, mx, my, mz)
     if resting and dt > 0.0 and may_be_bias(x):
         found |= flags.AT_REST
         zero_rate(x, 0, gx, c[GYR_VAR], dt, r00, r10, r20)
         zero_rate(x, 1, gy, c[GYR_VAR], dt, r01, r11, r21)
         zero_rate(x, 2, gz, c[GYR_VAR], dt, r02, r12, r22)
     inject(x)
-    if max(x[COV], x[COV + N + 1]) > DOUBTFUL:
+    if x[COV] + x[COV + N + 1] > 2.0 * DOUBTFUL:
         found |= flags.NOT_CONVERGED
     return found

@@ -48,7 +48,7 @@ from plumbob.units import Quantity, deg, dps
 SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"
 REFERENCES: Final = ("Laidig2023",)
 NEEDS: Final = ("gyr", "acc")
-STATE: Final = 61 + REST_SIZE + GRAVITY_SIZE + FIELD_SIZE + GUARD_SIZE
+STATE: Final = 62 + REST_SIZE + GRAVITY_SIZE + FIELD_SIZE + GUARD_SIZE
 
 TAU_ACC: Final = OWN_C
 TAU_MAG: Final = OWN_C + 1
@@ -78,8 +78,9 @@ REJECTED: Final = OWN + 54  # for how long the field has been rejected, s
 GATED: Final = OWN + 55  # for how long the horizon has been, s
 MISSED: Final = OWN + 56  # angle that may have been missed, rad
 LEANING: Final = OWN + 57  # mean level specific force, x and y, m/s², 2
-QUIET: Final = OWN + 60  # since the horizon was last found wrong, s
-REST: Final = OWN + 61
+QUIET: Final = OWN + 60  # since the averages began, s
+ALARMED: Final = OWN + 61  # for how long a bias that has jumped is learned in haste, s
+REST: Final = OWN + 62
 GRAVITY: Final = REST + REST_SIZE
 FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
@@ -104,6 +105,10 @@ START_BAND: Final = 0.3 * G0
 """It begins only with a specific force this near to g, m/s²."""
 LEAN_AFTER: Final = 5.0
 """and not again for so long, s,"""
+HASTE: Final = 0.05
+"""A bias that has jumped is learned with so much of the usual noise,"""
+HASTE_FOR: Final = 30.0
+"""for so long, s."""
 JUMP_SD: Final = dps(5.0)
 """Standard deviation of a bias that has jumped, rad/s."""
 
@@ -238,11 +243,13 @@ def look(x: Floats, h0: float, h1: float, h2: float, residual: float, var: float
 
 @njit
 def drift(c: Floats, x: Floats, dt: float) -> float:
-    """Let the bias grow uncertain again, up to its start; returns the variance that it grew by."""
+    """Let the bias grow uncertain again, up to its start, at once after a jump; returns by how much it should."""
     grown = FORGET_RATE * FORGET_RATE * dt / FORGET
     most = c[BIAS_START] * c[BIAS_START]
     for k in (0, 3, 5):
-        if x[COV + k] < most:
+        if x[ALARMED] > 0.0:
+            x[COV + k] = max(x[COV + k], most)
+        elif x[COV + k] < most:
             x[COV + k] += grown
     return grown
 
@@ -271,6 +278,9 @@ def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: f
     """In motion, what is left of the bias calls for turns v of the horizon, rad."""
     level = c[BIAS_MOVING] * c[BIAS_MOVING]
     var = level * level / grown + level
+    if x[ALARMED] > 0.0:
+        var *= HASTE
+        x[ALARMED] -= dt
     limit = c[BIAS_MAX]
     yy = x[BLURRED + 2] - vy / dt
     h0, h1, h2, rx = seen_along(x, 0, x[BLURRED] - vx / dt)
@@ -365,6 +375,7 @@ def follow_gravity(
     if only_gravity(x, GRAVITY, dt, ax, ay, az) and not held and leans(x, dt, ax, ay, az):
         average_anew(c, x)
         reset_bias(x, JUMP_SD)
+        x[ALARMED] = HASTE_FOR
         found = flags.INCONSISTENT
     first = x[LOOKED] < c[TAU_ACC]
     x[LOOKS] += 1.0
