@@ -1,7 +1,9 @@
 """Every filter against the battery, and the same bits as plain Python."""
 
+import copy
 import hashlib
 import os
+import pickle
 import subprocess
 import sys
 
@@ -91,3 +93,18 @@ def test_what_is_no_recording_is_refused_by_name():
     with pytest.raises(ShapeError, match="process takes an ImuData, but got dict"):
         Filter("mahony", frame=Frame.ENU).process({})
     assert repr(Filter("mahony", frame=Frame.NED)).startswith("<Filter mahony(kp=0.5 1/s")
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda f: pickle.loads(pickle.dumps(f))])  # noqa: S301
+def test_a_copy_goes_on_by_itself(copied):
+    samples = list(noisy().samples())
+    first = Filter("vqf", frame=Frame.NED, params={"tau_acc": 2.0})
+    for sample in samples[:100]:
+        first.update(sample)
+    second = copied(first)
+    for sample in samples[100:200]:
+        second.update(sample)
+    assert (first.q_nb != second.q_nb).any()
+    for sample in samples[100:200]:
+        first.update(sample)
+    assert first.q_nb.tobytes() == second.q_nb.tobytes()

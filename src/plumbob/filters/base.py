@@ -369,6 +369,10 @@ class Filter:
         filter_._x[:] = state
         return filter_
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copies and pickles go on from the same state with arrays of their own."""
+        return type(self).restore, (self.save(),)
+
     def __repr__(self) -> str:
         return f"<Filter {self.describe()} in {self.frame}>"
 
