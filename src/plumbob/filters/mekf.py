@@ -60,7 +60,7 @@ from plumbob.params import Spec
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate, rows
 from plumbob.units import Quantity, deg, dps
 
-SUMMARY: Final = "multiplicative EKF: attitude, bias, disturbances, true covariance, gates, rest detection"
+SUMMARY: Final = "multiplicative EKF: attitude, bias and bounded velocity, with a covariance that is meant; gates, rest"
 REFERENCES: Final = ("Sola2017",)
 NEEDS: Final = ("gyr", "acc")
 
@@ -124,7 +124,7 @@ JUMP_SD: Final = dps(5.0)
 """Standard deviation of a bias that has jumped, rad/s; a horizon that leans tells of it."""
 START_TILT: Final = deg(5.0)
 """Standard deviation of the first tilt, rad: an acceleration of 0.09 g."""
-START_SPEED: Final = 1.0
+START_SPEED: Final = 0.3
 """Speed that is expected at the start, m/s; what it is, is learned."""
 START_HEADING: Final = deg(5.0)
 """And of the first heading."""
@@ -147,15 +147,13 @@ SHORTEST: Final = 1e-6
 class Params(NamedTuple):
     """Noise of the sensors, and how the body and its surroundings behave; all independent of the rate."""
 
-    gyr_noise: Annotated[float, Spec(Quantity.RATE, "white noise of the gyroscope, rad/s/√Hz", 1e-9, 1)] = dps(0.01)
-    gyr_walk: Annotated[float, Spec(Quantity.RATE, "random walk of its bias, rad/s/√s", 0, 1)] = dps(0.003)
+    gyr_noise: Annotated[float, Spec(Quantity.RATE_NOISE, "white noise of the gyroscope", 1e-9, 1)] = dps(0.01)
+    gyr_walk: Annotated[float, Spec(Quantity.RATE_WALK, "random walk of its bias", 0, 1)] = dps(0.003)
     gyr_scale: Annotated[
         float, Spec(Quantity.RATIO, "uncertainty of its scale and alignment, as a share of the rate", 0, 0.5)
     ] = 0.003
     bias_start: Annotated[float, Spec(Quantity.RATE, "standard deviation of its bias at the start", 1e-9, 1)] = dps(0.5)
-    acc_noise: Annotated[float, Spec(Quantity.ACCELERATION, "white noise of the accelerometer, m/s²/√Hz", 1e-6, 10)] = (
-        0.003
-    )
+    acc_noise: Annotated[float, Spec(Quantity.ACCELERATION_NOISE, "white noise of the accelerometer", 1e-6, 10)] = 0.003
     speed: Annotated[
         float, Spec(Quantity.SPEED, "least level speed that is always expected; more is learned", 1e-3, 1e3)
     ] = 0.05
@@ -619,6 +617,7 @@ def step(
     found |= take_field(c, x, dt, r00, r01, r02, r10, r11, r12, r20, r21, r22, mx, my, mz)
     if resting and dt > 0.0 and may_be_bias(x):
         found |= flags.AT_REST
+        x[SPEED2] = 0.0
         zero_rate(x, 0, gx, c[GYR_VAR], dt, r00, r10, r20)
         zero_rate(x, 1, gy, c[GYR_VAR], dt, r01, r11, r21)
         zero_rate(x, 2, gz, c[GYR_VAR], dt, r02, r12, r22)
