@@ -24,7 +24,7 @@ def test_run_takes_the_card_and_tells_what_the_filter_claims(unit, tmp_path):
     track = tmp_path / "track.parquet"
     words = ("run", recording, "--filter", "mekf", "--noise", card, "--out", track)
     report = json.loads(ok(*words, "--json").stdout)
-    assert "gyr_noise=0.005 deg/s," in report["filter"]  # 0.005 °/s/√Hz, sheet of the MPU-6000
+    assert "gyr_noise=0.005 deg/s/rtHz," in report["filter"]  # 0.005 °/s/√Hz, sheet of the MPU-6000
     assert report["noise_card"].startswith("mpu6000+hmc5983 #0 (simulated")
     assert set(report["claimed_sd_deg"]) == {"inclination", "heading"}
     assert all(0.0 < sd < 30.0 for sd in report["claimed_sd_deg"].values())
@@ -74,7 +74,7 @@ def test_benchmarks_give_the_card_to_those_that_take_one_and_say_so(unit, tmp_pa
     done = ok("benchmark", "accuracy", tmp_path, "--filters", "mekf,mahony,ekf7", "--noise", card, "--json")
     assert told in done.stderr
     settings = json.loads(done.stdout)["settings"]
-    assert "gyr_noise=0.005 deg/s," in settings["mekf"]
+    assert "gyr_noise=0.005 deg/s/rtHz," in settings["mekf"]
     assert "gyro_noise=0.005 deg/s/rtHz" in settings["ekf7"]
 
 
