@@ -152,6 +152,16 @@ class TriadNoise:
                 raise CalibrationError(f"{name} must be three finite numbers ≥ 0, but it is {value.tolist()}.")
             object.__setattr__(self, name, check.read_only(value))
 
+    @property
+    def n_rms(self) -> float:
+        """White noise N as one number: the quadratic mean of the axes."""
+        return math.sqrt(float(np.mean(self.n_rpsd**2)))
+
+    @property
+    def k_rms(self) -> float:
+        """Random walk K as one number: the quadratic mean of the axes."""
+        return math.sqrt(float(np.mean(self.k_rpsd**2)))
+
 
 @dataclass(frozen=True, eq=False)
 class NoiseCard(_Card):

@@ -5,6 +5,7 @@ identity. A peer without time input runs with its nominal step.
 """
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -70,7 +71,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
     return found, absent
 
 
-class _Peer:
+class _Peer(ABC):
     """What the adapters share.
 
     Attributes
@@ -88,9 +89,9 @@ class _Peer:
     def __init__(self, library: Any) -> None:
         self.library = library
 
+    @abstractmethod
     def start(self, rate: float = RATE) -> Running:
         """Make a fresh one."""
-        raise NotImplementedError
 
     def constructions(self) -> list[Construction]:
         """Rates, or steps, that are none."""

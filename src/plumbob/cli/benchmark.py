@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from plumbob.cli import common
 from plumbob.cli.sim import add_scenario_options, scenario_settings
@@ -10,6 +10,14 @@ from plumbob.cli.sim import add_scenario_options, scenario_settings
 if TYPE_CHECKING:
     from plumbob.benchmark import Case
     from plumbob.pipeline import Stage
+
+
+class Result(Protocol):
+    """What a benchmark gives."""
+
+    def as_dict(self) -> dict[str, Any]: ...
+
+    def text(self) -> str: ...
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -55,7 +63,7 @@ def _add_scenario(kinds: common.Adder) -> None:
     p.add_argument(
         "--noise", metavar="JSON|own", help="noise card for filters that take one; own: of the simulated unit"
     )
-    p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
+    _add_seeds(p)
     p.add_argument("--settle", default="0", metavar="S", help="leave out so much at the start, as 60s (default 0)")
     p.add_argument("--limit", metavar="A", help="tell in how many seeds roll and pitch stay within this, as 1deg")
     common.add_json(p)
@@ -84,7 +92,7 @@ def _add_channel(kinds: common.Adder) -> None:
         description="Repeat the trackball paper's tests of its rate filter on simulated data, beside a moving average "
         "and a filter with two states, and print noise, lag, angle, and what long averaging shows.",
     )
-    p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
+    _add_seeds(p)
     common.add_json(p)
     p.set_defaults(run=run_channel)
 
@@ -97,6 +105,25 @@ def _add_filters(p: argparse.ArgumentParser, *, required: bool = True) -> None:
 def _add_peers(p: argparse.ArgumentParser, more: str = "") -> None:
     help_ = f"vqf, imufusion, ahrs, all or none (default none){more}"
     p.add_argument("--peers", default="none", metavar="A,B", help=help_)
+
+
+def _add_seeds(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
+
+
+def _seeds(args: argparse.Namespace) -> range:
+    """Seeds that --seeds asks for."""
+    from plumbob.errors import ParameterError
+
+    if args.seeds < 1:
+        raise ParameterError(f"--seeds must be at least 1, but it is {args.seeds}.")
+    return range(args.seeds)
+
+
+def _show(result: Result, args: argparse.Namespace) -> int:
+    """Print what was measured, as --json asks."""
+    common.print_json(result.as_dict()) if args.json else print(result.text())
+    return 0
 
 
 def run_accuracy(args: argparse.Namespace) -> int:
@@ -119,18 +146,15 @@ def run_accuracy(args: argparse.Namespace) -> int:
             align=alignments(args.align),
             progress=advance,
         )
-    common.print_json(result.as_dict()) if args.json else print(result.text())
-    return 0
+    return _show(result, args)
 
 
 def run_scenario(args: argparse.Namespace) -> int:
     """Do it on a scenario."""
     from plumbob.benchmark import measure_scenario
-    from plumbob.errors import ParameterError
     from plumbob.units import Quantity, parse
 
-    if args.seeds < 1:
-        raise ParameterError(f"--seeds must be at least 1, but it is {args.seeds}.")
+    seeds = _seeds(args)
     chosen, own_noise = _with_noise(common.stages(args.filters, args.params), args.noise)
     frame, settings = scenario_settings(args)
     common.warn_of_compiling([stage.filter for stage in chosen])
@@ -141,15 +165,14 @@ def run_scenario(args: argparse.Namespace) -> int:
             frame=frame,
             sensors=args.sensors,
             module=args.module,
-            seeds=range(args.seeds),
+            seeds=seeds,
             settings=settings,
             settle=parse(args.settle, Quantity.TIME),
             limit=None if args.limit is None else parse(args.limit, Quantity.ANGLE),
             own_noise=own_noise,
             progress=advance,
         )
-    common.print_json(result.as_dict()) if args.json else print(result.text())
-    return 0
+    return _show(result, args)
 
 
 def _with_noise(chosen: "list[Stage]", noise: str | None) -> "tuple[list[Stage], bool]":
@@ -179,8 +202,7 @@ def run_faults(args: argparse.Namespace) -> int:
         result = measure_faults(
             contenders, cases, arguments=ARGUMENTS in wanted or not wanted, absent=absent, progress=advance
         )
-    common.print_json(result.as_dict()) if args.json else print(result.text())
-    return 0
+    return _show(result, args)
 
 
 def _cases(names: str) -> "tuple[list[Case], list[str]]":
@@ -194,13 +216,10 @@ def _cases(names: str) -> "tuple[list[Case], list[str]]":
 def run_channel(args: argparse.Namespace) -> int:
     """Do it on a gyroscope channel."""
     from plumbob.benchmark.channel import PARTS, measure_channel
-    from plumbob.errors import ParameterError
     from plumbob.filters.channel import channel_names
 
-    if args.seeds < 1:
-        raise ParameterError(f"--seeds must be at least 1, but it is {args.seeds}.")
+    seeds = _seeds(args)
     common.warn_of_compiling([f"channel_{name}" for name in channel_names()])
     with common.progress(f"{args.seeds} seeds", PARTS * args.seeds) as advance:
-        result = measure_channel(range(args.seeds), progress=advance)
-    common.print_json(result.as_dict()) if args.json else print(result.text())
-    return 0
+        result = measure_channel(seeds, progress=advance)
+    return _show(result, args)

@@ -32,6 +32,27 @@ def level(up: float, ax: float, ay: float, az: float) -> Quat:
 
 
 @njit
+def has_heading(hx: float, hy: float, hz: float) -> bool:
+    """False for a field that stands (nearly) vertical, within 0.1 % of its size."""
+    level2 = hx * hx + hy * hy
+    return level2 > 1e-6 * (level2 + hz * hz)
+
+
+@njit
+def angle_to(hx: float, hy: float, nx: float, ny: float) -> float:
+    """Angle about z, rad, that brings the level vector h to the direction n."""
+    return math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
+
+
+@njit
+def upright(up: float, ex: float, ey: float, ez: float) -> Quat:
+    """Shortest turn that brings the unit vector e up, which is +z or −z as `up` says."""
+    w = math.sqrt(max(0.5 * (up * ez + 1.0), 1e-12))
+    half = 0.5 * up / w
+    return w, half * ey, -half * ex, 0.0
+
+
+@njit
 def heading_offset(
     c: Floats, q0: float, q1: float, q2: float, q3: float, mx: float, my: float, mz: float
 ) -> tuple[bool, float]:
@@ -40,13 +61,12 @@ def heading_offset(
     Returns
     -------
     tuple
-        False and 0 where the field stands (nearly) vertical, within 0.1 % of its size.
+        False and 0 where the field has no heading.
     """
     hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
-    level2 = hx * hx + hy * hy
-    if not level2 > 1e-6 * (level2 + hz * hz):
+    if not has_heading(hx, hy, hz):
         return False, 0.0
-    return True, math.atan2(hx * c[NORTH_Y] - hy * c[NORTH_X], hx * c[NORTH_X] + hy * c[NORTH_Y])
+    return True, angle_to(hx, hy, c[NORTH_X], c[NORTH_Y])
 
 
 @njit

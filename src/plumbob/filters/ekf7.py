@@ -41,7 +41,6 @@ rest; ``reset=on`` sets it to that of the means. The paper gives no thresholds a
 noises: all defaults are this project's.
 """
 
-import math
 from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
@@ -143,8 +142,8 @@ def from_noise(card: NoiseCard) -> dict[str, Any] | None:
     """
     if card.gyr is None:
         return None
-    n, k = (math.sqrt(float(np.mean(v**2))) for v in (card.gyr.n_rpsd, card.gyr.k_rpsd))
-    return {name: value for name, value in (("gyro_noise", n), ("bias_walk", k)) if value > 0.0}
+    found = {"gyro_noise": card.gyr.n_rms, "bias_walk": card.gyr.k_rms}
+    return {name: value for name, value in found.items() if value > 0.0}
 
 
 def covariance(q_nb: Floats, entries: Floats) -> Floats:

@@ -16,7 +16,7 @@ from plumbob.constants import G0
 from plumbob.filters.admission import HOLD, admit
 from plumbob.filters.layout import HELD, RATE, SAME
 from plumbob.rotations.kernels import Vec
-from plumbob.units import deg
+from plumbob.units import deg, dps
 
 JUMP: Final = 1000.0
 """A rate that changes faster than this, rad/s², is a spike until the next sample confirms it."""
@@ -29,6 +29,11 @@ LONG_STEP: Final = 0.15
 
 STALE: Final = deg(2.0)
 """A vector that is the same after this turn, rad, is an old one."""
+
+START_BAND: Final = 0.3 * G0
+"""An attitude is taken up only from a specific force this near to g, m/s²."""
+JUMP_SD: Final = dps(5.0)
+"""Standard deviation of a bias that has jumped, rad/s; a horizon that leans tells of it."""
 
 LEAN: Final = 0.15 * G0
 """A specific force whose mean is level by more than this, m/s²,"""
@@ -109,6 +114,12 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
     if dt > LONG_STEP:
         found |= flags.GAP
     return found, dt, gx, gy, gz, missed_angle(x, seen, dt, px, py, pz)
+
+
+@njit
+def may_be_gravity(ax: float, ay: float, az: float) -> bool:
+    """True for a specific force that is near enough to g to begin with; not for NaN."""
+    return abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND
 
 
 @njit

@@ -42,20 +42,23 @@ from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.filters.admission import refused, usable
-from plumbob.filters.alignment import initialise
+from plumbob.filters.alignment import angle_to, has_heading, initialise, upright
 from plumbob.filters.field import FIELD_SIZE, disturbed, known, unlike2
 from plumbob.filters.guard import (
     GRAVITY_SIZE,
     GUARD_SIZE,
+    JUMP_SD,
     LEAN,
     LEAN_TAU,
     admit_rate,
     keeps_accelerating,
+    may_be_gravity,
     only_gravity,
     trusted,
 )
+from plumbob.filters.integrate import turn
 from plumbob.filters.layout import BIAS, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
-from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
+from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_speed
 from plumbob.params import Spec
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate, rows
 from plumbob.units import Quantity, deg, dps
@@ -78,13 +81,14 @@ SPEED_VAR: Final = OWN_C + 5  # (m/s)²
 SPEED_LASTS: Final = OWN_C + 6
 MAG_VAR: Final = OWN_C + 7  # µT²/Hz
 BEND_VAR: Final = OWN_C + 8  # rad²
-BEND_LASTS: Final = OWN_C + 13  # twice the time that a disturbance lasts, s
 REST_RATE: Final = OWN_C + 9
 REST_FORCE: Final = OWN_C + 10
 REST_AFTER: Final = OWN_C + 11
 REJECT: Final = OWN_C + 12
+BEND_LASTS: Final = OWN_C + 13  # twice the time that a disturbance lasts, s
 
 COV: Final = OWN  # 64, of which the upper half is used
+HEADING: Final = 2 * N + 2  # place of the heading's variance among them
 ERROR: Final = OWN + 64  # what a step's measurements have found: θ, then b and v themselves, 8
 COLUMN: Final = OWN + 72  # P Hᵀ of a measurement, 8
 MEAN: Final = OWN + 80  # slow mean of the velocity, x and y, m/s, 2
@@ -94,12 +98,11 @@ MAG_AGE: Final = OWN + 84  # since the last field, s
 REJECTED: Final = OWN + 85  # for how long the field has been rejected, s
 GATED: Final = OWN + 86  # for how long the velocity has been beyond the gate, s
 FORCE: Final = OWN + 87  # mean specific force in navigation axes, m/s², 3
-STEP_TURN: Final = OWN + 91  # what a rate's error does to the attitude's in this step, row by row, 9
-SINCE: Final = OWN + 100  # since the velocity was last called back, s
-NIS: Final = OWN + 101  # last squared innovations over their variances, of the velocity and the heading, 2
-FIELDS: Final = OWN + 104  # fields since the last look: how many, and their sum in navigation axes, µT, 4
-REST: Final = OWN + 108
-HEADING: Final = 2 * N + 2  # place of the heading's variance in P
+STEP_TURN: Final = OWN + 90  # what a rate's error does to the attitude's in this step, row by row, 9
+SINCE: Final = OWN + 99  # since the velocity was last called back, s
+NIS: Final = OWN + 100  # last squared innovations over their variances, of the velocity and the heading, 2
+FIELDS: Final = OWN + 102  # fields since the last look: how many, and their sum in navigation axes, µT, 4
+REST: Final = OWN + 106
 GRAVITY: Final = REST + REST_SIZE
 FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
@@ -108,34 +111,30 @@ STATE: Final = GUARD + GUARD_SIZE - OWN
 COVARIANCE: Final = slice(COV, COV + 3 * N)
 
 HUBER: Final = 9.0
-HUBER_INVERSE: Final = 1.0 / HUBER
 """An innovation beyond this many variances counts with the noise that would make it so many."""
-OFTEN: Final = 0.025
-"""Corrections are slow: none is made twice within this, s; it would cost time and tell nothing."""
+HUBER_INVERSE: Final = 1.0 / HUBER
 GATE: Final = 25.0
 """Beyond this many the sample is flagged as gated."""
+OFTEN: Final = 0.025
+"""Corrections are slow: none is made twice within this, s; it would cost time and tell nothing."""
 MEAN_TAU: Final = 3.0
 """The velocity is taken about its mean over this, s: a wrong tilt moves the mean, the body's motion the rest;"""
 SPEED_TAU: Final = 3.0
 """and its variance is learned over this, s."""
 GATE_FOR: Final = 1.0
 """A velocity that has been beyond the gate for so long, s, begins anew."""
-JUMP_SD: Final = dps(5.0)
-"""Standard deviation of a bias that has jumped, rad/s; a horizon that leans tells of it."""
 START_TILT: Final = deg(5.0)
 """Standard deviation of the first tilt, rad: an acceleration of 0.09 g."""
-START_SPEED: Final = 0.3
-"""Speed that is expected at the start, m/s; what it is, is learned."""
 START_HEADING: Final = deg(5.0)
 """And of the first heading."""
+START_SPEED: Final = 0.3
+"""Speed that is expected at the start, m/s; what it is, is learned."""
 LOST: Final = deg(8.0) ** 2
 """With a larger variance of the tilt, rad², the linear update is no good: it is taken up anew."""
 DOUBTFUL: Final = deg(6.0) ** 2
 """With a larger variance of the tilt, rad², the attitude is not converged."""
 FREE: Final = 3.0
 """No heading is more uncertain than this, rad²."""
-START_BAND: Final = 0.3 * G0
-"""Tilt is taken up only from a specific force this near to g, m/s²."""
 REST_BIAS: Final = dps(5.0)
 """A mean rate beyond this, rad/s, is no bias, and the unit not at rest."""
 REST_BAND: Final = dps(0.2)
@@ -165,11 +164,9 @@ class Params(NamedTuple):
         float, Spec(Quantity.ANGLE, "how far the field's direction is off where its size and dip are right", 0, 2)
     ] = deg(2.0)
     mag_lasts: Annotated[float, Spec(Quantity.TIME, "for how long a disturbance of the field lasts", 1e-3, 6000)] = 5.0
-    rest_rate: Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)] = dps(2.0)
-    rest_force: Annotated[
-        float, Spec(Quantity.ACCELERATION, "at rest, the specific force stays this near to its mean", 0, 100)
-    ] = 0.5
-    rest_after: Annotated[float, Spec(Quantity.TIME, "rest begins after so long of stillness", 0, 600)] = 1.5
+    rest_rate: RestRate = dps(2.0)
+    rest_force: RestForce = 0.5
+    rest_after: RestAfter = 1.5
     mag_reject: Annotated[
         float, Spec(Quantity.TIME, "a disturbed field is not used for so long; 0: it always is", 0, 1e6)
     ] = 60.0
@@ -188,11 +185,11 @@ def from_noise(card: NoiseCard) -> dict[str, float]:
     """Noise parameters from a card: root mean squares over the axes; what it does not hold keeps its default."""
     found = {}
     for name, noise in (("gyr", card.gyr), ("acc", card.acc), ("mag", card.mag)):
-        if noise is not None and noise.n_rpsd.any():
-            found[f"{name}_noise"] = float(np.sqrt(np.mean(noise.n_rpsd**2)))
-    if card.gyr is not None and card.gyr.k_rpsd.any():
-        found["gyr_walk"] = float(np.sqrt(np.mean(card.gyr.k_rpsd**2)))
-    return found
+        if noise is not None:
+            found[f"{name}_noise"] = noise.n_rms
+    if card.gyr is not None:
+        found["gyr_walk"] = card.gyr.k_rms
+    return {name: value for name, value in found.items() if value > 0.0}
 
 
 def covariance(q_nb: Floats, entries: Floats) -> Floats:
@@ -236,14 +233,6 @@ def know_bias(x: Floats, sd: float) -> None:
     """Know the bias, rad/s."""
     for i in range(B, B + 3):
         know(x, i, sd)
-
-
-@njit
-def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
-    """Turn the body by the rate less its bias."""
-    e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))
-    q0, q1, q2, q3 = quat_mul(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], e0, e1, e2, e3)
-    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
 
 
 @njit
@@ -478,9 +467,9 @@ def leans(x: Floats) -> bool:
 @njit
 def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: float, hz: float) -> int:
     """Heading from a field in navigation axes, the last one dt ago."""
-    level2 = hx * hx + hy * hy
-    if not level2 > 1e-6 * (level2 + hz * hz):
+    if not has_heading(hx, hy, hz):
         return flags.MAG_GATED
+    level2 = hx * hx + hy * hy
     level = math.sqrt(level2)
     if disturbed(x, FIELD, min(dt, 1.0), turning, level, hz) and c[REJECT] > 0.0 and known(x, FIELD):
         x[REJECTED] += dt
@@ -489,7 +478,7 @@ def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy:
     else:
         x[REJECTED] = max(0.0, x[REJECTED] - 2.0 * dt)
     nx, ny = c[NORTH_X], c[NORTH_Y]
-    angle = math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
+    angle = angle_to(hx, hy, nx, ny)
     # Along north, where the field is expected, and not along its noise, which would be in gain and innovation alike
     lean_x, lean_y = -hz / level * nx, -hz / level * ny
     if x[COV + HEADING] > 9.0 * START_HEADING * START_HEADING:  # one look knows more: begin anew with it
@@ -504,10 +493,9 @@ def follow_field(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy:
 @njit
 def look_at_field(c: Floats, x: Floats) -> int:
     """Heading from the mean of the fields since the last look."""
-    wx, wy, wz = mean_rate(x, REST)
     s = 1.0 / x[FIELDS]
     hx, hy, hz = s * x[FIELDS + 1], s * x[FIELDS + 2], s * x[FIELDS + 3]
-    found = follow_field(c, x, x[MAG_AGE], math.sqrt(wx * wx + wy * wy + wz * wz), hx, hy, hz)
+    found = follow_field(c, x, x[MAG_AGE], mean_speed(x, REST), hx, hy, hz)
     x[FIELDS], x[FIELDS + 1], x[FIELDS + 2], x[FIELDS + 3], x[MAG_AGE] = 0.0, 0.0, 0.0, 0.0, 0.0
     return found
 
@@ -532,7 +520,7 @@ def take_field(
 @njit
 def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
     """Take up what is missing: tilt from a specific force that may be gravity, heading from a field."""
-    if x[STAGE] < LEVEL and not abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND:
+    if x[STAGE] < LEVEL and not may_be_gravity(ax, ay, az):
         return flags.NOT_CONVERGED | flags.HEADING_FREE
     before = x[STAGE]
     found = initialise(c, x, ax, ay, az, mx, my, mz)
@@ -561,16 +549,14 @@ def begin(c: Floats, x: Floats) -> None:
 @njit
 def level_again(c: Floats, x: Floats, fx: float, fy: float, fz: float) -> None:
     """Turn the specific force, in navigation axes, up by the shortest way, and know the tilt as at the start."""
-    norm = math.sqrt(fx * fx + fy * fy + fz * fz)
-    if not abs(norm - G0) <= START_BAND:
+    if not may_be_gravity(fx, fy, fz):
         return
-    up = c[UP]
-    w = math.sqrt(max(0.5 + 0.5 * up * fz / norm, 1e-12))
-    half = 0.5 * up / (w * norm)
-    q0, q1, q2, q3 = quat_mul(w, half * fy, -half * fx, 0.0, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    s = 1.0 / math.sqrt(fx * fx + fy * fy + fz * fz)
+    e0, e1, e2, e3 = upright(c[UP], s * fx, s * fy, s * fz)
+    q0, q1, q2, q3 = quat_mul(e0, e1, e2, e3, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
     know_tilt(x, START_TILT)
-    x[FORCE], x[FORCE + 1], x[FORCE + 2] = 0.0, 0.0, up * G0
+    x[FORCE], x[FORCE + 1], x[FORCE + 2] = 0.0, 0.0, c[UP] * G0
 
 
 @njit
@@ -584,7 +570,7 @@ def step(
     mx, my, mz = trusted(x, 2, seen, flags.MAG_STUCK | flags.MAG_CLIPPED, mx, my, mz)
     if x[COUNT] == 1.0:
         begin(c, x)
-    turn(x, dt, gx, gy, gz)
+    turn(x, dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))
     r00, r01, r02, r10, r11, r12, r20, r21, r22 = rows(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     predict(c, x, dt, missed, gx, gy, gz, r00, r01, r02, r10, r11, r12, r20, r21, r22)
     x[ACC_AGE] += dt

@@ -5,11 +5,20 @@ the rate is small enough to be a bias, [Laidig2023] section on rest detection.
 """
 
 import math
+from typing import Annotated
 
 from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.filters.smooth import kept_weights, smooth
+from plumbob.params import Spec
 from plumbob.rotations.kernels import Vec
+from plumbob.units import Quantity
+
+RestRate = Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)]
+RestForce = Annotated[
+    float, Spec(Quantity.ACCELERATION, "at rest, the specific force stays this near to its mean", 0, 100)
+]
+RestAfter = Annotated[float, Spec(Quantity.TIME, "rest begins after so long of stillness", 0, 600)]
 
 TAU = 0.5
 """Smoothing time, s."""
@@ -63,3 +72,10 @@ def at_rest(
 def mean_rate(x: Floats, at: int) -> Vec:
     """Smoothed rate, rad/s."""
     return x[at], x[at + 2], x[at + 4]
+
+
+@njit
+def mean_speed(x: Floats, at: int) -> float:
+    """Size of the smoothed rate, rad/s."""
+    wx, wy, wz = mean_rate(x, at)
+    return math.sqrt(wx * wx + wy * wy + wz * wz)

@@ -35,11 +35,21 @@ from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.filters.admission import refused, usable
-from plumbob.filters.alignment import initialise
+from plumbob.filters.alignment import angle_to, has_heading, initialise, upright
 from plumbob.filters.field import FIELD_SIZE, disturbed
-from plumbob.filters.guard import GRAVITY_SIZE, GUARD_SIZE, LEAN, LEAN_TAU, admit_rate, only_gravity, trusted
+from plumbob.filters.guard import (
+    GRAVITY_SIZE,
+    GUARD_SIZE,
+    JUMP_SD,
+    LEAN,
+    LEAN_TAU,
+    admit_rate,
+    may_be_gravity,
+    only_gravity,
+    trusted,
+)
 from plumbob.filters.layout import BIAS, BLIND, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
-from plumbob.filters.rest import REST_SIZE, at_rest, mean_rate
+from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_rate, mean_speed
 from plumbob.filters.smooth import kept_weights, smooth
 from plumbob.params import Spec
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate
@@ -48,7 +58,6 @@ from plumbob.units import Quantity, deg, dps
 SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"
 REFERENCES: Final = ("Laidig2023",)
 NEEDS: Final = ("gyr", "acc")
-STATE: Final = 62 + REST_SIZE + GRAVITY_SIZE + FIELD_SIZE + GUARD_SIZE
 
 TAU_ACC: Final = OWN_C
 TAU_MAG: Final = OWN_C + 1
@@ -78,12 +87,13 @@ REJECTED: Final = OWN + 54  # for how long the field has been rejected, s
 GATED: Final = OWN + 55  # for how long the horizon has been, s
 MISSED: Final = OWN + 56  # angle that may have been missed, rad
 LEANING: Final = OWN + 57  # mean level specific force, x and y, m/s², 2
-QUIET: Final = OWN + 60  # since the averages began, s
-ALARMED: Final = OWN + 61  # for how long a bias that has jumped is learned in haste, s
-REST: Final = OWN + 62
+QUIET: Final = OWN + 59  # since the averages began, s
+ALARMED: Final = OWN + 60  # for how long a bias that has jumped is learned in haste, s
+REST: Final = OWN + 61
 GRAVITY: Final = REST + REST_SIZE
 FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
+STATE: Final = GUARD + GUARD_SIZE - OWN
 
 FORGET: Final = 100.0
 """A bias that is not seen is as uncertain as at the start after about this, s."""
@@ -101,16 +111,12 @@ REST_BIAS: Final = dps(2.0)
 """A mean rate beyond this, rad/s, is a slow turn and no rest."""
 MISSED_LIMIT: Final = deg(3.0)
 """Where the attitude may be off by more than this, rad, it begins again."""
-START_BAND: Final = 0.3 * G0
-"""It begins only with a specific force this near to g, m/s²."""
 LEAN_AFTER: Final = 5.0
-"""and not again for so long, s,"""
+"""A horizon that leans is not looked for within this of a new start, s."""
 HASTE: Final = 0.05
 """A bias that has jumped is learned with so much of the usual noise,"""
 HASTE_FOR: Final = 30.0
 """for so long, s."""
-JUMP_SD: Final = dps(5.0)
-"""Standard deviation of a bias that has jumped, rad/s."""
 
 
 class Params(NamedTuple):
@@ -131,11 +137,9 @@ class Params(NamedTuple):
     bias_resting: Annotated[float, Spec(Quantity.RATE, "standard deviation that the bias reaches at rest", 1e-7, 1)] = (
         dps(0.03)
     )
-    rest_rate: Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)] = dps(2.0)
-    rest_force: Annotated[
-        float, Spec(Quantity.ACCELERATION, "at rest, the specific force stays this near to its mean", 0, 100)
-    ] = 0.5
-    rest_after: Annotated[float, Spec(Quantity.TIME, "rest begins after so long of stillness", 0, 600)] = 1.5
+    rest_rate: RestRate = dps(2.0)
+    rest_force: RestForce = 0.5
+    rest_after: RestAfter = 1.5
     mag_reject: Annotated[
         float, Spec(Quantity.TIME, "a disturbed field is not followed for so long; 0: it always is", 0, 1e6)
     ] = 60.0
@@ -214,9 +218,8 @@ def horizon(c: Floats, x: Floats, dt: float, first: bool, ax: float, ay: float, 
         x[GATED] = max(0.0, x[GATED] - dt)
     s = 1.0 / norm
     ex, ey, ez = rotate(x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], s * fx, s * fy, s * fz)
-    w = math.sqrt(max(0.5 * (ez + 1.0), 1e-12))
-    half = 0.5 / w
-    t0, t1, t2, t3 = quat_mul(w, half * ey, -half * ex, 0.0, x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3])
+    u0, u1, u2, u3 = upright(1.0, ex, ey, ez)
+    t0, t1, t2, t3 = quat_mul(u0, u1, u2, u3, x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3])
     x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3] = quat_unit(t0, t1, t2, t3)
     return True, ey, -ex
 
@@ -320,12 +323,10 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
     cos, sin = x[TURN], x[TURN + 1]
     cos2, sin2 = cos * cos - sin * sin, 2.0 * cos * sin
     hx, hy = cos2 * hx - sin2 * hy, sin2 * hx + cos2 * hy
-    level2 = hx * hx + hy * hy
-    if not level2 > 1e-6 * (level2 + v * v):
+    if not has_heading(hx, hy, v):
         return flags.MAG_GATED
-    bad = disturbed(x, FIELD, min(dt, 1.0), turning, math.sqrt(level2), v)
-    nx, ny = c[NORTH_X], c[UP] * c[NORTH_Y]
-    error = math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
+    bad = disturbed(x, FIELD, min(dt, 1.0), turning, math.sqrt(hx * hx + hy * hy), v)
+    error = angle_to(hx, hy, c[NORTH_X], c[UP] * c[NORTH_Y])
     gain = 1.0 - math.exp(-dt / c[TAU_MAG])
     found = 0
     if bad and c[REJECT] > 0.0 and x[FIRST_GAIN] == 0.0:
@@ -411,7 +412,7 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
         begin(c, x)
         x[FIRST_GAIN] = 0.0
         return 0
-    if not abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND:
+    if not may_be_gravity(ax, ay, az):
         return flags.NOT_CONVERGED | flags.HEADING_FREE
     found = initialise(c, x, ax, ay, az, mx, my, mz)
     begin(c, x)
@@ -436,7 +437,7 @@ def step(
     x[MISSED] += missed
     if x[MISSED] > MISSED_LIMIT:
         found |= flags.NOT_CONVERGED
-        if abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND:
+        if may_be_gravity(ax, ay, az):
             average_anew(c, x)
     x[ACC_AGE] += dt
     x[MAG_AGE] += dt
@@ -449,8 +450,7 @@ def step(
     )
     if x[STAGE] >= LEVEL and usable(mx, my, mz):
         hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
-        wx, wy, wz = mean_rate(x, REST)
-        found |= heading(c, x, x[MAG_AGE], math.sqrt(wx * wx + wy * wy + wz * wz), hx, hy, hz)
+        found |= heading(c, x, x[MAG_AGE], mean_speed(x, REST), hx, hy, hz)
         x[MAG_AGE] = 0.0
     else:
         found |= refused(flags.MAG_GATED, mx, my, mz)
