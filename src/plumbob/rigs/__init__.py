@@ -1,0 +1,1 @@
+"""Emulated rigs: the hardware of the papers, speaking its real bytes."""
