@@ -35,3 +35,13 @@ class CalibrationError(PlumbobError, ValueError):
 
 class MissingExtraError(PlumbobError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
+
+
+def one_line(error: BaseException) -> str:
+    """Text of an error without line breaks."""
+    return " ".join(str(error).split())
+
+
+def excerpt(text: str, size: int = 60) -> str:
+    """Text found in a file, quoted, without control characters and cut to `size` characters."""
+    return repr(text if len(text) <= size else text[:size] + "…")

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.errors import DecodeError, MissingExtraError, PlumbobError
+from plumbob.errors import DecodeError, MissingExtraError, PlumbobError, one_line
 from plumbob.io.broad_keys import RATE, SHAPES, require_keys, require_shapes
-from plumbob.io.files import one_line
 
 _CHUNK_SLACK = 1_000_000  # values; a writer may choose chunks larger than a short data set
 

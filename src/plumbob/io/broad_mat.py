@@ -9,9 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.errors import DecodeError, PlumbobError
+from plumbob.errors import DecodeError, PlumbobError, one_line
 from plumbob.io.broad_keys import RATE, SHAPES, require_keys, require_shapes
-from plumbob.io.files import one_line
 
 MAX_UNPACKED: Final = 256 * 1024 * 1024
 """Bytes that a file may unpack to; a trial of a million rows has 145 MB."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from plumbob.errors import DecodeError, PlumbobError
+from plumbob.errors import DecodeError, PlumbobError, one_line
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
@@ -64,13 +64,3 @@ def replacing(path: Path) -> Iterator[Path]:
         raise DecodeError(f"{path} cannot be written: {why}. Nothing was changed there.") from error
     finally:
         temporary.unlink(missing_ok=True)
-
-
-def one_line(error: BaseException) -> str:
-    """Text of an error without line breaks."""
-    return " ".join(str(error).split())
-
-
-def excerpt(text: str, size: int = 60) -> str:
-    """Text found in a file, quoted, without control characters and cut to `size` characters."""
-    return repr(text if len(text) <= size else text[:size] + "…")

@@ -9,9 +9,8 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.data import ImuMeta
-from plumbob.errors import DecodeError, ParameterError
+from plumbob.errors import DecodeError, ParameterError, excerpt
 from plumbob.io.columns import COLUMNS
-from plumbob.io.files import excerpt
 from plumbob.io.findings import provenance
 from plumbob.io.recording import Recording
 from plumbob.rotations import Frame, North

@@ -1,16 +1,15 @@
 """Read a profile from TOML, strictly: an unknown key, a missing unit or a wrong type is an error that says so."""
 
 import codecs
-import math
-import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob import units
+from plumbob import forms
 from plumbob.data import TRIADS
-from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError
-from plumbob.io.files import excerpt, existing_file, one_line, reading
+from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
+from plumbob.forms import Parse
+from plumbob.io.files import existing_file, reading
 from plumbob.io.profile import ColumnRef, GroupSource, Layout, Profile, ReferenceSource, TimeColumn, TimeRate
 from plumbob.rotations import Frame, North, body_axes
 from plumbob.units import Quantity
@@ -23,8 +22,6 @@ _SEPARATORS = {",": ",", ";": ";", "tab": "\t", "\t": "\t", "\\t": "\t", " ": " 
 _ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
 _META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
 _LAYOUT = ("separator", "decimal", "encoding", "comment", "missing", "rows")
-
-Parse = Callable[[str, Any], Any]
 
 
 def load_profile(path: str | Path) -> Profile:
@@ -50,10 +47,7 @@ def load_profile(path: str | Path) -> Profile:
 
 def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     """Profile from TOML text; errors as in `load_profile`."""
-    try:
-        raw = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise DecodeError(f"not valid TOML ({one_line(error).rstrip('.')}); {GUIDE} has examples.") from error
+    raw = forms.toml(text, GUIDE)
     found = _section("profile", raw, _PROFILE, ("separator", "header", "time"))
     profile = Profile(
         layout=Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),
@@ -93,15 +87,7 @@ def _require_sense(profile: Profile) -> None:
 
 
 def _section(where: str, raw: Any, known: Mapping[str, Parse], required: tuple[str, ...] = ()) -> dict[str, Any]:
-    if not isinstance(raw, dict):
-        raise DecodeError(f"{where} must be a table, as in [{where}], but it is {excerpt(str(raw))}.")
-    for key in raw:
-        if key not in known:
-            raise DecodeError(f"{where} has no key {excerpt(key)}; known are {', '.join(known)}.")
-    for key in required:
-        if key not in raw:
-            raise _absent(where, key)
-    return {key: known[key](key if where == "profile" else f"{where}.{key}", value) for key, value in raw.items()}
+    return forms.section(where, raw, known, required, top=where == "profile", missing=_absent)
 
 
 def _absent(where: str, key: str) -> PlumbobError:
@@ -114,59 +100,15 @@ def _absent(where: str, key: str) -> PlumbobError:
     return DecodeError(f"{where} needs the key '{key}', because nothing is guessed; {GUIDE} explains it.")
 
 
-def _text(where: str, value: Any) -> str:
-    if not isinstance(value, str):
-        raise DecodeError(f"{where} must be a text in quotes, but it is {excerpt(str(value))}.")
-    return value
-
-
-def _one_of(*known: str) -> Parse:
-    def parse(where: str, value: Any) -> str:
-        if value not in known:
-            raise DecodeError(f"{where} must be one of {', '.join(map(repr, known))}, but it is {excerpt(str(value))}.")
-        return str(value)
-
-    return parse
-
-
 def _separator(where: str, value: Any) -> str:
     if not isinstance(value, str) or value not in _SEPARATORS:
         raise DecodeError(f"{where} must be one of ',', ';', 'tab' and ' ' (blanks), but it is {excerpt(str(value))}.")
     return _SEPARATORS[value]
 
 
-def _truth(where: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise DecodeError(f"{where} must be true or false, but it is {excerpt(str(value))}.")
-    return value
-
-
-def _whole(least: int | None) -> Parse:
-    def parse(where: str, value: Any) -> int:
-        if not isinstance(value, int) or isinstance(value, bool) or (least is not None and value < least):
-            bound = "" if least is None else f" of at least {least}"
-            raise DecodeError(f"{where} must be a whole number{bound}, but it is {excerpt(str(value))}.")
-        return value
-
-    return parse
-
-
-def _positive(where: str, value: Any) -> float:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not (math.isfinite(value) and value > 0.0):
-        raise DecodeError(f"{where} must be a finite number above 0, but it is {excerpt(str(value))}.")
-    return float(value)
-
-
-def _texts(where: str, value: Any) -> tuple[str, ...]:
-    if not isinstance(value, list):
-        raise DecodeError(f"{where} must be a list of texts, but it is {excerpt(str(value))}.")
-    return tuple(_text(where, item) for item in value)
-
-
 def _encoding(where: str, value: Any) -> str:
     try:
-        codecs.lookup(_text(where, value))
+        codecs.lookup(forms.text(where, value))
         "".encode(value)  # refuses Python's codecs that are no text encodings
     except (LookupError, ValueError) as error:
         raise DecodeError(f"{where} = {excerpt(value)} is no text encoding; usual are utf-8, gbk, latin-1.") from error
@@ -191,48 +133,20 @@ def _columns(*sizes: int) -> Parse:
     return parse
 
 
-def _unit(kind: Quantity) -> Parse:
-    def parse(where: str, value: Any) -> str:
-        try:
-            units.unit(_text(where, value), kind)
-        except UnitError as error:
-            raise UnitError(f"{where}: {error}") from error
-        return str(value)
-
-    return parse
-
-
-def _quantity(kind: Quantity) -> Parse:
-    def parse(where: str, value: Any) -> float:
-        text = _text(where, value).strip().removeprefix("±")
-        try:
-            if not units.split(text)[1]:
-                raise UnitError(f"{excerpt(value)} has no unit; write a number and a unit, as in '100 {kind}'.")
-            return units.parse(text, kind)
-        except UnitError as error:
-            raise UnitError(f"{where}: {error}") from error
-
-    return parse
-
-
-def _size(kind: Quantity) -> Parse:
-    return lambda where, value: _positive(where, _quantity(kind)(where, value))
-
-
 def _axes(where: str, value: Any) -> str:
     try:
-        body_axes(_text(where, value))
+        body_axes(forms.text(where, value))
     except FrameError as error:
         raise FrameError(f"{where}: {error}") from error
     return str(value)
 
 
 def _frame(where: str, value: Any) -> Frame:
-    return Frame.parse(_text(where, value))
+    return Frame.parse(forms.text(where, value))
 
 
 def _north(where: str, value: Any) -> North:
-    return North.parse(_text(where, value))
+    return North.parse(forms.text(where, value))
 
 
 def _version(where: str, value: Any) -> int:
@@ -266,7 +180,7 @@ def _time(where: str, value: Any) -> TimeColumn | TimeRate:
 
 
 def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...] = ()) -> Parse:
-    known = {"columns": _columns(3), "unit": _unit(kind), **_COUNTS, **extra}
+    known = {"columns": _columns(3), "unit": forms.unit_of(kind), **_COUNTS, **extra}
 
     def parse(where: str, value: Any) -> GroupSource:
         found = _section(where, value, known, ("columns", "unit", *required))
@@ -288,7 +202,7 @@ def _per_count(where: str, found: Mapping[str, Any]) -> float:
 
 
 def _temperature(where: str, value: Any) -> GroupSource:
-    found = _section(where, value, {"column": _column, "unit": _unit(Quantity.TEMPERATURE)}, ("column", "unit"))
+    found = _section(where, value, {"column": _column, "unit": forms.unit_of(Quantity.TEMPERATURE)}, ("column", "unit"))
     return GroupSource(columns=(found["column"],), unit=found["unit"])
 
 
@@ -298,7 +212,7 @@ def _flags(where: str, value: Any) -> ColumnRef:
 
 
 def _covariance(where: str, value: Any) -> GroupSource:
-    known = {"columns": _columns(9), "angle_unit": _unit(Quantity.ANGLE)}
+    known = {"columns": _columns(9), "angle_unit": forms.unit_of(Quantity.ANGLE)}
     found = _section(where, value, known, ("columns", "angle_unit"))
     return GroupSource(columns=found["columns"], unit=found["angle_unit"])
 
@@ -315,28 +229,28 @@ def _reference(where: str, value: Any) -> ReferenceSource:
     return ReferenceSource(**found)
 
 
-_COUNTS: Final[dict[str, Parse]] = {"counts_per_unit": _positive, "unit_per_count": _positive}
+_COUNTS: Final[dict[str, Parse]] = {"counts_per_unit": forms.positive, "unit_per_count": forms.positive}
 _HEADER: Final[dict[str, Parse]] = {
-    "marker": _text,
-    "occurrence": _whole(1),
-    "skip": _whole(0),
-    "names": _truth,
-    "after_names": _whole(0),
+    "marker": forms.text,
+    "occurrence": forms.whole(1),
+    "skip": forms.whole(0),
+    "names": forms.truth,
+    "after_names": forms.whole(0),
 }
 _TIME: Final[dict[str, Parse]] = {
     "column": _column,
-    "unit": _unit(Quantity.TIME),
-    "epoch": _one_of("unix"),
-    "rate": _size(Quantity.FREQUENCY),
+    "unit": forms.unit_of(Quantity.TIME),
+    "epoch": forms.one_of("unix"),
+    "rate": forms.size(Quantity.FREQUENCY),
 }
 _REFERENCE: Final[dict[str, Parse]] = {
     "columns": _columns(3, 4),
-    "order": _one_of(*_ORDERS),
-    "unit": _unit(Quantity.ANGLE),
+    "order": forms.one_of(*_ORDERS),
+    "unit": forms.unit_of(Quantity.ANGLE),
     "frame": _frame,
     "north": _north,
-    "of": _one_of("body", "case"),
-    "source": _text,
+    "of": forms.one_of("body", "case"),
+    "source": forms.text,
     "score": _column,
     "flags": _column,
     "bias": _group(Quantity.RATE, {}),
@@ -345,32 +259,32 @@ _REFERENCE: Final[dict[str, Parse]] = {
 _PROFILE: Final[dict[str, Parse]] = {
     "format_version": _version,
     "separator": _separator,
-    "decimal": _one_of(".", ","),
+    "decimal": forms.one_of(".", ","),
     "encoding": _encoding,
-    "comment": _text,
-    "missing": _texts,
-    "rows": _whole(1),
+    "comment": forms.text,
+    "missing": forms.texts,
+    "rows": forms.whole(1),
     "header": _header,
     "time": _time,
-    "gyr": _group(Quantity.RATE, {"range": _size(Quantity.RATE)}),
+    "gyr": _group(Quantity.RATE, {"range": forms.size(Quantity.RATE)}),
     "acc": _group(
         Quantity.ACCELERATION,
-        {"range": _size(Quantity.ACCELERATION), "sign": _one_of("specific-force", "gravity")},
+        {"range": forms.size(Quantity.ACCELERATION), "sign": forms.one_of("specific-force", "gravity")},
         ("sign",),
     ),
-    "mag": _group(Quantity.FIELD, {"range": _size(Quantity.FIELD)}),
+    "mag": _group(Quantity.FIELD, {"range": forms.size(Quantity.FIELD)}),
     "temperature": _temperature,
     "flags": _flags,
     "reference": _reference,
-    "device": _text,
+    "device": forms.text,
     "axes": _axes,
-    "axes_applied": _truth,
+    "axes_applied": forms.truth,
     "frame": _frame,
     "north": _north,
-    "declination": _quantity(Quantity.ANGLE),
-    "rate_nominal": _size(Quantity.FREQUENCY),
-    "t0_ns": _whole(None),
-    "calibration": _text,
-    "unit_check": _truth,
-    "notes": _texts,
+    "declination": forms.quantity(Quantity.ANGLE),
+    "rate_nominal": forms.size(Quantity.FREQUENCY),
+    "t0_ns": forms.whole(None),
+    "calibration": forms.text,
+    "unit_check": forms.truth,
+    "notes": forms.texts,
 }

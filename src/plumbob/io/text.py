@@ -9,8 +9,8 @@ import numpy as np
 from plumbob import units
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.errors import DecodeError
-from plumbob.io.files import excerpt, existing_file, reading
+from plumbob.errors import DecodeError, excerpt
+from plumbob.io.files import existing_file, reading
 from plumbob.io.profile import ColumnRef, GroupSource, Profile, ReferenceSource, TimeColumn, TimeRate
 from plumbob.io.profile_toml import GUIDE, load_profile
 from plumbob.io.recording import Recording

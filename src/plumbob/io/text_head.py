@@ -3,8 +3,7 @@
 import csv
 from dataclasses import dataclass
 
-from plumbob.errors import DecodeError
-from plumbob.io.files import excerpt, one_line
+from plumbob.errors import DecodeError, excerpt, one_line
 from plumbob.io.profile import Layout
 
 

@@ -8,8 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.check import Floats
-from plumbob.errors import DecodeError
-from plumbob.io.files import excerpt
+from plumbob.errors import DecodeError, excerpt
 from plumbob.io.profile import ColumnRef, Layout
 from plumbob.io.text_body import Body
 from plumbob.io.text_head import decode, find_head, is_idle, split_row

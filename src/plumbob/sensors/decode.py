@@ -1,0 +1,294 @@
+"""Bytes to numbers with units: every byte is a frame or is counted as junk, and nothing on the wire raises."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import flags
+from plumbob.errors import ParameterError
+from plumbob.sensors import scan
+from plumbob.sensors.columns import counts_of, values_of
+from plumbob.sensors.format import Field, Format, Message
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+Column = NDArray[np.float64] | NDArray[np.int64]
+
+_SLICE: Final = 1 << 20
+"""Bytes that are searched and taken apart at a time, so that they stay in the processor's cache."""
+
+_BITS: Final = {
+    ("gyr", "clipped"): flags.GYR_CLIPPED,
+    ("acc", "clipped"): flags.ACC_CLIPPED,
+    ("mag", "clipped"): flags.MAG_CLIPPED,
+    ("gyr", "invalid"): flags.GYR_INVALID,
+    ("acc", "invalid"): flags.ACC_INVALID,
+    ("mag", "invalid"): flags.MAG_INVALID,
+    ("gyr", "absent"): flags.GYR_ABSENT,
+    ("acc", "absent"): flags.ACC_ABSENT,
+    ("mag", "absent"): flags.MAG_ABSENT,
+}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frames:
+    """Frames of one message.
+
+    Attributes
+    ----------
+    message : Message
+        What they are.
+    start : ndarray (N,) of int64
+        Byte of the stream with which each begins.
+    t_ns : ndarray (N,) of int64
+        Host's time at which that byte was read, ns.
+    columns : mapping of str to ndarray (N,)
+        Values by field, in the units used inside; whole numbers for what is no measured value.
+    flags : mapping of str to ndarray (N,) of uint32
+        Flags by unit: the prefix of its fields, empty where there is one unit only.
+    """
+
+    message: Message
+    start: Ints
+    t_ns: Ints
+    columns: Mapping[str, Column]
+    flags: Mapping[str, NDArray[np.uint32]]
+
+    def __len__(self) -> int:
+        return int(self.start.size)
+
+
+@dataclass(slots=True)
+class Counts:
+    """What became of every byte, and why frames were rejected.
+
+    Attributes
+    ----------
+    received : int
+        Bytes handed in.
+    framed : int
+        Bytes of frames, unknown messages included.
+    junk : int
+        Bytes that belong to no frame.
+    pending : int
+        Bytes that wait for more.
+    frames : dict of str to int
+        Frames by message.
+    unknown : int
+        Frames that pass their check and are of no known message.
+    bad_checksum, bad_content, bad_length : int
+        Candidates rejected for their check; for constants, digits or parity; for an impossible length.
+    """
+
+    received: int = 0
+    framed: int = 0
+    junk: int = 0
+    pending: int = 0
+    frames: dict[str, int] = field(default_factory=dict)
+    unknown: int = 0
+    bad_checksum: int = 0
+    bad_content: int = 0
+    bad_length: int = 0
+
+    def summary(self) -> dict[str, int | dict[str, int]]:
+        """Everything by name, for JSON."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+class Decoder:
+    """Decodes a stream in any chunking; equal bytes give equal frames.
+
+    Parameters
+    ----------
+    form : Format
+        Format; its options must be settled, or all have defaults.
+
+    Raises
+    ------
+    ParameterError
+        If an option is missing.
+    """
+
+    def __init__(self, form: Format) -> None:
+        self.form = form.bind()
+        self._plan = scan.plan_of(self.form)
+        self._state: Ints = np.zeros(scan.STATE, dtype=np.int64)
+        self._state[scan.HUNTING] = 1
+        self._pending = b""
+        self._reads: list[tuple[int, int]] = []  # where each read that still matters began in the stream, and its time
+        self._done = 0
+        self._found: Ints = np.empty((_room(self.form), 3), dtype=np.int64)
+        self.counts = Counts(frames={m.name: 0 for m in self.form.messages})
+
+    def feed(self, data: bytes, t_ns: int = 0) -> dict[str, Frames]:
+        """Take bytes, and return the frames that they complete, by message; messages without any are left out.
+
+        Parameters
+        ----------
+        data : bytes
+            Next bytes of the stream.
+        t_ns : int
+            Host's time at which they were read, ns.
+        """
+        return self._take(data, t_ns, final=False)
+
+    def finish(self) -> dict[str, Frames]:
+        """Say that the stream has ended, or was interrupted: what is pending is searched, and its rest is junk."""
+        return self._take(b"", 0, final=True)
+
+    def _take(self, data: bytes, t_ns: int, *, final: bool) -> dict[str, Frames]:
+        if data:
+            self._reads.append((self._done + len(self._pending), t_ns))
+        self.counts.received += len(data)
+        whole = self._pending + data if self._pending else data
+        parts: dict[int, list[Frames]] = {}
+        at = 0
+        while True:
+            end = min(len(whole), at + _SLICE)
+            last = end == len(whole)
+            at, full = self._slice(whole, at, end, final and last, parts)
+            if last and not full:
+                break
+        self._pending = whole[at:]
+        self._done += at
+        self._forget()
+        self._count()
+        return {self.form.messages[m].name: _joined(found) for m, found in sorted(parts.items())}
+
+    def _slice(self, whole: bytes, at: int, end: int, final: bool, parts: dict[int, list[Frames]]) -> tuple[int, bool]:
+        view = np.frombuffer(whole, dtype=np.uint8)[at:end]
+        found, done = scan.scan(view, view.size, final, *self._plan, self._state, self._found)
+        places = self._found[:found]
+        for m, message in enumerate(self.form.messages):
+            mine = places if len(self.form.messages) == 1 else places[places[:, 2] == m]
+            if mine.shape[0]:
+                start = mine[:, 0] + (self._done + at)
+                rows = _rows(view, mine[:, 0], message.length)
+                parts.setdefault(m, []).append(_taken_apart(message, rows, start, self._times(start)))
+                self.counts.frames[message.name] += mine.shape[0]
+        return at + done, found == self._found.shape[0]
+
+    def _times(self, start: Ints) -> Ints:
+        begins, times = np.array(self._reads, dtype=np.int64).T
+        return np.asarray(times[np.searchsorted(begins, start, side="right") - 1])
+
+    def _forget(self) -> None:
+        """Drop reads that ended before what is pending."""
+        keep = max((i for i, (begin, _) in enumerate(self._reads) if begin <= self._done), default=0)
+        del self._reads[:keep]
+
+    def _count(self) -> None:
+        c, s = self.counts, self._state
+        c.pending = len(self._pending)
+        c.junk, c.unknown = int(s[scan.JUNK]), int(s[scan.UNKNOWN])
+        c.framed = c.received - c.junk - c.pending
+        c.bad_checksum, c.bad_content, c.bad_length = (
+            int(s[i]) for i in (scan.BAD_CHECKSUM, scan.BAD_CONTENT, scan.BAD_LENGTH)
+        )
+
+
+def decode(form: Format, data: bytes, t_ns: int = 0) -> tuple[dict[str, Frames], Counts]:
+    """Decode a whole stream at once.
+
+    Parameters
+    ----------
+    form : Format
+        Format.
+    data : bytes
+        The stream.
+    t_ns : int
+        Host's time to give to every frame, ns.
+
+    Returns
+    -------
+    frames : dict of str to Frames
+        By message.
+    counts : Counts
+        What became of every byte.
+    """
+    decoder = Decoder(form)
+    parts = [decoder.feed(data, t_ns), decoder.finish()]
+    names = [m.name for m in decoder.form.messages]
+    return {n: _joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}, decoder.counts
+
+
+def _room(form: Format) -> int:
+    least = min(m.length for m in form.messages)
+    if least < 1:
+        raise ParameterError(f"{form.name}: a message must be at least 1 byte long.")
+    return _SLICE // least + 1
+
+
+def _rows(view: Bytes, start: Ints, length: int) -> Bytes:
+    """Bytes (N, L) of frames; no copy where they follow each other without a break."""
+    if int(start[-1]) - int(start[0]) == (start.size - 1) * length:
+        return view[start[0] : start[-1] + length].reshape(-1, length)
+    return np.lib.stride_tricks.sliding_window_view(view, length)[start]
+
+
+def _taken_apart(message: Message, rows: Bytes, start: Ints, t_ns: Ints) -> Frames:
+    columns: dict[str, Column] = {}
+    found: dict[str, NDArray[np.uint32]] = {unit: np.zeros(start.size, dtype=np.uint32) for unit in units_of(message)}
+    absent: list[tuple[str, NDArray[np.bool_]]] = []
+    for one in message.fields:
+        if one.role == "constant":
+            continue
+        counts = counts_of(one, rows)
+        if not one.physical:
+            columns[one.name] = counts
+            absent += _listen(one, counts, found)
+            continue
+        columns[one.name] = values_of(one, counts)
+        absent += _at_its_end(one, counts, found)
+    for name, gone in absent:
+        for column in (c for c in columns if c == name or c.rpartition(".")[0] == name):
+            columns[column] = np.where(gone, np.nan, columns[column])
+    return Frames(message, start, t_ns, columns, found)
+
+
+def units_of(message: Message) -> list[str]:
+    """Prefixes of the units whose triads the message carries; an empty one where they have none."""
+    names = [f.triad for f in message.fields if f.triad] + [name for f in message.fields for name in f.of]
+    return list(dict.fromkeys(name.rpartition(".")[0] for name in names)) or [""]
+
+
+def _listen(one: Field, counts: Column, found: Mapping[str, NDArray[np.uint32]]) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Flag what a status says of its triads; return what it says is absent."""
+    gone = []
+    for code, word in one.says.items():
+        here = counts == code
+        for name in one.of:
+            unit, _, triad = name.rpartition(".")
+            found[unit][here] |= np.uint32(_BITS[triad, word])
+            if word == "absent":
+                gone.append((name, here))
+    return gone
+
+
+def _at_its_end(
+    one: Field, counts: Column, found: Mapping[str, NDArray[np.uint32]]
+) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Flag a triad whose count is at the end of its range; return its own column where it is beyond."""
+    unit, _, triad = one.triad.rpartition(".")
+    if not triad or one.type[0] == "f":
+        return []
+    low, high = one.clip or one.limits
+    beyond = np.isin(counts, one.overflow) if one.overflow else np.zeros(counts.shape, dtype=bool)
+    found[unit][(counts <= low) | (counts >= high) | beyond] |= np.uint32(_BITS[triad, "clipped"])
+    return [(one.name, beyond)] if one.overflow else []
+
+
+def _joined(parts: list[Frames]) -> Frames:
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    return Frames(
+        first.message,
+        np.concatenate([p.start for p in parts]),
+        np.concatenate([p.t_ns for p in parts]),
+        {name: np.concatenate([p.columns[name] for p in parts]) for name in first.columns},
+        {unit: np.concatenate([p.flags[unit] for p in parts]) for unit in first.flags},
+    )

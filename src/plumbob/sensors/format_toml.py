@@ -1,0 +1,438 @@
+"""Read a format from TOML, strictly; the catalogue and a user's own frame are written alike."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob import forms, units
+from plumbob.errors import DecodeError, PlumbobError, UnitError, excerpt
+from plumbob.forms import Parse
+from plumbob.sensors import checksum
+from plumbob.sensors.format import (
+    MARKS,
+    ROLES,
+    SIZES,
+    WORDS,
+    Checksum,
+    Field,
+    Format,
+    Framing,
+    LengthField,
+    Message,
+    Option,
+    Provenance,
+    Register,
+)
+from plumbob.units import Quantity
+
+GUIDE: Final = "docs/formats.md"
+KIND: Final = "plumbob format"
+VERSION: Final = 1
+_ORDERS: Final = ("big", "little")
+_MEASURED: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
+
+
+def load_format(path: str | Path) -> Format:
+    """Read a format.
+
+    Raises
+    ------
+    DecodeError
+        If there is no such file, it is no TOML, or a key is unknown, missing or of the wrong type.
+    UnitError
+        If a unit is missing or unknown.
+    """
+    file = Path(path)
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DecodeError(f"{file} cannot be read as UTF-8 text: {error}.") from error
+    try:
+        return parse_format(text)
+    except PlumbobError as error:
+        raise type(error)(f"{file}: {error}") from error
+
+
+def parse_format(text: str) -> Format:
+    """Format from TOML text; errors as in `load_format`."""
+    found = forms.section(
+        "format", forms.toml(text, GUIDE), _FORMAT, ("kind", "version", "name", "title", "frame"), top=True
+    )
+    order = found.get("byte_order", "")
+    framing: Framing = found["frame"]
+    if framing.checksum and not framing.checksum.order:
+        framing = replace(framing, checksum=replace(framing.checksum, order=_order("checksum", order)))
+    if framing.length_field and not framing.length_field.order:
+        framing = replace(framing, length_field=replace(framing.length_field, order=_order("length", order)))
+    form = Format(
+        name=found["name"],
+        title=found["title"],
+        framing=framing,
+        messages=_messages(found, framing, order),
+        options=found.get("option", {}),
+        sources=found.get("sources", {}),
+        facts=found.get("fact", {}),
+        registers=tuple(found.get("register", ())),
+        noise=found.get("noise", ""),
+        aliases=found.get("aliases", ()),
+    )
+    _require_sense(form)
+    return form
+
+
+def _order(where: str, order: str) -> str:
+    if not order:
+        raise DecodeError(f'{where} has bytes in an order, and nothing says which; add byte_order = "big" or "little".')
+    return order
+
+
+def _messages(found: Mapping[str, Any], framing: Framing, order: str) -> tuple[Message, ...]:
+    if ("message" in found) == bool("field" in found or "embed" in found):
+        raise DecodeError("a format has either [[field]] and [[embed]], or a [[message]] for each kind of frame.")
+    raw = found.get("message") or [
+        {"name": found["name"], "field": found.get("field", []), "embed": found.get("embed", [])}
+    ]
+    return tuple(_message(one, framing, order) for one in raw)
+
+
+def _message(raw: Mapping[str, Any], framing: Framing, order: str) -> Message:
+    at = _first(framing)
+    fields: list[Field] = []
+    for part in raw.get("field", []):
+        fields += _fields(part, at, order)
+        at = fields[-1].at + fields[-1].size
+    for part in raw.get("embed", []):
+        fields += _embedded(part)
+    return Message(raw["name"], raw.get("length", framing.length), tuple(fields), raw.get("title", ""))
+
+
+def _first(framing: Framing) -> int:
+    """First byte after the sync and a length field right behind it."""
+    at = len(framing.sync[0]) if framing.sync else 0
+    rule = framing.length_field
+    return at + rule.size if rule and rule.at == at else at
+
+
+def _fields(raw: Mapping[str, Any], at: int, order: str) -> list[Field]:
+    """One field, or the three of a triad, one behind the other."""
+    where, axes = f"field {raw['name']}", raw.get("axes", "")
+    size = raw.get("size") or SIZES.get(raw["type"], 0)
+    begin = raw.get("at", at)
+    wide = size > 1 and raw["type"] not in ("bcd", "parity")
+    base = Field(
+        name=raw["name"],
+        at=begin,
+        type=raw["type"],
+        size=size,
+        order=_order(where, raw.get("order", order)) if wide else "big",
+        **{key: raw[key] for key in _PLAIN if key in raw},
+        origin=raw["origin"],
+    )
+    names = [f"{base.name}.{axis}" for axis in axes] or [base.name]
+    made = [replace(base, name=name, at=begin + i * size) for i, name in enumerate(names)]
+    for one in made:
+        _require_unit(where, one)
+    return made
+
+
+def _require_unit(where: str, one: Field) -> None:
+    if not one.physical:
+        if one.unit and one.role != "clock":
+            raise UnitError(f"{where} is a {one.role}, which has no unit; remove it.")
+        if one.role == "clock":
+            units.unit(one.unit, Quantity.TIME)
+        return
+    triad = one.triad.rpartition(".")[2]
+    if not one.unit:
+        raise UnitError(
+            f'{where} needs its unit, because a bare number has none; add unit = "deg/s" or such ("1" for none).'
+        )
+    units.unit(one.unit, _MEASURED.get(triad))
+
+
+def _embedded(raw: Mapping[str, Any]) -> list[Field]:
+    """Fields of a catalogued device's message inside this frame; its parity becomes a status that can say absent."""
+    from plumbob.sensors import catalog
+
+    inner = catalog.load(raw["device"]).bind(raw.get("options", {}))
+    message = inner.message(raw.get("message", ""))
+    if inner.framing.sync:
+        raise DecodeError(
+            f"embed: {inner.name} is a stream of its own; only what a bus transfers can stand in a frame."
+        )
+    begin, unit = raw["at"], raw.get("unit", "")
+    prefix = f"{unit}." if unit else ""
+    triads = tuple(dict.fromkeys(prefix + f.triad for f in message.fields if f.triad))
+    found = [
+        replace(f, name=prefix + f.name, at=begin + f.at, of=tuple(prefix + name for name in f.of))
+        for f in message.fields
+    ]
+    for number, (start, stop, bit) in enumerate(inner.framing.parity):
+        name = f"{prefix}{inner.name}.parity{number}"
+        gone: dict[int, str] = {0: "absent"}
+        found.append(
+            Field(name, begin + start, "parity", stop - start, bits=(bit, bit), role="status", says=gone, of=triads)
+        )
+    return found
+
+
+def _require_sense(form: Format) -> None:
+    framing = form.framing
+    if len({len(word) for word in framing.sync}) > 1:
+        raise DecodeError("frame.sync: all alternatives must be of equal length.")
+    if not framing.length and not framing.length_field:
+        raise DecodeError(
+            "frame needs its length in bytes, sync and checksum included, or where it stands: length_field."
+        )
+    if framing.transfers and (framing.length_field or framing.confirm):
+        raise DecodeError("frame without sync is a bus transfer; it has one length and nothing to confirm.")
+    if framing.checksum and framing.checksum.kind not in form.options:
+        checksum.algorithm(framing.checksum.kind)
+    for message in form.messages:
+        _require_room(form, message)
+
+
+def _require_room(form: Format, message: Message) -> None:
+    if not message.length or (form.framing.length and message.length != form.framing.length):
+        raise DecodeError(f"message {message.name} needs its length in bytes, the whole frame's, as the frame has it.")
+    names = [f.name for f in message.fields]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise DecodeError(f"message {message.name} has field {twice[0]} twice; each name has one meaning.")
+    _require_apart(message)
+    for one in message.fields:
+        if one.at + one.size > message.length:
+            raise DecodeError(
+                f"field {one.name} ends at byte {one.at + one.size}, but message {message.name} has {message.length}."
+            )
+        for name in (one.counts, one.times):
+            if isinstance(name, str) and name not in form.options:
+                raise DecodeError(f"field {one.name} names option '{name}', which the format does not have.")
+        for name in one.of:
+            if not any(name in (f.triad, f.name) for f in message.fields):
+                raise DecodeError(f"field {one.name} speaks of '{name}', which message {message.name} does not have.")
+
+
+def _require_apart(message: Message) -> None:
+    """Refuse fields that lie on each other, but for bits of one word."""
+    whole = sorted((f for f in message.fields if f.type != "parity"), key=lambda f: f.at)
+    for one, other in pairwise(whole):
+        same_word = one.bits and other.bits and (one.at, one.size) == (other.at, other.size)
+        if other.at < one.at + one.size and not same_word:
+            raise DecodeError(f"message {message.name}: fields {one.name} and {other.name} share byte {other.at}.")
+
+
+def _ratio(where: str, value: Any) -> float:
+    """Number, or text of a fraction such as "180/32768"."""
+    if isinstance(value, str):
+        try:
+            return float(Fraction(value.replace(" ", "")))
+        except (ValueError, ZeroDivisionError) as error:
+            raise DecodeError(
+                f"{where} must be a number or a fraction such as '180/32768', not {excerpt(value)}."
+            ) from error
+    return forms.number(where, value)
+
+
+def _counts(where: str, value: Any) -> float | str:
+    return value.removeprefix("option:") if isinstance(value, str) else forms.positive(where, value)
+
+
+def _hex(where: str, value: Any) -> bytes:
+    try:
+        found = bytes.fromhex(forms.text(where, value))
+    except ValueError as error:
+        raise DecodeError(
+            f"{where} must be bytes in hexadecimal, as in 'A5 5A', but it is {excerpt(value)}."
+        ) from error
+    if not found:
+        raise DecodeError(f"{where} must have at least one byte.")
+    return found
+
+
+def _sync(where: str, value: Any) -> tuple[bytes, ...]:
+    return tuple(_hex(where, item) for item in (value if isinstance(value, list) else [value]))
+
+
+def _integers(count: int | None) -> Parse:
+    def parse(where: str, value: Any) -> tuple[int, ...]:
+        if not isinstance(value, list) or (count is not None and len(value) != count):
+            many = "some" if count is None else str(count)
+            raise DecodeError(f"{where} must be a list of {many} whole numbers, but it is {excerpt(str(value))}.")
+        return tuple(forms.whole()(where, item) for item in value)
+
+    return parse
+
+
+def _says(where: str, value: Any) -> dict[int, str]:
+    found = forms.mapping(forms.one_of(*WORDS))(where, value)
+    try:
+        return {int(key, 0): word for key, word in found.items()}
+    except ValueError as error:
+        raise DecodeError(f"{where} must name counts, as in {{ 0 = 'absent' }}: {error}.") from error
+
+
+def _with_origin(parse: Parse) -> Parse:
+    """Parser of a table that also has source, mark and note; they become its origin."""
+
+    def parse_both(where: str, value: Any) -> dict[str, Any]:
+        found = dict(parse(where, value))
+        return found | {"origin": Provenance(**{key: found.pop(key) for key in _ORIGIN if key in found})}
+
+    return parse_both
+
+
+def _option(where: str, value: Any) -> Option:
+    found = _with_origin(forms.form(_OPTION, ("meaning",)))(where, value)
+    return Option(found["meaning"], found.get("choices", {}), found.get("default"), found["origin"])
+
+
+def _choice(where: str, value: Any) -> float | str:
+    return value if isinstance(value, str) else forms.positive(where, value)
+
+
+def _register(where: str, value: Any) -> Register:
+    return Register(**_with_origin(forms.form(_REGISTER, ("address", "name", "meaning")))(where, value))
+
+
+def _fact(where: str, value: Any) -> tuple[str, Provenance]:
+    found = _with_origin(forms.form(_FACT, ("text",)))(where, value)
+    return found["text"], found["origin"]
+
+
+def _framing(where: str, value: Any) -> Framing:
+    return Framing(**forms.section(where, value, _FRAME))
+
+
+def _checksum(where: str, value: Any) -> Checksum:
+    found = forms.section(where, value, _CHECKSUM, ("kind", "at", "from"))
+    return Checksum(found["kind"], found["at"], found["from"], found.get("to", found["at"]), found.get("order", ""))
+
+
+def _length_field(where: str, value: Any) -> LengthField:
+    found = forms.section(where, value, _LENGTH, tuple(k for k in _LENGTH if k != "order"))
+    return LengthField(**{"order": "", **found})
+
+
+def _parity(where: str, value: Any) -> tuple[tuple[int, int, int], ...]:
+    if not isinstance(value, list):
+        raise DecodeError(f"{where} must be a list of [first byte, end, bit], but it is {excerpt(str(value))}.")
+    return tuple(_three(where, item) for item in value)
+
+
+def _three(where: str, value: Any) -> tuple[int, int, int]:
+    start, stop, bit = _integers(3)(where, value)
+    return start, stop, bit
+
+
+def _kind(where: str, value: Any) -> str:
+    return str(forms.one_of(KIND)(where, value))
+
+
+def _version(where: str, value: Any) -> int:
+    if value != VERSION or isinstance(value, bool):
+        raise DecodeError(f"{where} is {excerpt(str(value))}, but this program reads {VERSION}; update Plumbob.")
+    return VERSION
+
+
+_PLAIN: Final = (
+    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "says", "of",
+)  # fmt: skip
+_ORIGIN: Final = ("source", "mark", "note")
+_ORIGIN_FORM: Final[dict[str, Parse]] = {"source": forms.text, "mark": forms.one_of(*MARKS), "note": forms.text}
+_FIELD: Final[dict[str, Parse]] = {
+    "name": forms.text,
+    "axes": forms.one_of("xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xy", "x", "y", "z"),
+    "at": forms.whole(0),
+    "type": forms.one_of(*SIZES, "parity"),
+    "size": forms.whole(1, 8),
+    "order": forms.one_of(*_ORDERS),
+    "bits": _integers(2),
+    "unit": forms.text,
+    "lsb": _ratio,
+    "counts": _counts,
+    "times": _counts,
+    "raw_offset": forms.number,
+    "offset": forms.number,
+    "role": forms.one_of(*ROLES),
+    "value": forms.whole(),
+    "clip": _integers(2),
+    "overflow": _integers(None),
+    "says": _says,
+    "of": forms.texts,
+    **_ORIGIN_FORM,
+}
+_EMBED: Final[dict[str, Parse]] = {
+    "device": forms.text,
+    "message": forms.text,
+    "unit": forms.text,
+    "at": forms.whole(0),
+    "options": forms.mapping(forms.text),
+}
+_FIELDS: Final = forms.tables(_with_origin(forms.form(_FIELD, ("name", "type"))))
+_EMBEDS: Final = forms.tables(forms.form(_EMBED, ("device", "at")))
+_MESSAGE: Final[dict[str, Parse]] = {
+    "name": forms.text,
+    "title": forms.text,
+    "length": forms.whole(1),
+    "field": _FIELDS,
+    "embed": _EMBEDS,
+}
+_OPTION: Final[dict[str, Parse]] = {
+    "meaning": forms.text,
+    "choices": forms.mapping(_choice),
+    "default": forms.text,
+    **_ORIGIN_FORM,
+}
+_REGISTER: Final[dict[str, Parse]] = {
+    "address": forms.whole(0),
+    "name": forms.text,
+    "meaning": forms.text,
+    "reset": forms.whole(0),
+    **_ORIGIN_FORM,
+}
+_FACT: Final[dict[str, Parse]] = {"text": forms.text, **_ORIGIN_FORM}
+_CHECKSUM: Final[dict[str, Parse]] = {
+    "kind": forms.text,
+    "at": forms.whole(),
+    "from": forms.whole(0),
+    "to": forms.whole(),
+    "order": forms.one_of(*_ORDERS),
+}
+_LENGTH: Final[dict[str, Parse]] = {
+    "at": forms.whole(0),
+    "size": forms.whole(1, 4),
+    "order": forms.one_of(*_ORDERS),
+    "add": forms.whole(),
+    "least": forms.whole(1),
+    "most": forms.whole(1, 65535),
+}
+_FRAME: Final[dict[str, Parse]] = {
+    "sync": _sync,
+    "length": forms.whole(1, 65535),
+    "length_field": _length_field,
+    "checksum": _checksum,
+    "parity": _parity,
+    "confirm": forms.truth,
+    "rate": forms.size(Quantity.FREQUENCY),
+    "baud": forms.whole(1),
+}
+_FORMAT: Final[dict[str, Parse]] = {
+    "kind": _kind,
+    "version": _version,
+    "name": forms.text,
+    "title": forms.text,
+    "aliases": forms.texts,
+    "byte_order": forms.one_of(*_ORDERS),
+    "noise": forms.text,
+    "sources": forms.mapping(forms.text),
+    "frame": _framing,
+    "option": forms.mapping(_option),
+    "fact": forms.mapping(_fact),
+    "register": forms.tables(_register),
+    "field": _FIELDS,
+    "embed": _EMBEDS,
+    "message": forms.tables(forms.form(_MESSAGE, ("name", "length"))),
+}

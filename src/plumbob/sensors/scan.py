@@ -1,0 +1,304 @@
+"""Find frames in bytes: sync, length, constants, parity, checksum; a frame that fails any of them costs one byte.
+
+The search goes on inside a rejected frame, for a false sync must not swallow a true one. What it finds does not depend
+on how the bytes were cut.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob._jit import njit
+from plumbob.sensors.checksum import (
+    FLETCHER16,
+    SUM8,
+    SUM8_ZERO,
+    SUM16,
+    SUM16_EITHER,
+    SUM16_WORDS,
+    XOR8,
+    algorithm,
+    cyclic,
+    exclusive_or,
+    fletcher,
+    plain_sum,
+    table,
+    word_sum,
+)
+from plumbob.sensors.format import Field, Format, Framing
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+
+# Places in the state, which lives as long as the stream.
+JUNK, BAD_LENGTH, BAD_CONTENT, BAD_CHECKSUM, UNKNOWN, HUNTING, BYTE_VOTES, WORD_VOTES, STATE = range(9)
+VOTES: Final = 8
+"""Frames after which a checksum of two possible kinds is settled, where one fits every time."""
+
+
+class Plan(NamedTuple):
+    """A format as arrays, for the kernel."""
+
+    sync: Bytes
+    """Alternatives (A, S)."""
+    length: Ints
+    """Fixed length, or 0; then at, size, big, add, least, most of the length field; transfers; confirm."""
+    check: Ints
+    """Code, at, start, stop, big, width, first remainder, final, reflected."""
+    remainders: Ints
+    """Table (256,)."""
+    messages: Ints
+    """Rows (M, 3): length, then where its constants begin and end in `constants`."""
+    constants: Ints
+    """Rows (C, 3): byte, mask, value; mask 0 asks for decimal digits, with a sign nibble where value is 1."""
+    parity: Ints
+    """Rows (P, 3): first byte and end of what must hold an odd number of ones, and the bit that sees to it."""
+
+
+def plan_of(form: Format) -> Plan:
+    """Arrays of a format that is bound."""
+    framing = form.framing
+    rows: list[tuple[int, int, int]] = []
+    bounds = []
+    for message in form.messages:
+        start = len(rows)
+        for one in message.fields:
+            rows += _constant_bytes(one)
+        bounds.append((message.length, start, len(rows)))
+    return Plan(
+        sync=np.array([list(word) for word in framing.sync], dtype=np.uint8).reshape(
+            len(framing.sync), len(framing.sync[0]) if framing.sync else 0
+        ),
+        length=np.array(_length_plan(framing), dtype=np.int64),
+        check=np.array(_check_plan(framing), dtype=np.int64),
+        remainders=table(framing.checksum.kind) if framing.checksum else np.zeros(256, dtype=np.int64),
+        messages=np.array(bounds, dtype=np.int64),
+        constants=np.array(rows, dtype=np.int64).reshape(-1, 3),
+        parity=np.array(framing.parity, dtype=np.int64).reshape(-1, 3),
+    )
+
+
+def _length_plan(framing: Framing) -> list[int]:
+    rule = framing.length_field
+    place = [rule.at, rule.size, int(rule.order == "big"), rule.add, rule.least, rule.most] if rule else [0] * 6
+    return [framing.length, *place, int(framing.transfers), int(framing.confirm)]
+
+
+def _check_plan(framing: Framing) -> list[int]:
+    check = framing.checksum
+    if check is None:
+        return [0] * 9
+    how = algorithm(check.kind)
+    big = int(check.order == "big")
+    return [how.code, check.at, check.start, check.stop, big, how.width, how.start, how.final, int(how.reflected)]
+
+
+def _constant_bytes(one: Field) -> list[tuple[int, int, int]]:
+    """What a message asks of single bytes: the bits of a constant, or decimal digits."""
+    if one.type == "bcd":
+        return [(one.at, 0, 1), (one.at + 1, 0, 0), (one.at + 2, 0, 0)]
+    if one.role != "constant":
+        return []
+    low = 0 if one.bits is None else one.bits[1]
+    mask = ((1 << one.width) - 1) << low
+    value = (one.value << low) & mask
+    found = []
+    for i in range(one.size):
+        shift = 8 * (one.size - 1 - i if one.order == "big" else i)
+        if mask >> shift & 0xFF:
+            found.append((one.at + i, mask >> shift & 0xFF, value >> shift & 0xFF))
+    return found
+
+
+@njit
+def _is_sync(data: Bytes, at: int, sync: Bytes) -> bool:
+    for a in range(sync.shape[0]):
+        same = True
+        for i in range(sync.shape[1]):
+            if data[at + i] != sync[a, i]:
+                same = False
+                break
+        if same:
+            return True
+    return False
+
+
+@njit
+def _length_at(data: Bytes, at: int, length: Ints) -> int:
+    """Length of the frame that begins here; 0 where it is not believed."""
+    if length[0] > 0:
+        return int(length[0])
+    value = 0
+    for i in range(length[2]):
+        place = i if length[3] else length[2] - 1 - i
+        value = value << 8 | int(data[at + length[1] + place])
+    value += length[4]
+    return value if length[5] <= value <= length[6] else 0
+
+
+@njit
+def _has_constants(data: Bytes, at: int, constants: Ints, first: int, end: int) -> bool:
+    for k in range(first, end):
+        byte = int(data[at + constants[k, 0]])
+        if constants[k, 1] == 0:
+            if byte & 15 > 9 or byte >> 4 > (1 if constants[k, 2] else 9):
+                return False
+        elif byte & constants[k, 1] != constants[k, 2]:
+            return False
+    return True
+
+
+@njit
+def _has_parity(data: Bytes, at: int, parity: Ints) -> bool:
+    for p in range(parity.shape[0]):
+        folded = 0
+        for i in range(parity[p, 0], parity[p, 1]):
+            folded ^= int(data[at + i])
+        folded ^= folded >> 4
+        folded ^= folded >> 2
+        folded ^= folded >> 1
+        if folded & 1 == 0:
+            return False
+    return True
+
+
+@njit
+def _message_at(data: Bytes, at: int, size: int, messages: Ints, constants: Ints) -> int:
+    """Number of the message whose constants are here; −1 for none."""
+    for m in range(messages.shape[0]):
+        if messages[m, 0] == size and _has_constants(data, at, constants, messages[m, 1], messages[m, 2]):
+            return m
+    return -1
+
+
+@njit
+def _stored(data: Bytes, at: int, size: int, big: int) -> int:
+    value = 0
+    for i in range(size):
+        value = value << 8 | int(data[at + (i if big else size - 1 - i)])
+    return value
+
+
+@njit
+def _computed(data: Bytes, start: int, stop: int, check: Ints, remainders: Ints) -> int:
+    if check[0] == SUM8 or check[0] == SUM16:
+        return plain_sum(data, start, stop) & ((1 << int(check[5])) - 1)
+    if check[0] == SUM8_ZERO:
+        return -plain_sum(data, start, stop) & 0xFF
+    if check[0] == XOR8:
+        return exclusive_or(data, start, stop)
+    if check[0] == SUM16_WORDS:
+        return word_sum(data, start, stop)
+    if check[0] == FLETCHER16:
+        return fletcher(data, start, stop)
+    return cyclic(data, start, stop, remainders, check[5], check[6], check[7], check[8])
+
+
+@njit
+def _fits(data: Bytes, at: int, size: int, check: Ints, remainders: Ints, state: Ints) -> bool:
+    if check[0] == 0:
+        return True
+    place = at + check[1] + (size if check[1] < 0 else 0)
+    start = at + check[2]
+    stop = at + check[3] + (size if check[3] <= 0 else 0)
+    there = _stored(data, place, check[5] // 8, check[4])
+    if check[0] != SUM16_EITHER:
+        return there == _computed(data, start, stop, check, remainders)
+    by_bytes = there == plain_sum(data, start, stop) & 0xFFFF and state[WORD_VOTES] < VOTES
+    by_words = there == word_sum(data, start, stop) and state[BYTE_VOTES] < VOTES
+    if by_bytes and not by_words:
+        state[BYTE_VOTES] += 1
+        state[WORD_VOTES] = 0
+    if by_words and not by_bytes:
+        state[WORD_VOTES] += 1
+        state[BYTE_VOTES] = 0
+    return by_bytes or by_words
+
+
+@njit
+def _why_not(size: int, content: bool) -> int:
+    """Place of the counter for a rejected frame."""
+    if size == 0:
+        return BAD_LENGTH
+    return BAD_CHECKSUM if content else BAD_CONTENT
+
+
+@njit
+def scan(
+    data: Bytes,
+    end: int,
+    final: bool,
+    sync: Bytes,
+    length: Ints,
+    check: Ints,
+    remainders: Ints,
+    messages: Ints,
+    constants: Ints,
+    parity: Ints,
+    state: Ints,
+    out: Ints,
+) -> tuple[int, int]:
+    """Search frames from the first byte on.
+
+    Parameters
+    ----------
+    data : ndarray
+        The bytes.
+    end : int
+        How many there are.
+    final : bool
+        Whether no more will come, so that an unfinished frame is junk.
+    sync, length, check, remainders, messages, constants, parity : ndarray
+        The `Plan`.
+    state : ndarray (STATE,)
+        Counters, and what the search remembers.
+    out : ndarray (N, 3)
+        Start, length and message of each frame found; the search stops where it is full.
+
+    Returns
+    -------
+    found, done : int
+        Frames found, and bytes done with; the rest must be handed over again, with more behind it.
+    """
+    ahead = sync.shape[1] if sync.shape[0] else 0
+    header = ahead if length[0] else max(ahead, length[1] + length[2])
+    transfers = length[7] == 1
+    at, found = 0, 0
+    while at < end and found < out.shape[0]:
+        if not transfers and end - at >= ahead and not _is_sync(data, at, sync):
+            state[JUNK] += 1
+            state[HUNTING] = 1
+            at += 1
+            continue
+        if end - at < header and not final:
+            break
+        size = _length_at(data, at, length) if end - at >= header else 0
+        if size > end - at and not final:
+            break
+        whole = 0 < size <= end - at
+        content, good, message = False, False, -1
+        if whole:
+            message = _message_at(data, at, size, messages, constants)
+            content = (message >= 0 or (length[0] == 0 and check[5] >= 16)) and _has_parity(data, at, parity)
+            good = content and _fits(data, at, size, check, remainders, state)
+        if good and length[8] and state[HUNTING]:
+            if end - at - size < ahead and not final:
+                break
+            good = end - at - size < ahead or _is_sync(data, at + size, sync)
+        if good:
+            if message >= 0:
+                out[found, 0], out[found, 1], out[found, 2] = at, size, message
+                found += 1
+            else:
+                state[UNKNOWN] += 1
+            state[HUNTING] = 0
+            at += size
+            continue
+        if whole or (size == 0 and end - at >= header):
+            state[_why_not(size, content)] += 1
+        step = min(size, end - at) if transfers and size > 0 else 1
+        state[JUNK] += step
+        state[HUNTING] = 1
+        at += step
+    return found, at

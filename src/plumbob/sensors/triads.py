@@ -1,0 +1,75 @@
+"""Between fields and triads: which columns of a message make ``gyr``, ``acc`` and ``mag`` of a unit, and back."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from plumbob.check import Floats
+from plumbob.data import TRIADS, ImuData
+from plumbob.sensors.decode import Frames
+from plumbob.sensors.format import Message
+
+_AXES = "xyz"
+
+
+def triads_of(frames: Frames, unit: str = "") -> dict[str, Floats]:
+    """Triads (N, 3) that a unit of the message has, in the units used inside; an axis that it lacks is NaN.
+
+    Parameters
+    ----------
+    frames : Frames
+        Decoded frames.
+    unit : str
+        Prefix of the unit's fields.
+    """
+    found: dict[str, Floats] = {}
+    for triad in TRIADS:
+        names = [_name(unit, triad, axis) for axis in _AXES]
+        if any(name in frames.columns for name in names):
+            nothing = np.full(len(frames), np.nan)
+            found[triad] = np.stack([frames.columns.get(name, nothing) for name in names], axis=1)
+    return found
+
+
+def temperature_of(frames: Frames, unit: str = "") -> Floats | None:
+    """Temperature (N,) of a unit, °C; None where the message has none."""
+    column = frames.columns.get(_name(unit, "temp_c"))
+    return None if column is None else np.asarray(column, dtype=np.float64)
+
+
+def ranges_of(message: Message, unit: str = "") -> dict[str, float]:
+    """Full scale of each triad of a unit, in the units used inside: the greatest value that every axis can say."""
+    found: dict[str, float] = {}
+    for one in message.fields:
+        owner, _, triad = one.triad.rpartition(".")
+        if triad and owner == unit and one.type[0] != "f":
+            low, high = one.clip or one.limits
+            size = min(-low, high) * one.scale
+            found[triad] = min(size, found.get(triad, size))
+    return found
+
+
+def columns_of(imu: ImuData, message: Message, unit: str = "") -> dict[str, Floats]:
+    """Values by field of what a recording has and the message carries, for `encode.encode`.
+
+    Parameters
+    ----------
+    imu : ImuData
+        Samples.
+    message : Message
+        Where they shall go.
+    unit : str
+        Prefix of the unit's fields.
+    """
+    values: Mapping[str, Floats | None] = {"temp_c": imu.temp_c} | {
+        f"{triad}.{axis}": None if getattr(imu, triad) is None else getattr(imu, triad)[:, i]
+        for triad in TRIADS
+        for i, axis in enumerate(_AXES)
+    }
+    wanted = {f.name for f in message.fields if f.physical}
+    named = {_name(unit, *name.split(".")): value for name, value in values.items()}
+    return {name: value for name, value in named.items() if value is not None and name in wanted}
+
+
+def _name(*parts: str) -> str:
+    return ".".join(part for part in parts if part)
