@@ -33,6 +33,10 @@ class CalibrationError(PlumbobError, ValueError):
     """A calibration or noise card does not belong to the data that it is asked to serve."""
 
 
+class LineError(PlumbobError, OSError):
+    """A line, port or device cannot be opened: absent, busy, forbidden, or not what was asked for."""
+
+
 class MissingExtraError(PlumbobError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
 

@@ -88,6 +88,7 @@ UNITS: dict[str, Unit] = {
     "gauss": Unit(Quantity.FIELD, 1e2),
     "mgauss": Unit(Quantity.FIELD, 1e-1),
     "degC": Unit(Quantity.TEMPERATURE, 1.0),
+    "mdegC": Unit(Quantity.TEMPERATURE, 1e-3),
     "K": Unit(Quantity.TEMPERATURE, 1.0, -273.15),
     "rad": Unit(Quantity.ANGLE, 1.0),
     "deg": Unit(Quantity.ANGLE, _DEG),

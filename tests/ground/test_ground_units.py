@@ -35,6 +35,7 @@ DEFINITIONS = {
     "gauss": 1e-4 * 1e6,
     "mgauss": 1e-4 * 1e6 * 1e-3,
     "degC": 1.0,
+    "mdegC": 1e-3,
     "K": 1.0,
     "rad": 1.0,
     "deg": TURN / 360,
