@@ -1,1 +1,35 @@
-"""Acquisition: serial lines, sockets, Linux IIO and SPI, each behind one `Source`, with honest time."""
+"""Acquisition: serial lines, sockets, Linux IIO and SPI, each behind one `Source`, with honest time.
+
+A source is made, opened and read; once it is open nothing that happens to the line raises::
+
+    with SerialSource("/dev/ttyUSB0", 115200) as source:
+        while running:
+            for item in source.read(0.1):  # Received or Event, oldest first
+                ...
+
+A source belongs to one thread at a time.
+"""
+
+from plumbob.acquire.iio import IioPollSource, IioSource
+from plumbob.acquire.iio_layout import IioChannel, IioLayout
+from plumbob.acquire.replug import BackOff
+from plumbob.acquire.schedule import BUOY, Schedule, Task
+from plumbob.acquire.serial_line import SerialSource
+from plumbob.acquire.sockets import TcpSource, UdpSource
+from plumbob.acquire.spi_bus import SpiBus, SpiSource
+
+__all__ = [
+    "BUOY",
+    "BackOff",
+    "IioChannel",
+    "IioLayout",
+    "IioPollSource",
+    "IioSource",
+    "Schedule",
+    "SerialSource",
+    "SpiBus",
+    "SpiSource",
+    "Task",
+    "TcpSource",
+    "UdpSource",
+]

@@ -5,9 +5,9 @@ import errno
 import os
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from plumbob import check
 from plumbob.acquire.overruns import Overruns
 from plumbob.acquire.ports import ListPorts, check_port, find_port, list_ports
 from plumbob.acquire.replug import TAKE_LIMIT, BackOff, NoLine, Replug
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 GATHER: Final = 2e-3
 """Least time from one read to the next, s."""
 
+_PARITIES: Final = ("N", "E", "O", "M", "S")
 _CHUNK: Final = 1 << 16
 _GROUP = "add yourself to the group that owns it, usually 'sudo usermod -aG dialout $USER', and log in again"
 _BUSY = {errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK}  # the last two are how flock says so
@@ -82,14 +83,13 @@ class SerialSource(Replug):
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         super().__init__(port, wait=wait, gather=gather, back_off=back_off, clock=clock, sleep=sleep)
-        if baud <= 0 or bytesize not in {5, 6, 7, 8} or stopbits not in {1, 1.5, 2}:
+        if baud <= 0 or bytesize not in {5, 6, 7, 8} or parity not in _PARITIES or stopbits not in {1, 1.5, 2}:
             raise ParameterError(
-                f"A serial line needs baud > 0, 5 to 8 bits and 1, 1.5 or 2 stop bits, "
-                f"but got baud={baud}, bytesize={bytesize}, stopbits={stopbits}."
+                f"A serial line needs baud > 0, 5 to 8 bits, parity {', '.join(_PARITIES)} and 1, 1.5 or 2 stop bits, "
+                f"but got baud={baud}, bytesize={bytesize}, parity={parity!r}, stopbits={stopbits}."
             )
         self._port, self._ports = check_port(port), ports
-        self._baud, self._bytesize, self._stopbits = baud, bytesize, stopbits
-        self._parity = check.one_of("parity", parity, ("N", "E", "O", "M", "S"))
+        self._baud, self._bytesize, self._parity, self._stopbits = baud, bytesize, parity, stopbits
         self._rtscts, self._xonxoff, self._exclusive = rtscts, xonxoff, exclusive
 
     def _connect(self, patience: float) -> "SerialWire":
@@ -125,9 +125,11 @@ def _refusal(path: str, error: Exception) -> NoLine:
 class SerialWire:
     """An open serial port; opening has emptied its input buffer, so nothing from before is in it."""
 
-    def __init__(self, port: "serial.Serial", where: str, clock: Callable[[], int]) -> None:
-        self.where, self._port, self._clock = where, port, clock
-        self._overruns = Overruns(port.fileno(), where)
+    def __init__(self, port: "serial.Serial", path: str, clock: Callable[[], int]) -> None:
+        real = str(Path(path).resolve())
+        self.where = path if real == path else f"{path} ({real})"
+        self._port, self._clock = port, clock
+        self._overruns = Overruns(port.fileno(), path)
 
     def fileno(self) -> int:
         """Descriptor of the port."""
