@@ -212,7 +212,7 @@ class Replug(ABC):
         now = self._clock()
         self._wire, self._poll = wire, select.poll()
         self._poll.register(wire.fileno(), select.POLLIN)
-        self._failures, self._refusal, self._stalled, self._heard_ns = 0, "", False, now
+        self._refusal, self._stalled, self._heard_ns = "", False, now
         if self._lost_ns is None:
             return Event(now, "opened", f"{wire.where} is open.")
         gap = (now - self._lost_ns) / 1e9
@@ -226,7 +226,7 @@ class Replug(ABC):
         try:
             found = wire.take()
         except OSError as error:
-            return [self._lose(wire, str(error))]
+            return [self._lose(wire, error.strerror or str(error))]
         self._taken_ns = self._clock()
         return [*self._hear(wire), *found] if found else []
 
@@ -255,12 +255,13 @@ class Replug(ABC):
 
     def _hear(self, wire: Wire) -> list[Received | Event]:
         now, since, stalled = self._taken_ns, self._heard_ns, self._stalled
-        self._heard_ns, self._stalled = now, False
+        self._heard_ns, self._stalled, self._failures = now, False, 0  # only now has opening it helped
         return [Event(now, "resumed", f"{wire.where} goes on after {(now - since) / 1e9:.3f} s.")] if stalled else []
 
     def _lose(self, wire: Wire, why: str) -> Event:
         self._lost_ns = self._clock()
-        self._next_try_ns = self._lost_ns + self._back_off.wait_ns(1)
+        self._failures += 1
+        self._next_try_ns = self._lost_ns + self._back_off.wait_ns(self._failures)
         self._let_go()
         return Event(self._lost_ns, "lost", f"{wire.where} is lost: {why.rstrip('.')}.")
 
