@@ -1,5 +1,6 @@
 """Loss, back-off and silence, on a clock that passes only in sleep and with lines that are pipes."""
 
+import itertools
 import os
 
 import pytest
@@ -98,7 +99,7 @@ def test_waiting_backs_off_and_tells_each_reason_once(make, clock):
     while len(told) < 4:
         told += line.read(1.0)
     assert [e.kind for e in told] == ["absent", "denied", "absent", "opened"]
-    steps = [round((b - a) / 1e9, 3) for a, b in zip(line.asked, line.asked[1:], strict=False)]
+    steps = [round((b - a) / 1e9, 3) for a, b in itertools.pairwise(line.asked)]
     assert steps == [0.05, 0.1, 0.2, 0.4, 0.5, 0.5, 0.5, 0.5]
 
 

@@ -99,15 +99,16 @@ def scan_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
             raise NoLine("refused", f"{device}: scan element {name} has no index or no type.")
         scale, offset = (1.0, 0.0) if name == TIMESTAMP else _scale(device, name)
         channels.append(IioChannel(name, int(_float(device, name, index)), parse_type(kind), scale, offset))
-    return IioLayout(device.name, tuple(sorted(channels, key=lambda c: c.index)), _mounts(device))
+    channels.sort(key=lambda channel: channel.index)
+    return IioLayout(device.name, tuple(channels), _mounts(device, channels))
 
 
 def raw_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
     """What the values of ``in_*_raw`` mean when each is packed into 32 bits; errors as in `scan_layout`."""
     names = sorted(file.name[3:-4] for file in device.path.glob("in_*_raw"))
     chosen = _choose(device, names, chosen)
-    channels = (IioChannel(name, i, _RAW, *_scale(device, name)) for i, name in enumerate(chosen))
-    return IioLayout(device.name, tuple(channels), _mounts(device))
+    channels = [IioChannel(name, i, _RAW, *_scale(device, name)) for i, name in enumerate(chosen)]
+    return IioLayout(device.name, tuple(channels), _mounts(device, channels))
 
 
 def _elements(device: IioDevice) -> list[str]:
@@ -135,9 +136,10 @@ def _scale(device: IioDevice, name: str) -> tuple[float, float]:
     return scale, device.number(name, "offset") or 0.0
 
 
-def _mounts(device: IioDevice) -> dict[str, Matrix]:
+def _mounts(device: IioDevice, channels: list[IioChannel]) -> dict[str, Matrix]:
+    there = {channel.name.split("_")[0] for channel in channels}
     mounts = {}
-    for triad, kind in _TRIADS.items():
+    for triad, kind in ((triad, kind) for triad, kind in _TRIADS.items() if kind in there):
         files = (f"in_{kind}_mount_matrix", "in_mount_matrix", "mount_matrix")
         text = next((text for file in files if (text := device.read(file)) is not None), None)
         if text is not None and (matrix := _matrix(device, text)) != IDENTITY:
