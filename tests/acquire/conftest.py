@@ -2,7 +2,6 @@
 
 import os
 import time
-import tty
 
 import pytest
 
@@ -35,7 +34,6 @@ class Pty:
 
     def plug(self, stale=b""):
         self.master, self.slave = os.openpty()  # while the other end is open too, what is stale stays in it
-        tty.setraw(self.slave)
         if stale:
             os.write(self.master, stale)
         self.link.symlink_to(os.ttyname(self.slave))

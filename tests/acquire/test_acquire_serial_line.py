@@ -170,6 +170,12 @@ def test_usual_and_odd_speeds(line, baud, form):
         assert source.read(0)[0].kind == "opened"
 
 
+@pytest.mark.parametrize("flow", [{"rtscts": True}, {"xonxoff": True}])
+def test_flow_control_may_be_asked_for(line, flow):
+    with SerialSource(str(line.link), 9600, **flow) as source:
+        assert source.read(0)[0].kind == "opened"
+
+
 @pytest.mark.parametrize("options", [{"baud": 0}, {"bytesize": 9}, {"parity": "X"}, {"stopbits": 3}, {"gather": 5.0}])
 def test_what_can_never_be_right(options):
     with pytest.raises(ParameterError):

@@ -213,10 +213,10 @@ def test_a_server_that_does_not_answer_keeps_nobody_waiting(collect):
         for sock in fill:
             sock.setblocking(False)
             sock.connect_ex(server.getsockname())
-        with TcpSource(*server.getsockname(), wait=True, connect_timeout=0.3) as source:
+        with TcpSource(*server.getsockname(), wait=True, connect_timeout=1.0) as source:
             start, cpu = time.monotonic(), time.process_time()
             assert source.read(0.05) == []
-            assert time.monotonic() - start < 0.25
+            assert time.monotonic() - start < 0.9
             got = collect(source, lambda got: got)
             assert time.process_time() - cpu < 0.2
         for sock in fill:

@@ -29,7 +29,7 @@ BUOY: Final = (
     Task("fuse", 10_000_000),
     Task("store", 50_000_000),
 )
-"""The drifting-buoy paper's scheduler: 1 ms tick, 3 ms sampling, 10 ms fusion, 50 ms storage and output."""
+"""Scheduler of the drifting buoy, [Yu2018]: 1 ms tick, 3 ms sampling, 10 ms fusion, 50 ms storage and output."""
 
 
 class Schedule:

@@ -30,9 +30,8 @@ _GONE = {errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO}
 class SerialSource(Replug):
     """Bytes of a serial line, whatever happens to its plug.
 
-    Each `Received` holds all that was there, stamped right after it was read. The kernel keeps some kB meanwhile (a
-    pseudo-terminal 4 kB, a UART's line discipline as much), so a reader that stops longer than that loses bytes; where
-    the driver counts them, they are told as ``dropped``.
+    Each `Received` holds all that was there, stamped right after it was read. While nobody reads, the kernel keeps 4 kB
+    at least; where the driver counts the bytes that it could not keep, they are told as ``dropped``.
 
     Parameters
     ----------
