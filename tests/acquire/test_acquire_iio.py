@@ -52,8 +52,8 @@ class Machine:
     def source(self, which="adxrs290", **options):
         return IioSource(which, sys_root=self.sys, dev_root=self.dev, **options)
 
-    def polled(self, which, rate=1000.0, **options):
-        return IioPollSource(which, rate, sys_root=self.sys, **options)
+    def polled(self, which, clock, rate=1000.0, **options):
+        return IioPollSource(which, rate, sys_root=self.sys, clock=clock, sleep=clock.sleep, **options)
 
     def writer(self, number=0):
         return os.open(self.dev / f"iio:device{number}", os.O_WRONLY | os.O_NONBLOCK)
@@ -78,7 +78,7 @@ def gyro(machine):
 
 
 def test_scans_arrive_whole_and_say_what_they_mean(machine, gyro, collect):
-    with machine.source() as source:
+    with machine.source(stall_periods=1e5) as source:
         got = collect(source, lambda got: got.kinds == ["opened"])
         assert "adxrs290" in got.events[0].text
         writer = machine.writer()
@@ -219,7 +219,7 @@ def test_a_device_that_says_nothing_is_stalled(machine, gyro, collect):
 
 
 def test_a_device_that_goes_is_lost_and_found_again(machine, gyro, collect):
-    with machine.source() as source:
+    with machine.source(stall_periods=1e5) as source:
         collect(source, lambda got: got.kinds == ["opened"])
         writer = machine.writer()
         os.write(writer, scan(1) + scan(2)[:7])
@@ -262,7 +262,7 @@ def test_polling_reads_each_channel_at_the_rate(machine, clock):
         "in_temp0_raw": -100, "in_temp0_scale": 200, "in_temp0_offset": 225,
     })  # fmt: skip
     channels = ("anglvel_z", "temp0")
-    with machine.polled("adxrs453", 250.0, channels=channels, clock=clock, sleep=clock.sleep) as source:
+    with machine.polled("adxrs453", clock, 250.0, channels=channels) as source:
         opened, start = source.read(1)[0], clock()
         first = source.read(1)[0]
         (folder / "in_anglvel_z_raw").write_text("160\n")
@@ -274,17 +274,17 @@ def test_polling_reads_each_channel_at_the_rate(machine, clock):
     assert columns["temp_c0"] == pytest.approx([25.0, 25.0])
 
 
-def test_a_sign_that_the_kernel_forgot_is_given_back(machine, gyro):
+def test_a_sign_that_the_kernel_forgot_is_given_back(machine, gyro, clock):
     """Kernels before commit fde272e78e showed the ADXRS290's rates unsigned: −19999 as 45537."""
     (gyro / "in_anglvel_x_raw").write_text("45537\n")
-    with machine.polled("adxrs290", channels=["anglvel_x"]) as source:
+    with machine.polled("adxrs290", clock, channels=["anglvel_x"]) as source:
         source.read(1)
         _, columns = source.layout.decode(source.read(1)[0].data)
     assert columns["gyr_x"] == pytest.approx([-19999 * SCALE])
 
 
-def test_a_value_that_is_none_is_a_loss_and_no_exception(machine, gyro, collect):
-    with machine.polled("adxrs290") as source:
+def test_a_value_that_is_none_is_a_loss_and_no_exception(machine, gyro, collect, clock):
+    with machine.polled("adxrs290", clock) as source:
         collect(source, lambda got: got.kinds == ["opened"])
         (gyro / "in_temp_raw").write_text("garbage\n")
         got = collect(source, lambda got: got.events)
@@ -293,11 +293,11 @@ def test_a_value_that_is_none_is_a_loss_and_no_exception(machine, gyro, collect)
         collect(source, lambda got: got.kinds == ["reopened"] and got.data)
 
 
-def test_polling_what_is_not_there(machine):
+def test_polling_what_is_not_there(machine, clock):
     with pytest.raises(LineError, match="no IIO device"):
-        machine.polled("x").open()
+        machine.polled("x", clock).open()
     with pytest.raises(LineError, match="no IIO device"):
-        machine.polled("x").layout  # noqa: B018
+        machine.polled("x", clock).layout  # noqa: B018
     machine.add(0, "empty", {})
     with pytest.raises(LineError, match="channel of a known unit"):
-        machine.polled("empty").open()
+        machine.polled("empty", clock).open()

@@ -182,7 +182,7 @@ def test_without_spidev_the_extra_is_named(monkeypatch):
         SpiSource(0, 0, [SENSOR], 100, mode=0, hz=1_000_000).open()
 
 
-def test_spidev_is_used_as_it_wants(monkeypatch):
+def test_spidev_is_used_as_it_wants(monkeypatch, clock):
     class Module:
         class SpiDev:
             def open(self, bus, device):
@@ -198,7 +198,8 @@ def test_spidev_is_used_as_it_wants(monkeypatch):
                 self.closed = True
 
     monkeypatch.setitem(sys.modules, "spidev", Module)
-    with SpiSource(1, 2, [SENSOR], 100, mode=3, hz=5_000_000) as source:
+    options = {"mode": 3, "hz": 5_000_000, "clock": clock, "sleep": clock.sleep}
+    with SpiSource(1, 2, [SENSOR], 100, **options) as source:
         source.read(0)
         assert source.read(1)[0].data == SENSOR
     spi = Module.last
