@@ -109,6 +109,23 @@ def test_the_device_is_set_up_and_put_back(machine, gyro):
     assert snapshot(gyro) == before
 
 
+def test_the_buffer_is_stopped_before_anything_is_put_back(machine, gyro, monkeypatch):
+    """The kernel refuses to change channels while it runs."""
+    written = []
+    real = Path.write_text
+
+    def write(path, text, **options):
+        written.append((path.name, text))
+        return real(path, text, **options)
+
+    monkeypatch.setattr(Path, "write_text", write)
+    with machine.source(channels=["anglvel_x"]):
+        assert (written[0], written[-1]) == (("enable", "0"), ("enable", "1"))
+        written.clear()
+    assert written[0] == ("enable", "0")
+    assert ("in_anglvel_x_en", "0") in written
+
+
 def test_a_buffer_that_a_killed_program_left_running_is_stopped(machine, gyro):
     (gyro / "buffer" / "enable").write_text("1")
     (gyro / "scan_elements" / "in_temp_en").write_text("1")

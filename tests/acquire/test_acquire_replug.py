@@ -137,6 +137,18 @@ def test_a_line_that_breaks_whenever_it_is_opened_is_not_hammered(make, clock):
     assert len(line.asked) < 25
 
 
+def test_bytes_make_up_for_failures_from_before(make, clock):
+    line = make(*[ABSENT] * 6, wait=True)
+    while not any(e.kind == "opened" for e in line.read(1.0)):
+        pass
+    line.say(b"x")
+    line.read(1)
+    line.say(b"!")
+    (lost,) = line.read(1)
+    (back,) = line.read(1)
+    assert (back.kind, back.t_ns - lost.t_ns) == ("reopened", 50_000_000)
+
+
 def test_reads_are_gathered(make, clock):
     line = make(gather=0.002)
     line.read(0)

@@ -2,13 +2,14 @@
 
 import errno
 import socket
+import sys
 import threading
 import time
 
 import pytest
 
 from plumbob.acquire import TcpSource, UdpSource
-from plumbob.acquire.sockets import LOOPBACK, _refusal
+from plumbob.acquire.sockets import LOOPBACK, UdpWire, _refusal
 from plumbob.errors import LineError, ParameterError
 from plumbob.link import Received
 
@@ -83,6 +84,41 @@ def test_a_flood_of_ten_megabytes_is_delivered_or_counted(udp, sender):
     for item in udp.read(20):
         dropped += getattr(item, "count", 0)
     assert seen + dropped == count
+
+
+class Kernel:
+    """A socket whose answers are given: datagrams with the kernel's count of drops since it was made, or errors."""
+
+    def __init__(self, *answers):
+        self.answers = list(answers)
+
+    def getsockopt(self, level, option):
+        return 1000
+
+    def getsockname(self):
+        return (LOOPBACK, 9)
+
+    def recvmsg(self, size, ancillary):
+        answer = self.answers.pop(0)
+        if isinstance(answer, OSError):
+            raise answer
+        data, drops = answer
+        return data, [(socket.SOL_SOCKET, 40, drops.to_bytes(4, sys.byteorder))], 0, None
+
+
+def test_the_count_of_drops_is_cumulative_and_wraps():
+    kernel = Kernel((b"a", 0), (b"b", 5), (b"c", 5), (b"d", 2**32 - 1), (b"e", 3), BlockingIOError(errno.EAGAIN, "no"))
+    got = UdpWire(kernel, time.monotonic_ns).take()
+    told = [item.data if isinstance(item, Received) else item.count for item in got]
+    assert told == [b"a", 5, b"b", b"c", 2**32 - 6, b"d", 4, b"e"]
+
+
+def test_datagrams_come_before_the_error_that_follows_them():
+    down = OSError(errno.ENETDOWN, "Network is down")
+    wire = UdpWire(Kernel((b"a", 0), down, down), time.monotonic_ns)
+    assert [item.data for item in wire.take()] == [b"a"]
+    with pytest.raises(OSError, match="Network is down"):
+        wire.take()
 
 
 def test_a_port_in_use_is_an_error_or_is_waited_for(udp, collect):
