@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob.acquire.iio_layout import IioChannel, IioLayout, IioType, parse_type
-from plumbob.errors import ParameterError, ShapeError, UnitError
+from plumbob.acquire.iio_layout import IioChannel, IioLayout
+from plumbob.acquire.iio_type import IioType, parse_type
+from plumbob.errors import DecodeError, ParameterError, ShapeError, UnitError
 
 S16 = parse_type("le:s16/16>>0")
 TIME = IioChannel("timestamp", 9, parse_type("le:s64/64>>0"))
@@ -32,6 +33,7 @@ def layout(*types, names=("anglvel_x", "anglvel_y", "anglvel_z", "accel_x", "acc
 )
 def test_types(text, kind):
     assert parse_type(text) == kind
+    assert parse_type(str(kind)) == kind
 
 
 @pytest.mark.parametrize(
@@ -141,3 +143,17 @@ def test_what_can_be_no_layout():
         IioLayout("x", ())
     with pytest.raises(UnitError, match="voltage0"):
         IioLayout("x", (IioChannel("voltage0", 0, S16),))
+
+
+def test_a_layout_goes_into_a_recording_and_comes_back():
+    first = layout("be:s12/16>>4", "le:s32/32X4>>0", "le:s16/16>>0", mounts={"gyr": SWAP})
+    assert IioLayout.from_json(first.to_json()) == first
+    assert "\n" not in first.to_json()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "{}", '{"device": "x", "channels": [{"name": "accel_x"}], "mounts": {}}', "null"]
+)
+def test_a_damaged_layout_is_told(text):
+    with pytest.raises(DecodeError):
+        IioLayout.from_json(text)

@@ -173,7 +173,8 @@ class IioWire:
         self, fd: int, device: IioDevice, settings: Settings, layout: IioLayout, clock: Callable[[], int]
     ) -> None:
         channels = ", ".join(channel.name for channel in layout.channels)
-        self.where = f"{device}: {channels}, {layout.size} bytes a scan"
+        rate = device.read(_rate_file(device, layout)) or "?"
+        self.where = f"{device}, {channels}, {layout.size} bytes a scan, {rate} Hz,"
         self._fd, self._settings, self._size, self._clock = fd, settings, layout.size, clock
         self._rest = b""
 

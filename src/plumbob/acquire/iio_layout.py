@@ -4,12 +4,14 @@ Sources: Linux, Documentation/ABI/testing/sysfs-bus-iio (types, units, mount mat
 (order, alignment and padding of a scan).
 """
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Self
 
-from plumbob.errors import ParameterError, ShapeError, UnitError
+from plumbob.acquire.iio_type import IioType, parse_type
+from plumbob.errors import DecodeError, ParameterError, ShapeError, UnitError
 from plumbob.units import Unit, unit
 
 if TYPE_CHECKING:
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
 
 TIMESTAMP: Final = "timestamp"
 
-_TYPE = re.compile(r"(le|be):([su])(\d+)/(\d+)(?:X(\d+))?(?:>>(\d+))?")
 _NAME = re.compile(r"([a-z]+)(.*)")
 _KINDS: Final = {
     "anglvel": ("gyr", "rad/s"),
@@ -30,55 +31,6 @@ _KINDS: Final = {
 }
 _AXES = "xyz"
 Matrix = tuple[tuple[float, ...], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class IioType:
-    """How a number lies in memory.
-
-    Attributes
-    ----------
-    order : str
-        ``"<"`` or ``">"``.
-    signed : bool
-        Two's complement.
-    bits, storage, shift : int
-        Bits that hold the number, of so many in memory, after a shift to the right.
-    repeat : int
-        How many of them follow each other.
-    """
-
-    order: str
-    signed: bool
-    bits: int
-    storage: int
-    repeat: int = 1
-    shift: int = 0
-
-    @property
-    def size(self) -> int:
-        """Bytes of all repeats, which is their alignment too."""
-        return self.storage // 8 * self.repeat
-
-
-def parse_type(text: str) -> IioType:
-    """Read a type as the kernel writes it, such as ``le:s12/16>>4`` or ``be:s32/32X4>>0``.
-
-    Raises
-    ------
-    ParameterError
-        If it is none, or its bits have no room.
-    """
-    match = _TYPE.fullmatch(text.strip())
-    if match is None:
-        raise ParameterError(f"{text!r} is no type of a scan element; it looks like le:s12/16>>4.")
-    order, sign, bits, storage, repeat, shift = match.groups()
-    kind = IioType(
-        "<" if order == "le" else ">", sign == "s", int(bits), int(storage), int(repeat or 1), int(shift or 0)
-    )
-    if kind.storage not in {8, 16, 32, 64} or not 0 < kind.bits <= kind.storage - kind.shift or kind.repeat < 1:
-        raise ParameterError(f"{text!r}: {bits} bits do not fit into {storage} after a shift by {shift or 0}.")
-    return kind
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +141,25 @@ class IioLayout:
     def timestamped(self) -> bool:
         """Whether scans carry the kernel's time."""
         return any(channel.name == TIMESTAMP for channel in self.channels)
+
+    def to_json(self) -> str:
+        """One line of text that `from_json` reads, to lie beside raw scans in a recording."""
+        channels = [
+            {"name": c.name, "index": c.index, "type": str(c.type), "scale": c.scale, "offset": c.offset}
+            for c in self.channels
+        ]
+        return json.dumps({"device": self.device, "channels": channels, "mounts": dict(self.mounts)})
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Layout from the text of `to_json`; DecodeError where it is none."""
+        try:
+            raw = json.loads(text)
+            channels = tuple(IioChannel(**{**entry, "type": parse_type(entry["type"])}) for entry in raw["channels"])
+            mounts = {triad: tuple(map(tuple, matrix)) for triad, matrix in raw["mounts"].items()}
+            return cls(raw["device"], channels, mounts)
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise DecodeError(f"This is no layout of IIO scans, or a damaged one: {error!r}.") from error
 
     def decode(self, data: bytes) -> "tuple[NDArray[np.int64] | None, dict[str, Column]]":
         """Take whole scans apart.

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from plumbob.acquire.iio_layout import TIMESTAMP, IioChannel, IioLayout, IioType, Matrix, is_known, parse_type
+from plumbob.acquire.iio_layout import TIMESTAMP, IioChannel, IioLayout, Matrix, is_known
+from plumbob.acquire.iio_type import IioType, parse_type
 from plumbob.acquire.replug import NoLine
 
 IDENTITY: Final[Matrix] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
