@@ -25,7 +25,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _KERNEL_SOURCES = (
-    "constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "filters/*.py", "noise/*.py",
+    "constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "clock/*.py", "filters/*.py", "noise/*.py",
     "sensors/checksum.py", "sensors/format.py", "sensors/scan.py",
 )  # fmt: skip
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
