@@ -1,0 +1,94 @@
+"""Is a frame late because it waited, or because others before it are missing? Only patience tells.
+
+A stall of the host makes frames late, and then they come in a burst and the delay falls back. Frames that were lost
+without a trace in any counter make all that follow late, for good. So a delay that is longer than usual makes a frame
+suspect; only when the delay has stayed, without falling, through `_PATIENCE` of the host's time and `_ENOUGH` frames,
+is it taken for time that has passed unseen. The other order, to believe at once and repent, would need a clock that
+goes backwards.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob._jit import njit
+from plumbob.check import Floats
+from plumbob.clock.hull import line_at, observe
+from plumbob.clock.jitter import bin_of, quantile
+from plumbob.clock.layout import (
+    HOST,
+    MODULUS,
+    NOW,
+    ORIGIN,
+    SCATTER,
+    SINCE,
+    SUSPECT_DELAY,
+    SUSPECT_SINCE,
+    SUSPECTS,
+    TICK,
+    TYPICAL,
+    WORST,
+)
+
+Ints = NDArray[np.int64]
+
+_PATIENCE: Final = 500_000_000  # ns; a backlog that still drains keeps falling, and starts the wait again
+_ENOUGH: Final = 4
+_STOPPED: Final = 1e9  # ns: a device that is so late, for so long, has stood still
+_LEAST: Final = 1e6  # ns: a busy host delays all frames by as much for a while
+LEARNING: Final = 2e9
+"""Time in which every point shapes a new line, ns."""
+
+
+@njit
+def turn(n: Ints, r: Floats) -> float:
+    """Time of one turn of the counter, ns; of one frame where there is no counter."""
+    return float(n[MODULUS] * r[TICK])
+
+
+@njit
+def usual(histogram: Ints) -> float:
+    """Delay that is nothing special on this line, ns."""
+    return float(max(1.25 * quantile(histogram, 0.99), _LEAST))
+
+
+@njit
+def _limit(n: Ints, r: Floats) -> float:
+    """Delay from which on a frame is suspect, ns: half of what could be missing unseen."""
+    if n[MODULUS] == 1:
+        return float(max(0.5 * r[TICK], 4.0 * r[SCATTER], _LEAST))
+    return float(min(0.5 * turn(n, r), _STOPPED))
+
+
+@njit
+def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
+    """Take the frame at NOW into the line, unless it is suspect; returns a delay that has lasted, ns, else 0."""
+    y = float(host_ns - n[ORIGIN])
+    delay = y - line_at(r, r[NOW])
+    suspect = delay >= _limit(n, r)
+    if not suspect or r[NOW] - r[SINCE] < LEARNING:
+        delay = observe(r, r[NOW], y)
+        suspect = delay >= _limit(n, r)
+    n[HOST] = host_ns
+    histogram[bin_of(delay)] += 1
+    r[WORST] = max(r[WORST], delay)
+    if not suspect:
+        n[SUSPECTS] = 0
+        return 0.0
+    return _wait(n, r, delay, host_ns)
+
+
+@njit
+def _wait(n: Ints, r: Floats, delay: float, host_ns: int) -> float:
+    """Count a suspect frame; returns the least delay once it has lasted, ns, else 0."""
+    least = r[SUSPECT_DELAY] if n[SUSPECTS] > 0 else math.inf
+    if delay < least - max(0.5 * r[TYPICAL], 0.01 * delay):
+        n[SUSPECT_SINCE] = host_ns
+    r[SUSPECT_DELAY] = min(least, delay)
+    n[SUSPECTS] += 1
+    if n[SUSPECTS] < _ENOUGH or host_ns - n[SUSPECT_SINCE] < _PATIENCE:
+        return 0.0
+    n[SUSPECTS] = 0
+    return float(r[SUSPECT_DELAY])

@@ -1,0 +1,43 @@
+"""Histogram of delays: sixteen bins to each doubling, so that a quantile is known to 6 %, in bounded memory."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob._jit import njit
+
+BINS: Final = 16 * 56
+"""Up to 2⁶⁰ ns; everything below 16 ns has a bin of its own."""
+
+
+@njit
+def bin_of(delay: float) -> int:
+    """Bin of a delay, ns."""
+    value = int(min(max(delay, 0.0), 1e18))
+    octave = 0
+    while value >= 32:
+        value >>= 1
+        octave += 1
+    return 16 * octave + value
+
+
+@njit
+def middle_of(place: int) -> float:
+    """Delay in the middle of a bin, ns."""
+    octave = max(place // 16 - 1, 0)
+    return (place - 16 * octave + 0.5) * 2.0**octave if octave else float(place)
+
+
+@njit
+def quantile(histogram: NDArray[np.int64], share: float) -> float:
+    """Delay that this share of the frames keeps, ns; 0 where there are none."""
+    total = 0
+    for place in range(BINS):
+        total += histogram[place]
+    reached = 0
+    for place in range(BINS):
+        reached += histogram[place]
+        if reached > 0 and reached >= share * total:
+            return middle_of(place)
+    return 0.0

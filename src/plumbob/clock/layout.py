@@ -1,0 +1,80 @@
+"""Where the numbers of a clock's state lie: whole ones in one array, real ones in another.
+
+Kernels take the two arrays. Integers hold what must be exact for ever (counts, stamps); float64 holds times since the
+first frame, which are exact to the nanosecond for 104 days and to two for 208.
+"""
+
+from typing import Final
+
+# --- whole numbers: what does not change
+MODULUS: Final = 0  # counts in one turn of the counter that gives the time; 1 where there is none
+SIGN: Final = 1  # −1 for a counter that counts down
+TICK_WHOLE: Final = 2  # of a count, ns, and what is beyond it, in ns / TICK_DENOMINATOR
+TICK_REST: Final = 3
+TICK_DENOMINATOR: Final = 4  # 0 where the counter counts frames
+FRAME_MODULUS: Final = 5  # of a frame counter beside a device clock; 0 where there is none
+FRAME_SIGN: Final = 6
+FRAME_BYTES: Final = 7  # of a frame, where all are equally long; else 0
+
+# --- whole numbers: what evolves
+STARTED: Final = 8
+ORIGIN: Final = 9  # host time of the first frame, ns
+SHIFT: Final = 10  # added to host times, because the host's clock has been set back, ns
+LATEST: Final = 11  # latest host time, ns
+HOST: Final = 12  # host time of the last accepted frame, ns
+COUNT: Final = 13  # of the last accepted frame
+FRAME: Final = 14  # the same of the second counter
+PLACE: Final = 15  # offset of the last accepted frame in the stream, bytes
+REOPENED: Final = 16
+CHAIN: Final = 17  # frames in a row that contradict, in order among themselves
+CHAIN_COUNT: Final = 18  # count of the last of them
+SUSPECTS: Final = 19  # frames in a row that come later than delays explain
+SUSPECT_SINCE: Final = 20  # host time from which on their delay has not fallen, ns
+STEP: Final = 21  # counts from the last accepted frame to this one
+EXTRA: Final = 22  # time from the last accepted frame to this one, where counts do not tell, ns
+STAMP: Final = 23  # time of the last accepted frame, ns
+REMAINDER: Final = 24  # what was left when counts became ns, in ns / TICK_DENOMINATOR
+MISSING: Final = 25  # frames lost before this one
+LEARNT: Final = 26  # frames while the rate is being learnt
+LEARN_SINCE: Final = 27  # host time, ns
+FRAMES: Final = 28  # how many there were, and how many of them are lost, and gaps
+LOST: Final = 29
+GAPS: Final = 30
+TALLY: Final = 31  # frames of each kind, in order of its bits
+WHOLES: Final = TALLY + 8
+
+# --- real numbers
+TICK: Final = 0  # time of one count, nominally, ns; 0 while not known
+TYPICAL: Final = 1  # time from frame to frame, ns
+NOW: Final = 2  # device time of the last accepted frame: nominal, since the first, ns
+FRACTION: Final = 3  # of a nanosecond that belongs to STAMP
+SUSPECT_DELAY: Final = 4  # the least among the suspects, ns
+LINE_X: Final = 5  # a point of the line beneath all points: device time, host time since the first frame, ns
+LINE_Y: Final = 6
+DRIFT: Final = 7  # host seconds per device second, less 1
+PRIOR: Final = 8  # what the drift was when this line began
+SINCE: Final = 9  # device time at which this line began, ns
+SCATTER: Final = 10  # mean height of the blocks' lowest points above the line, ns
+BLOCK: Final = 11  # length of a block, ns
+BLOCK_END: Final = 12  # device time, ns
+BEST_X: Final = 13  # lowest point of the block so far
+BEST_Y: Final = 14
+POINTS: Final = 15  # blocks that are remembered
+WORST: Final = 16  # longest delay, ns
+CAPACITY: Final = 64
+BLOCK_X: Final = 17  # their lowest points
+BLOCK_Y: Final = BLOCK_X + CAPACITY
+HULL_X: Final = BLOCK_Y + CAPACITY  # corners of the lower hull: room to work
+HULL_Y: Final = HULL_X + CAPACITY
+REALS: Final = HULL_Y + CAPACITY
+
+# --- what became of a frame
+DUPLICATE: Final = 1
+LATE: Final = 2
+AHEAD: Final = 4
+RESET: Final = 8
+WRAPPED: Final = 16
+SUSPECT: Final = 32
+BROKEN: Final = 64
+UNSURE: Final = 128
+UNUSED: Final = DUPLICATE | LATE | AHEAD

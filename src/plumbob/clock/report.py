@@ -1,0 +1,92 @@
+"""What a time base gives, and what it has to say about the clocks behind it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Stamps:
+    """Times of frames, one entry each.
+
+    Attributes
+    ----------
+    t_ns : int64 (N,)
+        Time on the host's monotonic clock, ns. Increases from frame to frame, except where TIME_FAULT is set.
+    flags : uint32 (N,)
+        `plumbob.flags.GAP` where frames are missing before this one, or time begins anew; `plumbob.flags.TIME_FAULT`
+        where the frame repeats or contradicts others: its time is that of the frame before, and must not be used.
+    lost : int64 (N,)
+        Frames missing before this one: exact where a counter tells, else what time has room for.
+    kind : uint8 (N,)
+        What became of the frame: bits named in `plumbob.clock.layout`, 0 for most.
+    """
+
+    t_ns: NDArray[np.int64]
+    flags: NDArray[np.uint32]
+    lost: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Delays:
+    """How much later than the earliest ones frames arrive, s; quantiles are good to 6 %."""
+
+    p50: float
+    p99: float
+    worst: float
+
+
+@dataclass(frozen=True, slots=True)
+class TimeReport:
+    """What the stamps of one source have shown.
+
+    Attributes
+    ----------
+    mode : str
+        Where the time comes from: ``"clock"``, ``"frames"`` or ``"host"``.
+    frames : int
+        Frames that were stamped, with and without faults.
+    rate : float
+        Measured rate, Hz of the host's seconds; NaN while not known.
+    drift_ppm : float
+        Host seconds per device second, less one: positive for a device that runs slow.
+    delays : Delays
+        Of the frames' arrivals.
+    lost : int
+        Frames that are missing.
+    duplicates, late, ahead : int
+        Frames that repeat the last, that come after their successor, or that claim a time to come; none is used.
+    resets : int
+        How often time began anew, because counts no longer fit the host's time.
+    wraps_by_host : int
+        How often the host's time alone decided how many turns of a counter, or how many frames, had passed.
+    suspects : int
+        Frames so late that a turn of the counter, or a frame, may be missing before them.
+    reopened : int
+        How often the source was opened again, or the host's clock set back.
+    unsure : int
+        Frames stamped before the rate was known, that shared a read with others.
+    gap_count : int
+        How many gaps there were.
+    gaps : tuple of (int, int, int)
+        The latest of them: time before and after, ns, and frames lost.
+    """
+
+    mode: str
+    frames: int
+    rate: float
+    drift_ppm: float
+    delays: Delays
+    lost: int
+    duplicates: int
+    late: int
+    ahead: int
+    resets: int
+    wraps_by_host: int
+    suspects: int
+    reopened: int
+    unsure: int
+    gap_count: int
+    gaps: tuple[tuple[int, int, int], ...]

@@ -1,0 +1,183 @@
+"""The time base of one source: takes what came with each frame, gives each frame its time."""
+
+from collections import deque
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob import flags
+from plumbob.clock.jitter import BINS, quantile
+from plumbob.clock.layout import (
+    DRIFT,
+    FRAME_BYTES,
+    FRAME_MODULUS,
+    FRAME_SIGN,
+    FRAMES,
+    GAPS,
+    LATEST,
+    LOST,
+    MODULUS,
+    REALS,
+    REOPENED,
+    SHIFT,
+    SIGN,
+    STAMP,
+    STARTED,
+    TALLY,
+    TICK,
+    TICK_DENOMINATOR,
+    TICK_REST,
+    TICK_WHOLE,
+    TYPICAL,
+    WHOLES,
+    WORST,
+)
+from plumbob.clock.report import Delays, Stamps, TimeReport
+from plumbob.clock.spec import Counter, TimeSpec
+from plumbob.clock.stamping import stamp_frames
+from plumbob.errors import ShapeError
+
+REMEMBERED: Final = 1000
+"""Gaps that a report lists."""
+
+
+class TimeBase:
+    """Gives frames their times, in order, once each.
+
+    Parameters
+    ----------
+    spec : TimeSpec
+        What the frames bring to tell the time by.
+
+    Notes
+    -----
+    The result does not depend on how frames are handed over: one call with all of them gives the same bits as many
+    calls. Memory is bounded.
+    """
+
+    def __init__(self, spec: TimeSpec) -> None:
+        self.spec = spec
+        self._whole = np.zeros(WHOLES, dtype=np.int64)
+        self._real = np.zeros(REALS)
+        self._histogram = np.zeros(BINS, dtype=np.int64)
+        self._gaps: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
+        configure(self._whole, self._real, spec)
+
+    def stamp(
+        self,
+        t_ns: NDArray[np.int64],
+        place: NDArray[np.int64],
+        *,
+        clock: ArrayLike | None = None,
+        frames: ArrayLike | None = None,
+    ) -> Stamps:
+        """Stamp the next frames.
+
+        Parameters
+        ----------
+        t_ns : int64 (N,)
+            Host time of the read that brought each frame's first byte, ns.
+        place : int64 (N,)
+            Offset of each frame's first byte in the stream.
+        clock, frames : integers (N,), optional
+            What the device clock and the frame counter say; required where `spec` names them. Only the bits that it
+            names count.
+
+        Raises
+        ------
+        ShapeError
+            If the arrays do not fit each other, hold no integers, or a counter is missing.
+        """
+        host = _integers("t_ns", t_ns, None)
+        size = host.shape[0]
+        counter = self._counts("clock", clock, self.spec.clock, size)
+        second = self._counts("frames", frames, self.spec.frames, size)
+        before = int(self._whole[STAMP])
+        out = Stamps(
+            np.empty(size, np.int64), np.empty(size, np.uint32), np.empty(size, np.int64), np.empty(size, np.uint8)
+        )
+        stamp_frames(
+            self._whole, self._real, self._histogram,
+            host, _integers("place", place, size), second if self.spec.clock is None else counter, second,
+            out.t_ns, out.flags, out.lost, out.kind,
+        )  # fmt: skip
+        self._remember(before, out)
+        return out
+
+    def reopened(self, t_ns: int) -> None:
+        """Say that the source was opened again at that host time, ns: before the next frame there is a gap."""
+        n = self._whole
+        if n[STARTED]:
+            n[SHIFT] += max(int(n[LATEST] - n[SHIFT]) - t_ns, 0)  # a new clock, after a restart of the host
+            n[REOPENED] = 1
+
+    def report(self) -> TimeReport:
+        """What the frames so far have shown."""
+        n, r = self._whole, self._real
+        tally = [int(count) for count in n[TALLY : TALLY + 8]]
+        duplicates, late, ahead, resets, wrapped, suspects, broken, unsure = tally
+        return TimeReport(
+            mode=self.spec.mode,
+            frames=int(n[FRAMES]),
+            rate=1e9 / float(r[TYPICAL] * (1.0 + r[DRIFT])) if r[TYPICAL] else float("nan"),
+            drift_ppm=1e6 * float(r[DRIFT]),
+            delays=delays(self._histogram, float(r[WORST])),
+            lost=int(n[LOST]),
+            duplicates=duplicates,
+            late=late,
+            ahead=ahead,
+            resets=resets,
+            wraps_by_host=wrapped,
+            suspects=suspects,
+            reopened=broken,
+            unsure=unsure,
+            gap_count=int(n[GAPS]),
+            gaps=tuple(self._gaps),
+        )
+
+    def _counts(self, name: str, counts: ArrayLike | None, counter: Counter | None, size: int) -> NDArray[np.int64]:
+        if counter is None:
+            return np.zeros(size, dtype=np.int64)
+        if counts is None:
+            raise ShapeError(f"{name} is missing; the time is told by a counter of {counter.bits} bits.")
+        return _integers(name, counts, size)
+
+    def _remember(self, before: int, stamps: Stamps) -> None:
+        for k in np.flatnonzero(stamps.flags & flags.GAP)[-REMEMBERED:].tolist():
+            start = int(stamps.t_ns[k - 1]) if k else before
+            self._gaps.append((start, int(stamps.t_ns[k]), int(stamps.lost[k])))
+
+
+def configure(whole: NDArray[np.int64], real: NDArray[np.float64], spec: TimeSpec) -> None:
+    """Write into a state what does not change."""
+    counter = spec.clock or spec.frames
+    whole[MODULUS] = 1 if counter is None else counter.modulus
+    whole[SIGN] = -1 if counter is not None and counter.down else 1
+    whole[FRAME_BYTES] = spec.frame_bytes or 0
+    period = 1e9 / spec.rate if spec.rate else 0.0
+    real[TICK] = real[TYPICAL] = period
+    if spec.clock is not None and spec.clock.tick is not None:
+        tick = spec.clock.tick
+        whole[TICK_WHOLE], rest = divmod(tick.numerator, tick.denominator)
+        whole[TICK_REST], whole[TICK_DENOMINATOR] = rest, tick.denominator
+        real[TICK] = float(tick)
+        if spec.frames is not None:
+            whole[FRAME_MODULUS] = spec.frames.modulus
+            whole[FRAME_SIGN] = -1 if spec.frames.down else 1
+
+
+def delays(histogram: NDArray[np.int64], worst: float) -> Delays:
+    """Quantiles of a histogram of delays in ns, in seconds."""
+    return Delays(min(quantile(histogram, 0.5), worst) / 1e9, min(quantile(histogram, 0.99), worst) / 1e9, worst / 1e9)
+
+
+def _integers(name: str, value: ArrayLike, size: int | None) -> NDArray[np.int64]:
+    """Return `value` as int64; of 64 unsigned bits the lowest 62."""
+    array: NDArray[Any] = np.asarray(value)
+    if array.ndim != 1 or array.dtype.kind not in "iu" or (size is not None and array.shape[0] != size):
+        many = "one per frame" if size is None else f"{size}, one per frame"
+        raise ShapeError(f"{name} must be a row of integers, {many}, but it is {array.dtype} {array.shape}.")
+    if array.dtype == np.uint64:
+        array = array & np.uint64(2**62 - 1)
+    return np.ascontiguousarray(array, dtype=np.int64)
