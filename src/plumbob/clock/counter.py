@@ -13,7 +13,7 @@ from typing import Final
 
 from plumbob._jit import njit
 from plumbob.check import Floats
-from plumbob.clock.delay import LEARNING, Ints, settle, turn, usual
+from plumbob.clock.delay import LEARNING, Ints, is_doubtful, settle, turn
 from plumbob.clock.hull import begin_line, line_at
 from plumbob.clock.layout import (
     AHEAD,
@@ -36,8 +36,12 @@ from plumbob.clock.layout import (
     SUSPECTS,
     TICK,
     TYPICAL,
+    USUAL,
     WRAPPED,
 )
+
+ANOTHER_HOST: Final = 2
+"""Value of REOPENED where host times before and after do not belong together."""
 
 _RISING: Final = 4
 _CLOSE: Final = 0.3  # frames: by so much may steps differ where none is missing
@@ -63,7 +67,7 @@ def advance(n: Ints, r: Floats, histogram: Ints, count: int, host_ns: int) -> in
     if _impossible(n, r, forward, delay, host_ns) and not close:
         kind = LATE if back <= _BEHIND * r[TYPICAL] else AHEAD
         return begin_again(n, r, host_ns, count) if _insists(n, r, count) else kind
-    turns = _turns(n, r, histogram, delay, close and not n[REOPENED])
+    turns = _turns(n, r, delay, close and not n[REOPENED])
     if forward == 0 and turns <= 0:
         return DUPLICATE
     if turns == _NO and n[REOPENED]:
@@ -71,10 +75,12 @@ def advance(n: Ints, r: Floats, histogram: Ints, count: int, host_ns: int) -> in
     n[CHAIN], n[COUNT] = 0, count
     n[STEP] = forward + max(turns, 0) * n[MODULUS]
     r[NOW] += n[STEP] * r[TICK]
+    if n[REOPENED] == ANOTHER_HOST:
+        begin_line(r, r[NOW], float(host_ns - n[ORIGIN]))
     lasting = settle(n, r, histogram, host_ns)
     if lasting > 0.0:
-        return make_up(n, r, histogram, lasting)
-    return (WRAPPED if turns > 0 else 0) | (SUSPECT if n[SUSPECTS] > 0 else 0)
+        return make_up(n, r, lasting)
+    return (WRAPPED if turns > 0 else 0) | (SUSPECT if is_doubtful(n) else 0)
 
 
 @njit
@@ -115,7 +121,7 @@ def _insists(n: Ints, r: Floats, count: int) -> bool:
 
 
 @njit
-def _turns(n: Ints, r: Floats, histogram: Ints, delay: float, close: bool) -> int:
+def _turns(n: Ints, r: Floats, delay: float, close: bool) -> int:
     """Turns that the counter has made unseen, by the host's time; −1 where no number of them explains the delay."""
     whole = turn(n, r)
     if delay < 0.5 * whole:
@@ -123,15 +129,15 @@ def _turns(n: Ints, r: Floats, histogram: Ints, delay: float, close: bool) -> in
     if close:
         return _NO
     turns = math.floor((delay + _SLACK) / whole)
-    return int(turns) if delay - turns * whole <= min(usual(histogram), 0.5 * whole) else _NO
+    return int(turns) if delay - turns * whole <= min(r[USUAL], 0.5 * whole) else _NO
 
 
 @njit
-def make_up(n: Ints, r: Floats, histogram: Ints, lasting: float) -> int:
+def make_up(n: Ints, r: Floats, lasting: float) -> int:
     """Add the turns that a lasting delay shows, or begin again where it is no number of turns."""
     whole = turn(n, r)
     turns = math.floor(lasting / whole + 0.5)
-    fits = abs(lasting - turns * whole) <= usual(histogram)
+    fits = abs(lasting - turns * whole) <= r[USUAL]
     if turns > 0 and (fits or n[MODULUS] == 1):
         n[STEP] += turns * n[MODULUS]
         r[NOW] += turns * whole

@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.clock.hull import line_at, observe
-from plumbob.clock.jitter import bin_of, quantile
+from plumbob.clock.jitter import BINS, bin_of, quantile
 from plumbob.clock.layout import (
+    ASIDE,
+    ASIDE_SINCE,
+    FRAMES,
     HOST,
     MODULUS,
     NOW,
@@ -29,12 +32,18 @@ from plumbob.clock.layout import (
     SUSPECTS,
     TICK,
     TYPICAL,
+    USUAL,
     WORST,
 )
 
 Ints = NDArray[np.int64]
 
 _PATIENCE: Final = 500_000_000  # ns; a backlog that still drains keeps falling, and starts the wait again
+_DOUBT: Final = 125_000_000  # ns
+_CHANGED: Final = 5_000_000_000  # ns of longer delays: this is how it is now
+_BACKLOG: Final = 4.0  # usual delays
+_LITTLE: Final = 20e6  # ns
+_REVIEW: Final = 256  # frames from one look at the usual delay to the next
 _ENOUGH: Final = 4
 _STOPPED: Final = 1e9  # ns: a device that is so late, for so long, has stood still
 _LEAST: Final = 1e6  # ns: a busy host delays all frames by as much for a while
@@ -49,17 +58,26 @@ def turn(n: Ints, r: Floats) -> float:
 
 
 @njit
-def usual(histogram: Ints) -> float:
-    """Delay that is nothing special on this line, ns."""
-    return float(max(1.25 * quantile(histogram, 0.99), _LEAST))
+def _limit(n: Ints, r: Floats) -> float:
+    """Delay from which on a frame is suspect, ns: half of what could be missing unseen.
+
+    Where a read brings several frames, the least delay drifts with the beat between frames and reads, and then jumps by
+    up to a frame, exactly as if one were lost: there it takes two.
+    """
+    if n[MODULUS] > 1:
+        return float(min(0.5 * turn(n, r), _STOPPED))
+    beat = r[TICK] if r[USUAL] > 0.5 * r[TICK] else 0.0
+    return float(max(0.5 * r[TICK], 4.0 * r[SCATTER], _LEAST) + beat)
 
 
 @njit
-def _limit(n: Ints, r: Floats) -> float:
-    """Delay from which on a frame is suspect, ns: half of what could be missing unseen."""
-    if n[MODULUS] == 1:
-        return float(max(0.5 * r[TICK], 4.0 * r[SCATTER], _LEAST))
-    return float(min(0.5 * turn(n, r), _STOPPED))
+def _is_told(n: Ints, r: Floats, delay: float, host_ns: int) -> bool:
+    """Whether the line takes a frame: not one out of a backlog, which would bend it, unless all are like that."""
+    if r[NOW] - r[SINCE] < LEARNING:
+        return True
+    if n[ASIDE] > 0 and host_ns - n[ASIDE_SINCE] > _CHANGED:
+        return True
+    return bool(delay < min(_limit(n, r), max(_BACKLOG * r[USUAL], _LITTLE)))
 
 
 @njit
@@ -67,17 +85,28 @@ def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
     """Take the frame at NOW into the line, unless it is suspect; returns a delay that has lasted, ns, else 0."""
     y = float(host_ns - n[ORIGIN])
     delay = y - line_at(r, r[NOW])
-    suspect = delay >= _limit(n, r)
-    if not suspect or r[NOW] - r[SINCE] < LEARNING:
+    if _is_told(n, r, delay, host_ns):
+        n[ASIDE] = 0
         delay = observe(r, r[NOW], y)
-        suspect = delay >= _limit(n, r)
+        histogram[BINS + bin_of(delay)] += 1
+    else:
+        n[ASIDE_SINCE] = n[ASIDE_SINCE] if n[ASIDE] > 0 else host_ns
+        n[ASIDE] += 1
+    if n[FRAMES] % _REVIEW == 0 or r[USUAL] == 0.0:
+        r[USUAL] = max(1.25 * quantile(histogram, BINS, 0.99), _LEAST)
     n[HOST] = host_ns
     histogram[bin_of(delay)] += 1
     r[WORST] = max(r[WORST], delay)
-    if not suspect:
+    if delay < _limit(n, r):
         n[SUSPECTS] = 0
         return 0.0
     return _wait(n, r, delay, host_ns)
+
+
+@njit
+def is_doubtful(n: Ints) -> bool:
+    """Whether the last frame has been suspect for some time."""
+    return bool(n[SUSPECTS] > 0 and n[HOST] - n[SUSPECT_SINCE] >= _DOUBT)
 
 
 @njit

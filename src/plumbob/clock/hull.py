@@ -39,7 +39,7 @@ from plumbob.clock.layout import (
 )
 
 _SHORTEST: Final = 50e6  # ns
-_LONGEST: Final = 1.6e9  # 50 ms doubled five times
+_LONGEST: Final = 3.2e9  # 50 ms doubled six times
 _WINDOW: Final = 1.25 * CAPACITY * _LONGEST  # a block before that is forgotten, even if few came since
 
 

@@ -1,4 +1,7 @@
-"""Histogram of delays: sixteen bins to each doubling, so that a quantile is known to 6 %, in bounded memory."""
+"""Histograms of delays: sixteen bins to each doubling, so that a quantile is known to 6 %, in bounded memory.
+
+A time base has two in one array: of all frames, and of those that shaped its line.
+"""
 
 from typing import Final
 
@@ -30,14 +33,14 @@ def middle_of(place: int) -> float:
 
 
 @njit
-def quantile(histogram: NDArray[np.int64], share: float) -> float:
-    """Delay that this share of the frames keeps, ns; 0 where there are none."""
+def quantile(histogram: NDArray[np.int64], first: int, share: float) -> float:
+    """Delay that this share of the frames keeps, ns, in the histogram that begins there; 0 where there are none."""
     total = 0
     for place in range(BINS):
-        total += histogram[place]
+        total += histogram[first + place]
     reached = 0
     for place in range(BINS):
-        reached += histogram[place]
+        reached += histogram[first + place]
         if reached > 0 and reached >= share * total:
             return middle_of(place)
     return 0.0

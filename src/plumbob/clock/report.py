@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.clock.jitter import quantile
+
 
 @dataclass(frozen=True, slots=True)
 class Stamps:
@@ -14,6 +16,9 @@ class Stamps:
     ----------
     t_ns : int64 (N,)
         Time on the host's monotonic clock, ns. Increases from frame to frame, except where TIME_FAULT is set.
+    step : int64 (N,)
+        Counts of the device clock, or frames, since the last frame that was used, with all turns of the counter; 0 where
+        no count tells.
     flags : uint32 (N,)
         `plumbob.flags.GAP` where frames are missing before this one, or time begins anew; `plumbob.flags.TIME_FAULT`
         where the frame repeats or contradicts others: its time is that of the frame before, and must not be used.
@@ -24,6 +29,7 @@ class Stamps:
     """
 
     t_ns: NDArray[np.int64]
+    step: NDArray[np.int64]
     flags: NDArray[np.uint32]
     lost: NDArray[np.int64]
     kind: NDArray[np.uint8]
@@ -51,7 +57,8 @@ class TimeReport:
     rate : float
         Measured rate, Hz of the host's seconds; NaN while not known.
     drift_ppm : float
-        Host seconds per device second, less one: positive for a device that runs slow.
+        Host seconds per device second, less one: positive for a device that runs slow; NaN where neither
+        a device clock nor a nominal rate says how long its second is.
     delays : Delays
         Of the frames' arrivals.
     lost : int
@@ -90,3 +97,10 @@ class TimeReport:
     unsure: int
     gap_count: int
     gaps: tuple[tuple[int, int, int], ...]
+
+
+def delays(histogram: NDArray[np.int64], worst: float) -> Delays:
+    """Quantiles of a histogram of delays in ns, in seconds."""
+    return Delays(
+        min(quantile(histogram, 0, 0.5), worst) / 1e9, min(quantile(histogram, 0, 0.99), worst) / 1e9, worst / 1e9
+    )

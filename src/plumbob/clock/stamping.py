@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from plumbob._jit import njit
 from plumbob.check import Floats
-from plumbob.clock.counter import advance, begin_again, make_up
-from plumbob.clock.delay import Ints, settle
+from plumbob.clock.counter import ANOTHER_HOST, advance, begin_again, make_up
+from plumbob.clock.delay import Ints, is_doubtful, settle
 from plumbob.clock.hull import begin_line, line_at
 from plumbob.clock.layout import (
     BROKEN,
@@ -52,7 +52,6 @@ from plumbob.clock.layout import (
     STARTED,
     STEP,
     SUSPECT,
-    SUSPECTS,
     TALLY,
     TICK,
     TICK_DENOMINATOR,
@@ -83,14 +82,15 @@ def stamp_frames(
     count: Ints,
     frame: Ints,
     t_ns: Ints,
+    step: Ints,
     words: NDArray[np.uint32],
     lost: Ints,
     kinds: NDArray[np.uint8],
 ) -> None:
-    """Stamp frames in order; the last four arrays take what comes out."""
+    """Stamp frames in order; the last five arrays take what comes out."""
     for k in range(host_ns.size):
         kind = stamp_frame(n, r, histogram, host_ns[k], place[k], count[k], frame[k])
-        t_ns[k], lost[k], kinds[k] = n[STAMP], n[MISSING], kind
+        t_ns[k], step[k], lost[k], kinds[k] = n[STAMP], n[STEP], n[MISSING], kind
         words[k] = _flags_of(n, kind)
 
 
@@ -111,7 +111,7 @@ def _flags_of(n: Ints, kind: int) -> int:
 @njit
 def stamp_frame(n: Ints, r: Floats, histogram: Ints, host_ns: int, place: int, count: int, frame: int) -> int:
     """Move STAMP on to the next frame, and MISSING to what is lost before it; returns what became of the frame."""
-    n[MISSING] = 0
+    n[MISSING], n[STEP] = 0, 0
     if n[STARTED] == 0:
         return _start(n, r, host_ns, place, count, frame)
     host = _never_back(n, r, int(host_ns))
@@ -146,7 +146,7 @@ def _never_back(n: Ints, r: Floats, host_ns: int) -> int:
         resumed = n[LATEST] + int(r[TYPICAL])
         n[SHIFT] += resumed - host
         host = resumed
-        n[REOPENED] = 1
+        n[REOPENED] = ANOTHER_HOST
     n[LATEST] = host
     return int(host)
 
@@ -234,8 +234,8 @@ def _by_place(n: Ints, r: Floats, histogram: Ints, host: int, place: int) -> int
     r[NOW] += n[STEP] * r[TICK]
     lasting = settle(n, r, histogram, host)
     if lasting > 0.0:
-        return make_up(n, r, histogram, lasting)
-    return SUSPECT if n[SUSPECTS] > 0 else 0
+        return make_up(n, r, lasting)
+    return SUSPECT if is_doubtful(n) else 0
 
 
 @njit

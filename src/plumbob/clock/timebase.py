@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
-from plumbob.clock.jitter import BINS, quantile
+from plumbob.clock.counter import ANOTHER_HOST
+from plumbob.clock.jitter import BINS
 from plumbob.clock.layout import (
     DRIFT,
     FRAME_BYTES,
@@ -33,7 +34,7 @@ from plumbob.clock.layout import (
     WHOLES,
     WORST,
 )
-from plumbob.clock.report import Delays, Stamps, TimeReport
+from plumbob.clock.report import Stamps, TimeReport, delays
 from plumbob.clock.spec import Counter, TimeSpec
 from plumbob.clock.stamping import stamp_frames
 from plumbob.errors import ShapeError
@@ -60,7 +61,7 @@ class TimeBase:
         self.spec = spec
         self._whole = np.zeros(WHOLES, dtype=np.int64)
         self._real = np.zeros(REALS)
-        self._histogram = np.zeros(BINS, dtype=np.int64)
+        self._histogram = np.zeros(2 * BINS, dtype=np.int64)
         self._gaps: deque[tuple[int, int, int]] = deque(maxlen=REMEMBERED)
         configure(self._whole, self._real, spec)
 
@@ -95,12 +96,13 @@ class TimeBase:
         second = self._counts("frames", frames, self.spec.frames, size)
         before = int(self._whole[STAMP])
         out = Stamps(
-            np.empty(size, np.int64), np.empty(size, np.uint32), np.empty(size, np.int64), np.empty(size, np.uint8)
-        )
+            np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.uint32),
+            np.empty(size, np.int64), np.empty(size, np.uint8),
+        )  # fmt: skip
         stamp_frames(
             self._whole, self._real, self._histogram,
             host, _integers("place", place, size), second if self.spec.clock is None else counter, second,
-            out.t_ns, out.flags, out.lost, out.kind,
+            out.t_ns, out.step, out.flags, out.lost, out.kind,
         )  # fmt: skip
         self._remember(before, out)
         return out
@@ -109,19 +111,21 @@ class TimeBase:
         """Say that the source was opened again at that host time, ns: before the next frame there is a gap."""
         n = self._whole
         if n[STARTED]:
-            n[SHIFT] += max(int(n[LATEST] - n[SHIFT]) - t_ns, 0)  # a new clock, after a restart of the host
-            n[REOPENED] = 1
+            back = max(int(n[LATEST] - n[SHIFT]) - t_ns, 0)  # another clock, after a restart of the host
+            n[SHIFT] += back
+            n[REOPENED] = ANOTHER_HOST if back else 1
 
     def report(self) -> TimeReport:
         """What the frames so far have shown."""
         n, r = self._whole, self._real
         tally = [int(count) for count in n[TALLY : TALLY + 8]]
+        known = self.spec.clock is not None or self.spec.rate is not None
         duplicates, late, ahead, resets, wrapped, suspects, broken, unsure = tally
         return TimeReport(
             mode=self.spec.mode,
             frames=int(n[FRAMES]),
             rate=1e9 / float(r[TYPICAL] * (1.0 + r[DRIFT])) if r[TYPICAL] else float("nan"),
-            drift_ppm=1e6 * float(r[DRIFT]),
+            drift_ppm=1e6 * float(r[DRIFT]) if known else float("nan"),
             delays=delays(self._histogram, float(r[WORST])),
             lost=int(n[LOST]),
             duplicates=duplicates,
@@ -165,11 +169,6 @@ def configure(whole: NDArray[np.int64], real: NDArray[np.float64], spec: TimeSpe
         if spec.frames is not None:
             whole[FRAME_MODULUS] = spec.frames.modulus
             whole[FRAME_SIGN] = -1 if spec.frames.down else 1
-
-
-def delays(histogram: NDArray[np.int64], worst: float) -> Delays:
-    """Quantiles of a histogram of delays in ns, in seconds."""
-    return Delays(min(quantile(histogram, 0.5), worst) / 1e9, min(quantile(histogram, 0.99), worst) / 1e9, worst / 1e9)
 
 
 def _integers(name: str, value: ArrayLike, size: int | None) -> NDArray[np.int64]:
