@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.clock import Counter
+
 LEAST_NS = 400_000  # constant part of every delay: transmission, driver
 START_NS = 5_000_000_000_000  # a host that has been up for 83 minutes
 
@@ -61,3 +63,10 @@ def without(frames: Frames, lost: slice | NDArray[np.bool_]) -> Frames:
     kept[lost] = False
     place = frames.place[: int(kept.sum())]
     return Frames(frames.t_ns[kept], place, frames.index[kept], frames.made_ns[kept])
+
+
+def ticks(frames: Frames, counter: Counter, drift_ppm: float) -> NDArray[np.int64]:
+    """What the device's own clock says when a frame is made."""
+    own = frames.made_ns / (1.0 + 1e-6 * drift_ppm)
+    total = np.floor(own / float(counter.tick) + 1e-6).astype(np.int64) + 12_345
+    return (-total if counter.down else total) % counter.modulus

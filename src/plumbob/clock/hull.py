@@ -24,6 +24,7 @@ from plumbob.clock.layout import (
     BEST_Y,
     BLOCK,
     BLOCK_END,
+    BLOCK_SINCE,
     BLOCK_X,
     BLOCK_Y,
     CAPACITY,
@@ -40,6 +41,7 @@ from plumbob.clock.layout import (
 
 _SHORTEST: Final = 50e6  # ns
 _LONGEST: Final = 3.2e9  # 50 ms doubled six times
+_FASTEST, _SLOWEST = -0.9, 9.0  # ten times, or a tenth of, what is nominal
 _WINDOW: Final = 1.25 * CAPACITY * _LONGEST  # a block before that is forgotten, even if few came since
 
 
@@ -56,17 +58,17 @@ def begin_line(r: Floats, x: float, y: float) -> None:
     r[PRIOR], r[SINCE] = r[DRIFT], x
     r[SCATTER], r[POINTS] = 0.0, 0.0
     r[BLOCK], r[BLOCK_END] = _SHORTEST, x + _SHORTEST
-    r[BEST_X], r[BEST_Y] = x, y
+    r[BEST_X], r[BEST_Y], r[BLOCK_SINCE] = x, y, y
 
 
 @njit
 def observe(r: Floats, x: float, y: float) -> float:
     """Take a point and return its delay, ns; x must not fall."""
-    if x >= r[BLOCK_END]:
+    if x >= r[BLOCK_END] and y >= r[BLOCK_SINCE] + 0.5 * r[BLOCK]:  # a backlog is not spread over blocks
         _keep_block(r)
         _fit(r)
         r[BLOCK_END] = x + r[BLOCK]
-        r[BEST_X], r[BEST_Y] = x, y
+        r[BEST_X], r[BEST_Y], r[BLOCK_SINCE] = x, y, y
     else:
         across = x - r[BEST_X]
         if y - r[BEST_Y] < across + across * r[DRIFT]:
@@ -148,7 +150,8 @@ def _slope_in_the_middle(r: Floats, corners: int) -> float:
     while r[HULL_X + k] < middle:
         k += 1
     across = r[HULL_X + k] - r[HULL_X + k - 1]
-    return float((r[HULL_Y + k] - r[HULL_Y + k - 1] - across) / across)
+    slope = (r[HULL_Y + k] - r[HULL_Y + k - 1] - across) / across
+    return float(min(max(slope, _FASTEST), _SLOWEST))
 
 
 @njit

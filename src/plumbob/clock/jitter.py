@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from plumbob._jit import njit
 
-BINS: Final = 16 * 56
-"""Up to 2⁶⁰ ns; everything below 16 ns has a bin of its own."""
+BINS: Final = 16 * 58
+"""Up to 10¹⁸ ns; everything below 32 ns has a bin of its own."""
 
 
 @njit

@@ -17,8 +17,8 @@ class Stamps:
     t_ns : int64 (N,)
         Time on the host's monotonic clock, ns. Increases from frame to frame, except where TIME_FAULT is set.
     step : int64 (N,)
-        Counts of the device clock, or frames, since the last frame that was used, with all turns of the counter; 0 where
-        no count tells.
+        Counts of the device clock, or frames, since the last frame that was used, with all turns of the counter; 0
+        where no count tells.
     flags : uint32 (N,)
         `plumbob.flags.GAP` where frames are missing before this one, or time begins anew; `plumbob.flags.TIME_FAULT`
         where the frame repeats or contradicts others: its time is that of the frame before, and must not be used.
