@@ -272,6 +272,33 @@ class TestStall:
         assert abs(error[-1] - (0.0 if name in {"frames", "host"} else error[1999])) < 5e6
         assert_orderly(stamps)
 
+    @pytest.mark.parametrize("speed", [0.0, 0.1, 0.5])
+    @pytest.mark.parametrize("name", SPECS)
+    def test_a_backlog_at_the_start(self, name, speed):
+        """150 frames wait when the line is opened, and come at once or faster than they are made: none is lost by that.
+
+        Their times begin when they come, 1.5 s late; that is made good by 2000 ppm at most, or only told.
+        """
+        f = frames(6000, 100.0, 50.0, 1.0)
+        arrival = np.where(f.made_ns < 1.5e9, 1.5e9 + f.made_ns * speed, f.t_ns - START_NS)
+        f = f._replace(t_ns=START_NS + np.maximum.accumulate(arrival).astype(np.int64))
+        base, stamps = stamp(SPECS[name], f, 50.0)
+        assert not stamps.flags.any()
+        late = 1.5 - LEAST_NS / 1e9
+        assert base.report().offset < late + 1e-3
+        assert base.report().offset > (late - 60 * 2e-3 - 0.1 if name in {"frames", "host"} else late - 6e-3)
+        assert np.diff(stamps.t_ns).min() > 0.95e7 * (1.0 - 2e-3)
+
+    @pytest.mark.parametrize("speed", [0.0, 0.1])
+    def test_a_backlog_while_the_rate_is_not_known(self, speed):
+        f = frames(6000, 100.0, 50.0, 1.0)
+        arrival = np.where(f.made_ns < 1.5e9, 1.5e9 + f.made_ns * speed, f.t_ns - START_NS)
+        f = f._replace(t_ns=START_NS + np.maximum.accumulate(arrival).astype(np.int64))
+        base, stamps = stamp(TimeSpec(), f)
+        assert base.report().lost == 0
+        assert abs(base.report().rate - 100.0) < 0.02
+        assert_orderly(stamps)
+
 
 class TestOtherFaults:
     @pytest.mark.parametrize("name", ["frames", "clock", "short"])

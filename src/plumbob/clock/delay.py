@@ -26,7 +26,7 @@ from plumbob.clock.layout import (
     NOW,
     ORIGIN,
     SCATTER,
-    SINCE,
+    SINCE_HOST,
     SUSPECT_DELAY,
     SUSPECT_SINCE,
     SUSPECTS,
@@ -48,7 +48,9 @@ _ENOUGH: Final = 4
 _STOPPED: Final = 1e9  # ns: a device that is so late, for so long, has stood still
 _LEAST: Final = 1e6  # ns: a busy host delays all frames by as much for a while
 LEARNING: Final = 2e9
-"""Time in which every point shapes a new line, ns."""
+"""Time in which a new line may still be far off, ns."""
+
+_FORMING: Final = 12e9  # ns of the host's time, in which every frame shapes a new line
 
 
 @njit
@@ -73,7 +75,7 @@ def _limit(n: Ints, r: Floats) -> float:
 @njit
 def _is_told(n: Ints, r: Floats, delay: float, host_ns: int) -> bool:
     """Whether the line takes a frame: not one out of a backlog, which would bend it, unless all are like that."""
-    if r[NOW] - r[SINCE] < LEARNING:
+    if float(host_ns - n[ORIGIN]) - r[SINCE_HOST] < _FORMING:
         return True
     if n[ASIDE] > 0 and host_ns - n[ASIDE_SINCE] > _CHANGED:
         return True

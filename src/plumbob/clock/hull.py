@@ -1,7 +1,7 @@
 """The line beneath all points (device time, host time): delays are only positive, so the earliest arrivals tell.
 
 A frame arrives at ``host = offset + (1 + drift) · device + delay``, and ``delay ≥ 0``. Of each block of device time the
-lowest point is kept. The lower convex hull of at most 64 blocks gives the line: its slope is that of the edge above the
+lowest point is kept. The lower convex hull of at most 64 blocks gives the line: its slope is that of the edge in the
 middle of the window, which minimises the sum of the delays, and its height is the highest that stays below all points.
 Blocks begin short and double their length whenever 64 are full, so the line is there after a fraction of a second; at
 two seconds they stop, and the window slides, so that it follows a drift that changes with temperature.
@@ -35,12 +35,16 @@ from plumbob.clock.layout import (
     LINE_Y,
     POINTS,
     PRIOR,
+    ROUGH,
     SCATTER,
     SINCE,
+    SINCE_HOST,
 )
 
 _SHORTEST: Final = 50e6  # ns
 _LONGEST: Final = 3.2e9  # 50 ms doubled six times
+_YOUNG: Final = 10e9  # ns, in which a drift of more than _SAFE is sooner a backlog that drains
+_SAFE: Final = 0.05
 _FASTEST, _SLOWEST = -0.9, 9.0  # ten times, or a tenth of, what is nominal
 _WINDOW: Final = 1.25 * CAPACITY * _LONGEST  # a block before that is forgotten, even if few came since
 
@@ -55,7 +59,7 @@ def line_at(r: Floats, x: float) -> float:
 def begin_line(r: Floats, x: float, y: float) -> None:
     """Forget all points but keep the drift, which is the oscillator's."""
     r[LINE_X], r[LINE_Y] = x, y
-    r[PRIOR], r[SINCE] = r[DRIFT], x
+    r[PRIOR], r[SINCE], r[SINCE_HOST] = r[DRIFT], x, y
     r[SCATTER], r[POINTS] = 0.0, 0.0
     r[BLOCK], r[BLOCK_END] = _SHORTEST, x + _SHORTEST
     r[BEST_X], r[BEST_Y], r[BLOCK_SINCE] = x, y, y
@@ -144,13 +148,15 @@ def _hull(r: Floats) -> int:
 
 @njit
 def _slope_in_the_middle(r: Floats, corners: int) -> float:
-    """Slope less 1 of the hull's edge above the middle of the window."""
-    middle = 0.5 * (r[HULL_X] + r[HULL_X + corners - 1])
+    """Slope less 1 of the hull's edge in the middle of the window, in host time: a backlog that drains is short."""
+    middle = 0.5 * (r[HULL_Y] + r[HULL_Y + corners - 1])
     k = 1
-    while r[HULL_X + k] < middle:
+    while r[HULL_Y + k] < middle:
         k += 1
     across = r[HULL_X + k] - r[HULL_X + k - 1]
     slope = (r[HULL_Y + k] - r[HULL_Y + k - 1] - across) / across
+    if r[ROUGH] == 0.0 and r[HULL_Y + corners - 1] - r[SINCE_HOST] < _YOUNG:
+        return float(min(max(slope, -_SAFE), _SAFE))
     return float(min(max(slope, _FASTEST), _SLOWEST))
 
 

@@ -61,6 +61,8 @@ class TimeReport:
         a device clock nor a nominal rate says how long its second is.
     delays : Delays
         Of the frames' arrivals.
+    offset : float
+        By how much the latest stamp is later than the earliest possible arrival of its frame, s.
     lost : int
         Frames that are missing.
     duplicates, late, ahead : int
@@ -86,6 +88,7 @@ class TimeReport:
     rate: float
     drift_ppm: float
     delays: Delays
+    offset: float
     lost: int
     duplicates: int
     late: int

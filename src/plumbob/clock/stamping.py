@@ -45,6 +45,7 @@ from plumbob.clock.layout import (
     REMAINDER,
     REOPENED,
     RESET,
+    ROUGH,
     SHIFT,
     SIGN,
     SINCE,
@@ -270,10 +271,11 @@ def _learn(n: Ints, r: Floats, host: int, place: int, count: int) -> int:
         if step == 0:
             return DUPLICATE
     known = host > n[STAMP]
-    n[LEARNT] += step
+    n[LEARNT] += step if host > n[LEARN_SINCE] else 0  # what the first read brings may have waited
     n[COUNT], n[HOST] = count, host
     n[STAMP] = host if known else n[STAMP] + 1
     if host - n[LEARN_SINCE] >= _LEARN_TIME and n[LEARNT] >= _LEARN_FRAMES:
         r[TICK] = r[TYPICAL] = (host - n[LEARN_SINCE]) / n[LEARNT]
+        r[ROUGH] = 1.0
         begin_line(r, r[NOW], float(host - n[ORIGIN]))
     return 0 if known else UNSURE

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
 from plumbob.clock.counter import ANOTHER_HOST
+from plumbob.clock.hull import line_at
 from plumbob.clock.jitter import BINS
 from plumbob.clock.layout import (
     DRIFT,
@@ -19,6 +20,8 @@ from plumbob.clock.layout import (
     LATEST,
     LOST,
     MODULUS,
+    NOW,
+    ORIGIN,
     REALS,
     REOPENED,
     SHIFT,
@@ -127,6 +130,7 @@ class TimeBase:
             rate=1e9 / float(r[TYPICAL] * (1.0 + r[DRIFT])) if r[TYPICAL] else float("nan"),
             drift_ppm=1e6 * float(r[DRIFT]) if known else float("nan"),
             delays=delays(self._histogram, float(r[WORST])),
+            offset=(int(n[STAMP] - n[ORIGIN]) - line_at(r, float(r[NOW]))) / 1e9,
             lost=int(n[LOST]),
             duplicates=duplicates,
             late=late,
