@@ -77,6 +77,7 @@ class TestLedByTheHost:
         f = frames(90_000, 100.0, drift_ppm, bunch_ms, stalls=0.05)
         base, stamps = stamp(SPECS[name], f)
         error_ppm = base.report().drift_ppm - drift_ppm
+        assert np.abs(error_ns(f, stamps)[30_000:]).max() < 100_000  # every beat has come round
         steps = np.diff(stamps.t_ns[60_000:])
         uneven_ns = np.abs(steps - 1e7 * (1.0 + 1e-6 * drift_ppm)).max()
         assert abs(error_ppm) < 1.0, error_ppm
