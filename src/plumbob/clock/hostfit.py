@@ -41,7 +41,7 @@ class HostReport:
 
 
 class HostFit:
-    """Follows ``host = offset + (1 + drift) · device`` beneath all points, through the last four minutes of them.
+    """Follows ``host = offset + (1 + drift) · device`` beneath all points, through the last three minutes of them.
 
     For clocks that are told in whole nanoseconds. A device time that goes back begins a new relation, which keeps the
     drift; a delay of any length does no harm.

@@ -4,14 +4,15 @@ A frame arrives at ``host = offset + (1 + drift) · device + delay``, and ``dela
 lowest point is kept. The lower convex hull of at most 64 blocks gives the line: its slope is that of the edge in the
 middle of the window, which minimises the sum of the delays, and its height is the highest that stays below all points.
 Blocks begin short and double their length whenever 64 are full, so the line is there after a fraction of a second; at
-two seconds they stop, and the window slides, so that it follows a drift that changes with temperature.
+three seconds they stop, and the window slides, so that it follows a drift that changes with temperature.
 
 What this is not: a regression, which averages the delays in, or a Kalman filter, which takes them for symmetric. The
 least delay itself cannot be seen from one end, and remains in the offset. Nor can a delay be seen that changes as
 steadily as a clock drifts.
 
-Departures from [Zhang2002]: the window slides, in blocks; a drift counts only as far as its displacement over the
-window exceeds what the scatter of the blocks' lowest points can feign.
+Departures from [Zhang2002]: the window slides, in blocks; its middle is that of the host's time, so that a backlog that
+drains weighs little; a drift counts only as far as its displacement over the window exceeds what the scatter of the
+blocks' lowest points can feign.
 """
 
 import math

@@ -127,7 +127,7 @@ class TimeBase:
         return TimeReport(
             mode=self.spec.mode,
             frames=int(n[FRAMES]),
-            rate=1e9 / float(r[TYPICAL] * (1.0 + r[DRIFT])) if r[TYPICAL] else float("nan"),
+            rate=self._rate(tally[0] + tally[1] + tally[2]),
             drift_ppm=1e6 * float(r[DRIFT]) if known else float("nan"),
             delays=delays(self._histogram, float(r[WORST])),
             offset=(int(n[STAMP] - n[ORIGIN]) - line_at(r, float(r[NOW]))) / 1e9,
@@ -143,6 +143,15 @@ class TimeBase:
             gap_count=int(n[GAPS]),
             gaps=tuple(self._gaps),
         )
+
+    def _rate(self, unused: int) -> float:
+        """Frames in a second of the host: on average by a device clock, else as the line says."""
+        n, r = self._whole, self._real
+        period = float(r[TYPICAL])
+        if self.spec.clock is not None:
+            steps = int(n[FRAMES] + n[LOST]) - unused - 1
+            period = int(n[STAMP] - n[ORIGIN]) / steps if steps > 0 else 0.0
+        return 1e9 / (period * (1.0 + float(r[DRIFT]))) if period else float("nan")
 
     def _counts(self, name: str, counts: ArrayLike | None, counter: Counter | None, size: int) -> NDArray[np.int64]:
         if counter is None:
