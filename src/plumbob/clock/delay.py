@@ -25,12 +25,14 @@ from plumbob.clock.layout import (
     MODULUS,
     NOW,
     ORIGIN,
+    ROUGH,
     SCATTER,
     SINCE_HOST,
     SUSPECT_DELAY,
     SUSPECT_SINCE,
     SUSPECTS,
     TICK,
+    TOLD_DELAY,
     TYPICAL,
     USUAL,
     WORST,
@@ -50,7 +52,7 @@ _LEAST: Final = 1e6  # ns: a busy host delays all frames by as much for a while
 LEARNING: Final = 2e9
 """Time in which a new line may still be far off, ns."""
 
-_FORMING: Final = 12e9  # ns of the host's time, in which every frame shapes a new line
+_FORMING: Final = 12e9  # ns of the host's time, in which a new line may have to tilt
 
 
 @njit
@@ -75,7 +77,9 @@ def _limit(n: Ints, r: Floats) -> float:
 @njit
 def _is_told(n: Ints, r: Floats, delay: float, host_ns: int) -> bool:
     """Whether the line takes a frame: not one out of a backlog, which would bend it, unless all are like that."""
-    if float(host_ns - n[ORIGIN]) - r[SINCE_HOST] < _FORMING:
+    if float(host_ns - n[ORIGIN]) - r[SINCE_HOST] < _FORMING and (
+        r[ROUGH] > 0.0 or delay < r[TOLD_DELAY] + _limit(n, r)  # a rate that is not as nominal shows little by little
+    ):
         return True
     if n[ASIDE] > 0 and host_ns - n[ASIDE_SINCE] > _CHANGED:
         return True
@@ -89,7 +93,7 @@ def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
     delay = y - line_at(r, r[NOW])
     if _is_told(n, r, delay, host_ns):
         n[ASIDE] = 0
-        delay = observe(r, r[NOW], y)
+        delay = r[TOLD_DELAY] = observe(r, r[NOW], y)
         histogram[BINS + bin_of(delay)] += 1
     else:
         n[ASIDE_SINCE] = n[ASIDE_SINCE] if n[ASIDE] > 0 else host_ns
