@@ -164,6 +164,14 @@ class TestDeviceClock:
         assert (np.diff(stamps.t_ns) == 10**7).all()
         assert not stamps.flags.any()
 
+    def test_a_rate_that_changes(self):
+        """From 100 to 25 Hz: until eight steps in a row are like that, frames seem to be lost."""
+        count = np.cumsum(np.repeat([10_000, 40_000], 500))
+        base = TimeBase(TimeSpec(clock=Counter(32, 1000)))
+        stamps = base.stamp(START_NS + count * 1000, np.arange(1000), clock=count)
+        assert np.flatnonzero(stamps.flags).tolist() == list(range(500, 508))
+        assert stamps.lost[500:508].tolist() == [3] * 8
+
 
 class TestLost:
     @pytest.mark.parametrize("name", ["frames", "clock", "short"])
@@ -180,6 +188,23 @@ class TestLost:
         assert (start, end, lost) == (stamps.t_ns[at - 1], stamps.t_ns[at], many)
         period = 1e7 * (1.0 if name != "frames" else 1.0 + 1e-6 * base.report().drift_ppm)
         assert end - start == pytest.approx((many + 1) * period, abs=many * 100 + 20_000)
+        assert_orderly(stamps)
+
+    @pytest.mark.parametrize("name", ["frames", "clock", "short", "host"])
+    @pytest.mark.parametrize("seed", range(8))
+    def test_gaps_of_all_lengths_one_after_another(self, name, seed):
+        """Up to 12 of them, between 1 and 665 frames, at any time, from the first second on."""
+        rng = np.random.default_rng(1000 + seed)
+        gone = np.zeros(6000, dtype=bool)
+        for _ in range(rng.integers(1, 12)):
+            start = rng.integers(10, 5800)
+            gone[start : min(start + int(np.exp(rng.uniform(0, 6.5))), 5900)] = True
+        f = without(frames(6000, 100.0, 50.0, (0, 1, 4)[seed % 3], seed=seed), gone)
+        base, stamps = stamp(SPECS[name], f, 50.0)
+        # by time alone, a gap that is understood in two pieces may be rounded twice
+        assert abs(base.report().lost - gone.sum()) <= (2 if name == "short" else 0)
+        assert base.report().resets == 0
+        assert abs(error_ns(f, stamps)[-1]) < 5e6
         assert_orderly(stamps)
 
     @pytest.mark.parametrize("name", ["frames", "clock"])

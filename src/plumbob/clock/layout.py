@@ -39,10 +39,11 @@ LEARNT: Final = 26  # frames while the rate is being learnt
 LEARN_SINCE: Final = 27  # host time, ns
 ASIDE: Final = 28  # frames in a row that the line does not take, and host time of the first, ns
 ASIDE_SINCE: Final = 29
-FRAMES: Final = 30  # how many there were, and how many of them are lost, and gaps
-LOST: Final = 31
-GAPS: Final = 32
-TALLY: Final = 33  # frames of each kind, in order of its bits
+ODD: Final = 30  # steps in a row that do not fit the pace
+FRAMES: Final = 31  # how many there were, and how many of them are lost, and gaps
+LOST: Final = 32
+GAPS: Final = 33
+TALLY: Final = 34  # frames of each kind, in order of its bits
 WHOLES: Final = TALLY + 8
 
 # --- real numbers

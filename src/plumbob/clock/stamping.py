@@ -40,6 +40,7 @@ from plumbob.clock.layout import (
     MISSING,
     MODULUS,
     NOW,
+    ODD,
     ORIGIN,
     PLACE,
     REMAINDER,
@@ -69,7 +70,7 @@ _SHORT, _LONG = 1e9, 30e9  # ns: time constants towards the line, when it is new
 _AGE: Final = 0.25  # time constant over age
 _LEARN_TIME: Final = 500_000_000  # ns
 _LEARN_FRAMES: Final = 8
-_SURPRISE: Final = 4.0  # paces: a longer step is no news of the pace
+_ALL_ODD: Final = 8
 _MEMORY: Final = 1.0 / 16.0
 
 
@@ -170,8 +171,20 @@ def _by_clock(n: Ints, r: Floats, histogram: Ints, host: int, count: int, frame:
     passed = n[STEP] * r[TICK]
     n[STAMP] += _exactly(n)
     n[MISSING] = _missed_frames(n, r, passed, frame)
-    r[TYPICAL] += _MEMORY * (min(passed, _SURPRISE * r[TYPICAL]) - r[TYPICAL])
+    _learn_pace(n, r, passed)
     return kind
+
+
+@njit
+def _learn_pace(n: Ints, r: Floats, passed: float) -> None:
+    """Follow the time from frame to frame; steps that do not fit change it only when there is nothing else any more."""
+    if abs(passed - r[TYPICAL]) <= 0.5 * r[TYPICAL]:
+        r[TYPICAL] += _MEMORY * (passed - r[TYPICAL])
+        n[ODD] = 0
+        return
+    n[ODD] += 1
+    if n[ODD] == _ALL_ODD:
+        r[TYPICAL], n[ODD] = passed, 0
 
 
 @njit
