@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from plumbob.clock import HostFit
+from plumbob.clock.hull import begin_line, observe
 from plumbob.clock.jitter import BINS, bin_of, middle_of, quantile
+from plumbob.clock.layout import DRIFT, REALS, ROUGH
 from plumbob.errors import ClockError, ShapeError
 
 DEVICE_0, HOST_0 = 777_000_000_000, 5_000_000_000_000
@@ -69,6 +71,23 @@ class TestHostFit:
         assert fitted.report().drift_ppm == pytest.approx(still.report().drift_ppm, abs=0.02)
         assert fitted.to_host(int(device[-1])) == pytest.approx(still.to_host(int(device[-1])), abs=5_000)
         assert fitted.report().delays.worst == pytest.approx(30.0, abs=0.1)
+
+    def test_a_backlog_at_the_start(self):
+        """Five seconds of points come at once, and then three as they are made: the first tell nothing of the drift."""
+        device, host = points(800)
+        host[:500] = host[500]
+        fit = HostFit()
+        fit.observe(device, host)
+        assert abs(fit.report().drift_ppm - 40.0) < 200
+
+    def test_what_comes_at_once_is_one_block(self):
+        """Otherwise a line without a nominal rate would take it for a clock that is infinitely fast."""
+        real = np.zeros(REALS)
+        real[ROUGH] = 1.0
+        begin_line(real, 0.0, 0.0)
+        for k in range(500):
+            observe(real, k * 1e7, 0.0)
+        assert real[DRIFT] == 0.0
 
     def test_a_device_that_starts_again(self):
         device, host = points(6000)

@@ -325,6 +325,8 @@ class TestStall:
         assert base.report().lost == 0
         assert abs(base.report().rate - 100.0) < 0.02
         assert_orderly(stamps)
+        if speed == 0.0:  # what comes in the first read is not taken for fast
+            assert np.abs(error_ns(f, stamps)[1000:]).max() < 2e6
 
 
 class TestOtherFaults:
@@ -407,6 +409,23 @@ class TestOtherFaults:
         assert b.t_ns[0] - a.t_ns[-1] == pytest.approx(
             1001 * 10**7, abs=1e5 if "clock" in counts(SPECS[name], f) else 2e6
         )
+
+    def test_a_whole_turn_is_missing_when_the_source_was_opened_again(self):
+        """Then nothing can have waited in a queue, and the host's time is believed at once."""
+        f = without(frames(6000, bunch_ms=1.0), slice(2000, 2256))
+        base = TimeBase(COUNTED)
+        base.stamp(f.t_ns[:2000], f.place[:2000], frames=f.index[:2000] % 256)
+        base.reopened(int(f.t_ns[1999]) + SECOND)
+        stamps = base.stamp(f.t_ns[2000:], f.place[2000:], frames=f.index[2000:] % 256)
+        assert stamps.lost[0] == base.report().lost == 256
+        assert base.report().resets == 0
+
+    @pytest.mark.parametrize("name", ["frames", "clock"])
+    def test_times_of_two_hosts_are_not_mixed(self, name):
+        """The seam is wrong by up to a read of 16 ms: in one line, half a minute of it would be 300 ppm."""
+        f = frames(6000, 100.0, bunch_ms=16.0)
+        f = f._replace(t_ns=f.t_ns - (f.index >= 3000) * 3600 * SECOND)
+        assert abs(stamp(SPECS[name], f)[0].report().drift_ppm) < 60  # the bunches' own clock, until their beat is seen
 
     @pytest.mark.parametrize("name", SPECS)
     def test_a_host_whose_clock_was_set_back(self, name):
