@@ -1,0 +1,256 @@
+"""Read a recording: every row that is whole, in the order of the files, and a list of what is not."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import NamedTuple
+
+from plumbob.errors import DecodeError
+from plumbob.record import layout, names
+from plumbob.record.channels import Channel
+from plumbob.record.damage import Damage
+from plumbob.record.identity import Identity, identify
+from plumbob.record.info import PartInfo
+from plumbob.record.ledger import Ledger
+from plumbob.record.scan import Block, Scan
+from plumbob.record.source import Source
+
+
+class LogMessage(NamedTuple):
+    """A row of a recording.
+
+    Attributes
+    ----------
+    channel : Channel
+        Its channel.
+    sequence : int
+        Which row of its channel, from 0; in files of other programs whatever they wrote.
+    t_ns : int
+        Host's monotonic clock, ns; in files of other programs the log time.
+    data : bytes
+        The message.
+    """
+
+    channel: Channel
+    sequence: int
+    t_ns: int
+    data: bytes
+
+    @property
+    def topic(self) -> str:
+        """Topic of its channel."""
+        return self.channel.topic
+
+
+class Log:
+    """A recording to be read, as `open_log` returns it. Each iteration reads it anew, holding one chunk at a time.
+
+    Parameters
+    ----------
+    parts : sequence of Identity
+        Its files, in order.
+
+    Attributes
+    ----------
+    damage : list of Damage
+        What is wrong with the files, as far as they have been read.
+    dropped : dict of str to int
+        Rows per topic that the recorder gave up itself, and said so.
+    unchecked : int
+        Chunks, and messages outside chunks, that came without a CRC; only in files of other programs.
+    clean : bool
+        Whether every part has its end; known once all has been read. A crash leaves none.
+    """
+
+    def __init__(self, parts: Sequence[Identity]) -> None:
+        self._parts = tuple(parts)
+        self._infos: dict[Path, PartInfo] = {part.path: part.info for part in parts if part.info is not None}
+        self._start()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files."""
+        return tuple(part.path for part in self._parts)
+
+    @property
+    def recording(self) -> str | None:
+        """Name of the recording; empty where it cannot be told any more, None in files of other programs."""
+        return next((part.recording for part in self._parts if part.recording), self._parts[0].recording)
+
+    @property
+    def first_info(self) -> PartInfo | None:
+        """What the first part says about itself."""
+        return self._parts[0].info
+
+    @property
+    def metadata(self) -> Mapping[str, str]:
+        """What the recording's owner said of the whole."""
+        return next((info.metadata for info in self._infos.values()), {})
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Rows per topic that are missing, as sequence numbers tell, besides those that the recorder dropped."""
+        missing = {topic: ledger.missing - self.dropped.get(topic, 0) for topic, ledger in self._ledgers.items()}
+        return {topic: count for topic, count in missing.items() if count > 0}
+
+    @property
+    def missing(self) -> dict[str, int]:
+        """Rows per topic that are missing for whatever reason."""
+        return {topic: ledger.missing for topic, ledger in self._ledgers.items() if ledger.missing}
+
+    @property
+    def ends(self) -> dict[str, int]:
+        """Per topic, one more than the last sequence number that is known of."""
+        return {topic: ledger.next for topic, ledger in self._ledgers.items() if ledger.next is not None}
+
+    def __iter__(self) -> Iterator[LogMessage]:
+        for block in self.blocks():
+            yield from block
+
+    def blocks(self) -> Iterator[list[LogMessage]]:
+        """Rows of one chunk after the other."""
+        self._start()
+        for part in self._parts:
+            self._begin_part(part)
+            with Source(part.path) as source:
+                scan = Scan(source, self.recording)
+                for item in scan.items():
+                    if isinstance(item, Damage):
+                        self.damage.append(item)
+                        continue
+                    rows = self._foreign(item) if self.recording is None else self._own(part.path, item)
+                    if rows:
+                        yield rows
+            self._end_part(part, scan)
+
+    def _start(self) -> None:
+        self.damage: list[Damage] = []
+        self.dropped: dict[str, int] = {}
+        self.unchecked = 0
+        self.clean = True
+        self._ledgers: dict[str, Ledger] = {}
+        self._last_part: int | None = None
+
+    # --- parts --------------------------------------------------------------------------------------------------
+
+    def _begin_part(self, part: Identity) -> None:
+        if part.info is None:
+            return
+        if self._last_part is not None and part.info.part > self._last_part + 1:
+            absent = f"parts {self._last_part + 1} to {part.info.part - 1} of the recording are not here"
+            self.damage.append(Damage(part.path, 0, 0, absent))
+        self._last_part = part.info.part
+        self._settle(part.info.starts)
+
+    def _end_part(self, part: Identity, scan: Scan) -> None:
+        self.clean &= scan.clean
+        self.unchecked += scan.unchecked
+        if scan.orphans:
+            self.damage.append(Damage(part.path, 0, 0, f"{scan.orphans} rows belong to channels that are not declared"))
+        if scan.info is None or scan.info.ends is None:
+            return
+        for topic, count in scan.info.dropped.items():
+            self.dropped[topic] = self.dropped.get(topic, 0) + count
+        self._settle(scan.info.ends)
+
+    def _settle(self, reached: Mapping[str, int]) -> None:
+        """All rows before these numbers should have come: what is missing belongs to the damages so far."""
+        before = self.missing
+        for topic, end in reached.items():
+            self._ledger(topic).reach(end)
+        self._attribute(before)
+        self.damage = [replace(damage, certain=True) for damage in self.damage]
+
+    # --- rows ---------------------------------------------------------------------------------------------------
+
+    def _foreign(self, block: Block) -> list[LogMessage]:
+        rows, channels = block.rows, block.channels
+        return [
+            LogMessage(channels[number], sequence, log_time - channels[number].epoch_offset_ns, data)
+            for number, sequence, log_time, data in rows
+        ]
+
+    def _own(self, path: Path, block: Block) -> list[LogMessage]:
+        """Rows of a chunk, unless they have come before."""
+        lows: dict[int, int] = {}
+        counts: dict[int, int] = {}
+        for number, sequence, _, _ in block.rows:
+            lows.setdefault(number, sequence)
+            counts[number] = counts.get(number, 0) + 1
+        ledgers = {number: self._ledger(block.channels[number].topic) for number in lows}
+        places = {number: ledgers[number].place(low) for number, low in lows.items()}
+        if not all(ledgers[number].is_new(places[number], count) for number, count in counts.items()):
+            self.damage.append(Damage(path, block.offset, 0, "a chunk stands here once more; its rows are left out"))
+            return []
+        if any(places[number] < (ledger.next or 0) for number, ledger in ledgers.items()):
+            self.damage.append(Damage(path, block.offset, 0, "a chunk stands out of order; its rows are whole"))
+        before = self.missing
+        for number, count in counts.items():
+            ledgers[number].take(places[number], count)
+        self._attribute(before)
+        return [
+            LogMessage(
+                block.channels[number],
+                places[number] + (sequence - lows[number]) % layout.SEQUENCES,
+                log_time - block.channels[number].epoch_offset_ns,
+                data,
+            )
+            for number, sequence, log_time, data in block.rows
+        ]
+
+    def _ledger(self, topic: str) -> Ledger:
+        ledger = self._ledgers.get(topic)
+        if ledger is None:
+            first = self.first_info
+            ledger = self._ledgers[topic] = Ledger(None if first is None else first.starts.get(topic, 0))
+        return ledger
+
+    def _attribute(self, before: Mapping[str, int]) -> None:
+        """Rows that are newly known to be missing belong to the last damage that may have held rows."""
+        new = {topic: count - before.get(topic, 0) for topic, count in self.missing.items()}
+        new = {topic: count for topic, count in new.items() if count > 0}
+        places = [i for i, damage in enumerate(self.damage) if not damage.certain]
+        if new and places:
+            damage = self.damage[places[-1]]
+            lost = {topic: damage.lost.get(topic, 0) + new.get(topic, 0) for topic in {**damage.lost, **new}}
+            self.damage[places[-1]] = replace(damage, lost=lost)
+
+
+def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
+    """Open a recording, whole or damaged, or an MCAP file of another program.
+
+    Parameters
+    ----------
+    path : path or sequence of path
+        The name that the recorder was given, for all parts of a recording; one part, for this part; a folder that
+        holds the parts of one recording and nothing else; or a list of parts.
+
+    Raises
+    ------
+    DecodeError
+        If there is no such file, it is not MCAP, or the files are not of one recording.
+    """
+    files = _files(path)
+    found = [identify(file) for file in files]
+    names_of = {part.recording for part in found if part.recording != ""}
+    if len(names_of) > 1 or (None in names_of and len(found) > 1):
+        raise DecodeError(
+            f"{files[0].parent} holds parts of several recordings ({', '.join(file.name for file in files[:6])}); name "
+            "the parts of one."
+        )
+    if all(part.info is not None for part in found):
+        found.sort(key=lambda part: part.info.part if part.info else 0)
+    return Log(found)
+
+
+def _files(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
+    if not isinstance(path, str | PathLike):
+        files = [Path(one) for one in path]
+    elif Path(path).is_dir():
+        files = sorted(Path(path).glob(f"*{names.SUFFIX}"))
+    else:
+        files = names.existing_parts(Path(path))
+    if not files:
+        raise DecodeError(f"{path} is no recording: there is no such file, or no {names.SUFFIX} file in it.")
+    return files
