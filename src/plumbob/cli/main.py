@@ -10,10 +10,11 @@ from importlib import import_module
 from plumbob import __version__
 from plumbob.errors import PlumbobError
 
-VERBS = ("demo", "sim", "run", "eval", "info", "benchmark", "filters", "warmup")
+VERBS = ("demo", "sim", "run", "eval", "info", "verify", "repair", "benchmark", "filters", "warmup")
 
 EPILOG = """\
-exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 70 a defect of this program
+exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify) or
+            rows of it are lost (repair), 70 a defect of this program
 units: SI and radians inside; every other unit is written, as in --params gate=0.08g
 """
 

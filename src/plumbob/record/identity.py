@@ -95,10 +95,7 @@ def _recording_of_chunks(source: Source) -> str | None:
     """Name of the recording in the first whole chunk."""
     scan = Scan(source, "")
     at, summary = next_landmark(source, 0, scan.is_chunk, checked=True)
-    if at == source.size or summary is not None:
-        return None
-    names = {channel.recording for channel in scan.channels_at(at)}
-    return names.pop() if len(names) == 1 else None
+    return None if at == source.size or summary is not None else scan.recording_at(at)
 
 
 def _info_anywhere(source: Source, recording: str) -> PartInfo | None:

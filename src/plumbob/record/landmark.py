@@ -10,26 +10,27 @@ from plumbob.record.source import WINDOW, Source
 
 _CHUNK: Final = rb"\x06[\s\S]{4}\x00{4}[\s\S]{28}(?:\x00{4}|\x04\x00{3}zstd|\x03\x00{3}lz4)"
 _FOOTER: Final = rb"\x02\x14\x00{7}[\s\S]{20}\x89MCAP0\r\n"
-_LANDMARK: Final = re.compile(_CHUNK + b"|" + _FOOTER)
+_INFO: Final = rb"\x0c[\s\S]{4}\x00{4}\x07\x00{3}plumbob"
+_LANDMARK: Final = re.compile(b"|".join((_CHUNK, _FOOTER, _INFO)))
 _ONLY_FOOTER: Final = re.compile(_FOOTER)
 _OVERLAP: Final = 63  # no landmark is longer than one byte more
 
 
-def next_landmark(source: Source, start: int, is_chunk: Callable[[int], bool], checked: bool) -> tuple[int, int | None]:
-    """Offset, from `start` on, of the next whole chunk or of the end of the data section; else the file's size.
+def next_landmark(source: Source, start: int, is_good: Callable[[int], bool], checked: bool) -> tuple[int, int | None]:
+    """Offset, from `start` on, of the next good record or of the end of the data section; else the file's size.
 
     Where it is the end of the data, the second number tells where its summary begins.
 
     Parameters
     ----------
-    is_chunk : callable
-        Whether a chunk that reads well stands at an offset.
+    is_good : callable
+        Whether a whole chunk, or a whole word of the part about itself, stands at an offset.
     checked : bool
         Whether a summary must have a CRC.
     """
     for at, opcode in _candidates(source, start, _LANDMARK):
-        if opcode == layout.CHUNK:
-            if is_chunk(at):
+        if opcode != layout.FOOTER:
+            if is_good(at):
                 return at, None
         elif (summary := summary_start(source, at, checked)) is not None and summary >= start:
             data_end = summary - layout.DATA_END_SIZE

@@ -6,13 +6,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from plumbob import __version__
 from plumbob.record import disk, layout
 from plumbob.record.chunk import OpenChunk, PackedChunk
 from plumbob.record.info import PartInfo
 from plumbob.record.summary import Contents, closing
 
-LIBRARY = f"plumbob {__version__}"
+LIBRARY = "plumbob recording 1"
 
 
 class Part:

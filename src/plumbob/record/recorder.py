@@ -16,7 +16,8 @@ from plumbob.record import disk, info, names
 from plumbob.record.backlog import Backlog
 from plumbob.record.channels import Channel, Schema
 from plumbob.record.chunk import CHUNK_BYTES, MESSAGE_BYTES, OpenChunk
-from plumbob.record.scribe import Rules, Scribe, State
+from plumbob.record.rules import Rules, State
+from plumbob.record.scribe import Scribe
 
 BACKLOG: Final = 64 << 20
 """Bytes of rows that may wait for a slow or full disk."""

@@ -13,7 +13,7 @@ from plumbob.record.info import PartInfo
 from plumbob.record.landmark import footer_after, next_landmark
 from plumbob.record.source import Source
 
-_GOES_ON = (layout.RECORD_HEAD.pack(layout.DATA_END, layout.CRC.size),)
+_DATA_END = layout.RECORD_HEAD.pack(layout.DATA_END, layout.CRC.size)
 _RECORDS = (layout.SCHEMA, layout.CHANNEL, layout.MESSAGE)
 
 
@@ -80,7 +80,7 @@ class Scan:
             try:
                 found, after = self._record(at)
             except BrokenRecordError as error:
-                after, self._summary_at = next_landmark(source, at + 1, self.is_chunk, checked=self._ours)
+                after, self._summary_at = next_landmark(source, at + 1, self._is_good, checked=self._ours)
                 found = [self._damage(at, after - at, str(error), certain=False)]
             yield from found
             at = after
@@ -110,18 +110,35 @@ class Scan:
 
     def _other(self, opcode: int, at: int, length: int) -> list[Block | Damage]:
         if opcode == layout.METADATA and self._ours:
-            self._metadata(self._source.at(at + 9, length))
-        elif self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
+            return self._metadata(at, length)
+        if self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
             raise BrokenRecordError("this is no record that the recorder writes here")
-        elif opcode in _RECORDS and not self._ours:
+        if opcode in _RECORDS and not self._ours:
             return self._bare(at, length)
         return []
 
-    def _metadata(self, body: bytes) -> None:
-        info = PartInfo.parse(body)
-        if info is None:
-            raise BrokenRecordError("the CRC of what the part says about itself does not hold")
-        self.info = info
+    def _metadata(self, at: int, length: int) -> list[Block | Damage]:
+        """What the part says about itself."""
+        info = self._info_at(at)
+        if info is not None:
+            self.info = info
+        elif not self._goes_on(at + layout.RECORD_HEAD.size + length):
+            raise BrokenRecordError("what the part says about itself is damaged")
+        else:
+            return [self._damage(at, 9 + length, "what the part says about itself is damaged; no row is lost")]
+        return []
+
+    def _info_at(self, at: int) -> PartInfo | None:
+        opcode, length = layout.RECORD_HEAD.unpack(self._source.at(at, 9).ljust(9, b"\0"))
+        whole = opcode == layout.METADATA and length <= self._source.size - at
+        return PartInfo.parse(self._source.at(at + 9, length)) if whole else None
+
+    def _goes_on(self, at: int) -> bool:
+        """Whether the file ends at an offset, or goes on with a record that can follow."""
+        return at == self._source.size or self._source.at(at, 9) == _DATA_END or self._is_good(at)
+
+    def _is_good(self, at: int) -> bool:
+        return self.is_chunk(at) or (self._ours and self._info_at(at) is not None)
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
@@ -157,13 +174,13 @@ class Scan:
             return end, []
         if len(there) < len(index) and index.startswith(there):
             return end, [self._damage(chunk.after, len(there), "the file ends within a message index; no row is torn")]
-        if end == self._source.size or self.is_chunk(end) or self._source.at(end, 9) in _GOES_ON:
+        if self._goes_on(end):
             return end, [self._damage(chunk.after, len(there), "a message index is damaged; no row is lost")]
         return chunk.after, []
 
-    def channels_at(self, at: int) -> list[Channel]:
-        """Channels that the chunk at an offset declares."""
-        return list(self._chunk(at).content.channels.values())
+    def recording_at(self, at: int) -> str:
+        """Name of the recording to which the chunk at an offset belongs."""
+        return next(iter(self._chunk(at).content.channels.values())).recording
 
     def is_chunk(self, at: int) -> bool:
         """Whether a chunk that is wanted, and whole, stands at an offset."""
@@ -186,8 +203,10 @@ class Scan:
         head = self._source.at(at, layout.CHUNK_HEAD.size)
         if len(head) < layout.CHUNK_HEAD.size:
             raise BrokenRecordError("the file ends within a chunk")
-        _, length, first, last, size, crc, name_size = layout.CHUNK_HEAD.unpack(head)
+        opcode, length, first, last, size, crc, name_size = layout.CHUNK_HEAD.unpack(head)
         after = at + layout.RECORD_HEAD.size + length
+        if opcode != layout.CHUNK:
+            raise BrokenRecordError("this is no chunk")
         if size > (PLAIN_BYTES if self._ours else FOREIGN_BYTES):
             raise BrokenRecordError(f"a chunk claims {size} bytes, more than can be believed")
         if after > self._source.size:

@@ -3,15 +3,14 @@
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Final, Literal
+from typing import Final
 
 from plumbob.record import disk, names
 from plumbob.record.backlog import Backlog
 from plumbob.record.chunk import OpenChunk, compressor, pack
 from plumbob.record.info import PartInfo
 from plumbob.record.part import Part
+from plumbob.record.rules import Rules, State
 
 RETRY: Final = 1.0
 """A stopped recording looks so often whether it can go on, s; also how often free space is looked at."""
@@ -19,20 +18,6 @@ INDEX_BYTES: Final = 16 << 20
 """A part ends when its index is as large as this, which takes some three hours: the index is kept in memory."""
 MARGIN: Final = 16 << 20
 """So much more than the reserve must be free before a stopped recording goes on; a quarter of a small reserve."""
-
-State = Literal["new", "recording", "stopped", "closed"]
-
-
-@dataclass(frozen=True, slots=True)
-class Rules:
-    """How a recording is written; see `Recorder`, whose units these are."""
-
-    path: Path
-    rotate: float | None
-    rotate_bytes: int | None
-    reserve: int
-    fsync: float | None
-    compression: str
 
 
 class Scribe:
