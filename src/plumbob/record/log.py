@@ -148,11 +148,14 @@ class Log:
         self.unchecked += scan.unchecked
         if scan.orphans:
             self.damage.append(Damage(part.path, 0, 0, f"{scan.orphans} rows belong to channels that are not declared"))
-        if scan.info is None or scan.info.ends is None:
+        info = scan.info or part.info
+        if info is not None and info.ends is None and scan.clean:  # its last word is damaged, its summary is not
+            self._settle({topic: info.starts.get(topic, 0) + count for topic, count in scan.counts.items()})
+        if info is None or info.ends is None:
             return
-        for topic, count in scan.info.dropped.items():
+        for topic, count in info.dropped.items():
             self.dropped[topic] = self.dropped.get(topic, 0) + count
-        self._settle(scan.info.ends)
+        self._settle(info.ends)
 
     def _settle(self, reached: Mapping[str, int]) -> None:
         """All rows before these numbers should have come: what is missing belongs to the damages so far."""

@@ -8,6 +8,7 @@ from plumbob.record import layout
 from plumbob.record.channels import Channel
 from plumbob.record.chunk import PLAIN_BYTES
 from plumbob.record.content import FOREIGN_BYTES, BrokenRecordError, Content, Parser, Row, inflate
+from plumbob.record.counts import rows_by_topic
 from plumbob.record.damage import Damage
 from plumbob.record.info import PartInfo
 from plumbob.record.landmark import footer_after, next_landmark
@@ -50,6 +51,8 @@ class Scan:
         Whether the file has its end: a summary whose CRC holds.
     info : PartInfo or None
         The last word of the part about itself, so far.
+    counts : dict of str to int
+        Rows per topic by the summary of a file of ours.
     unchecked : int
         Chunks and messages that had no CRC.
     orphans : int
@@ -59,6 +62,7 @@ class Scan:
     def __init__(self, source: Source, recording: str | None) -> None:
         self.clean = False
         self.info: PartInfo | None = None
+        self.counts: dict[str, int] = {}
         self.unchecked = 0
         self.orphans = 0
         self._source = source
@@ -76,6 +80,8 @@ class Scan:
         at = len(layout.MAGIC)
         if source.at(0, at) != layout.MAGIC:
             yield self._damage(0, min(at, source.size), "the first bytes are not those of MCAP")
+            if source.at(at, 1) != bytes([layout.HEADER]):  # nothing says that records begin there
+                at = 0
         while at < source.size:
             try:
                 found, after = self._record(at)
@@ -131,7 +137,8 @@ class Scan:
     def _info_at(self, at: int) -> PartInfo | None:
         opcode, length = layout.RECORD_HEAD.unpack(self._source.at(at, 9).ljust(9, b"\0"))
         whole = opcode == layout.METADATA and length <= self._source.size - at
-        return PartInfo.parse(self._source.at(at + 9, length)) if whole else None
+        info = PartInfo.parse(self._source.at(at + 9, length)) if whole else None
+        return None if info is None or (self._recording and info.recording != self._recording) else info
 
     def _goes_on(self, at: int) -> bool:
         """Whether the file ends at an offset, or goes on with a record that can follow."""
@@ -259,4 +266,5 @@ class Scan:
         if footer is None:
             raise BrokenRecordError("the summary is damaged, or bytes follow the end")
         self.clean = True
+        self.counts = rows_by_topic(self._source, at) if self._ours else {}
         return footer + layout.FOOTER_SIZE + len(layout.MAGIC)

@@ -1,0 +1,349 @@
+"""Whatever happens to a file: no wrong row, at most the damaged chunk lost, every lost row counted."""
+
+import io
+import random
+import struct
+import zlib
+
+import pytest
+from mcap.writer import CompressionType, Writer
+from record_samples import DECODED, OFFSET, RAW, channels, fill, read, record, recorder, rows_of
+
+from plumbob.errors import DecodeError
+from plumbob.record import layout, open_log, verify
+
+CHUNK_ROWS = 20  # 0.1 s of two channels at 100 Hz
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Bytes and rows of a small whole recording."""
+    path = tmp_path_factory.mktemp("whole") / "a.mcap"
+    rows = record(path, count=40)
+    return path.read_bytes(), rows
+
+
+def chunks_of(raw):
+    """Offset and length of each chunk record."""
+    at, found = 8, []
+    while at < len(raw) - 8:
+        opcode, length = layout.RECORD_HEAD.unpack_from(raw, at)
+        if opcode == layout.CHUNK:
+            found.append((at, 9 + length))
+        at += 9 + length
+    return found
+
+
+def judge(path, raw, rows, most_lost=CHUNK_ROWS):
+    """Read damaged bytes: rows that come are right, in order, and those that do not are few and counted."""
+    path.write_bytes(raw)
+    log, got = read(path)
+    there = set(got)
+    assert got == [row for row in rows if row in there]
+    assert len(rows) - len(got) <= most_lost
+    if log.clean:
+        assert sum(log.lost.values()) == len(rows) - len(got)
+    assert log.damage or log.lost or not log.clean
+    return log, got
+
+
+def test_a_cut_at_every_byte_leaves_a_readable_prefix(tmp_path):
+    path, before = tmp_path / "a.mcap", 0
+    rows = record(path, count=20)
+    raw = path.read_bytes()
+    ends = [at + length for at, length in chunks_of(raw)]
+    for size in range(len(raw)):
+        path.write_bytes(raw[:size])
+        log, got = read(path)
+        assert got == rows[: len(got)]
+        assert len(got) == CHUNK_ROWS * sum(end <= size for end in ends)  # every chunk that is there as a whole
+        assert not log.clean
+        before = len(got)
+    assert before == len(rows)
+
+
+def test_single_bit_flips_never_give_a_wrong_row(whole, tmp_path):
+    """1,500 here; benchmarks/recorder_damage.py takes 10,000."""
+    raw, rows = whole
+    rng = random.Random(1)
+    for bit in rng.sample(range(8 * len(raw)), 1500):
+        damaged = bytearray(raw)
+        damaged[bit // 8] ^= 1 << bit % 8
+        judge(tmp_path / "a.mcap", bytes(damaged), rows)
+
+
+@pytest.mark.parametrize("field", range(9))
+def test_a_flipped_byte_of_a_length_loses_no_more_than_its_chunk(whole, tmp_path, field):
+    raw, rows = whole
+    at, _ = chunks_of(raw)[1]
+    damaged = bytearray(raw)
+    damaged[at + field] ^= 0xFF
+    log, got = judge(tmp_path / "a.mcap", bytes(damaged), rows)
+    assert len(got) == len(rows) - CHUNK_ROWS
+    assert log.lost == {RAW: 10, DECODED: 10}
+    assert log.damage[0].lost == log.lost
+    assert log.damage[0].offset == at
+
+
+@pytest.mark.parametrize("size", [1, 16, 512, 1500])
+def test_zeroed_blocks(whole, tmp_path, size):
+    raw, rows = whole
+    for at in range(0, len(raw) - size, max(97, size // 2)):
+        if raw[at : at + size].count(0) != size:
+            damaged = raw[:at] + bytes(size) + raw[at + size :]
+            hit = sum(a < at + size and at < a + length for a, length in chunks_of(raw))
+            judge(tmp_path / "a.mcap", damaged, rows, most_lost=CHUNK_ROWS * hit)
+
+
+def test_the_beginning_may_be_gone(whole, tmp_path):
+    raw, rows = whole
+    first = chunks_of(raw)[0][0]
+    log, got = judge(tmp_path / "a.mcap", bytes(first) + raw[first:], rows, most_lost=0)
+    assert got == rows
+    assert log.metadata == {"session": "[device]\nname = 'demo'\n"}  # it stands at the end once more
+    log, got = judge(tmp_path / "a.mcap", raw[first:], rows, most_lost=0)
+    assert got == rows
+
+
+def test_swapped_chunks_give_all_rows_and_a_finding(whole, tmp_path):
+    raw, rows = whole
+    (a, _), (b, _), (c, _), _ = chunks_of(raw)
+    (tmp_path / "a.mcap").write_bytes(raw[:a] + raw[b:c] + raw[a:b] + raw[c:])
+    log, got = read(tmp_path / "a.mcap")
+    assert sorted(got) == sorted(rows)
+    assert log.lost == {}
+    assert "out of order" in str(log.damage)
+
+
+def test_swapped_disk_blocks(whole, tmp_path):
+    raw, rows = whole
+    rng = random.Random(2)
+    for _ in range(30):
+        i, j = sorted(rng.sample(range(len(raw) // 512), 2))
+        blocks = [raw[k : k + 512] for k in range(0, len(raw), 512)]
+        blocks[i], blocks[j] = blocks[j], blocks[i]
+        (tmp_path / "a.mcap").write_bytes(b"".join(blocks))
+        log, got = read(tmp_path / "a.mcap")
+        assert set(got) <= set(rows)
+        assert len(got) == len(set(got))
+        assert log.damage
+
+
+def test_a_chunk_that_comes_twice_is_read_once(whole, tmp_path):
+    raw, rows = whole
+    (a, _), (b, _), *_ = chunks_of(raw)
+    (tmp_path / "a.mcap").write_bytes(raw[:b] + raw[a:b] + raw[b:])
+    log, got = read(tmp_path / "a.mcap")
+    assert got == rows
+    assert "once more" in str(log.damage)
+
+
+@pytest.mark.parametrize("junk", [b"\0" * 5000, b"junk", random.Random(3).randbytes(5000)])
+def test_appended_junk(whole, tmp_path, junk):
+    raw, rows = whole
+    log, got = judge(tmp_path / "a.mcap", raw + junk, rows, most_lost=0)
+    assert got == rows
+    assert log.damage[0].offset == len(raw)
+    assert log.damage[0].size == len(junk)
+
+
+def test_an_appended_recording_is_not_mixed_in(whole, tmp_path):
+    raw, rows = whole
+    record(tmp_path / "b.mcap")
+    _, got = judge(tmp_path / "a.mcap", raw + (tmp_path / "b.mcap").read_bytes(), rows, most_lost=0)
+    assert got == rows
+
+
+def test_a_recording_inside_a_message_never_comes_out(whole, tmp_path):
+    """A line may carry MCAP itself; when its chunk is damaged, the inner chunks are whole, but not of this file."""
+    inner, _ = whole
+    path = tmp_path / "a.mcap"
+    r = recorder(path, compression="none")
+    number = r.channel("raw", "x")
+    with r:
+        for i in range(3):
+            r.write(number, i * 10**9, inner + bytes([i]))
+    damaged = bytearray(path.read_bytes())
+    damaged[chunks_of(damaged)[1][0] + 60] ^= 1
+    path.write_bytes(damaged)
+    log, got = read(path)
+    assert [(row[0], row[1]) for row in got] == [("raw", 0), ("raw", 2)]
+    assert log.lost == {"raw": 1}
+
+
+def test_a_crc_of_zero_is_damage_in_our_files(whole, tmp_path):
+    raw, rows = whole
+    at, _ = chunks_of(raw)[1]
+    crc = layout.CHUNK_HEAD.unpack_from(raw, at)[5]
+    assert crc != 0
+    place = at + 9 + 24
+    assert raw[place : place + 4] == struct.pack("<I", crc)
+    log, _ = judge(tmp_path / "a.mcap", raw[:place] + bytes(4) + raw[place + 4 :], rows)
+    assert log.lost == {RAW: 10, DECODED: 10}
+
+
+def test_messages_outside_chunks_are_damage_in_our_files(whole, tmp_path):
+    raw, rows = whole
+    at = chunks_of(raw)[1][0]
+    bare = layout.MESSAGE_HEAD.pack(layout.MESSAGE, 22 + 3, 1, 10, OFFSET, OFFSET) + b"lie"
+    log, got = judge(tmp_path / "a.mcap", raw[:at] + bare + raw[at:], rows, most_lost=0)
+    assert got == rows
+    assert (log.damage[0].offset, log.damage[0].size) == (at, len(bare))
+
+
+def test_a_damaged_index_is_told_and_costs_no_row(whole, tmp_path):
+    raw, rows = whole
+    at, length = chunks_of(raw)[1]
+    damaged = bytearray(raw)
+    damaged[at + length + 20] ^= 4
+    log, got = judge(tmp_path / "a.mcap", bytes(damaged), rows, most_lost=0)
+    assert got == rows
+    assert "index" in log.damage[0].what
+    assert log.damage[0].certain
+
+
+def test_the_version_of_the_recorder_in_the_header_is_guarded_too(whole, tmp_path):
+    raw, rows = whole
+    damaged = raw.replace(b"plumbob recording 1", b"plumbob recording 3", 1)
+    log, _ = judge(tmp_path / "a.mcap", damaged, rows, most_lost=0)
+    assert "the CRC of all data" in log.damage[0].what
+
+
+def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp_path):
+    path = tmp_path / "a.mcap"
+    r = recorder(path)
+    number, rare = r.channel("a", "x"), r.channel("rare", "x")
+    with r:
+        for i in range(50):
+            r.write(number, i * 10**7, b"x")
+            if i == 25:
+                r.write(rare, i * 10**7, b"once")
+    damaged = bytearray(path.read_bytes())
+    damaged[chunks_of(damaged)[2][0] + 70] ^= 1
+    path.write_bytes(damaged)
+    log, _ = read(path)
+    assert log.lost == {"a": 10, "rare": 1}
+
+
+# --- lies -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("claimed", [2**20, 2**28 + 1, 2**40, 2**63])
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
+    """A gigabyte of zeros in a few kilobytes, whatever size it states."""
+    import tracemalloc
+
+    import lz4.frame
+    import zstandard
+
+    zeros = bytes(1 << 26)
+    stored = zstandard.compress(zeros) if compression == "zstd" else lz4.frame.compress(zeros)
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    writer.start()
+    raw = buffer.getvalue()
+    head = layout.CHUNK_HEAD.pack(
+        layout.CHUNK, layout.chunk_length(len(compression), len(stored)), 0, 0, claimed, 1, len(compression)
+    )
+    chunk = head + compression.encode() + struct.pack("<Q", len(stored)) + stored
+    (tmp_path / "a.mcap").write_bytes(raw + chunk)
+    tracemalloc.start()
+    log, got = read(tmp_path / "a.mcap")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert got == []
+    assert log.damage
+    assert peak < 16 << 20
+
+
+@pytest.mark.parametrize(
+    "content", [b"hello, world\n" * 100, b"\x00" * 4096, b"PK\x03\x04" + bytes(100), b"\x89MCAP1\r\n"]
+)
+def test_other_files_are_refused_by_name(tmp_path, content):
+    (tmp_path / "a.mcap").write_bytes(content)
+    with pytest.raises(DecodeError, match=r"a\.mcap is not an MCAP file: it begins with"):
+        open_log(tmp_path / "a.mcap")
+
+
+def test_files_that_are_not_there(tmp_path):
+    with pytest.raises(DecodeError, match="no such file"):
+        open_log(tmp_path / "a.mcap")
+    with pytest.raises(DecodeError, match=r"no \.mcap file in it"):
+        open_log(tmp_path)
+
+
+# --- files of other programs ----------------------------------------------------------------------------------
+
+
+def foreign(path, **options):
+    """A file of the MCAP library's own writer."""
+    rows = []
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=300, **options)
+        writer.start(library="another")
+        schema = writer.register_schema("S", "jsonschema", b"{}")
+        number = writer.register_channel("a", "json", schema)
+        for i in range(50):
+            writer.add_message(number, 1000 + i, b'{"i": %d}' % i, 1000 + i)
+            rows.append(("a", 0, 1000 + i, b'{"i": %d}' % i))
+        writer.finish()
+    return rows
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+@pytest.mark.parametrize("use_chunking", [True, False])
+@pytest.mark.parametrize("crcs", [True, False])
+def test_files_of_the_library_are_read(tmp_path, compression, use_chunking, crcs):
+    path = tmp_path / "a.mcap"
+    rows = foreign(path, compression=compression, use_chunking=use_chunking, enable_crcs=crcs, enable_data_crcs=crcs)
+    log, got = read(path)
+    assert got == rows
+    assert log.recording is None
+    assert log.damage == []
+    assert log.clean
+    assert bool(log.unchecked) == (not (use_chunking and crcs))
+
+
+def test_a_damaged_file_of_the_library_is_read_on(tmp_path):
+    path = tmp_path / "a.mcap"
+    rows = foreign(path)
+    damaged = bytearray(path.read_bytes())
+    places = chunks_of(damaged)
+    damaged[places[2][0] + 70] ^= 1
+    path.write_bytes(damaged)
+    log, got = read(path)
+    assert 0 < len(rows) - len(got) < 15
+    assert [row for row in rows if row in got] == got
+    assert log.damage[0].offset == places[2][0]
+    assert not log.damage[0].certain
+
+
+def test_the_crc_catches_what_the_compression_does_not(tmp_path):
+    path = tmp_path / "a.mcap"
+    foreign(path, compression=CompressionType.NONE)
+    damaged = path.read_bytes().replace(b'{"i": 7}', b'{"i": 8}', 1)
+    path.write_bytes(damaged)
+    log, got = read(path)
+    assert (0, 1007, b'{"i": 8}') not in [row[1:] for row in got]
+    assert "CRC" in log.damage[0].what
+    assert zlib.crc32(b"") == 0  # an absent CRC is 0, which is also that of nothing
+
+
+def test_verify_says_that_a_foreign_file_cannot_be_checked(tmp_path):
+    foreign(tmp_path / "a.mcap", enable_crcs=False)
+    verdict = verify(tmp_path / "a.mcap")
+    assert verdict.whole
+    assert verdict.unchecked > 0
+    assert rows_of(open_log(tmp_path / "a.mcap"))[0][2] == 1000
+
+
+def test_a_recording_in_parts_survives_an_empty_one(tmp_path):
+    r = recorder(tmp_path / "a.mcap", rotate=0.2)
+    with r:
+        rows = fill(r, channels(r), 40)
+    (tmp_path / "a.0002.mcap").write_bytes(b"")
+    log, got = read(tmp_path / "a.mcap")
+    assert got == [row for row in rows if row[1] < 20]
+    assert not log.clean
+    assert log.damage
