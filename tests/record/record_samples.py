@@ -2,7 +2,7 @@
 
 import json
 
-from plumbob.record import Recorder, Schema, open_log
+from plumbob.record import Recorder, Schema, layout, open_log
 
 RAW, DECODED = "raw/imu", "imu"
 OFFSET = 1_700_000_000_000_000_000
@@ -53,3 +53,18 @@ def read(path):
     """Log and its rows."""
     log = open_log(path)
     return log, rows_of(log)
+
+
+def records_of(raw):
+    """Opcode, offset and length of each record of a whole file."""
+    at, found = 8, []
+    while at < len(raw) - 8:
+        opcode, length = layout.RECORD_HEAD.unpack_from(raw, at)
+        found.append((opcode, at, 9 + length))
+        at += 9 + length
+    return found
+
+
+def chunks_of(raw):
+    """Offset and length of each chunk record."""
+    return [(at, length) for opcode, at, length in records_of(raw) if opcode == layout.CHUNK]

@@ -7,7 +7,7 @@ import zlib
 
 import pytest
 from mcap.writer import CompressionType, Writer
-from record_samples import DECODED, OFFSET, RAW, channels, fill, read, record, recorder, rows_of
+from record_samples import DECODED, OFFSET, RAW, channels, chunks_of, fill, read, record, recorder, rows_of
 
 from plumbob.errors import DecodeError
 from plumbob.record import layout, open_log, verify
@@ -21,17 +21,6 @@ def whole(tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "a.mcap"
     rows = record(path, count=40)
     return path.read_bytes(), rows
-
-
-def chunks_of(raw):
-    """Offset and length of each chunk record."""
-    at, found = 8, []
-    while at < len(raw) - 8:
-        opcode, length = layout.RECORD_HEAD.unpack_from(raw, at)
-        if opcode == layout.CHUNK:
-            found.append((at, 9 + length))
-        at += 9 + length
-    return found
 
 
 def judge(path, raw, rows, most_lost=CHUNK_ROWS):

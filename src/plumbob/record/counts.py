@@ -1,6 +1,11 @@
 """How many rows a part has by its own summary."""
 
+import struct
 from io import BytesIO
+
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 
 from plumbob.record import layout
 from plumbob.record.source import Source
@@ -10,11 +15,14 @@ _LARGEST = 1 << 24
 
 def rows_by_topic(source: Source, summary: int) -> dict[str, int]:
     """Rows per topic by the statistics of a summary whose CRC holds; empty where it has none."""
-    from mcap import records
-    from mcap.data_stream import ReadDataStream
+    try:
+        return _read(source, summary)
+    except (McapError, ValueError, struct.error):  # its CRC holds, but no recorder wrote that
+        return {}
 
+
+def _read(source: Source, at: int) -> dict[str, int]:
     topics: dict[int, str] = {}
-    at = summary
     while True:
         opcode, length = layout.RECORD_HEAD.unpack(source.at(at, layout.RECORD_HEAD.size))
         if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > _LARGEST:

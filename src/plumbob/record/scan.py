@@ -8,7 +8,6 @@ from plumbob.record import layout
 from plumbob.record.channels import Channel
 from plumbob.record.chunk import PLAIN_BYTES
 from plumbob.record.content import FOREIGN_BYTES, BrokenRecordError, Content, Parser, Row, inflate
-from plumbob.record.counts import rows_by_topic
 from plumbob.record.damage import Damage
 from plumbob.record.info import PartInfo
 from plumbob.record.landmark import footer_after, next_landmark
@@ -262,6 +261,8 @@ class Scan:
 
     def _summary(self, at: int) -> int:
         """Offset behind the end of the file proper, whose summary begins here."""
+        from plumbob.record.counts import rows_by_topic
+
         footer = footer_after(self._source, at, checked=self._ours)
         if footer is None:
             raise BrokenRecordError("the summary is damaged, or bytes follow the end")
