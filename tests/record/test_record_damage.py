@@ -327,11 +327,12 @@ def test_verify_says_that_a_foreign_file_cannot_be_checked(tmp_path):
     assert rows_of(open_log(tmp_path / "a.mcap"))[0][2] == 1000
 
 
-def test_a_recording_in_parts_survives_an_empty_one(tmp_path):
+@pytest.mark.parametrize("left", [b"", bytes(3000)])
+def test_a_recording_in_parts_survives_one_of_which_nothing_is_left(tmp_path, left):
     r = recorder(tmp_path / "a.mcap", rotate=0.2)
     with r:
         rows = fill(r, channels(r), 40)
-    (tmp_path / "a.0002.mcap").write_bytes(b"")
+    (tmp_path / "a.0002.mcap").write_bytes(left)
     log, got = read(tmp_path / "a.mcap")
     assert got == [row for row in rows if row[1] < 20]
     assert not log.clean

@@ -254,6 +254,21 @@ def test_a_row_that_is_too_large_is_counted(tmp_path):
     assert (verdict.whole, verdict.dropped, verdict.lost) == (True, {"a": 1}, {})
 
 
+def test_rows_that_cannot_be_stored_are_counted_and_cost_no_other(tmp_path):
+    r = recorder(tmp_path / "a.mcap")
+    number = r.channel("a", "x")
+    with pytest.raises(ParameterError, match="has no channel 0"):
+        r.write(0, 0, b"1")
+    with r:
+        r.write(number, -OFFSET - 1, b"before the epoch")
+        r.write(number, 0, b"2")
+        r.write(number, 2**64, b"beyond 64 bits")
+    r.write(number, 1, b"after the end")
+    r.tick(10**12)
+    assert (r.written, r.acknowledged, r.dropped) == (4, 1, 3)
+    assert [row[1:] for row in read(tmp_path / "a.mcap")[1]] == [(1, 0, b"2")]
+
+
 # --- sequence numbers -----------------------------------------------------------------------------------------
 
 

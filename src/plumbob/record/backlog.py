@@ -28,9 +28,9 @@ class Backlog:
         return self._closing
 
     def put(self, chunk: OpenChunk) -> bool:
-        """Append a chunk; False, and nothing is done, where there is no room."""
+        """Append a chunk; False, and nothing is done, where there is no room or it is closed."""
         with self._changed:
-            if self._bytes + chunk.size > self._limit:
+            if self._closing or self._bytes + chunk.size > self._limit:
                 return False
             self._chunks.append(chunk)
             self._bytes += chunk.size

@@ -235,7 +235,7 @@ def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
         If there is no such file, it is not MCAP, or the files are not of one recording.
     """
     files = _files(path)
-    found = [identify(file) for file in files]
+    found = _identified(files, strict=not isinstance(path, str | PathLike))
     names_of = {part.recording for part in found if part.recording != ""}
     if len(names_of) > 1 or (None in names_of and len(found) > 1):
         raise DecodeError(
@@ -245,6 +245,20 @@ def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
     if all(part.info is not None for part in found):
         found.sort(key=lambda part: part.info.part if part.info else 0)
     return Log(found)
+
+
+def _identified(files: Sequence[Path], strict: bool) -> list[Identity]:
+    """Whose files these are; among parts found by their names, one of which nothing is left is damage, no error."""
+    found, refused = [], []
+    for file in files:
+        try:
+            found.append(identify(file))
+        except DecodeError as error:
+            refused.append(error)
+            found.append(Identity(file, ""))
+    if refused and (strict or len(refused) == len(files)):
+        raise refused[0]
+    return found
 
 
 def _files(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:

@@ -49,6 +49,7 @@ class Part:
         try:
             self._append(header)
             self._append_info(self.info)
+            self.sync()
         except OSError:
             self.close(keep=False)
             raise

@@ -22,6 +22,7 @@ from plumbob.record.scribe import Scribe
 BACKLOG: Final = 64 << 20
 """Bytes of rows that may wait for a slow or full disk."""
 COMPRESSIONS: Final = ("zstd", "none")
+_TIMES: Final = 1 << 64
 
 
 class Recorder:
@@ -84,7 +85,7 @@ class Recorder:
         self._backlog = Backlog(backlog)
         self._recording = secrets.token_hex(16)
         self._channels: dict[int, tuple[str, tuple[bytes, bytes]]] = {}
-        self._next: list[int] = []
+        self._next: dict[int, int] = {}
         self._chunk: OpenChunk | None = None
         self._scribe: Scribe | None = None
         self._events: deque[Event] = deque()
@@ -153,7 +154,7 @@ class Recorder:
         number = len(self._next) + 1
         found = Channel(topic, encoding, schema, metadata or {}, self._recording, self._offset)
         self._channels[number] = (topic, found.records(number))
-        self._next.append(0)
+        self._next[number] = 0
         return number
 
     def write(self, channel: int, t_ns: int, data: bytes) -> None:
@@ -167,19 +168,27 @@ class Recorder:
             Host's monotonic clock, ns.
         data : bytes
             The message, which must not change any more; larger than 8 MiB it is dropped and counted.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such channel.
         """
-        sequence = self._next[channel - 1]
-        self._next[channel - 1] = sequence + 1
+        if channel not in self._next:
+            raise ParameterError(f"the recording {self._path.name} has no channel {channel}; declare it first.")
+        sequence = self._next[channel]
+        self._next[channel] = sequence + 1
         self.written += 1
-        if len(data) > MESSAGE_BYTES:
-            self._drop({channel: 1}, f"a row of {len(data)} bytes is too large; the limit is {MESSAGE_BYTES} bytes")
+        log_time = t_ns + self._offset
+        if len(data) > MESSAGE_BYTES or not 0 <= log_time < _TIMES:
+            self._drop({channel: 1}, f"a row of {len(data)} bytes at {log_time} ns cannot be stored")
             return
         chunk = self._chunk
         if chunk is None or abs(t_ns - chunk.t_ns) >= self._every_ns or chunk.size >= CHUNK_BYTES:
             chunk = self._next_chunk(t_ns)
         if channel not in chunk.entries:
             chunk.introduce(channel, sequence, self._channels[channel][1])
-        chunk.add(channel, sequence, t_ns + self._offset, data)
+        chunk.add(channel, sequence, log_time, data)
 
     def tick(self, t_ns: int) -> None:
         """Send off the rows gathered if they are due at this time; to be called often, also when nothing comes."""
