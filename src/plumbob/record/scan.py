@@ -239,6 +239,8 @@ class Scan:
     def _belongs(self, content: Content) -> None:
         if not content.rows or not content.entries.keys() <= content.channels.keys():
             raise BrokenRecordError("a chunk is not self-contained")
+        if len({channel.topic for channel in content.channels.values()}) < len(content.channels):
+            raise BrokenRecordError("a chunk has two channels of one topic")
         recordings = {channel.recording for channel in content.channels.values()}
         if self._recording and recordings != {self._recording}:
             raise BrokenRecordError("a chunk belongs to another recording")
