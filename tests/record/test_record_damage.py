@@ -263,6 +263,47 @@ def test_files_that_are_not_there(tmp_path):
         open_log(tmp_path)
 
 
+def forged(raw, rng):
+    """The file with bytes of its chunks' contents changed and every CRC made right again."""
+    out = bytearray(raw[:8])
+    for opcode, at, length in records_of(raw):
+        record = raw[at : at + length]
+        if opcode == layout.CHUNK and rng.random() < 0.7:
+            _, _, first, last, _, _, name = layout.CHUNK_HEAD.unpack_from(record)
+            content = bytearray(zstandard.decompress(record[layout.CHUNK_HEAD.size + name + 8 :]))
+            for _ in range(rng.randrange(1, 5)):
+                content[rng.randrange(len(content))] = rng.choice([0, 1, 255, rng.randrange(256)])
+            record = layout.chunk_record(bytes(content), zstandard.compress(content), "zstd", first, last)
+        out += record
+    return bytes(out) + raw[-8:]
+
+
+def test_forged_files_raise_nothing_but_errors_of_ours(whole, tmp_path):
+    """What chunks hold may be anything, with CRCs that hold; the reader must come through."""
+    rng = random.Random(4)
+    for _ in range(300):
+        (tmp_path / "a.mcap").write_bytes(forged(whole[0], rng))
+        with contextlib.suppress(DecodeError):
+            verify(tmp_path / "a.mcap")
+
+
+def test_a_chunk_with_two_channels_of_one_topic_is_refused(tmp_path):
+    """A forgery that fuzzing found: its rows would have been counted twice."""
+    path = tmp_path / "a.mcap"
+    r = recorder(path, compression="none")
+    numbers = [r.channel(topic, "x") for topic in ("one", "two")]
+    with r:
+        for number in numbers:
+            r.write(number, 0, b"x")
+    raw = path.read_bytes()
+    at, length = chunks_of(raw)[0]
+    content = raw[at + layout.CHUNK_HEAD.size + 8 : at + length].replace(b"two", b"one")
+    path.write_bytes(raw[:at] + layout.chunk_record(content, content, "", OFFSET, OFFSET) + raw[at + length :])
+    log, got = read(path)
+    assert got == []
+    assert "two channels of one topic" in log.damage[0].what
+
+
 # --- files of other programs ----------------------------------------------------------------------------------
 
 
