@@ -36,6 +36,7 @@ class Quantity(StrEnum):
     GAIN = "1/s"
     GAIN_RATE = "1/s2"
     RATIO = "1"
+    VOLTAGE = "V"
     RATE_NOISE = "rad/s/rtHz"
     RATE_WALK = "rad/s2/rtHz"
     ACCELERATION_NOISE = "m/s2/rtHz"
@@ -104,6 +105,8 @@ UNITS: dict[str, Unit] = {
     "1/s2": Unit(Quantity.GAIN_RATE, 1.0),
     "1": Unit(Quantity.RATIO, 1.0),
     "%": Unit(Quantity.RATIO, 1e-2),
+    "V": Unit(Quantity.VOLTAGE, 1.0),
+    "mV": Unit(Quantity.VOLTAGE, 1e-3),
     "rad/s/rtHz": Unit(Quantity.RATE_NOISE, 1.0),
     "deg/s/rtHz": Unit(Quantity.RATE_NOISE, _DEG),
     "deg/rth": Unit(Quantity.RATE_NOISE, _DEG / 60.0),

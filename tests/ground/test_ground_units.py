@@ -51,6 +51,8 @@ DEFINITIONS = {
     "1/s2": 1.0,
     "1": 1.0,
     "%": 1e-2,
+    "V": 1.0,
+    "mV": 1e-3,
     # root power spectral densities: 1 Hz = 1/s, so 1 rad/s/√Hz = 1 rad/√s and 1 °/√h = 1°/√(3600 s) = (1/60) °/s/√Hz
     "rad/s/rtHz": 1.0,
     "deg/s/rtHz": TURN / 360,
