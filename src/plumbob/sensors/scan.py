@@ -49,7 +49,7 @@ class Plan(NamedTuple):
     remainders: Ints
     """Table (256,)."""
     messages: Ints
-    """Rows (M, 3): length, then where its constants begin and end in `constants`."""
+    """Rows (M, 4): length, where its constants begin and end in `constants`, number; most constant bits first."""
     constants: Ints
     """Rows (C, 3): byte, mask, value; mask 0 asks for decimal digits, with a sign nibble where value is 1."""
     parity: Ints
@@ -61,11 +61,12 @@ def plan_of(form: Format) -> Plan:
     framing = form.framing
     rows: list[tuple[int, int, int]] = []
     bounds = []
-    for message in form.messages:
+    for number, message in enumerate(form.messages):
         start = len(rows)
         for one in message.fields:
             rows += _constant_bytes(one)
-        bounds.append((message.length, start, len(rows)))
+        bounds.append((message.length, start, len(rows), number))
+    bounds.sort(key=lambda bound: -sum(mask.bit_count() for _, mask, _ in rows[bound[1] : bound[2]]))
     return Plan(
         sync=np.array([list(word) for word in framing.sync], dtype=np.uint8).reshape(
             len(framing.sync), len(framing.sync[0]) if framing.sync else 0
@@ -165,10 +166,10 @@ def _has_parity(data: Bytes, at: int, parity: Ints) -> bool:
 
 @njit
 def _message_at(data: Bytes, at: int, size: int, messages: Ints, constants: Ints) -> int:
-    """Number of the message whose constants are here; −1 for none."""
+    """Number of the message whose constants are here, the one that asks most; −1 for none."""
     for m in range(messages.shape[0]):
         if messages[m, 0] == size and _has_constants(data, at, constants, messages[m, 1], messages[m, 2]):
-            return m
+            return int(messages[m, 3])
     return -1
 
 
