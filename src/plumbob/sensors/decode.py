@@ -11,7 +11,7 @@ from plumbob import flags
 from plumbob.errors import ParameterError
 from plumbob.sensors import scan
 from plumbob.sensors.columns import counts_of, values_of
-from plumbob.sensors.format import Field, Format, Message
+from plumbob.sensors.format import Field, Format, Message, owner_of
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -252,17 +252,20 @@ def _taken_apart(message: Message, rows: Bytes, start: Ints, t_ns: Ints) -> Fram
 def units_of(message: Message) -> list[str]:
     """Prefixes of the units whose triads the message carries; an empty one where they have none."""
     names = [f.triad for f in message.fields if f.triad] + [name for f in message.fields for name in f.of]
-    return list(dict.fromkeys(name.rpartition(".")[0] for name in names)) or [""]
+    return list(dict.fromkeys(owner_of(name)[0] for name in names)) or [""]
 
 
 def _listen(one: Field, counts: Column, found: Mapping[str, NDArray[np.uint32]]) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Flag what a status says of its triads; return what it says is absent."""
+    """Flag what a status says of its triads, or of the triads of its fields; return what it says is absent."""
     gone = []
     for code, word in one.says.items():
         here = counts == code
+        if not here.any():
+            continue
         for name in one.of:
-            unit, _, triad = name.rpartition(".")
-            found[unit][here] |= np.uint32(_BITS[triad, word])
+            unit, triad = owner_of(name)
+            if triad:
+                found[unit][here] |= np.uint32(_BITS[triad, word])
             if word == "absent":
                 gone.append((name, here))
     return gone

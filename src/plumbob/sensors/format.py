@@ -25,6 +25,8 @@ ROLES: Final = ("value", "status", "counter", "clock", "constant")
 WORDS: Final = ("absent", "clipped", "invalid")
 """What a status can say of the triads that it belongs to."""
 
+_TRIADS: Final = frozenset({"gyr", "acc", "mag"})
+
 
 @dataclass(frozen=True, slots=True)
 class Provenance:
@@ -83,7 +85,7 @@ class Field:
     says : mapping of int to str
         Of a status: which counts mean a word of `WORDS` for the triads `of`.
     of : tuple of str
-        Names of triads, with their prefix.
+        Names of triads, or of single fields such as ``gyr.x`` and ``temp_c``, with their prefix.
     origin : Provenance
         Where it comes from.
     """
@@ -157,7 +159,15 @@ class Field:
     def triad(self) -> str:
         """Name of the triad that it belongs to, with its prefix; empty for none."""
         head, _, axis = self.name.rpartition(".")
-        return head if axis in {"x", "y", "z"} and head.rpartition(".")[2] in {"gyr", "acc", "mag"} else ""
+        return head if axis in {"x", "y", "z"} and head.rpartition(".")[2] in _TRIADS else ""
+
+
+def owner_of(name: str) -> tuple[str, str]:
+    """Unit and triad (without it) of a triad's or a field's name; the triad is empty where it belongs to none."""
+    head, _, axis = name.rpartition(".")
+    triad = head if head and axis in {"x", "y", "z"} else name
+    unit_name, _, last = triad.rpartition(".")
+    return unit_name, last if last in _TRIADS else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -343,6 +353,8 @@ class Register:
         Bits and scale in words.
     reset : int or None
         Value after power-up, where it is known.
+    word : Field or None
+        How its bytes make a number, where they make one.
     origin : Provenance
         Where it comes from.
     """
@@ -351,6 +363,7 @@ class Register:
     name: str
     meaning: str
     reset: int | None = None
+    word: Field | None = None
     origin: Provenance = Provenance()
 
 
@@ -407,6 +420,20 @@ class Format:
             raise ParameterError(f"{self.name} has no message '{name}'; known are {', '.join(self._names())}.")
         return found[0]
 
+    def register(self, key: str | int) -> Register:
+        """Register by its name or address.
+
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
+        found = [r for r in self.registers if key in (r.name, r.address)]
+        if not found:
+            known = ", ".join(r.name for r in self.registers) or "none"
+            raise ParameterError(f"{self.name} has no register {key!r}; known are {known}.")
+        return found[0]
+
     def bind(self, chosen: Mapping[str, str] | None = None) -> "Format":
         """Return the format with every option settled, so that it can decode.
 
@@ -434,6 +461,7 @@ class Format:
             framing=_settled_framing(self.framing, values),
             messages=tuple(replace(m, fields=tuple(_settled(f, values) for f in m.fields)) for m in self.messages),
             chosen=settled,
+            registers=tuple(replace(r, word=_settled(r.word, values) if r.word else None) for r in self.registers),
         )
 
     def _names(self) -> Iterator[str]:

@@ -75,7 +75,7 @@ def parse_format(text: str) -> Format:
         options=found.get("option", {}),
         sources=found.get("sources", {}),
         facts=found.get("fact", {}),
-        registers=tuple(found.get("register", ())),
+        registers=tuple(_register(raw, order) for raw in found.get("register", ())),
         noise=found.get("noise", ""),
         aliases=found.get("aliases", ()),
     )
@@ -151,6 +151,15 @@ def _require_unit(where: str, one: Field) -> None:
             f'{where} needs its unit, because a bare number has none; add unit = "deg/s" or such ("1" for none).'
         )
     units.unit(one.unit, _MEASURED.get(triad))
+
+
+def _register(raw: Mapping[str, Any], order: str) -> Register:
+    """One register; its bytes make a whole number where it has a type and no unit."""
+    word = None
+    if "type" in raw:
+        own = {key: value for key, value in raw.items() if key in _FIELD or key == "origin"}
+        word = _fields({"role": "value" if "unit" in raw else "status", **own}, 0, order)[0]
+    return Register(raw["address"], raw["name"], raw["meaning"], raw.get("reset"), word, raw["origin"])
 
 
 def _embedded(raw: Mapping[str, Any]) -> list[Field]:
@@ -293,10 +302,6 @@ def _choice(where: str, value: Any) -> float | str:
     return value if isinstance(value, str) else forms.positive(where, value)
 
 
-def _register(where: str, value: Any) -> Register:
-    return Register(**_with_origin(forms.form(_REGISTER, ("address", "name", "meaning")))(where, value))
-
-
 def _fact(where: str, value: Any) -> tuple[str, Provenance]:
     found = _with_origin(forms.form(_FACT, ("text",)))(where, value)
     return found["text"], found["origin"]
@@ -391,6 +396,7 @@ _REGISTER: Final[dict[str, Parse]] = {
     "name": forms.text,
     "meaning": forms.text,
     "reset": forms.whole(0),
+    **{key: _FIELD[key] for key in ("type", "order", "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset")},
     **_ORIGIN_FORM,
 }
 _FACT: Final[dict[str, Parse]] = {"text": forms.text, **_ORIGIN_FORM}
@@ -431,7 +437,7 @@ _FORMAT: Final[dict[str, Parse]] = {
     "frame": _framing,
     "option": forms.mapping(_option),
     "fact": forms.mapping(_fact),
-    "register": forms.tables(_register),
+    "register": forms.tables(_with_origin(forms.form(_REGISTER, ("address", "name", "meaning")))),
     "field": _FIELDS,
     "embed": _EMBEDS,
     "message": forms.tables(forms.form(_MESSAGE, ("name", "length"))),
