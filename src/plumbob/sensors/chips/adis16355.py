@@ -1,4 +1,4 @@
-"""ADIS16355 on SPI: words one frame late, ND that the read clears, EA that follows STATUS, counts that follow the range.
+"""ADIS16355 on SPI: words one frame late, ND that a read clears, EA that follows STATUS, counts that follow the range.
 
 All facts DS-1635x.
 """
@@ -50,18 +50,15 @@ class Adis16355:
         self._reply = b"\0\0"
 
     def sample(self, values: Mapping[str, float], t_ns: int) -> None:
-        """Feel ``gyr.x`` … (rad/s), ``acc.x`` … (m/s²), ``temp_c`` (°C, the others follow it), ``supply_v``, ``aux_v``."""
+        """Feel ``gyr.x`` … (rad/s), ``acc.x`` … (m/s²), ``temp_c`` (°C, for all three), ``supply_v``, ``aux_v``."""
         self._t_ns = t_ns
         felt = {"temp_c": 25.0, "supply_v": 5.0, **self._held.feel(values)}
         if t_ns < self._ready_ns:
             return
         for address, name in OUTPUTS.items():
             like = felt["temp_c"] if name.startswith("temp") else 0.0
-            self._bank.put(address, self._word(address, felt.get(name, like)))
+            self._bank.put(address, register_bytes(self.form, address, felt.get(name, like)))
         self._new = set(OUTPUTS)
-
-    def _word(self, address: int, value: float) -> bytes:
-        return register_bytes(self.form, address, value)
 
     def transfer(self, data: bytes) -> bytes:
         """Frames of 2 bytes, one behind the other; what comes back answers the frame before each."""

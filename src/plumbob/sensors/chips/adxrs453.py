@@ -1,4 +1,4 @@
-"""ADXRS453 on SPI: replies one frame late, faults that stay until they are read, the self-test of its start (DS-453)."""
+"""ADXRS453 on SPI: replies one frame late, faults that stay until read, the self-test of its start (DS-453)."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -85,7 +85,12 @@ class Adxrs453:
         if not tested and (faults & Fault.PLL or self._t_ns - self._power_ns < START_NS):
             status = _INVALID
         sq = (command >> 28 & 1) << 2 | command >> 30
-        columns = {"gyr.z": [self._values["gyr.z"]], "st": [status], "sq": [sq], "faults": [int(faults)]}
+        columns: dict[str, list[float]] = {
+            "gyr.z": [self._values["gyr.z"]],
+            "st": [status],
+            "sq": [sq],
+            "faults": [int(faults)],
+        }
         return encode(self.form, columns, message="sensor").tobytes()
 
     def _told(self) -> tuple[bool, Fault]:

@@ -1,5 +1,6 @@
 """Registers and FIFO of an emulated chip."""
 
+import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -74,7 +75,7 @@ class Held:
 
     def feel(self, values: Mapping[str, float]) -> dict[str, float]:
         """Take new values, and return all; NaN and what is left out stay as they were."""
-        self._values.update({name: value for name, value in values.items() if value == value})
+        self._values.update({name: value for name, value in values.items() if not math.isnan(value)})
         return self._values
 
     def encoded(self, form: Format) -> bytes:
