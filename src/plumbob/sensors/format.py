@@ -445,9 +445,14 @@ class Format:
         Raises
         ------
         ParameterError
-            If an option or choice is unknown, or one that has no default is missing.
+            If an option or choice is unknown, one that has no default is missing, or one is settled otherwise.
         """
         given = {**self.chosen, **(chosen or {})}
+        if other := [name for name, choice in self.chosen.items() if str(given[name]) != choice]:
+            raise ParameterError(
+                f"{self.name} option '{other[0]}' is settled as '{self.chosen[other[0]]}' and cannot become "
+                f"'{given[other[0]]}'; bind the format as it was loaded."
+            )
         if unknown := set(given) - set(self.options):
             listed = ", ".join(self.options) or "none"
             raise ParameterError(f"{self.name} has no option '{min(unknown)}'; known are {listed}.")

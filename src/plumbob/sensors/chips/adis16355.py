@@ -38,7 +38,8 @@ class Adis16355:
     """
 
     def __init__(self, clears: Literal["register", "all"] = "register", t_ns: int = 0) -> None:
-        self.form = catalog.load("adis16355").bind()
+        self._loaded = catalog.load("adis16355")
+        self.form = self._loaded.bind()
         self.alarms = 0
         """Bits of STATUS that hold now."""
         self._clears = clears
@@ -93,7 +94,7 @@ class Adis16355:
             return
         self._bank.put(address ^ 1, bytes([byte]))  # words are kept with the upper byte first
         if address == _SENS + 1 and byte in _RANGES:
-            self.form = self.form.bind({"gyr_range": _RANGES[byte]})
+            self.form = self._loaded.bind({"gyr_range": _RANGES[byte]})
         if address == _SLEEP:
             self._ready_ns = max(self._ready_ns, self._t_ns + byte * SLEEP_NS)
 
@@ -101,5 +102,5 @@ class Adis16355:
         if byte & _RESET:
             self._bank.reset()
             self._new.clear()
-            self.form = self.form.bind({"gyr_range": _RANGES[4]})
+            self.form = self._loaded.bind()
             self._ready_ns = self._t_ns + START_NS

@@ -33,7 +33,8 @@ class Hmc5983:
     """
 
     def __init__(self) -> None:
-        self.form = catalog.load("hmc5983").bind()
+        self._loaded = catalog.load("hmc5983")
+        self.form = self._loaded.bind()
         self._bank = Bank(self.form)
         self._held = Held()
         self._seen: set[int] = set()
@@ -49,7 +50,7 @@ class Hmc5983:
         if self._bank[_CRA] & 3 != 3 and not self._seen:
             self._bank.put(_DATA, self._measured(felt))
             self._bank.put(_STATUS, bytes([_READY]))
-        self.form = self.form.bind({"gain": list(self.form.options["gain"].choices)[self._bank[_CRB] >> 5]})
+        self.form = self._loaded.bind({"gain": list(self._loaded.options["gain"].choices)[self._bank[_CRB] >> 5]})
         if mode == _SINGLE:
             self._bank.put(_MODE, bytes([self._bank[_MODE] | _IDLE]))
 

@@ -13,7 +13,9 @@ class Invensense(ABC):
     Parameters
     ----------
     form : Format
-        Burst of the catalogue.
+        Burst of the catalogue, its options not settled.
+    choices : mapping of str to str
+        What its options are after power-up, where it is not their default.
     fifo : int
         Bytes of the FIFO.
     t_ns : int
@@ -30,8 +32,10 @@ class Invensense(ABC):
     SLEEP = 0x40
     RESET = 0x80
 
-    def __init__(self, form: Format, fifo: int, t_ns: int) -> None:
-        self.form = form.bind()
+    def __init__(self, form: Format, choices: Mapping[str, str], fifo: int, t_ns: int) -> None:
+        self._loaded = form
+        self._choices = dict(choices)
+        self.form = form.bind(self._choices)
         self._bank = Bank(form)
         self._fifo = Fifo(fifo)
         self._held = Held()
@@ -77,9 +81,10 @@ class Invensense(ABC):
     def _raise(self, bit: int) -> None:
         self._bank.put(self.INT_STATUS, bytes([self._bank[self.INT_STATUS] | bit]))
 
-    def _choice(self, option: str, code: int) -> str:
-        """Choice of an option that a range code of two bits stands for."""
-        return list(self.form.options[option].choices)[code & 3]
+    def _set_range(self, option: str, code: int) -> None:
+        """Settle an option by the two bits of its code in a register."""
+        self._choices[option] = list(self._loaded.options[option].choices)[code & 3]
+        self.form = self._loaded.bind(self._choices)
 
     @abstractmethod
     def _to_fifo(self) -> bytes:

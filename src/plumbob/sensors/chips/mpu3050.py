@@ -20,7 +20,9 @@ _FIFO_ON, _FIFO_RESET = 0x40, 0x02
 
 
 class Mpu3050(Invensense):
-    """Emulated MPU-3050; awake after power-up, which is an assumption.
+    """Emulated MPU-3050.
+
+    It is awake after power-up, and an empty FIFO repeats its last byte as in the MPU-6000: both are assumptions.
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ class Mpu3050(Invensense):
     OVERFLOW = 0x80
 
     def __init__(self, t_ns: int = 0) -> None:
-        super().__init__(catalog.load("mpu3050"), 512, t_ns)
+        super().__init__(catalog.load("mpu3050"), {}, 512, t_ns)
         self._ready_ns = t_ns + START_NS
 
     def _to_fifo(self) -> bytes:
@@ -58,4 +60,4 @@ class Mpu3050(Invensense):
         elif register == _DLPF_FS:
             self._ready_ns = max(self._ready_ns, self._t_ns + SETTLE_NS)
         if register in (self.POWER, _DLPF_FS):
-            self.form = self.form.bind({"gyr_range": self._choice("gyr_range", self._bank[_DLPF_FS] >> 3)})
+            self._set_range("gyr_range", self._bank[_DLPF_FS] >> 3)

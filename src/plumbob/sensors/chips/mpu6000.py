@@ -27,7 +27,7 @@ class Mpu6000(Invensense):
     OVERFLOW = 0x10
 
     def __init__(self, silicon: str = "later", t_ns: int = 0) -> None:
-        super().__init__(catalog.load("mpu6000").bind({"silicon": silicon}), 1024, t_ns)
+        super().__init__(catalog.load("mpu6000"), {"silicon": silicon}, 1024, t_ns)
 
     def _to_fifo(self) -> bytes:
         if not self._bank[_USER_CTRL] & _FIFO_ON:
@@ -47,6 +47,5 @@ class Mpu6000(Invensense):
             self._fifo.clear()
             self._bank.put(register, bytes([byte & ~_FIFO_RESET]))
         if register in (self.POWER, _GYRO_CONFIG, _ACCEL_CONFIG):
-            gyr = self._choice("gyr_range", self._bank[_GYRO_CONFIG] >> 3)
-            acc = self._choice("acc_range", self._bank[_ACCEL_CONFIG] >> 3)
-            self.form = self.form.bind({"gyr_range": gyr, "acc_range": acc})
+            self._set_range("gyr_range", self._bank[_GYRO_CONFIG] >> 3)
+            self._set_range("acc_range", self._bank[_ACCEL_CONFIG] >> 3)
