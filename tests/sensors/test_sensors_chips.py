@@ -446,7 +446,7 @@ def test_hmc5983_locks_until_all_six_bytes_are_read():
     assert chip.read(0x09)[0] == 1
     begin = chip.read(0x03, 2)
     assert chip.read(0x09)[0] == 3
-    chip.sample({**FIELD, "mag.x": gauss(-0.5)}, 0)
+    chip.sample({"mag.x": gauss(-0.5), "mag.y": gauss(0.1), "mag.z": gauss(-0.1)}, 0)
     assert begin + chip.read(0x05, 4) == bytes.fromhex("00 EA 01 AA FF D2")
     assert chip.read(0x09)[0] == 0
     chip.sample({**FIELD, "mag.x": gauss(-0.5)}, 0)
