@@ -70,6 +70,9 @@ def counts_for(one: Field, values: Floats) -> tuple[Ints | Floats, NDArray[np.bo
         return exact, np.zeros(exact.shape, dtype=bool)
     low, high = one.clip or one.limits
     missing = np.isnan(exact)
+    if one.wrap:
+        nearest = np.rint(np.where(np.isfinite(exact), exact, 0)).astype(np.int64)
+        return (nearest - low) % (high - low + 1) + low, np.zeros(exact.shape, dtype=bool)
     nearest = np.rint(np.where(missing, one.overflow[0] if one.overflow else 0, np.clip(exact, low, high)))
     return nearest.astype(np.int64), (exact < low) | (exact > high)
 

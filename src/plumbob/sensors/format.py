@@ -82,6 +82,8 @@ class Field:
         Counts at and beyond which the sensor is at the end of its range.
     overflow : tuple of int
         Counts that stand for "beyond the range": the value is absent and flagged as clipped.
+    wrap : bool
+        Whether its counts go round, as those of an angle do of which 360° are all counts.
     says : mapping of int to str
         Of a status: which counts mean a word of `WORDS` for the triads `of`.
     of : tuple of str
@@ -106,6 +108,7 @@ class Field:
     value: int = 0
     clip: tuple[int, int] | None = None
     overflow: tuple[int, ...] = ()
+    wrap: bool = False
     says: Mapping[int, str] = field(default_factory=dict)
     of: tuple[str, ...] = ()
     origin: Provenance = Provenance()

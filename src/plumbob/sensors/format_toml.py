@@ -343,7 +343,7 @@ def _version(where: str, value: Any) -> int:
 
 
 _PLAIN: Final = (
-    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "says", "of",
+    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "wrap", "says", "of",
 )  # fmt: skip
 _ORIGIN: Final = ("source", "mark", "note")
 _ORIGIN_FORM: Final[dict[str, Parse]] = {"source": forms.text, "mark": forms.one_of(*MARKS), "note": forms.text}
@@ -365,6 +365,7 @@ _FIELD: Final[dict[str, Parse]] = {
     "value": forms.whole(),
     "clip": _integers(2),
     "overflow": _integers(None),
+    "wrap": forms.truth,
     "says": _says,
     "of": forms.texts,
     **_ORIGIN_FORM,
