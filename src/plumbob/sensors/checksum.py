@@ -19,6 +19,7 @@ SUM16_WORDS: Final = 5
 SUM16_EITHER: Final = 6
 FLETCHER16: Final = 7
 CRC: Final = 8
+SUM16_REST: Final = 9
 
 
 class Algorithm(NamedTuple):
@@ -58,6 +59,7 @@ KINDS: Final = {
     "xor8": Algorithm(XOR8, 8, meaning="exclusive or of the bytes"),
     "sum16": Algorithm(SUM16, 16, meaning="sum of the bytes, modulo 65536"),
     "sum16-words": Algorithm(SUM16_WORDS, 16, meaning="sum of big-endian 16-bit words, modulo 65536"),
+    "sum16-words-65535": Algorithm(SUM16_REST, 16, meaning="sum of big-endian 16-bit words, modulo 65535"),
     "sum16-either": Algorithm(SUM16_EITHER, 16, meaning="sum of bytes or of words, whichever the first frames show"),
     "fletcher16": Algorithm(FLETCHER16, 16, meaning="two running sums modulo 256, the first byte first"),
     "crc8": Algorithm(CRC, 8, 0x07, meaning="CRC-8, polynomial 07"),
@@ -119,8 +121,9 @@ def of_rows(kind: str, rows: Bytes) -> NDArray[np.int64]:
         return np.asarray(-wide.sum(axis=1) & 0xFF)
     if how.code == XOR8:
         return np.asarray(np.bitwise_xor.reduce(wide, axis=1))
-    if how.code == SUM16_WORDS:
-        return np.asarray((256 * wide[:, 0::2].sum(axis=1) + wide[:, 1::2].sum(axis=1)) & 0xFFFF)
+    if how.code in (SUM16_WORDS, SUM16_REST):
+        words = 256 * wide[:, 0::2].sum(axis=1) + wide[:, 1::2].sum(axis=1)
+        return np.asarray(words % (65535 if how.code == SUM16_REST else 65536))
     if how.code == FLETCHER16:
         running = np.cumsum(wide, axis=1) & 0xFF
         return np.asarray(running[:, -1] << 8 | running.sum(axis=1) & 0xFF)
@@ -148,13 +151,13 @@ def plain_sum(data: Bytes, start: int, stop: int) -> int:
 
 @njit
 def word_sum(data: Bytes, start: int, stop: int) -> int:
-    """Sum of big-endian 16-bit words, modulo 65536."""
+    """Sum of big-endian 16-bit words."""
     total = 0
     high = True
     for i in range(start, stop):
         total += int(data[i]) * 256 if high else int(data[i])
         high = not high
-    return total & 0xFFFF
+    return total
 
 
 @njit

@@ -343,7 +343,8 @@ def _version(where: str, value: Any) -> int:
 
 
 _PLAIN: Final = (
-    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "wrap", "says", "of",
+    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "wrap", "says",
+    "of",
 )  # fmt: skip
 _ORIGIN: Final = ("source", "mark", "note")
 _ORIGIN_FORM: Final[dict[str, Parse]] = {"source": forms.text, "mark": forms.one_of(*MARKS), "note": forms.text}

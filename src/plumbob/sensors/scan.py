@@ -16,6 +16,7 @@ from plumbob.sensors.checksum import (
     SUM8_ZERO,
     SUM16,
     SUM16_EITHER,
+    SUM16_REST,
     SUM16_WORDS,
     XOR8,
     algorithm,
@@ -190,7 +191,9 @@ def _computed(data: Bytes, start: int, stop: int, check: Ints, remainders: Ints)
     if check[0] == XOR8:
         return exclusive_or(data, start, stop)
     if check[0] == SUM16_WORDS:
-        return word_sum(data, start, stop)
+        return word_sum(data, start, stop) & 0xFFFF
+    if check[0] == SUM16_REST:
+        return word_sum(data, start, stop) % 65535
     if check[0] == FLETCHER16:
         return fletcher(data, start, stop)
     return cyclic(data, start, stop, remainders, check[5], check[6], check[7], check[8])
@@ -207,7 +210,7 @@ def _fits(data: Bytes, at: int, size: int, check: Ints, remainders: Ints, state:
     if check[0] != SUM16_EITHER:
         return there == _computed(data, start, stop, check, remainders)
     by_bytes = there == plain_sum(data, start, stop) & 0xFFFF and state[WORD_VOTES] < VOTES
-    by_words = there == word_sum(data, start, stop) and state[BYTE_VOTES] < VOTES
+    by_words = there == word_sum(data, start, stop) % 65535 and state[BYTE_VOTES] < VOTES
     if by_bytes and not by_words:
         state[BYTE_VOTES] += 1
         state[WORD_VOTES] = 0
