@@ -68,7 +68,7 @@ def counts_for(one: Field, values: Floats) -> tuple[Ints | Floats, NDArray[np.bo
     exact = (values - one.zero) / one.scale - one.raw_offset
     if one.type[0] == "f":
         return exact, np.zeros(exact.shape, dtype=bool)
-    low, high = one.clip or one.limits
+    low, high = one.range or one.clip or one.limits
     missing = np.isnan(exact)
     if one.wrap:
         nearest = np.rint(np.where(np.isfinite(exact), exact, 0)).astype(np.int64)

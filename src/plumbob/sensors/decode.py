@@ -12,6 +12,7 @@ from plumbob.errors import ParameterError
 from plumbob.sensors import scan
 from plumbob.sensors.columns import counts_of, values_of
 from plumbob.sensors.format import Field, Format, Message, owner_of
+from plumbob.sensors.plan import plan_of
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -114,7 +115,7 @@ class Decoder:
 
     def __init__(self, form: Format) -> None:
         self.form = form.bind()
-        self._plan = scan.plan_of(self.form)
+        self._plan = plan_of(self.form)
         self._state: Ints = np.zeros(scan.STATE, dtype=np.int64)
         self._state[scan.HUNTING] = 1
         self._pending = b""

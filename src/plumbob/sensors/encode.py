@@ -17,7 +17,8 @@ def encode(form: Format, columns: Mapping[str, ArrayLike], *, message: str = "")
     """Frames (N, L) of one message.
 
     Values beyond the range are cut to its end, as a sensor does. A value that is not there (NaN) repeats the one
-    before, as a register does; where the format has a count for "beyond the range", it is that.
+    before, as a register does; where the format has a count for "beyond the range", it is that. A message without
+    values, such as a request, may be given no column: that is one frame.
 
     Parameters
     ----------
@@ -34,14 +35,15 @@ def encode(form: Format, columns: Mapping[str, ArrayLike], *, message: str = "")
     ParameterError
         If a column is none of the message's fields.
     ShapeError
-        If columns differ in length, or there is none.
+        If columns differ in length, or there is none for a message that carries values.
     """
     bound = form.bind()
     kind = bound.message(message)
     given = {
         name: np.asarray(value, dtype=np.float64 if _is_value(kind, name) else None) for name, value in columns.items()
     }
-    count = _common_length(form.name, given)
+    bare = not given and not any(one.physical for one in kind.fields)
+    count = 1 if bare else _common_length(form.name, given)
     rows = np.zeros((count, kind.length), dtype=np.uint8)
     _frame(bound, kind, rows)
     for one in kind.fields:

@@ -82,6 +82,8 @@ class Field:
         Counts at and beyond which the sensor is at the end of its range.
     overflow : tuple of int
         Counts that stand for "beyond the range": the value is absent and flagged as clipped.
+    range : tuple of int or None
+        Least and greatest count of a frame that can be believed, where the check alone is weak.
     wrap : bool
         Whether its counts go round, as those of an angle do of which 360° are all counts.
     says : mapping of int to str
@@ -108,6 +110,7 @@ class Field:
     value: int = 0
     clip: tuple[int, int] | None = None
     overflow: tuple[int, ...] = ()
+    range: tuple[int, int] | None = None
     wrap: bool = False
     says: Mapping[int, str] = field(default_factory=dict)
     of: tuple[str, ...] = ()

@@ -216,6 +216,8 @@ def _require_room(form: Format, message: Message) -> None:
             raise DecodeError(
                 f"field {one.name} ends at byte {one.at + one.size}, but message {message.name} has {message.length}."
             )
+        if one.range and (one.type[0] == "f" or one.size > 4 or one.range[0] > one.range[1]):
+            raise DecodeError(f"field {one.name}: range is [least, greatest] count of a whole number of 1 to 4 bytes.")
         for name in (one.counts, one.times):
             if isinstance(name, str) and name not in form.options:
                 raise DecodeError(f"field {one.name} names option '{name}', which the format does not have.")
@@ -343,8 +345,8 @@ def _version(where: str, value: Any) -> int:
 
 
 _PLAIN: Final = (
-    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "wrap", "says",
-    "of",
+    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "range",
+    "wrap", "says", "of",
 )  # fmt: skip
 _ORIGIN: Final = ("source", "mark", "note")
 _ORIGIN_FORM: Final[dict[str, Parse]] = {"source": forms.text, "mark": forms.one_of(*MARKS), "note": forms.text}
@@ -366,6 +368,7 @@ _FIELD: Final[dict[str, Parse]] = {
     "value": forms.whole(),
     "clip": _integers(2),
     "overflow": _integers(None),
+    "range": _integers(2),
     "wrap": forms.truth,
     "says": _says,
     "of": forms.texts,

@@ -1,10 +1,10 @@
-"""Find frames in bytes: sync, length, constants, parity, checksum; a frame that fails any of them costs one byte.
+"""Find frames in bytes: sync, length, constants, parity, ranges, checksum; a frame that fails one costs one byte.
 
 The search goes on inside a rejected frame, for a false sync must not swallow a true one. What it finds does not depend
 on how the bytes were cut.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,98 +19,21 @@ from plumbob.sensors.checksum import (
     SUM16_REST,
     SUM16_WORDS,
     XOR8,
-    algorithm,
     cyclic,
     exclusive_or,
     fletcher,
     plain_sum,
-    table,
     word_sum,
 )
-from plumbob.sensors.format import Field, Format, Framing
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
 
 # Places in the state, which lives as long as the stream.
 JUNK, BAD_LENGTH, BAD_CONTENT, BAD_CHECKSUM, UNKNOWN, HUNTING, BYTE_VOTES, WORD_VOTES, STATE = range(9)
+UNSIGNED, SIGNED, DECIMAL = range(3)
 VOTES: Final = 8
 """Frames after which a checksum of two possible kinds is settled, where one fits every time."""
-
-
-class Plan(NamedTuple):
-    """A format as arrays, for the kernel."""
-
-    sync: Bytes
-    """Alternatives (A, S)."""
-    length: Ints
-    """Fixed length, or 0; then at, size, big, add, least, most of the length field; transfers; confirm."""
-    check: Ints
-    """Code, at, start, stop, big, width, first remainder, final, reflected."""
-    remainders: Ints
-    """Table (256,)."""
-    messages: Ints
-    """Rows (M, 4): length, where its constants begin and end in `constants`, number; most constant bits first."""
-    constants: Ints
-    """Rows (C, 3): byte, mask, value; mask 0 asks for decimal digits, with a sign nibble where value is 1."""
-    parity: Ints
-    """Rows (P, 3): first byte and end of what must hold an odd number of ones, and the bit that sees to it."""
-
-
-def plan_of(form: Format) -> Plan:
-    """Arrays of a format that is bound."""
-    framing = form.framing
-    rows: list[tuple[int, int, int]] = []
-    bounds = []
-    for number, message in enumerate(form.messages):
-        start = len(rows)
-        for one in message.fields:
-            rows += _constant_bytes(one)
-        bounds.append((message.length, start, len(rows), number))
-    bounds.sort(key=lambda bound: -sum(mask.bit_count() for _, mask, _ in rows[bound[1] : bound[2]]))
-    return Plan(
-        sync=np.array([list(word) for word in framing.sync], dtype=np.uint8).reshape(
-            len(framing.sync), len(framing.sync[0]) if framing.sync else 0
-        ),
-        length=np.array(_length_plan(framing), dtype=np.int64),
-        check=np.array(_check_plan(framing), dtype=np.int64),
-        remainders=table(framing.checksum.kind) if framing.checksum else np.zeros(256, dtype=np.int64),
-        messages=np.array(bounds, dtype=np.int64),
-        constants=np.array(rows, dtype=np.int64).reshape(-1, 3),
-        parity=np.array(framing.parity, dtype=np.int64).reshape(-1, 3),
-    )
-
-
-def _length_plan(framing: Framing) -> list[int]:
-    rule = framing.length_field
-    place = [rule.at, rule.size, int(rule.order == "big"), rule.add, rule.least, rule.most] if rule else [0] * 6
-    return [framing.length, *place, int(framing.transfers), int(framing.confirm)]
-
-
-def _check_plan(framing: Framing) -> list[int]:
-    check = framing.checksum
-    if check is None:
-        return [0] * 9
-    how = algorithm(check.kind)
-    big = int(check.order == "big")
-    return [how.code, check.at, check.start, check.stop, big, how.width, how.start, how.final, int(how.reflected)]
-
-
-def _constant_bytes(one: Field) -> list[tuple[int, int, int]]:
-    """What a message asks of single bytes: the bits of a constant, or decimal digits."""
-    if one.type == "bcd":
-        return [(one.at, 0, 1), (one.at + 1, 0, 0), (one.at + 2, 0, 0)]
-    if one.role != "constant":
-        return []
-    low = 0 if one.bits is None else one.bits[1]
-    mask = ((1 << one.width) - 1) << low
-    value = (one.value << low) & mask
-    found = []
-    for i in range(one.size):
-        shift = 8 * (one.size - 1 - i if one.order == "big" else i)
-        if mask >> shift & 0xFF:
-            found.append((one.at + i, mask >> shift & 0xFF, value >> shift & 0xFF))
-    return found
 
 
 @njit
@@ -167,11 +90,21 @@ def _has_parity(data: Bytes, at: int, parity: Ints) -> bool:
 
 @njit
 def _message_at(data: Bytes, at: int, size: int, messages: Ints, constants: Ints) -> int:
-    """Number of the message whose constants are here, the one that asks most; −1 for none."""
+    """Row of the message whose constants are here, the one that asks most; −1 for none."""
     for m in range(messages.shape[0]):
         if messages[m, 0] == size and _has_constants(data, at, constants, messages[m, 1], messages[m, 2]):
-            return int(messages[m, 3])
+            return m
     return -1
+
+
+@njit
+def _is_plausible(data: Bytes, at: int, message: int, strong: bool, messages: Ints, parity: Ints, ranges: Ints) -> bool:
+    """Whether parity and ranges allow it; a frame of no known message needs a strong check to be believed."""
+    if message < 0:
+        return strong and _has_parity(data, at, parity)
+    if not _has_parity(data, at, parity):
+        return False
+    return _in_range(data, at, ranges, messages[message, 4], messages[message, 5])
 
 
 @njit
@@ -183,6 +116,29 @@ def _stored(data: Bytes, at: int, size: int, big: int) -> int:
 
 
 @njit
+def _digits(word: int) -> int:
+    """Sign nibble and five digits."""
+    value = 0
+    for shift in (16, 12, 8, 4, 0):
+        value = 10 * value + (word >> shift & 15)
+    return -value if word >> 20 == 1 else value
+
+
+@njit
+def _in_range(data: Bytes, at: int, ranges: Ints, first: int, end: int) -> bool:
+    for k in range(first, end):
+        value = _stored(data, at + ranges[k, 0], ranges[k, 1], ranges[k, 2])
+        value = value >> ranges[k, 3] & ((1 << ranges[k, 4]) - 1)
+        if ranges[k, 5] == DECIMAL:
+            value = _digits(value)
+        elif ranges[k, 5] == SIGNED and value >> (ranges[k, 4] - 1):
+            value -= 1 << ranges[k, 4]
+        if value < ranges[k, 6] or value > ranges[k, 7]:
+            return False
+    return True
+
+
+@njit
 def _computed(data: Bytes, start: int, stop: int, check: Ints, remainders: Ints) -> int:
     if check[0] == SUM8 or check[0] == SUM16:
         return plain_sum(data, start, stop) & ((1 << int(check[5])) - 1)
@@ -190,10 +146,8 @@ def _computed(data: Bytes, start: int, stop: int, check: Ints, remainders: Ints)
         return -plain_sum(data, start, stop) & 0xFF
     if check[0] == XOR8:
         return exclusive_or(data, start, stop)
-    if check[0] == SUM16_WORDS:
-        return word_sum(data, start, stop) & 0xFFFF
-    if check[0] == SUM16_REST:
-        return word_sum(data, start, stop) % 65535
+    if check[0] == SUM16_WORDS or check[0] == SUM16_REST:
+        return word_sum(data, start, stop) % (65535 if check[0] == SUM16_REST else 65536)
     if check[0] == FLETCHER16:
         return fletcher(data, start, stop)
     return cyclic(data, start, stop, remainders, check[5], check[6], check[7], check[8])
@@ -240,6 +194,7 @@ def scan(
     messages: Ints,
     constants: Ints,
     parity: Ints,
+    ranges: Ints,
     state: Ints,
     out: Ints,
 ) -> tuple[int, int]:
@@ -253,7 +208,7 @@ def scan(
         How many there are.
     final : bool
         Whether no more will come, so that an unfinished frame is junk.
-    sync, length, check, remainders, messages, constants, parity : ndarray
+    sync, length, check, remainders, messages, constants, parity, ranges : ndarray
         The `Plan`.
     state : ndarray (STATE,)
         Counters, and what the search remembers.
@@ -268,6 +223,7 @@ def scan(
     ahead = sync.shape[1] if sync.shape[0] else 0
     header = ahead if length[0] else max(ahead, length[1] + length[2])
     transfers = length[7] == 1
+    strong = length[0] == 0 and check[5] >= 16
     at, found = 0, 0
     while at < end and found < out.shape[0]:
         if not transfers and end - at >= ahead and not _is_sync(data, at, sync):
@@ -284,15 +240,16 @@ def scan(
         content, good, message = False, False, -1
         if whole:
             message = _message_at(data, at, size, messages, constants)
-            content = (message >= 0 or (length[0] == 0 and check[5] >= 16)) and _has_parity(data, at, parity)
-            good = content and _fits(data, at, size, check, remainders, state)
-        if good and length[8] and state[HUNTING]:
-            if end - at - size < ahead and not final:
+            content = _is_plausible(data, at, message, strong, messages, parity, ranges)
+            behind = end - at - size >= ahead
+            unsure = length[8] == 1 and state[HUNTING] == 1
+            if content and unsure and not (behind or final):
                 break
-            good = end - at - size < ahead or _is_sync(data, at + size, sync)
+            good = content and _fits(data, at, size, check, remainders, state)
+            good = good and not (unsure and behind and not _is_sync(data, at + size, sync))
         if good:
             if message >= 0:
-                out[found, 0], out[found, 1], out[found, 2] = at, size, message
+                out[found, 0], out[found, 1], out[found, 2] = at, size, messages[message, 3]
                 found += 1
             else:
                 state[UNKNOWN] += 1
