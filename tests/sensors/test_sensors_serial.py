@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob import units
+from plumbob.errors import ShapeError
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import decode
 from plumbob.sensors.encode import encode
@@ -29,6 +30,11 @@ TURNING = {"roll": "12.5 deg", "pitch": "-3.25 deg", "heading": "271 deg"} | {
     "acc.z": "-1 g",
 }
 
+
+def angles(pitch, roll, heading, header):
+    return {"pitch": f"{pitch} deg", "roll": f"{roll} deg", "heading": f"{heading} deg", "header": str(header)}
+
+
 LINES = [
     # made from the manual's table (7430-0060-02, page 10) and sum of bytes
     Line(
@@ -45,6 +51,42 @@ LINES = [
         {**TURNING, "model": "1", "bit": "0"},
         (("checksum", "words"),),
     ),
+    # made from the manual's table (7430-0004-01, page 24) for a unit of RR 200, GR 4
+    Line(
+        "ahrs400",
+        "ahrs400",
+        "FF 08E4 FDB0 C0B6 0444 FE4B 0037 0111 FF93 EAAB 0F05 00AF E148 06A2 9C40 80",
+        {**TURNING, "mag.x": "0.22 gauss", "mag.y": "0.01 gauss", "mag.z": "-0.45 gauss", "temp_c": "31 degC"}
+        | {"time": "40000"},
+        (("rr", "200"), ("gr", "4")),
+    ),
+    # Crossbow NAV440 manual
+    Line("x5555", "ping", "5555 504B 00 9EF4", {}),
+    # Rion HCM705B manual, pages 13-17
+    Line("rion", "read_angles", "68 04 00 04 08", {"header": "104", "address": "0"}),
+    Line("rion", "angles", "68 0D 00 84 002010 100525 018000 7C", angles("20.10", "-5.25", "180.00", 0x68)),
+    # drivers of the DCM260B
+    Line(
+        "rion",
+        "angles_status",
+        "68 0E 00 84 001050 101005 010401 00 1D",
+        {**angles("10.50", "-10.05", "104.01", 0x68), "disturbance": "0", "mode": "0", "over_range": "0"},
+    ),
+    # Bewis-Sensing BMR3000 manual, page 8, and a driver's tests
+    Line("rion", "angles", "77 0D 00 84 100154 001443 001520 82", angles("-1.54", "14.43", "15.20", 0x77)),
+    Line("rion", "angles", "77 0D 00 84 000071 000012 013217 5E", angles("0.71", "0.12", "132.17", 0x77)),
+    Line("rion", "read_heading", "77 04 00 03 07", {"header": "119"}),
+    Line("rion", "mode_reply", "77 05 00 8C 00 91", {"header": "119", "failed": "0"}),
+    # computed from the layout
+    Line("rion", "angles", "68 0D 00 84 101234 000567 027105 CB", angles("-12.34", "5.67", "271.05", 0x68)),
+]
+
+WRONG = [
+    # lines of the Rion manuals that fail their own sum, or lack a byte
+    ("rion", "68 05 00 CB 00 CE"),
+    ("rion", "68 05 00 CF 00 54"),
+    ("rion", "68 05 00 C8 00 CC"),
+    ("rion", "68 05 00 8F 94"),
 ]
 
 
@@ -85,6 +127,63 @@ def test_a_worked_line_encodes(line):
     form = catalog.load(line.device).bind(dict(line.options))
     rows = encode(form, {name: [value] for name, value in values(line).items()}, message=line.message)
     assert rows.tobytes().hex() == bytes.fromhex(line.hex).hex()
+
+
+@pytest.mark.parametrize(("device", "text"), WRONG)
+def test_a_line_that_is_wrong_is_refused(device, text):
+    frames, counts = decode(catalog.load(device), bytes.fromhex(text))
+    assert frames == {} and counts.junk == counts.received and counts.framed == 0
+
+
+def test_what_cannot_be_is_refused_although_the_sum_is_right():
+    form = catalog.load("ahrs400").bind({"rr": "200", "gr": "4"})
+    whole = bytes.fromhex("FF 08E4 FDB0 C0B6 0444 FE4B 0037 0111 FF93 EAAB 0F05 00AF E148 06A2 9C40 80")
+
+    def with_word(at, value):
+        body = whole[1:at] + value.to_bytes(2, "big") + whole[at + 2 : 29]
+        return b"\xff" + body + bytes([sum(body) & 0xFF])
+
+    for at, value, frames in [
+        (3, 0x4000, 1),
+        (3, 0x4001, 0),
+        (3, 0xC000, 1),
+        (3, 0xBFFF, 0),
+        (25, 4095, 1),
+        (25, 4096, 0),
+    ]:
+        counts = decode(form, with_word(at, value))[1]
+        assert (counts.frames["ahrs400"], counts.bad_content > 0) == (frames, not frames)
+
+
+def test_decimal_angles_that_cannot_be_are_refused():
+    def frame(pitch, roll, heading):
+        body = bytes.fromhex("0D 00 84" + pitch + roll + heading)
+        return b"\x68" + body + bytes([sum(body) & 0xFF])
+
+    form = catalog.load("rion")
+    possible = [("009000", "018000", "036000"), ("109000", "118000", "000000"), ("100000", "100000", "100000")]
+    impossible = [("009001", "000000", "000000"), ("109001", "000000", "000000"), ("000000", "118001", "000000")]
+    impossible += [("000000", "000000", "100001"), ("000000", "000000", "036001"), ("000000", "000000", "200000")]
+    impossible += [("00000A", "000000", "000000")]
+    assert [decode(form, frame(*text))[1].frames["angles"] for text in possible] == [1, 1, 1]
+    assert [decode(form, frame(*text))[1].frames["angles"] for text in impossible] == [0] * 7
+
+
+def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
+    # NAK 15 15 with two bytes, as NAV440 sends; its check by the polynomial's definition, bit by bit
+    body, value = bytes.fromhex("1515 02 504B"), 0x1D0F
+    for byte in body:
+        value ^= byte << 8
+        for _ in range(8):
+            value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
+    frames, counts = decode(catalog.load("x5555"), b"\x55\x55" + body + value.to_bytes(2, "big"))
+    assert frames == {} and counts.unknown == 1 and counts.junk == 0
+
+
+def test_a_request_is_one_frame_without_columns():
+    assert encode(catalog.load("x5555"), {}, message="ping").tobytes().hex() == "5555504b009ef4"
+    with pytest.raises(ShapeError, match="columns of rion"):
+        encode(catalog.load("rion"), {}, message="angles")
 
 
 def test_an_angle_that_wraps_goes_round_instead_of_being_cut():
