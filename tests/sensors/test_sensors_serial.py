@@ -79,6 +79,44 @@ LINES = [
     Line("rion", "mode_reply", "77 05 00 8C 00 91", {"header": "119", "failed": "0"}),
     # computed from the layout
     Line("rion", "angles", "68 0D 00 84 101234 000567 027105 CB", angles("-12.34", "5.67", "271.05", 0x68)),
+    # computed from the protocol's layout: 12.5° and −3.25°, cut toward zero to counts of 180°/2^15
+    Line(
+        "witmotion",
+        "angle",
+        "55 53 E308 B1FD 0040 0000 81",
+        {"roll": "12.497 deg", "pitch": "-3.2465 deg", "yaw": "90 deg"},
+    ),
+    # CEVA BNO08X data sheet, UART-RVC
+    Line(
+        "bno08x_rvc",
+        "bno08x_rvc",
+        "AAAA DE 0100 92FF 2508 8DFE ECFF D103 000000 E7",
+        {"index": "222", "yaw": "0.01 deg", "pitch": "-1.10 deg", "roll": "20.85 deg", "acc.x": "-371 mg"}
+        | {"acc.y": "-20 mg", "acc.z": "977 mg", "reserved": "0"},
+    ),
+    # computed from the protocol's layout
+    Line(
+        "xbus_mtdata2",
+        "xbus_mtdata2",
+        "FAFF 36 14 102002 1234 80200C 3DCCCCCD BE4CCCCD 3E99999A 44",
+        {"counter": "4660", "gyr.x": "0.1 rad/s", "gyr.y": "-0.2 rad/s", "gyr.z": "0.3 rad/s"},
+    ),
+    # VectorNav UM001, first example, which prints +043.579, +001.885, -000.002
+    Line(
+        "vectornav_ypr",
+        "vectornav_ypr",
+        "FA 01 0800 93502E42 833EF13F 48B504BB 9288",
+        {"yaw": "43.57868576 deg", "pitch": "1.88472021 deg", "roll": "-0.00202496536 deg"},
+    ),
+    # MicroStrain MIP documentation
+    Line("mip", "ping", "7565 01 02 0201 E0C6", {}),
+    # a made-up log in the frame of sbgECom
+    Line(
+        "sbg_ecom",
+        "example",
+        "FF5A 06 00 1000 40420F00 CDCCCC3D CDCC4CBE 0000C03F 182D 33",
+        {"time": "1000000", "first": "0.1 1", "second": "-0.2 1", "third": "1.5 1"},
+    ),
 ]
 
 WRONG = [
