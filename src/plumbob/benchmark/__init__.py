@@ -3,6 +3,8 @@
 from plumbob.benchmark.accuracy import Accuracy, measure_accuracy, trials_in
 from plumbob.benchmark.channel import ChannelTest, measure_channel
 from plumbob.benchmark.contender import OurFilter
+from plumbob.benchmark.decoder_streams import user_frame
+from plumbob.benchmark.decoders import Decoders, measure_decoders
 from plumbob.benchmark.fault_cases import ARGUMENTS, CASES, Case, choose, listing
 from plumbob.benchmark.faults import Faults, measure_faults
 from plumbob.benchmark.peer_runs import peer_runs
@@ -15,6 +17,7 @@ __all__ = [
     "Accuracy",
     "Case",
     "ChannelTest",
+    "Decoders",
     "Faults",
     "MonteCarlo",
     "OurFilter",
@@ -22,9 +25,11 @@ __all__ = [
     "listing",
     "measure_accuracy",
     "measure_channel",
+    "measure_decoders",
     "measure_faults",
     "measure_scenario",
     "peer_runs",
     "peers",
     "trials_in",
+    "user_frame",
 ]

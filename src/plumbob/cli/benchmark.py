@@ -1,4 +1,4 @@
-"""plumbob benchmark: filters on many recordings, on many seeds of a scenario, or under faults."""
+"""plumbob benchmark: filters on many recordings, many seeds of a scenario or under faults; decoders under damage."""
 
 import argparse
 from pathlib import Path
@@ -10,6 +10,7 @@ from plumbob.cli.sim import add_scenario_options, scenario_settings
 if TYPE_CHECKING:
     from plumbob.benchmark import Case
     from plumbob.pipeline import Stage
+    from plumbob.sensors.format import Format
 
 
 class Result(Protocol):
@@ -24,15 +25,16 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb and what can be benchmarked."""
     p = verbs.add_parser(
         "benchmark",
-        help="filters on a folder of recordings, on many seeds of a scenario, or under faults",
+        help="filters on recordings, on many seeds of a scenario, or under faults; decoders under damage",
         description="Measure filters on many recordings with references, on many seeds of a simulated scenario, or "
-        "under faults of their input.",
+        "under faults of their input; and decoders on damaged streams.",
     )
     kinds = p.add_subparsers(dest="kind", metavar="KIND", required=True)
     _add_accuracy(kinds)
     _add_scenario(kinds)
     _add_faults(kinds)
     _add_channel(kinds)
+    _add_decoders(kinds)
 
 
 def _add_accuracy(kinds: common.Adder) -> None:
@@ -97,6 +99,23 @@ def _add_channel(kinds: common.Adder) -> None:
     p.set_defaults(run=run_channel)
 
 
+def _add_decoders(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "decoders",
+        help="sensor formats: damaged streams, noise, mutated bytes",
+        description="Damage streams of every format in seven ways, let its decoder hear random and mutated bytes, and "
+        "print how many undamaged frames are lost and how many wrong ones believed.",
+    )
+    p.add_argument(
+        "--formats", default="", metavar="A,B", help="names, or .toml files (default: all known, and a user's)"
+    )
+    p.add_argument("--frames", type=int, default=20_000, metavar="N", help="frames per stream (default 20000)")
+    p.add_argument("--noise", type=int, default=100_000_000, metavar="N", help="random bytes each (default 100000000)")
+    p.add_argument("--fuzz", type=int, default=10_000_000, metavar="N", help="mutated bytes each (default 10000000)")
+    common.add_json(p)
+    p.set_defaults(run=run_decoders)
+
+
 def _add_filters(p: argparse.ArgumentParser, *, required: bool = True) -> None:
     p.add_argument("--filters", required=required, metavar="A,B", help="see 'plumbob filters'")
     p.add_argument("--params", metavar="P", help=f"{common.PARAMS_HELP}; with several filters write filter.name=value")
@@ -113,11 +132,15 @@ def _add_seeds(p: argparse.ArgumentParser) -> None:
 
 def _seeds(args: argparse.Namespace) -> range:
     """Seeds that --seeds asks for."""
+    _require_some("--seeds", args.seeds)
+    return range(args.seeds)
+
+
+def _require_some(option: str, count: int) -> None:
     from plumbob.errors import ParameterError
 
-    if args.seeds < 1:
-        raise ParameterError(f"--seeds must be at least 1, but it is {args.seeds}.")
-    return range(args.seeds)
+    if count < 1:
+        raise ParameterError(f"{option} must be at least 1, but it is {count}.")
 
 
 def _show(result: Result, args: argparse.Namespace) -> int:
@@ -223,3 +246,27 @@ def run_channel(args: argparse.Namespace) -> int:
     with common.progress(f"{args.seeds} seeds", PARTS * args.seeds) as advance:
         result = measure_channel(seeds, progress=advance)
     return _show(result, args)
+
+
+def run_decoders(args: argparse.Namespace) -> int:
+    """Do it on decoders."""
+    from plumbob.benchmark import measure_decoders
+
+    for name in ("frames", "noise", "fuzz"):
+        _require_some(f"--{name}", getattr(args, name))
+    forms = _formats(args.formats)
+    with common.progress(f"{len(forms)} formats", len(forms)) as advance:
+        result = measure_decoders(forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz, progress=advance)
+    return _show(result, args)
+
+
+def _formats(names: str) -> "list[Format]":
+    """Formats of a comma list; the whole catalogue and a user's own frame where it is empty."""
+    from plumbob.benchmark import user_frame
+    from plumbob.sensors import catalog
+    from plumbob.sensors.format_toml import load_format
+
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    if not wanted:
+        return [*map(catalog.load, catalog.names()), user_frame()]
+    return [load_format(name) if name.endswith(".toml") else catalog.load(name) for name in wanted]

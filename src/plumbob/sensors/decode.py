@@ -124,6 +124,11 @@ class Decoder:
         self._found: Ints = np.empty((_room(self.form), 3), dtype=np.int64)
         self.counts = Counts(frames={m.name: 0 for m in self.form.messages})
 
+    @property
+    def remembered(self) -> int:
+        """Number of reads whose time is still needed: those with bytes that wait, and the last."""
+        return len(self._reads)
+
     def feed(self, data: bytes, t_ns: int = 0) -> dict[str, Frames]:
         """Take bytes, and return the frames that they complete, by message; messages without any are left out.
 
