@@ -125,6 +125,8 @@ WRONG = [
     ("rion", "68 05 00 CF 00 54"),
     ("rion", "68 05 00 C8 00 CC"),
     ("rion", "68 05 00 8F 94"),
+    # another last byte, which the check does not cover
+    ("sbg_ecom", "FF5A 06 00 1000 40420F00 CDCCCC3D CDCC4CBE 0000C03F 182D 32"),
 ]
 
 

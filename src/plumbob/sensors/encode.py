@@ -75,6 +75,8 @@ def _frame(form: Format, kind: Message, rows: Bytes) -> None:
     framing = form.framing
     if framing.sync:
         rows[:, : len(framing.sync[0])] = list(framing.sync[0])
+    if framing.end:
+        rows[:, -len(framing.end) :] = list(framing.end)
     if rule := framing.length_field:
         digits = (kind.length - rule.add).to_bytes(rule.size, "big" if rule.order == "big" else "little")
         rows[:, rule.at : rule.at + rule.size] = list(digits)

@@ -231,6 +231,8 @@ class Framing:
     ----------
     sync : tuple of bytes
         What a frame begins with, one of several of equal length; empty for a bus, where each transfer is one frame.
+    end : bytes
+        What every frame ends with, behind its check; empty where nothing.
     length : int
         Bytes of every frame; 0 where `length_field` says it.
     length_field : LengthField or None
@@ -249,6 +251,7 @@ class Framing:
     """
 
     sync: tuple[bytes, ...] = ()
+    end: bytes = b""
     length: int = 0
     length_field: LengthField | None = None
     checksum: Checksum | None = None

@@ -422,6 +422,7 @@ _LENGTH: Final[dict[str, Parse]] = {
 }
 _FRAME: Final[dict[str, Parse]] = {
     "sync": _sync,
+    "end": _hex,
     "length": forms.whole(1, 65535),
     "length_field": _length_field,
     "checksum": _checksum,

@@ -1,4 +1,4 @@
-"""How probably random bytes pass for a frame: what sync, length, constants, ranges, parity and check leave over."""
+"""How probably random bytes pass for a frame: what sync, length, end, constants, ranges, parity, check leave over."""
 
 from plumbob.sensors.checksum import SUM16_EITHER, algorithm
 from plumbob.sensors.format import Field, Format, Framing, Message
@@ -13,7 +13,7 @@ def false_accepts(form: Format) -> float:
     """
     bound = form.bind()
     framing = bound.framing
-    fixed = _sync(framing) * _check(framing) * 0.5 ** len(framing.parity)
+    fixed = _sync(framing) * _check(framing) * 0.5 ** len(framing.parity) * 256.0 ** -len(framing.end)
     if framing.confirm:
         fixed *= _sync(framing)
     if framing.length_field:

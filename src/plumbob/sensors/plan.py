@@ -19,7 +19,7 @@ class Plan(NamedTuple):
     sync: Bytes
     """Alternatives (A, S)."""
     length: Ints
-    """Fixed length, or 0; then at, size, big, add, least, most of the length field; transfers; confirm."""
+    """Fixed length, or 0; then at, size, big, add, least, most of the length field; transfers; confirm; end."""
     check: Ints
     """Code, at, start, stop, big, width, first remainder, final, reflected."""
     remainders: Ints
@@ -63,7 +63,7 @@ def plan_of(form: Format) -> Plan:
 def _length_plan(framing: Framing) -> list[int]:
     rule = framing.length_field
     place = [rule.at, rule.size, int(rule.order == "big"), rule.add, rule.least, rule.most] if rule else [0] * 6
-    return [framing.length, *place, int(framing.transfers), int(framing.confirm)]
+    return [framing.length, *place, int(framing.transfers), int(framing.confirm), *framing.end]
 
 
 def _check_plan(framing: Framing) -> list[int]:

@@ -63,6 +63,15 @@ def _length_at(data: Bytes, at: int, length: Ints) -> int:
 
 
 @njit
+def _has_end(data: Bytes, end: int, length: Ints) -> bool:
+    """Whether the frame that ends here has what every frame ends with."""
+    same = True
+    for place in range(9, length.size):
+        same = same and data[end - length.size + place] == length[place]
+    return same
+
+
+@njit
 def _has_constants(data: Bytes, at: int, constants: Ints, first: int, end: int) -> bool:
     for k in range(first, end):
         byte = int(data[at + constants[k, 0]])
@@ -240,7 +249,9 @@ def scan(
         content, good, message = False, False, -1
         if whole:
             message = _message_at(data, at, size, messages, constants)
-            content = _is_plausible(data, at, message, strong, messages, parity, ranges)
+            content = _has_end(data, at + size, length) and _is_plausible(
+                data, at, message, strong, messages, parity, ranges
+            )
             behind = end - at - size >= ahead
             unsure = length[8] == 1 and state[HUNTING] == 1
             if content and unsure and not (behind or final):
