@@ -8,6 +8,7 @@ import math
 import re
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from plumbob.constants import G0
@@ -135,6 +136,7 @@ _ALIASES = {
 }
 
 
+@cache
 def unit(name: str, quantity: Quantity | None = None) -> Unit:
     """Look a unit up by name.
 
