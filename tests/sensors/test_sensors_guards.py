@@ -78,7 +78,8 @@ def test_a_range_that_says_nothing_is_refused(field):
 
 
 def test_frames_that_end_with_fixed_bytes():
-    text = 'byte_order = "big"\nframe = { sync = "24", end = "0D 0A", length = 6, checksum = { kind = "xor8", at = 3, from = 1 } }\n'
+    text = 'byte_order = "big"\nframe = { sync = "24", end = "0D 0A", length = 6, checksum = { kind = "xor8", at = 3, '
+    text += "from = 1 } }\n"
     text += 'field = [{ name = "a", type = "u8", role = "status" }, { name = "b", type = "u8", role = "status" }]\n'
     form = parse_format(HEAD + text)
     row = encode(form, {"a": [5], "b": [6]}).tobytes()
