@@ -1,8 +1,8 @@
 """Damage, noise and mutated bytes for the decoder of every format, and whether the project's targets are met.
 
-Per fault at most one undamaged frame may be lost; no wrong frame may be believed where a cyclic check or parity guards,
-and elsewhere no more than the check's size explains; mutated bytes may raise nothing and make nothing grow. Seeds are
-fixed. It exits 1 where a target is missed.
+Per fault at most one undamaged frame may be lost, and never more than two in a row; no wrong frame may be believed
+where a cyclic check or parity guards, and elsewhere no more than the check's size explains; mutated bytes may raise
+nothing and make nothing grow. Seeds are fixed. It exits 1 where a target is missed.
 
     python benchmarks/decoder_faults.py [--frames 20000] [--noise 100000000] [--fuzz 10000000] [--json]
 """

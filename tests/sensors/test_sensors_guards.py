@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from plumbob import flags
 from plumbob.errors import DecodeError
+from plumbob.sensors import catalog
 from plumbob.sensors.columns import counts_of
 from plumbob.sensors.decode import Decoder, decode
 from plumbob.sensors.encode import encode
@@ -114,6 +116,15 @@ def test_a_check_of_two_kinds_is_learnt_alike_however_the_bytes_are_cut(words):
     assert in_pieces(form, stream, range(len(stream))) == whole
     for at in range(1, len(stream)):
         assert in_pieces(form, stream, [at]) == whole
+
+
+def test_floats_that_are_no_numbers_are_absent_and_flagged():
+    form = catalog.load("xbus_mtdata2")
+    rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]})
+    found = decode(form, rows.tobytes())[0]["xbus_mtdata2"]
+    np.testing.assert_array_equal(found.columns["gyr.x"], [1.0, np.nan, np.nan, 2.0])
+    assert found.columns["gyr.y"].tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert (found.flags[""] == [0, flags.GYR_INVALID, flags.GYR_INVALID, 0]).all()
 
 
 def test_after_a_disturbance_a_frame_counts_once_another_begins_behind_it():

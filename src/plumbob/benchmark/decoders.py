@@ -13,6 +13,8 @@ from plumbob.sensors.decode import decode
 from plumbob.sensors.format import Format
 
 SHARE = 0.02
+RESYNC = 2
+"""Undamaged frames in a row after which a decoder must have found its way again."""
 _SURE = 0.9999  # a count above this quantile of what is declared is no chance
 
 
@@ -45,8 +47,8 @@ class Harmed:
 
     @property
     def met(self) -> bool:
-        """Whether at most one undamaged frame was lost per fault, and no more wrong ones believed than allowed."""
-        return self.lost <= self.faults and self.wrong <= self.allowed
+        """Whether at most one frame was lost per fault, never more than two in a row, and none wrong but as allowed."""
+        return self.lost <= self.faults and self.longest <= RESYNC and self.wrong <= self.allowed
 
     def as_dict(self) -> dict[str, Any]:
         """Values by name, for JSON."""
@@ -118,8 +120,8 @@ class Decoders:
         for one in self.formats:
             cells = {harm.kind: _cell(harm) for harm in one.harms}
             yield f"{one.name:16}{one.check:20}" + "".join(f"{cells.get(kind, '–'):>15}" for kind in HARMS)
-        yield "–: a bus cuts its transfers itself; no byte can come or go. !: more than 1 lost per fault, or more wrong"
-        yield "than the check's size explains. A transfer without any check shows every flipped bit as data."
+        yield "–: a bus cuts its transfers itself; no byte can come or go. A transfer without any check shows every flipped"
+        yield "bit as data. !: more than 1 lost per fault, over 2 in a row, or more wrong than the check's size explains"
 
     def _noise_lines(self) -> Iterator[str]:
         yield f"{'':16}{'random bytes':>14}{'believed':>10}{'expected':>10}{'mutated bytes':>15}{'waiting':>9}" + (

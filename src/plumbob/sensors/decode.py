@@ -280,9 +280,14 @@ def _listen(one: Field, counts: Column, found: Mapping[str, NDArray[np.uint32]])
 def _at_its_end(
     one: Field, counts: Column, found: Mapping[str, NDArray[np.uint32]]
 ) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Flag a triad whose count is at the end of its range; return its own column where it is beyond."""
+    """Flag a triad whose count is at the end of its range, or is no number; return its own column where it is none."""
     unit, _, triad = one.triad.rpartition(".")
-    if not triad or one.type[0] == "f":
+    if one.type[0] == "f":
+        wild = ~np.isfinite(counts)
+        if triad and wild.any():
+            found[unit][wild] |= np.uint32(_BITS[triad, "invalid"])
+        return [(one.name, wild)] if wild.any() else []
+    if not triad:
         return []
     low, high = one.clip or one.limits
     beyond = np.isin(counts, one.overflow) if one.overflow else np.zeros(counts.shape, dtype=bool)
