@@ -120,8 +120,8 @@ class Decoders:
         for one in self.formats:
             cells = {harm.kind: _cell(harm) for harm in one.harms}
             yield f"{one.name:16}{one.check:20}" + "".join(f"{cells.get(kind, '–'):>15}" for kind in HARMS)
-        yield "–: a bus cuts its transfers itself; no byte can come or go. A transfer without any check shows every flipped"
-        yield "bit as data. !: more than 1 lost per fault, over 2 in a row, or more wrong than the check's size explains"
+        yield "–: a bus cuts its transfers itself, so that no byte can come or go. Without a check every flipped bit is"
+        yield "data. !: more than 1 lost per fault, over 2 in a row, or more wrong than the check's size explains."
 
     def _noise_lines(self) -> Iterator[str]:
         yield f"{'':16}{'random bytes':>14}{'believed':>10}{'expected':>10}{'mutated bytes':>15}{'waiting':>9}" + (
