@@ -40,6 +40,32 @@ def add_noise(
     parser.add_argument("--noise", type=Path, metavar="JSON", help=help_)
 
 
+def add_option(parser: argparse.ArgumentParser) -> None:
+    """Option --option."""
+    parser.add_argument(
+        "--option",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="what the bytes do not say, as gyr_range='500 deg/s'; see 'plumbob devices NAME'",
+    )
+
+
+def options_of(args: argparse.Namespace) -> dict[str, str]:
+    """Choices that --option names."""
+    from plumbob.errors import ParameterError
+
+    found: dict[str, str] = {}
+    for item in args.option:
+        name, equals, value = item.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            raise ParameterError(f"--option needs NAME=VALUE, as gyr_range='500 deg/s', but got '{item}'.")
+        if name.strip() in found:
+            raise ParameterError(f"--option {name.strip()} is given twice.")
+        found[name.strip()] = value.strip()
+    return found
+
+
 def frame_of(args: argparse.Namespace) -> "Frame | None":
     """Frame that --frame names, if any."""
     from plumbob.rotations import Frame

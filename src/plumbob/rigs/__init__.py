@@ -1,1 +1,34 @@
-"""Emulated rigs: the hardware of the papers, speaking its real bytes."""
+"""Emulated rigs: the hardware of the five papers, speaking its real bytes, with faults where they are asked for.
+
+``make_rig(PLANS["buoy"], load("buoy"), seed=1)`` gives frames with their times and the truth behind them, and
+``serve(rig, port, ...)`` sends them as the hardware would. A format of one's own makes a rig too: `plan_for`.
+"""
+
+from plumbob.rigs.faults import KINDS, Fault
+from plumbob.rigs.find import find_format
+from plumbob.rigs.formats import load, names
+from plumbob.rigs.plan import PLANS, Plan, Unit, plan_for
+from plumbob.rigs.port import FilePort, Port, PtyPort, TcpPort, UdpPort
+from plumbob.rigs.rig import Rig, make_rig
+from plumbob.rigs.serve import Served, serve
+
+__all__ = [
+    "KINDS",
+    "PLANS",
+    "Fault",
+    "FilePort",
+    "Plan",
+    "Port",
+    "PtyPort",
+    "Rig",
+    "Served",
+    "TcpPort",
+    "UdpPort",
+    "Unit",
+    "find_format",
+    "load",
+    "make_rig",
+    "names",
+    "plan_for",
+    "serve",
+]

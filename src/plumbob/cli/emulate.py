@@ -1,0 +1,213 @@
+"""plumbob emulate: a rig that speaks its real bytes."""
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Any
+
+from plumbob.cli import common
+from plumbob.units import Quantity, parse
+
+if TYPE_CHECKING:
+    from plumbob.rigs import Fault, Plan, Port, Rig, Served
+    from plumbob.sensors.format import Format
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "emulate",
+        help="be a rig: its real bytes over a pseudo-terminal, a socket or into a file",
+        description="Emulate a paper's rig, or any frame described in TOML, driven by the simulator. Prints the port's "
+        "name first, and starts when somebody opens it.",
+    )
+    p.add_argument("what", nargs="?", metavar="RIG", help="a rig, or a format: see --list and 'plumbob devices'")
+    p.add_argument("--list", action="store_true", help="list rigs and kinds of faults, and stop")
+    _add_content(p)
+    _add_port(p)
+    _add_faults(p)
+    p.set_defaults(run=run)
+
+
+def _add_content(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--scenario", metavar="NAME", help="what the body does, where it is not the rig's own")
+    p.add_argument("--set", default="", metavar="P", help="name=value,... with units: parameters of --scenario")
+    p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts of a format's units (default ideal)")
+    p.add_argument("--module", choices=("drawn", "calibrated"), default="drawn", help="default drawn, as off the line")
+    common.add_frame(p, "navigation frame of a format's truth, and its body's axes (a rig has its own; default NED)")
+    common.add_option(p)
+    p.add_argument("--seed", type=int, default=0, metavar="N", help="of everything left to chance (default 0)")
+    p.add_argument("--rate", metavar="HZ", help="frames per second, as 100Hz, where it is not the format's")
+    p.add_argument("--duration", metavar="S", help="as 60s, where it is not the scenario's")
+    p.add_argument("--truth", type=Path, metavar="FILE", help="recording of samples and truth; calibration card beside")
+
+
+def _add_port(p: argparse.ArgumentParser) -> None:
+    where = p.add_mutually_exclusive_group()
+    where.add_argument("--link", type=Path, metavar="PATH", help="symbolic link that leads to the pseudo-terminal")
+    where.add_argument("--tcp", metavar="HOST:PORT", help="listen there; port 0 takes a free one")
+    where.add_argument("--udp", metavar="HOST:PORT", help="send there, a frame in a datagram")
+    where.add_argument("--write", metavar="FILE", help="only the bytes, into a file, '-' for a pipe; as fast as can be")
+    p.add_argument("--speed", metavar="K", help="times real time, or max (default 1; max with --write)")
+
+
+def _add_faults(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--faults", metavar="F", help="kind=share,... of the frames, as flip=2%%,unplug=0.001")
+    p.add_argument("--fault-log", type=Path, metavar="FILE", help="one JSON line for each fault once it has happened")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob.errors import ParameterError
+    from plumbob.rigs import make_rig, serve
+
+    if args.list:
+        _print_list()
+        return 0
+    if args.what is None:
+        raise ParameterError("emulate needs a RIG or a format; 'plumbob emulate --list' shows what there is.")
+    speed, faults = _speed(args), _faults(args.faults)
+    duration = None if args.duration is None else parse(args.duration, Quantity.TIME)
+    form, plan = _plan(args)
+    with ExitStack() as stack:
+        stop = stack.enter_context(_stopped_by_signals())
+        port = stack.enter_context(_port(args))
+        log = stack.enter_context(_fault_log(args.fault_log))
+        rig = make_rig(plan, form, seed=args.seed, duration=duration, module=args.module, faults=faults)
+        if args.truth:
+            _write_truth(args.truth, rig)
+        served = serve(rig, port, speed=speed, stop=stop, on_fault=log)
+    _tell(served, len(rig))
+    return 0
+
+
+def _plan(args: argparse.Namespace) -> "tuple[Format, Plan]":
+    from dataclasses import replace
+
+    from plumbob.errors import ParameterError
+    from plumbob.rigs import PLANS, find_format, plan_for
+    from plumbob.rotations import Frame
+    from plumbob.sim import scenario
+
+    form = find_format(args.what).bind(common.options_of(args))
+    rate = None if args.rate is None else parse(args.rate, Quantity.FREQUENCY)
+    motion = None if args.scenario is None else scenario(args.scenario, **dict(common.pairs(args.set)))
+    if plan := PLANS.get(form.name if not args.what.endswith(".toml") else ""):
+        if args.sensors != "ideal" or args.frame:
+            raise ParameterError(f"rig {plan.name} has its own sensors and frame; leave --sensors and --frame out.")
+        if motion:
+            plan = replace(plan, scenario=motion, duration=motion.duration)
+        return form, replace(plan, rate=rate or plan.rate)
+    if motion is None:
+        raise ParameterError(f"say what moves {form.name}: --scenario buoy, or another of 'plumbob sim --list'.")
+    frame = common.frame_of(args) or Frame.NED
+    return form, plan_for(form, motion, sensors=args.sensors, frame=frame, rate=rate)
+
+
+def _speed(args: argparse.Namespace) -> float | None:
+    from plumbob.errors import ParameterError
+
+    text = args.speed or ("max" if args.write else "1")
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0.0 < speed < float("inf"):
+        raise ParameterError(f"--speed must be a number above 0, or max, but it is '{text}'.")
+    return speed
+
+
+def _faults(text: str | None) -> dict[str, float]:
+    return {kind: parse(share, Quantity.RATIO) for kind, share in common.pairs(text)}
+
+
+@contextmanager
+def _stopped_by_signals() -> Iterator[Event]:
+    """Event that SIGTERM and Ctrl-C set: ending is how an emulator is used, no mishap."""
+    stop = Event()
+    before = {which: signal.signal(which, lambda *_: stop.set()) for which in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield stop
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
+
+
+@contextmanager
+def _port(args: argparse.Namespace) -> "Iterator[Port]":
+    """Open the port, and say its name before anything else."""
+    from plumbob.rigs import FilePort, PtyPort, TcpPort, UdpPort
+
+    with ExitStack() as stack:
+        port: Port
+        if args.write == "-":
+            port = FilePort(sys.stdout.buffer, "-")
+        elif args.write:
+            port = FilePort(stack.enter_context(Path(args.write).open("wb")), args.write)
+        elif args.tcp:
+            port = TcpPort(*_address(args.tcp))
+        elif args.udp:
+            port = UdpPort(*_address(args.udp))
+        else:
+            port = PtyPort(args.link)
+        stack.callback(port.close)
+        if not args.write:
+            print(port.name, flush=True)
+        yield port
+
+
+def _address(text: str) -> tuple[str, int]:
+    from plumbob.errors import ParameterError
+
+    host, colon, number = text.rpartition(":")
+    if not colon or not number.isdecimal() or int(number) > 65535:
+        raise ParameterError(f"an address is HOST:PORT, as 127.0.0.1:4000, but got '{text}'.")
+    return host, int(number)
+
+
+@contextmanager
+def _fault_log(path: Path | None) -> "Iterator[Callable[[Fault], None]]":
+    if path is None:
+        yield lambda fault: None
+        return
+    with path.open("w", encoding="utf-8") as file:
+        yield lambda fault: print(json.dumps(fault.told()), file=file, flush=True)
+
+
+def _write_truth(path: Path, rig: "Rig") -> None:
+    from plumbob import io
+
+    for prefix, unit in rig.units.items():
+        own = path.with_stem(f"{path.stem}-{prefix}") if prefix else path
+        recording = io.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=(unit.truth.source,))
+        io.write(own, recording)
+        unit.calibration.save(own.with_suffix(".card.json"))
+
+
+def _tell(served: "Served", count: int) -> None:
+    what: Mapping[str, Any] = {
+        "sent": served.sent,
+        "lost by faults": served.lost,
+        "due while nobody listened": served.unheard,
+    }
+    told = ", ".join(f"{number} {word}" for word, number in what.items() if number or word == "sent")
+    late = f"; latest by {served.latest_ns / 1e6:.1f} ms" if served.latest_ns else ""
+    common.note(f"{count} frames: {told}{late}")
+
+
+def _print_list() -> None:
+    from plumbob.rigs import KINDS, PLANS
+
+    print("rigs")
+    for name, plan in PLANS.items():
+        print(f"    {name:10} {plan.title}; {plan.rate:g} Hz")
+    print("faults, each a share of the frames")
+    for kind, meaning in KINDS.items():
+        print(f"    {kind:10} {meaning}")

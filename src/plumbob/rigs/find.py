@@ -1,0 +1,34 @@
+"""One door to every format: a file of one's own, a catalogued device, or a rig."""
+
+from pathlib import Path
+
+from plumbob.errors import ParameterError
+from plumbob.rigs import formats
+from plumbob.sensors import catalog
+from plumbob.sensors.format import Format
+from plumbob.sensors.format_toml import load_format
+
+
+def find_format(name: str) -> Format:
+    """Format that a name means.
+
+    Parameters
+    ----------
+    name : str
+        A ``.toml`` file, a device of the catalogue or one of its aliases, or a rig.
+
+    Raises
+    ------
+    DecodeError
+        If the file cannot be read, or is no format.
+    ParameterError
+        If there is neither.
+    """
+    if name.endswith(".toml"):
+        return load_format(Path(name))
+    if name in formats.names():
+        return formats.load(name)
+    try:
+        return catalog.load(name)
+    except ParameterError as error:
+        raise ParameterError(f"{error} Rigs are {', '.join(formats.names())}.") from error

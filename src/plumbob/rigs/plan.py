@@ -1,0 +1,108 @@
+"""What each rig is made of: its units, how they are mounted, and what is done with them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import sqrt
+from typing import Final
+
+from plumbob.errors import ParameterError
+from plumbob.rigs.mount import Quat
+from plumbob.rotations import Frame
+from plumbob.sensors.decode import units_of
+from plumbob.sensors.format import Format
+from plumbob.sim import Scenario, scenario
+
+ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One unit of a rig.
+
+    Attributes
+    ----------
+    sensors : str
+        Its parts, as `plumbob.sim.simulate` knows them.
+    prefix : str
+        Of its fields in the frame; empty where there is one unit only.
+    q_bs : tuple of 4 float
+        How it is mounted: from its axes to the body's.
+    """
+
+    sensors: str
+    prefix: str = ""
+    q_bs: Quat = ALIGNED
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A rig before it is built.
+
+    Attributes
+    ----------
+    name, title : str
+        Short and full name.
+    scenario : Scenario
+        What the body does.
+    frame : Frame
+        Navigation frame of the truth, and the body's axes with it.
+    rate : float
+        Frames per second, Hz.
+    duration : float
+        Time that it talks, s.
+    units : tuple of Unit
+        What sits on the body.
+    """
+
+    name: str
+    title: str
+    scenario: Scenario
+    frame: Frame
+    rate: float
+    duration: float
+    units: tuple[Unit, ...]
+
+
+def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> Plan:
+    """Plan for a format of one's own: every unit in it has the same sensors, aligned with the body.
+
+    Parameters
+    ----------
+    form : Format
+        What it says on the wire.
+    motion : Scenario
+        What the body does.
+    sensors : str
+        Parts of each unit, joined by ``+``.
+    frame : Frame
+        Navigation frame.
+    rate : float or None
+        Frames per second, Hz; the format's where it is None.
+
+    Raises
+    ------
+    ParameterError
+        If neither says a rate.
+    """
+    pace = form.framing.rate if rate is None else rate
+    if pace is None:
+        raise ParameterError(f"{form.name} does not say how many frames it sends per second; give a rate, as 100Hz.")
+    units = tuple(Unit(sensors, prefix) for prefix in units_of(form.messages[0]))
+    return Plan(form.name, form.title, motion, frame, pace, motion.duration, units)
+
+
+_HALF: Final = sqrt(0.5)
+_ABOUT_X: Final[Quat] = (0.0, 1.0, 0.0, 0.0)
+_ABOUT_Y: Final[Quat] = (0.0, 0.0, 1.0, 0.0)
+_ABOUT_Z: Final[Quat] = (0.0, 0.0, 0.0, 1.0)
+
+PLANS: Final[Mapping[str, Plan]] = {
+    plan.name: plan
+    for plan in (
+        Plan(
+            "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
+            (Unit("mpu6000+hmc5983"),),
+        ),
+    )
+}  # fmt: skip
+"""The papers' rigs by name."""

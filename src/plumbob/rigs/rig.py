@@ -1,0 +1,145 @@
+"""A rig that is built: every frame with its time, the truth behind it, and the faults on the way."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import clock
+from plumbob.errors import ParameterError
+from plumbob.rigs import faults as line_faults
+from plumbob.rigs.columns import columns_for, reach
+from plumbob.rigs.faults import Damage, Fault
+from plumbob.rigs.mount import Mounted
+from plumbob.rigs.plan import Plan, Unit
+from plumbob.sensors.encode import encode
+from plumbob.sensors.format import Format, Message
+from plumbob.sim import Module, Simulation, TriadErrors, draw_module, simulate
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A rig that is ready to talk.
+
+    Attributes
+    ----------
+    plan : Plan
+        What it is made of.
+    form : Format
+        What it says, bound.
+    units : mapping of str to Simulation
+        Truth, samples, calibration and noise of each unit in its own axes, by the prefix of its fields.
+    due_ns : ndarray (N,) of int64
+        When each frame is ready, ns from the start.
+    frames : ndarray (N, L) of uint8
+        Frames as the device makes them, before anything happens to them on the line.
+    damage : Damage
+        What happens to them on the line.
+    """
+
+    plan: Plan
+    form: Format
+    units: Mapping[str, Simulation]
+    due_ns: NDArray[np.int64]
+    frames: NDArray[np.uint8]
+    damage: Damage
+
+    def __len__(self) -> int:
+        return int(self.due_ns.size)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Faults on the line, in order."""
+        return self.damage.faults
+
+    def payloads(self, first: int, end: int) -> list[bytes]:
+        """Bytes that go out for frames `first` to `end`, exclusive; empty where a frame is lost."""
+        changed, lost = self.damage.changed, self.damage.lost
+        return [b"" if lost[i] else changed.get(i) or self.frames[i].tobytes() for i in range(first, end)]
+
+    def stream(self) -> bytes:
+        """All bytes that go out."""
+        return b"".join(self.payloads(0, len(self)))
+
+
+def make_rig(
+    plan: Plan,
+    form: Format,
+    *,
+    seed: int,
+    duration: float | None = None,
+    module: str = "drawn",
+    faults: Mapping[str, float] | None = None,
+) -> Rig:
+    """Build a rig.
+
+    Parameters
+    ----------
+    plan : Plan
+        What it is made of.
+    form : Format
+        What it says; its first message is what it sends.
+    seed : int
+        Of everything left to chance: the sea, the units' errors, their noise, faults.
+    duration : float, optional
+        s, where it shall differ from the plan's.
+    module : {"drawn", "calibrated"}
+        Units as they left the line, or after an ideal calibration.
+    faults : mapping of str to float, optional
+        Share of the frames that a fault of `plumbob.rigs.faults.KINDS` befalls.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown or a value outside its domain.
+    """
+    bound = form.bind()
+    message = bound.messages[0]
+    units = {
+        unit.prefix: _simulated(plan, unit, message, number, seed, duration, module)
+        for number, unit in enumerate(plan.units)
+    }
+    due_ns = clock.to_ns(next(iter(units.values())).imu.t)
+    drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
+    columns = columns_for(message, units, drawn.device_ns, drawn.counter)
+    if not columns:
+        raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
+    frames = encode(bound, columns)
+    return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed))
+
+
+def _simulated(
+    plan: Plan, unit: Unit, message: Message, number: int, seed: int, duration: float | None, module: str
+) -> Simulation:
+    own_seed = seed if number == 0 else 1000 * seed + number  # each unit has its own errors and noise
+    return simulate(
+        Mounted(plan=plan.scenario, frame=plan.frame, q_bs=unit.q_bs, seed=seed),
+        frame=plan.frame,
+        sensors=fitted(draw_module(unit.sensors, own_seed), message, unit.prefix),
+        module=module,
+        seed=own_seed,
+        rate=plan.rate,
+        duration=plan.duration if duration is None else duration,
+    )
+
+
+def fitted(module: Module, message: Message, prefix: str) -> Module:
+    """Unit whose counts and ranges are those of the wire, so that nothing is rounded or cut twice."""
+    return replace(
+        module,
+        gyr=_fitted(module.gyr, message, prefix, "gyr"),
+        acc=_fitted(module.acc, message, prefix, "acc"),
+        mag=_fitted(module.mag, message, prefix, "mag"),
+    )
+
+
+def _fitted(errors: TriadErrors | None, message: Message, prefix: str, triad: str) -> TriadErrors | None:
+    if errors is None:
+        return None
+    lsb, full_scale = np.array(errors.lsb), np.array(errors.full_scale)
+    for i, axis in enumerate("xyz"):
+        name = ".".join(part for part in (prefix, triad, axis) if part)
+        for one in (f for f in message.fields if f.name == name and f.type[0] != "f"):
+            lsb[i], full_scale[i] = abs(one.scale), reach(one)
+    return replace(errors, lsb=lsb, full_scale=full_scale)

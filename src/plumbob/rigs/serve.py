@@ -1,0 +1,131 @@
+"""Send a rig's frames when they are due: on an absolute schedule, so that lateness never adds up."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from threading import Event
+from time import monotonic_ns, sleep
+from typing import Final
+
+import numpy as np
+
+from plumbob.rigs.faults import Fault
+from plumbob.rigs.port import Port
+from plumbob.rigs.rig import Rig
+
+_BATCH: Final = 256
+"""Frames that are handed to the port at a time."""
+_LONGEST_WAIT: Final = 0.2
+_GONE: Final = 0.05
+"""s; how long a port stays away where nobody waits for the time of day."""
+
+
+@dataclass(slots=True)
+class Served:
+    """What became of the frames.
+
+    Attributes
+    ----------
+    sent : int
+        Frames handed to the port, damaged ones included.
+    lost : int
+        Frames that a fault took away.
+    unheard : int
+        Frames that were due while nobody listened.
+    latest_ns : int
+        Longest delay of a frame behind its time, ns; 0 as fast as wanted.
+    """
+
+    sent: int = 0
+    lost: int = 0
+    unheard: int = 0
+    latest_ns: int = 0
+
+
+def serve(
+    rig: Rig,
+    port: Port,
+    *,
+    speed: float | None,
+    stop: Event,
+    on_fault: Callable[[Fault], None] = lambda fault: None,
+) -> Served:
+    """Send every frame, from the moment that somebody listens; late frames are sent, not skipped.
+
+    Parameters
+    ----------
+    rig : Rig
+        What to send.
+    port : Port
+        Where to; it is left open.
+    speed : float or None
+        Times real time; None sends as fast as the reader takes them.
+    stop : Event
+        Ends it early.
+    on_fault : callable
+        Called with each fault once it has happened.
+    """
+    told = Served()
+    if not _await_reader(port, stop):
+        return told
+    start, at, faults = monotonic_ns(), 0, list(rig.faults)
+    while at < len(rig) and not stop.is_set():
+        end = _due(rig, at, start, speed, told)
+        if end == at:
+            _sleep_until(start + int(rig.damage.send_ns[at] / (speed or 1.0)), stop)
+            continue
+        at = _send(rig, port, at, end, told)
+        if at in rig.damage.unplugged:
+            at = _replug(rig, port, at, start, speed, stop, told)
+        while faults and faults[0].frame < at:
+            on_fault(faults.pop(0))
+    return told
+
+
+def _await_reader(port: Port, stop: Event) -> bool:
+    while not port.heard() and not stop.is_set():
+        stop.wait(0.005)
+    return not stop.is_set()
+
+
+def _due(rig: Rig, at: int, start: int, speed: float | None, told: Served) -> int:
+    """Frame up to which all may go out now, and at most up to where the port vanishes."""
+    end = min(at + _BATCH, len(rig), *(first for first in rig.damage.unplugged if first > at))
+    if speed is None:
+        return end
+    now = (monotonic_ns() - start) * speed
+    end = min(end, int(np.searchsorted(rig.damage.send_ns, now, side="right")))
+    if end > at:
+        told.latest_ns = max(told.latest_ns, int((now - rig.damage.send_ns[at]) / speed))
+    return max(at, end)
+
+
+def _send(rig: Rig, port: Port, at: int, end: int, told: Served) -> int:
+    """Hand frames to the port, and return the first that it has not taken."""
+    heard = port.heard()
+    done = at + port.send(rig.payloads(at, end))
+    lost = int(rig.damage.lost[at:done].sum())
+    told.lost += lost
+    if heard:
+        told.sent += done - at - lost
+    else:
+        told.unheard += done - at - lost
+    return done
+
+
+def _replug(rig: Rig, port: Port, at: int, start: int, speed: float | None, stop: Event, told: Served) -> int:
+    back = rig.damage.unplugged[at]
+    port.unplug()
+    if speed is None or back == len(rig):
+        sleep(_GONE)
+    else:
+        _sleep_until(start + int(rig.damage.send_ns[back] / speed), stop)
+    port.replug()
+    told.lost += back - at
+    if speed is None and back < len(rig):
+        _await_reader(port, stop)
+    return back
+
+
+def _sleep_until(when_ns: int, stop: Event) -> None:
+    while not stop.is_set() and (rest := when_ns - monotonic_ns()) > 0:
+        stop.wait(min(rest / 1e9, _LONGEST_WAIT))
