@@ -10,7 +10,20 @@ from importlib import import_module
 from plumbob import __version__
 from plumbob.errors import PlumbobError
 
-VERBS = ("demo", "emulate", "verify", "repair", "sim", "run", "eval", "info", "benchmark", "filters", "warmup")
+VERBS = (
+    "demo",
+    "decode",
+    "emulate",
+    "verify",
+    "repair",
+    "sim",
+    "run",
+    "eval",
+    "info",
+    "benchmark",
+    "filters",
+    "warmup",
+)
 
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify) or

@@ -1,6 +1,6 @@
 """Where a rig's bytes go: a pseudo-terminal, a socket or a file."""
 
-import errno
+import contextlib
 import os
 import select
 import socket
@@ -15,6 +15,7 @@ from typing import BinaryIO, Protocol
 from plumbob.errors import ParameterError
 
 _TURN = 0.05  # s; how long one wait lasts, so that a stop is noticed soon
+_SHORTLY, _PATIENTLY = 1.0, 2.0  # s; how long a terminal's reader may take for the rest
 
 
 class Port(Protocol):
@@ -78,11 +79,8 @@ class PtyPort:
         """Whether somebody has it open; what they write to the device is read and forgotten."""
         found = self._poll(select.POLLIN, 0.0)
         if found & select.POLLIN and not found & select.POLLHUP:
-            try:
+            with contextlib.suppress(OSError):  # it may have been closed just now
                 os.read(self._master, 4096)
-            except OSError as error:
-                if error.errno not in (errno.EIO, errno.EAGAIN):
-                    raise
         return not found & select.POLLHUP
 
     def send(self, payloads: Sequence[bytes]) -> int:
@@ -109,7 +107,8 @@ class PtyPort:
         return found[0][1] if found else 0
 
     def unplug(self) -> None:
-        """Close the terminal: whoever reads it gets an error."""
+        """Close the terminal: whoever reads it gets an error, once everything has been read."""
+        self._settle(_SHORTLY)
         os.close(self._master)
         self._rest = b""
 
@@ -119,11 +118,24 @@ class PtyPort:
 
     def close(self) -> None:
         """Close it, once everything has been read or nobody reads on."""
-        if self.heard():
-            _await_reader(self._name)
+        self._settle(_PATIENTLY)
         os.close(self._master)
         if self._link and self._link.is_symlink() and str(self._link.readlink()) == self._name:
             self._link.unlink()
+
+    def _settle(self, most: float) -> None:
+        """Wait until a reader has read everything; closing this end throws away what it has not."""
+        if not self.heard():
+            return
+        slave = os.open(self._name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            end, quiet = monotonic() + most, 0
+            while quiet < 2 and monotonic() < end:
+                waiting = int.from_bytes(ioctl(slave, FIONREAD, bytes(4)), "little")
+                quiet = 0 if waiting else quiet + 1
+                sleep(0.01)
+        finally:
+            os.close(slave)
 
 
 def _lead(link: Path, target: str) -> None:
@@ -134,19 +146,6 @@ def _lead(link: Path, target: str) -> None:
     new.unlink(missing_ok=True)
     new.symlink_to(target)
     new.replace(link)
-
-
-def _await_reader(name: str, most: float = 2.0) -> None:
-    """Wait until a terminal's input has been read; closing the other end throws away what has not."""
-    slave = os.open(name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    try:
-        end, quiet = monotonic() + most, 0
-        while quiet < 2 and monotonic() < end:
-            waiting = int.from_bytes(ioctl(slave, FIONREAD, bytes(4)), "little")
-            quiet = 0 if waiting else quiet + 1
-            sleep(0.02)
-    finally:
-        os.close(slave)
 
 
 class TcpPort:

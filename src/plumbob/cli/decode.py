@@ -1,0 +1,220 @@
+"""plumbob decode: bytes to a table of numbers with units."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from plumbob.cli import common
+from plumbob.units import Quantity, parse, unit
+
+if TYPE_CHECKING:
+    from plumbob.sensors.decode import Counts, Frames
+    from plumbob.sensors.format import Format
+
+_READ = 1 << 20
+_HINT = 1 << 18
+"""Bytes of a file of which other formats are tried."""
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "decode",
+        help="bytes of a known device or a described frame to a table with units",
+        description="Decode raw bytes into a table: one row a frame, SI units in the header. Damaged bytes are skipped "
+        "and counted on standard error.",
+    )
+    p.add_argument("file", metavar="FILE", help="raw bytes, as a device sent them; '-' for standard input")
+    p.add_argument("--format", required=True, metavar="F", help="device, rig, or TOML file; see 'plumbob devices'")
+    common.add_option(p)
+    p.add_argument("--message", default="", metavar="M", help="which kind of frame (default the first that occurs)")
+    p.add_argument(
+        "--rate", metavar="HZ", help="frames per second: adds a column of time, counted from the first frame"
+    )
+    p.add_argument("--out", type=Path, metavar="FILE", help="write .csv, .parquet or .json instead of printing CSV")
+    p.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob.errors import DecodeError, ParameterError
+    from plumbob.rigs import find_format
+    from plumbob.sensors.decode import Decoder
+
+    form = find_format(args.format).bind(common.options_of(args))
+    if args.message:
+        form.message(args.message)
+    if args.out and args.out.suffix not in (".csv", ".parquet", ".json"):
+        raise ParameterError(f"{args.out} must end in .csv, .parquet or .json, so that its kind is known.")
+    common.keep_inputs(Path(args.file), out=args.out)
+    table = _Table(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
+    decoder, head = Decoder(form), b""
+    for data in _chunks(args.file):
+        head = head or data[:_HINT]
+        table.add(decoder.feed(data))
+        if args.out is None:
+            table.print_new()
+    table.add(decoder.finish())
+    if not decoder.counts.received:
+        raise DecodeError(f"{args.file} is empty; there is nothing to decode.")
+    if not sum(decoder.counts.frames.values()):
+        raise DecodeError(
+            f"{args.file}: none of its {_bytes(decoder.counts.received)} is {_a(form)}.{_hint(form, head)}"
+        )
+    if args.out is None:
+        table.print_new()
+    else:
+        table.write(args.out, decoder.counts)
+    _tell(form, decoder.counts, table.message, head)
+    return 0
+
+
+class _Table:
+    """Rows of one message, as they come."""
+
+    def __init__(self, message: str, rate: float | None) -> None:
+        self.message = message
+        self._rate = rate
+        self._parts: list[Frames] = []
+        self._printed = 0
+        self._rows = 0
+
+    def add(self, found: "dict[str, Frames]") -> None:
+        """Take frames of the message; of the first that comes, where none was asked for."""
+        self.message = self.message or next(iter(found), "")
+        if self.message in found:
+            self._parts.append(found[self.message])
+
+    def print_new(self) -> None:
+        """Print what has come since the last call, as CSV."""
+        for line in self._csv():
+            sys.stdout.write(line)
+        sys.stdout.flush()
+
+    def write(self, path: Path, counts: "Counts") -> None:
+        """Write all into a file whose suffix says the kind."""
+        if path.suffix == ".csv":
+            with path.open("w", encoding="utf-8") as file:
+                file.writelines(self._csv())
+            return
+        columns: dict[str, list[Any]] = {}
+        for names, lists in self._blocks():
+            for name, values in zip(names, lists, strict=True):
+                columns.setdefault(name, []).extend(values)
+        if path.suffix == ".json":
+            import json
+
+            told = {"message": self.message, "counts": counts.summary(), "columns": columns}
+            path.write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+            return
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        pq.write_table(pa.table(columns), path)
+
+    def _csv(self) -> Iterator[str]:
+        for names, lists in self._blocks():
+            if self._printed == 0:
+                yield ",".join(names) + "\n"
+            self._printed += 1
+            yield from (",".join(map(_cell, row)) + "\n" for row in zip(*lists, strict=True))
+
+    def _blocks(self) -> Iterator[tuple[list[str], list[list[Any]]]]:
+        """Names and values of the columns, block by block."""
+        parts, self._parts = self._parts, []
+        for frames in parts:
+            columns = _columns(frames)
+            if self._rate:
+                columns = {"t [s]": [(self._rows + i) / self._rate for i in range(len(frames))]} | columns
+            self._rows += len(frames)
+            yield list(columns), list(columns.values())
+
+
+def _columns(frames: "Frames") -> dict[str, list[Any]]:
+    """Columns by name with unit; None where there is no value."""
+    from plumbob import flags
+
+    found: dict[str, list[Any]] = {"byte": frames.start.tolist()}
+    for one in (f for f in frames.message.fields if f.name in frames.columns):
+        values = frames.columns[one.name].tolist()
+        name = unit(one.unit).quantity.value if one.physical else one.unit
+        header = one.name if name in ("", "1") else f"{one.name} [{name}]"
+        found[header] = [None if value != value else value for value in values]
+    for prefix, words in frames.flags.items():
+        found[f"{prefix}.flags" if prefix else "flags"] = ["+".join(flags.names(word)) for word in words.tolist()]
+    return found
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
+
+
+def _chunks(name: str) -> Iterator[bytes]:
+    if name == "-":
+        yield from _pieces(sys.stdin.buffer)
+        return
+    with Path(name).open("rb") as file:
+        yield from _pieces(file)
+
+
+def _pieces(file: BinaryIO) -> Iterator[bytes]:
+    read = getattr(file, "read1", file.read)  # what is there already, where it comes through a pipe
+    while data := read(_READ):
+        yield data
+
+
+def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
+    """Say on standard error what was not decoded, and why."""
+    others = [f"{count} of {name}" for name, count in counts.frames.items() if count and name != message]
+    if others:
+        common.note(f"{counts.frames[message]} frames of {message}; also {', '.join(others)}: ask with --message")
+    if counts.unknown:
+        common.note(f"{counts.unknown} frames pass their check, but are of no message that {form.name} describes")
+    if counts.junk:
+        common.note(f"{_bytes(counts.junk)} of {counts.received} belong to no frame{_why(counts)}")
+    if form.framing.transfers and (over := counts.received % form.framing.length):
+        common.note(
+            f"{_bytes(counts.received)} are no multiple of the {form.framing.length} that a transfer of {form.name} "
+            f"has: {over} too many. If the first are not whole, every row is wrong, and nothing in the bytes tells"
+        )
+    if 2 * counts.framed < counts.received and (hint := _hint(form, head)):
+        common.note(f"most of it is not {_a(form)}.{hint}")
+
+
+def _why(counts: "Counts") -> str:
+    reasons = {"checksum": counts.bad_checksum, "content": counts.bad_content, "length": counts.bad_length}
+    told = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
+    return f"; candidates rejected: {told}" if told else ""
+
+
+def _hint(form: "Format", head: bytes) -> str:
+    """Which known formats would fit; only those that cannot fit by chance."""
+    from plumbob.errors import ParameterError
+    from plumbob.rigs import find_format, names
+    from plumbob.sensors import catalog
+    from plumbob.sensors.decode import decode
+
+    fitting = []
+    for name in (*catalog.names(), *names()):
+        other = find_format(name)
+        if name == form.name or not (other.framing.sync and other.framing.checksum):
+            continue
+        try:
+            counts = decode(other, head)[1]
+        except ParameterError:  # it has an option that only the user knows
+            continue
+        if sum(counts.frames.values()) >= 2 and 2 * counts.framed > counts.received:
+            fitting.append(f"{name} ({sum(counts.frames.values())} frames)")
+    return f" It looks like {', '.join(fitting)}." if fitting else ""
+
+
+def _a(form: "Format") -> str:
+    return "a transfer of " + form.name if form.framing.transfers else "a frame of " + form.name
+
+
+def _bytes(count: int) -> str:
+    return "1 byte" if count == 1 else f"{count} bytes"
