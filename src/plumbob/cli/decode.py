@@ -1,6 +1,7 @@
 """plumbob decode: bytes to a table of numbers with units."""
 
 import argparse
+import math
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -141,7 +142,7 @@ def _columns(frames: "Frames") -> dict[str, list[Any]]:
         values = frames.columns[one.name].tolist()
         name = unit(one.unit).quantity.value if one.physical else one.unit
         header = one.name if name in ("", "1") else f"{one.name} [{name}]"
-        found[header] = [None if value != value else value for value in values]
+        found[header] = [None if isinstance(value, float) and math.isnan(value) else value for value in values]
     for prefix, words in frames.flags.items():
         found[f"{prefix}.flags" if prefix else "flags"] = ["+".join(flags.names(word)) for word in words.tolist()]
     return found
@@ -181,8 +182,9 @@ def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
             f"{_bytes(counts.received)} are no multiple of the {form.framing.length} that a transfer of {form.name} "
             f"has: {over} too many. If the first are not whole, every row is wrong, and nothing in the bytes tells"
         )
-    if 2 * counts.framed < counts.received and (hint := _hint(form, head)):
-        common.note(f"most of it is not {_a(form)}.{hint}")
+    doubtful = form.framing.transfers or 2 * counts.framed < counts.received
+    if doubtful and (hint := _hint(form, head)):
+        common.note(f"this may not be {form.name} at all.{hint}")
 
 
 def _why(counts: "Counts") -> str:
