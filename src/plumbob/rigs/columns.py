@@ -32,18 +32,20 @@ def columns_for(
     counter : ndarray (N,) of int64
         Number of each frame.
     """
-    found: dict[str, Column] = {}
     fields = {one.name: one for one in message.fields}
+    measured: dict[str, Floats] = {}
     for prefix, simulation in units.items():
-        measured = columns_of(simulation.imu, message, prefix) | _angles(simulation, fields, prefix)
-        found |= {name: _in_register(fields[name], values) for name, values in measured.items()}
+        measured |= columns_of(simulation.imu, message, prefix) | _angles(simulation, fields, prefix)
+    if not measured:
+        return {}
+    found: dict[str, Column] = {name: _in_register(fields[name], values) for name, values in measured.items()}
     for one in message.fields:
         if one.role == "counter":
             found[one.name] = counter
         elif one.role == "clock":
             found[one.name] = np.rint(device_ns / (1e9 * unit(one.unit).factor)).astype(np.int64)
-        elif one.role == "status" and one.type != "parity" and "absent" in one.says.values():
-            found[one.name] = _presence(one, units, device_ns.size)
+        elif one.role == "status" and not one.derived and "absent" in one.says.values():
+            found[one.name] = _presence(one, measured, device_ns.size)
     return found
 
 
@@ -73,13 +75,12 @@ def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) ->
     return {names[key]: angles[:, i] for i, key in enumerate(names) if names[key] in fields}
 
 
-def _presence(one: Field, units: Mapping[str, Simulation], count: int) -> NDArray[np.int64]:
-    """Counts of a status that says whether its triads have a new value."""
-    gone = np.zeros(count, dtype=bool)
-    for name in one.of:
-        prefix, _, triad = name.rpartition(".")
-        values = getattr(units[prefix].imu, triad, None) if prefix in units else None
-        gone |= np.ones(count, dtype=bool) if values is None else np.isnan(values).all(axis=1)
+def _presence(one: Field, measured: Mapping[str, Floats], count: int) -> NDArray[np.int64]:
+    """Counts of a status that says whether its triads or fields have a new value; what is not simulated has none."""
+    there = np.zeros(count, dtype=bool)
+    for name, values in measured.items():
+        if name in one.of or name.rpartition(".")[0] in one.of:
+            there |= ~np.isnan(values)
     absent = next(code for code, word in one.says.items() if word == "absent")
     present = one.value if one.value not in one.says else min(set(range(len(one.says) + 1)) - set(one.says))
-    return np.where(gone, absent, present)
+    return np.where(there, present, absent)

@@ -91,10 +91,13 @@ def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate
     return Plan(form.name, form.title, motion, frame, pace, motion.duration, units)
 
 
-_HALF: Final = sqrt(0.5)
+# No turn reverses all three axes of a unit, so each opposite unit reverses its own axis and the next: x is measured
+# against by u4 (and u6), y by u5 (and u4), z by u6 (and u5).
 _ABOUT_X: Final[Quat] = (0.0, 1.0, 0.0, 0.0)
 _ABOUT_Y: Final[Quat] = (0.0, 0.0, 1.0, 0.0)
 _ABOUT_Z: Final[Quat] = (0.0, 0.0, 0.0, 1.0)
+_REFERENCE: Final[Quat] = (sqrt(0.5), 0.0, 0.0, -sqrt(0.5))
+"""The reference's y axis is the body's x axis [Li2012], both z axes point down."""
 
 PLANS: Final[Mapping[str, Plan]] = {
     plan.name: plan
@@ -102,6 +105,25 @@ PLANS: Final[Mapping[str, Plan]] = {
         Plan(
             "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
             (Unit("mpu6000+hmc5983"),),
+        ),
+        Plan(
+            "fin", "bionic fin: ADXRS453 and ADXRS290", scenario("fin"), Frame.NED, 500.0, 220.0,
+            (Unit("adxrs290+adxrs453"),),
+        ),
+        Plan(
+            "trackball", "gyroscope at rest: MPU-3050, 1000 samples", scenario("static"), Frame.NED, 10.0, 100.0,
+            (Unit("mpu3050"),),
+        ),
+        Plan(
+            "arm", "teaching arm: six nine-axis units", scenario("arm"), Frame.NED, 10.0, 30.0,
+            (
+                Unit("arm", "u1"), Unit("arm", "u2"), Unit("arm", "u3"),
+                Unit("arm", "u4", _ABOUT_Z), Unit("arm", "u5", _ABOUT_X), Unit("arm", "u6", _ABOUT_Y),
+            ),
+        ),
+        Plan(
+            "rod", "rod moved by hand: ADIS16355 beside an AHRS500GA", scenario("rod"), Frame.NED, 100.0, 600.0,
+            (Unit("adis16355"), Unit("ideal", "ref", _REFERENCE)),
         ),
     )
 }  # fmt: skip

@@ -7,7 +7,19 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
-from plumbob.sensors.checksum import CRC, FLETCHER16, SUM8, SUM8_ZERO, SUM16, SUM16_EITHER, SUM16_WORDS, XOR8, algorithm
+from plumbob.sensors.checksum import (
+    CRC,
+    FLETCHER16,
+    SUM8,
+    SUM8_ZERO,
+    SUM16,
+    SUM16_EITHER,
+    SUM16_REST,
+    SUM16_WORDS,
+    XOR8,
+    algorithm,
+)
+from plumbob.sensors.encode import parities
 from plumbob.sensors.format import Checksum, Field, Format, Message
 from plumbob.units import unit
 
@@ -59,7 +71,8 @@ _CHECKS: Final = {
     SUM16: "    value += data[i];",
     SUM16_EITHER: "    value += data[i];",
     SUM16_WORDS: "    value += i % 2 ? data[i] : (uint32_t)data[i] << 8;",
-    FLETCHER16: "    first = (first + data[i]) & 0xFFu, second = (second + first) & 0xFFu, value = first << 8 | second;",
+    SUM16_REST: "    value = (value + (i % 2 ? data[i] : (uint32_t)data[i] << 8)) % 65535u;",
+    FLETCHER16: "    first += data[i], second += first & 0xFFu, value = (first & 0xFFu) << 8 | (second & 0xFFu);",
 }
 
 
@@ -72,7 +85,6 @@ def c_header(form: Format) -> str:
         Format, bound.
     """
     guard = f"PLUMBOB_{_name(form.name).upper()}_H"
-    check = form.framing.checksum
     parts = [
         f"/* {form.title}",
         " * Made by plumbob from its description; any change belongs there. Counts are what goes over the wire:",
@@ -89,23 +101,36 @@ def c_header(form: Format) -> str:
         _HELPERS.rstrip(),
         "#endif",
         "",
-        *([_check_function(form, check)] if check else []),
+        *(_check_function(kind) for kind in _kinds(form)),
         *(_message(form, one) for one in form.messages),
         f"#endif /* {guard} */",
     ]
     return "\n".join(parts) + "\n"
 
 
-def _check_function(form: Format, check: Checksum) -> str:
-    how = algorithm(check.kind)
+def _kinds(form: Format) -> list[str]:
+    """Checks that the format uses, those of frames inside included."""
+    inner = [one.check for message in form.messages for one in message.fields]
+    return list(dict.fromkeys(check.kind for check in (*inner, form.framing.checksum) if check))
+
+
+def _check_name(kind: str) -> str:
+    return f"plumbob_{_name(kind)}"
+
+
+def _check_function(kind: str) -> str:
+    how = algorithm(kind)
     mask = f"0x{(1 << how.width) - 1:X}u"
-    name = f"plumbob_{_name(form.name)}_check"
-    head = [f"/* {how.meaning} */", f"static inline uint32_t {name}(const uint8_t *data, int size)", "{"]
+    guard = _check_name(kind).upper()
+    head = [f"#ifndef {guard}", f"#define {guard}", f"/* {how.meaning} */"]
+    head += [f"static inline uint32_t {_check_name(kind)}(const uint8_t *data, int size)", "{"]
     if how.code == CRC:
-        return "\n".join([*head, *_cyclic(how.width, how.polynomial, how.start, how.final, how.reflected), "}", ""])
+        return "\n".join(
+            [*head, *_cyclic(how.width, how.polynomial, how.start, how.final, how.reflected), "}", "#endif", ""]
+        )
     running = ["    uint32_t first = 0, second = 0;"] if how.code == FLETCHER16 else []
     loop = ["    uint32_t value = 0;", *running, "    for (int i = 0; i < size; i++)", "    " + _CHECKS[how.code]]
-    return "\n".join([*head, *loop, f"    return value & {mask};", "}", ""])
+    return "\n".join([*head, *loop, f"    return value & {mask};", "}", "#endif", ""])
 
 
 def _cyclic(width: int, polynomial: int, start: int, final: int, reflected: bool) -> list[str]:
@@ -133,7 +158,7 @@ def _message(form: Format, message: Message) -> str:
         kind += f"_{_name(message.name)}"
     lines = ["typedef struct {", *_members(form, message), f"}} {kind};", ""]
     lines += [f'static_assert(sizeof({kind}) == {message.length}, "no padding");', ""]
-    lines += [line for one in message.fields if one.type != "parity" for line in _accessors(kind, message, one)]
+    lines += [line for one in message.fields if not one.derived for line in _accessors(kind, message, one)]
     return "\n".join([*lines, *_seal(form, kind, message)])
 
 
@@ -141,17 +166,19 @@ def _members(form: Format, message: Message) -> Iterator[str]:
     """Members in order of their bytes; what nothing describes is spare."""
     words: dict[int, tuple[int, str, list[str]]] = {}
     framing = form.framing
-    if framing.sync:
+    if framing.sync and not _says_sync(message):
         words[0] = (len(framing.sync[0]), "sync", [framing.sync[0].hex(" ").upper()])
     if rule := framing.length_field:
         words[rule.at] = (rule.size, "length", [f"length of the frame less {rule.add}, {rule.order}-endian"])
-    for one in (f for f in message.fields if f.type != "parity"):
+    for one in (f for f in message.fields if not f.derived):
         meanings = words.setdefault(one.at, (one.size, _member(message, one), []))[2]
         meanings.append(_meaning(one))
     if check := framing.checksum:
         how = algorithm(check.kind)
         place = check.at + (message.length if check.at < 0 else 0)
         words[place] = (how.size, "check", [f"{how.meaning}, {check.order}-endian"])
+    if framing.end:
+        words[message.length - len(framing.end)] = (len(framing.end), "end", [framing.end.hex(" ").upper()])
     at = 0
     for begin in sorted(words):
         size, name, meanings = words[begin]
@@ -165,9 +192,14 @@ def _members(form: Format, message: Message) -> Iterator[str]:
         yield f"    uint8_t spare_{at}[{message.length - at}];"
 
 
+def _says_sync(message: Message) -> bool:
+    """Whether a field says which of several beginnings the frame has."""
+    return any(one.at == 0 and one.role != "constant" and not one.derived for one in message.fields)
+
+
 def _member(message: Message, one: Field) -> str:
     """Name of the word that holds a field: its own, or where it begins when fields share it."""
-    shared = sum(f.at == one.at and f.type != "parity" for f in message.fields) > 1
+    shared = sum(f.at == one.at and not f.derived for f in message.fields) > 1
     return f"word_{one.at}" if shared else _name(one.name)
 
 
@@ -224,7 +256,7 @@ def _seal(form: Format, kind: str, message: Message) -> Iterator[str]:
     yield f"static inline void {kind}_seal({kind} *f)"
     yield "{"
     yield "    uint8_t *at = (uint8_t *)f;"
-    if framing.sync:
+    if framing.sync and not _says_sync(message):
         yield from (f"    at[{i}] = 0x{byte:02X};" for i, byte in enumerate(framing.sync[0]))
     if rule := framing.length_field:
         big = int(rule.order == "big")
@@ -236,22 +268,23 @@ def _seal(form: Format, kind: str, message: Message) -> Iterator[str]:
         yield f"    plumbob_put(at + {one.at}, {one.size}, {big}, {high}, {low}, {one.value & (1 << one.width) - 1}u);"
     for start, stop, bit in parities(form, message):
         yield f"    plumbob_set_odd(at + {start}, {stop - start}, {bit});"
-    if check := framing.checksum:
-        size = algorithm(check.kind).size
-        stop = check.stop + (message.length if check.stop <= 0 else 0)
-        at = check.at + (message.length if check.at < 0 else 0)
-        value = f"plumbob_{_name(form.name)}_check(at + {check.start}, {stop - check.start})"
-        yield f"    plumbob_put(at + {at}, {size}, {int(check.order == 'big')}, {8 * size - 1}, 0, {value});"
-    if not (framing.sync or message.constants or framing.checksum or parities(form, message)):
-        yield "    (void)at;"
+    yield from (_put_check(one.check, one.at, one.size) for one in message.fields if one.check)
+    if framing.checksum:
+        yield _put_check(framing.checksum, 0, message.length)
+    yield from (
+        f"    at[{message.length - len(framing.end) + i}] = 0x{byte:02X};" for i, byte in enumerate(framing.end)
+    )
+    yield "    (void)at;"
     yield "}"
     yield ""
 
 
-def parities(form: Format, message: Message) -> list[tuple[int, int, int]]:
-    """First byte, end and bit of what must hold an odd number of ones; inner ranges first."""
-    inner = [(f.at, f.at + f.size, f.bits[0]) for f in message.fields if f.type == "parity" and f.bits]
-    return sorted([*form.framing.parity, *inner], key=lambda where: where[1] - where[0])
+def _put_check(check: Checksum, begin: int, length: int) -> str:
+    size = algorithm(check.kind).size
+    stop = check.stop + (length if check.stop <= 0 else 0)
+    at = begin + check.at + (length if check.at < 0 else 0)
+    value = f"{_check_name(check.kind)}(at + {begin + check.start}, {stop - check.start})"
+    return f"    plumbob_put(at + {at}, {size}, {int(check.order == 'big')}, {8 * size - 1}, 0, {value});"
 
 
 def _name(text: str) -> str:

@@ -5,7 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.sensors.format import Field
+from plumbob.sensors.checksum import algorithm, of_rows
+from plumbob.sensors.format import Checksum, Field
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -19,6 +20,8 @@ def counts_of(one: Field, rows: Bytes) -> Ints | Floats:
     word = rows[:, one.at : one.at + one.size]
     if one.type == "parity":
         return np.asarray(np.bitwise_count(word).sum(axis=1) & 1, dtype=np.int64)
+    if one.check:
+        return _holds(one.check, word)
     if one.type == "bcd":
         return _from_digits(word)
     if one.size == 3:
@@ -32,6 +35,18 @@ def counts_of(one: Field, rows: Bytes) -> Ints | Floats:
     if code == "f":
         return found.astype(np.float64)
     return _cut(one, found.astype(np.int64))
+
+
+def _holds(check: Checksum, word: Bytes) -> Ints:
+    """1 where the check of an inner frame fits; where it may be of two kinds, where one of them does."""
+    kinds = ("sum16", "sum16-words-65535") if check.kind == "sum16-either" else (check.kind,)
+    stop = check.stop + (word.shape[1] if check.stop <= 0 else 0)
+    at = check.at + (word.shape[1] if check.at < 0 else 0)
+    digits = word[:, at : at + algorithm(check.kind).size].astype(np.int64)
+    powers = 256 ** np.arange(digits.shape[1])
+    there = digits @ (powers[::-1] if check.order == "big" else powers)
+    fits = [of_rows(kind, word[:, check.start : stop]) == there for kind in kinds]
+    return np.asarray(np.any(fits, axis=0), dtype=np.int64)
 
 
 def _cut(one: Field, word: Ints) -> Ints:

@@ -47,18 +47,21 @@ def encode(form: Format, columns: Mapping[str, ArrayLike], *, message: str = "")
     rows = np.zeros((count, kind.length), dtype=np.uint8)
     _frame(bound, kind, rows)
     for one in kind.fields:
-        if one.type != "parity":
+        if not one.derived:
             put(one, rows, _counts(one, given.get(one.name), count))
     _set_parities(bound, kind, rows)
+    for one in kind.fields:
+        if one.check:
+            _set_check(one.check, rows[:, one.at : one.at + one.size])
     if bound.framing.checksum:
         _set_check(bound.framing.checksum, rows)
     return rows
 
 
 def _is_value(kind: Message, name: str) -> bool:
-    found = [f for f in kind.fields if f.name == name and f.role != "constant" and f.type != "parity"]
+    found = [f for f in kind.fields if f.name == name and f.role != "constant" and not f.derived]
     if not found:
-        known = ", ".join(f.name for f in kind.fields if f.role != "constant" and f.type != "parity")
+        known = ", ".join(f.name for f in kind.fields if f.role != "constant" and not f.derived)
         raise ParameterError(f"message {kind.name} has no field '{name}' to encode; known are {known}.")
     return found[0].physical
 
@@ -98,10 +101,15 @@ def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(last >= 0, values[last], 0.0)
 
 
+def parities(form: Format, message: Message) -> list[tuple[int, int, int]]:
+    """First byte, end and bit of what must hold an odd number of ones; inner ranges first."""
+    inner = [(f.at, f.at + f.size, f.bits[0]) for f in message.fields if f.type == "parity" and f.bits]
+    return sorted([*form.framing.parity, *inner], key=lambda where: where[1] - where[0])
+
+
 def _set_parities(form: Format, kind: Message, rows: Bytes) -> None:
-    """Set the bit of each range that makes the number of ones odd; inner ranges first."""
-    inner = [(f.at, f.at + f.size, f.bits[0]) for f in kind.fields if f.type == "parity" and f.bits]
-    for start, stop, bit in sorted([*form.framing.parity, *inner], key=lambda where: where[1] - where[0]):
+    """Set the bit of each range that makes the number of ones odd."""
+    for start, stop, bit in parities(form, kind):
         at, mask = stop - 1 - bit // 8, np.uint8(1 << bit % 8)
         rows[:, at] &= ~mask
         even = np.bitwise_count(rows[:, start:stop]).sum(axis=1) % 2 == 0

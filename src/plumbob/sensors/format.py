@@ -61,7 +61,8 @@ class Field:
     at : int
         Byte in the frame at which its word begins.
     type : str
-        From `SIZES`, or ``"parity"``: 1 where `size` bytes hold an odd number of ones, `bits` being what sees to it.
+        From `SIZES`, or what says of `size` bytes whether they are sound: ``"parity"``, 1 where they hold an odd number
+        of ones, `bits` being what sees to it; ``"check"``, 1 where `check` fits.
     size : int
         Bytes of the word.
     order : str
@@ -90,6 +91,8 @@ class Field:
         Of a status: which counts mean a word of `WORDS` for the triads `of`.
     of : tuple of str
         Names of triads, or of single fields such as ``gyr.x`` and ``temp_c``, with their prefix.
+    check : Checksum or None
+        Of a check, with places counted from `at`.
     origin : Provenance
         Where it comes from.
     """
@@ -114,6 +117,7 @@ class Field:
     wrap: bool = False
     says: Mapping[int, str] = field(default_factory=dict)
     of: tuple[str, ...] = ()
+    check: "Checksum | None" = None
     origin: Provenance = Provenance()
 
     @property
@@ -137,7 +141,12 @@ class Field:
     @property
     def physical(self) -> bool:
         """Whether it is decoded to a number with a unit; others stay whole numbers."""
-        return self.role == "value" and self.type != "parity"
+        return self.role == "value" and not self.derived
+
+    @property
+    def derived(self) -> bool:
+        """Whether it has no bytes of its own, but follows from those of others."""
+        return self.type in ("parity", "check")
 
     @property
     def scale(self) -> float:

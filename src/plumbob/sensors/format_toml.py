@@ -163,27 +163,37 @@ def _register(raw: Mapping[str, Any], order: str) -> Register:
 
 
 def _embedded(raw: Mapping[str, Any]) -> list[Field]:
-    """Fields of a catalogued device's message inside this frame; its parity becomes a status that can say absent."""
+    """Fields of a catalogued device's message inside this frame.
+
+    What begins its own frames becomes constants; its parity and check become statuses that can say absent.
+    """
     from plumbob.sensors import catalog
 
     inner = catalog.load(raw["device"]).bind(raw.get("options", {}))
     message = inner.message(raw.get("message", ""))
-    if inner.framing.sync:
+    framing = inner.framing
+    if len(framing.sync) > 1 or framing.length_field or framing.end:
         raise DecodeError(
-            f"embed: {inner.name} is a stream of its own; only what a bus transfers can stand in a frame."
+            f"embed: frames of {inner.name} differ in how they begin, end or in length; only one kind can stand inside."
         )
     begin, unit = raw["at"], raw.get("unit", "")
     prefix = f"{unit}." if unit else ""
-    triads = tuple(dict.fromkeys(prefix + f.triad for f in message.fields if f.triad))
+    values = tuple(dict.fromkeys(prefix + (f.triad or f.name) for f in message.fields if f.physical))
+    own, gone = f"{prefix}{inner.name}", {0: "absent"}
     found = [
         replace(f, name=prefix + f.name, at=begin + f.at, of=tuple(prefix + name for name in f.of))
         for f in message.fields
     ]
-    for number, (start, stop, bit) in enumerate(inner.framing.parity):
-        name = f"{prefix}{inner.name}.parity{number}"
-        gone: dict[int, str] = {0: "absent"}
+    for i, byte in enumerate(framing.sync[0] if framing.sync else b""):
+        found.append(Field(f"{own}.sync{i}", begin + i, "u8", 1, role="constant", value=byte))
+    for i, (start, stop, bit) in enumerate(framing.parity):
+        at, size = begin + start, stop - start
         found.append(
-            Field(name, begin + start, "parity", stop - start, bits=(bit, bit), role="status", says=gone, of=triads)
+            Field(f"{own}.parity{i}", at, "parity", size, bits=(bit, bit), role="status", says=gone, of=values)
+        )
+    if check := framing.checksum:
+        found.append(
+            Field(f"{own}.check", begin, "check", message.length, role="status", says=gone, of=values, check=check)
         )
     return found
 
@@ -228,7 +238,7 @@ def _require_room(form: Format, message: Message) -> None:
 
 def _require_apart(message: Message) -> None:
     """Refuse fields that lie on each other, but for bits of one word."""
-    whole = sorted((f for f in message.fields if f.type != "parity"), key=lambda f: f.at)
+    whole = sorted((f for f in message.fields if not f.derived), key=lambda f: f.at)
     for one, other in pairwise(whole):
         same_word = one.bits and other.bits and (one.at, one.size) == (other.at, other.size)
         if other.at < one.at + one.size and not same_word:
