@@ -12,6 +12,7 @@ from plumbob.errors import PlumbobError
 
 VERBS = (
     "demo",
+    "devices",
     "decode",
     "emulate",
     "verify",

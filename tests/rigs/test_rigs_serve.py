@@ -1,0 +1,193 @@
+"""Real ports in real time: pace, replug, stop; what is sent is what is read."""
+
+import os
+import select
+import socket
+import threading
+import time
+from io import BytesIO
+
+import numpy as np
+import pytest
+
+from plumbob.errors import ParameterError
+from plumbob.rigs import PLANS, FilePort, PtyPort, TcpPort, UdpPort, load, make_rig, serve
+from plumbob.sensors.decode import decode
+
+LONG = 30.0
+
+
+class Reader(threading.Thread):
+    """Reads a terminal behind a link until told to stop; opens it again when it goes away."""
+
+    def __init__(self, path):
+        super().__init__(daemon=True)
+        self.path, self.data, self.times, self.opened = path, b"", [], 0
+        self.done = threading.Event()
+
+    def run(self):
+        while not self.done.is_set():
+            try:
+                fd = os.open(self.path, os.O_RDWR | os.O_NOCTTY)
+            except OSError:
+                time.sleep(0.002)
+                continue
+            self.opened += 1
+            try:
+                while self._take(fd):
+                    pass
+            finally:
+                os.close(fd)
+
+    def _take(self, fd):
+        if not select.select([fd], [], [], 0.05)[0]:
+            return not self.done.is_set()
+        try:
+            data = os.read(fd, 65536)
+        except OSError:
+            return False
+        self.data += data
+        self.times.append(time.monotonic())
+        return bool(data)
+
+
+@pytest.fixture
+def line(tmp_path):
+    port = PtyPort(tmp_path / "line")
+    reader = Reader(str(tmp_path / "line"))
+    reader.start()
+    yield port, reader
+    reader.done.set()
+    reader.join(LONG)
+
+
+def rig_of(duration, **faults):
+    return make_rig(PLANS["buoy"], load("buoy"), seed=2, duration=duration, faults=faults)
+
+
+def test_a_terminal_in_real_time_keeps_its_pace(line):
+    port, reader = line
+    rig = rig_of(2.0)
+    served = serve(rig, port, speed=1.0, stop=threading.Event())
+    port.close()
+    reader.done.set()
+    reader.join(LONG)
+    assert (served.sent, served.lost, served.unheard) == (200, 0, 0)
+    assert reader.data == rig.stream()
+    took = reader.times[-1] - reader.times[0]
+    assert 1.95 < took < 2.0 + 1e-9 * served.latest_ns + 1.0  # the last frame is due 1.99 s after the first
+    assert not os.path.lexists(reader.path)
+
+
+def test_ten_times_real_time_takes_a_tenth(line):
+    port, _ = line
+    start = time.monotonic()
+    served = serve(rig_of(5.0), port, speed=10.0, stop=threading.Event())
+    assert time.monotonic() - start >= 0.499
+    assert served.sent == 500
+    port.close()
+
+
+def test_as_fast_as_wanted_nothing_is_lost_and_a_replug_is_another_terminal(line):
+    port, reader = line
+    rig = rig_of(40.0, unplug=0.001, flip=0.01)
+    names, seen = [port.name], []
+    served = serve(rig, port, speed=None, stop=threading.Event(), on_fault=seen.append)
+    names.append(port.name)
+    port.close()
+    reader.done.set()
+    reader.join(LONG)
+    unplugged = [f for f in rig.faults if f.kind == "unplug"]
+    assert unplugged
+    assert tuple(seen) == rig.faults
+    assert reader.opened >= 1 + len(unplugged)
+    assert reader.data == rig.stream()
+    assert served.lost == sum(f.count for f in unplugged)
+    assert served.sent + served.lost == len(rig)
+
+
+def test_stalled_frames_come_late_but_all_of_them():
+    rig = rig_of(3.0, stall=0.03)
+    out = BytesIO()
+    served = serve(rig, FilePort(out, "-"), speed=20.0, stop=threading.Event())
+    assert any(f.kind == "stall" for f in rig.faults)
+    assert (rig.damage.send_ns - rig.due_ns).max() == 500_000_000
+    assert (np.diff(rig.damage.send_ns) >= 0).all()
+    assert out.getvalue() == rig.stream()
+    assert served.sent == 300
+
+
+def test_a_stop_ends_it_soon(line):
+    port, _ = line
+    stop = threading.Event()
+    threading.Timer(0.3, stop.set).start()
+    start = time.monotonic()
+    served = serve(rig_of(600.0), port, speed=1.0, stop=stop)
+    assert time.monotonic() - start < LONG
+    assert served.sent < 10_000
+    port.close()
+
+
+def test_without_a_reader_it_waits(tmp_path):
+    port, stop = PtyPort(), threading.Event()
+    threading.Timer(0.1, stop.set).start()
+    assert serve(rig_of(1.0), port, speed=None, stop=stop).sent == 0
+    port.close()
+
+
+def test_what_nobody_hears_is_counted():
+    rig = rig_of(2.0)
+    port = PtyPort()
+    fd = os.open(port.name, os.O_RDWR | os.O_NOCTTY)
+    threading.Timer(0.3, os.close, (fd,)).start()
+    served = serve(rig, port, speed=2.0, stop=threading.Event())
+    assert served.unheard > 0
+    assert served.sent + served.unheard == len(rig)
+    port.close()
+
+
+def test_a_link_does_not_replace_a_file(tmp_path):
+    (tmp_path / "log.bin").write_bytes(b"precious")
+    with pytest.raises(ParameterError, match="would destroy it"):
+        PtyPort(tmp_path / "log.bin")
+    assert (tmp_path / "log.bin").read_bytes() == b"precious"
+
+
+def test_tcp_serves_one_reader_to_the_last_byte():
+    rig, port, got = rig_of(20.0), TcpPort("127.0.0.1", 0), []
+
+    def read():
+        with socket.create_connection(("127.0.0.1", int(port.name.rpartition(":")[2])), timeout=LONG) as caller:
+            while data := caller.recv(65536):
+                got.append(data)
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    serve(rig, port, speed=None, stop=threading.Event())
+    port.close()
+    reader.join(LONG)
+    assert b"".join(got) == rig.stream()
+
+
+def test_udp_sends_a_frame_in_a_datagram():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as inbox:
+        inbox.bind(("127.0.0.1", 0))
+        inbox.settimeout(LONG)
+        rig, port = rig_of(0.5), UdpPort("127.0.0.1", inbox.getsockname()[1])
+        serve(rig, port, speed=None, stop=threading.Event())
+        port.close()
+        assert [inbox.recv(2048) for _ in range(50)] == rig.payloads(0, 50)
+
+
+def test_noise_of_a_million_bytes_passes_through_a_terminal(line):
+    port, reader = line
+    rig = rig_of(20.0, burst=0.001)
+    assert len(rig.stream()) > 1_000_000
+    serve(rig, port, speed=None, stop=threading.Event())
+    port.close()
+    reader.done.set()
+    reader.join(LONG)
+    assert reader.data == rig.stream()
+    found, counts = decode(rig.form, reader.data)
+    assert len(found["buoy"]) == len(rig)
+    assert counts.junk == 1_000_000 * len(rig.faults)
