@@ -38,11 +38,20 @@ class _Card:
         DecodeError
             If the file is no card of this kind, or of a newer version.
         """
-        raw = _read(path, cls._KIND, cls)
-        for name in UNITS:
-            if raw.get(name) is not None:
-                raw[name] = _build(path, cls._TRIAD, raw[name])
-        card: Self = _build(path, cls, raw)
+        try:
+            text = Path(path).read_text(encoding="utf-8")
+        except UnicodeDecodeError as error:
+            raise DecodeError(f"{path} is not a {cls._KIND}: {error}.") from error
+        return cls.from_text(text, str(path))
+
+    @classmethod
+    def from_text(cls, text: str, name: str) -> Self:
+        """Read a card from its text; errors as in `load`, in which `name` stands for the file."""
+        raw = _parse(name, cls._KIND, text)
+        for triad in UNITS:
+            if raw.get(triad) is not None:
+                raw[triad] = _build(name, cls._TRIAD, raw[triad])
+        card: Self = _build(name, cls, raw)
         return card
 
 
@@ -198,9 +207,8 @@ def _write(path: str | Path, kind: str, card: Any) -> None:
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 
-def _read(path: str | Path, kind: str, cls: type) -> dict[str, Any]:
+def _parse(path: str, kind: str, text: str) -> dict[str, Any]:
     try:
-        text = Path(path).read_text(encoding="utf-8")
         raw = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_repetition)
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"{path} is not a {kind}: {error}.") from error
@@ -212,7 +220,7 @@ def _read(path: str | Path, kind: str, cls: type) -> dict[str, Any]:
     return raw
 
 
-def _build(path: str | Path, cls: type[Any], raw: Any) -> Any:
+def _build(path: str, cls: type[Any], raw: Any) -> Any:
     known = {f.name for f in fields(cls)}
     if not isinstance(raw, dict) or not set(raw) <= known:
         unknown = sorted(set(raw) - known) if isinstance(raw, dict) else raw

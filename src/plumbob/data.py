@@ -4,7 +4,7 @@ Both are frozen, hold read-only C-contiguous float64 arrays, and are validated o
 somebody could still write to are copied; to hand over large ones without a copy, set ``array.flags.writeable = False``.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from numbers import Integral, Real
 from typing import Any, Self
@@ -161,6 +161,46 @@ class ImuData:
 
     def _set(self, name: str, array: NDArray[Any]) -> None:
         object.__setattr__(self, name, check.read_only(array))
+
+    @classmethod
+    def live(
+        cls,
+        t_ns: NDArray[np.int64],
+        triads: Mapping[str, Floats],
+        *,
+        temp_c: Floats | None = None,
+        flags: NDArray[np.uint32],
+        meta: ImuMeta,
+    ) -> Self:
+        """Part of a stream: each row is judged by itself, so that it does not matter how the stream was cut.
+
+        What only a whole recording can tell is left out: gaps, which the flags say, and whether the unit is plausible.
+        A triad may be absent in all rows of a part. The arrays are handed over and must not change any more.
+
+        Parameters
+        ----------
+        t_ns : ndarray (N,)
+            Time since the start of the stream, ns, strictly increasing from part to part.
+        triads : mapping of str to ndarray (N, 3)
+            ``gyr``, ``acc``, ``mag``, the same ones in every part.
+        temp_c : ndarray (N,), optional
+            Temperature, °C.
+        flags : ndarray (N,) of uint32
+            What the source knows.
+        meta : ImuMeta
+            What else is known.
+        """
+        found = flags.copy()
+        for name in TRIADS:
+            if name not in triads:
+                found |= np.uint32(_FLAGS[name][0])
+                continue
+            found &= ~np.uint32(_FLAGS[name][0])
+            found |= _marks(name, triads[name], getattr(meta, f"{name}_range"))
+        part = object.__new__(cls)
+        values = {name: triads.get(name) for name in TRIADS}
+        _refreeze(part, {"t": clock.to_s(t_ns), **values, "temp_c": temp_c, "flags": found, "meta": meta})
+        return part
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -405,6 +445,16 @@ class AttitudeTrack:
         _refreeze(track, {f.name: f.default for f in fields(cls) if f.default is not MISSING} | values)
         return track
 
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """One track of parts that follow each other, as a filter gives them."""
+        first = parts[0]
+        if len(parts) == 1:
+            return first
+        whole = {f.name: getattr(first, f.name) for f in fields(cls)}
+        arrays = [name for name, value in whole.items() if isinstance(value, np.ndarray)]
+        return cls.trusted(**whole | {name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays})
+
     def with_attitude(self, q_nb: Floats, **changes: Any) -> Self:
         """Return the same track with another attitude (N, 4) and, where given, other fields."""
         return replace(self, q_nb=q_nb, **changes)
@@ -449,16 +499,27 @@ def _check_range(name: str, full_scale: float | None) -> None:
 
 def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool) -> NDArray[np.uint32]:
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
-    absent, clipped, invalid = _FLAGS[name]
+    _, _, invalid = _FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
     if not _finite(triad).any():
         what = "is NaN" if missing.all() else "has no three finite numbers"
         raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
-    size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
-    limit = _IMPOSSIBLE[name] if full_scale is None else min(_IMPOSSIBLE[name], 1.05 * full_scale)
-    too_big: NDArray[np.bool_] = np.asarray(size > limit)
+    found = _marks(name, triad, full_scale)
     if unit_check:
-        _refuse_wrong_unit(name, triad, too_big, full_scale, limit)
+        _refuse_wrong_unit(name, triad, (found & np.uint32(invalid)) != 0, full_scale, _limit(name, full_scale))
+    return found
+
+
+def _limit(name: str, full_scale: float | None) -> float:
+    return _IMPOSSIBLE[name] if full_scale is None else min(_IMPOSSIBLE[name], 1.05 * full_scale)
+
+
+def _marks(name: str, triad: Floats, full_scale: float | None) -> NDArray[np.uint32]:
+    """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of its range."""
+    absent, clipped, invalid = _FLAGS[name]
+    missing = np.asarray(np.isnan(triad).any(axis=1))
+    size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
+    too_big: NDArray[np.bool_] = np.asarray(size > _limit(name, full_scale))
     found: NDArray[np.uint32] = np.where(missing, np.uint32(absent), np.uint32(0))
     found[too_big] |= invalid
     if full_scale is not None:  # the last code below full scale is already the end of the range

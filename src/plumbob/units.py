@@ -99,6 +99,8 @@ UNITS: dict[str, Unit] = {
     "ms": Unit(Quantity.TIME, 1e-3),
     "us": Unit(Quantity.TIME, 1e-6),
     "ns": Unit(Quantity.TIME, 1e-9),
+    "min": Unit(Quantity.TIME, 60.0),
+    "h": Unit(Quantity.TIME, 3600.0),
     "m": Unit(Quantity.LENGTH, 1.0),
     "cm": Unit(Quantity.LENGTH, 1e-2),
     "mm": Unit(Quantity.LENGTH, 1e-3),

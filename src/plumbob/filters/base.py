@@ -7,6 +7,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -378,8 +379,7 @@ class Filter:
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
-        pairs = ((p, getattr(holder, p.name)) for holder in (self.params, self.common) for p in describe(type(holder)))
-        return f"{self.name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs)})"
+        return _described(self.name, self.params, self.common)
 
     def _require(self, triads: tuple[str, ...]) -> None:
         missing = [name for name in self.module.NEEDS if name not in triads]
@@ -392,6 +392,12 @@ class Filter:
         if not (has_mag and self.common.mag):
             return North.FREE
         return North.MAGNETIC if self.common.declination is None else North.TRUE
+
+
+@cache  # every chunk of a stream carries it
+def _described(name: str, params: Any, common: CommonParams) -> str:
+    pairs = ((p, getattr(holder, p.name)) for holder in (params, common) for p in describe(type(holder)))
+    return f"{name}({', '.join(f'{p.name}={shown(p, value)}' for p, value in pairs)})"
 
 
 _LOOPS: dict[str, Loops] = {}

@@ -17,6 +17,7 @@ from plumbob.io.recording import Recording
 from plumbob.io.text_table import Table, read_table
 from plumbob.rotations import (
     body_axes,
+    in_body_axes,
     quat_conjugate,
     quat_from_dcm,
     quat_from_euler_zyx,
@@ -148,10 +149,7 @@ def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
     counts = _stacked(group.columns, table)
     values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
     values = -values if group.gravity else values
-    if turn is None:
-        return values
-    place, sign = _picks(turn)
-    return values[:, place] * sign
+    return values if turn is None else in_body_axes(turn, values)
 
 
 def _covariance(group: GroupSource, table: Table, turn: str | None) -> Floats:

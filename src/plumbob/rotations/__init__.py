@@ -3,7 +3,7 @@
 from plumbob.rotations.average import quat_mean
 from plumbob.rotations.dcm import dcm_from_quat, quat_from_dcm
 from plumbob.rotations.euler import body_rate_from_euler_zyx, euler_zyx_from_quat, near_gimbal, quat_from_euler_zyx
-from plumbob.rotations.frames import Frame, North, assert_same, body_axes, change_frame, frame_rotation
+from plumbob.rotations.frames import Frame, North, assert_same, body_axes, change_frame, frame_rotation, in_body_axes
 from plumbob.rotations.quat import (
     IDENTITY,
     quat_angle,
@@ -38,6 +38,7 @@ __all__ = [
     "dcm_from_quat",
     "euler_zyx_from_quat",
     "frame_rotation",
+    "in_body_axes",
     "left_jacobian",
     "left_jacobian_inverse",
     "near_gimbal",

@@ -102,6 +102,20 @@ def change_frame(q_nb: ArrayLike, *, to: Frame, from_: Frame) -> Floats:
     return q.copy() if to is from_ else quat_multiply(turn, q)
 
 
+def in_body_axes(spec: str, vectors: Floats) -> Floats:
+    """Vectors (..., 3) of the sensor case in body axes; picking spoils no component where another is missing.
+
+    Parameters
+    ----------
+    spec : str
+        As `body_axes` takes it.
+    vectors : ndarray (..., 3)
+        In sensor-case axes.
+    """
+    c_bs = body_axes(spec)
+    return np.asarray(vectors[..., np.abs(c_bs).argmax(axis=1)] * c_bs.sum(axis=1))
+
+
 def body_axes(spec: str) -> Floats:
     """Matrix C_bs that takes sensor-case coordinates to body coordinates.
 
