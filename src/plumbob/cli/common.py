@@ -76,8 +76,9 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 def read(path: Path, profile: Path | None = None) -> "Recording":
     """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
     from plumbob import io
+    from plumbob.pipeline.recorded import read_any
 
-    recording = io.read(path, profile=profile)
+    recording = read_any(path, profile=profile)
     if recording.imu is not None:
         note(*(f"{path.name}: {line}" for line in io.found_in(recording.notes)))
     return recording

@@ -19,7 +19,7 @@ def add_parser(verbs: common.Adder) -> None:
         help="estimate the attitude of a recording with one filter",
         description="Estimate the attitude at every sample of a recording with one filter, and write it as a track.",
     )
-    p.add_argument("file", type=Path, help="recording: .parquet, .csv, .txt, BROAD .hdf5 or .mat")
+    p.add_argument("file", type=Path, help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat")
     p.add_argument("--filter", required=True, metavar="NAME", help="see 'plumbob filters'")
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
@@ -36,13 +36,14 @@ def run(args: argparse.Namespace) -> int:
     from plumbob import io, pipeline
     from plumbob.cards import CalibrationCard
     from plumbob.errors import ParameterError, ShapeError
+    from plumbob.pipeline.recorded import read_any
 
     chosen = common.stages(args.filter, args.params)
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     common.keep_inputs(args.file, args.profile, args.calibration, args.noise, out=args.out)
     stage = common.given_noise(chosen, args.noise)[0]
-    recording = io.read(args.file, profile=args.profile)
+    recording = read_any(args.file, profile=args.profile)
     if recording.imu is None:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
     frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))

@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from plumbob.calib.model import apply_card
 from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import AttitudeTrack, ImuData
@@ -102,17 +100,4 @@ def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | N
         parts.append(filter_.process(chunk, covariance=True))
         if progress:
             progress(len(chunk))
-    return _joined(parts)
-
-
-def _joined(parts: list[AttitudeTrack]) -> AttitudeTrack:
-    if len(parts) == 1:
-        return parts[0]
-
-    def every(name: str) -> Any:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    cov_b = None if parts[0].cov_b is None else every("cov_b")
-    return replace(
-        parts[0], t=every("t"), q_nb=every("q_nb"), bias_b=every("bias_b"), flags=every("flags"), cov_b=cov_b
-    )
+    return AttitudeTrack.joined(parts)

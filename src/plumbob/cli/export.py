@@ -1,0 +1,38 @@
+"""plumbob export: samples and attitudes for other programs."""
+
+import argparse
+from pathlib import Path
+
+from plumbob.cli import common
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "export",
+        help="write samples and attitude as CSV, Parquet, MCAP, TUM or text",
+        description="Write what a recording or track holds for other programs: .csv, .parquet, .mcap (Foxglove, "
+        "Lichtblick), .tum (evo), .txt (roll, pitch and yaw, degrees).",
+    )
+    p.add_argument("file", type=Path, help="recording (.mcap, .parquet, .csv, ...) or track")
+    p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write; its suffix says the format")
+    p.add_argument("--what", choices=("all", "samples", "attitude"), default="all", help="leave the rest out")
+    common.add_profile(p)
+    p.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob.pipeline.exports import export, only
+    from plumbob.pipeline.recorded import SUFFIX, read_any, read_recorded
+
+    common.keep_inputs(args.file, args.profile, out=args.out)
+    if args.file.suffix == SUFFIX:
+        recording = read_recorded(args.file, estimated=True)
+    else:
+        recording = read_any(args.file, profile=args.profile)
+    written = export(args.out, only(recording, args.what))
+    parts = [("samples", recording.imu), ("attitudes", recording.track)]
+    told = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
+    print(f"{written}: of {args.file.name}, {told}")
+    return 0

@@ -1,0 +1,126 @@
+"""What record and replay share: a session from a file or from options, its estimate, and how a run is told."""
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plumbob.cli import common
+
+if TYPE_CHECKING:
+    from plumbob.link import Event
+    from plumbob.pipeline.line import Line, Part
+    from plumbob.pipeline.session import Session
+
+
+def add_estimate(p: argparse.ArgumentParser) -> None:
+    """Options of the estimate."""
+    p.add_argument("--filter", metavar="NAME", help="estimate with this filter; see 'plumbob filters'")
+    p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
+    common.add_frame(p, "navigation frame; needed with --filter")
+    p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply")
+    common.add_noise(p)
+
+
+def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
+    """Tables of a session from the options of the estimate."""
+    from plumbob.errors import ParameterError
+
+    tables: dict[str, Mapping[str, Any]] = {}
+    if args.calibration:
+        tables["calibration"] = {"card": str(args.calibration.resolve())}
+    if args.filter is None:
+        if args.params or args.noise:
+            raise ParameterError("--params and --noise belong to a filter; name one with --filter.")
+        return tables
+    estimate: dict[str, Any] = {"filter": args.filter}
+    if given := dict(common.pairs(args.params)):
+        estimate["params"] = {key.removeprefix(f"{args.filter}."): value for key, value in given.items()}
+    if args.noise:
+        estimate["noise"] = str(args.noise.resolve())
+    return tables | {"estimate": estimate}
+
+
+class Status:
+    """One line on a terminal, once a second, and every event as a note."""
+
+    def __init__(self, line: "Line", *, quiet: bool = False) -> None:
+        self._line, self._next = line, 0.0
+        self._shown = sys.stderr.isatty() and not quiet
+        self.samples = 0
+        self.last: Part | None = None
+
+    def on_part(self, part: "Part") -> None:
+        """Count, and show now and then."""
+        self.samples += part.t_ns.size
+        self.last = part
+        t = float(part.imu.t[-1])
+        if self._shown and t >= self._next:
+            self._next = t + 1.0
+            counts = self._line.decoder.counts
+            sys.stderr.write(
+                f"\r{t:9.1f} s  {self.samples} samples  {counts.junk} junk bytes  {attitude_of(part)}\033[K"
+            )
+            sys.stderr.flush()
+
+    def on_event(self, event: "Event") -> None:
+        """Say it."""
+        if self._shown:
+            sys.stderr.write("\r\033[K")
+        common.note(f"{event.kind}: {event.text}")
+
+    def close(self) -> None:
+        """End the line on the terminal."""
+        if self._shown:
+            sys.stderr.write("\r\033[K")
+            self._shown = False
+
+
+def attitude_of(part: "Part | None") -> str:
+    """Last attitude of a part in words."""
+    from plumbob.rotations import euler_zyx_from_quat
+    from plumbob.units import to_deg
+
+    if part is None or part.track is None:
+        return ""
+    yaw, pitch, roll = to_deg(euler_zyx_from_quat(part.track.q_nb[-1]))
+    return f"roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°"
+
+
+def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any]:
+    """What a run gave, for JSON."""
+    last = status.last
+    return {
+        "session": session.name,
+        "format": session.form.name,
+        "device": session.meta.device,
+        "calibration": None if session.card is None else session.card.name,
+        "filter": None if line.filter is None else line.filter.describe(),
+        "frame": None if session.frame is None else str(session.frame),
+        "samples": status.samples,
+        "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
+        **line.report(),
+    }
+
+
+def print_report(report: Mapping[str, Any], last: str) -> None:
+    """Print what a run gave, as text."""
+    told, counts = report["time"], report["bytes"]
+    rate = "unknown" if told["rate"] is None else f"{told['rate']:.6g} Hz"
+    print(f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}")
+    print(f"bytes        {counts['received']}, of frames {counts['framed']}, junk {counts['junk']}")
+    rejected = {k: counts[k] for k in ("bad_checksum", "bad_content", "bad_length", "unknown") if counts[k]}
+    if rejected:
+        words = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in rejected.items())
+        print(f"rejected     {words}")
+    if told["lost"] or told["gap_count"] or report["not_usable"]:
+        print(
+            f"lost         {told['lost']} frames in {told['gap_count']} gaps; {report['not_usable']} repeated or late"
+        )
+    if told["drift_ppm"] is not None and told["mode"] == "clock":
+        print(f"device clock {told['drift_ppm']:+.1f} ppm against this host")
+    print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
+    if report["filter"]:
+        print(f"filter       {report['filter']}")
+        print(f"at the end   {last}")

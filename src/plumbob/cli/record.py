@@ -1,0 +1,122 @@
+"""plumbob record: from a live line to a recording, with the attitude as it comes."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumbob.cli import common
+from plumbob.cli import line as told
+
+if TYPE_CHECKING:
+    import threading
+
+    from plumbob.pipeline.session import Session
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "record",
+        help="record a live line, and estimate its attitude as it comes",
+        description="Read a live line as a session file says, or as the options say, keep its raw bytes and what they "
+        "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C.",
+    )
+    p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port and --format")
+    p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
+    p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
+    p.add_argument("--format", metavar="NAME|TOML", help="known device, see 'plumbob devices', or a format file")
+    p.add_argument("--device", metavar="ID", help="name of this very unit, to which its calibration card belongs")
+    told.add_estimate(p)
+    p.add_argument("--out", type=Path, metavar="MCAP", help="recording to write")
+    p.add_argument("--text", type=Path, metavar="TXT", help="text file that gets a line of attitude now and then")
+    p.add_argument("--duration", metavar="TIME", help="stop after this time, such as 10s or 0.5h")
+    common.add_json(p)
+    p.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob.pipeline.keep import Keeper
+    from plumbob.pipeline.line import Line
+    from plumbob.pipeline.runner import run_line
+    from plumbob.pipeline.sinks import Sink, TextSink
+    from plumbob.pipeline.sources import open_source
+    from plumbob.units import Quantity, parse
+
+    session = session_of(args)
+    duration = None if args.duration is None else parse(args.duration, Quantity.TIME)
+    line = Line(session)
+    if session.stage is not None:
+        common.warn_of_compiling([session.stage.filter])
+    line.warm_up()
+    keeper = None if session.record is None else Keeper(session, session.record)
+    status = told.Status(line, quiet=args.json)
+    sinks: list[Sink] = [status]
+    if session.output.text:
+        sinks.append(TextSink(session.output.text, session.output.every))
+    source = open_source(session.source)
+    run_line(line, source, sinks=sinks, keeper=keeper, duration=duration, stop=_stopped_by_signals())
+    report = told.report_of(session, line, status)
+    if keeper is not None and session.record is not None:
+        recorder = keeper.recorder
+        report["recording"] = {
+            "path": session.record.path,
+            "rows": recorder.written,
+            "acknowledged": recorder.acknowledged,
+            "dropped": recorder.dropped,
+        }
+    if args.json:
+        common.print_json(report)
+        return 0
+    told.print_report(report, told.attitude_of(status.last))
+    if kept := report.get("recording"):
+        print(f"recorded     {kept['path']}: {kept['acknowledged']} of {kept['rows']} rows on disk")
+    return 0
+
+
+def session_of(args: argparse.Namespace) -> "Session":
+    """Session from the file, or from the options; --out and --text go before what the file says."""
+    from dataclasses import replace
+
+    from plumbob.errors import ParameterError
+    from plumbob.pipeline.session import RecordSpec
+    from plumbob.pipeline.session_toml import load_session
+
+    if (args.session is None) == (args.port is None):
+        raise ParameterError("give either a session file or --port, and with --port also --format.")
+    if args.session is not None:
+        if args.filter or args.format or args.calibration or args.device:
+            raise ParameterError("the session file says format, device, calibration and filter; leave the options out.")
+        session = load_session(args.session)
+    else:
+        session = _session_of_options(args)
+    if args.out:
+        spec = session.record or RecordSpec(str(args.out))
+        session = replace(session, record=replace(spec, path=str(args.out)))
+    if args.text:
+        session = replace(session, output=replace(session.output, text=str(args.text)))
+    return session
+
+
+def _session_of_options(args: argparse.Namespace) -> "Session":
+    from plumbob.errors import ParameterError
+    from plumbob.pipeline.session_toml import parse_session, plain_session, read_text
+
+    if args.format is None:
+        raise ParameterError("--port needs --format: what the bytes mean is not guessed; see 'plumbob devices'.")
+    form = str(Path(args.format).resolve()) if args.format.endswith(".toml") else args.format
+    imu = {key: value for key, value in (("device", args.device), ("frame", args.frame)) if value}
+    tables = told.estimate_tables(args) | ({"imu": imu} if imu else {})
+    text = plain_session(form=form, source={"kind": "serial", "port": args.port, "baud": args.baud}, **tables)
+    return parse_session(text, lambda name: read_text(Path(name)), name=Path(args.port).name)
+
+
+def _stopped_by_signals() -> "threading.Event":
+    """Event that Ctrl-C and a polite kill set, so that the recording ends whole."""
+    import signal
+    import threading
+
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    return stop

@@ -1,0 +1,105 @@
+"""plumbob replay: send a recording through the line again, with its own session or another."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumbob.cli import common
+from plumbob.cli import line as told
+
+if TYPE_CHECKING:
+    from plumbob.pipeline.session import Session
+
+DIFFERENT = 3
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "replay",
+        help="send a recorded line through the same stages again, with its own filter or another",
+        description="Send the raw bytes of a recording through the same line again: with the session that it holds, or "
+        "with another session, filter, calibration or noise. With --check, compare with the attitude that was "
+        "estimated live, bit for bit; exit code 3 where they differ.",
+    )
+    p.add_argument("recording", type=Path, help="recording made by 'plumbob record' (.mcap)")
+    p.add_argument("--session", type=Path, metavar="TOML", help="session to use instead of the recording's own")
+    told.add_estimate(p)
+    p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet, .csv or .tum)")
+    p.add_argument("--speed", type=float, metavar="K", help="K times as fast as it was; without it, as fast as it goes")
+    p.add_argument("--check", action="store_true", help="compare with the live attitude that the recording holds")
+    common.add_json(p)
+    p.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    from dataclasses import asdict
+
+    from plumbob.errors import ParameterError
+    from plumbob.io import Recording
+    from plumbob.pipeline.exports import export
+    from plumbob.pipeline.replay import compare, open_recording, replay
+
+    if args.speed is not None and not args.speed > 0.0:
+        raise ParameterError(f"--speed must be above 0, but it is {args.speed:g}.")
+    common.keep_inputs(args.recording, args.session, args.calibration, args.noise, out=args.out)
+    log, session = open_recording(args.recording)
+    session = _changed(args, session)
+    if session.stage is not None:
+        common.warn_of_compiling([session.stage.filter])
+    replayed = replay(log, session, speed=args.speed)
+    for damage in log.damage:
+        common.note(f"{args.recording.name}: {damage}")
+    status = told.Status(replayed.line, quiet=True)
+    for part in replayed.found.parts:
+        status.on_part(part)
+    report = told.report_of(session, replayed.line, status)
+    track = replayed.found.track()
+    if args.out:
+        if track is None:
+            raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
+        notes = (f"replayed from {args.recording.name} by {track.source}",)
+        export(args.out, Recording(track=track, name=args.out.stem, notes=notes))
+    same = compare(replayed) if args.check else None
+    if same is not None:
+        report["check"] = {**asdict(same), "equal": same.equal}
+    if args.json:
+        common.print_json(report)
+    else:
+        told.print_report(report, told.attitude_of(status.last))
+        if same is not None:
+            verdict = "EQUAL to the bit" if same.equal else "NOT equal"
+            print(f"check        {verdict}: {same.compared} attitudes compared, {same.different} different, "
+                  f"{same.only_live} only live, {same.only_replayed} only replayed")  # fmt: skip
+        if args.out:
+            print(f"written      {args.out}")
+    return 0 if same is None or same.equal else DIFFERENT
+
+
+def _changed(args: argparse.Namespace, session: "Session") -> "Session":
+    """The recording's session, or what the options make of it."""
+    from dataclasses import replace
+
+    from plumbob.cards import CalibrationCard
+    from plumbob.errors import FrameError, ParameterError
+    from plumbob.pipeline.session_toml import load_session
+
+    if args.session is not None:
+        session = load_session(args.session)
+    if args.calibration is not None:
+        card = CalibrationCard.load(args.calibration)
+        if card.device != session.meta.device:
+            raise ParameterError(f"the card is for '{card.device}', but the recording is of '{session.meta.device}'.")
+        session = replace(session, card=card)
+    if args.filter is None:
+        if args.params or args.noise:
+            raise ParameterError("--params and --noise belong to a filter; name one with --filter.")
+        return session
+    frame = common.frame_of(args) or session.frame
+    if frame is None:
+        raise FrameError("the recording's session names no frame; say --frame ENU, NED or NWU.")
+    chosen = common.given_noise(common.stages(args.filter, args.params), args.noise)
+    if len(chosen) != 1:
+        raise ParameterError("replay takes one filter; run it again for another.")
+    return replace(session, stage=chosen[0], frame=frame, meta=replace(session.meta, frame=frame))

@@ -1,0 +1,9 @@
+"""From bytes or a recording to an attitude: one line of stages for live streams, replays and simulations.
+
+`offline` takes a whole recording. `session` describes a live line in TOML; `line.Line` is that line: decode, stamp,
+calibrate, estimate, hand to the sinks. A replay feeds it the recorded bytes and gives the same bits.
+"""
+
+from plumbob.pipeline.offline import CHUNK, Progress, Stage, calibrated, estimate, navigation_frame, with_noise
+
+__all__ = ["CHUNK", "Progress", "Stage", "calibrated", "estimate", "navigation_frame", "with_noise"]

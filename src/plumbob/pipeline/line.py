@@ -1,0 +1,205 @@
+"""The line: bytes in, attitude out, the same object for a live stream, a replay and a simulation.
+
+What comes out depends on nothing but the items that went in, in their order: a replay of recorded reads and events
+gives the same bits as they gave live.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import flags
+from plumbob.check import Floats
+from plumbob.clock import Counter, TimeBase, TimeSpec
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.errors import ParameterError
+from plumbob.filters import Filter
+from plumbob.link import Event, Received
+from plumbob.pipeline.offline import calibrated
+from plumbob.pipeline.session import Session
+from plumbob.rotations import in_body_axes
+from plumbob.sensors.decode import Decoder, Frames
+from plumbob.sensors.format import Field, Format, Message
+from plumbob.sensors.triads import temperature_of, triads_of
+
+BROKEN: Final = ("lost", "dropped")
+"""Events after which what is pending belongs to nothing that will come."""
+BACK: Final = "reopened"
+"""Event after which time starts anew behind a gap."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Part:
+    """What one item gave.
+
+    Attributes
+    ----------
+    t_ns : ndarray (N,) of int64
+        Times of the samples on the host's monotonic clock, ns.
+    frames : Frames
+        Decoded frames, one for each sample.
+    sensed : ImuData
+        What the sensors said, in body axes, uncalibrated; its time starts with the first sample of the line.
+    imu : ImuData
+        The same, calibrated where there is a card.
+    track : AttitudeTrack or None
+        Attitude, where something estimates one.
+    """
+
+    t_ns: NDArray[np.int64]
+    frames: Frames
+    sensed: ImuData
+    imu: ImuData
+    track: AttitudeTrack | None
+
+
+class Line:
+    """Decodes, stamps, calibrates and estimates a stream.
+
+    Parameters
+    ----------
+    session : Session
+        What the bytes mean and what to do with them. Its source and its recording are others' business.
+
+    Raises
+    ------
+    ParameterError
+        If the message has no triad for the unit.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.decoder = Decoder(session.form)
+        message = session.form.message(session.message)
+        self.time = TimeBase(time_spec(session.form, message))
+        self._clock, self._frames = message.of_role("clock"), message.of_role("counter")
+        self.filter = None if session.stage is None else _filter(session)
+        self.faults = 0
+        self._t0: int | None = None
+        _require_triads(message, session.unit)
+
+    def take(self, item: Received | Event) -> Part | None:
+        """Take what has come, and return what it completes; None where that is nothing."""
+        if isinstance(item, Received):
+            return self._through(self.decoder.feed(item.data, item.t_ns))
+        done = self._through(self.decoder.finish()) if item.kind in BROKEN else None
+        if item.kind == BACK:
+            self.time.reopened(item.t_ns)
+        return done
+
+    def finish(self) -> Part | None:
+        """Say that the stream has ended, and return what was pending."""
+        return self._through(self.decoder.finish())
+
+    def warm_up(self) -> None:
+        """Compile every kernel now, so that the first sample need not wait; the line itself is not touched."""
+        from plumbob.sensors.encode import encode
+
+        message = self.session.form.message(self.session.message)
+        physical = [f.name for f in message.fields if f.physical][:1]
+        rows = encode(self.session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
+        other = Line(self.session)
+        other.take(Received(0, rows.tobytes()))
+        other.finish()
+
+    def report(self) -> dict[str, Any]:
+        """What became of every byte and of time, for JSON."""
+        return {
+            "bytes": self.decoder.counts.summary(),
+            "time": _without_nan(asdict(self.time.report())),
+            "not_usable": self.faults,
+        }
+
+    def _through(self, found: dict[str, Frames]) -> Part | None:
+        frames = found.get(self.session.message)
+        if frames is None:
+            return None
+        stamps = self.time.stamp(
+            frames.t_ns,
+            frames.start,
+            clock=frames.columns[self._clock.name] if self._clock else None,
+            frames=frames.columns[self._frames.name] if self._frames else None,
+        )
+        usable = (stamps.flags & np.uint32(flags.TIME_FAULT)) == 0
+        if not usable.all():
+            self.faults += int(np.count_nonzero(~usable))
+            if not usable.any():
+                return None
+            frames = _only(frames, usable)
+        t_ns, told = stamps.t_ns[usable], stamps.flags[usable]
+        if self._t0 is None:
+            self._t0 = int(t_ns[0])
+        sensed = self._sensed(frames, t_ns - self._t0, told)
+        imu = calibrated(sensed, self.session.card)
+        track = None if self.filter is None else self.filter.process(imu)
+        return Part(t_ns, frames, sensed, imu, track)
+
+    @property
+    def t0_ns(self) -> int | None:
+        """Host's monotonic time of the first sample, ns; None before it."""
+        return self._t0
+
+    def _sensed(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> ImuData:
+        session = self.session
+        triads = {name: self._turned(values) for name, values in triads_of(frames, session.unit).items()}
+        known = frames.flags[session.unit] | told
+        return ImuData.live(t_ns, triads, temp_c=temperature_of(frames, session.unit), flags=known, meta=session.meta)
+
+    def _turned(self, values: Floats) -> Floats:
+        axes = self.session.meta.axes
+        return values if axes == "x y z" else in_body_axes(axes, values)
+
+
+def time_spec(form: Format, message: Message) -> TimeSpec:
+    """What the frames of a message bring to tell the time by."""
+    device, count = message.of_role("clock"), message.of_role("counter")
+    alone = len(form.messages) == 1 and not form.framing.length_field
+    return TimeSpec(
+        clock=Counter(device.width, _tick_ns(device)) if device else None,
+        frames=Counter(count.width) if count else None,
+        rate=form.framing.rate,
+        frame_bytes=message.length if alone else None,
+    )
+
+
+def _without_nan(told: dict[str, Any]) -> dict[str, Any]:
+    """Report with None for what is not known, as JSON has it."""
+    known: dict[str, Any] = {}
+    for name, value in told.items():
+        inner = _without_nan(value) if isinstance(value, dict) else value
+        known[name] = None if isinstance(value, float) and not math.isfinite(value) else inner
+    return known
+
+
+def _tick_ns(device: Field) -> Fraction:
+    """Time of one count; a unit and a size are decimal numbers or fractions, so this is exact."""
+    return Fraction(device.scale * 1e9).limit_denominator(1 << 30)
+
+
+def _filter(session: Session) -> Filter:
+    stage, declination = session.stage, session.meta.declination
+    if stage is None or session.frame is None:
+        raise ParameterError("a session that estimates needs a filter and a frame.")
+    known = {} if declination is None else {"declination": declination}
+    return Filter(stage.filter, frame=session.frame, params={**known, **stage.params}, noise=stage.noise)
+
+
+def _require_triads(message: Message, unit: str) -> None:
+    units = list(dict.fromkeys(f.triad.rpartition(".")[0] for f in message.fields if f.triad))
+    if unit not in units:
+        known = ", ".join(repr(name) for name in units) or "none: it carries no gyr, acc or mag"
+        raise ParameterError(f"message {message.name} has no triad of unit '{unit}'; its units are {known}.")
+
+
+def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:
+    return Frames(
+        frames.message,
+        frames.start[rows],
+        frames.t_ns[rows],
+        {name: column[rows] for name, column in frames.columns.items()},
+        {unit: found[rows] for unit, found in frames.flags.items()},
+    )

@@ -1,0 +1,167 @@
+"""A recording of a line as samples and attitudes, as other verbs take them; and both as a recording for viewers."""
+
+import heapq
+import json
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from itertools import repeat
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob import io
+from plumbob.check import Floats
+from plumbob.clock import to_ns
+from plumbob.data import TRIADS, AttitudeTrack, ImuData
+from plumbob.errors import DecodeError
+from plumbob.io import Recording
+from plumbob.io.header import meta_from, plain_meta
+from plumbob.pipeline import rows
+from plumbob.pipeline.replay import replay, utc_ns
+from plumbob.pipeline.session_toml import SESSION, recorded_session
+from plumbob.record import Log, Recorder, Schema, open_log
+from plumbob.rotations import Frame, North
+
+SUFFIX: Final = ".mcap"
+_META: Final = "recording"
+_PATIENCE: Final = 20_000
+
+
+def read_any(path: str | Path, *, profile: Path | None = None) -> Recording:
+    """Read a file of any format: a recording of a line too, of which the samples are decoded anew from their bytes.
+
+    Raises
+    ------
+    PlumbobError
+        As `plumbob.io.read`, or as `read_recorded`.
+    """
+    file = Path(path)
+    return read_recorded(file) if file.suffix == SUFFIX else io.read(file, profile=profile)
+
+
+def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
+    """Samples of a recording, and the attitude where it is asked for and was estimated.
+
+    Parameters
+    ----------
+    path : path
+        The recording.
+    estimated : bool
+        Whether the attitude shall be there; without it `track` stays None, for an estimate is no reference.
+
+    Raises
+    ------
+    DecodeError
+        If it is no recording of samples.
+    """
+    file = Path(path)
+    log = open_log(file)
+    if SESSION not in log.metadata:
+        return _from_rows(log, file, estimated=estimated)
+    replayed = replay(log, recorded_session(log.metadata, file.stem))
+    imu = replayed.found.imu(calibrated=False)
+    if imu is None:
+        raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
+    meta = replace(imu.meta, t0_ns=utc_ns(replayed))
+    counts = replayed.line.decoder.counts
+    notes = [
+        f"decoded from {counts.received} raw bytes as {replayed.line.session.form.name}, {counts.junk} of them junk"
+    ]
+    notes += [f"damaged: {damage}" for damage in log.damage]
+    track = replayed.found.track() if estimated else None
+    whole = Recording(imu=replace(imu, meta=meta), track=track, name=file.stem, notes=tuple(notes))
+    return replace(whole, notes=(*whole.notes, *io.findings(whole.imu))) if whole.imu else whole
+
+
+def write_mcap(path: Path, recording: Recording) -> None:
+    """Write samples and attitude as a recording that viewers such as Foxglove and Lichtblick open.
+
+    Raises
+    ------
+    ParameterError
+        If the file exists.
+    """
+    imu, track = recording.imu, recording.track
+    offset = 0 if imu is None else imu.meta.t0_ns
+    recorder = Recorder(path, epoch_offset_ns=offset)
+    recorder.metadata[_META] = json.dumps(_about(recording))
+    imu_channel = _channel(recorder, rows.IMU, "plumbob.Imu", rows.IMU_SCHEMA) if imu else 0
+    track_channel = _channel(recorder, rows.ATTITUDE, "plumbob.Attitude", rows.ATTITUDE_SCHEMA) if track else 0
+    streams: list[Iterable[tuple[int, int, bytes]]] = []
+    if imu is not None:
+        stamps = to_ns(imu.t).tolist()
+        streams.append(zip(stamps, repeat(imu_channel), rows.imu_rows(stamps, imu)))
+    if track is not None:
+        stamps = to_ns(track.t).tolist()
+        streams.append(zip(stamps, repeat(track_channel), rows.attitude_rows(stamps, track)))
+    with recorder:
+        for number, (t_ns, channel, row) in enumerate(heapq.merge(*streams, key=lambda one: one[:2])):
+            recorder.write(channel, t_ns, row)
+            if number % _PATIENCE == 0:
+                _wait_for(recorder)
+    if recorder.acknowledged < recorder.written:
+        missing = recorder.written - recorder.acknowledged
+        raise DecodeError(f"{path} cannot be written: {missing} of {recorder.written} rows did not reach the disk.")
+
+
+def _wait_for(recorder: Recorder) -> None:
+    """Let the disk catch up: a recorder never waits by itself, for a line cannot."""
+    while recorder.state == "recording" and recorder.written - recorder.acknowledged > 2 * _PATIENCE:
+        time.sleep(0.01)
+
+
+def _channel(recorder: Recorder, topic: str, name: str, schema: bytes) -> int:
+    return recorder.channel(topic, "json", Schema(name, "jsonschema", schema))
+
+
+def _about(recording: Recording) -> dict[str, Any]:
+    imu, track = recording.imu, recording.track
+    meta = {} if imu is None else asdict(plain_meta(imu.meta))
+    told = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "source": track.source}
+    return {"imu": meta, "track": told, "notes": list(recording.notes)}
+
+
+def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
+    """Recording of decoded rows only, as `write_mcap` makes one."""
+    found: dict[str, list[dict[str, Any]]] = {rows.IMU: [], rows.ATTITUDE: []}
+    for message in log:
+        if message.topic in found:
+            found[message.topic].append(json.loads(message.data))
+    about = json.loads(log.metadata.get(_META, "{}"))
+    if not found[rows.IMU] and not found[rows.ATTITUDE]:
+        raise DecodeError(f"{file} has neither a session nor decoded samples; it was not made by Plumbob.")
+    imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
+    wanted = found[rows.ATTITUDE] and (estimated or imu is None)
+    track = _track(found[rows.ATTITUDE], about["track"]) if wanted else None
+    return Recording(imu=imu, track=track, name=file.stem, notes=tuple(about.get("notes", ())))
+
+
+def _imu(found: Sequence[Mapping[str, Any]], meta: Mapping[str, Any]) -> ImuData:
+    triads = {name: _table([row[name] for row in found], 3) for name in TRIADS if found[0][name] is not None}
+    temps = [row["temp_c"] for row in found]
+    return ImuData(
+        t=np.array([row["t_ns"] for row in found]) / 1e9,
+        temp_c=None if all(t is None for t in temps) else np.array(temps, dtype=np.float64),
+        flags=np.array([row["flags"] for row in found], dtype=np.uint32),
+        meta=meta_from(meta),
+        **triads,
+    )
+
+
+def _track(found: Sequence[Mapping[str, Any]], told: Mapping[str, str]) -> AttitudeTrack:
+    biased = found[0]["bias_b"] is not None
+    return AttitudeTrack(
+        t=np.array([row["t_ns"] for row in found]) / 1e9,
+        q_nb=_table([row["q_nb"] for row in found], 4),
+        frame=Frame.parse(told["frame"]),
+        north=North.parse(told["north"]),
+        bias_b=_table([row["bias_b"] for row in found], 3) if biased else None,
+        flags=np.array([row["flags"] for row in found], dtype=np.uint32),
+        source=told["source"],
+    )
+
+
+def _table(values: Sequence[Sequence[float | None] | None], width: int) -> Floats:
+    return np.array([[np.nan] * width if row is None else row for row in values], dtype=np.float64)

@@ -1,0 +1,92 @@
+"""Run a line: read, keep, decode, estimate, hand on, until the source ends or somebody says stop."""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from plumbob.link import Event, Received, Source
+from plumbob.pipeline.keep import Keeper
+from plumbob.pipeline.line import Line, Part
+from plumbob.pipeline.sinks import Sink
+
+_WAIT: Final = 0.02
+"""Longest wait for the source, s; the recording's chunks close on time also where nothing comes."""
+
+
+def run_line(
+    line: Line,
+    source: Source,
+    *,
+    sinks: Sequence[Sink] = (),
+    keeper: Keeper | None = None,
+    duration: float | None = None,
+    until_lost: bool = False,
+    stop: threading.Event | None = None,
+    clock: Callable[[], int] = time.monotonic_ns,
+) -> None:
+    """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
+
+    Bytes are handed to the recording before anything else is done with them.
+
+    Parameters
+    ----------
+    line : Line
+        The line.
+    source : Source
+        Where its bytes come from, open.
+    sinks : sequence of Sink
+        What else takes its parts.
+    keeper : Keeper, optional
+        Recording, started here.
+    duration : float, optional
+        Longest time to run, s.
+    until_lost : bool
+        Whether to end when the line is lost, instead of waiting for it to come back.
+    stop : threading.Event, optional
+        Set from elsewhere to end.
+    clock : callable
+        Monotonic clock, ns.
+    """
+    end = None if duration is None else clock() + round(duration * 1e9)
+    try:
+        if keeper:
+            keeper.recorder.start()
+        while not source.finished and not (stop and stop.is_set()) and (end is None or clock() < end):
+            items = source.read(_WAIT)
+            for item in items:
+                _take(line, item, sinks, keeper)
+            if until_lost and any(isinstance(item, Event) and item.kind == "lost" for item in items):
+                break
+            if keeper:
+                _tell(keeper.tick(clock()), sinks)
+        _hand_on(line.finish(), clock(), sinks, keeper)
+    finally:
+        source.close()
+        if keeper:
+            _tell(keeper.close(), sinks)
+        for sink in sinks:
+            sink.close()
+
+
+def _take(line: Line, item: Received | Event, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
+    if keeper:
+        keeper.on_item(item)
+    _hand_on(line.take(item), item.t_ns, sinks, keeper)
+    if isinstance(item, Event):
+        _tell([item], sinks)
+
+
+def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
+    if part is None:
+        return
+    for sink in sinks:
+        sink.on_part(part)
+    if keeper:
+        keeper.on_part(part, now_ns)
+
+
+def _tell(events: Sequence[Event], sinks: Sequence[Sink]) -> None:
+    for event in events:
+        for sink in sinks:
+            sink.on_event(event)

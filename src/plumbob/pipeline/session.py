@@ -1,0 +1,113 @@
+"""A session: everything about a live line that its bytes do not say, as plain data. `session_toml` reads it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from plumbob.cards import CalibrationCard
+from plumbob.data import ImuMeta
+from plumbob.pipeline.offline import Stage
+from plumbob.rotations import Frame
+from plumbob.sensors.format import Format
+
+
+@dataclass(frozen=True, slots=True)
+class SourceSpec:
+    """Where the bytes come from.
+
+    Attributes
+    ----------
+    kind : str
+        ``"serial"``, ``"udp"`` or ``"tcp"``.
+    settings : mapping
+        What that kind needs: ``port`` and ``baud``, or ``host`` and ``port``; and what any may have: ``gather``, s, and
+        ``speed``.
+    """
+
+    kind: str
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordSpec:
+    """Where the recording goes, and when it is cut.
+
+    Attributes
+    ----------
+    path : str
+        Name of the recording, ``.mcap``.
+    rotate : float or None
+        Time after which a new part begins, s.
+    rotate_bytes : int or None
+        Size after which a new part begins.
+    reserve : int or None
+        Bytes of the disk that stay free; by default the smaller of 1 GiB and 5 % of it.
+    samples : bool
+        Whether decoded samples and attitudes stand beside the raw bytes, for viewers.
+    """
+
+    path: str
+    rotate: float | None = None
+    rotate_bytes: int | None = None
+    reserve: int | None = None
+    samples: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class OutputSpec:
+    """What is handed on while the line runs.
+
+    Attributes
+    ----------
+    every : float
+        Least time between two outputs, s.
+    text : str or None
+        Text file that gets a line for each, as the hosts of the papers wrote it.
+    """
+
+    every: float = 0.05
+    text: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A live line.
+
+    Attributes
+    ----------
+    name : str
+        Short name, for files and messages.
+    source : SourceSpec or None
+        Where the bytes come from; None where they are handed in, as from a recording.
+    form : Format
+        What they mean, bound.
+    message, unit : str
+        Which message has the samples, and which unit's fields of it.
+    meta : ImuMeta
+        Device, ranges, axes and so on of the samples.
+    frame : Frame or None
+        Navigation frame; None where nothing is estimated.
+    card : CalibrationCard or None
+        Calibration; None says uncalibrated.
+    stage : Stage or None
+        Filter; None where nothing is estimated.
+    record : RecordSpec or None
+        Recording; None where none is made.
+    output : OutputSpec
+        What is handed on.
+    texts : mapping of str to str
+        The session file and every file that it names, so that a recording can hold them and be replayed anywhere.
+    """
+
+    name: str
+    source: SourceSpec | None
+    form: Format
+    message: str
+    unit: str
+    meta: ImuMeta
+    frame: Frame | None = None
+    card: CalibrationCard | None = None
+    stage: Stage | None = None
+    record: RecordSpec | None = None
+    output: OutputSpec = OutputSpec()
+    texts: Mapping[str, str] = field(default_factory=dict)

@@ -1,0 +1,271 @@
+"""Read a session from TOML, strictly, with the format, the card and the noise that it names."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob import forms
+from plumbob.cards import CalibrationCard, NoiseCard
+from plumbob.data import ImuMeta
+from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError
+from plumbob.filters import Filter
+from plumbob.forms import Parse
+from plumbob.pipeline.offline import Stage
+from plumbob.pipeline.session import OutputSpec, RecordSpec, Session, SourceSpec
+from plumbob.rigs import find_format
+from plumbob.rotations import Frame, body_axes
+from plumbob.sensors.format import Format
+from plumbob.sensors.format_toml import parse_format
+from plumbob.sensors.triads import ranges_of
+from plumbob.units import Quantity
+
+GUIDE: Final = "docs/sessions.md"
+KIND: Final = "plumbob session"
+VERSION: Final = 1
+SESSION: Final = "session.toml"
+"""Under this name a recording keeps the session itself."""
+
+Fetch = Callable[[str], str]
+"""Gives the text of a file that the session names."""
+
+
+def load_session(path: str | Path) -> Session:
+    """Read a session; files that it names lie beside it, unless their paths are absolute.
+
+    Raises
+    ------
+    DecodeError
+        If a file is missing or no TOML, or a key is unknown, missing or of the wrong type.
+    ParameterError, UnitError, FrameError, CalibrationError
+        If what it asks for does not exist or does not go together.
+    """
+    file = Path(path)
+    try:
+        return parse_session(read_text(file), lambda name: read_text(file.parent / name), name=file.stem)
+    except PlumbobError as error:
+        raise type(error)(f"{file}: {error}") from error
+
+
+def recorded_session(texts: Mapping[str, str], name: str) -> Session:
+    """Session that a recording holds.
+
+    Raises
+    ------
+    DecodeError
+        If it holds none.
+    """
+
+    def fetch(wanted: str) -> str:
+        if wanted not in texts:
+            raise DecodeError(f"the recording does not hold {wanted}; it was not made by 'plumbob record'.")
+        return texts[wanted]
+
+    return parse_session(fetch(SESSION), fetch, name=name)
+
+
+def parse_session(text: str, fetch: Fetch, *, name: str) -> Session:
+    """Session from TOML text; errors as in `load_session`.
+
+    Parameters
+    ----------
+    text : str
+        The session.
+    fetch : callable
+        Gives the text of each file that it names.
+    name : str
+        Short name.
+    """
+    texts = {SESSION: text}
+
+    def keep(wanted: str) -> str:
+        texts[wanted] = fetch(wanted)
+        return texts[wanted]
+
+    found = forms.section("session", forms.toml(text, GUIDE), _SESSION, ("kind", "version", "format"), top=True)
+    form, message = _format(found["format"], keep)
+    unit = found["format"].get("unit", "")
+    imu = found.get("imu", {})
+    frame = imu.get("frame")
+    meta = _meta(imu, form, message, unit)
+    card = _card(found, keep)
+    if card is not None and card.device != meta.device:
+        raise ParameterError(
+            f"the card is for device '{card.device}', but imu.device is '{meta.device}'; use the card of this unit."
+        )
+    stage = _stage(found, frame, keep)
+    return Session(
+        name=name,
+        source=found.get("source"),
+        form=form,
+        message=message,
+        unit=unit,
+        meta=meta,
+        frame=frame,
+        card=card,
+        stage=stage,
+        record=found.get("record"),
+        output=found.get("output", OutputSpec()),
+        texts=texts,
+    )
+
+
+def _format(found: Mapping[str, Any], keep: Fetch) -> tuple[Format, str]:
+    if ("name" in found) == ("file" in found):
+        raise DecodeError('format needs either the name of a known device or file = "my.toml".')
+    form = find_format(found["name"]) if "name" in found else parse_format(keep(found["file"]))
+    form = form.bind(found.get("options", {}))
+    return form, form.message(found.get("message", "")).name
+
+
+def _meta(imu: Mapping[str, Any], form: Format, message: str, unit: str) -> ImuMeta:
+    ranges: dict[str, Any] = {f"{name}_range": full for name, full in ranges_of(form.message(message), unit).items()}
+    return ImuMeta(
+        device=imu.get("device", form.name),
+        axes=imu.get("axes", "x y z"),
+        frame=imu.get("frame"),
+        declination=imu.get("declination"),
+        rate_nominal=form.framing.rate,
+        **ranges,
+    )
+
+
+def _card(found: Mapping[str, Any], keep: Fetch) -> CalibrationCard | None:
+    if "calibration" not in found:
+        return None
+    name = found["calibration"]["card"]
+    return CalibrationCard.from_text(keep(name), name)
+
+
+def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
+    if "estimate" not in found:
+        return None
+    asked = found["estimate"]
+    if frame is None:
+        raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
+    noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
+    stage = Stage(asked["filter"], asked.get("params", {}), noise=noise)
+    Filter(stage.filter, frame=frame, params=stage.params, noise=noise)  # refuses what it cannot take, before the start
+    return stage
+
+
+def edited(session: Session, *, source: SourceSpec | None = None, record: RecordSpec | None = None) -> Session:
+    """Return the session with another source or recording."""
+    return replace(session, source=source or session.source, record=record or session.record)
+
+
+def plain_session(*, form: str, source: Mapping[str, Any], **tables: Mapping[str, Any]) -> str:
+    """Text of a session of a catalogued format or a format file, as the command line makes one from its options."""
+    known = {"file": form} if form.endswith(".toml") else {"name": form}
+    content: dict[str, Mapping[str, Any]] = {
+        "source": source,
+        "format": {**known, **tables.pop("format", {})},
+        **tables,
+    }
+    lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
+    for name, table in content.items():
+        lines += ["", f"[{name}]", *(f"{_key(key)} = {_toml(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _key(key: str) -> str:
+    return json.dumps(key)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_toml(item)}" for key, item in value.items()) + " }"
+    return json.dumps(value)
+
+
+def read_text(path: Path) -> str:
+    """Text of a file that a session names.
+
+    Raises
+    ------
+    DecodeError
+        If it cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DecodeError(f"{path} cannot be read as UTF-8 text: {error}.") from error
+
+
+def _source(where: str, value: Any) -> SourceSpec:
+    kind = forms.section(where, value, {**dict.fromkeys(value, _anything), "kind": forms.one_of(*_SOURCES)}, ("kind",))[
+        "kind"
+    ]
+    known, required = _SOURCES[kind]
+    found = forms.section(where, value, {"kind": forms.text, **known}, required)
+    return SourceSpec(kind, {key: item for key, item in found.items() if key != "kind"})
+
+
+def _anything(where: str, value: Any) -> Any:
+    return value
+
+
+def _frame(where: str, value: Any) -> Frame:
+    return Frame.parse(forms.text(where, value))
+
+
+def _axes(where: str, value: Any) -> str:
+    body_axes(forms.text(where, value))
+    return str(value)
+
+
+def _param(where: str, value: Any) -> Any:
+    """Numbers follow the rule for text: where two units are usual, one must stand there."""
+    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _version(where: str, value: Any) -> int:
+    if value != VERSION or isinstance(value, bool):
+        raise DecodeError(f"{where} is {value!r}, but this program reads {VERSION}; update Plumbob.")
+    return VERSION
+
+
+_PORT: Final = forms.whole(1, 65535)
+_ANY_SOURCE: Final[dict[str, Parse]] = {"gather": forms.size(Quantity.TIME), "speed": forms.positive}
+_SOURCES: Final[dict[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
+    "serial": (
+        {"port": forms.text, "baud": forms.whole(1), "wait": forms.truth, **_ANY_SOURCE},
+        ("port", "baud"),
+    ),
+    "udp": ({"host": forms.text, "port": _PORT, **_ANY_SOURCE}, ("port",)),
+    "tcp": ({"host": forms.text, "port": _PORT, **_ANY_SOURCE}, ("host", "port")),
+}
+_FORMAT: Final[dict[str, Parse]] = {
+    "name": forms.text,
+    "file": forms.text,
+    "message": forms.text,
+    "unit": forms.text,
+    "options": forms.mapping(forms.text),
+}
+_IMU: Final[dict[str, Parse]] = {
+    "device": forms.text,
+    "axes": _axes,
+    "frame": _frame,
+    "declination": forms.quantity(Quantity.ANGLE),
+}
+_ESTIMATE: Final[dict[str, Parse]] = {"filter": forms.text, "params": forms.mapping(_param), "noise": forms.text}
+_RECORD: Final[dict[str, Parse]] = {
+    "path": forms.text,
+    "rotate": forms.size(Quantity.TIME),
+    "rotate_bytes": forms.whole(1),
+    "reserve": forms.whole(0),
+    "samples": forms.truth,
+}
+_OUTPUT: Final[dict[str, Parse]] = {"every": forms.size(Quantity.TIME), "text": forms.text}
+_SESSION: Final[dict[str, Parse]] = {
+    "kind": forms.one_of(KIND),
+    "version": _version,
+    "source": _source,
+    "format": forms.form(_FORMAT),
+    "imu": forms.form(_IMU),
+    "calibration": forms.form({"card": forms.text}, ("card",)),
+    "estimate": forms.form(_ESTIMATE, ("filter",)),
+    "record": lambda where, value: RecordSpec(**forms.section(where, value, _RECORD, ("path",))),
+    "output": lambda where, value: OutputSpec(**forms.section(where, value, _OUTPUT)),
+}

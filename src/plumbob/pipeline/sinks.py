@@ -1,0 +1,128 @@
+"""Sinks: what is done with the parts that a line gives, besides recording them."""
+
+from pathlib import Path
+from typing import Final, Protocol, TextIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.acquire import Schedule, Task
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.link import Event
+from plumbob.pipeline.line import Part
+from plumbob.rotations import euler_zyx_from_quat
+from plumbob.units import to_deg
+
+
+class Sink(Protocol):
+    """Takes what a line gives, as it comes."""
+
+    def on_part(self, part: Part) -> None:
+        """Take samples and attitudes."""
+        ...
+
+    def on_event(self, event: Event) -> None:
+        """Take something that happened to the line or to the recording."""
+        ...
+
+    def close(self) -> None:
+        """End; more than once does no harm."""
+        ...
+
+
+class Collected:
+    """Keeps everything, for a replay or an export.
+
+    Attributes
+    ----------
+    parts : list of Part
+        All parts.
+    events : list of Event
+        All events.
+    """
+
+    def __init__(self) -> None:
+        self.parts: list[Part] = []
+        self.events: list[Event] = []
+
+    def on_part(self, part: Part) -> None:
+        """Keep it."""
+        self.parts.append(part)
+
+    def on_event(self, event: Event) -> None:
+        """Keep it."""
+        self.events.append(event)
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    @property
+    def t_ns(self) -> NDArray[np.int64]:
+        """Times of all samples on the host's monotonic clock, ns."""
+        return np.concatenate([part.t_ns for part in self.parts]) if self.parts else np.zeros(0, dtype=np.int64)
+
+    def track(self) -> AttitudeTrack | None:
+        """Attitude of the whole; None where nothing was estimated."""
+        tracks = [part.track for part in self.parts if part.track is not None]
+        return AttitudeTrack.joined(tracks) if tracks else None
+
+    def imu(self, *, calibrated: bool) -> ImuData | None:
+        """Samples of the whole, judged as a recording; None where there are none."""
+        parts = [part.imu if calibrated else part.sensed for part in self.parts]
+        if not parts:
+            return None
+        first = parts[0]
+
+        def every(name: str) -> NDArray[np.float64] | None:
+            return None if getattr(first, name) is None else np.concatenate([getattr(p, name) for p in parts])
+
+        return ImuData(
+            t=np.concatenate([p.t for p in parts]),
+            gyr=every("gyr"),
+            acc=every("acc"),
+            mag=every("mag"),
+            temp_c=every("temp_c"),
+            flags=np.concatenate([p.flags for p in parts]),
+            meta=first.meta,
+        )
+
+
+TEXT_HEAD: Final = "t [s]\troll [deg]\tpitch [deg]\tyaw [deg]\tflags\n"
+
+
+class TextSink:
+    """Writes a line of text for an attitude now and then, as the hosts of the papers kept their TXT files.
+
+    Parameters
+    ----------
+    path : path
+        Text file; it must not exist yet.
+    every : float
+        Least time between two lines, s.
+    """
+
+    def __init__(self, path: str | Path, every: float) -> None:
+        self._file: TextIO = Path(path).open("x", encoding="ascii")  # noqa: SIM115  (closed by close)
+        self._file.write(TEXT_HEAD)
+        self._schedule = Schedule([Task("output", round(every * 1e9))])
+
+    def on_part(self, part: Part) -> None:
+        """Write what is due, and hand it to the system at once."""
+        track = part.track
+        if track is None:
+            return
+        due = [i for i, t_ns in enumerate(part.imu.t_ns.tolist()) if self._schedule.due(t_ns)]
+        if not due:
+            return
+        angles = to_deg(euler_zyx_from_quat(track.q_nb[due]))
+        words = np.zeros(len(due), dtype=np.uint32) if track.flags is None else track.flags[due]
+        for t, (yaw, pitch, roll), word in zip(track.t[due].tolist(), angles.tolist(), words.tolist(), strict=True):
+            self._file.write(f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{word}\n")
+        self._file.flush()
+
+    def on_event(self, event: Event) -> None:
+        """Leave it to the recording."""
+
+    def close(self) -> None:
+        """End the file."""
+        self._file.close()

@@ -1,0 +1,137 @@
+"""The source that a session asks for, opened; and a recording as a source."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Final
+
+from plumbob.errors import ParameterError
+from plumbob.link import Event, Received, Source
+from plumbob.pipeline import rows
+from plumbob.pipeline.session import SourceSpec
+from plumbob.record import Log
+
+GATHER: Final = 0.004
+"""Time in which bytes are gathered before they go through the line, s: latency for fewer, fuller parts."""
+_AT_ONCE: Final = 256
+
+
+def open_source(spec: SourceSpec | None) -> Source:
+    """Open the source of a session.
+
+    Raises
+    ------
+    ParameterError
+        If the session names none.
+    PlumbobError
+        If it cannot be opened; the message says why.
+    """
+    from plumbob import acquire
+
+    if spec is None:
+        raise ParameterError("the session names no [source]; add one, or give --port.")
+    settings: dict[str, Any] = {"gather": GATHER, **spec.settings}
+    speed = settings.pop("speed", None)
+    made: Source
+    if spec.kind == "serial":
+        made = acquire.SerialSource(settings.pop("port"), settings.pop("baud"), **settings).open()
+    elif spec.kind == "udp":
+        made = acquire.UdpSource(settings.pop("port"), **settings).open()
+    else:
+        made = acquire.TcpSource(settings.pop("host"), settings.pop("port"), **settings).open()
+    return made if speed is None else Stretched(made, speed)
+
+
+class Stretched:
+    """A source that runs faster than time, as an emulated rig may: its host times are stretched to what they stand for.
+
+    Parameters
+    ----------
+    source : Source
+        The source, open.
+    speed : float
+        How many times faster than real time it runs.
+    """
+
+    def __init__(self, source: Source, speed: float) -> None:
+        self._source, self._speed = source, speed
+        self._start = time.monotonic_ns()
+
+    @property
+    def name(self) -> str:
+        """Name of the source."""
+        return self._source.name
+
+    @property
+    def finished(self) -> bool:
+        """Whether the source is."""
+        return self._source.finished
+
+    def read(self, timeout: float) -> list[Received | Event]:
+        """Read the source, with every time stretched from the moment this was made."""
+        return [replace(item, t_ns=self._stretched(item.t_ns)) for item in self._source.read(timeout)]
+
+    def close(self) -> None:
+        """Close the source."""
+        self._source.close()
+
+    def _stretched(self, t_ns: int) -> int:
+        return self._start + round((t_ns - self._start) * self._speed)
+
+
+class ReplaySource:
+    """The raw reads and the events of a recording, as they came.
+
+    Rows that are missing from a damaged recording become an event, so that the line does not take bytes for neighbours
+    that are none.
+
+    Parameters
+    ----------
+    log : Log
+        The recording.
+    speed : float or None
+        How many times faster than it was; None is as fast as it goes.
+    """
+
+    def __init__(self, log: Log, speed: float | None = None) -> None:
+        self._items = self._all(log)
+        self._speed = speed
+        self._started: tuple[int, int] | None = None
+        self.name = log.paths[0].name
+        self.finished = False
+
+    def read(self, timeout: float) -> list[Received | Event]:
+        """Next items; at the recording's own pace, one at a time, where a speed is given."""
+        found: list[Received | Event] = []
+        for item in self._items:
+            if self._speed:
+                self._wait_for(item.t_ns, self._speed)
+                return [item]
+            found.append(item)
+            if len(found) == _AT_ONCE:
+                return found
+        self.finished = True
+        return found
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def _wait_for(self, t_ns: int, speed: float) -> None:
+        if self._started is None:
+            self._started = (t_ns, time.monotonic_ns())
+        due = self._started[1] + (t_ns - self._started[0]) / speed
+        time.sleep(max(0.0, (due - time.monotonic_ns()) / 1e9))
+
+    def _all(self, log: Log) -> Iterator[Received | Event]:
+        expected = 0
+        for message in log:
+            if message.topic == rows.EVENTS:
+                yield rows.event_of(message.data)
+            if message.topic != rows.RAW:
+                continue
+            if message.sequence > expected:
+                missing = message.sequence - expected
+                yield Event(message.t_ns, "dropped", f"{missing} reads are missing from the recording", missing)
+                yield Event(message.t_ns, "reopened", "the recording goes on")
+            expected = message.sequence + 1
+            yield Received(message.t_ns, message.data)

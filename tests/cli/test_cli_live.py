@@ -1,0 +1,150 @@
+"""record, replay, verify and export from the command line, on an emulated rig behind a real pseudo-terminal."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumbob import io
+
+TIMEOUT = 120
+
+
+def plumbob(*words, cwd, code=0):
+    done = subprocess.run(
+        [sys.executable, "-m", "plumbob.cli.main", *words], cwd=cwd, capture_output=True, text=True, timeout=TIMEOUT,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == code, (words, done.returncode, done.stdout, done.stderr)
+    return done
+
+
+@contextmanager
+def rig(folder, *words):
+    """Emulated buoy as a process; gives the link to its line once it is there."""
+    link = folder / "line"
+    command = [sys.executable, "-m", "plumbob.cli.main", "emulate", "buoy", "--seed", "2", "--link", str(link), *words]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as child:
+        try:
+            assert child.stdout.readline().startswith("/dev/")
+            yield link
+        finally:
+            child.terminate()
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A recording of 20 s of sea in one second, made as a user makes one."""
+    folder = tmp_path_factory.mktemp("live")
+    with rig(folder, "--speed", "20", "--duration", "20s", "--truth", "truth.parquet") as link:
+        (folder / "s.toml").write_text(f"""
+kind = "plumbob session"
+version = 1
+[source]
+kind = "serial"
+port = "{link}"
+baud = 115200
+speed = 20
+[format]
+name = "buoy"
+[imu]
+device = "{json.loads((folder / "truth.card.json").read_text())["device"]}"
+frame = "NED"
+declination = "0 deg"
+[calibration]
+card = "truth.card.json"
+[estimate]
+filter = "mahony"
+params = {{ kp = 0.5 }}
+""")
+        told = plumbob("record", "s.toml", "--out", "a.mcap", "--duration", "4s", "--json", cwd=folder)
+    return folder, json.loads(told.stdout), told.stderr
+
+
+def test_live_line_loses_nothing_and_says_so(recorded):
+    _, told, notes = recorded
+    assert told["samples"] == 2000
+    assert told["time"]["lost"] == told["bytes"]["junk"] == 0
+    assert told["recording"]["acknowledged"] == told["recording"]["rows"]
+    assert "lost" in notes  # the rig went away at its end
+
+
+def test_replay_is_equal_to_the_bit(recorded):
+    folder, _, _ = recorded
+    told = json.loads(plumbob("replay", "a.mcap", "--check", "--json", cwd=folder).stdout)
+    assert told["check"] == {"compared": 2000, "different": 0, "only_live": 0, "only_replayed": 0, "equal": True}
+
+
+def test_replay_with_another_filter_differs_and_exits_3(recorded):
+    folder, _, _ = recorded
+    words = ("--filter", "mahony", "--params", "kp=0.6", "--check")
+    assert "NOT equal" in plumbob("replay", "a.mcap", *words, cwd=folder, code=3).stdout
+
+
+def test_recorded_samples_are_the_simulated_ones(recorded):
+    folder, _, _ = recorded
+    plumbob("export", "a.mcap", "--what", "samples", "--out", "a.parquet", cwd=folder)
+    read, truth = io.read(folder / "a.parquet").imu, io.read(folder / "truth.parquet").imu
+    np.testing.assert_allclose(read.gyr, truth.gyr, rtol=0, atol=1e-9)  # the rig's counts are the simulator's steps
+    np.testing.assert_allclose(read.t, truth.t, rtol=0, atol=1e-6)
+
+
+def test_other_verbs_take_a_recording(recorded):
+    folder, _, _ = recorded
+    assert "2000 samples" in plumbob("info", "a.mcap", cwd=folder).stdout
+    assert "uncalibrated" in plumbob("run", "a.mcap", "--filter", "mahony", cwd=folder).stdout
+    assert plumbob("verify", "a.mcap", cwd=folder).returncode == 0
+
+
+def test_interrupted_recording_ends_whole(tmp_path):
+    with rig(tmp_path) as link:
+        words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap"]
+        with subprocess.Popen([sys.executable, "-m", "plumbob.cli.main", *words], cwd=tmp_path,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:  # fmt: skip
+            deadline = time.monotonic() + TIMEOUT
+            while not _holds(tmp_path / "a.mcap", 2000) and time.monotonic() < deadline:
+                time.sleep(0.05)
+            os.kill(child.pid, signal.SIGINT)
+            out, _ = child.communicate(timeout=TIMEOUT)
+            assert child.returncode == 0
+    assert "NONE: these sensor values are uncalibrated" in out
+    plumbob("verify", "a.mcap", cwd=tmp_path)
+
+
+def _holds(path: Path, size: int) -> bool:
+    return path.exists() and path.stat().st_size > size
+
+
+WRONG = {
+    "nothing": ((), "either a session file or --port"),
+    "no format": (("--port", "/dev/null"), "--port needs --format"),
+    "no such port": (("--port", "/dev/nowhere", "--format", "buoy"), "no serial port"),
+    "unknown format": (("--port", "/dev/null", "--format", "bouy"), "no known device"),
+    "filter without frame": (("--port", "/dev/null", "--format", "buoy", "--filter", "mekf"), "frame"),
+    "time without meaning": (("--port", "/dev/null", "--format", "buoy", "--duration", "10deg"), "deg"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_options_are_refused_in_one_line(tmp_path, case):
+    words, told = WRONG[case]
+    done = plumbob("record", *words, cwd=tmp_path, code=1)
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_recording_is_never_overwritten(recorded):
+    folder, _, _ = recorded
+    before = (folder / "a.mcap").read_bytes()
+    with rig(folder, "--duration", "1s") as link:
+        words = ("record", "--port", str(link), "--format", "buoy", "--out", "a.mcap", "--duration", "1s")
+        assert "exists already" in plumbob(*words, cwd=folder, code=1).stderr
+    assert (folder / "a.mcap").read_bytes() == before

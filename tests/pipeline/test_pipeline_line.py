@@ -1,0 +1,109 @@
+"""The line: the same samples as the simulator made, whatever the cuts, and flagged where something is missing."""
+
+import numpy as np
+import pytest
+from live_samples import RATE, Handed, form, motion, reads, session, stream
+
+from plumbob import flags
+from plumbob.errors import ParameterError
+from plumbob.link import Event, Received
+from plumbob.pipeline import estimate
+from plumbob.pipeline.line import Line, time_spec
+from plumbob.pipeline.runner import run_line
+from plumbob.pipeline.sinks import Collected
+
+
+def through(items, chosen=None):
+    line, found = Line(chosen or session()), Collected()
+    run_line(line, Handed(items), sinks=[found])
+    return line, found
+
+
+def test_samples_are_the_simulated_ones_within_half_a_count():
+    _, found = through(reads(stream()))
+    imu, truth = found.imu(calibrated=True), motion().imu
+    assert len(imu) == len(truth)
+    np.testing.assert_array_equal(imu.t_ns, truth.t_ns // 1000 * 1000)  # the device clock counts µs
+    half_gyr, half_acc, half_mag = np.radians(0.5 / 65.5), 0.5 / 8192 * 9.80665, 0.5 / 10  # half a count each
+    np.testing.assert_allclose(imu.gyr, truth.gyr, rtol=0, atol=half_gyr * 1.0001)
+    np.testing.assert_allclose(imu.acc, truth.acc, rtol=0, atol=half_acc * 1.0001)
+    np.testing.assert_allclose(imu.mag, truth.mag, rtol=0, atol=half_mag * 1.0001)
+
+
+def test_attitude_of_the_line_is_the_batch_attitude_to_the_bit():
+    line, found = through(reads(stream()))
+    whole = found.imu(calibrated=True)
+    batch = estimate(whole, line.session.stage, frame=line.session.frame)
+    live = found.track()
+    np.testing.assert_array_equal(live.q_nb, batch.q_nb)
+    np.testing.assert_array_equal(live.flags, batch.flags)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_cuts_of_the_stream_change_nothing(seed):
+    _, first = through(reads(stream(), seed=0))
+    _, other = through(reads(stream(), seed=seed))
+    np.testing.assert_array_equal(first.track().q_nb, other.track().q_nb)
+    np.testing.assert_array_equal(np.diff(first.t_ns), np.diff(other.t_ns))
+
+
+def test_lost_frames_leave_a_hole_in_time_and_a_flag():
+    data = stream()
+    items = reads(data[: 30 * 400] + data[30 * 440 :])
+    line, found = through(items)
+    imu = found.imu(calibrated=True)
+    assert len(imu) == len(motion().imu) - 40
+    hole = int(np.argmax(np.diff(imu.t)))
+    assert np.diff(imu.t)[hole] == pytest.approx(41 / RATE, abs=1e-6)  # 40 frames are missing between two
+    assert imu.flags[hole + 1] & flags.GAP
+    assert line.report()["time"]["lost"] == 40
+
+
+def test_line_that_is_pulled_and_plugged_goes_on_behind_a_gap():
+    data = stream()
+    early, late = reads(data[: 30 * 600 + 13]), reads(data[30 * 1000 :])
+    gone = early[-1].t_ns
+    back = gone + 400 * 5_000_000
+    late = [Received(item.t_ns + back - late[0].t_ns, item.data) for item in late]
+    events = [Event(gone, "lost", "unplugged"), Event(back, "reopened", "plugged in")]
+    line, found = through([*early, *events, *late])
+    track = found.track()
+    assert [e.kind for e in found.events] == ["lost", "reopened"]
+    assert line.decoder.counts.junk == 13  # the frame that was cut
+    assert (np.diff(found.t_ns) > 0).all()
+    first_after = 600
+    assert track.flags[first_after] & flags.GAP
+    assert np.isfinite(track.q_nb).all()
+
+
+def test_junk_is_counted_and_never_becomes_a_sample():
+    data = bytes(np.random.default_rng(4).integers(0, 256, 20_000, dtype=np.uint8))
+    line, found = through(reads(data))
+    assert not found.parts
+    assert line.decoder.counts.junk == line.decoder.counts.received == 20_000
+    assert line.report()["bytes"]["junk"] == 20_000
+
+
+def test_unit_without_a_triad_is_refused():
+    text = 'kind = "plumbob session"\nversion = 1\n[format]\nfile = "imu9.toml"\nunit = "u2"\n'
+    with pytest.raises(ParameterError, match="no triad of unit 'u2'; its units are ''"):
+        Line(session(text))
+
+
+def test_time_comes_from_the_device_clock_where_there_is_one():
+    spec = time_spec(form(), form().message())
+    assert (spec.mode, spec.clock.tick, spec.clock.bits, spec.frames.bits, spec.rate) == ("clock", 1000, 32, 16, 200.0)
+
+
+def test_line_that_waits_for_bytes_says_so_in_its_report():
+    line = Line(session())
+    line.take(Received(0, stream()[:40]))
+    told = line.report()["bytes"]
+    assert (told["received"], told["framed"], told["pending"]) == (40, 30, 10)
+
+
+def test_warm_up_leaves_the_line_untouched():
+    line = Line(session())
+    line.warm_up()
+    assert line.decoder.counts.received == 0
+    assert line.t0_ns is None

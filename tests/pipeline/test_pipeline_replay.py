@@ -1,0 +1,176 @@
+"""Recordings of a line: replay gives the live bits, damage becomes a gap, exports hold what was there."""
+
+import numpy as np
+import pytest
+from live_samples import SESSION, Handed, motion, reads, session, stream
+
+from plumbob import flags, io
+from plumbob.errors import DecodeError, ParameterError, ShapeError
+from plumbob.link import Event
+from plumbob.pipeline.exports import export, only
+from plumbob.pipeline.keep import Keeper
+from plumbob.pipeline.line import Line
+from plumbob.pipeline.offline import Stage
+from plumbob.pipeline.recorded import read_any, read_recorded
+from plumbob.pipeline.replay import compare, open_recording, replay
+from plumbob.pipeline.runner import run_line
+from plumbob.pipeline.session import RecordSpec
+from plumbob.pipeline.sinks import Collected, TextSink
+from plumbob.record import open_log
+
+OFFSET = 1_700_000_000_000_000_000
+
+
+def record(path, items, text=SESSION, **spec):
+    chosen = session(text)
+    line, found = Line(chosen), Collected()
+    keeper = Keeper(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
+    run_line(line, Handed(items), sinks=[found], keeper=keeper)
+    assert keeper.recorder.acknowledged == keeper.recorder.written
+    return found
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("rec") / "buoy.mcap"
+    items = reads(stream())
+    items.insert(50, Event(items[50].t_ns, "damaged", "a character had a wrong stop bit", 1))
+    return path, items, record(path, items)
+
+
+def test_recording_holds_every_byte_with_its_time(recording):
+    path, items, _ = recording
+    raw = [(m.t_ns, m.data) for m in open_log(path) if m.topic == "raw"]
+    assert raw == [(i.t_ns, i.data) for i in items if not isinstance(i, Event)]
+
+
+def test_replay_equals_live_to_the_bit(recording):
+    path, _, live = recording
+    log, chosen = open_recording(path)
+    replayed = replay(log, chosen)
+    again = replayed.found
+    np.testing.assert_array_equal(again.t_ns, live.t_ns)
+    for name in ("q_nb", "bias_b", "flags"):
+        np.testing.assert_array_equal(getattr(again.track(), name), getattr(live.track(), name))
+    result = compare(replayed)
+    assert result.equal
+    assert (result.compared, result.different) == (len(motion().imu), 0)
+    assert [e.kind for e in again.events] == ["damaged"]
+
+
+def test_comparison_notices_another_filter(recording):
+    log, chosen = open_recording(recording[0])
+    other = type(chosen)(
+        **{**{f: getattr(chosen, f) for f in chosen.__dataclass_fields__}, "stage": Stage("integrate", {})}
+    )
+    result = compare(replay(log, other))
+    assert not result.equal
+    assert result.different > 0
+
+
+def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path):
+    path = tmp_path / "hurt.mcap"
+    data = bytearray(recording[0].read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 1500] = bytes(1500)  # more than indexes take, less than a chunk
+    path.write_bytes(data)
+    log, chosen = open_recording(path)
+    replayed = replay(log, chosen)
+    assert log.damage
+    kinds = [e.kind for e in replayed.found.events]
+    assert kinds.count("reopened") == kinds.count("dropped") == 1
+    track = replayed.found.track()
+    whole = len(motion().imu)
+    assert whole - 60 < len(track) < whole  # a chunk of 0.1 s is 20 frames, two may be hit; cut frames go with them
+    assert np.isfinite(track.q_nb).all()
+    assert (track.flags & flags.GAP).any()
+    assert not compare(replayed).equal
+
+
+def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
+    path, _, live = recording
+    read = read_any(path)
+    assert read.track is None  # an estimate is no reference
+    assert read.imu.meta.calibration is None
+    assert read.imu.meta.t0_ns == OFFSET + int(live.t_ns[0])
+    np.testing.assert_array_equal(read.imu.gyr, live.imu(calibrated=False).gyr)
+    assert any("decoded from" in note for note in read.notes)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_export_reads_back_exactly(recording, tmp_path, suffix):
+    path, _, live = recording
+    whole = read_recorded(path, estimated=True)
+    out = export(tmp_path / f"out{suffix}", whole)
+    back = read_recorded(out, estimated=True) if suffix == ".mcap" else io.read(out)
+    np.testing.assert_array_equal(back.imu.t_ns, whole.imu.t_ns)
+    np.testing.assert_array_equal(back.imu.acc, whole.imu.acc)
+    np.testing.assert_array_equal(back.track.q_nb, live.track().q_nb)
+    assert back.imu.meta == whole.imu.meta
+
+
+def test_tum_export_is_scalar_last(recording, tmp_path):
+    whole = read_recorded(recording[0], estimated=True)
+    table = np.loadtxt(export(tmp_path / "a.tum", whole))
+    np.testing.assert_array_equal(table[:, 4:], whole.track.q_nb[:, [1, 2, 3, 0]])
+    np.testing.assert_array_equal(table[:, 1:4], 0.0)
+    assert table[5, 0] == pytest.approx(whole.track.t[5], abs=1e-9)
+
+
+def test_text_export_has_degrees(recording, tmp_path):
+    path = export(tmp_path / "a.txt", read_recorded(recording[0], estimated=True))
+    lines = path.read_text().splitlines()
+    assert lines[0].split("\t") == ["t [s]", "roll [deg]", "pitch [deg]", "yaw [deg]", "flags"]
+    assert len(lines) == 1 + len(motion().imu)
+
+
+def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_path):
+    samples = only(read_recorded(recording[0], estimated=True), "samples")
+    with pytest.raises(ShapeError, match="holds an attitude, and there is none"):
+        export(tmp_path / "a.tum", samples)
+    with pytest.raises(ShapeError, match="has no attitude; it has samples"):
+        only(samples, "attitude")
+    (tmp_path / "b.tum").write_text("precious")
+    with pytest.raises(ParameterError, match="does not overwrite"):
+        export(tmp_path / "b.tum", read_recorded(recording[0], estimated=True))
+
+
+def test_foreign_file_is_refused(tmp_path):
+    (tmp_path / "a.mcap").write_bytes(b"no recording")
+    with pytest.raises(DecodeError):
+        read_any(tmp_path / "a.mcap")
+
+
+def test_text_sink_writes_now_and_then(tmp_path):
+    found = record(tmp_path / "a.mcap", reads(stream()))
+    sink = TextSink(tmp_path / "a.txt", 0.05)
+    for part in found.parts:
+        sink.on_part(part)
+    sink.close()
+    times = np.loadtxt(tmp_path / "a.txt", skiprows=1)[:, 0]
+    np.testing.assert_allclose(np.diff(times), 0.05, atol=1e-5)  # 20 Hz out of 200 Hz, as the buoy's host
+
+
+def test_recording_without_samples_is_smaller_and_replays_alike(tmp_path, recording):
+    path = tmp_path / "raw.mcap"
+    record(path, reads(stream()), samples=False)
+    assert {m.topic for m in open_log(path)} == {"raw"}
+    log, chosen = open_recording(path)
+    again = replay(log, chosen)
+    np.testing.assert_array_equal(again.found.track().q_nb, recording[2].track().q_nb)
+    with pytest.raises(DecodeError, match="holds no attitudes"):
+        compare(again)
+
+
+def test_viewers_library_reads_the_recording(recording):
+    """Foxglove's own library, with its checks on, finds our channels and schemas."""
+    from mcap.reader import make_reader
+
+    with recording[0].open("rb") as stream_:
+        reader = make_reader(stream_, validate_crcs=True)
+        seen = {}
+        for schema, channel, message in reader.iter_messages():
+            seen.setdefault(channel.topic, (schema.encoding if schema else None, message.log_time))
+    assert set(seen) == {"raw", "events", "imu", "attitude"}
+    assert seen["imu"][0] == "jsonschema"
+    assert seen["raw"][1] == OFFSET + recording[1][0].t_ns

@@ -1,0 +1,115 @@
+"""Sessions: what they say, and what they refuse before anything is opened."""
+
+import json
+
+import numpy as np
+import pytest
+from live_samples import FORMAT, SESSION, motion, reads, session, stream
+
+from plumbob import Frame
+from plumbob.cards import CalibrationCard, TriadCalibration
+from plumbob.errors import CalibrationError, DecodeError, FrameError, ParameterError, PlumbobError, UnitError
+from plumbob.pipeline.line import Line
+from plumbob.pipeline.session_toml import load_session, parse_session, plain_session, recorded_session
+
+
+def card(device="bench 7"):
+    scaled = TriadCalibration(matrix=2.0 * np.eye(3), bias=np.zeros(3), unit_in="rad/s", unit_out="rad/s")
+    return CalibrationCard(device=device, date="2026-01-01", method="made up", gyr=scaled)
+
+
+def card_text(tmp_path, device="bench 7"):
+    card(device).save(tmp_path / "card.json")
+    return (tmp_path / "card.json").read_text()
+
+
+def test_session_says_what_it_was_told():
+    made = session(
+        SESSION
+        + '[source]\nkind = "serial"\nport = "/dev/ttyUSB0"\nbaud = 115200\n[record]\npath = "a.mcap"\nrotate = "1 h"\n'
+    )
+    assert (made.source.kind, made.source.settings["port"]) == ("serial", "/dev/ttyUSB0")
+    assert made.frame is Frame.NED
+    assert made.meta.device == "bench 7"
+    assert made.meta.gyr_range == pytest.approx(np.radians(32767 / 65.5), rel=1e-12)  # the largest count both ways
+    assert made.record.rotate == 3600.0
+    assert made.stage.params["gate"] == "0.08 g"
+
+
+def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_path):
+    text = SESSION + '[calibration]\ncard = "card.json"\n'
+    made = session(text, **{"card.json": card_text(tmp_path)})
+    assert set(made.texts) == {"session.toml", "imu9.toml", "card.json"}
+    again = recorded_session(made.texts, "bench")
+    assert again.card.name == made.card.name
+    assert again.form == made.form
+    with pytest.raises(DecodeError, match=r"does not hold imu9\.toml"):
+        recorded_session({"session.toml": text}, "bench")
+
+
+def test_card_is_applied_and_the_uncalibrated_values_stay(tmp_path):
+    made = session(SESSION + '[calibration]\ncard = "card.json"\n', **{"card.json": card_text(tmp_path)})
+    line = Line(made)
+    part = next(p for p in map(line.take, reads(stream(0.5))) if p is not None)
+    np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
+    assert part.imu.meta.calibration == card().name
+    assert part.sensed.meta.calibration is None
+
+
+def test_axes_turn_the_case_into_the_body():
+    line = Line(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
+    part = next(p for p in map(line.take, reads(stream(0.5))) if p is not None)
+    acc = motion(0.5).imu.acc[0]
+    np.testing.assert_allclose(part.sensed.acc[0], acc * [1, -1, -1], rtol=0, atol=0.5 / 8192 * 9.81)
+
+
+WRONG = {
+    "unknown key": (SESSION + "[imu2]\n", DecodeError, "no key 'imu2'"),
+    "no frame": (SESSION.replace('frame = "NED"', ""), FrameError, r"\[estimate\] needs imu.frame"),
+    "unknown filter": (SESSION.replace("mahony", "mahoney"), ParameterError, "mahoney"),
+    "gain without unit": (SESSION.replace('"0.08 g"', "0.08"), ParameterError, "needs a unit"),
+    "rate without unit": (SESSION + '[record]\npath = "a.mcap"\nrotate = "60"\n', UnitError, "has no unit"),
+    "unknown source": (SESSION + '[source]\nkind = "carrier pigeon"\n', DecodeError, "serial"),
+    "source without baud": (SESSION + '[source]\nkind = "serial"\nport = "x"\n', DecodeError, "baud"),
+    "both formats": (SESSION.replace("[imu]", 'name = "mpu6000"\n[imu]'), DecodeError, "either the name"),
+    "unknown device": (SESSION.replace('file = "imu9.toml"', 'name = "imu10"'), ParameterError, "no known device"),
+    "unknown option": (SESSION.replace("[imu]", 'options = { x = "1" }\n[imu]'), ParameterError, "no option 'x'"),
+    "no TOML": ("=", DecodeError, "not valid TOML"),
+    "other kind": (FORMAT, DecodeError, "no key"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_session_is_refused_with_a_word(case):
+    text, error, word = WRONG[case]
+    with pytest.raises(error, match=word):
+        session(text)
+
+
+def test_card_of_another_unit_is_refused(tmp_path):
+    with pytest.raises(PlumbobError, match="device 'other'") as caught:
+        session(SESSION + '[calibration]\ncard = "c.json"\n', **{"c.json": card_text(tmp_path, "other")})
+    assert isinstance(caught.value, ParameterError | CalibrationError)
+
+
+def test_files_lie_beside_the_session(tmp_path):
+    (tmp_path / "imu9.toml").write_text(FORMAT)
+    (tmp_path / "buoy.toml").write_text(SESSION)
+    assert load_session(tmp_path / "buoy.toml").name == "buoy"
+    (tmp_path / "imu9.toml").unlink()
+    with pytest.raises(DecodeError, match=r"buoy\.toml: .*imu9\.toml cannot be read"):
+        load_session(tmp_path / "buoy.toml")
+
+
+def test_session_from_options_reads_back():
+    text = plain_session(
+        form="mpu6000",
+        source={"kind": "udp", "port": 5000},
+        format={"options": {"gyr_range": "500 deg/s"}},
+        estimate={"filter": "mahony", "params": {"kp": "0.5"}},
+        imu={"frame": "ENU", "device": 'a "b"'},
+    )
+    made = parse_session(text, {}.__getitem__, name="x")
+    assert made.form.chosen["gyr_range"] == "500 deg/s"
+    assert made.meta.device == 'a "b"'
+    assert json.dumps(made.stage.params["kp"]) == '"0.5"'
