@@ -1,19 +1,60 @@
-"""plumbob demo: the whole line on an emulated buoy, from sensor values to a page of errors."""
+"""plumbob demo: the whole line on an emulated buoy, from its bytes on a serial line to a page of errors."""
 
 import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from plumbob.cli import common
 
 if TYPE_CHECKING:
+    from plumbob.data import AttitudeTrack
     from plumbob.evaluate import Evaluation
     from plumbob.pipeline import Stage
+    from plumbob.pipeline.line import Line
+    from plumbob.pipeline.session import Session
 
-SEED = 1
-SENSORS = "mpu6000+hmc5983"
-SETTLE = 120.0
+SEED: Final = 1
+SPEED: Final = 60
+SECONDS: Final = 600
+SETTLE: Final = 120.0
 """Left out of the errors, s: what the calibration card cannot hold (sensitivity to g) is learned as a bias first."""
+SESSION: Final = """\
+# The buoy on its serial line. For hardware: the real port and baud rate, and without 'speed'.
+kind = "plumbob session"
+version = 1
+
+[source]
+kind = "serial"
+port = "{port}"
+baud = 115200
+speed = {speed}
+
+[format]
+name = "buoy"
+
+[imu]
+device = "{device}"
+frame = "NED"
+declination = "0 deg"
+
+[calibration]
+card = "{card}"
+
+[estimate]
+filter = "mekf"
+
+[record]
+path = "{recording}"
+
+[output]
+every = "50 ms"
+text = "{text}"
+"""
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -21,8 +62,8 @@ def add_parser(verbs: common.Adder) -> None:
     p = verbs.add_parser(
         "demo",
         help="the whole line on an emulated buoy, ending in a page with plots",
-        description="Emulate the drifting buoy of the paper in waves, calibrate and estimate with several filters, and "
-        "compare with the truth.",
+        description="Emulate the drifting buoy of the paper in waves, with its bytes on a serial line sixty times as "
+        "fast as they would come; record, calibrate and estimate, replay with other filters, compare with the truth.",
     )
     p.add_argument("--out", type=Path, default=Path("demo-out"), metavar="DIR", help="folder to write (demo-out)")
     common.add_json(p)
@@ -30,7 +71,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 
 def stages() -> "list[Stage]":
-    """Filters that are compared: a compass alone, the paper's filter, and the same with gains for waves."""
+    """Filters that are compared with the live one: a compass alone, the paper's filter, and the same for waves."""
     from plumbob.pipeline import Stage
 
     return [
@@ -43,42 +84,31 @@ def stages() -> "list[Stage]":
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    import time
-
-    from plumbob import io, pipeline
     from plumbob.evaluate import evaluate, write_html
-    from plumbob.rotations import Frame
-    from plumbob.sim import simulate
-    from plumbob.units import deg
 
     started = time.perf_counter()
     args.out.mkdir(parents=True, exist_ok=True)
-    buoy = simulate("buoy", frame=Frame.NED, sensors=SENSORS, module="drawn", seed=SEED, declination=deg(-4.0))
-    raw = io.write(
-        args.out / "buoy.parquet", io.Recording(imu=buoy.imu, track=buoy.truth, name="buoy", notes=(buoy.truth.source,))
-    )
-    card = args.out / "card.json"
-    buoy.calibration.save(card)
-    _say(args, f"1 emulated   {raw}: {len(buoy.imu)} samples of an uncalibrated {SENSORS}, {buoy.imu.t[-1]:.0f} s")
-    imu = pipeline.calibrated(io.read(raw).imu or buoy.imu, buoy.calibration)
-    _say(args, f"2 calibrated with {card}")
-    chosen = stages()
-    common.warn_of_compiling([stage.filter for stage in chosen])
-    results = {}
-    with common.progress("estimating", len(chosen)) as advance:
-        for stage in chosen:
-            track = pipeline.estimate(imu, stage, frame=Frame.NED)
-            io.write(args.out / f"{stage.name.replace(' ', '-').replace(',', '')}.parquet", track)
-            results[stage.name] = evaluate(track, buoy.truth, settle=SETTLE)
-            advance(1)
-    _say(args, f"3 estimated  with {len(results)} filters, attitudes beside the recording")
+    common.warn_of_compiling(["mekf", *(stage.filter for stage in stages())])
+    with _rig(args.out) as port:
+        _say(args, f"1 emulated   the buoy's hardware on {port}, {SECONDS} s of sea at {SPEED} times its speed")
+        line = _live(args.out, port)
+    counts = line.decoder.counts
+    _say(args, f"2 recorded   {args.out / 'buoy.mcap'}: {counts.received} bytes, {counts.junk} of them junk")
+    tracks, same = _replayed(args.out)
+    _say(args, f"3 replayed   {same} live attitudes come out again, every bit; and with {len(stages())} other filters")
+    truth = _truth(args.out)
+    results = {name: evaluate(track, truth, settle=SETTLE) for name, track in tracks.items()}
     if not args.json:
         print(f"4 evaluated  after {SETTLE:.0f} s of settling, in {time.perf_counter() - started:.1f} s\n")
         print(_table(results))
-    facts = {"scenario": buoy.truth.source, "sensors": imu.meta.device, "calibration": str(imu.meta.calibration)}
-    page = write_html(
-        args.out / "report.html", results, title="A buoy in waves, four ways to its attitude", facts=facts
-    )
+    card = line.session.card
+    facts = {
+        "scenario": truth.source,
+        "sensors": line.session.meta.device,
+        "calibration": card.name if card else "none",
+    }
+    title = f"A buoy in waves, {len(results)} ways to its attitude"
+    page = write_html(args.out / "report.html", results, title=title, facts=facts)
     if args.json:
         common.print_json({"report": str(page), "filters": {name: r.summary() for name, r in results.items()}})
         return 0
@@ -86,9 +116,89 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+@contextmanager
+def _rig(out: Path) -> Iterator[str]:
+    """Start the rig in a process of its own, and give the line that it is on."""
+    command = [sys.executable, "-m", "plumbob.cli.main", "emulate", "buoy", "--speed", str(SPEED), "--seed", str(SEED)]
+    command += ["--duration", f"{SECONDS}s", "--truth", str(out / "truth.parquet")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+        try:
+            port = child.stdout.readline().strip() if child.stdout else ""
+            if not port:
+                from plumbob.errors import PlumbobError
+
+                raise PlumbobError(f"the emulated buoy did not start: {child.stderr.read() if child.stderr else ''}")
+            yield port
+        finally:
+            child.terminate()
+
+
+def _live(out: Path, port: str) -> "Line":
+    """Run the line on the port until the buoy has said everything."""
+    from plumbob.pipeline.keep import Keeper
+    from plumbob.pipeline.line import Line
+    from plumbob.pipeline.runner import run_line
+    from plumbob.pipeline.sinks import Collected, TextSink
+    from plumbob.pipeline.sources import open_source
+
+    session = _session(out, port)
+    line, found = Line(session), Collected()
+    line.warm_up()
+    assert session.record and session.output.text
+    keeper = Keeper(session, session.record)
+    sink = TextSink(session.output.text, session.output.every)
+    run_line(line, open_source(session.source), sinks=[found, sink], keeper=keeper, until_lost=True)
+    return line
+
+
+def _session(out: Path, port: str) -> "Session":
+    """Write the session file as a user would, for this unit's card, and load it."""
+    from plumbob.cards import CalibrationCard
+    from plumbob.pipeline.session_toml import load_session
+
+    for name in ("buoy.mcap", "buoy.txt"):
+        (out / name).unlink(missing_ok=True)
+    card = out / "truth.card.json"
+    file = out / "session.toml"
+    device = CalibrationCard.load(card).device
+    paths = {"card": card.name, "recording": out / "buoy.mcap", "text": out / "buoy.txt"}
+    file.write_text(SESSION.format(port=port, speed=SPEED, device=device, **paths), encoding="utf-8")
+    return load_session(file)
+
+
+def _replayed(out: Path) -> "tuple[dict[str, AttitudeTrack], int]":
+    """Attitudes of the live filter and the others from the recording, and how many of the first are as they were."""
+    from dataclasses import replace
+
+    from plumbob.errors import PlumbobError
+    from plumbob.pipeline.replay import compare, open_recording, replay
+
+    log, session = open_recording(out / "buoy.mcap")
+    first = replay(log, session)
+    same = compare(first)
+    if not same.equal:
+        raise PlumbobError(f"the replay differs from what was live: {same}")
+    tracks = {"error-state EKF (live)": first.found.track()}
+    with common.progress("replaying", len(stages())) as advance:
+        for stage in stages():
+            tracks[stage.name] = replay(log, replace(session, stage=stage)).found.track()
+            advance(1)
+    return {name: track for name, track in tracks.items() if track is not None}, same.compared
+
+
+def _truth(out: Path) -> "AttitudeTrack":
+    from plumbob import io
+    from plumbob.errors import DecodeError
+
+    track = io.read(out / "truth.parquet").track
+    if track is None:
+        raise DecodeError(f"{out / 'truth.parquet'} holds no attitude.")
+    return track
+
+
 def _say(args: argparse.Namespace, line: str) -> None:
     if not args.json:
-        print(line)
+        print(line, flush=True)
 
 
 def _table(results: "dict[str, Evaluation]") -> str:

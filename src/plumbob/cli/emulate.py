@@ -76,11 +76,11 @@ def run(args: argparse.Namespace) -> int:
     form, plan = _plan(args)
     with ExitStack() as stack:
         stop = stack.enter_context(_stopped_by_signals())
+        rig = make_rig(plan, form, seed=args.seed, duration=duration, module=args.module, faults=faults)
+        if args.truth:  # before the port is named, so that who waits for it finds the truth and the card
+            _write_truth(args.truth, rig)
         port = stack.enter_context(_port(args))
         log = stack.enter_context(_fault_log(args.fault_log))
-        rig = make_rig(plan, form, seed=args.seed, duration=duration, module=args.module, faults=faults)
-        if args.truth:
-            _write_truth(args.truth, rig)
         served = serve(rig, port, speed=speed, stop=stop, on_fault=log)
     _tell(served, len(rig))
     return 0
