@@ -158,9 +158,8 @@ def run(seconds: float, folder: Path) -> int:
     expected, told = round(seconds * RATE), line.report()
     quantiles = ", ".join(f"p{q:g} {np.percentile(age, q):.2f}" for q in (50, 90, 99, 99.9))
     print(f"samples      {age.size} of {expected}, lost {expected - age.size}, junk bytes {told['bytes']['junk']}")
-    print(
-        f"load         {100.0 * cpu / wall:.1f} % of one core over {wall:.0f} s, in {len(ages.ages) / wall:.0f} parts a second"
-    )
+    parts = len(ages.ages) / wall
+    print(f"load         {100.0 * cpu / wall:.1f} % of one core over {wall:.0f} s, in {parts:.0f} parts a second")
     print(f"latency      sample to attitude, ms: {quantiles}, largest {age.max():.1f}")
     print(f"recorder     {keeper.recorder.acknowledged} of {keeper.recorder.written} rows on disk, "
           f"{(folder / 'live.mcap').stat().st_size / age.size:.0f} bytes per sample")  # fmt: skip

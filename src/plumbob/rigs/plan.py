@@ -8,8 +8,8 @@ from typing import Final
 from plumbob.errors import ParameterError
 from plumbob.rigs.mount import Quat
 from plumbob.rotations import Frame
-from plumbob.sensors.decode import units_of
 from plumbob.sensors.format import Format
+from plumbob.sensors.unpack import units_of
 from plumbob.sim import Scenario, scenario
 
 ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)

@@ -7,31 +7,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob import flags
 from plumbob.errors import ParameterError
 from plumbob.sensors import scan
-from plumbob.sensors.columns import counts_of, values_of
-from plumbob.sensors.format import Field, Format, Message, owner_of
+from plumbob.sensors.format import Format, Message
 from plumbob.sensors.plan import plan_of
+from plumbob.sensors.unpack import Column, Unpacker
 
-Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
-Column = NDArray[np.float64] | NDArray[np.int64]
 
 _SLICE: Final = 1 << 20
 """Bytes that are searched and taken apart at a time, so that they stay in the processor's cache."""
-
-_BITS: Final = {
-    ("gyr", "clipped"): flags.GYR_CLIPPED,
-    ("acc", "clipped"): flags.ACC_CLIPPED,
-    ("mag", "clipped"): flags.MAG_CLIPPED,
-    ("gyr", "invalid"): flags.GYR_INVALID,
-    ("acc", "invalid"): flags.ACC_INVALID,
-    ("mag", "invalid"): flags.MAG_INVALID,
-    ("gyr", "absent"): flags.GYR_ABSENT,
-    ("acc", "absent"): flags.ACC_ABSENT,
-    ("mag", "absent"): flags.MAG_ABSENT,
-}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,6 +101,7 @@ class Decoder:
     def __init__(self, form: Format) -> None:
         self.form = form.bind()
         self._plan = plan_of(self.form)
+        self._unpackers = [Unpacker(message) for message in self.form.messages]
         self._state: Ints = np.zeros(scan.STATE, dtype=np.int64)
         self._state[scan.HUNTING] = 1
         self._pending = b""
@@ -172,8 +158,8 @@ class Decoder:
             mine = places if len(self.form.messages) == 1 else places[places[:, 2] == m]
             if mine.shape[0]:
                 start = mine[:, 0] + (self._done + at)
-                rows = _rows(view, mine[:, 0], message.length)
-                parts.setdefault(m, []).append(_taken_apart(message, rows, start, self._times(start)))
+                unpacked = self._unpackers[m].take(view, np.ascontiguousarray(mine[:, 0]))
+                parts.setdefault(m, []).append(Frames(message, start, self._times(start), *unpacked))
                 self.counts.frames[message.name] += mine.shape[0]
         return at + done, found == self._found.shape[0]
 
@@ -226,73 +212,6 @@ def _room(form: Format) -> int:
     if least < 1:
         raise ParameterError(f"{form.name}: a message must be at least 1 byte long.")
     return _SLICE // least + 1
-
-
-def _rows(view: Bytes, start: Ints, length: int) -> Bytes:
-    """Bytes (N, L) of frames; no copy where they follow each other without a break."""
-    if int(start[-1]) - int(start[0]) == (start.size - 1) * length:
-        return view[start[0] : start[-1] + length].reshape(-1, length)
-    return np.lib.stride_tricks.sliding_window_view(view, length)[start]
-
-
-def _taken_apart(message: Message, rows: Bytes, start: Ints, t_ns: Ints) -> Frames:
-    columns: dict[str, Column] = {}
-    found: dict[str, NDArray[np.uint32]] = {unit: np.zeros(start.size, dtype=np.uint32) for unit in units_of(message)}
-    absent: list[tuple[str, NDArray[np.bool_]]] = []
-    for one in message.fields:
-        if one.role == "constant":
-            continue
-        counts = counts_of(one, rows)
-        if not one.physical:
-            columns[one.name] = counts
-            absent += _listen(one, counts, found)
-            continue
-        columns[one.name] = values_of(one, counts)
-        absent += _at_its_end(one, counts, found)
-    for name, gone in absent:
-        for column in (c for c in columns if c == name or c.rpartition(".")[0] == name):
-            columns[column] = np.where(gone, np.nan, columns[column])
-    return Frames(message, start, t_ns, columns, found)
-
-
-def units_of(message: Message) -> list[str]:
-    """Prefixes of the units whose triads the message carries; an empty one where they have none."""
-    names = [f.triad for f in message.fields if f.triad] + [name for f in message.fields for name in f.of]
-    return list(dict.fromkeys(owner_of(name)[0] for name in names)) or [""]
-
-
-def _listen(one: Field, counts: Column, found: Mapping[str, NDArray[np.uint32]]) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Flag what a status says of its triads, or of the triads of its fields; return what it says is absent."""
-    gone = []
-    for code, word in one.says.items():
-        here = counts == code
-        if not here.any():
-            continue
-        for name in one.of:
-            unit, triad = owner_of(name)
-            if triad:
-                found[unit][here] |= np.uint32(_BITS[triad, word])
-            if word == "absent":
-                gone.append((name, here))
-    return gone
-
-
-def _at_its_end(
-    one: Field, counts: Column, found: Mapping[str, NDArray[np.uint32]]
-) -> list[tuple[str, NDArray[np.bool_]]]:
-    """Flag a triad whose count is at the end of its range, or is no number; return its own column where it is none."""
-    unit, _, triad = one.triad.rpartition(".")
-    if one.type[0] == "f":
-        wild = ~np.isfinite(counts)
-        if triad and wild.any():
-            found[unit][wild] |= np.uint32(_BITS[triad, "invalid"])
-        return [(one.name, wild)] if wild.any() else []
-    if not triad:
-        return []
-    low, high = one.clip or one.limits
-    beyond = np.isin(counts, one.overflow) if one.overflow else np.zeros(counts.shape, dtype=bool)
-    found[unit][(counts <= low) | (counts >= high) | beyond] |= np.uint32(_BITS[triad, "clipped"])
-    return [(one.name, beyond)] if one.overflow else []
 
 
 def _joined(parts: list[Frames]) -> Frames:
