@@ -31,7 +31,7 @@ lint: setup
 # First with compiled kernels on a cold cache, then the kernels' own tests again as plain Python.
 test: lint
 	$(BIN)/python -m pytest -n 2
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 tests/filters tests/rotations tests/noise
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 tests/filters tests/rotations tests/noise tests/sensors
 
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py
