@@ -1,5 +1,7 @@
 """plumbob devices, decode and emulate, as processes: what they print, where losses are told, how they end."""
 
+import contextlib
+import io
 import json
 import os
 import shutil
@@ -12,11 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plumbob.cli.main import main
+from plumbob.io import read
 from plumbob.rigs import PLANS, load, make_rig
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import decode
 
 LONG = 60.0
+STREAMS = ("stdin", "stdout", "stderr")
 ROOT = Path(__file__).parents[2]
 
 
@@ -25,10 +30,21 @@ def start(*args, **more):
     return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **more)
 
 
-def plumbob(*args, data=None, cwd=None):
-    done = start(*args, stdin=subprocess.PIPE, cwd=cwd)
-    out, err = done.communicate(data, timeout=LONG)
-    return done.returncode, out.decode(), err.decode()
+def plumbob(*args, data=b"", cwd=None):
+    """Call it in this process, which spares its start."""
+    streams = [io.TextIOWrapper(io.BytesIO(data if name == "stdin" else b""), encoding="utf-8") for name in STREAMS]
+    kept = [getattr(sys, name) for name in STREAMS]
+    try:
+        for name, stream in zip(STREAMS, streams, strict=True):
+            setattr(sys, name, stream)
+        with contextlib.chdir(cwd or Path.cwd()):
+            code = main([*map(str, args)])
+    finally:
+        for name, stream in zip(STREAMS, kept, strict=True):
+            setattr(sys, name, stream)
+    for stream in streams[1:]:
+        stream.flush()
+    return code, *(stream.buffer.getvalue().decode() for stream in streams[1:])
 
 
 def ok(*args, **more):
@@ -173,10 +189,9 @@ def test_the_emulator_prints_its_port_first_and_ends_on_a_signal(tmp_path):
 def test_truth_card_and_faults_lie_beside(tmp_path):
     ok("emulate", "arm", "--duration", "5s", "--write", "a.bin", "--truth", "t.parquet", "--faults", "flip=5%,skip=0.1",
        "--fault-log", "f.jsonl", "--seed", "2", cwd=tmp_path)  # fmt: skip
-    from plumbob import io
     from plumbob.cards import CalibrationCard
 
-    recording = io.read(tmp_path / "t-u4.parquet")
+    recording = read(tmp_path / "t-u4.parquet")
     assert len(recording.imu) == len(recording.track) == 50
     assert CalibrationCard.load(tmp_path / "t-u4.card.json").device == recording.imu.meta.device
     faults = [json.loads(line) for line in (tmp_path / "f.jsonl").read_text().splitlines()]
