@@ -20,12 +20,20 @@ def blocks(page):
     return BLOCK.findall(page.read_text(encoding="utf-8"))
 
 
+def write_named_files(page, folder):
+    """A toml block whose first line is a comment with a file's name is that file."""
+    for kind, text in blocks(page):
+        if kind == "toml" and (name := re.match(r"# (\w+\.toml)\n", text)):
+            (folder / name[1]).write_text(text, encoding="utf-8")
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_python_blocks_print_what_follows_them(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    write_named_files(page, tmp_path)
     names: dict[str, object] = {}
     found = blocks(page)
-    for (kind, code), (after, text) in zip(found, [*found[1:], ("", "")], strict=True):
+    for (kind, code), (after, text) in zip(found, [*found, ("", "")][1:], strict=True):
         if kind == "python":
             printed = io.StringIO()
             with contextlib.redirect_stdout(printed):
@@ -36,6 +44,7 @@ def test_python_blocks_print_what_follows_them(page, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_console_blocks_run(page, tmp_path):
+    write_named_files(page, tmp_path)
     lines = [line for kind, code in blocks(page) if kind == "console" for line in code.splitlines()]
     for line in lines:
         words = shlex.split(line.removeprefix("$ "), comments=True)

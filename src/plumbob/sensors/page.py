@@ -90,10 +90,8 @@ def _framing(form: Format) -> list[tuple[str, str]]:
     else:
         rows.append(("length", f"{framing.length} bytes"))
     if check := framing.checksum:
-        last = check.stop - 1 if check.stop > 0 else f"the end {check.stop or ''}".strip()
-        rows.append(
-            ("check", f"{_check(form)} at byte {check.at}, over bytes {check.start} to {last}, {check.order}-endian")
-        )
+        where = f"{_place(check.at)}, over bytes {check.start} to {_place(check.stop)}, which it leaves out"
+        rows.append(("check", f"{_check(form)} at {where}; {check.order}-endian"))
     rows += [("odd parity", f"bytes {start} to {stop - 1}, by bit {bit}") for start, stop, bit in framing.parity]
     if framing.end:
         rows.append(("ends with", framing.end.hex(" ").upper()))
@@ -114,6 +112,10 @@ def _check(form: Format) -> str:
     """Kind of check, or the option that says it."""
     kind = form.framing.checksum.kind if form.framing.checksum else ""
     return f"by option {kind}" if kind in form.options else kind
+
+
+def _place(at: int) -> str:
+    return f"byte {at}" if at > 0 else f"{-at} bytes before the end" if at else "the end"
 
 
 def _sync(form: Format) -> str:
@@ -144,14 +146,18 @@ def _value(one: Field) -> str:
         return f"{one.role}{of}" + (f", {one.unit}" if one.unit else "")
     parts = [f"count{one.raw_offset:+g}" if one.raw_offset else "count"]
     parts += [f"× {one.lsb:.9g}"] if one.lsb != 1.0 else []
-    parts += [f"× {one.times}"] if one.times != 1.0 else []
-    parts += [f"/ {one.counts}"] if one.counts != 1.0 else []
+    parts += [f"× {_short(one.times)}"] if one.times != 1.0 else []
+    parts += [f"/ {_short(one.counts)}"] if one.counts != 1.0 else []
     parts += [f"{one.offset:+g}"] if one.offset else []
     told = " ".join(parts) + ("" if unit(one.unit).quantity.value == "1" else f" {one.unit}")
     told += f"; ends at {one.clip[0]} and {one.clip[1]}" if one.clip else ""
     told += f"; {', '.join(map(str, one.overflow))} = beyond the range" if one.overflow else ""
     told += f"; believed from {one.range[0]} to {one.range[1]}" if one.range else ""
     return told + ("; goes round" if one.wrap else "")
+
+
+def _short(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.9g}"
 
 
 def _options(form: Format) -> list[tuple[str, ...]]:
