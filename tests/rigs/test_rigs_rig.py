@@ -142,6 +142,19 @@ def test_a_damaged_inner_packet_is_absent_while_the_frame_is_sound():
     assert not np.isnan(triads_of(frames)["gyr"]).any()
 
 
+def test_a_silent_inner_device_does_not_cost_the_frame():
+    rig = rig_of("rod", duration=1.0)
+    rows = rig.frames.copy()
+    rows[7, 28:54] = 0
+    check = of_rows("crc16-ccitt-false", rows[:, 2:-2])
+    rows[:, -2], rows[:, -1] = check & 0xFF, check >> 8
+    frames, counts = decoded(rig, rows.tobytes())
+    assert (len(frames), counts.junk) == (100, 0)
+    assert frames.columns["ref.ahrs500ga.sync0"].tolist() == [1] * 7 + [0] + [1] * 92
+    assert np.flatnonzero(np.isnan(frames.columns["ref.heading"])).tolist() == [7]
+    assert not np.isnan(triads_of(frames)["acc"]).any()
+
+
 def test_temperature_goes_into_the_frame():
     frames, _ = decoded(rig_of("trackball"))
     assert np.abs(temperature_of(frames) - 25.0).max() <= 0.5 / 280  # K-3050: 280 LSB/°C

@@ -194,7 +194,7 @@ def _members(form: Format, message: Message) -> Iterator[str]:
 
 def _says_sync(message: Message) -> bool:
     """Whether a field says which of several beginnings the frame has."""
-    return any(one.at == 0 and one.role != "constant" and not one.derived for one in message.fields)
+    return any(one.at == 0 and not (one.fixed or one.derived) for one in message.fields)
 
 
 def _member(message: Message, one: Field) -> str:
@@ -207,7 +207,7 @@ def _meaning(one: Field) -> str:
     wide = f", {one.order}-endian" if one.size > 1 and one.type != "bcd" else ""
     bits = f", bits {one.bits[0]} to {one.bits[1]}" if one.bits else ""
     told = f"{one.name}: {one.type}{wide}{bits}"
-    if one.role == "constant":
+    if one.fixed:
         return f"{told}; always {one.value}"
     if not one.physical:
         says = ", ".join(f"{code} {word}" for code, word in one.says.items())
@@ -219,7 +219,7 @@ def _meaning(one: Field) -> str:
 
 
 def _accessors(kind: str, message: Message, one: Field) -> Iterator[str]:
-    if one.role == "constant":
+    if one.fixed:
         return
     place, name = f"f->{_member(message, one)}", _name(one.name)
     high, low = one.bits or (8 * one.size - 1, 0)
@@ -262,7 +262,7 @@ def _seal(form: Format, kind: str, message: Message) -> Iterator[str]:
         big = int(rule.order == "big")
         bits = 8 * rule.size - 1
         yield f"    plumbob_put(at + {rule.at}, {rule.size}, {big}, {bits}, 0, {message.length - rule.add});"
-    for one in message.constants:
+    for one in (f for f in message.fields if f.fixed):
         high, low = one.bits or (8 * one.size - 1, 0)
         big = int(one.order == "big")
         yield f"    plumbob_put(at + {one.at}, {one.size}, {big}, {high}, {low}, {one.value & (1 << one.width) - 1}u);"

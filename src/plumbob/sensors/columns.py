@@ -37,6 +37,12 @@ def counts_of(one: Field, rows: Bytes) -> Ints | Floats:
     return _cut(one, found.astype(np.int64))
 
 
+def matches(one: Field, counts: Ints | Floats) -> Ints:
+    """1 where counts (N,) of a match are as they shall be, else 0."""
+    mask = (1 << one.width) - 1
+    return np.asarray(counts.astype(np.int64) & mask == one.value & mask, dtype=np.int64)
+
+
 def _holds(check: Checksum, word: Bytes) -> Ints:
     """1 where the check of an inner frame fits; where it may be of two kinds, where one of them does."""
     kinds = ("sum16", "sum16-words-65535") if check.kind == "sum16-either" else (check.kind,)

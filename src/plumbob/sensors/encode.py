@@ -59,9 +59,9 @@ def encode(form: Format, columns: Mapping[str, ArrayLike], *, message: str = "")
 
 
 def _is_value(kind: Message, name: str) -> bool:
-    found = [f for f in kind.fields if f.name == name and f.role != "constant" and not f.derived]
+    found = [f for f in kind.fields if f.name == name and not (f.fixed or f.derived)]
     if not found:
-        known = ", ".join(f.name for f in kind.fields if f.role != "constant" and not f.derived)
+        known = ", ".join(f.name for f in kind.fields if not (f.fixed or f.derived))
         raise ParameterError(f"message {kind.name} has no field '{name}' to encode; known are {known}.")
     return found[0].physical
 

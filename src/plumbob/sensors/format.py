@@ -21,7 +21,7 @@ SIZES: Final = {"u8": 1, "s8": 1, "u16": 2, "s16": 2, "u24": 3, "s24": 3, "u32":
 }
 """Bytes of a field's word. ``bcd`` is a sign nibble and five digits."""
 
-ROLES: Final = ("value", "status", "counter", "clock", "constant")
+ROLES: Final = ("value", "status", "counter", "clock", "constant", "match")
 WORDS: Final = ("absent", "clipped", "invalid")
 """What a status can say of the triads that it belongs to."""
 
@@ -76,9 +76,10 @@ class Field:
     raw_offset, offset : float
         Added to the count, and to the value in its unit.
     role : str
-        From `ROLES`.
+        From `ROLES`. A frame whose constant differs is another message; of a match the frame says 1 where it is as it
+        shall be, else 0.
     value : int
-        What a constant is; what else is encoded where nothing is given.
+        What a constant or a match is; what else is encoded where nothing is given.
     clip : tuple of int or None
         Counts at and beyond which the sensor is at the end of its range.
     overflow : tuple of int
@@ -142,6 +143,11 @@ class Field:
     def physical(self) -> bool:
         """Whether it is decoded to a number with a unit; others stay whole numbers."""
         return self.role == "value" and not self.derived
+
+    @property
+    def fixed(self) -> bool:
+        """Whether every frame has the same there."""
+        return self.role in ("constant", "match")
 
     @property
     def derived(self) -> bool:

@@ -165,7 +165,8 @@ def _register(raw: Mapping[str, Any], order: str) -> Register:
 def _embedded(raw: Mapping[str, Any]) -> list[Field]:
     """Fields of a catalogued device's message inside this frame.
 
-    What begins its own frames becomes constants; its parity and check become statuses that can say absent.
+    What begins its own frames, its constants, parity and check become statuses that can say absent: a device that is
+    silent or disturbed must not cost the frame around it.
     """
     from plumbob.sensors import catalog
 
@@ -180,12 +181,9 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
     prefix = f"{unit}." if unit else ""
     values = tuple(dict.fromkeys(prefix + (f.triad or f.name) for f in message.fields if f.physical))
     own, gone = f"{prefix}{inner.name}", {0: "absent"}
-    found = [
-        replace(f, name=prefix + f.name, at=begin + f.at, of=tuple(prefix + name for name in f.of))
-        for f in message.fields
-    ]
+    found = [_inside(f, prefix, begin, values) for f in message.fields]
     for i, byte in enumerate(framing.sync[0] if framing.sync else b""):
-        found.append(Field(f"{own}.sync{i}", begin + i, "u8", 1, role="constant", value=byte))
+        found.append(Field(f"{own}.sync{i}", begin + i, "u8", 1, role="match", value=byte, says=gone, of=values))
     for i, (start, stop, bit) in enumerate(framing.parity):
         at, size = begin + start, stop - start
         found.append(
@@ -196,6 +194,12 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
             Field(f"{own}.check", begin, "check", message.length, role="status", says=gone, of=values, check=check)
         )
     return found
+
+
+def _inside(one: Field, prefix: str, begin: int, values: tuple[str, ...]) -> Field:
+    """Field of a message that stands inside another frame, whose own check is what makes it believed."""
+    moved = replace(one, name=prefix + one.name, at=begin + one.at, of=tuple(prefix + n for n in one.of), range=None)
+    return replace(moved, role="match", says={0: "absent"}, of=values) if one.role == "constant" else moved
 
 
 def _require_sense(form: Format) -> None:

@@ -140,6 +140,8 @@ def _type(one: Field) -> str:
 def _value(one: Field) -> str:
     if one.role == "constant":
         return f"always {one.value:#x}"
+    if one.role == "match":
+        return f"1 where it is {one.value:#x} (0 = absent of {', '.join(one.of)})"
     if not one.physical:
         says = "; ".join(f"{code} = {word}" for code, word in one.says.items())
         of = f" ({says} of {', '.join(one.of)})" if says else ""

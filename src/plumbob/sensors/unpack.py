@@ -1,7 +1,7 @@
 """Numbers out of frames: all plain fields in one pass over the bytes, the odd ones by themselves.
 
-Plain is a whole number of whole bytes or of some of their bits. Decimal digits, floats, parities, inner checks and
-counts that stand for "beyond the range" are odd.
+Plain is a whole number of whole bytes or of some of their bits. Decimal digits, floats, parities, inner checks, matches
+and counts that stand for "beyond the range" are odd.
 """
 
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from plumbob import flags
 from plumbob._jit import njit
-from plumbob.sensors.columns import counts_of, values_of
+from plumbob.sensors.columns import counts_of, matches, values_of
 from plumbob.sensors.format import Field, Message, owner_of
 
 Bytes = NDArray[np.uint8]
@@ -94,7 +94,7 @@ def units_of(message: Message) -> list[str]:
 
 
 def _is_plain(one: Field) -> bool:
-    return one.type[0] in "us" and not one.check and not one.overflow
+    return one.type[0] in "us" and one.role != "match" and not one.check and not one.overflow
 
 
 _PLAN: Final = ("at", "size", "big", "lowest bit", "bits", "signed", "low", "high", "unit", "flag")
@@ -154,6 +154,8 @@ def _rows(data: Bytes, start: Ints, length: int) -> Bytes:
 
 def _odd(one: Field, rows: Bytes, found: Mapping[str, Flags]) -> tuple[Column, Gone]:
     counts = counts_of(one, rows)
+    if one.role == "match":
+        counts = matches(one, counts)
     if not one.physical:
         return counts, _listen(one, counts, found)
     return values_of(one, counts), _at_its_end(one, counts, found)
