@@ -11,6 +11,7 @@ from plumbob.pipeline import estimate
 from plumbob.pipeline.line import Line, time_spec
 from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.sinks import Collected
+from plumbob.sensors import catalog
 
 
 def through(items, chosen=None):
@@ -93,6 +94,12 @@ def test_unit_without_a_triad_is_refused():
 def test_time_comes_from_the_device_clock_where_there_is_one():
     spec = time_spec(form(), form().message())
     assert (spec.mode, spec.clock.tick, spec.clock.bits, spec.frames.bits, spec.rate) == ("clock", 1000, 32, 16, 200.0)
+
+
+def test_clock_that_counts_down_is_told_by_its_sign():
+    ahrs = catalog.load("ahrs400").bind({"rr": "200", "gr": "4"})
+    spec = time_spec(ahrs, ahrs.message())
+    assert (spec.clock.down, spec.clock.tick, spec.clock.bits) == (True, 790, 16)  # 0.79 µs, counting down, [V1] fdas3
 
 
 def test_line_that_waits_for_bytes_says_so_in_its_report():

@@ -159,7 +159,7 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
     device, count = message.of_role("clock"), message.of_role("counter")
     alone = len(form.messages) == 1 and not form.framing.length_field
     return TimeSpec(
-        clock=Counter(device.width, _tick_ns(device)) if device else None,
+        clock=Counter(device.width, _tick_ns(device), down=device.scale < 0.0) if device else None,
         frames=Counter(count.width) if count else None,
         rate=form.framing.rate,
         frame_bytes=message.length if alone else None,
@@ -177,7 +177,7 @@ def _without_nan(told: dict[str, Any]) -> dict[str, Any]:
 
 def _tick_ns(device: Field) -> Fraction:
     """Time of one count; a unit and a size are decimal numbers or fractions, so this is exact."""
-    return Fraction(device.scale * 1e9).limit_denominator(1 << 30)
+    return abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))
 
 
 def _filter(session: Session) -> Filter:
