@@ -47,7 +47,8 @@ class Reader(threading.Thread):
         except OSError:
             return False
         self.data += data
-        self.times.append(time.monotonic())
+        if data:
+            self.times.append(time.monotonic())
         return bool(data)
 
 
@@ -104,6 +105,23 @@ def test_as_fast_as_wanted_nothing_is_lost_and_a_replug_is_another_terminal(line
     assert reader.data == rig.stream()
     assert served.lost == sum(f.count for f in unplugged)
     assert served.sent + served.lost == len(rig)
+
+
+def test_in_real_time_the_port_is_away_for_its_second(line):
+    """At five times real time, a fifth of it; who opens the new terminal late misses frames, and they are counted."""
+    port, reader = line
+    rig = rig_of(10.0, unplug=0.002)
+    away = [f for f in rig.faults if f.kind == "unplug"]
+    assert away
+    served = serve(rig, port, speed=5.0, stop=threading.Event())
+    port.close()
+    reader.done.set()
+    reader.join(LONG)
+    assert served.sent + served.lost + served.unheard == len(rig)
+    assert served.lost == sum(f.count for f in away)
+    assert np.diff(reader.times).max() >= 0.99 / 5.0
+    frames = decode(rig.form, reader.data)[0]["buoy"]
+    assert len(frames) == served.sent
 
 
 def test_stalled_frames_come_late_but_all_of_them():

@@ -8,9 +8,11 @@ from plumbob.rigs.faults import KINDS, Fault
 from plumbob.rigs.find import find_format
 from plumbob.rigs.formats import load, names
 from plumbob.rigs.plan import PLANS, Plan, Unit, plan_for
-from plumbob.rigs.port import FilePort, Port, PtyPort, TcpPort, UdpPort
+from plumbob.rigs.port import FilePort, Port
 from plumbob.rigs.rig import Rig, make_rig
 from plumbob.rigs.serve import Served, serve
+from plumbob.rigs.sockets import TcpPort, UdpPort
+from plumbob.rigs.terminal import PtyPort
 
 __all__ = [
     "KINDS",

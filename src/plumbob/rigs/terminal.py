@@ -1,0 +1,120 @@
+"""Pseudo-terminals: what looks like a serial line to whoever opens it."""
+
+import contextlib
+import os
+import select
+import tty
+from collections.abc import Sequence
+from fcntl import ioctl
+from pathlib import Path
+from termios import FIONREAD
+from time import monotonic, sleep
+from typing import Final
+
+from plumbob.errors import ParameterError
+from plumbob.rigs.port import TURN
+
+_SHORTLY: Final = 1.0
+_PATIENTLY: Final = 2.0
+"""s; how long a terminal's reader may take for the rest, when the port vanishes and at the end."""
+
+
+class PtyPort:
+    """Pseudo-terminal: looks like a serial line to whoever opens it.
+
+    Parameters
+    ----------
+    link : Path, optional
+        Symbolic link that always leads to the present terminal.
+    """
+
+    def __init__(self, link: Path | None = None) -> None:
+        self._link = link
+        self._rest = b""
+        self._open()
+
+    @property
+    def name(self) -> str:
+        """Path of the terminal."""
+        return self._name
+
+    def _open(self) -> None:
+        self._master, slave = os.openpty()
+        tty.setraw(slave)
+        self._name = os.ttyname(slave)
+        os.close(slave)
+        os.set_blocking(self._master, False)
+        if self._link:
+            _lead(self._link, self._name)
+
+    def heard(self) -> bool:
+        """Whether somebody has it open; what they write to the device is read and forgotten."""
+        found = self._poll(select.POLLIN, 0.0)
+        if found & select.POLLIN and not found & select.POLLHUP:
+            with contextlib.suppress(OSError):  # it may have been closed just now
+                os.read(self._master, 4096)
+        return not found & select.POLLHUP
+
+    def send(self, payloads: Sequence[bytes]) -> int:
+        """Send; a payload that fits only in part is finished by the next call, which begins with it."""
+        for done, payload in enumerate(payloads):
+            data = self._rest or payload
+            while data:
+                if not self.heard():
+                    self._rest = b""
+                    return len(payloads)
+                try:
+                    data = data[os.write(self._master, data) :]
+                except BlockingIOError:
+                    if not self._poll(select.POLLOUT, TURN) & select.POLLOUT:
+                        self._rest = data
+                        return done
+            self._rest = b""
+        return len(payloads)
+
+    def _poll(self, what: int, timeout: float) -> int:
+        poller = select.poll()
+        poller.register(self._master, what)
+        found = poller.poll(1e3 * timeout)
+        return found[0][1] if found else 0
+
+    def unplug(self) -> None:
+        """Close the terminal: whoever reads it gets an error, once everything has been read."""
+        self._settle(_SHORTLY)
+        os.close(self._master)
+        self._rest = b""
+
+    def replug(self) -> None:
+        """Open another one behind the same link."""
+        self._open()
+
+    def close(self) -> None:
+        """Close it, once everything has been read or nobody reads on."""
+        self._settle(_PATIENTLY)
+        os.close(self._master)
+        if self._link and self._link.is_symlink() and str(self._link.readlink()) == self._name:
+            self._link.unlink()
+
+    def _settle(self, most: float) -> None:
+        """Wait until a reader has read everything; closing this end throws away what it has not."""
+        if not self.heard():
+            return
+        slave = os.open(self._name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            end, quiet = monotonic() + most, 0
+            while quiet < 2 and monotonic() < end:
+                waiting = int.from_bytes(ioctl(slave, FIONREAD, bytes(4)), "little")
+                quiet = 0 if waiting else quiet + 1
+                sleep(0.01)
+        finally:
+            os.close(slave)
+
+
+def _lead(link: Path, target: str) -> None:
+    """Point a symbolic link to a target, without a moment in which there is none."""
+    if link.exists() and not link.is_symlink():
+        raise ParameterError(f"{link} is a file; a link there would destroy it. Name another path.")
+    new = link.with_name(f".{link.name}.{os.getpid()}")
+    new.unlink(missing_ok=True)
+    new.symlink_to(target)
+    new.replace(link)
