@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test lint bench endurance clean
+.PHONY: setup demo test lint bench endurance wire clean
 
 setup: $(VENV)/.installed
 
@@ -38,6 +38,16 @@ bench: $(VENV)/.bench
 
 endurance: setup
 	$(BIN)/python benchmarks/endurance.py
+
+# Damaged streams, mutated bytes, decoding speed; recordings killed, damaged and full; ten minutes of a live line.
+wire: setup
+	$(BIN)/python benchmarks/decoder_faults.py
+	$(BIN)/python benchmarks/decode_speed.py
+	$(BIN)/python benchmarks/recorder_kill.py
+	$(BIN)/python benchmarks/recorder_damage.py
+	$(BIN)/python benchmarks/recorder_cost.py
+	$(BIN)/python benchmarks/acquire_latency.py
+	$(BIN)/python benchmarks/live.py --duration 600
 
 clean:
 	rm -rf $(VENV) demo-out bench-out build dist

@@ -40,7 +40,7 @@ def build_parser() -> argparse.ArgumentParser:
     """Parser of the whole command line."""
     parser = argparse.ArgumentParser(
         prog="plumbob",
-        description="Attitude from MEMS inertial sensors: simulate, read, calibrate, estimate, evaluate.",
+        description="Attitude from MEMS inertial sensors: decode, record, replay, calibrate, estimate, evaluate.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
