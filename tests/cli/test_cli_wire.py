@@ -140,6 +140,7 @@ def test_bytes_of_a_bus_that_are_no_multiple_or_another_format_are_noticed(buoy)
         (("emulate", "mpu6000", "--scenario", "buoy"), "give a rate"),
         (("emulate", "buoy", "--sensors", "mpu6000"), "its own sensors"),
         (("emulate", "buoy", "--speed", "fast"), "or max"),
+        (("emulate", "buoy", "--set", "height=1m"), "name it with --scenario"),
         (("emulate", "buoy", "--tcp", "4000"), "HOST:PORT"),
         (("emulate", "buoy", "--faults", "flip"), "name=value"),
         (("devices", "--c"), "name a device"),

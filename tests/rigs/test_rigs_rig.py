@@ -69,6 +69,12 @@ def test_clock_and_counter_tell_each_frame():
     assert np.array_equal(frames.columns["counter"], np.arange(len(rig)) % 65536)
 
 
+def test_a_fast_clock_runs_away():
+    frames, _ = decoded(rig_of("buoy", clock_error=4e-5))
+    ideal = np.arange(2000) * 10_000.0
+    assert np.abs(frames.columns["clock"] - ideal * (1.0 + 4e-5)).max() <= 0.5 + 1e-6  # µs, rounded once
+
+
 def test_the_magnetometer_is_absent_where_it_has_nothing_new():
     """75 Hz of the preset in frames of 100 Hz: three of four rows."""
     frames, _ = decoded(rig_of("buoy"))

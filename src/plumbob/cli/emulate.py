@@ -42,6 +42,7 @@ def _add_content(p: argparse.ArgumentParser) -> None:
     common.add_frame(p, "navigation frame of a format's truth, and its body's axes (a rig has its own; default NED)")
     common.add_option(p)
     p.add_argument("--seed", type=int, default=0, metavar="N", help="of everything left to chance (default 0)")
+    p.add_argument("--clock-error", metavar="E", help="by how much the device's clock is fast, as 0.004%%")
     p.add_argument("--rate", metavar="HZ", help="frames per second, as 100Hz, where it is not the format's")
     p.add_argument("--duration", metavar="S", help="as 60s, where it is not the scenario's")
     p.add_argument("--truth", type=Path, metavar="FILE", help="recording of samples and truth; calibration card beside")
@@ -73,10 +74,19 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError("emulate needs a RIG or a format; 'plumbob emulate --list' shows what there is.")
     speed, faults = _speed(args), _faults(args.faults)
     duration = None if args.duration is None else parse(args.duration, Quantity.TIME)
+    clock_error = parse(args.clock_error or "0", Quantity.RATIO)
     form, plan = _plan(args)
     with ExitStack() as stack:
         stop = stack.enter_context(_stopped_by_signals())
-        rig = make_rig(plan, form, seed=args.seed, duration=duration, module=args.module, faults=faults)
+        rig = make_rig(
+            plan,
+            form,
+            seed=args.seed,
+            duration=duration,
+            module=args.module,
+            clock_error=clock_error,
+            faults=faults,
+        )
         if args.truth:  # before the port is named, so that who waits for it finds the truth and the card
             _write_truth(args.truth, rig)
         port = stack.enter_context(_port(args))
@@ -96,6 +106,8 @@ def _plan(args: argparse.Namespace) -> "tuple[Format, Plan]":
 
     form = find_format(args.what).bind(common.options_of(args))
     rate = None if args.rate is None else parse(args.rate, Quantity.FREQUENCY)
+    if args.set and args.scenario is None:
+        raise ParameterError("--set gives parameters of a scenario; name it with --scenario.")
     motion = None if args.scenario is None else scenario(args.scenario, **dict(common.pairs(args.set)))
     if plan := PLANS.get(form.name if not args.what.endswith(".toml") else ""):
         if args.sensors != "ideal" or args.frame:

@@ -70,6 +70,7 @@ def make_rig(
     seed: int,
     duration: float | None = None,
     module: str = "drawn",
+    clock_error: float = 0.0,
     faults: Mapping[str, float] | None = None,
 ) -> Rig:
     """Build a rig.
@@ -86,6 +87,8 @@ def make_rig(
         s, where it shall differ from the plan's.
     module : {"drawn", "calibrated"}
         Units as they left the line, or after an ideal calibration.
+    clock_error : float
+        By how much the device's own clock is fast: 4e-5 are 40 µs a second.
     faults : mapping of str to float, optional
         Share of the frames that a fault of `plumbob.rigs.faults.KINDS` befalls.
 
@@ -102,7 +105,8 @@ def make_rig(
     }
     due_ns = clock.to_ns(next(iter(units.values())).imu.t)
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
-    columns = columns_for(message, units, drawn.device_ns, drawn.counter)
+    device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
+    columns = columns_for(message, units, device_ns, drawn.counter)
     if not columns:
         raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
     frames = encode(bound, columns)
