@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
+from functools import cache
+from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
@@ -54,6 +56,14 @@ def load_format(path: str | Path) -> Format:
         return parse_format(text)
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
+
+
+@cache
+def formats_in(package: str) -> dict[str, Format]:
+    """Formats that lie in a package's folder, by their names and aliases."""
+    files = [file for file in resources.files(package).iterdir() if file.name.endswith(".toml")]
+    found = [parse_format(file.read_text(encoding="utf-8")) for file in files]
+    return {name: form for form in found for name in (form.name, *form.aliases)}
 
 
 def parse_format(text: str) -> Format:

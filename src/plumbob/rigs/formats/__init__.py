@@ -1,16 +1,13 @@
 """Frames of the emulated rigs' microcontrollers, one TOML file each."""
 
-from functools import cache
-from importlib import resources
-
 from plumbob.errors import ParameterError
 from plumbob.sensors.format import Format
-from plumbob.sensors.format_toml import parse_format
+from plumbob.sensors.format_toml import formats_in
 
 
 def names() -> tuple[str, ...]:
     """Names of all rigs."""
-    return tuple(sorted(_index()))
+    return tuple(sorted(formats_in(__name__)))
 
 
 def load(name: str) -> Format:
@@ -21,13 +18,6 @@ def load(name: str) -> Format:
     ParameterError
         If there is none.
     """
-    if name not in _index():
+    if name not in formats_in(__name__):
         raise ParameterError(f"'{name}' is no rig; known are {', '.join(names())}.")
-    return _index()[name]
-
-
-@cache
-def _index() -> dict[str, Format]:
-    folder = resources.files("plumbob.rigs.formats")
-    found = [parse_format(file.read_text(encoding="utf-8")) for file in folder.iterdir() if file.name.endswith(".toml")]
-    return {form.name: form for form in found}
+    return formats_in(__name__)[name]
