@@ -1,5 +1,7 @@
 """The line: the same samples as the simulator made, whatever the cuts, and flagged where something is missing."""
 
+import errno
+
 import numpy as np
 import pytest
 from live_samples import RATE, Handed, form, motion, reads, session, stream
@@ -8,9 +10,12 @@ from plumbob import flags
 from plumbob.errors import ParameterError
 from plumbob.link import Event, Received
 from plumbob.pipeline import estimate
+from plumbob.pipeline.keep import Keeper
 from plumbob.pipeline.line import Line, time_spec
 from plumbob.pipeline.runner import run_line
+from plumbob.pipeline.session import RecordSpec
 from plumbob.pipeline.sinks import Collected
+from plumbob.record import disk, verify
 from plumbob.sensors import catalog
 
 
@@ -114,3 +119,25 @@ def test_warm_up_leaves_the_line_untouched():
     line.warm_up()
     assert line.decoder.counts.received == 0
     assert line.t0_ns is None
+
+
+def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch):
+    """From some chunk on the system has no room; the line goes on, and says so once."""
+    chosen, found = session(), Collected()
+    keeper = Keeper(chosen, RecordSpec(str(tmp_path / "a.mcap")))
+    real, sizes = disk.write_all, []
+
+    def limited(fd, data, offset):
+        sizes.append(len(data))
+        if sum(sizes) > 20_000:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        real(fd, data, offset)
+
+    monkeypatch.setattr(disk, "write_all", limited)
+    run_line(Line(chosen), Handed(reads(stream())), sinks=[found], keeper=keeper)
+    assert len(found.imu(calibrated=True)) == len(motion().imu)
+    assert [e.kind for e in found.events].count("stopped") == 1
+    assert 0 < keeper.recorder.acknowledged < keeper.recorder.written
+    monkeypatch.undo()
+    told = verify(tmp_path / "a.mcap")
+    assert sum(told.rows.values()) >= keeper.recorder.acknowledged

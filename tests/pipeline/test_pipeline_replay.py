@@ -6,7 +6,7 @@ from live_samples import SESSION, Handed, motion, reads, session, stream
 
 from plumbob import flags, io
 from plumbob.errors import DecodeError, ParameterError, ShapeError
-from plumbob.link import Event
+from plumbob.link import Event, Received
 from plumbob.pipeline.exports import export, only
 from plumbob.pipeline.keep import Keeper
 from plumbob.pipeline.line import Line
@@ -17,6 +17,9 @@ from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.session import RecordSpec
 from plumbob.pipeline.sinks import Collected, TextSink
 from plumbob.record import open_log
+from plumbob.rigs import PLANS, make_rig
+from plumbob.rigs import load as load_rig
+from plumbob.rotations import North, quat_conjugate, quat_multiply
 
 OFFSET = 1_700_000_000_000_000_000
 
@@ -174,3 +177,21 @@ def test_viewers_library_reads_the_recording(recording):
     assert set(seen) == {"raw", "events", "imu", "attitude"}
     assert seen["imu"][0] == "jsonschema"
     assert seen["raw"][1] == OFFSET + recording[1][0].t_ns
+
+
+def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
+    """The rod's rig: its AHRS gives the truth, to half a count of 180°/2^15."""
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=20.0, module="calibrated")
+    text = (
+        'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
+        '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
+    )
+    items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
+    record(tmp_path / "rod.mcap", items, text)
+    whole = read_recorded(tmp_path / "rod.mcap")
+    truth = rig.units["ref"].truth  # its case is turned against the other's, as on the rod
+    assert whole.track.north is North.MAGNETIC
+    turn = quat_multiply(quat_conjugate(truth.q_nb), whole.track.q_nb)
+    angle = 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(turn[:, 1:], axis=1)))
+    half_count = np.radians(0.5 * 180.0 / 2**15)
+    assert np.median(angle) < 2.0 * half_count  # three angles, each half a count off at most

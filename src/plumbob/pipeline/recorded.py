@@ -19,10 +19,10 @@ from plumbob.errors import DecodeError
 from plumbob.io import Recording
 from plumbob.io.header import meta_from, plain_meta
 from plumbob.pipeline import rows
-from plumbob.pipeline.replay import replay, utc_ns
-from plumbob.pipeline.session_toml import SESSION, recorded_session
+from plumbob.pipeline.replay import Replayed, replay, utc_ns
+from plumbob.pipeline.session_toml import SESSION, recorded_session, reference_names
 from plumbob.record import Log, Recorder, Schema, open_log
-from plumbob.rotations import Frame, North
+from plumbob.rotations import Frame, North, quat_from_euler_zyx
 
 SUFFIX: Final = ".mcap"
 _META: Final = "recording"
@@ -42,14 +42,14 @@ def read_any(path: str | Path, *, profile: Path | None = None) -> Recording:
 
 
 def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
-    """Samples of a recording, and the attitude where it is asked for and was estimated.
+    """Samples of a recording, and a reference in the same frames, or the estimated attitude where that is asked for.
 
     Parameters
     ----------
     path : path
         The recording.
     estimated : bool
-        Whether the attitude shall be there; without it `track` stays None, for an estimate is no reference.
+        Whether `track` shall be what was estimated; without it, it is the reference, or None, for an estimate is none.
 
     Raises
     ------
@@ -70,9 +70,26 @@ def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
         f"decoded from {counts.received} raw bytes as {replayed.line.session.form.name}, {counts.junk} of them junk"
     ]
     notes += [f"damaged: {damage}" for damage in log.damage]
-    track = replayed.found.track() if estimated else None
+    track = replayed.found.track() if estimated else _reference(replayed)
     whole = Recording(imu=replace(imu, meta=meta), track=track, name=file.stem, notes=tuple(notes))
     return replace(whole, notes=(*whole.notes, *io.findings(whole.imu))) if whole.imu else whole
+
+
+def _reference(replayed: Replayed) -> AttitudeTrack | None:
+    """Attitude of the reference that the session names; its angles are those of NED, as heading and roll are."""
+    session = replayed.line.session
+    if session.reference is None:
+        return None
+    names = reference_names(session.reference)
+    parts = [np.stack([part.frames.columns[name] for name in names], axis=1) for part in replayed.found.parts]
+    angles = np.concatenate(parts)
+    return AttitudeTrack(
+        t=np.concatenate([part.imu.t for part in replayed.found.parts]),
+        q_nb=quat_from_euler_zyx(angles),
+        frame=Frame.NED,
+        north=session.reference.north,
+        source=f"{', '.join(names)} of {session.form.name}",
+    )
 
 
 def write_mcap(path: Path, recording: Recording) -> None:

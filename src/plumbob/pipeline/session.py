@@ -7,7 +7,7 @@ from typing import Any
 from plumbob.cards import CalibrationCard
 from plumbob.data import ImuMeta
 from plumbob.pipeline.offline import Stage
-from plumbob.rotations import Frame
+from plumbob.rotations import Frame, North
 from plumbob.sensors.format import Format
 
 
@@ -54,6 +54,22 @@ class RecordSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class ReferenceSpec:
+    """A reference whose roll, pitch and heading stand in the same frames.
+
+    Attributes
+    ----------
+    unit : str
+        Prefix of its fields.
+    north : North
+        What its heading counts from, clockwise.
+    """
+
+    unit: str
+    north: North
+
+
+@dataclass(frozen=True, slots=True)
 class OutputSpec:
     """What is handed on while the line runs.
 
@@ -91,6 +107,8 @@ class Session:
         Calibration; None says uncalibrated.
     stage : Stage or None
         Filter; None where nothing is estimated.
+    reference : ReferenceSpec or None
+        Reference in the same frames; None where there is none.
     record : RecordSpec or None
         Recording; None where none is made.
     output : OutputSpec
@@ -108,6 +126,7 @@ class Session:
     frame: Frame | None = None
     card: CalibrationCard | None = None
     stage: Stage | None = None
+    reference: ReferenceSpec | None = None
     record: RecordSpec | None = None
     output: OutputSpec = OutputSpec()
     texts: Mapping[str, str] = field(default_factory=dict)

@@ -13,10 +13,10 @@ from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError
 from plumbob.filters import Filter
 from plumbob.forms import Parse
 from plumbob.pipeline.offline import Stage
-from plumbob.pipeline.session import OutputSpec, RecordSpec, Session, SourceSpec
+from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec
 from plumbob.rigs import find_format
-from plumbob.rotations import Frame, body_axes
-from plumbob.sensors.format import Format
+from plumbob.rotations import Frame, North, body_axes
+from plumbob.sensors.format import Format, Message
 from plumbob.sensors.format_toml import parse_format
 from plumbob.sensors.triads import ranges_of
 from plumbob.units import Quantity
@@ -105,6 +105,7 @@ def parse_session(text: str, fetch: Fetch, *, name: str) -> Session:
         frame=frame,
         card=card,
         stage=stage,
+        reference=_reference(found, form.message(message)),
         record=found.get("record"),
         output=found.get("output", OutputSpec()),
         texts=texts,
@@ -136,6 +137,23 @@ def _card(found: Mapping[str, Any], keep: Fetch) -> CalibrationCard | None:
         return None
     name = found["calibration"]["card"]
     return CalibrationCard.from_text(keep(name), name)
+
+
+def _reference(found: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
+    if "reference" not in found:
+        return None
+    asked = ReferenceSpec(found["reference"].get("unit", ""), found["reference"]["north"])
+    names = reference_names(asked)
+    if lacking := [name for name in names if not any(f.name == name for f in message.fields)]:
+        raise ParameterError(
+            f"[reference] needs {', '.join(names)} in message {message.name}, which has no {lacking[0]}."
+        )
+    return asked
+
+
+def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
+    """Names of the fields that a reference has: heading, pitch, roll."""
+    return tuple(f"{spec.unit}.{name}" if spec.unit else name for name in ("heading", "pitch", "roll"))
 
 
 def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
@@ -210,6 +228,10 @@ def _frame(where: str, value: Any) -> Frame:
     return Frame.parse(forms.text(where, value))
 
 
+def _north(where: str, value: Any) -> North:
+    return North.parse(forms.text(where, value))
+
+
 def _axes(where: str, value: Any) -> str:
     body_axes(forms.text(where, value))
     return str(value)
@@ -250,6 +272,7 @@ _IMU: Final[dict[str, Parse]] = {
     "declination": forms.quantity(Quantity.ANGLE),
 }
 _ESTIMATE: Final[dict[str, Parse]] = {"filter": forms.text, "params": forms.mapping(_param), "noise": forms.text}
+_REFERENCE: Final[dict[str, Parse]] = {"unit": forms.text, "north": _north}
 _RECORD: Final[dict[str, Parse]] = {
     "path": forms.text,
     "rotate": forms.size(Quantity.TIME),
@@ -266,6 +289,7 @@ _SESSION: Final[dict[str, Parse]] = {
     "imu": forms.form(_IMU),
     "calibration": forms.form({"card": forms.text}, ("card",)),
     "estimate": forms.form(_ESTIMATE, ("filter",)),
+    "reference": forms.form(_REFERENCE, ("north",)),
     "record": lambda where, value: RecordSpec(**forms.section(where, value, _RECORD, ("path",))),
     "output": lambda where, value: OutputSpec(**forms.section(where, value, _OUTPUT)),
 }
