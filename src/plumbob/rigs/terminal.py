@@ -81,7 +81,7 @@ class PtyPort:
     def unplug(self) -> None:
         """Close the terminal: whoever reads it gets an error, once everything has been read."""
         self._settle(_SHORTLY)
-        os.close(self._master)
+        self._shut()
         self._rest = b""
 
     def replug(self) -> None:
@@ -91,9 +91,13 @@ class PtyPort:
     def close(self) -> None:
         """Close it, once everything has been read or nobody reads on."""
         self._settle(_PATIENTLY)
-        os.close(self._master)
+        self._shut()
+
+    def _shut(self) -> None:
+        """Close it; a link that stayed could lead to a stranger's terminal, for names are used again."""
         if self._link and self._link.is_symlink() and str(self._link.readlink()) == self._name:
             self._link.unlink()
+        os.close(self._master)
 
     def _settle(self, most: float) -> None:
         """Wait until a reader has read everything; closing this end throws away what it has not."""
