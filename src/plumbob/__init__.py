@@ -11,6 +11,10 @@ AttitudeTrack
     An attitude over time: ``t (N,)``, ``q_nb (N, 4)``, its `Frame` and `North`; estimates and references alike.
 CalibrationCard, NoiseCard
     What a calibration and a noise analysis leave behind, as JSON.
+Format, Decoder
+    What a device says on the wire, as data, and what makes numbers of its bytes: ``feed(bytes)`` gives frames.
+Session, Line
+    What a live line is, from a TOML file; and the line: bytes in, samples and attitude out, live or replayed.
 Filter
     A named estimator with parameters and a state: ``process(data)`` gives a track, ``update(sample)`` goes on by one.
 
@@ -53,7 +57,13 @@ if TYPE_CHECKING:
     from plumbob.evaluate import Evaluation
     from plumbob.filters import Filter, filter_names
     from plumbob.io import Recording, read, write
+    from plumbob.pipeline.line import Line
+    from plumbob.pipeline.session import Session
+    from plumbob.pipeline.session_toml import load_session
+    from plumbob.rigs import find_format
     from plumbob.rotations import Frame, North
+    from plumbob.sensors.decode import Decoder
+    from plumbob.sensors.format import Format
     from plumbob.sim import simulate
 
 __version__ = "0.1.0"
@@ -61,17 +71,23 @@ __version__ = "0.1.0"
 _HOME = {
     "AttitudeTrack": "data",
     "CalibrationCard": "cards",
+    "Decoder": "sensors.decode",
     "Evaluation": "evaluate",
     "Filter": "filters",
+    "Format": "sensors.format",
     "Frame": "rotations",
     "ImuData": "data",
     "ImuMeta": "data",
     "ImuSample": "sample",
+    "Line": "pipeline.line",
     "NoiseCard": "cards",
     "North": "rotations",
     "PlumbobError": "errors",
     "Recording": "io",
+    "Session": "pipeline.session",
     "filter_names": "filters",
+    "find_format": "rigs",
+    "load_session": "pipeline.session_toml",
     "read": "io",
     "simulate": "sim",
     "write": "io",
@@ -80,17 +96,23 @@ _HOME = {
 __all__ = [
     "AttitudeTrack",
     "CalibrationCard",
+    "Decoder",
     "Evaluation",
     "Filter",
+    "Format",
     "Frame",
     "ImuData",
     "ImuMeta",
     "ImuSample",
+    "Line",
     "NoiseCard",
     "North",
     "PlumbobError",
     "Recording",
+    "Session",
     "filter_names",
+    "find_format",
+    "load_session",
     "read",
     "simulate",
     "write",
