@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         "sensors": line.session.meta.device,
         "calibration": card.name if card else "none",
     }
-    title = f"A buoy in waves, {len(results)} ways to its attitude"
+    title = "A buoy in waves, five ways to its attitude"
     page = write_html(args.out / "report.html", results, title=title, facts=facts)
     if args.json:
         common.print_json({"report": str(page), "filters": {name: r.summary() for name, r in results.items()}})

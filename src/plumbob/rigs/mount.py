@@ -54,6 +54,12 @@ class Mounted(Scenario):
     rate: ClassVar[float] = 100.0
 
     @property
+    def told(self) -> str:
+        """The body's scenario, and how the unit sits on it."""
+        turned = "" if self.q_bs == (1.0, 0.0, 0.0, 0.0) else f", of a unit at q_bs = {self.q_bs}"
+        return self.plan.told + turned
+
+    @property
     def duration(self) -> float:
         """Time that it takes, s."""
         return self.plan.duration

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from plumbob.errors import ParameterError
-from plumbob.params import Spec, build, checked, describe
+from plumbob.params import Spec, build, checked, describe, shown
 from plumbob.rotations import Frame
 from plumbob.sim.motion import ConingMotion, EulerMotion, Motion
 from plumbob.sim.signals import (
@@ -56,6 +56,12 @@ class Scenario(ABC):
         """Check every parameter's domain."""
         for p in describe(type(self)):
             checked(type(self).__name__.lower(), p, getattr(self, p.name))
+
+    @property
+    def told(self) -> str:
+        """Name with its parameters, each in its unit."""
+        values = (f"{p.name}={shown(p, getattr(self, p.name))}" for p in describe(type(self)))
+        return f"{type(self).__name__.lower()} ({', '.join(values)})"
 
     @property
     def duration(self) -> float:

@@ -13,7 +13,6 @@ from plumbob.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.check import Floats
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import FrameError, ParameterError
-from plumbob.params import describe, shown
 from plumbob.rotations import Frame, North
 from plumbob.sim.errors import Measured, TriadErrors, measure
 from plumbob.sim.field import earth_field
@@ -172,7 +171,7 @@ def _simulation(
     )
     return Simulation(
         imu=_recording(world, measured, meta),
-        truth=_track(kinematics, measured, world.line, f"simulated {_told(plan)}, seed {seed}"),
+        truth=_track(kinematics, measured, world.line, f"simulated {plan.told}, seed {seed}"),
         calibration=_calibration(unit, meta.device),
         noise=_noise(unit, meta.device, rate),
         kinematics=kinematics,
@@ -255,9 +254,3 @@ def _calibration(unit: Module, device: str) -> CalibrationCard:
 def _noise(unit: Module, device: str, rate: float) -> NoiseCard:
     triads = {n: getattr(unit, n) and getattr(unit, n).noise_card(rate) for n in TRIADS}
     return NoiseCard(device, f"simulated from {unit.source}", **triads)
-
-
-def _told(scenario: Scenario) -> str:
-    """Scenario with its parameters, each in its unit."""
-    values = (f"{p.name}={shown(p, getattr(scenario, p.name))}" for p in describe(type(scenario)))
-    return f"{type(scenario).__name__.lower()} ({', '.join(values)})"
