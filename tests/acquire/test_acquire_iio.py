@@ -210,6 +210,30 @@ def test_channels_of_unknown_units_are_left_out_or_refused(machine):
         machine.source(channels=["accel_x"]).open()
 
 
+def test_the_clock_and_the_rate_are_told(machine, gyro):
+    layout = machine.source().layout
+    assert (layout.clock, layout.rate) == ("monotonic", 100.0)
+    assert machine.source(channels=["anglvel_x"]).layout.clock == ""
+    (gyro / "sampling_frequency").write_text("none")
+    (gyro / "current_timestamp_clock").unlink()  # Linux before 4.6
+    layout = machine.source().layout
+    assert (layout.clock, layout.rate) == ("realtime", None)
+
+
+@pytest.mark.parametrize("polled", [False, True])
+def test_a_device_that_has_become_another_is_refused(machine, gyro, clock, polled):
+    def make(layout):
+        return machine.polled("adxrs290", clock, layout=layout) if polled else machine.source(layout=layout)
+
+    layout = make(None).layout
+    (gyro / "sampling_frequency").write_text("50")  # changes no meaning
+    with make(layout) as source:
+        assert source.read(0.1)[0].kind == "opened"
+    (gyro / "in_anglvel_scale").write_text("0.5")
+    with pytest.raises(LineError, match="not what they were"):
+        make(layout).open()
+
+
 @pytest.mark.parametrize("file", ["in_anglvel_mount_matrix", "in_mount_matrix", "mount_matrix"])
 def test_the_mount_matrix_is_read(machine, file):
     machine.add_gyro(**{file: "0, 1, 0; -1, 0, 0; 0, 0, 1"})

@@ -76,8 +76,8 @@ def test_replies_of_several_commands_are_joined(make):
 
 
 def test_an_exchange_may_be_a_function_and_a_start_comes_before_it(make, chip):
-    with make(lambda bus: bus.transfer(SENSOR)[::-1], start=lambda bus: bus.transfer(CHECK)) as source:
-        source.read(1)
+    with make(lambda bus: bus.transfer(SENSOR)[::-1], start=lambda bus: bus.transfer(CHECK).hex()) as source:
+        assert "Hz, 00000001) is open" in source.read(1)[0].text
         assert source.read(1)[0].data.hex() == "01000000"
     assert chip.commands == [CHECK, SENSOR]
 

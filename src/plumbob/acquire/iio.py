@@ -9,8 +9,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
-from plumbob.acquire.iio_layout import TIMESTAMP, IioLayout
-from plumbob.acquire.iio_sysfs import IioDevice, Settings, find_device, raw_layout, refusal, scan_layout
+from plumbob.acquire.iio_layout import IioLayout
+from plumbob.acquire.iio_sysfs import (
+    CLOCK,
+    IioDevice,
+    Settings,
+    find_device,
+    rate_file,
+    raw_layout,
+    read_rate,
+    refusal,
+    scan_layout,
+)
 from plumbob.acquire.polled import Polled
 from plumbob.acquire.replug import TAKE_LIMIT, BackOff, NoLine, Replug
 from plumbob.errors import LineError, ParameterError, PlumbobError
@@ -45,6 +55,8 @@ class IioSource(Replug):
         Scans that the kernel keeps while nobody reads, and scans that wake the reader.
     stall_periods : float
         Without a scan for so many periods (and at least 1 s where the rate is unknown), the device is ``stalled``.
+    layout : IioLayout, optional
+        What the bytes must mean, as read before; a device that says otherwise by now is refused.
     sys_root, dev_root : path
         Where the kernel shows devices.
     wait, back_off, clock, sleep
@@ -72,6 +84,7 @@ class IioSource(Replug):
         length: int = 4096,
         watermark: int = 1,
         stall_periods: float = 20.0,
+        layout: IioLayout | None = None,
         sys_root: str | Path = SYS,
         dev_root: str | Path = DEV,
         wait: bool = False,
@@ -90,6 +103,7 @@ class IioSource(Replug):
         self._stall_periods = stall_periods
         self._roots = Path(sys_root), Path(dev_root)
         self._layout: IioLayout | None = None
+        self._must = layout
 
     @property
     def layout(self) -> IioLayout:
@@ -100,7 +114,7 @@ class IioSource(Replug):
 
     def _connect(self, patience: float) -> "IioWire":
         device = find_device(self._device, *self._roots)
-        self._layout = _described(lambda: scan_layout(device, self._channels))
+        self._layout = _as_before(self._must, _described(lambda: scan_layout(device, self._channels)))
         fd = _open_node(device)
         settings = Settings(device)
         try:
@@ -116,9 +130,9 @@ class IioSource(Replug):
         if self._trigger is not None:
             settings.write("trigger/current_trigger", self._trigger)
         if self._rate is not None:
-            settings.write(_rate_file(device, layout), f"{self._rate:g}")
-        if device.read("current_timestamp_clock") is not None:
-            settings.write("current_timestamp_clock", "monotonic")  # the default, real time, steps
+            settings.write(rate_file(device, layout.channels), f"{self._rate:g}")
+        if device.read(CLOCK) is not None:
+            settings.write(CLOCK, "monotonic")  # the default, real time, steps
         chosen = {channel.name for channel in layout.channels}
         for file in sorted((device.path / "scan_elements").glob("in_*_en")):
             settings.write(f"scan_elements/{file.name}", str(int(file.name[3:-3] in chosen)))
@@ -129,12 +143,10 @@ class IioSource(Replug):
         settings.write("buffer/enable", "1")
 
     def _patience_ns(self, device: IioDevice, layout: IioLayout) -> int:
-        text = device.read(_rate_file(device, layout))
-        try:
-            rate = float(text or "")
-        except ValueError:
+        rate = read_rate(device, layout.channels)
+        if rate is None:
             return 1_000_000_000
-        return round(max(self._stall_periods, 2.0 * self._watermark) / rate * 1e9) if rate > 0.0 else 1_000_000_000
+        return round(max(self._stall_periods, 2.0 * self._watermark) / rate * 1e9)
 
 
 def _now(describe: Callable[[], IioLayout]) -> IioLayout:
@@ -153,17 +165,21 @@ def _described(describe: Callable[[], IioLayout]) -> IioLayout:
         raise NoLine("absent", f"the device cannot be read: {error}.") from error
 
 
+def _as_before(before: IioLayout | None, now: IioLayout) -> IioLayout:
+    if before is not None and now != before:
+        raise NoLine(
+            "refused",
+            f"{now.device}: channels, scales, mounting or clock are not what they were when it was first read; "
+            "bytes would be misread, so begin anew.",
+        )
+    return now
+
+
 def _open_node(device: IioDevice) -> int:
     try:
         return os.open(device.node, os.O_RDONLY | os.O_NONBLOCK)
     except OSError as error:
         raise refusal(device, f"{device.node} cannot be opened", error) from error
-
-
-def _rate_file(device: IioDevice, layout: IioLayout) -> str:
-    kinds = dict.fromkeys(channel.name.split("_")[0] for channel in layout.channels if channel.name != TIMESTAMP)
-    own = (f"in_{kind}_sampling_frequency" for kind in kinds)
-    return next((file for file in own if (device.path / file).is_file()), "sampling_frequency")
 
 
 class IioWire:
@@ -173,7 +189,7 @@ class IioWire:
         self, fd: int, device: IioDevice, settings: Settings, layout: IioLayout, clock: Callable[[], int]
     ) -> None:
         channels = ", ".join(channel.name for channel in layout.channels)
-        rate = device.read(_rate_file(device, layout)) or "?"
+        rate = device.read(rate_file(device, layout.channels)) or "?"
         self.where = f"{device}, {channels}, {layout.size} bytes a scan, {rate} Hz,"
         self._fd, self._settings, self._size, self._clock = fd, settings, layout.size, clock
         self._rest = b""
@@ -213,6 +229,8 @@ class IioPollSource(Polled):
         Polls per second, Hz.
     channels : sequence of str, optional
         Such as ``("anglvel_z",)``; all whose units are known by default.
+    layout : IioLayout, optional
+        What the bytes must mean, as in `IioSource`.
     sys_root : path
         Where the kernel shows devices.
     back_off, clock, sleep
@@ -229,6 +247,7 @@ class IioPollSource(Polled):
         rate: float,
         *,
         channels: Sequence[str] | None = None,
+        layout: IioLayout | None = None,
         sys_root: str | Path = SYS,
         back_off: BackOff | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
@@ -238,6 +257,7 @@ class IioPollSource(Polled):
         self._device, self._channels = device, None if channels is None else tuple(channels)
         self._sys_root = Path(sys_root)
         self._layout: IioLayout | None = None
+        self._must = layout
         self._files: list[tuple[int, int]] = []  # descriptor, and bits where the kernel forgets the sign
 
     @property
@@ -252,7 +272,7 @@ class IioPollSource(Polled):
 
     def _connect(self) -> str:
         device = self._find()
-        self._layout = _described(lambda: raw_layout(device, self._channels))
+        self._layout = _as_before(self._must, _described(lambda: raw_layout(device, self._channels)))
         for channel in self._layout.channels:
             bits = _UNSIGNED.get(device.name, 0) if channel.name.startswith("anglvel") else 0
             self._files.append((os.open(device.path / f"in_{channel.name}_raw", os.O_RDONLY), bits))

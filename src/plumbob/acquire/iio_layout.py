@@ -108,6 +108,11 @@ class IioLayout:
         In the order of the scan.
     mounts : mapping of str to 3×3 matrix
         For ``gyr``, ``acc`` and ``mag``: from the chip's axes to those of the board, as the device tree says.
+    clock : str
+        Clock of the time stamps as `IioSource` sets it: ``"monotonic"``, or ``"realtime"`` where the kernel knows no
+        other (before 4.6); empty where there are none.
+    rate : float or None
+        ``sampling_frequency`` when it was read, Hz; None where the device has none.
     size : int
         Bytes in a scan.
 
@@ -122,6 +127,8 @@ class IioLayout:
     device: str
     channels: tuple[IioChannel, ...]
     mounts: Mapping[str, Matrix] = field(default_factory=dict)
+    clock: str = ""
+    rate: float | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not self.channels:
@@ -148,7 +155,8 @@ class IioLayout:
             {"name": c.name, "index": c.index, "type": str(c.type), "scale": c.scale, "offset": c.offset}
             for c in self.channels
         ]
-        return json.dumps({"device": self.device, "channels": channels, "mounts": dict(self.mounts)})
+        told = {"device": self.device, "channels": channels, "mounts": dict(self.mounts)}
+        return json.dumps({**told, "clock": self.clock, "rate": self.rate})
 
     @classmethod
     def from_json(cls, text: str) -> Self:
@@ -157,7 +165,7 @@ class IioLayout:
             raw = json.loads(text)
             channels = tuple(IioChannel(**{**entry, "type": parse_type(entry["type"])}) for entry in raw["channels"])
             mounts = {triad: tuple(map(tuple, matrix)) for triad, matrix in raw["mounts"].items()}
-            return cls(raw["device"], channels, mounts)
+            return cls(raw["device"], channels, mounts, raw["clock"], raw["rate"])
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise DecodeError(f"This is no layout of IIO scans, or a damaged one: {error!r}.") from error
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import errno
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -11,6 +12,9 @@ from plumbob.acquire.iio_type import IioType, parse_type
 from plumbob.acquire.replug import NoLine
 
 IDENTITY: Final[Matrix] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+CLOCK: Final = "current_timestamp_clock"
+"""Attribute with the clock of the time stamps, from Linux 4.6."""
 
 _RAW = IioType("<", signed=True, bits=32, storage=32)  # what a polled value is packed into
 _TRIADS = {"gyr": "anglvel", "acc": "accel", "mag": "magn"}
@@ -101,7 +105,26 @@ def scan_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
         scale, offset = (1.0, 0.0) if name == TIMESTAMP else _scale(device, name)
         channels.append(IioChannel(name, int(_float(device, name, index)), parse_type(kind), scale, offset))
     channels.sort(key=lambda channel: channel.index)
-    return IioLayout(device.name, tuple(channels), _mounts(device, channels))
+    clock = "monotonic" if device.read(CLOCK) is not None else "realtime"
+    stamped = any(channel.name == TIMESTAMP for channel in channels)
+    rate = read_rate(device, channels)
+    return IioLayout(device.name, tuple(channels), _mounts(device, channels), clock if stamped else "", rate)
+
+
+def rate_file(device: IioDevice, channels: Sequence[IioChannel]) -> str:
+    """Attribute with the rate of these channels: their own, or that of the device, which may be missing too."""
+    kinds = dict.fromkeys(channel.name.split("_")[0] for channel in channels if channel.name != TIMESTAMP)
+    own = (f"in_{kind}_sampling_frequency" for kind in kinds)
+    return next((file for file in own if (device.path / file).is_file()), "sampling_frequency")
+
+
+def read_rate(device: IioDevice, channels: Sequence[IioChannel]) -> float | None:
+    """Rate that is set, Hz; None where there is none."""
+    try:
+        rate = float(device.read(rate_file(device, channels)) or "")
+    except ValueError:
+        return None
+    return rate if 0.0 < rate < float("inf") else None
 
 
 def raw_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
@@ -115,7 +138,9 @@ def raw_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
 def _elements(device: IioDevice) -> list[str]:
     names = [file.name[3:-3] for file in (device.path / "scan_elements").glob("in_*_en")]
     if not names or not (device.path / "buffer").is_dir():
-        raise NoLine("refused", f"{device} has no buffer, so it can only be polled: use IioPollSource.")
+        raise NoLine(
+            "refused", f"{device} has no buffer, so it can only be polled: IioPollSource, or kind = 'iio-poll'."
+        )
     return names
 
 

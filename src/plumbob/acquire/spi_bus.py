@@ -82,7 +82,7 @@ class SpiSource(Polled):
     mode, hz : int
         Clock polarity and phase, and clock, as the chip's data sheet says.
     start : callable, optional
-        Wakes the chip up, at each opening, before the first poll.
+        Wakes the chip up, at each opening, before the first poll. What it returns is told with the opening.
     open_bus : callable, optional
         Opens the bus in place of spidev, to put an emulated chip there.
     back_off, clock, sleep
@@ -108,7 +108,7 @@ class SpiSource(Polled):
         *,
         mode: int,
         hz: int,
-        start: Callable[[SpiBus], None] | None = None,
+        start: Callable[[SpiBus], str | None] | None = None,
         open_bus: Callable[[], SpiBus] | None = None,
         back_off: BackOff | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
@@ -136,9 +136,8 @@ class SpiSource(Polled):
             raise NoLine("absent", f"There is no {path}; is SPI enabled (on a Pi: dtparam=spi=on)?") from error
         except PermissionError as error:
             raise NoLine("denied", f"No permission to open {path}; add yourself to the group spi.") from error
-        if self._start is not None:
-            self._start(self._bus)
-        return f"{self._name} (mode {self._mode}, {self._hz} Hz)"
+        said = self._start(self._bus) if self._start is not None else None
+        return f"{self._name} (mode {self._mode}, {self._hz} Hz{f', {said}' if said else ''})"
 
     def _ask(self) -> bytes:
         assert self._bus is not None
