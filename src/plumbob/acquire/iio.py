@@ -17,7 +17,6 @@ from plumbob.acquire.iio_sysfs import (
     find_device,
     rate_file,
     raw_layout,
-    read_rate,
     refusal,
     scan_layout,
 )
@@ -143,10 +142,12 @@ class IioSource(Replug):
         settings.write("buffer/enable", "1")
 
     def _patience_ns(self, device: IioDevice, layout: IioLayout) -> int:
-        rate = read_rate(device, layout.channels)
-        if rate is None:
+        text = device.read(rate_file(device, layout.channels))
+        try:
+            rate = float(text or "")
+        except ValueError:
             return 1_000_000_000
-        return round(max(self._stall_periods, 2.0 * self._watermark) / rate * 1e9)
+        return round(max(self._stall_periods, 2.0 * self._watermark) / rate * 1e9) if rate > 0.0 else 1_000_000_000
 
 
 def _now(describe: Callable[[], IioLayout]) -> IioLayout:

@@ -64,11 +64,16 @@ class IioChannel:
     @property
     def unit(self) -> Unit:
         """IIO's unit."""
+        return unit(self.unit_name)
+
+    @property
+    def unit_name(self) -> str:
+        """Its name."""
         return iio_unit(self.name)
 
 
-def iio_unit(name: str) -> Unit:
-    """Unit in which IIO gives a channel: rad/s, m/s², gauss, or thousandths of °C.
+def iio_unit(name: str) -> str:
+    """Name of the unit in which IIO gives a channel: rad/s, m/s², gauss, or thousandths of °C.
 
     Raises
     ------
@@ -80,7 +85,7 @@ def iio_unit(name: str) -> Unit:
         raise UnitError(
             f"The IIO channel '{name}' is none of {', '.join(_KINDS)}, so its unit is not known; leave it out."
         )
-    return unit(_KINDS[kind][1])
+    return _KINDS[kind][1]
 
 
 def is_known(name: str) -> bool:
@@ -110,9 +115,7 @@ class IioLayout:
         For ``gyr``, ``acc`` and ``mag``: from the chip's axes to those of the board, as the device tree says.
     clock : str
         Clock of the time stamps as `IioSource` sets it: ``"monotonic"``, or ``"realtime"`` where the kernel knows no
-        other (before 4.6); empty where there are none.
-    rate : float or None
-        ``sampling_frequency`` when it was read, Hz; None where the device has none.
+        other (before 4.5); empty where there are none.
     size : int
         Bytes in a scan.
 
@@ -128,7 +131,6 @@ class IioLayout:
     channels: tuple[IioChannel, ...]
     mounts: Mapping[str, Matrix] = field(default_factory=dict)
     clock: str = ""
-    rate: float | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not self.channels:
@@ -145,6 +147,11 @@ class IioLayout:
         return self._places()[1]
 
     @property
+    def places(self) -> list[int]:
+        """Byte of a scan at which each channel begins."""
+        return self._places()[0]
+
+    @property
     def timestamped(self) -> bool:
         """Whether scans carry the kernel's time."""
         return any(channel.name == TIMESTAMP for channel in self.channels)
@@ -155,8 +162,8 @@ class IioLayout:
             {"name": c.name, "index": c.index, "type": str(c.type), "scale": c.scale, "offset": c.offset}
             for c in self.channels
         ]
-        told = {"device": self.device, "channels": channels, "mounts": dict(self.mounts)}
-        return json.dumps({**told, "clock": self.clock, "rate": self.rate})
+        told = {"device": self.device, "channels": channels, "mounts": dict(self.mounts), "clock": self.clock}
+        return json.dumps(told)
 
     @classmethod
     def from_json(cls, text: str) -> Self:
@@ -165,7 +172,7 @@ class IioLayout:
             raw = json.loads(text)
             channels = tuple(IioChannel(**{**entry, "type": parse_type(entry["type"])}) for entry in raw["channels"])
             mounts = {triad: tuple(map(tuple, matrix)) for triad, matrix in raw["mounts"].items()}
-            return cls(raw["device"], channels, mounts, raw["clock"], raw["rate"])
+            return cls(raw["device"], channels, mounts, raw["clock"])
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise DecodeError(f"This is no layout of IIO scans, or a damaged one: {error!r}.") from error
 

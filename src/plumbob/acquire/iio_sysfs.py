@@ -14,7 +14,7 @@ from plumbob.acquire.replug import NoLine
 IDENTITY: Final[Matrix] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 CLOCK: Final = "current_timestamp_clock"
-"""Attribute with the clock of the time stamps, from Linux 4.6."""
+"""Attribute with the clock of the time stamps, from Linux 4.5."""
 
 _RAW = IioType("<", signed=True, bits=32, storage=32)  # what a polled value is packed into
 _TRIADS = {"gyr": "anglvel", "acc": "accel", "mag": "magn"}
@@ -107,8 +107,7 @@ def scan_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:
     channels.sort(key=lambda channel: channel.index)
     clock = "monotonic" if device.read(CLOCK) is not None else "realtime"
     stamped = any(channel.name == TIMESTAMP for channel in channels)
-    rate = read_rate(device, channels)
-    return IioLayout(device.name, tuple(channels), _mounts(device, channels), clock if stamped else "", rate)
+    return IioLayout(device.name, tuple(channels), _mounts(device, channels), clock if stamped else "")
 
 
 def rate_file(device: IioDevice, channels: Sequence[IioChannel]) -> str:
@@ -116,15 +115,6 @@ def rate_file(device: IioDevice, channels: Sequence[IioChannel]) -> str:
     kinds = dict.fromkeys(channel.name.split("_")[0] for channel in channels if channel.name != TIMESTAMP)
     own = (f"in_{kind}_sampling_frequency" for kind in kinds)
     return next((file for file in own if (device.path / file).is_file()), "sampling_frequency")
-
-
-def read_rate(device: IioDevice, channels: Sequence[IioChannel]) -> float | None:
-    """Rate that is set, Hz; None where there is none."""
-    try:
-        rate = float(device.read(rate_file(device, channels)) or "")
-    except ValueError:
-        return None
-    return rate if 0.0 < rate < float("inf") else None
 
 
 def raw_layout(device: IioDevice, chosen: tuple[str, ...] | None) -> IioLayout:

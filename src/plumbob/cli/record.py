@@ -21,8 +21,9 @@ def add_parser(verbs: common.Adder) -> None:
         description="Read a live line as a session file says, or as the options say, keep its raw bytes and what they "
         "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C.",
     )
-    p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port and --format")
+    p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port and --format, or --iio")
     p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
+    p.add_argument("--iio", metavar="DEV", help="buffer of an IIO device (Linux), by its name or number")
     p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
     p.add_argument("--format", metavar="NAME|TOML", help="known device, see 'plumbob devices', or a format file")
     p.add_argument("--device", metavar="ID", help="name of this very unit, to which its calibration card belongs")
@@ -82,8 +83,8 @@ def session_of(args: argparse.Namespace) -> "Session":
     from plumbob.pipeline.session import RecordSpec
     from plumbob.pipeline.session_toml import load_session
 
-    if (args.session is None) == (args.port is None):
-        raise ParameterError("give either a session file or --port, and with --port also --format.")
+    if [args.session, args.port, args.iio].count(None) != 2:
+        raise ParameterError("give either a session file, or --port and --format, or --iio.")
     if args.session is not None:
         if args.filter or args.format or args.calibration or args.device:
             raise ParameterError("the session file says format, device, calibration and filter; leave the options out.")
@@ -102,13 +103,21 @@ def _session_of_options(args: argparse.Namespace) -> "Session":
     from plumbob.errors import ParameterError
     from plumbob.pipeline.session_toml import parse_session, plain_session, read_text
 
-    if args.format is None:
+    if args.iio is not None and args.format:
+        raise ParameterError("--iio takes no --format: the kernel says what the bytes mean.")
+    if args.iio is None and args.format is None:
         raise ParameterError("--port needs --format: what the bytes mean is not guessed; see 'plumbob devices'.")
-    form = str(Path(args.format).resolve()) if args.format.endswith(".toml") else args.format
+    form = str(Path(args.format).resolve()) if (args.format or "").endswith(".toml") else args.format
     imu = {key: value for key, value in (("device", args.device), ("frame", args.frame)) if value}
     tables = told.estimate_tables(args) | ({"imu": imu} if imu else {})
-    text = plain_session(form=form, source={"kind": "serial", "port": args.port, "baud": args.baud}, **tables)
-    return parse_session(text, lambda name: read_text(Path(name)), name=Path(args.port).name)
+    text = plain_session(form=form, source=_source_of_options(args), **tables)
+    return parse_session(text, lambda name: read_text(Path(name)), name=Path(args.port or args.iio).name)
+
+
+def _source_of_options(args: argparse.Namespace) -> dict[str, str | int]:
+    if args.iio is not None:
+        return {"kind": "iio", "device": int(args.iio) if args.iio.isdecimal() else args.iio}
+    return {"kind": "serial", "port": args.port, "baud": args.baud}
 
 
 def _stopped_by_signals() -> "threading.Event":

@@ -10,7 +10,7 @@ from fractions import Fraction
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
 from plumbob.check import Floats
@@ -75,7 +75,7 @@ class Line:
         self.session = session
         self.decoder = Decoder(session.form)
         message = session.form.message(session.message)
-        self.time = TimeBase(time_spec(session.form, message))
+        self.time = TimeBase(_time_spec(session, message))
         self._clock, self._frames = message.of_role("clock"), message.of_role("counter")
         self.filter = None if session.stage is None else _filter(session)
         self.faults = 0
@@ -108,9 +108,12 @@ class Line:
 
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
+        told = asdict(self.time.report())
+        if self.session.timed_by != "frames":  # the host's clock beside itself
+            told |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
         return {
             "bytes": self.decoder.counts.summary(),
-            "time": _without_nan(asdict(self.time.report())),
+            "time": _without_nan(told),
             "not_usable": self.faults,
         }
 
@@ -118,10 +121,11 @@ class Line:
         frames = found.get(self.session.message)
         if frames is None:
             return None
+        host, clock = self._clocks(frames)
         stamps = self.time.stamp(
-            frames.t_ns,
+            host,
             frames.start,
-            clock=frames.columns[self._clock.name] if self._clock else None,
+            clock=clock,
             frames=frames.columns[self._frames.name] if self._frames else None,
         )
         usable = (stamps.flags & np.uint32(flags.TIME_FAULT)) == 0
@@ -137,6 +141,17 @@ class Line:
         imu = calibrated(sensed, self.session.card)
         track = None if self.filter is None else self.filter.process(imu)
         return Part(t_ns, frames, sensed, imu, track)
+
+    def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
+        """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""
+        device = frames.columns[self._clock.name] if self._clock else None
+        match self.session.timed_by:
+            case "poll":
+                return frames.t_ns, frames.t_ns
+            case "kernel":
+                stamps = np.asarray(device, dtype=np.int64)
+                return stamps, stamps
+        return frames.t_ns, device
 
     @property
     def t0_ns(self) -> int | None:
@@ -164,6 +179,13 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
         rate=form.framing.rate,
         frame_bytes=message.length if alone else None,
     )
+
+
+def _time_spec(session: Session, message: Message) -> TimeSpec:
+    """The same for a session: whose samples are timed by the host has the host's clock for the device's."""
+    if session.timed_by == "frames":
+        return time_spec(session.form, message)
+    return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
 
 
 def _without_nan(told: dict[str, Any]) -> dict[str, Any]:

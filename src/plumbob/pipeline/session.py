@@ -18,10 +18,10 @@ class SourceSpec:
     Attributes
     ----------
     kind : str
-        ``"serial"``, ``"udp"`` or ``"tcp"``.
+        ``"serial"``, ``"udp"``, ``"tcp"``, ``"iio"``, ``"iio-poll"`` or ``"spi"``.
     settings : mapping
-        What that kind needs: ``port`` and ``baud``, or ``host`` and ``port``; and what any may have: ``gather``, s, and
-        ``speed``.
+        What that kind needs: ``port`` and ``baud``, or ``host`` and ``port``, and so on; of a device of the kernel also
+        the ``layout`` of its bytes.
     """
 
     kind: str
@@ -113,6 +113,9 @@ class Session:
         Recording; None where none is made.
     output : OutputSpec
         What is handed on.
+    timed_by : str
+        What tells the time of a sample: ``"frames"``, as far as they bring something to tell it by; ``"poll"``, the
+        host, which asks for each; ``"kernel"``, time stamps of the host's own monotonic clock in the frames.
     texts : mapping of str to str
         The session file and every file that it names, so that a recording can hold them and be replayed anywhere.
     """
@@ -129,4 +132,5 @@ class Session:
     reference: ReferenceSpec | None = None
     record: RecordSpec | None = None
     output: OutputSpec = OutputSpec()
+    timed_by: str = "frames"
     texts: Mapping[str, str] = field(default_factory=dict)

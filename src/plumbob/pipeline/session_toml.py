@@ -12,8 +12,11 @@ from plumbob.data import ImuMeta
 from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError
 from plumbob.filters import Filter
 from plumbob.forms import Parse
+from plumbob.pipeline.iio_format import iio_format
 from plumbob.pipeline.offline import Stage
 from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec
+from plumbob.pipeline.source_toml import parse_source
+from plumbob.pipeline.sources import KERNEL, described
 from plumbob.rigs import find_format
 from plumbob.rotations import Frame, North, body_axes
 from plumbob.sensors.format import Format, Message
@@ -26,9 +29,13 @@ KIND: Final = "plumbob session"
 VERSION: Final = 1
 SESSION: Final = "session.toml"
 """Under this name a recording keeps the session itself."""
+IIO: Final = "iio.json"
+"""Under this name it keeps what the kernel said of a device, so that a replay needs none."""
 
 Fetch = Callable[[str], str]
 """Gives the text of a file that the session names."""
+Describe = Callable[[SourceSpec], str]
+"""Gives what the kernel says of a source, in JSON."""
 
 
 def load_session(path: str | Path) -> Session:
@@ -62,10 +69,10 @@ def recorded_session(texts: Mapping[str, str], name: str) -> Session:
             raise DecodeError(f"the recording does not hold {wanted}; it was not made by 'plumbob record'.")
         return texts[wanted]
 
-    return parse_session(fetch(SESSION), fetch, name=name)
+    return parse_session(fetch(SESSION), fetch, name=name, describe=lambda _: fetch(IIO))
 
 
-def parse_session(text: str, fetch: Fetch, *, name: str) -> Session:
+def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = described) -> Session:
     """Session from TOML text; errors as in `load_session`.
 
     Parameters
@@ -76,6 +83,8 @@ def parse_session(text: str, fetch: Fetch, *, name: str) -> Session:
         Gives the text of each file that it names.
     name : str
         Short name.
+    describe : callable
+        Gives what the kernel says of a source; asked only where it is an IIO device.
     """
     texts = {SESSION: text}
 
@@ -83,12 +92,18 @@ def parse_session(text: str, fetch: Fetch, *, name: str) -> Session:
         texts[wanted] = fetch(wanted)
         return texts[wanted]
 
-    found = forms.section("session", forms.toml(text, GUIDE), _SESSION, ("kind", "version", "format"), top=True)
-    form, message = _format(found["format"], keep)
-    unit = found["format"].get("unit", "")
+    found = forms.section("session", forms.toml(text, GUIDE), _SESSION, ("kind", "version"), top=True)
+    source: SourceSpec | None = found.get("source")
+    if source is not None and source.kind in KERNEL:
+        texts[IIO] = describe(source)
+        source, form, timed_by = _kernel(source, found, texts[IIO])
+        message, unit = form.name, ""
+    else:
+        form, message, unit = _format(found, keep)
+        timed_by = _timed_by(source, form)
     imu = found.get("imu", {})
     frame = imu.get("frame")
-    meta = _meta(imu, form, message, unit)
+    meta = _meta(imu, source, form, message, unit)
     card = _card(found, keep)
     if card is not None and card.device != meta.device:
         raise ParameterError(
@@ -97,7 +112,7 @@ def parse_session(text: str, fetch: Fetch, *, name: str) -> Session:
     stage = _stage(found, frame, keep)
     return Session(
         name=name,
-        source=found.get("source"),
+        source=source,
         form=form,
         message=message,
         unit=unit,
@@ -108,26 +123,59 @@ def parse_session(text: str, fetch: Fetch, *, name: str) -> Session:
         reference=_reference(found, form.message(message)),
         record=found.get("record"),
         output=found.get("output", OutputSpec()),
+        timed_by=timed_by,
         texts=texts,
     )
 
 
-def _format(found: Mapping[str, Any], keep: Fetch) -> tuple[Format, str]:
+def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[SourceSpec, Format, str]:
+    """Source that insists on what the kernel said, its format, and what tells its time."""
+    from plumbob.acquire import IioLayout
+
+    if "format" in found:
+        raise DecodeError(f"[format] does not go with source.kind = '{source.kind}': the kernel says it; leave it out.")
+    layout = IioLayout.from_json(told)
+    settings = {**source.settings, "layout": layout}
+    form = iio_format(layout, mounted=settings.pop("mount", True))
+    timed_by = "poll" if source.kind == "iio-poll" else "kernel" if layout.clock == "monotonic" else "frames"
+    return replace(source, settings=settings), form, timed_by
+
+
+def _timed_by(source: SourceSpec | None, form: Format) -> str:
+    """What tells the time of a source that is not the kernel's; a poll over SPI must give whole transfers."""
+    if source is None or source.kind != "spi":
+        return "frames"
+    settings = source.settings
+    size, length = sum(map(len, settings["exchange"])) - settings.get("skip", 0), form.framing.length
+    if form.framing.transfers and length and (size <= 0 or size % length):
+        raise ParameterError(
+            f"a poll gives {size} bytes after source.skip, but a transfer of {form.name} has {length}; "
+            "give commands as long as their replies, and skip what comes in while the first of them goes out."
+        )
+    return "poll"
+
+
+def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str]:
+    if "format" not in tables:
+        raise forms.absent("session", "format")
+    found = tables["format"]
     if ("name" in found) == ("file" in found):
         raise DecodeError('format needs either the name of a known device or file = "my.toml".')
     form = find_format(found["name"]) if "name" in found else parse_format(keep(found["file"]))
     form = form.bind(found.get("options", {}))
-    return form, form.message(found.get("message", "")).name
+    return form, form.message(found.get("message", "")).name, found.get("unit", "")
 
 
-def _meta(imu: Mapping[str, Any], form: Format, message: str, unit: str) -> ImuMeta:
-    ranges: dict[str, Any] = {f"{name}_range": full for name, full in ranges_of(form.message(message), unit).items()}
+def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
+    told = {} if source is not None and source.kind in KERNEL else ranges_of(form.message(message), unit)
+    ranges: dict[str, Any] = {f"{name}_range": full for name, full in told.items()}
+    asked = None if source is None else source.settings.get("rate")
     return ImuMeta(
         device=imu.get("device", form.name),
         axes=imu.get("axes", "x y z"),
         frame=imu.get("frame"),
         declination=imu.get("declination"),
-        rate_nominal=form.framing.rate,
+        rate_nominal=asked or form.framing.rate,
         **ranges,
     )
 
@@ -173,14 +221,12 @@ def edited(session: Session, *, source: SourceSpec | None = None, record: Record
     return replace(session, source=source or session.source, record=record or session.record)
 
 
-def plain_session(*, form: str, source: Mapping[str, Any], **tables: Mapping[str, Any]) -> str:
-    """Text of a session of a catalogued format or a format file, as the command line makes one from its options."""
-    known = {"file": form} if form.endswith(".toml") else {"name": form}
-    content: dict[str, Mapping[str, Any]] = {
-        "source": source,
-        "format": {**known, **tables.pop("format", {})},
-        **tables,
-    }
+def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapping[str, Any]) -> str:
+    """Text of a session of a catalogued format, a format file or none, as the command line makes one of its options."""
+    content: dict[str, Mapping[str, Any]] = {"source": source, **tables}
+    if form is not None:
+        known = {"file": form} if form.endswith(".toml") else {"name": form}
+        content["format"] = {**known, **tables.get("format", {})}
     lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
     for name, table in content.items():
         lines += ["", f"[{name}]", *(f"{_key(key)} = {_toml(value)}" for key, value in table.items())]
@@ -211,19 +257,6 @@ def read_text(path: Path) -> str:
         raise DecodeError(f"{path} cannot be read as UTF-8 text: {error}.") from error
 
 
-def _source(where: str, value: Any) -> SourceSpec:
-    kind = forms.section(where, value, {**dict.fromkeys(value, _anything), "kind": forms.one_of(*_SOURCES)}, ("kind",))[
-        "kind"
-    ]
-    known, required = _SOURCES[kind]
-    found = forms.section(where, value, {"kind": forms.text, **known}, required)
-    return SourceSpec(kind, {key: item for key, item in found.items() if key != "kind"})
-
-
-def _anything(where: str, value: Any) -> Any:
-    return value
-
-
 def _frame(where: str, value: Any) -> Frame:
     return Frame.parse(forms.text(where, value))
 
@@ -248,16 +281,6 @@ def _version(where: str, value: Any) -> int:
     return VERSION
 
 
-_PORT: Final = forms.whole(1, 65535)
-_ANY_SOURCE: Final[dict[str, Parse]] = {"gather": forms.size(Quantity.TIME), "speed": forms.positive}
-_SOURCES: Final[dict[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
-    "serial": (
-        {"port": forms.text, "baud": forms.whole(1), "wait": forms.truth, **_ANY_SOURCE},
-        ("port", "baud"),
-    ),
-    "udp": ({"host": forms.text, "port": _PORT, **_ANY_SOURCE}, ("port",)),
-    "tcp": ({"host": forms.text, "port": _PORT, **_ANY_SOURCE}, ("host", "port")),
-}
 _FORMAT: Final[dict[str, Parse]] = {
     "name": forms.text,
     "file": forms.text,
@@ -284,7 +307,7 @@ _OUTPUT: Final[dict[str, Parse]] = {"every": forms.size(Quantity.TIME), "text": 
 _SESSION: Final[dict[str, Parse]] = {
     "kind": forms.one_of(KIND),
     "version": _version,
-    "source": _source,
+    "source": parse_source,
     "format": forms.form(_FORMAT),
     "imu": forms.form(_IMU),
     "calibration": forms.form({"card": forms.text}, ("card",)),

@@ -1,9 +1,9 @@
 """The source that a session asks for, opened; and a recording as a source."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from plumbob.errors import ParameterError
 from plumbob.link import Event, Received, Source
@@ -11,9 +11,22 @@ from plumbob.pipeline import rows
 from plumbob.pipeline.session import SourceSpec
 from plumbob.record import Log
 
+if TYPE_CHECKING:
+    from plumbob.acquire import IioPollSource, IioSource, SpiBus, SpiSource
+
+KERNEL: Final = ("iio", "iio-poll")
+"""Sources of which the kernel says what the bytes mean."""
 GATHER: Final = 0.004
 """Time in which bytes are gathered before they go through the line, s: latency for fewer, fuller parts."""
 _AT_ONCE: Final = 256
+
+
+class Openable(Source, Protocol):
+    """A source that is made, and then opened."""
+
+    def open(self) -> Source:
+        """Open it; LineError where that is not possible."""
+        ...
 
 
 def open_source(spec: SourceSpec | None) -> Source:
@@ -26,20 +39,85 @@ def open_source(spec: SourceSpec | None) -> Source:
     PlumbobError
         If it cannot be opened; the message says why.
     """
-    from plumbob import acquire
-
     if spec is None:
         raise ParameterError("the session names no [source]; add one, or give --port.")
-    settings: dict[str, Any] = {"gather": GATHER, **spec.settings}
-    speed = settings.pop("speed", None)
-    made: Source
+    made = make_source(spec).open()
+    return Stretched(made, spec.settings["speed"]) if "speed" in spec.settings else made
+
+
+def make_source(spec: SourceSpec) -> Openable:
+    """Source of a session, not yet open."""
+    from plumbob import acquire
+
+    if spec.kind == "spi":
+        return spi_source(spec.settings)
+    if spec.kind in KERNEL:
+        return _iio_source(spec)
+    settings = {"gather": GATHER, **spec.settings}
+    settings.pop("speed", None)
     if spec.kind == "serial":
-        made = acquire.SerialSource(settings.pop("port"), settings.pop("baud"), **settings).open()
-    elif spec.kind == "udp":
-        made = acquire.UdpSource(settings.pop("port"), **settings).open()
-    else:
-        made = acquire.TcpSource(settings.pop("host"), settings.pop("port"), **settings).open()
-    return made if speed is None else Stretched(made, speed)
+        return acquire.SerialSource(settings.pop("port"), settings.pop("baud"), **settings)
+    if spec.kind == "udp":
+        return acquire.UdpSource(settings.pop("port"), **settings)
+    return acquire.TcpSource(settings.pop("host"), settings.pop("port"), **settings)
+
+
+def described(spec: SourceSpec) -> str:
+    """What the kernel says of an IIO device, in JSON; LineError where it cannot be asked."""
+    return _iio_source(spec).layout.to_json()
+
+
+def _iio_source(spec: SourceSpec) -> "IioSource | IioPollSource":
+    from plumbob import acquire
+
+    settings = {key: value for key, value in spec.settings.items() if key != "mount"}
+    if spec.kind == "iio":
+        return acquire.IioSource(settings.pop("device"), **settings)
+    return acquire.IioPollSource(settings.pop("device"), settings.pop("rate"), **settings)
+
+
+def spi_source(
+    settings: Mapping[str, Any],
+    *,
+    open_bus: "Callable[[], SpiBus] | None" = None,
+    clock: Callable[[], int] = time.monotonic_ns,
+    sleep: Callable[[float], None] = time.sleep,
+) -> "SpiSource":
+    """Source of a chip on SPI, not yet open.
+
+    Parameters
+    ----------
+    settings : mapping
+        As a session has them: ``start`` is commands and times to wait, s; of the replies to a poll the first ``skip``
+        bytes are left out.
+    open_bus, clock, sleep
+        As in `plumbob.acquire.SpiSource`.
+    """
+    from plumbob import acquire
+
+    commands, skip, steps = settings["exchange"], settings.get("skip", 0), settings.get("start", ())
+
+    def begin(bus: "SpiBus") -> str:
+        replies = []
+        for step in steps:
+            if isinstance(step, bytes):
+                replies.append(bus.transfer(step).hex())
+            else:
+                sleep(step)
+        return f"start answered {' '.join(replies)}"
+
+    return acquire.SpiSource(
+        settings["bus"],
+        settings["device"],
+        lambda bus: b"".join(map(bus.transfer, commands))[skip:],
+        settings["rate"],
+        mode=settings["mode"],
+        hz=settings["hz"],
+        start=begin if steps else None,
+        open_bus=open_bus,
+        clock=clock,
+        sleep=sleep,
+    )
 
 
 class Stretched:
