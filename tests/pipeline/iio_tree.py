@@ -1,0 +1,75 @@
+"""An IIO device as a tree of files and a pipe. Facts: Linux, Documentation/ABI/testing/sysfs-bus-iio."""
+
+import os
+import struct
+
+import numpy as np
+
+GYRO = 0.5 * 2.0**-11 / np.pi  # rad/s a count, no round number
+ACCEL = 0.004788403  # m/s² a count, ±16 g: Linux, drivers/iio/imu/inv_mpu6050/inv_mpu_core.c
+
+
+class Tree:
+    """Folders for /sys and /dev."""
+
+    def __init__(self, root):
+        self.sys, self.dev = root / "sys", root / "dev"
+        self.dev.mkdir()
+        (self.sys / "bus" / "iio" / "devices").mkdir(parents=True)
+
+    def add(self, name, attributes, number=0):
+        folder = self.sys / "bus" / "iio" / "devices" / f"iio:device{number}"
+        for attribute, text in {"name": name, **attributes}.items():
+            file = folder / attribute
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_text(f"{text}\n")
+        os.mkfifo(self.dev / folder.name)
+        return folder
+
+    def add_imu(self, name="imu", **more):
+        """Six axes: 12 bits of gyroscope in the upper bits of 16, big-endian acceleration, temperature, time."""
+        kinds = {f"anglvel_{a}": "le:s12/16>>4" for a in "xyz"}
+        kinds |= {f"accel_{a}": "be:s16/16>>0" for a in "xyz"} | {"temp": "le:s16/16>>0", "timestamp": "le:s64/64>>0"}
+        attributes = {
+            "in_anglvel_scale": repr(GYRO), "in_accel_scale": repr(ACCEL), "in_temp_scale": 2.941176,
+            "in_temp_offset": 12420, "sampling_frequency": 100, "buffer/enable": 0, "buffer/length": 2,
+            "current_timestamp_clock": "realtime",
+        }  # fmt: skip
+        for i, (channel, kind) in enumerate(kinds.items()):
+            attributes |= {
+                f"scan_elements/in_{channel}_en": 0,
+                f"scan_elements/in_{channel}_index": i,
+                f"scan_elements/in_{channel}_type": kind,
+            }
+        return self.add(name, attributes | more)
+
+    def session(self, source="", rest="", kind="iio", device="imu"):
+        roots = f'sys_root = "{self.sys}"\n' + (f'dev_root = "{self.dev}"\n' if kind == "iio" else "")
+        return (
+            f'kind = "plumbob session"\nversion = 1\n[source]\nkind = "{kind}"\ndevice = "{device}"\n'
+            f'{roots}{source}\n[imu]\nframe = "NED"\n{rest}'
+        )
+
+    def hold(self, number=0):
+        """Open end of the pipe, in which bytes stay until somebody reads them."""
+        return os.open(self.dev / f"iio:device{number}", os.O_RDWR | os.O_NONBLOCK)
+
+
+def scans(gyr, acc, temp, t_ns):
+    """Bytes of scans of `Tree.add_imu`, from counts; the lower four bits beside the 12 are not zero."""
+    rows = zip(gyr, acc, temp, t_ns, strict=True)
+    return b"".join(
+        struct.pack("<3H", *((int(w) << 4 | 5) & 0xFFFF for w in g))
+        + struct.pack(">3h", *map(int, a))
+        + struct.pack("<hxxq", int(c), int(t))
+        for g, a, c, t in rows
+    )
+
+
+def motion(count, seed=0, start_ns=5_000_000_000, period_ns=10_000_000):
+    """Counts of a device that lies still, with noise, and times with the jitter of interrupts."""
+    rng = np.random.default_rng(seed)
+    gyr = rng.integers(-60, 61, (count, 3))
+    acc = np.array([40, -90, -2047]) + rng.integers(-5, 6, (count, 3))
+    t_ns = start_ns + period_ns * np.arange(count) + rng.integers(0, 200_000, count)
+    return gyr, acc, rng.integers(-900, 900, count), t_ns
