@@ -6,7 +6,7 @@ import struct
 import numpy as np
 
 GYRO = 0.5 * 2.0**-11 / np.pi  # rad/s a count, no round number
-ACCEL = 0.004788403  # m/s² a count, ±16 g: Linux, drivers/iio/imu/inv_mpu6050/inv_mpu_core.c
+ACCEL = 0.004785  # m/s² a count, ±16 g: Linux, drivers/iio/imu/inv_mpu6050/inv_mpu_core.c, accel_scale
 
 
 class Tree:

@@ -105,6 +105,20 @@ def test_a_stamp_that_repeats_is_not_used(tree):
     assert (line.faults, found.t_ns.size) == (1, 49)
 
 
+def test_a_device_that_comes_back_begins_behind_a_gap(tree):
+    tree.add_imu()
+    line, (gyr, acc, temp, t_ns) = Line(session(tree.session())), motion(40)
+    t_ns[20:] += 3_000_000_000
+    first, second = (scans(gyr[p], acc[p], temp[p], t_ns[p]) for p in (slice(20), slice(20, 40)))
+    line.take(Received(int(t_ns[19]) + 50_000, first + second[:11]))
+    line.take(Event(int(t_ns[20]) - 20_000_000, "lost", "it is gone"))
+    line.take(Event(int(t_ns[20]) - 10_000_000, "reopened", "it is back"))
+    part = line.take(Received(int(t_ns[39]) + 50_000, second))
+    np.testing.assert_array_equal(part.t_ns, t_ns[20:])
+    assert np.flatnonzero(part.sensed.flags & flags.GAP).tolist() == [0]
+    assert line.decoder.counts.junk == 11
+
+
 def test_a_wall_clock_is_led_to_the_host_like_any_other(tree):
     """Linux before 4.5 has no current_timestamp_clock, and stamps with real time."""
     (tree.add_imu() / "current_timestamp_clock").unlink()
