@@ -2,12 +2,11 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from plumbob.data import AttitudeTrack
 from plumbob.errors import DecodeError
 from plumbob.pipeline import rows
 from plumbob.pipeline.line import Line
@@ -71,11 +70,6 @@ def replay(log: Log, session: Session, *, sinks: Sequence[Sink] = (), speed: flo
     run_line(line, ReplaySource(log, speed), sinks=[found, *sinks])
     info = log.first_info
     return Replayed(line, found, log, 0 if info is None else info.epoch_offset_ns)
-
-
-def with_start(replayed: Replayed, track: AttitudeTrack) -> AttitudeTrack:
-    """Return the track with its source naming the recording."""
-    return replace(track, source=f"{track.source}, replayed from {replayed.log.paths[0].name}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -216,11 +216,6 @@ def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage 
     return stage
 
 
-def edited(session: Session, *, source: SourceSpec | None = None, record: RecordSpec | None = None) -> Session:
-    """Return the session with another source or recording."""
-    return replace(session, source=source or session.source, record=record or session.record)
-
-
 def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapping[str, Any]) -> str:
     """Text of a session of a catalogued format, a format file or none, as the command line makes one of its options."""
     content: dict[str, Mapping[str, Any]] = {"source": source, **tables}
