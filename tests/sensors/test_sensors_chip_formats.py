@@ -18,7 +18,7 @@ from plumbob.sensors import catalog
 from plumbob.sensors.columns import counts_of, values_of
 from plumbob.sensors.decode import Decoder, decode
 from plumbob.sensors.encode import encode
-from plumbob.sensors.format import MARKS
+from plumbob.sensors.field import MARKS
 from plumbob.sensors.triads import triads_of
 from plumbob.sim.presets import preset_names
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from plumbob.sensors.columns import values_of
 from plumbob.sensors.encode import encode
-from plumbob.sensors.format import Field, Format, Message
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Format, Message
 from plumbob.sensors.format_toml import parse_format
 
 Column = NDArray[np.float64] | NDArray[np.int64]

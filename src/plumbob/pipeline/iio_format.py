@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING, Final
 
 from plumbob.data import TRIADS
 from plumbob.errors import ParameterError
-from plumbob.sensors.format import Field, Format, Framing, Message, Provenance
+from plumbob.sensors.field import Field, Provenance
+from plumbob.sensors.format import Format, Framing, Message
 
 if TYPE_CHECKING:
     from plumbob.acquire.iio_layout import IioChannel, IioLayout

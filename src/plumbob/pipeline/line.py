@@ -23,7 +23,8 @@ from plumbob.pipeline.offline import calibrated
 from plumbob.pipeline.session import Session
 from plumbob.rotations import in_body_axes
 from plumbob.sensors.decode import Decoder, Frames
-from plumbob.sensors.format import Field, Format, Message
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Format, Message
 from plumbob.sensors.triads import temperature_of, triads_of
 
 BROKEN: Final = ("lost", "dropped")

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from plumbob.check import Floats
 from plumbob.rotations import Frame, euler_zyx_from_quat
-from plumbob.sensors.format import Field, Message
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Message
 from plumbob.sensors.triads import columns_of
 from plumbob.sim import Simulation
 from plumbob.units import unit

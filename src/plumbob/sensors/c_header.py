@@ -20,7 +20,8 @@ from plumbob.sensors.checksum import (
     algorithm,
 )
 from plumbob.sensors.encode import parities
-from plumbob.sensors.format import Checksum, Field, Format, Message
+from plumbob.sensors.field import Checksum, Field
+from plumbob.sensors.format import Format, Message
 from plumbob.units import unit
 
 _HELPERS: Final = """\

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.sensors.checksum import algorithm, of_rows
-from plumbob.sensors.format import Checksum, Field
+from plumbob.sensors.field import Checksum, Field
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]

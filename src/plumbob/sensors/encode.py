@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.sensors.checksum import algorithm, of_rows
 from plumbob.sensors.columns import counts_for, put
-from plumbob.sensors.format import Checksum, Field, Format, Message
+from plumbob.sensors.field import Checksum, Field
+from plumbob.sensors.format import Format, Message
 
 Bytes = NDArray[np.uint8]
 

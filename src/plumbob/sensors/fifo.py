@@ -4,7 +4,8 @@ from dataclasses import replace
 from typing import Final
 
 from plumbob.errors import ParameterError
-from plumbob.sensors.format import Field, Format, Message
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Format, Message
 
 FOOTER: Final = 0x01
 """Bit of the MPU-3050's FIFO_EN that adds two bytes after each sample (K-3050)."""

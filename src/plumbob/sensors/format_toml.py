@@ -13,21 +13,8 @@ from plumbob import forms, units
 from plumbob.errors import DecodeError, PlumbobError, UnitError, excerpt
 from plumbob.forms import Parse
 from plumbob.sensors import checksum
-from plumbob.sensors.format import (
-    MARKS,
-    ROLES,
-    SIZES,
-    WORDS,
-    Checksum,
-    Field,
-    Format,
-    Framing,
-    LengthField,
-    Message,
-    Option,
-    Provenance,
-    Register,
-)
+from plumbob.sensors.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
+from plumbob.sensors.format import Format, Framing, LengthField, Message, Option, Register
 from plumbob.units import Quantity
 
 GUIDE: Final = "docs/formats.md"

@@ -1,7 +1,8 @@
 """How probably random bytes pass for a frame: what sync, length, end, constants, ranges, parity, check leave over."""
 
 from plumbob.sensors.checksum import SUM16_EITHER, algorithm
-from plumbob.sensors.format import Field, Format, Framing, Message
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Format, Framing, Message
 from plumbob.sensors.plan import constant_bytes
 
 

@@ -4,7 +4,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from plumbob.sensors.format import MARKS, Field, Format, Message, Provenance
+from plumbob.sensors.field import MARKS, Field, Provenance
+from plumbob.sensors.format import Format, Message
 from plumbob.units import unit
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.sensors.checksum import algorithm, table
-from plumbob.sensors.format import Field, Format, Framing
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Format, Framing
 from plumbob.sensors.scan import DECIMAL, SIGNED, UNSIGNED
 
 Bytes = NDArray[np.uint8]

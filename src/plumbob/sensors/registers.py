@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from plumbob.errors import DecodeError, ParameterError
 from plumbob.sensors.columns import counts_for, counts_of, put, values_of
-from plumbob.sensors.format import Field, Format
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Format
 
 Ints = NDArray[np.int64]
 Column = NDArray[np.float64] | Ints

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.sensors.decode import Counts, Frames
-from plumbob.sensors.format import Field, Message
+from plumbob.sensors.field import Field
+from plumbob.sensors.format import Message
 from plumbob.units import unit
 
 SIZE: Final = 27

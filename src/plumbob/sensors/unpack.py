@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from plumbob import flags
 from plumbob._jit import njit
 from plumbob.sensors.columns import counts_of, matches, values_of
-from plumbob.sensors.format import Field, Message, owner_of
+from plumbob.sensors.field import Field, owner_of
+from plumbob.sensors.format import Message
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
