@@ -501,8 +501,8 @@ def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool)
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
     _, _, invalid = _FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
-    if not _finite(triad).any():
-        what = "is NaN" if missing.all() else "has no three finite numbers"
+    if not np.isfinite(triad).any():  # a unit may lack an axis, but not all of them
+        what = "is NaN" if missing.all() else "has no finite number"
         raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
     found = _marks(name, triad, full_scale)
     if unit_check:

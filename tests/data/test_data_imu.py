@@ -110,7 +110,7 @@ class TestRefusedShapes:
             (np.full((N, 3), None), "type is object"),
             (np.full((N, 3), "0.0"), "type is <U3"),
             (np.full((N, 3), np.nan), r"is NaN in all 200 samples; pass \w+=None"),
-            (np.full((N, 3), np.inf), "has no three finite numbers in all 200 samples"),
+            (np.full((N, 3), np.inf), "has no finite number in all 200 samples"),
         ],
     )
     def test_triads(self, name, value, says):
@@ -548,3 +548,12 @@ def test_whatever_comes_is_taken_or_refused_by_name(t, gyr, acc, known):
         assert str(error).endswith((".", "]", ")")) or "NumPy" in str(error)
     else:
         assert len(data) == data.t.size > 0
+
+
+def test_gyroscope_of_one_axis_is_a_recording_that_no_filter_mistakes_for_three():
+    gyr = np.full((N, 3), np.nan)
+    gyr[:, 2] = 0.1
+    imu = ImuData(t=np.arange(N) * 0.01, gyr=gyr)
+    np.testing.assert_array_equal(imu.gyr[:, 2], 0.1)
+    assert ((imu.flags & flags.GYR_ABSENT) != 0).all()
+    assert np.isnan(imu.usable("gyr")).all()
