@@ -269,7 +269,7 @@ class ImuData:
             return check.read_only(np.full((len(self), 3), np.nan))
         absent, _, invalid = _FLAGS[name]
         out = (self.flags & np.uint32(absent | invalid)) != 0
-        if np.isnan(value[out]).all():
+        if not out.any() or np.isnan(value[out]).all():
             return value
         return check.read_only(np.where(out[:, np.newaxis], np.nan, value))
 
@@ -516,6 +516,9 @@ def _limit(name: str, full_scale: float | None) -> float:
 
 def _marks(name: str, triad: Floats, full_scale: float | None) -> NDArray[np.uint32]:
     """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of its range."""
+    usual = min(_limit(name, full_scale), np.inf if full_scale is None else 0.999 * full_scale)
+    if (np.abs(triad) < usual).all():  # nearly every part of a stream; a missing value is not below anything
+        return np.zeros(len(triad), dtype=np.uint32)
     absent, clipped, invalid = _FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
     size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)

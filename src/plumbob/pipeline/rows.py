@@ -1,9 +1,13 @@
 """Rows of a recording's decoded channels: JSON with a schema, as viewers plot it, every number exact to the bit."""
 
 import json
+import math
 from collections.abc import Iterator
 from typing import Any, Final
 
+import numpy as np
+
+from plumbob.check import Floats
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.link import Event
 
@@ -64,29 +68,29 @@ def event_of(row: bytes) -> Event:
 
 def imu_rows(t_ns: list[int], imu: ImuData) -> Iterator[bytes]:
     """One row for each sample."""
-    triads = [None if getattr(imu, name) is None else getattr(imu, name).tolist() for name in TRIADS]
-    temps = None if imu.temp_c is None else imu.temp_c.tolist()
-    words = imu.flags.tolist()
-    for i, t in enumerate(t_ns):
-        parts = ",".join(f'"{n}":{_list(v[i]) if v else "null"}' for n, v in zip(TRIADS, triads, strict=True))
-        temp = _number(temps[i]) if temps else "null"
-        yield f'{{"t_ns":{t},{parts},"temp_c":{temp},"flags":{words[i]}}}'.encode()
+    gyr, acc, mag = (_lists(getattr(imu, name), len(imu)) for name in TRIADS)
+    temps = ["null"] * len(imu) if imu.temp_c is None else [_number(value) for value in imu.temp_c.tolist()]
+    for t, g, a, m, temp, word in zip(t_ns, gyr, acc, mag, temps, imu.flags.tolist(), strict=True):
+        yield f'{{"t_ns":{t},"gyr":{g},"acc":{a},"mag":{m},"temp_c":{temp},"flags":{word}}}'.encode()
 
 
 def attitude_rows(t_ns: list[int], track: AttitudeTrack) -> Iterator[bytes]:
     """One row for each attitude."""
-    q_nb = track.q_nb.tolist()
-    bias = None if track.bias_b is None else track.bias_b.tolist()
-    words = [0] * len(t_ns) if track.flags is None else track.flags.tolist()
-    for i, t in enumerate(t_ns):
-        told = _list(bias[i]) if bias else "null"
-        yield f'{{"t_ns":{t},"q_nb":{_list(q_nb[i])},"bias_b":{told},"flags":{words[i]}}}'.encode()
+    q_nb, bias = _lists(track.q_nb, len(track)), _lists(track.bias_b, len(track))
+    words = [0] * len(track) if track.flags is None else track.flags.tolist()
+    for t, q, b, word in zip(t_ns, q_nb, bias, words, strict=True):
+        yield f'{{"t_ns":{t},"q_nb":{q},"bias_b":{b},"flags":{word}}}'.encode()
 
 
-def _list(values: list[float]) -> str:
-    return f"[{','.join(map(_number, values))}]"
+def _lists(table: Floats | None, count: int) -> list[str]:
+    """JSON of each row (N, K); numbers are the shortest decimals that read back to the same bits."""
+    if table is None:
+        return ["null"] * count
+    if table.size and np.isfinite(table).all():
+        return [f"[{row}]" for row in json.dumps(table.tolist(), separators=(",", ":"))[2:-2].split("],[")]
+    return [f"[{','.join(map(_number, row))}]" for row in table.tolist()]
 
 
 def _number(value: float) -> str:
-    """Shortest decimal that reads back to the same bits; JSON has no word for what is not finite."""
-    return repr(value) if value - value == 0.0 else "null"
+    """A number; JSON has no word for what is not finite."""
+    return repr(value) if math.isfinite(value) else "null"

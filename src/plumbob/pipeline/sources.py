@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 KERNEL: Final = ("iio", "iio-poll")
 """Sources of which the kernel says what the bytes mean."""
-GATHER: Final = 0.004
+GATHER: Final = 0.007
 """Time in which bytes are gathered before they go through the line, s: latency for fewer, fuller parts."""
 _AT_ONCE: Final = 256
 

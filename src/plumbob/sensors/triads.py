@@ -1,6 +1,7 @@
 """Between fields and triads: which columns of a message make ``gyr``, ``acc`` and ``mag`` of a unit, and back."""
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -24,11 +25,17 @@ def triads_of(frames: Frames, unit: str = "") -> dict[str, Floats]:
     """
     found: dict[str, Floats] = {}
     for triad in TRIADS:
-        names = [_name(unit, triad, axis) for axis in _AXES]
-        if any(name in frames.columns for name in names):
-            nothing = np.full(len(frames), np.nan)
-            found[triad] = np.stack([frames.columns.get(name, nothing) for name in names], axis=1)
+        columns = [frames.columns.get(name) for name in _axes_of(unit, triad)]
+        if any(column is not None for column in columns):
+            found[triad] = np.empty((len(frames), 3))
+            for i, column in enumerate(columns):
+                found[triad][:, i] = np.nan if column is None else column
     return found
+
+
+@cache  # for every part of a stream
+def _axes_of(unit: str, triad: str) -> tuple[str, ...]:
+    return tuple(_name(unit, triad, axis) for axis in _AXES)
 
 
 def temperature_of(frames: Frames, unit: str = "") -> Floats | None:
