@@ -5,7 +5,6 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from importlib import resources
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +14,7 @@ from plumbob.forms import Parse
 from plumbob.sensors import checksum
 from plumbob.sensors.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
 from plumbob.sensors.format import Format, Framing, LengthField, Message, Option, Register
+from plumbob.sensors.places import require_places
 from plumbob.units import Quantity
 
 GUIDE: Final = "docs/formats.md"
@@ -22,6 +22,10 @@ KIND: Final = "plumbob format"
 VERSION: Final = 1
 _ORDERS: Final = ("big", "little")
 _MEASURED: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
+_NAMED: Final = {
+    "temp_c": Quantity.TEMPERATURE, "roll": Quantity.ANGLE, "pitch": Quantity.ANGLE, "yaw": Quantity.ANGLE,
+    "heading": Quantity.ANGLE,
+}  # fmt: skip
 
 
 def load_format(path: str | Path) -> Format:
@@ -136,18 +140,27 @@ def _fields(raw: Mapping[str, Any], at: int, order: str) -> list[Field]:
 
 
 def _require_unit(where: str, one: Field) -> None:
-    if not one.physical:
-        if one.unit and one.role != "clock":
+    if one.physical and one.name.rpartition(".")[2] in _MEASURED:
+        raise DecodeError(f'{where} is a triad without axes; add axes = "xyz", or name it {one.name}.x.')
+    if not one.physical and one.role != "clock":
+        if one.unit:
             raise UnitError(f"{where} is a {one.role}, which has no unit; remove it.")
-        if one.role == "clock":
-            units.unit(one.unit, Quantity.TIME)
         return
-    triad = one.triad.rpartition(".")[2]
     if not one.unit:
-        raise UnitError(
-            f'{where} needs its unit, because a bare number has none; add unit = "deg/s" or such ("1" for none).'
-        )
-    units.unit(one.unit, _MEASURED.get(triad))
+        such = "ms" if one.role == "clock" else "deg/s"
+        rest = "" if one.role == "clock" else ' ("1" for none)'
+        raise UnitError(f'{where} needs its unit, because a bare number has none; add unit = "{such}" or such{rest}.')
+    try:
+        units.unit(one.unit, _measured(one))
+    except UnitError as error:
+        raise UnitError(f"{where}: {error}") from error
+
+
+def _measured(one: Field) -> Quantity | None:
+    """What the field's unit must measure; None where its name does not say."""
+    if one.role == "clock":
+        return Quantity.TIME
+    return (_MEASURED | _NAMED).get((one.triad or one.name).rpartition(".")[2])
 
 
 def _register(raw: Mapping[str, Any], order: str) -> Register:
@@ -221,29 +234,36 @@ def _require_room(form: Format, message: Message) -> None:
     names = [f.name for f in message.fields]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise DecodeError(f"message {message.name} has field {twice[0]} twice; each name has one meaning.")
-    _require_apart(message)
     for one in message.fields:
         if one.at + one.size > message.length:
             raise DecodeError(
                 f"field {one.name} ends at byte {one.at + one.size}, but message {message.name} has {message.length}."
             )
+    require_places(form, message)
+    for one in message.fields:
         if one.range and (one.type[0] == "f" or one.size > 4 or one.range[0] > one.range[1]):
             raise DecodeError(f"field {one.name}: range is [least, greatest] count of a whole number of 1 to 4 bytes.")
         for name in (one.counts, one.times):
             if isinstance(name, str) and name not in form.options:
                 raise DecodeError(f"field {one.name} names option '{name}', which the format does not have.")
+        if bool(one.says) != bool(one.of) or (one.says and one.role not in ("status", "match")):
+            raise DecodeError(
+                f'field {one.name}: says = {{ 1 = "absent" }} and of = ["mag"] belong together, to a status.'
+            )
+        least, most = one.limits
+        if unheard := [count for count in one.says if not least <= count <= most]:
+            raise DecodeError(f"field {one.name} says something of {unheard[0]}, but counts only {least} to {most}.")
         for name in one.of:
             if not any(name in (f.triad, f.name) for f in message.fields):
                 raise DecodeError(f"field {one.name} speaks of '{name}', which message {message.name} does not have.")
 
 
-def _require_apart(message: Message) -> None:
-    """Refuse fields that lie on each other, but for bits of one word."""
-    whole = sorted((f for f in message.fields if not f.derived), key=lambda f: f.at)
-    for one, other in pairwise(whole):
-        same_word = one.bits and other.bits and (one.at, one.size) == (other.at, other.size)
-        if other.at < one.at + one.size and not same_word:
-            raise DecodeError(f"message {message.name}: fields {one.name} and {other.name} share byte {other.at}.")
+def _lsb(where: str, value: Any) -> float:
+    """Size of a count; below 0 where the wire counts the other way."""
+    found = _ratio(where, value)
+    if found == 0.0:
+        raise DecodeError(f"{where} is the size of one count, and must not be 0.")
+    return found
 
 
 def _ratio(where: str, value: Any) -> float:
@@ -263,11 +283,12 @@ def _counts(where: str, value: Any) -> float | str:
 
 
 def _hex(where: str, value: Any) -> bytes:
+    given = forms.text(where, value)
     try:
-        found = bytes.fromhex(forms.text(where, value))
+        found = bytes.fromhex(given)
     except ValueError as error:
         raise DecodeError(
-            f"{where} must be bytes in hexadecimal, as in 'A5 5A', but it is {excerpt(value)}."
+            f"{where} must be bytes in hexadecimal, as in 'A5 5A', but it is {excerpt(given)}."
         ) from error
     if not found:
         raise DecodeError(f"{where} must have at least one byte.")
@@ -370,7 +391,7 @@ _FIELD: Final[dict[str, Parse]] = {
     "order": forms.one_of(*_ORDERS),
     "bits": _integers(2),
     "unit": forms.text,
-    "lsb": _ratio,
+    "lsb": _lsb,
     "counts": _counts,
     "times": _counts,
     "raw_offset": forms.number,

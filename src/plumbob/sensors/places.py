@@ -1,0 +1,102 @@
+"""Refuse what cannot lie in a frame: fields on each other, checks outside, bits that a word does not have."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from plumbob.errors import DecodeError
+from plumbob.sensors import checksum
+from plumbob.sensors.field import Checksum, Field
+from plumbob.sensors.format import Format, Framing, Message
+
+
+class _Place(NamedTuple):
+    at: int
+    end: int
+    name: str
+    word: tuple[int, int] | None = None
+    """Where bits of one word may lie side by side, which word."""
+
+
+def require_places(form: Format, message: Message) -> None:
+    """Refuse a message whose check, fields or bits cannot lie where the format puts them.
+
+    Raises
+    ------
+    DecodeError
+        If the check or its range lies outside the frame, two things share a byte, or a word has not the bits.
+    """
+    for one in message.fields:
+        _require_bits(one)
+    kinds = _check_kinds(form)
+    if form.framing.checksum:
+        _require_check(form.framing.checksum, kinds, message)
+    # A field may say which of several beginnings the frame has.
+    whole = sorted((*_frame(form.framing, kinds, message), *_fields(message, skip_sync=len(form.framing.sync) > 1)))
+    for one_place, other in pairwise(whole):
+        same_word = one_place.word is not None and one_place.word == other.word
+        if other.at < one_place.end and not same_word:
+            raise DecodeError(f"message {message.name}: {one_place.name} and {other.name} share byte {other.at}.")
+
+
+def _require_bits(one: Field) -> None:
+    if one.bits is None or one.derived:
+        return
+    high, low = one.bits
+    if one.type[0] not in "us" or not 0 <= low <= high < 8 * one.size:
+        raise DecodeError(
+            f"field {one.name}: bits must be [highest, lowest] of the bits {8 * one.size - 1} to 0 of a whole number, "
+            f"but they are [{high}, {low}] of {one.type}."
+        )
+
+
+def _require_check(check: Checksum, kinds: tuple[str, ...], message: Message) -> None:
+    at, stop = _from_begin(check.at, message.length), check.stop + (message.length if check.stop <= 0 else 0)
+    size = _check_size(kinds)
+    if not 0 <= at <= message.length - size:
+        raise DecodeError(
+            f"checksum.at = {check.at} puts {check.kind} of {_bytes(size)} outside message {message.name}, which has "
+            f"bytes 0 to {message.length - 1}; a negative place counts from the end."
+        )
+    if not 0 <= check.start < stop <= message.length:
+        raise DecodeError(
+            f"checksum covers bytes {check.start} to {stop}, exclusive, but must begin before it ends, within the "
+            f"{message.length} of message {message.name}; see its from and to."
+        )
+
+
+def _bytes(count: int) -> str:
+    return "1 byte" if count == 1 else f"{count} bytes"
+
+
+def _check_kinds(form: Format) -> tuple[str, ...]:
+    """What the check may be; several where an option says which."""
+    kind = form.framing.checksum.kind if form.framing.checksum else ""
+    return tuple(map(str, form.options[kind].choices.values())) if kind in form.options else (kind,)
+
+
+def _check_size(kinds: tuple[str, ...]) -> int:
+    return max(checksum.algorithm(kind).size for kind in kinds)
+
+
+def _from_begin(at: int, length: int) -> int:
+    return at + length if at < 0 else at
+
+
+def _frame(framing: Framing, kinds: tuple[str, ...], message: Message) -> Iterator[_Place]:
+    """What is in the frame besides fields."""
+    if len(framing.sync) == 1:
+        yield _Place(0, len(framing.sync[0]), "frame.sync")
+    if rule := framing.length_field:
+        yield _Place(rule.at, rule.at + rule.size, "frame.length_field")
+    if framing.checksum:
+        at = _from_begin(framing.checksum.at, message.length)
+        yield _Place(at, at + _check_size(kinds), "frame.checksum")
+    if framing.end:
+        yield _Place(message.length - len(framing.end), message.length, "frame.end")
+
+
+def _fields(message: Message, *, skip_sync: bool) -> Iterator[_Place]:
+    for one in message.fields:
+        if not one.derived and not (skip_sync and one.at == 0 and not one.physical):
+            yield _Place(one.at, one.at + one.size, f"field {one.name}", (one.at, one.size) if one.bits else None)
