@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from record_samples import DECODED, OFFSET, RAW, SCHEMA, channels, fill, read, record, recorder, rows_of
 
 from plumbob.errors import DecodeError, ParameterError
-from plumbob.record import Schema, open_log, verify
+from plumbob.record import Recorder, Schema, open_log, verify
 from plumbob.record.ledger import Ledger
 
 FAST = settings(max_examples=40, deadline=None)
@@ -293,3 +293,17 @@ def test_sequence_numbers_go_on_beyond_32_bits():
     ledger.take(2**32 - 2, 4)
     assert ledger.place(2) == 2**32 + 2
     assert ledger.place(2**32 - 1) == 2**32 - 1
+
+
+@pytest.mark.parametrize("row", ["text", bytearray(b"x"), 7])
+def test_a_row_that_is_no_bytes_is_refused_and_costs_no_other(tmp_path, row):
+    with Recorder(tmp_path / "a.mcap", epoch_offset_ns=0, reserve=0) as recorder:
+        channel = recorder.channel("a", "json")
+        recorder.write(channel, 0, b"{}")
+        with pytest.raises(ParameterError, match="a row of a recording is bytes"):
+            recorder.write(channel, 1, row)
+        with pytest.raises(TypeError, match="integer"):
+            recorder.write(channel, 0.5, b"{}")
+        recorder.write(channel, 2, b"{}")
+    assert (recorder.written, recorder.acknowledged, recorder.dropped) == (2, 2, 0)
+    assert verify(tmp_path / "a.mcap").clean

@@ -1,8 +1,11 @@
 """A format that cannot be what its author means is refused when it is read, in one line that says where."""
 
+import numpy as np
 import pytest
 
 from plumbob.errors import DecodeError, UnitError
+from plumbob.sensors.decode import Decoder, decode
+from plumbob.sensors.encode import encode
 from plumbob.sensors.format_toml import parse_format
 
 BOARD = """
@@ -94,3 +97,15 @@ def test_what_cannot_lie_in_the_frame_is_refused(old, new, told):
 def test_a_unit_that_does_not_fit_is_refused_with_its_field(old, new, told):
     with pytest.raises(UnitError, match=told):
         parse_format(changed(old, new))
+
+
+def test_a_buffer_that_is_used_again_does_not_change_what_waits():
+    """A caller who reads into one buffer must not change the half frame that the decoder keeps."""
+    form = parse_format(BOARD)
+    stream = encode(form, {"gyr.x": np.zeros(4)}).tobytes()
+    decoder, buffer, found = Decoder(form), bytearray(9), 0
+    for at in range(0, len(stream), 9):
+        buffer[:] = stream[at : at + 9]
+        found += sum(map(len, decoder.feed(memoryview(buffer)).values()))
+    assert (found, decoder.counts.junk) == (4, 0)
+    assert len(decode(form, np.frombuffer(stream, dtype=np.uint8))[0]["board"]) == 4

@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
+from operator import index
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -172,10 +173,13 @@ class Recorder:
         Raises
         ------
         ParameterError
-            If there is no such channel.
+            If there is no such channel, or the row is no bytes.
         """
         if channel not in self._next:
             raise ParameterError(f"the recording {self._path.name} has no channel {channel}; declare it first.")
+        if not isinstance(data, bytes):  # the writing thread could not say whose fault it was
+            raise ParameterError(f"a row of a recording is bytes, but this one is {type(data).__name__}; encode it.")
+        t_ns = index(t_ns)
         sequence = self._next[channel]
         self._next[channel] = sequence + 1
         self.written += 1

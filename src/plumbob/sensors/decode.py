@@ -121,10 +121,11 @@ class Decoder:
         Parameters
         ----------
         data : bytes
-            Next bytes of the stream.
+            Next bytes of the stream; another buffer, such as a bytearray or an array of uint8, is copied.
         t_ns : int
             Host's time at which they were read, ns.
         """
+        data = data if isinstance(data, bytes) else bytes(memoryview(data))
         return self._take(data, t_ns, final=False)
 
     def finish(self) -> dict[str, Frames]:
