@@ -123,8 +123,9 @@ def test_tum_export_is_scalar_last(recording, tmp_path):
 def test_text_export_has_degrees(recording, tmp_path):
     path = export(tmp_path / "a.txt", read_recorded(recording[0], estimated=True))
     lines = path.read_text().splitlines()
-    assert lines[0].split("\t") == ["t [s]", "roll [deg]", "pitch [deg]", "yaw [deg]", "flags"]
-    assert len(lines) == 1 + len(motion().imu)
+    assert lines[0].startswith("# roll about x") and lines[0].endswith("axes to NED, heading from magnetic north")
+    assert lines[1].split("\t") == ["t [s]", "roll [deg]", "pitch [deg]", "yaw [deg]", "flags"]
+    assert len(lines) == 2 + len(motion().imu)
 
 
 def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_path):
@@ -133,9 +134,12 @@ def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_
         export(tmp_path / "a.tum", samples)
     with pytest.raises(ShapeError, match="has no attitude; it has samples"):
         only(samples, "attitude")
-    (tmp_path / "b.tum").write_text("precious")
-    with pytest.raises(ParameterError, match="does not overwrite"):
-        export(tmp_path / "b.tum", read_recorded(recording[0], estimated=True))
+    for name in ("b.tum", "b.csv", "b.parquet"):
+        (tmp_path / name).write_text("precious")
+        with pytest.raises(ParameterError, match="does not overwrite"):
+            export(tmp_path / name, read_recorded(recording[0], estimated=True))
+    with pytest.raises(ParameterError, match=r"an export writes .*, not '\.json'"):
+        export(tmp_path / "b.json", read_recorded(recording[0], estimated=True))
 
 
 def test_foreign_file_is_refused(tmp_path):
@@ -150,8 +154,18 @@ def test_text_sink_writes_now_and_then(tmp_path):
     for part in found.parts:
         sink.on_part(part)
     sink.close()
-    times = np.loadtxt(tmp_path / "a.txt", skiprows=1)[:, 0]
+    times = np.loadtxt(tmp_path / "a.txt", skiprows=2, usecols=0)
     np.testing.assert_allclose(np.diff(times), 0.05, atol=1e-5)  # 20 Hz out of 200 Hz, as the buoy's host
+
+
+def test_text_sink_leaves_nothing_behind_where_nothing_came(tmp_path):
+    TextSink(tmp_path / "a.txt", 0.05).close()
+    assert not (tmp_path / "a.txt").exists()  # or the next try would be refused
+    (tmp_path / "a.txt").write_text("precious")
+    with pytest.raises(ParameterError, match="never overwrites"):
+        TextSink(tmp_path / "a.txt", 0.05)
+    with pytest.raises(ParameterError, match="there is no folder"):
+        TextSink(tmp_path / "no" / "a.txt", 0.05)
 
 
 def test_recording_without_samples_is_smaller_and_replays_alike(tmp_path, recording):

@@ -12,9 +12,7 @@ from plumbob.data import AttitudeTrack
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.io import Recording
 from plumbob.pipeline.recorded import write_mcap
-from plumbob.pipeline.sinks import TEXT_HEAD
-from plumbob.rotations import euler_zyx_from_quat
-from plumbob.units import to_deg
+from plumbob.pipeline.sinks import text_of
 
 
 def export(path: str | Path, recording: Recording) -> Path:
@@ -32,9 +30,11 @@ def export(path: str | Path, recording: Recording) -> Path:
         If the suffix is unknown, or the file exists or cannot be written.
     """
     file = Path(path)
+    if file.suffix not in SUFFIXES:
+        raise ParameterError(f"{file}: an export writes {', '.join(SUFFIXES)}, not '{file.suffix}'.")
+    if file.exists():
+        raise ParameterError(f"{file} exists; an export does not overwrite. Name another file.")
     if file.suffix in _OWN:
-        if file.exists():
-            raise ParameterError(f"{file} exists; an export does not overwrite. Name another file.")
         _OWN[file.suffix](file, recording)
         return file
     if recording.imu is not None and recording.track is not None and not _on_one_clock(recording):
@@ -88,12 +88,8 @@ def _write_tum(file: Path, recording: Recording) -> None:
 
 def _write_text(file: Path, recording: Recording) -> None:
     track = _attitude(file, recording)
-    angles = to_deg(euler_zyx_from_quat(track.q_nb))
-    words = np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags
-    table = np.column_stack([track.t, angles[:, ::-1], words])
     with file.open("x", encoding="ascii") as stream:
-        stream.write(TEXT_HEAD)
-        np.savetxt(stream, table, fmt=["%.6f", "%.4f", "%.4f", "%.4f", "%d"], delimiter="\t")
+        stream.writelines(text_of(track, head=True))
 
 
 _OWN: Final[dict[str, Callable[[Path, Recording], None]]] = {

@@ -107,7 +107,9 @@ def compare(replayed: Replayed) -> Comparison:
     """
     live = [message.data for message in replayed.log if message.topic == rows.ATTITUDE]
     if not live:
-        raise DecodeError("the recording holds no attitudes to compare with; it was recorded without a filter.")
+        raise DecodeError(
+            "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."
+        )
     again = [
         row
         for part in replayed.found.parts

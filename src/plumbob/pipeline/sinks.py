@@ -1,16 +1,19 @@
 """Sinks: what is done with the parts that a line gives, besides recording them."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Final, Protocol, TextIO
+from typing import Protocol, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.acquire import Schedule, Task
 from plumbob.data import AttitudeTrack, ImuData
+from plumbob.errors import ParameterError
+from plumbob.flags import names
 from plumbob.link import Event
 from plumbob.pipeline.line import Part
-from plumbob.rotations import euler_zyx_from_quat
+from plumbob.rotations import North, euler_zyx_from_quat
 from plumbob.units import to_deg
 
 
@@ -87,7 +90,17 @@ class Collected:
         )
 
 
-TEXT_HEAD: Final = "t [s]\troll [deg]\tpitch [deg]\tyaw [deg]\tflags\n"
+def text_of(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head: bool) -> Iterator[str]:
+    """Lines of a track's rows as text; with what its angles mean before them, where `head` is asked for."""
+    if head:
+        zero = "an arbitrary zero" if track.north is North.FREE else f"{track.north} north"
+        yield f"# roll about x, pitch about y, yaw about z, turned yaw first; body axes to {track.frame}, "
+        yield f"heading from {zero}\n"
+        yield "t [s]\troll [deg]\tpitch [deg]\tyaw [deg]\tflags\n"
+    angles = to_deg(euler_zyx_from_quat(track.q_nb[rows]))
+    words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]
+    for t, (yaw, pitch, roll), word in zip(track.t[rows].tolist(), angles.tolist(), words.tolist(), strict=True):
+        yield f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{'+'.join(names(word))}\n"
 
 
 class TextSink:
@@ -96,14 +109,23 @@ class TextSink:
     Parameters
     ----------
     path : path
-        Text file; it must not exist yet.
+        Text file; it must not exist yet, and is made with its first line.
     every : float
         Least time between two lines, s.
+
+    Raises
+    ------
+    ParameterError
+        If the file exists, or its folder does not.
     """
 
     def __init__(self, path: str | Path, every: float) -> None:
-        self._file: TextIO = Path(path).open("x", encoding="ascii")  # noqa: SIM115  (closed by close)
-        self._file.write(TEXT_HEAD)
+        self._path = Path(path)
+        if self._path.exists():
+            raise ParameterError(f"{path} exists already, and a text never overwrites; name another file.")
+        if not self._path.parent.is_dir():
+            raise ParameterError(f"{path} cannot be written: there is no folder {self._path.parent}; create it first.")
+        self._file: TextIO | None = None
         self._schedule = Schedule([Task("output", round(every * 1e9))])
 
     def on_part(self, part: Part) -> None:
@@ -114,10 +136,10 @@ class TextSink:
         due = [i for i, t_ns in enumerate(part.imu.t_ns.tolist()) if self._schedule.due(t_ns)]
         if not due:
             return
-        angles = to_deg(euler_zyx_from_quat(track.q_nb[due]))
-        words = np.zeros(len(due), dtype=np.uint32) if track.flags is None else track.flags[due]
-        for t, (yaw, pitch, roll), word in zip(track.t[due].tolist(), angles.tolist(), words.tolist(), strict=True):
-            self._file.write(f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{word}\n")
+        first = self._file is None
+        if self._file is None:
+            self._file = self._path.open("x", encoding="ascii")
+        self._file.writelines(text_of(track, due, head=first))
         self._file.flush()
 
     def on_event(self, event: Event) -> None:
@@ -125,4 +147,5 @@ class TextSink:
 
     def close(self) -> None:
         """End the file."""
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
