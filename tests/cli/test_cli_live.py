@@ -118,6 +118,28 @@ def test_interrupted_recording_ends_whole(tmp_path):
     plumbob("verify", "a.mcap", cwd=tmp_path)
 
 
+def test_a_line_of_another_format_is_noticed_while_there_is_time(tmp_path):
+    with rig(tmp_path, "--speed", "20") as link:
+        words = ("record", "--port", str(link), "--format", "trackball", "--duration", "1s")
+        done = plumbob(*words, cwd=tmp_path)
+    assert "bytes is a frame of trackball: is it the right format" in done.stderr
+    assert "recorded     NOTHING" in done.stdout
+    assert "ppm" not in done.stdout  # nothing is known of a clock that was never read
+
+
+def test_a_recording_that_lacks_rows_exits_3(tmp_path):
+    with rig(tmp_path) as link:
+        (tmp_path / "s.toml").write_text(f"""
+kind = "plumbob session"
+version = 1
+source = {{ kind = "serial", port = "{link}", baud = 115200 }}
+format = {{ name = "buoy" }}
+record = {{ path = "a.mcap", reserve = 1_000_000_000_000_000_000 }}
+""")
+        done = plumbob("record", "s.toml", "--duration", "1s", cwd=tmp_path, code=3)
+    assert "recorded     a.mcap: 0 of " in done.stdout
+
+
 def _holds(path: Path, size: int) -> bool:
     return path.exists() and path.stat().st_size > size
 
@@ -128,6 +150,8 @@ WRONG = {
     "no such port": (("--port", "/dev/nowhere", "--format", "buoy"), "no serial port"),
     "unknown format": (("--port", "/dev/null", "--format", "bouy"), "no known device"),
     "filter without frame": (("--port", "/dev/null", "--format", "buoy", "--filter", "mekf"), "frame"),
+    "a text in no folder": (("--port", "/dev/nowhere", "--format", "buoy", "--text", "no/a.txt"), "no folder no"),
+    "no such port and a text": (("--port", "/dev/nowhere", "--format", "buoy", "--text", "a.txt"), "no serial port"),
     "time without meaning": (("--port", "/dev/null", "--format", "buoy", "--duration", "10deg"), "deg"),
 }
 

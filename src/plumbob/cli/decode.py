@@ -61,9 +61,8 @@ def run(args: argparse.Namespace) -> int:
     if not decoder.counts.received:
         raise DecodeError(f"{args.file} is empty; there is nothing to decode.")
     if not sum(decoder.counts.frames.values()):
-        raise DecodeError(
-            f"{args.file}: none of its {_bytes(decoder.counts.received)} is {_a(form)}.{_hint(form, head)}"
-        )
+        none = f"none of its {_bytes(decoder.counts.received)} is {_a(form)}{_why(decoder.counts)}"
+        raise DecodeError(f"{args.file}: {none}.{_hint(form, head)}")
     if args.out is None:
         table.print_new()
     else:

@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
 
@@ -42,6 +42,11 @@ def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
     return tables | {"estimate": estimate}
 
 
+_DOUBT_BYTES: Final = 256
+_DOUBT_FRAMES: Final = 8
+"""Bytes, and frames of the greatest length, within which one frame must have been found."""
+
+
 class Status:
     """One line on a terminal, once a second, and every event as a note."""
 
@@ -50,6 +55,7 @@ class Status:
         self._shown = sys.stderr.isatty() and not quiet
         self.samples = 0
         self.last: Part | None = None
+        self._doubted = False
 
     def on_part(self, part: "Part") -> None:
         """Count, and show now and then."""
@@ -63,6 +69,16 @@ class Status:
                 f"\r{t:9.1f} s  {self.samples} samples  {counts.junk} junk bytes  {attitude_of(part)}\033[K"
             )
             sys.stderr.flush()
+
+    def look(self) -> None:
+        """Say once that bytes come and none of them is a frame, while there is time to do something about it."""
+        counts, form = self._line.decoder.counts, self._line.decoder.form
+        if self._doubted or counts.framed or counts.received < max(_DOUBT_BYTES, _DOUBT_FRAMES * form.framing.most):
+            return
+        self._doubted = True
+        common.note(
+            f"none of the first {counts.received} bytes is a frame of {form.name}: is it the right format, and baud?"
+        )
 
     def on_event(self, event: "Event") -> None:
         """Say it."""
@@ -98,6 +114,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "calibration": None if session.card is None else session.card.name,
         "filter": None if line.filter is None else line.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
+        "north": None if last is None or last.track is None else str(last.track.north),
         "samples": status.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **line.report(),
@@ -118,9 +135,11 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
         print(
             f"lost         {told['lost']} frames in {told['gap_count']} gaps; {report['not_usable']} repeated or late"
         )
-    if told["drift_ppm"] is not None and told["mode"] == "clock":
+    if report["samples"] and told["drift_ppm"] is not None and told["mode"] == "clock":
         print(f"device clock {told['drift_ppm']:+.1f} ppm against this host")
     print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
     if report["filter"]:
         print(f"filter       {report['filter']}")
+    if report["north"]:
+        print(f"frame        {report['frame']}, heading from {common.zero_of(report['north'])}")
         print(f"at the end   {last}")

@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 
 from plumbob import __version__
 from plumbob.errors import PlumbobError
@@ -30,8 +31,8 @@ VERBS = (
 )
 
 EPILOG = """\
-exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify) or
-            rows of it are lost (repair), 70 a defect of this program
+exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
+            rows of it are lost (record, repair) or attitudes differ (replay --check), 70 a defect of this program
 units: SI and radians inside; every other unit is written, as in --params gate=0.08g
 """
 
@@ -71,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        print(f"plumbob {args.verb}: {error}", file=sys.stderr)
+        print(f"plumbob {args.verb}: {_words(error)}", file=sys.stderr)
         return 1
     except Exception:
         import traceback
@@ -80,6 +81,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"plumbob {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
         return 70
     return code
+
+
+def _words(error: OSError) -> str:
+    """What the system refused, and what to do about it."""
+    if not isinstance(error.filename, str | os.PathLike):
+        return str(error)
+    path = Path(error.filename)
+    if isinstance(error, FileNotFoundError):
+        missing = f"there is no folder {path.parent}; create it first" if not path.parent.is_dir() else "check the path"
+        return f"{path} does not exist; {missing}."
+    if isinstance(error, IsADirectoryError):
+        return f"{path} is a folder; name a file."
+    return f"{path}: {error.strerror}."
 
 
 if __name__ == "__main__":

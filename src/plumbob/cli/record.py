@@ -13,13 +13,17 @@ if TYPE_CHECKING:
     from plumbob.pipeline.session import Session
 
 
+LOSSY = 3
+
+
 def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "record",
         help="record a live line, and estimate its attitude as it comes",
         description="Read a live line as a session file says, or as the options say, keep its raw bytes and what they "
-        "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C.",
+        "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C. Exit code 3 "
+        "where rows of the recording are lost, as on a full disk.",
     )
     p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port and --format, or --iio")
     p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
@@ -56,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if session.output.text:
         sinks.append(TextSink(session.output.text, session.output.every))
     source = open_source(session.source)
-    run_line(line, source, sinks=sinks, keeper=keeper, duration=duration, stop=_stopped_by_signals())
+    run_line(line, source, sinks=sinks, keeper=keeper, duration=duration, stop=_stopped_by_signals(), each=status.look)
     report = told.report_of(session, line, status)
     if keeper is not None and session.record is not None:
         recorder = keeper.recorder
@@ -66,13 +70,17 @@ def run(args: argparse.Namespace) -> int:
             "acknowledged": recorder.acknowledged,
             "dropped": recorder.dropped,
         }
+    kept = report.get("recording")
     if args.json:
         common.print_json(report)
-        return 0
-    told.print_report(report, told.attitude_of(status.last))
-    if kept := report.get("recording"):
-        print(f"recorded     {kept['path']}: {kept['acknowledged']} of {kept['rows']} rows on disk")
-    return 0
+    else:
+        told.print_report(report, told.attitude_of(status.last))
+        print(
+            f"recorded     {kept['path']}: {kept['acknowledged']} of {kept['rows']} rows on disk"
+            if kept
+            else "recorded     NOTHING: neither --out nor [record] names a file"
+        )
+    return LOSSY if kept and kept["acknowledged"] < kept["rows"] else 0
 
 
 def session_of(args: argparse.Namespace) -> "Session":

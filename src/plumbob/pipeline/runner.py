@@ -23,6 +23,7 @@ def run_line(
     duration: float | None = None,
     until_lost: bool = False,
     stop: threading.Event | None = None,
+    each: Callable[[], None] | None = None,
     clock: Callable[[], int] = time.monotonic_ns,
 ) -> None:
     """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
@@ -45,6 +46,8 @@ def run_line(
         Whether to end when the line is lost, instead of waiting for it to come back.
     stop : threading.Event, optional
         Set from elsewhere to end.
+    each : callable, optional
+        Called after each read, also where nothing came.
     clock : callable
         Monotonic clock, ns.
     """
@@ -56,6 +59,8 @@ def run_line(
             items = source.read(_WAIT)
             for item in items:
                 _take(line, item, sinks, keeper)
+            if each:
+                each()
             if until_lost and any(isinstance(item, Event) and item.kind == "lost" for item in items):
                 break
             if keeper:
