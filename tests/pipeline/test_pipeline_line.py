@@ -4,9 +4,10 @@ import errno
 
 import numpy as np
 import pytest
-from live_samples import RATE, Handed, form, motion, reads, session, stream
+from live_samples import FORMAT, RATE, SESSION, Handed, form, motion, reads, session, stream
 
 from plumbob import flags
+from plumbob.cards import CalibrationCard, TriadCalibration
 from plumbob.errors import ParameterError
 from plumbob.link import Event, Received
 from plumbob.pipeline import estimate
@@ -17,6 +18,8 @@ from plumbob.pipeline.session import RecordSpec
 from plumbob.pipeline.sinks import Collected
 from plumbob.record import disk, verify
 from plumbob.sensors import catalog
+from plumbob.sensors.encode import encode
+from plumbob.sensors.triads import columns_of
 
 
 def through(items, chosen=None):
@@ -141,3 +144,23 @@ def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch)
     monkeypatch.undo()
     told = verify(tmp_path / "a.mcap")
     assert sum(told.rows.values()) >= keeper.recorder.acknowledged
+
+
+def test_card_that_needs_a_temperature_survives_one_that_is_missing(tmp_path):
+    """The last known one stands in; before any, samples are absent instead of an error."""
+    warm = TriadCalibration(np.eye(3), np.zeros(3), "rad/s", "rad/s", bias_per_k=np.full(3, 0.01))
+    CalibrationCard("bench 7", "2026-01-01", "made up", gyr=warm).save(tmp_path / "c.json")
+    text = SESSION + '[calibration]\ncard = "c.json"\n'
+    files = {"c.json": (tmp_path / "c.json").read_text(), "imu9.toml": FORMAT + "overflow = [-32768]\n"}
+    made = motion(0.1)
+    temps = np.full(len(made.imu), 35.0)
+    temps[:3] = temps[7] = np.nan
+    clock = made.imu.t_ns // 1000
+    chosen = session(text, **files)
+    columns = {**columns_of(made.imu, chosen.form.message()), "temp_c": temps, "clock": clock}
+    data = encode(chosen.form, columns).tobytes()
+    _, found = through([Received(i * 5_000_000, data[30 * i : 30 * i + 30]) for i in range(len(temps))], chosen)
+    imu = np.concatenate([part.imu.gyr for part in found.parts])
+    raw = np.concatenate([part.sensed.gyr for part in found.parts])
+    assert np.isnan(imu[:3]).all()
+    np.testing.assert_allclose(imu[3:], raw[3:] - 0.01 * (35.0 - 25.0), rtol=0, atol=1e-12)

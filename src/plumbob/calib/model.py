@@ -11,8 +11,18 @@ from plumbob.data import TRIADS, ImuData
 from plumbob.errors import CalibrationError
 
 
-def apply_card(card: CalibrationCard, data: ImuData) -> ImuData:
+def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> ImuData:
     """Return the recording with each triad of the card corrected, and the card's name in its meta.
+
+    Parameters
+    ----------
+    card : CalibrationCard
+        The card.
+    data : ImuData
+        The recording.
+    live : bool
+        Whether it is a part of a stream, in which a sample without the temperature that the card needs becomes absent
+        instead of an error.
 
     Raises
     ------
@@ -34,16 +44,16 @@ def apply_card(card: CalibrationCard, data: ImuData) -> ImuData:
             raise CalibrationError(
                 f"the card's {name} goes from {model.unit_in} to {model.unit_out}; the recording is in {UNITS[name]}."
             )
-        changed[name] = _corrected(model, measured, data.temp_c)
+        changed[name] = _corrected(model, measured, data.temp_c, live)
     if not changed:
         raise CalibrationError(f"the card has nothing for {', '.join(data.triads)}, the triads of the recording.")
     return data.corrected(**changed, meta=replace(data.meta, calibration=card.name))
 
 
-def _corrected(model: TriadCalibration, measured: Floats, temp_c: Floats | None) -> Floats:
+def _corrected(model: TriadCalibration, measured: Floats, temp_c: Floats | None, live: bool) -> Floats:
     bias: Floats = model.bias
     if model.bias_per_k.any():
-        if temp_c is None or not np.isfinite(temp_c).all():
+        if temp_c is None or not (live or np.isfinite(temp_c).all()):
             raise CalibrationError(
                 "the card corrects for temperature, but the recording has no temp_c, or not in every sample; fill it."
             )

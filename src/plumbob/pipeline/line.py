@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
+from plumbob.calib.model import apply_card
 from plumbob.check import Floats
 from plumbob.clock import Counter, TimeBase, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ParameterError
 from plumbob.filters import Filter
 from plumbob.link import Event, Received
-from plumbob.pipeline.offline import calibrated
 from plumbob.pipeline.session import Session
 from plumbob.rotations import in_body_axes
 from plumbob.sensors.decode import Decoder, Frames
@@ -81,6 +81,7 @@ class Line:
         self.filter = None if session.stage is None else _filter(session)
         self.faults = 0
         self._t0: int | None = None
+        self._temp_c = math.nan
         _require_triads(message, session.unit)
 
     def take(self, item: Received | Event) -> Part | None:
@@ -139,7 +140,8 @@ class Line:
         if self._t0 is None:
             self._t0 = int(t_ns[0])
         sensed = self._sensed(frames, t_ns - self._t0, told)
-        imu = calibrated(sensed, self.session.card)
+        card = self.session.card
+        imu = sensed if card is None else apply_card(card, sensed, live=True)
         track = None if self.filter is None else self.filter.process(imu)
         return Part(t_ns, frames, sensed, imu, track)
 
@@ -163,7 +165,19 @@ class Line:
         session = self.session
         triads = {name: self._turned(values) for name, values in triads_of(frames, session.unit).items()}
         known = frames.flags[session.unit] | told
-        return ImuData.live(t_ns, triads, temp_c=temperature_of(frames, session.unit), flags=known, meta=session.meta)
+        return ImuData.live(t_ns, triads, temp_c=self._temperature(frames), flags=known, meta=session.meta)
+
+    def _temperature(self, frames: Frames) -> Floats | None:
+        """Temperature (N,), °C; where one is missing, the last that was known, for it changes slowly."""
+        found = temperature_of(frames, self.session.unit)
+        if found is None:
+            return None
+        if np.isnan(found).any():
+            found = found.copy()
+            for i in np.flatnonzero(np.isnan(found)).tolist():
+                found[i] = found[i - 1] if i else self._temp_c
+        self._temp_c = float(found[-1])
+        return found
 
     def _turned(self, values: Floats) -> Floats:
         axes = self.session.meta.axes

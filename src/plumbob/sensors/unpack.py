@@ -186,12 +186,11 @@ def _at_its_end(one: Field, counts: Column, found: Mapping[str, Flags]) -> Gone:
         if triad and wild.any():
             found[unit][wild] |= np.uint32(_BITS[triad, "invalid"])
         return [(one.name, wild)] if wild.any() else []
-    if not triad:
-        return []
-    low, high = one.clip or one.limits
-    beyond = np.isin(counts, one.overflow) if one.overflow else np.zeros(counts.shape, dtype=bool)
-    found[unit][(counts <= low) | (counts >= high) | beyond] |= np.uint32(_BITS[triad, "clipped"])
-    return [(one.name, beyond)] if one.overflow else []
+    beyond = np.isin(counts, one.overflow)
+    if triad:
+        low, high = one.clip or one.limits
+        found[unit][(counts <= low) | (counts >= high) | beyond] |= np.uint32(_BITS[triad, "clipped"])
+    return [(one.name, beyond)] if beyond.any() else []
 
 
 def _blank(columns: dict[str, Column], absent: Gone) -> None:
