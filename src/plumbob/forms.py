@@ -185,7 +185,10 @@ def quantity(kind: Quantity) -> Parse:
     """Text of a number with its unit, as SI; a sign ``±`` before it is allowed."""
 
     def parse(where: str, value: Any) -> float:
-        given = text(where, value).strip().removeprefix("±")
+        if not isinstance(value, str):
+            such = f"a number and its unit in quotes, as in '100 {kind}'"
+            raise UnitError(f"{where} must be {such}, but it is {excerpt(str(value))}.")
+        given = value.strip().removeprefix("±")
         try:
             if not units.split(given)[1]:
                 raise UnitError(f"{excerpt(value)} has no unit; write a number and a unit, as in '100 {kind}'.")

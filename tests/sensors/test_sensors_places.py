@@ -48,6 +48,17 @@ says = { 0 = "absent" }
 of = ["gyr"]
 """
 
+SAME_WORD = """
+says = { 0 = "absent" }
+of = ["gyr"]
+role = "status"
+[[field]]
+name = "other"
+at = 14
+type = "u16"
+bits = [7, 3]
+"""
+
 
 def changed(old, new):
     assert old in BOARD
@@ -73,6 +84,7 @@ def test_the_board_itself_is_a_format():
         ("[15, 4]", "[4, 15]", r"field gyr.x: bits must be .* but they are \[4, 15\] of s16"),
         ("[15, 4]", "[16, 4]", "field gyr.x: bits must be"),
         ("[3, 0]", "[3, -1]", "field ready: bits must be"),
+        ("[3, 0]", "[3, 0]\nat = 14\n" + SAME_WORD, "fields ready and other share bit 3"),
         ('sync = "FE ED 42"', "sync = 0xFEED42", "frame.sync must be a text in quotes"),
         ('lsb = "1/16"', "lsb = 0", "lsb is the size of one count, and must not be 0"),
         ('axes = "xyz"\n', "", 'field gyr is a triad without axes; add axes = "xyz"'),

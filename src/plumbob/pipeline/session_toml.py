@@ -107,7 +107,8 @@ def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = de
     card = _card(found, keep)
     if card is not None and card.device != meta.device:
         raise ParameterError(
-            f"the card is for device '{card.device}', but imu.device is '{meta.device}'; use the card of this unit."
+            f"the card is for device '{card.device}', but imu.device is '{meta.device}'; use the card of this unit, or "
+            "name the unit that it is, as [imu] device or --device."
         )
     stage = _stage(found, frame, keep)
     return Session(

@@ -28,6 +28,7 @@ def require_places(form: Format, message: Message) -> None:
     """
     for one in message.fields:
         _require_bits(one)
+    _require_own_bits(message)
     kinds = _check_kinds(form)
     if form.framing.checksum:
         _require_check(form.framing.checksum, kinds, message)
@@ -36,7 +37,10 @@ def require_places(form: Format, message: Message) -> None:
     for one_place, other in pairwise(whole):
         same_word = one_place.word is not None and one_place.word == other.word
         if other.at < one_place.end and not same_word:
-            raise DecodeError(f"message {message.name}: {one_place.name} and {other.name} share byte {other.at}.")
+            raise DecodeError(
+                f"message {message.name}: {one_place.name} and {other.name} share byte {other.at}; "
+                "bits of one word have the same at and a type of its size."
+            )
 
 
 def _require_bits(one: Field) -> None:
@@ -48,6 +52,17 @@ def _require_bits(one: Field) -> None:
             f"field {one.name}: bits must be [highest, lowest] of the bits {8 * one.size - 1} to 0 of a whole number, "
             f"but they are [{high}, {low}] of {one.type}."
         )
+
+
+def _require_own_bits(message: Message) -> None:
+    """Refuse two fields of a word that claim the same bit."""
+    parts = [(one, one.bits) for one in message.fields if one.bits is not None and not one.derived]
+    for i, (one, bits) in enumerate(parts):
+        for other, others in parts[:i]:
+            same_word = (one.at, one.size) == (other.at, other.size)
+            if same_word and max(bits[1], others[1]) <= min(bits[0], others[0]):
+                shared = max(bits[1], others[1])
+                raise DecodeError(f"message {message.name}: fields {other.name} and {one.name} share bit {shared}.")
 
 
 def _require_check(check: Checksum, kinds: tuple[str, ...], message: Message) -> None:
