@@ -111,3 +111,10 @@ def test_help_says_what_3_means():
     assert "3 done, but a recording is damaged" in plumbob("--help").stdout
     assert "3 damaged" in plumbob("verify", "--help").stdout
     assert "3 repaired, but rows are lost" in plumbob("repair", "--help").stdout
+
+
+def test_an_empty_file_claims_nothing(tmp_path):
+    (tmp_path / "a.mcap").touch()
+    done = plumbob("verify", tmp_path / "a.mcap")
+    assert done.returncode == 3
+    assert done.stdout.splitlines()[-1] == "verdict      not complete, and no row is in it"

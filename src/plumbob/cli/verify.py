@@ -76,4 +76,6 @@ def _in_words(verdict: "Verdict") -> str:
         return "whole"
     if verdict.lossy:
         return "damaged: rows are missing, or may be"
+    if not sum(verdict.rows.values()):
+        return "not complete, and no row is in it"
     return "not complete, but no row that had been written is missing"

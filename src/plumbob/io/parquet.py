@@ -108,8 +108,8 @@ def _raw_header(parquet: "pq.ParquetFile") -> bytes:
     metadata = parquet.metadata.metadata or {}
     if KEY not in metadata:
         raise DecodeError(
-            "it is a Parquet file of another program (no 'plumbob' in its metadata); export it as CSV and describe "
-            "that with a profile, see docs/file-formats.md."
+            "it is no recording, but a Parquet file of another program or a table of 'plumbob decode' (no 'plumbob' in "
+            "its metadata); export it as CSV and describe that with a profile, see docs/file-formats.md."
         )
     return metadata[KEY]
 
