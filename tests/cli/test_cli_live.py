@@ -146,7 +146,7 @@ def _holds(path: Path, size: int) -> bool:
 
 WRONG = {
     "nothing": ((), "either a session file, or --port"),
-    "no format": (("--port", "/dev/null"), "--port needs --format"),
+    "no format": (("--port", "/dev/null"), "need --format"),
     "no such port": (("--port", "/dev/nowhere", "--format", "buoy"), "no serial port"),
     "unknown format": (("--port", "/dev/null", "--format", "bouy"), "no known device"),
     "filter without frame": (("--port", "/dev/null", "--format", "buoy", "--filter", "mekf"), "frame"),

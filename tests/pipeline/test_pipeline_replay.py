@@ -16,6 +16,7 @@ from plumbob.pipeline.replay import compare, open_recording, replay
 from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.session import RecordSpec
 from plumbob.pipeline.sinks import Collected, TextSink
+from plumbob.pipeline.sources import open_source
 from plumbob.record import open_log
 from plumbob.rigs import PLANS, make_rig
 from plumbob.rigs import load as load_rig
@@ -209,3 +210,33 @@ def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
     angle = 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(turn[:, 1:], axis=1)))
     half_count = np.radians(0.5 * 180.0 / 2**15)
     assert np.median(angle) < 2.0 * half_count  # three angles, each half a count off at most
+
+
+@pytest.mark.parametrize("lost", [(), (100, 101, 102)])
+def test_capture_of_a_logger_gives_the_device_times(tmp_path, lost):
+    """Raw bytes without a host: time from the device clock, holes where frames are missing."""
+    data = stream()
+    kept = b"".join(data[30 * i : 30 * i + 30] for i in range(len(data) // 30) if i not in lost)
+    (tmp_path / "sd.bin").write_bytes(b"\x00\xa5" + kept)
+    chosen = session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "sd.bin"}"\n')
+    line, found = Line(chosen), Collected()
+    run_line(line, open_source(chosen.source), sinks=[found])
+    t_ns = np.delete(motion().imu.t_ns // 1000 * 1000, lost)
+    np.testing.assert_array_equal(found.imu(calibrated=True).t_ns, t_ns)
+    assert line.report()["time"]["lost"] == len(lost)
+    assert line.decoder.counts.junk == 2
+
+
+def test_capture_that_cannot_be_timed_or_decoded_is_refused(tmp_path):
+    (tmp_path / "a.bin").write_bytes(bytes(1000))
+    with pytest.raises(DecodeError, match="holds no frame of imu9"):
+        open_source(session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "a.bin"}"\n').source)
+    with pytest.raises(DecodeError, match="No such file"):
+        open_source(session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "b.bin"}"\n').source)
+    text = f'kind = "plumbob session"\nversion = 1\n[source]\nkind = "file"\npath = "{tmp_path / "a.bin"}"\n'
+    text += '[format]\nname = "mpu6000"\n'
+    with pytest.raises(ParameterError, match="neither a clock nor a rate"):
+        open_source(session(text).source)
+    timed = session(text.replace("[format]", 'rate = "50 Hz"\n[format]'))
+    items = open_source(timed.source)
+    assert items.read(0.0)[0].t_ns == round(63 * 1e9 / 50)  # 64 frames, the last of them 63 periods after the first

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from plumbob.pipeline.session import Session
 
 
+LONG = 60.0
+"""Duration from which on the drift of a device clock is told, s."""
+
+
 def add_estimate(p: argparse.ArgumentParser) -> None:
     """Options of the estimate."""
     p.add_argument("--filter", metavar="NAME", help="estimate with this filter; see 'plumbob filters'")
@@ -109,6 +113,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
     last = status.last
     return {
         "session": session.name,
+        "captured": session.source is not None and session.source.kind == "file",
         "format": session.form.name,
         "device": session.meta.device,
         "calibration": None if session.card is None else session.card.name,
@@ -135,7 +140,8 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
         print(
             f"lost         {told['lost']} frames in {told['gap_count']} gaps; {report['not_usable']} repeated or late"
         )
-    if report["samples"] and told["drift_ppm"] is not None and told["mode"] == "clock":
+    long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift
+    if long_enough and told["drift_ppm"] is not None and told["mode"] == "clock" and not report["captured"]:
         print(f"device clock {told['drift_ppm']:+.1f} ppm against this host")
     print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
     if report["filter"]:

@@ -49,6 +49,8 @@ def run(args: argparse.Namespace) -> int:
     if session.stage is not None:
         common.warn_of_compiling([session.stage.filter])
     replayed = replay(log, session, speed=args.speed)
+    for topic, count in log.missing.items():
+        common.note(f"{args.recording.name}: {count} rows of {topic} are missing")
     for damage in log.damage:
         common.note(f"{args.recording.name}: {damage}")
     status = told.Status(replayed.line, quiet=True)

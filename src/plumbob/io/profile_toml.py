@@ -48,6 +48,8 @@ def load_profile(path: str | Path) -> Profile:
 def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     """Profile from TOML text; errors as in `load_profile`."""
     raw = forms.toml(text, GUIDE)
+    if isinstance(raw.get("kind"), str):
+        raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
     found = _section("profile", raw, _PROFILE, ("separator", "header", "time"))
     profile = Profile(
         layout=Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),

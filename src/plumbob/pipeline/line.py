@@ -5,7 +5,7 @@ gives the same bits as they gave live.
 """
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from typing import Any, Final
 
@@ -199,7 +199,7 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
 def _time_spec(session: Session, message: Message) -> TimeSpec:
     """The same for a session: whose samples are timed by the host has the host's clock for the device's."""
     if session.timed_by == "frames":
-        return time_spec(session.form, message)
+        return replace(time_spec(session.form, message), rate=session.meta.rate_nominal)
     return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
 
 

@@ -38,7 +38,13 @@ def read_any(path: str | Path, *, profile: Path | None = None) -> Recording:
         As `plumbob.io.read`, or as `read_recorded`.
     """
     file = Path(path)
-    return read_recorded(file) if file.suffix == SUFFIX else io.read(file, profile=profile)
+    known = [suffix for kind in io.FORMATS for suffix in kind.suffixes]
+    if file.suffix == SUFFIX:
+        return read_recorded(file)
+    if file.suffix.lower() not in known:
+        listed = f"known are {', '.join([SUFFIX, *known])}; raw bytes are for 'plumbob record --from'"
+        raise DecodeError(f"{file}: the suffix '{file.suffix}' is unknown; {listed}.")
+    return io.read(file, profile=profile)
 
 
 def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:

@@ -50,7 +50,7 @@ def load_session(path: str | Path) -> Session:
     """
     file = Path(path)
     try:
-        return parse_session(read_text(file), lambda name: read_text(file.parent / name), name=file.stem)
+        return parse_session(forms.text_of(file), lambda name: forms.text_of(file.parent / name), name=file.stem)
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
 
@@ -101,6 +101,8 @@ def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = de
     else:
         form, message, unit = _format(found, keep)
         timed_by = _timed_by(source, form)
+        if source is not None and source.kind == "file":
+            source = replace(source, settings={**source.settings, "form": form, "message": message})
     imu = found.get("imu", {})
     frame = imu.get("frame")
     meta = _meta(imu, source, form, message, unit)
@@ -237,20 +239,6 @@ def _toml(value: Any) -> str:
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{_key(key)} = {_toml(item)}" for key, item in value.items()) + " }"
     return json.dumps(value)
-
-
-def read_text(path: Path) -> str:
-    """Text of a file that a session names.
-
-    Raises
-    ------
-    DecodeError
-        If it cannot be read.
-    """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DecodeError(f"{path} cannot be read as UTF-8 text: {error}.") from error
 
 
 def _frame(where: str, value: Any) -> Frame:

@@ -78,6 +78,7 @@ _SOURCES: Final[Mapping[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
         ("port", "baud"),
     ),
     "udp": ({"host": forms.text, "port": _PORT, **_STREAM}, ("port",)),
+    "file": ({"path": forms.text, "rate": _RATE}, ("path",)),
     "tcp": ({"host": forms.text, "port": _PORT, **_STREAM}, ("host", "port")),
     "iio": (
         {

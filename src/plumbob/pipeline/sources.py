@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from plumbob.errors import ParameterError
 from plumbob.link import Event, Received, Source
 from plumbob.pipeline import rows
+from plumbob.pipeline.capture import CaptureSource
 from plumbob.pipeline.session import SourceSpec
 from plumbob.record import Log
 
@@ -53,6 +54,8 @@ def make_source(spec: SourceSpec) -> Openable:
         return spi_source(spec.settings)
     if spec.kind in KERNEL:
         return _iio_source(spec)
+    if spec.kind == "file":
+        return CaptureSource(**spec.settings)
     settings = {"gather": GATHER, **spec.settings}
     settings.pop("speed", None)
     if spec.kind == "serial":

@@ -39,10 +39,7 @@ def load_format(path: str | Path) -> Format:
         If a unit is missing or unknown.
     """
     file = Path(path)
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DecodeError(f"{file} cannot be read as UTF-8 text: {error}.") from error
+    text = forms.text_of(file)
     try:
         return parse_format(text)
     except PlumbobError as error:
@@ -228,10 +225,17 @@ def _require_sense(form: Format) -> None:
         _require_room(form, message)
 
 
+def _require_one_time(message: Message) -> None:
+    for role in ("clock", "counter"):
+        if len([f for f in message.fields if f.role == role]) > 1:
+            raise DecodeError(f"message {message.name} has more than one {role}; each frame has one time.")
+
+
 def _require_room(form: Format, message: Message) -> None:
     if not message.length or (form.framing.length and message.length != form.framing.length):
         raise DecodeError(f"message {message.name} needs its length in bytes, the whole frame's, as the frame has it.")
     names = [f.name for f in message.fields]
+    _require_one_time(message)
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise DecodeError(f"message {message.name} has field {twice[0]} twice; each name has one meaning.")
     for one in message.fields:
