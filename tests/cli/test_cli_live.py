@@ -7,12 +7,14 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from plumbob import io
+from plumbob.record import open_log
 
 TIMEOUT = 120
 
@@ -172,3 +174,14 @@ def test_recording_is_never_overwritten(recorded):
         words = ("record", "--port", str(link), "--format", "buoy", "--out", "a.mcap", "--duration", "1s")
         assert "exists already" in plumbob(*words, cwd=folder, code=1).stderr
     assert (folder / "a.mcap").read_bytes() == before
+
+
+def test_recording_names_no_folder_of_its_maker(tmp_path):
+    (tmp_path / "b.toml").write_text(plumbob_format())
+    plumbob("emulate", "buoy", "--duration", "2s", "--write", "b.bin", cwd=tmp_path)
+    plumbob("record", "--from", "b.bin", "--format", "b.toml", "--out", "b.mcap", cwd=tmp_path)
+    assert str(tmp_path) not in str(dict(open_log(tmp_path / "b.mcap").metadata))
+
+
+def plumbob_format():
+    return (resources.files("plumbob.rigs.formats") / "buoy.toml").read_text()

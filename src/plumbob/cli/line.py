@@ -33,7 +33,7 @@ def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
 
     tables: dict[str, Mapping[str, Any]] = {}
     if args.calibration:
-        tables["calibration"] = {"card": str(args.calibration.resolve())}
+        tables["calibration"] = {"card": str(args.calibration)}
     if args.filter is None:
         if args.params or args.noise:
             raise ParameterError("--params and --noise belong to a filter; name one with --filter.")
@@ -42,7 +42,7 @@ def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
     if given := dict(common.pairs(args.params)):
         estimate["params"] = {key.removeprefix(f"{args.filter}."): value for key, value in given.items()}
     if args.noise:
-        estimate["noise"] = str(args.noise.resolve())
+        estimate["noise"] = str(args.noise)
     return tables | {"estimate": estimate}
 
 

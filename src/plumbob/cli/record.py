@@ -122,10 +122,9 @@ def _session_of_options(args: argparse.Namespace) -> "Session":
         raise ParameterError(
             "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob devices'."
         )
-    form = str(Path(args.format).resolve()) if (args.format or "").endswith(".toml") else args.format
     imu = {key: value for key, value in (("device", args.device), ("frame", args.frame)) if value}
     tables = told.estimate_tables(args) | ({"imu": imu} if imu else {})
-    text = plain_session(form=form, source=_source_of_options(args), **tables)
+    text = plain_session(form=args.format, source=_source_of_options(args), **tables)
     name = Path(args.port or args.capture or args.iio).name
     return parse_session(text, lambda file: text_of(Path(file)), name=name)
 
