@@ -26,7 +26,7 @@ R = TypeVar("R")
 
 _KERNEL_SOURCES = (
     "constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "clock/*.py", "filters/*.py", "noise/*.py",
-    "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py",
+    "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py", "sensors/words.py",
 )  # fmt: skip
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process

@@ -130,6 +130,17 @@ def text(where: str, value: Any) -> str:
     return value
 
 
+def version(read: int) -> Parse:
+    """Version of a file, which must be the one that this program reads."""
+
+    def parse(where: str, value: Any) -> int:
+        if value != read or isinstance(value, bool):
+            raise DecodeError(f"{where} is {excerpt(str(value))}, but this program reads {read}; update Plumbob.")
+        return read
+
+    return parse
+
+
 def texts(where: str, value: Any) -> tuple[str, ...]:
     """List of texts."""
     if not isinstance(value, list):

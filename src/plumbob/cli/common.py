@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from threading import Event
+
     from plumbob.io import Recording
     from plumbob.pipeline import Stage
     from plumbob.rotations import Frame
@@ -194,6 +196,21 @@ def _toml_pairs(path: Path) -> Iterator[tuple[str, Any]]:
 def _as_text(value: Any) -> Any:
     """Numbers of a file follow the rule for text: where two units are usual, one must stand there."""
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+@contextmanager
+def stopped_by_signals() -> "Iterator[Event]":
+    """Event that SIGTERM and Ctrl-C set: ending is how a live line is used, no mishap."""
+    import signal
+    from threading import Event
+
+    stop = Event()
+    before = {which: signal.signal(which, lambda *_: stop.set()) for which in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield stop
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
 
 
 @contextmanager

@@ -2,12 +2,10 @@
 
 import argparse
 import json
-import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from threading import Event
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
@@ -77,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     clock_error = parse(args.clock_error or "0", Quantity.RATIO)
     form, plan = _plan(args)
     with ExitStack() as stack:
-        stop = stack.enter_context(_stopped_by_signals())
+        stop = stack.enter_context(common.stopped_by_signals())
         rig = make_rig(
             plan,
             form,
@@ -138,18 +136,6 @@ def _speed(args: argparse.Namespace) -> float | None:
 
 def _faults(text: str | None) -> dict[str, float]:
     return {kind: parse(share, Quantity.RATIO) for kind, share in common.pairs(text)}
-
-
-@contextmanager
-def _stopped_by_signals() -> Iterator[Event]:
-    """Event that SIGTERM and Ctrl-C set: ending is how an emulator is used, no mishap."""
-    stop = Event()
-    before = {which: signal.signal(which, lambda *_: stop.set()) for which in (signal.SIGTERM, signal.SIGINT)}
-    try:
-        yield stop
-    finally:
-        for which, handler in before.items():
-            signal.signal(which, handler)
 
 
 @contextmanager

@@ -8,8 +8,6 @@ from plumbob.cli import common
 from plumbob.cli import line as told
 
 if TYPE_CHECKING:
-    import threading
-
     from plumbob.pipeline.session import Session
 
 
@@ -64,7 +62,8 @@ def run(args: argparse.Namespace) -> int:
     if session.output.text:
         sinks.append(TextSink(session.output.text, session.output.every))
     source = open_source(session.source)
-    run_line(line, source, sinks=sinks, keeper=keeper, duration=duration, stop=_stopped_by_signals(), each=status.look)
+    with common.stopped_by_signals() as stop:  # so that the recording ends whole
+        run_line(line, source, sinks=sinks, keeper=keeper, duration=duration, stop=stop, each=status.look)
     report = told.report_of(session, line, status)
     if keeper is not None and session.record is not None:
         recorder = keeper.recorder
@@ -135,14 +134,3 @@ def _source_of_options(args: argparse.Namespace) -> dict[str, str | int]:
     if args.capture is not None:
         return {"kind": "file", "path": args.capture} | ({"rate": args.rate} if args.rate else {})
     return {"kind": "serial", "port": args.port, "baud": args.baud}
-
-
-def _stopped_by_signals() -> "threading.Event":
-    """Event that Ctrl-C and a polite kill set, so that the recording ends whole."""
-    import signal
-    import threading
-
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    return stop

@@ -151,12 +151,6 @@ def _north(where: str, value: Any) -> North:
     return North.parse(forms.text(where, value))
 
 
-def _version(where: str, value: Any) -> int:
-    if value != VERSION or isinstance(value, bool):
-        raise DecodeError(f"{where} is {excerpt(str(value))}, but this program reads {VERSION}; update Plumbob.")
-    return VERSION
-
-
 def _header(where: str, value: Any) -> dict[str, Any]:
     found = _section(where, value, _HEADER, ("names",))
     if "occurrence" in found and "marker" not in found:
@@ -259,7 +253,7 @@ _REFERENCE: Final[dict[str, Parse]] = {
     "covariance": _covariance,
 }
 _PROFILE: Final[dict[str, Parse]] = {
-    "format_version": _version,
+    "format_version": forms.version(VERSION),
     "separator": _separator,
     "decimal": forms.one_of(".", ","),
     "encoding": _encoding,

@@ -259,12 +259,6 @@ def _param(where: str, value: Any) -> Any:
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-def _version(where: str, value: Any) -> int:
-    if value != VERSION or isinstance(value, bool):
-        raise DecodeError(f"{where} is {value!r}, but this program reads {VERSION}; update Plumbob.")
-    return VERSION
-
-
 _FORMAT: Final[dict[str, Parse]] = {
     "name": forms.text,
     "file": forms.text,
@@ -290,7 +284,7 @@ _RECORD: Final[dict[str, Parse]] = {
 _OUTPUT: Final[dict[str, Parse]] = {"every": forms.size(Quantity.TIME), "text": forms.text}
 _SESSION: Final[dict[str, Parse]] = {
     "kind": forms.one_of(KIND),
-    "version": _version,
+    "version": forms.version(VERSION),
     "source": parse_source,
     "format": forms.form(_FORMAT),
     "imu": forms.form(_IMU),

@@ -374,12 +374,6 @@ def _kind(where: str, value: Any) -> str:
     return str(forms.one_of(KIND)(where, value))
 
 
-def _version(where: str, value: Any) -> int:
-    if value != VERSION or isinstance(value, bool):
-        raise DecodeError(f"{where} is {excerpt(str(value))}, but this program reads {VERSION}; update Plumbob.")
-    return VERSION
-
-
 _PLAIN: Final = (
     "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "range",
     "wrap", "says", "of",
@@ -469,7 +463,7 @@ _FRAME: Final[dict[str, Parse]] = {
 }
 _FORMAT: Final[dict[str, Parse]] = {
     "kind": _kind,
-    "version": _version,
+    "version": forms.version(VERSION),
     "name": forms.text,
     "title": forms.text,
     "aliases": forms.texts,

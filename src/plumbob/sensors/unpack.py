@@ -15,6 +15,7 @@ from plumbob._jit import njit
 from plumbob.sensors.columns import counts_of, matches, values_of
 from plumbob.sensors.field import Field, owner_of
 from plumbob.sensors.format import Message
+from plumbob.sensors.words import count_in, word_at
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
@@ -111,32 +112,13 @@ def _row(one: Field, units: list[str]) -> tuple[int, ...]:
 
 
 @njit
-def _word(data: Bytes, at: int, size: int, big: int) -> int:
-    value = 0
-    for i in range(size):
-        value = value << 8 | int(data[at + (i if big else size - 1 - i)])
-    return value
-
-
-@njit
-def _count(word: int, lowest: int, bits: int, signed: int) -> int:
-    if bits == 64:  # in halves, for compiled whole numbers end there and Python's do not
-        upper = word >> 32 & 0xFFFFFFFF
-        return (upper - (1 << 32) if upper >> 31 else upper) * (1 << 32) + (word & 0xFFFFFFFF)
-    value = word >> lowest & ((1 << bits) - 1)
-    if signed and value >> (bits - 1):
-        value -= 1 << bits
-    return value
-
-
-@njit
 def unpack(data: Bytes, start: Ints, plan: Ints, scales: Floats, values: Floats, counts: Ints, words: Flags) -> None:
     """Fill values (V, N), counts (C, N) and flags (U, N) from the plain fields; those with a scale come first."""
     for f in range(plan.shape[0]):
         physical = f < scales.shape[0]
         for i in range(start.shape[0]):
-            count = _count(
-                _word(data, start[i] + plan[f, 0], plan[f, 1], plan[f, 2]), plan[f, 3], plan[f, 4], plan[f, 5]
+            count = count_in(
+                word_at(data, start[i] + plan[f, 0], plan[f, 1], plan[f, 2]), plan[f, 3], plan[f, 4], plan[f, 5]
             )
             if physical:
                 values[f, i] = (count + scales[f, 0]) * scales[f, 1] + scales[f, 2]
