@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import pytest
 
+from plumbob.acquire.opened import NoLine
 from plumbob.acquire.ports import check_port, find_port, list_ports
-from plumbob.acquire.replug import NoLine
 from plumbob.errors import ParameterError
 
 

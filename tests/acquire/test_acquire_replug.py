@@ -5,7 +5,8 @@ import os
 
 import pytest
 
-from plumbob.acquire.replug import BackOff, NoLine, Replug
+from plumbob.acquire.opened import BackOff, NoLine
+from plumbob.acquire.replug import Replug
 from plumbob.errors import LineError, ParameterError
 from plumbob.link import Event, Received
 

@@ -12,7 +12,7 @@ A source belongs to one thread at a time.
 
 from plumbob.acquire.iio import IioPollSource, IioSource
 from plumbob.acquire.iio_layout import IioChannel, IioLayout
-from plumbob.acquire.replug import BackOff
+from plumbob.acquire.opened import BackOff
 from plumbob.acquire.schedule import BUOY, Schedule, Task
 from plumbob.acquire.serial_line import SerialSource
 from plumbob.acquire.sockets import TcpSource, UdpSource

@@ -20,8 +20,9 @@ from plumbob.acquire.iio_sysfs import (
     refusal,
     scan_layout,
 )
+from plumbob.acquire.opened import BackOff, NoLine
 from plumbob.acquire.polled import Polled
-from plumbob.acquire.replug import TAKE_LIMIT, BackOff, NoLine, Replug
+from plumbob.acquire.replug import TAKE_LIMIT, Replug
 from plumbob.errors import LineError, ParameterError, PlumbobError
 from plumbob.link import Event, Received
 
@@ -286,7 +287,7 @@ class IioPollSource(Polled):
         except (ValueError, struct.error) as error:
             raise OSError(errno.EIO, f"a raw value is no 32-bit number ({error})") from error
 
-    def _disconnect(self) -> None:
+    def _let_go(self) -> None:
         while self._files:
             with contextlib.suppress(OSError):
                 os.close(self._files.pop()[0])

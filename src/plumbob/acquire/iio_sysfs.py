@@ -9,7 +9,7 @@ from typing import Final
 
 from plumbob.acquire.iio_layout import TIMESTAMP, IioChannel, IioLayout, Matrix, is_known
 from plumbob.acquire.iio_type import IioType, parse_type
-from plumbob.acquire.replug import NoLine
+from plumbob.acquire.opened import NoLine
 
 IDENTITY: Final[Matrix] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 

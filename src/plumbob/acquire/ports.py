@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from plumbob.acquire.replug import NoLine
+from plumbob.acquire.opened import NoLine
 from plumbob.errors import ParameterError
 
 _USB = re.compile(r"auto:([0-9a-fA-F]{4}):([0-9a-fA-F]{4})(?::(.+))?")

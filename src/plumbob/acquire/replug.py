@@ -6,25 +6,16 @@
 
 import select
 import time
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
-from types import TracebackType
 from typing import Final, Protocol, Self
 
+from plumbob.acquire.opened import BackOff, NoLine, Opened
 from plumbob.errors import LineError, ParameterError
 from plumbob.link import Event, Received
 
 TAKE_LIMIT: Final = 1 << 20
 """Bytes that one `Wire.take` is content with, so that a flood does not keep `read` from returning."""
-
-
-class NoLine(Exception):  # noqa: N818  it is no error but an answer, and never leaves this package
-    """Why a line cannot be opened now: one word for the `Event`, and a sentence."""
-
-    def __init__(self, kind: str, text: str) -> None:
-        super().__init__(text)
-        self.kind, self.text = kind, text
 
 
 class Wire(Protocol):
@@ -48,35 +39,7 @@ class Wire(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class BackOff:
-    """How long to wait before the next attempt to open a line.
-
-    Attributes
-    ----------
-    first : float
-        After the first failure, s.
-    longest : float
-        Never longer, s. A line that is there again is found this much later at most.
-    factor : float
-        From one wait to the next.
-    """
-
-    first: float = 0.05
-    longest: float = 0.5
-    factor: float = 2.0
-
-    def __post_init__(self) -> None:
-        if not (0.0 < self.first <= self.longest and self.factor >= 1.0):
-            raise ParameterError(f"A back-off needs 0 < first <= longest and factor >= 1, but it is {self}.")
-
-    def wait_ns(self, failures: int) -> int:
-        """Wait after so many failures in a row, ns."""
-        steps = min(failures - 1, 64)  # enough for any wait, and no overflow after a week without the line
-        return round(min(self.longest, self.first * self.factor**steps) * 1e9)
-
-
-class Replug(ABC):
+class Replug(Opened):
     """A `Source` over a line that may break and come back.
 
     Parameters
@@ -116,32 +79,20 @@ class Replug(ABC):
             raise ParameterError(f"gather must be from 0 to 1 s, but is {gather}.")
         if silence is not None and not silence > 0.0:
             raise ParameterError(f"The silence that a line may keep must be above 0 s, but is {silence}.")
-        self._name, self._wait, self._gather_ns = name, wait, round(gather * 1e9)
-        self._back_off = back_off or BackOff()
+        super().__init__(name, back_off, clock, sleep)
+        self._wait, self._gather_ns = wait, round(gather * 1e9)
         self._silence_ns = None if silence is None else round(silence * 1e9)
         self._breaks_on_silence = breaks_on_silence
-        self._clock, self._sleep = clock, sleep
         self._wire: Wire | None = None
         self._poll: select.poll | None = None
-        self._begun = self._closed = self._stalled = False
-        self._told: list[Received | Event] = []
-        self._failures, self._next_try_ns, self._refusal = 0, 0, ""
+        self._begun = self._stalled = False
+        self._refusal = ""
         self._lost_ns: int | None = None
         self._taken_ns = self._heard_ns = 0
 
     @abstractmethod
     def _connect(self, patience: float) -> Wire | None:
         """Open the line; None where that needs more than `patience` s and is to be asked again; else NoLine."""
-
-    @property
-    def name(self) -> str:
-        """Short name for messages and recordings."""
-        return self._name
-
-    @property
-    def finished(self) -> bool:
-        """Whether it was closed; a line is never finished by itself."""
-        return self._closed
 
     def open(self) -> Self:
         """Open the line now; `read` does where this was not called.
@@ -164,27 +115,8 @@ class Replug(ABC):
             self._told.append(self._opened(wire))
         return self
 
-    def read(self, timeout: float) -> list[Received | Event]:
-        """Wait at most `timeout` s for something and return it, oldest first; see `plumbob.link.Source`."""
-        if self._closed:
-            return []
-        until_ns = self._clock() + round(timeout * 1e9)
-        self.open()
-        if self._told:
-            told, self._told = self._told, []
-            return told
+    def _more(self, until_ns: int) -> list[Received | Event]:
         return self._seek(until_ns) if self._wire is None else self._listen(self._wire, until_ns)
-
-    def close(self) -> None:
-        """Let go of the line; more than once does no harm."""
-        self._closed = True
-        self._let_go()
-
-    def __enter__(self) -> Self:
-        return self.open()
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        self.close()
 
     def _seek(self, until_ns: int) -> list[Received | Event]:
         """Try to open the line, as often as the back-off allows, until the time is up or there is something to tell."""
@@ -202,8 +134,7 @@ class Replug(ABC):
         try:
             wire = self._connect(max(patience, 0.0))
         except NoLine as no:
-            self._failures += 1
-            self._next_try_ns = self._clock() + self._back_off.wait_ns(self._failures)
+            self._try_later(self._clock())
             known, self._refusal = self._refusal, no.text
             return [] if no.text == known else [Event(self._clock(), no.kind, no.text)]
         return [] if wire is None else [self._opened(wire)]
@@ -260,8 +191,7 @@ class Replug(ABC):
 
     def _lose(self, wire: Wire, why: str) -> Event:
         self._lost_ns = self._clock()
-        self._failures += 1
-        self._next_try_ns = self._lost_ns + self._back_off.wait_ns(self._failures)
+        self._try_later(self._lost_ns)
         self._let_go()
         return Event(self._lost_ns, "lost", f"{wire.where} is lost: {why.rstrip('.')}.")
 

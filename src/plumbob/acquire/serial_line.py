@@ -8,9 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from plumbob.acquire.opened import BackOff, NoLine
 from plumbob.acquire.overruns import Overruns
 from plumbob.acquire.ports import ListPorts, check_port, find_port, list_ports
-from plumbob.acquire.replug import TAKE_LIMIT, BackOff, NoLine, Replug
+from plumbob.acquire.replug import TAKE_LIMIT, Replug
 from plumbob.errors import ParameterError
 from plumbob.link import Event, Received
 

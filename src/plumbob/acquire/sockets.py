@@ -10,7 +10,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from plumbob.acquire.replug import TAKE_LIMIT, BackOff, NoLine, Replug
+from plumbob.acquire.opened import BackOff, NoLine
+from plumbob.acquire.replug import TAKE_LIMIT, Replug
 from plumbob.acquire.serial_line import GATHER
 from plumbob.errors import ParameterError
 from plumbob.link import Event, Received

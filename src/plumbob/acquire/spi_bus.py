@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
+from plumbob.acquire.opened import BackOff, NoLine
 from plumbob.acquire.polled import Polled
-from plumbob.acquire.replug import BackOff, NoLine
 from plumbob.errors import MissingExtraError, ParameterError
 
 
@@ -145,7 +145,7 @@ class SpiSource(Polled):
             return self._exchange(self._bus)
         return b"".join(map(self._bus.transfer, self._exchange))
 
-    def _disconnect(self) -> None:
+    def _let_go(self) -> None:
         bus, self._bus = self._bus, None
         if bus is not None:
             bus.close()
