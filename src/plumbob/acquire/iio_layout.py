@@ -151,11 +151,6 @@ class IioLayout:
         """Byte of a scan at which each channel begins."""
         return self._places()[0]
 
-    @property
-    def timestamped(self) -> bool:
-        """Whether scans carry the kernel's time."""
-        return any(channel.name == TIMESTAMP for channel in self.channels)
-
     def to_json(self) -> str:
         """One line of text that `from_json` reads, to lie beside raw scans in a recording."""
         channels = [

@@ -9,7 +9,7 @@ from plumbob.link import Event, Received
 from plumbob.pipeline import rows
 from plumbob.pipeline.line import Part
 from plumbob.pipeline.session import RecordSpec, Session
-from plumbob.record import Recorder, Schema
+from plumbob.record import Recorder
 
 _EVERY: Final = 0.09
 """Time after which a chunk is closed, s: with the write itself, a crash costs at most 100 ms."""
@@ -45,14 +45,11 @@ class Keeper:
         self.recorder.metadata.update(session.texts)
         self.recorder.metadata["plumbob"] = __version__
         self._raw = self.recorder.channel(rows.RAW, "application/octet-stream")
-        self._own = self._json(rows.RECORDER, "plumbob.Event", rows.EVENT_SCHEMA)
-        self._events = self._json(rows.EVENTS, "plumbob.Event", rows.EVENT_SCHEMA)
-        self._imu = self._json(rows.IMU, "plumbob.Imu", rows.IMU_SCHEMA) if spec.samples else 0
+        self._own = rows.declare(self.recorder, rows.RECORDER)
+        self._events = rows.declare(self.recorder, rows.EVENTS)
+        self._imu = rows.declare(self.recorder, rows.IMU) if spec.samples else 0
         with_attitude = spec.samples and session.stage is not None
-        self._attitude = self._json(rows.ATTITUDE, "plumbob.Attitude", rows.ATTITUDE_SCHEMA) if with_attitude else 0
-
-    def _json(self, topic: str, name: str, schema: bytes) -> int:
-        return self.recorder.channel(topic, "json", Schema(name, "jsonschema", schema))
+        self._attitude = rows.declare(self.recorder, rows.ATTITUDE) if with_attitude else 0
 
     def on_item(self, item: Received | Event) -> None:
         """Keep what has come, before anything else is done with it."""

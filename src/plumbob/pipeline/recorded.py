@@ -21,7 +21,7 @@ from plumbob.io.header import meta_from, plain_meta
 from plumbob.pipeline import rows
 from plumbob.pipeline.replay import Replayed, replay, utc_ns
 from plumbob.pipeline.session_toml import SESSION, recorded_session, reference_names
-from plumbob.record import Log, Recorder, Schema, open_log
+from plumbob.record import Log, Recorder, open_log
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 
 SUFFIX: Final = ".mcap"
@@ -110,8 +110,8 @@ def write_mcap(path: Path, recording: Recording) -> None:
     offset = 0 if imu is None else imu.meta.t0_ns
     recorder = Recorder(path, epoch_offset_ns=offset)
     recorder.metadata[_META] = json.dumps(_about(recording))
-    imu_channel = _channel(recorder, rows.IMU, "plumbob.Imu", rows.IMU_SCHEMA) if imu else 0
-    track_channel = _channel(recorder, rows.ATTITUDE, "plumbob.Attitude", rows.ATTITUDE_SCHEMA) if track else 0
+    imu_channel = rows.declare(recorder, rows.IMU) if imu else 0
+    track_channel = rows.declare(recorder, rows.ATTITUDE) if track else 0
     streams: list[Iterable[tuple[int, int, bytes]]] = []
     if imu is not None:
         stamps = to_ns(imu.t).tolist()
@@ -133,10 +133,6 @@ def _wait_for(recorder: Recorder) -> None:
     """Let the disk catch up: a recorder never waits by itself, for a line cannot."""
     while recorder.state == "recording" and recorder.written - recorder.acknowledged > 2 * _PATIENCE:
         time.sleep(0.01)
-
-
-def _channel(recorder: Recorder, topic: str, name: str, schema: bytes) -> int:
-    return recorder.channel(topic, "json", Schema(name, "jsonschema", schema))
 
 
 def _about(recording: Recording) -> dict[str, Any]:

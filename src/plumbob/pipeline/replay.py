@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from plumbob.errors import DecodeError
 from plumbob.pipeline import rows
 from plumbob.pipeline.line import Line
@@ -126,4 +124,4 @@ def compare(replayed: Replayed) -> Comparison:
 def utc_ns(replayed: Replayed) -> int:
     """UTC of the first sample, ns since 1970; 0 where there is none."""
     t_ns = replayed.found.t_ns
-    return int(np.int64(t_ns[0])) + replayed.epoch_offset_ns if t_ns.size else 0
+    return int(t_ns[0]) + replayed.epoch_offset_ns if t_ns.size else 0

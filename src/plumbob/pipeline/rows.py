@@ -10,6 +10,7 @@ import numpy as np
 from plumbob.check import Floats
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.link import Event
+from plumbob.record import Recorder, Schema
 
 IMU: Final = "imu"
 ATTITUDE: Final = "attitude"
@@ -53,6 +54,20 @@ EVENT_SCHEMA: Final = _schema(
     "plumbob.Event",
     {**_TIME, "kind": {"type": "string"}, "text": {"type": "string"}, "count": {"type": "integer"}},
 )
+
+
+_SCHEMAS: Final = {
+    EVENTS: ("plumbob.Event", EVENT_SCHEMA),
+    RECORDER: ("plumbob.Event", EVENT_SCHEMA),
+    IMU: ("plumbob.Imu", IMU_SCHEMA),
+    ATTITUDE: ("plumbob.Attitude", ATTITUDE_SCHEMA),
+}
+
+
+def declare(recorder: Recorder, topic: str) -> int:
+    """Declare a channel of rows, and return its number."""
+    name, schema = _SCHEMAS[topic]
+    return recorder.channel(topic, "json", Schema(name, "jsonschema", schema))
 
 
 def event_row(event: Event) -> bytes:

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.errors import DecodeError, ParameterError
+from plumbob.errors import ParameterError
 from plumbob.sensors.format import Format
-from plumbob.sensors.registers import Answers, paired
+from plumbob.sensors.registers import Answers, paired, transfers
 
 POLLED: Final = (0x04, 0x06, 0x08, 0x0A, 0x0C, 0x0E, 0x10, 0x12, 0x02, 0x16)
 """Registers in the order of the catalogue's frame."""
@@ -50,13 +50,7 @@ def register_readings(form: Format, commands: bytes, replies: bytes) -> Answers:
     DecodeError
         If they are not whole transfers, equally many.
     """
-    if len(commands) != len(replies) or len(commands) % 2:
-        raise DecodeError(
-            f"commands and replies must be equally many transfers of 2 bytes, but they have {len(commands)} and "
-            f"{len(replies)} bytes."
-        )
-    sent = np.frombuffer(commands, dtype=">u2").astype(np.int64)
-    words = np.frombuffer(replies, dtype=">u2").astype(np.int64)
+    sent, words = transfers(commands, replies, 2)
     return paired(form, np.where(sent >> 15, -1, sent >> 8 & 0x3F), words)
 
 

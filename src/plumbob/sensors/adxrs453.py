@@ -4,10 +4,10 @@ from enum import IntFlag
 
 import numpy as np
 
-from plumbob.errors import DecodeError, ParameterError
+from plumbob.errors import ParameterError
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import decode
-from plumbob.sensors.registers import Answers, paired
+from plumbob.sensors.registers import Answers, paired, transfers
 
 
 class Fault(IntFlag):
@@ -67,12 +67,7 @@ def register_readings(commands: bytes, replies: bytes) -> Answers:
     DecodeError
         If they are not whole transfers, equally many.
     """
-    if len(commands) != len(replies) or len(commands) % 4:
-        raise DecodeError(
-            f"commands and replies must be equally many transfers of 4 bytes, but they have {len(commands)} and "
-            f"{len(replies)} bytes."
-        )
-    sent = np.frombuffer(commands, dtype=">u4").astype(np.int64)
+    sent, _ = transfers(commands, replies, 4)
     words = np.full(sent.size, -1, dtype=np.int64)
     found = decode(catalog.load("adxrs453"), replies)[0].get("read")
     if found is not None:

@@ -11,6 +11,7 @@ from plumbob.errors import ParameterError
 from plumbob.sensors import scan
 from plumbob.sensors.format import Format, Message
 from plumbob.sensors.plan import plan_of
+from plumbob.sensors.reads import Reads
 from plumbob.sensors.unpack import Column, Unpacker
 
 Ints = NDArray[np.int64]
@@ -105,7 +106,7 @@ class Decoder:
         self._state: Ints = np.zeros(scan.STATE, dtype=np.int64)
         self._state[scan.HUNTING] = 1
         self._pending = b""
-        self._reads: list[tuple[int, int]] = []  # where each read that still matters began in the stream, and its time
+        self._reads = Reads()
         self._done = 0
         self._found: Ints = np.empty((_room(self.form), 3), dtype=np.int64)
         self.counts = Counts(frames={m.name: 0 for m in self.form.messages})
@@ -134,7 +135,7 @@ class Decoder:
 
     def _take(self, data: bytes, t_ns: int, *, final: bool) -> dict[str, Frames]:
         if data:
-            self._reads.append((self._done + len(self._pending), t_ns))
+            self._reads.add(self._done + len(self._pending), t_ns)
         self.counts.received += len(data)
         whole = self._pending + data if self._pending else data
         parts: dict[int, list[Frames]] = {}
@@ -147,7 +148,7 @@ class Decoder:
                 break
         self._pending = whole[at:]
         self._done += at
-        self._forget()
+        self._reads.forget(self._done)
         self._count()
         return {self.form.messages[m].name: _joined(found) for m, found in sorted(parts.items())}
 
@@ -160,18 +161,9 @@ class Decoder:
             if mine.shape[0]:
                 start = mine[:, 0] + (self._done + at)
                 unpacked = self._unpackers[m].take(view, np.ascontiguousarray(mine[:, 0]))
-                parts.setdefault(m, []).append(Frames(message, start, self._times(start), *unpacked))
+                parts.setdefault(m, []).append(Frames(message, start, self._reads.times(start), *unpacked))
                 self.counts.frames[message.name] += mine.shape[0]
         return at + done, found == self._found.shape[0]
-
-    def _times(self, start: Ints) -> Ints:
-        begins, times = np.array(self._reads, dtype=np.int64).T
-        return np.asarray(times[np.searchsorted(begins, start, side="right") - 1])
-
-    def _forget(self) -> None:
-        """Drop reads that ended before what is pending."""
-        keep = max((i for i, (begin, _) in enumerate(self._reads) if begin <= self._done), default=0)
-        del self._reads[:keep]
 
     def _count(self) -> None:
         c, s = self.counts, self._state

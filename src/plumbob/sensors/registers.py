@@ -99,6 +99,23 @@ class Answers:
     unknown: int
 
 
+def transfers(commands: bytes, replies: bytes, size: int) -> tuple[Ints, Ints]:
+    """Words (N,) that went out and came in, of `size` bytes each.
+
+    Raises
+    ------
+    DecodeError
+        If they are not whole transfers, equally many.
+    """
+    if len(commands) != len(replies) or len(commands) % size:
+        raise DecodeError(
+            f"commands and replies must be equally many transfers of {size} bytes, but they have {len(commands)} and "
+            f"{len(replies)} bytes."
+        )
+    sent, came = (np.frombuffer(data, dtype=f">u{size}").astype(np.int64) for data in (commands, replies))
+    return sent, came
+
+
 def paired(form: Format, asked: Ints, words: Ints) -> Answers:
     """Pair reads with the replies one transfer later, of a chip with registers of 16 bits.
 

@@ -17,6 +17,7 @@ from plumbob.errors import ParameterError, ShapeError
 from plumbob.sensors.decode import Counts, Frames
 from plumbob.sensors.field import Field
 from plumbob.sensors.format import Message
+from plumbob.sensors.reads import Reads
 from plumbob.units import unit
 
 SIZE: Final = 27
@@ -59,7 +60,7 @@ class Tss1Decoder:
     def __init__(self) -> None:
         self.counts = Counts(frames={MESSAGE.name: 0})
         self._pending = b""
-        self._reads: list[tuple[int, int]] = []
+        self._reads = Reads()
         self._done = 0
 
     def feed(self, data: bytes, t_ns: int = 0) -> dict[str, Frames]:
@@ -73,7 +74,7 @@ class Tss1Decoder:
             Host's time at which they were read, ns.
         """
         if data:
-            self._reads.append((self._done + len(self._pending), t_ns))
+            self._reads.add(self._done + len(self._pending), t_ns)
         self.counts.received += len(data)
         return self._take(self._pending + data, final=False)
 
@@ -89,8 +90,7 @@ class Tss1Decoder:
         lines = self._frames(found) if found else {}
         self._pending = whole[keep:]
         self._done += keep
-        last = max((i for i, (begin, _) in enumerate(self._reads) if begin <= self._done), default=0)
-        del self._reads[:last]
+        self._reads.forget(self._done)
         self.counts.frames[MESSAGE.name] += len(found)
         self.counts.framed += SIZE * len(found)
         self.counts.pending = len(self._pending)
@@ -99,10 +99,8 @@ class Tss1Decoder:
 
     def _frames(self, found: list[re.Match[bytes]]) -> dict[str, Frames]:
         start = np.array([self._done + line.start() for line in found], dtype=np.int64)
-        begins, times = np.array(self._reads, dtype=np.int64).T
-        t_ns = times[np.searchsorted(begins, start, side="right") - 1]
         nothing = {"": np.zeros(len(found), dtype=np.uint32)}
-        return {MESSAGE.name: Frames(MESSAGE, start, t_ns, _columns(found), nothing)}
+        return {MESSAGE.name: Frames(MESSAGE, start, self._reads.times(start), _columns(found), nothing)}
 
 
 def _columns(found: list[re.Match[bytes]]) -> dict[str, NDArray[np.float64] | NDArray[np.int64]]:
