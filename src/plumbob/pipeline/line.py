@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
-from plumbob.calib.model import apply_card
 from plumbob.check import Floats
 from plumbob.clock import Counter, TimeBase, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ParameterError
 from plumbob.filters import Filter
 from plumbob.link import Event, Received
+from plumbob.pipeline.offline import calibrated, filter_of
 from plumbob.pipeline.session import Session
 from plumbob.rotations import in_body_axes
 from plumbob.sensors.decode import Decoder, Frames
@@ -78,7 +78,7 @@ class Line:
         message = session.form.message(session.message)
         self.time = TimeBase(_time_spec(session, message))
         self._clock, self._frames = message.of_role("clock"), message.of_role("counter")
-        self.filter = None if session.stage is None else _filter(session)
+        self.filter = _filter(session)
         self.faults = 0
         self._t0: int | None = None
         self._temp_c = math.nan
@@ -140,8 +140,7 @@ class Line:
         if self._t0 is None:
             self._t0 = int(t_ns[0])
         sensed = self._sensed(frames, t_ns - self._t0, told)
-        card = self.session.card
-        imu = sensed if card is None else apply_card(card, sensed, live=True)
+        imu = calibrated(sensed, self.session.card, live=True)
         track = None if self.filter is None else self.filter.process(imu)
         return Part(t_ns, frames, sensed, imu, track)
 
@@ -217,12 +216,12 @@ def _tick_ns(device: Field) -> Fraction:
     return abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))
 
 
-def _filter(session: Session) -> Filter:
-    stage, declination = session.stage, session.meta.declination
-    if stage is None or session.frame is None:
-        raise ParameterError("a session that estimates needs a filter and a frame.")
-    known = {} if declination is None else {"declination": declination}
-    return Filter(stage.filter, frame=session.frame, params={**known, **stage.params}, noise=stage.noise)
+def _filter(session: Session) -> Filter | None:
+    if session.stage is None:
+        return None
+    if session.frame is None:
+        raise ParameterError("a session that estimates needs a frame.")
+    return filter_of(session.stage, session.frame, session.meta.declination)
 
 
 def _require_triads(message: Message, unit: str) -> None:

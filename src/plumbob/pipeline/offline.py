@@ -72,9 +72,15 @@ def navigation_frame(imu: ImuData, asked: Frame | None, *, where: str) -> Frame:
     return frame
 
 
-def calibrated(imu: ImuData, card: CalibrationCard | None) -> ImuData:
-    """Recording with the card applied, or as it is where there is none."""
-    return imu if card is None else apply_card(card, imu)
+def calibrated(imu: ImuData, card: CalibrationCard | None, *, live: bool = False) -> ImuData:
+    """Recording, or a part of a stream (`live`), with the card applied, or as it is where there is none."""
+    return imu if card is None else apply_card(card, imu, live=live)
+
+
+def filter_of(stage: Stage, frame: Frame, declination: float | None) -> Filter:
+    """Filter of a stage; its headings are true where the declination is known, rad."""
+    known = {} if declination is None else {"declination": declination}
+    return Filter(stage.filter, frame=frame, params={**known, **stage.params}, noise=stage.noise)
 
 
 def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | None = None) -> AttitudeTrack:
@@ -93,8 +99,7 @@ def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | N
     progress : callable, optional
         Called with the number of samples done since the last call.
     """
-    known = {} if imu.meta.declination is None else {"declination": imu.meta.declination}
-    filter_ = Filter(stage.filter, frame=frame, params={**known, **stage.params}, noise=stage.noise)
+    filter_ = filter_of(stage, frame, imu.meta.declination)
     parts = []
     for chunk in imu.chunks(CHUNK):
         parts.append(filter_.process(chunk, covariance=True))

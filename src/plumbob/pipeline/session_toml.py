@@ -10,10 +10,9 @@ from plumbob import forms
 from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import ImuMeta
 from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError
-from plumbob.filters import Filter
 from plumbob.forms import Parse
 from plumbob.pipeline.iio_format import iio_format
-from plumbob.pipeline.offline import Stage
+from plumbob.pipeline.offline import Stage, filter_of
 from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec
 from plumbob.pipeline.source_toml import parse_source
 from plumbob.pipeline.sources import KERNEL, described
@@ -215,7 +214,7 @@ def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage 
         raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
     noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
     stage = Stage(asked["filter"], asked.get("params", {}), noise=noise)
-    Filter(stage.filter, frame=frame, params=stage.params, noise=noise)  # refuses what it cannot take, before the start
+    filter_of(stage, frame, None)  # refuses what it cannot take, before the start
     return stage
 
 
