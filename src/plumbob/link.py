@@ -65,3 +65,28 @@ class Source(Protocol):
     def close(self) -> None:
         """Let go of the line; more than once does no harm."""
         ...
+
+
+class Stopping(Protocol):
+    """Something that says when to end, such as a `threading.Event`; it is asked, and never waited for."""
+
+    def is_set(self) -> bool:
+        """Whether it is time to end."""
+        ...
+
+
+class Stop:
+    """Says when to end, and may be told so by a signal: it takes no lock, on which a handler could wait for itself."""
+
+    __slots__ = ("_set",)
+
+    def __init__(self) -> None:
+        self._set = False
+
+    def set(self) -> None:
+        """Say that it is time."""
+        self._set = True
+
+    def is_set(self) -> bool:
+        """Whether it is time to end."""
+        return self._set

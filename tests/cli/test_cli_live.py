@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from plumbob import io
+from plumbob.cli import common
 from plumbob.record import open_log
 
 TIMEOUT = 120
@@ -185,3 +186,13 @@ def test_recording_names_no_folder_of_its_maker(tmp_path):
 
 def plumbob_format():
     return (resources.files("plumbob.rigs.formats") / "buoy.toml").read_text()
+
+
+def test_signals_say_stop_and_are_given_back():
+    before = signal.getsignal(signal.SIGTERM)
+    with common.stopped_by_signals() as stop:
+        assert not stop.is_set()
+        signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)  # the second of two in a hurry, too
+        assert stop.is_set()
+    assert signal.getsignal(signal.SIGTERM) is before

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from threading import Event
-
     from plumbob.io import Recording
+    from plumbob.link import Stop
     from plumbob.pipeline import Stage
     from plumbob.rotations import Frame
 
@@ -199,12 +198,13 @@ def _as_text(value: Any) -> Any:
 
 
 @contextmanager
-def stopped_by_signals() -> "Iterator[Event]":
-    """Event that SIGTERM and Ctrl-C set: ending is how a live line is used, no mishap."""
+def stopped_by_signals() -> "Iterator[Stop]":
+    """What SIGTERM and Ctrl-C set: ending is how a live line is used, no mishap."""
     import signal
-    from threading import Event
 
-    stop = Event()
+    from plumbob.link import Stop
+
+    stop = Stop()
     before = {which: signal.signal(which, lambda *_: stop.set()) for which in (signal.SIGTERM, signal.SIGINT)}
     try:
         yield stop

@@ -1,11 +1,10 @@
 """Run a line: read, keep, decode, estimate, hand on, until the source ends or somebody says stop."""
 
-import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from plumbob.link import Event, Received, Source
+from plumbob.link import Event, Received, Source, Stopping
 from plumbob.pipeline.keep import Keeper
 from plumbob.pipeline.line import Line, Part
 from plumbob.pipeline.sinks import Sink
@@ -22,7 +21,7 @@ def run_line(
     keeper: Keeper | None = None,
     duration: float | None = None,
     until_lost: bool = False,
-    stop: threading.Event | None = None,
+    stop: Stopping | None = None,
     each: Callable[[], None] | None = None,
     clock: Callable[[], int] = time.monotonic_ns,
 ) -> None:
@@ -44,7 +43,7 @@ def run_line(
         Longest time to run, s.
     until_lost : bool
         Whether to end when the line is lost, instead of waiting for it to come back.
-    stop : threading.Event, optional
+    stop : Stopping, optional
         Set from elsewhere to end.
     each : callable, optional
         Called after each read, also where nothing came.

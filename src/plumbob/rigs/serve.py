@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from threading import Event
 from time import monotonic_ns, sleep
 from typing import Final
 
 import numpy as np
 
+from plumbob.link import Stopping
 from plumbob.rigs.faults import Fault
 from plumbob.rigs.port import Port
 from plumbob.rigs.rig import Rig
@@ -46,7 +46,7 @@ def serve(
     port: Port,
     *,
     speed: float | None,
-    stop: Event,
+    stop: Stopping,
     on_fault: Callable[[Fault], None] = lambda fault: None,
 ) -> Served:
     """Send every frame, from the moment that somebody listens; late frames are sent, not skipped.
@@ -59,7 +59,7 @@ def serve(
         Where to; it is left open.
     speed : float or None
         Times real time; None sends as fast as the reader takes them.
-    stop : Event
+    stop : Stopping
         Ends it early.
     on_fault : callable
         Called with each fault once it has happened.
@@ -81,9 +81,9 @@ def serve(
     return told
 
 
-def _await_reader(port: Port, stop: Event) -> bool:
+def _await_reader(port: Port, stop: Stopping) -> bool:
     while not port.heard() and not stop.is_set():
-        stop.wait(0.005)
+        sleep(0.005)
     return not stop.is_set()
 
 
@@ -112,7 +112,7 @@ def _send(rig: Rig, port: Port, at: int, end: int, told: Served) -> int:
     return done
 
 
-def _replug(rig: Rig, port: Port, at: int, start: int, speed: float | None, stop: Event, told: Served) -> int:
+def _replug(rig: Rig, port: Port, at: int, start: int, speed: float | None, stop: Stopping, told: Served) -> int:
     back = rig.damage.unplugged[at]
     port.unplug()
     if speed is None or back == len(rig):
@@ -126,6 +126,6 @@ def _replug(rig: Rig, port: Port, at: int, start: int, speed: float | None, stop
     return back
 
 
-def _sleep_until(when_ns: int, stop: Event) -> None:
+def _sleep_until(when_ns: int, stop: Stopping) -> None:
     while not stop.is_set() and (rest := when_ns - monotonic_ns()) > 0:
-        stop.wait(min(rest / 1e9, _LONGEST_WAIT))
+        sleep(min(rest / 1e9, _LONGEST_WAIT))
