@@ -1,11 +1,5 @@
-"""Figures of an evaluation as SVG text to stand inside a page: no font, no link and no fixed colour is in them.
+"""Figures of an evaluation; names of devices and filters never enter them, the page writes these, escaped."""
 
-Colours are written as CSS variables, so that one figure serves a light page, a dark page and paper. Names of devices
-and filters never enter a figure; the page writes them, escaped.
-"""
-
-import io
-import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +7,9 @@ import numpy as np
 
 from plumbob import clock
 from plumbob.check import Floats
-from plumbob.errors import MissingExtraError
-from plumbob.evaluate.envelope import envelope, runs
 from plumbob.evaluate.metrics import NEEDS_HEADING
 from plumbob.evaluate.statistics import Stats
+from plumbob.page import DASHES, SERIES, SHADE, SOFT, envelope, runs, svg
 from plumbob.rotations import euler_zyx_from_quat
 from plumbob.units import to_deg
 
@@ -26,49 +19,10 @@ if TYPE_CHECKING:
 
     from plumbob.evaluate.evaluation import Evaluation
 
-# After Okabe and Ito, told apart by colour-blind readers; the names are CSS variables of the page.
-PALETTE = {
-    "#0072b2": "blue",
-    "#d55e00": "red",
-    "#009e73": "green",
-    "#cc79a7": "pink",
-    "#e69f00": "amber",
-    "#56b4e9": "sky",
-    "#8a6d00": "olive",
-}
-INK, MUTED, GRID, SHADE = "#1b1f24", "#5b6570", "#d8dde2", "#e9edf1"
-_VARIABLES = {**PALETTE, INK: "ink", MUTED: "muted", GRID: "grid", SHADE: "shade", "#aab4be": "soft"}
-SERIES = tuple(PALETTE)
-DASHES = ("solid", "dashed", "dotted")
-ESTIMATE, REFERENCE = "#0072b2", "#aab4be"
-COLOUR = {"total": "#0072b2", "heading": "#d55e00", "inclination": "#009e73"}
+ESTIMATE, REFERENCE = SERIES[0], SOFT
+COLOUR = dict(zip(("total", "heading", "inclination"), SERIES, strict=False))
 
-_WIDTH = 7.5  # inches, 540 points: the page shows a point as 1.8 pixels at most
 _QUANTILES = np.linspace(0.0, 100.0, 401)
-_STYLE: dict[str, Any] = {
-    "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.size": 7.0,
-    "text.color": INK,
-    "axes.edgecolor": MUTED,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.5,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.xmargin": 0.0,
-    "grid.color": GRID,
-    "grid.linewidth": 0.5,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.major.width": 0.5,
-    "ytick.major.width": 0.5,
-    "lines.solid_joinstyle": "round",
-    "path.simplify": False,
-}
 
 
 def attitude_figure(e: "Evaluation", columns: int, salt: str) -> str:
@@ -85,7 +39,7 @@ def attitude_figure(e: "Evaluation", columns: int, salt: str) -> str:
             axes[i].set_ylabel(f"{name} [°]")
         axes[2].set_xlabel("time [s]")
 
-    return _svg(draw, height=3.9, salt=f"attitude {salt}")
+    return svg(draw, height=3.9, salt=f"attitude {salt}")
 
 
 def error_figure(e: "Evaluation", columns: int, salt: str) -> str:
@@ -101,7 +55,7 @@ def error_figure(e: "Evaluation", columns: int, salt: str) -> str:
             ax.set_ylabel(f"{name} [°]")
         axes[-1].set_xlabel("time [s]")
 
-    return _svg(draw, height=0.6 + 1.1 * len(names), salt=f"error {salt}")
+    return svg(draw, height=0.6 + 1.1 * len(names), salt=f"error {salt}")
 
 
 def distribution_figure(e: "Evaluation", salt: str) -> str:
@@ -117,7 +71,7 @@ def distribution_figure(e: "Evaluation", salt: str) -> str:
             ax.plot(marks, (50, 95, 99), "o", color=COLOUR[name], markersize=3.0, clip_on=False)
         _finish_cumulative(ax, [e.stats[name] for name in values])
 
-    return _svg(draw, height=2.4, salt=f"distribution {salt}")
+    return svg(draw, height=2.4, salt=f"distribution {salt}")
 
 
 def comparison_figure(evaluations: Mapping[str, "Evaluation"], name: str) -> str:
@@ -130,17 +84,12 @@ def comparison_figure(evaluations: Mapping[str, "Evaluation"], name: str) -> str
             _cumulative(ax, e.errors[name][e.match.scored], color=colour, linestyle=dash)
         _finish_cumulative(ax, [e.stats[name] for e in evaluations.values()])
 
-    return _svg(draw, height=2.4, salt="comparison")
+    return svg(draw, height=2.4, salt="comparison")
 
 
 def key_style(i: int) -> tuple[str, str]:
     """Colour and dash of the i-th of several lines."""
     return SERIES[i % len(SERIES)], DASHES[(i // len(SERIES)) % len(DASHES)]
-
-
-def variable(colour: str) -> str:
-    """CSS variable of a colour of this module."""
-    return f"var(--{_VARIABLES[colour]})"
 
 
 def shared_quantity(evaluations: Sequence["Evaluation"]) -> str:
@@ -183,39 +132,3 @@ def _finish_cumulative(ax: "Axes", stats: Sequence[Stats]) -> None:
     ax.set_xlim(0.0, max(to_deg(max(min(s.max_abs, 1.25 * s.p99) for s in stats)), 1e-9))
     ax.set_xlabel("error at most [°]")
     ax.set_ylabel("scored samples [%]")
-
-
-def _svg(draw: Any, *, height: float, salt: str) -> str:
-    """Run a drawing function on a new figure and return its ``<svg>`` element."""
-    try:
-        import matplotlib as mpl
-        from matplotlib.backends.backend_svg import FigureCanvasSVG
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError('plots need matplotlib: pip install "plumbob[plot]".') from error
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        params: Any = mpl.rcParams
-        params.update({**_STYLE, "svg.hashsalt": salt})
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
-        FigureCanvasSVG(figure)
-        draw(figure)
-        figure.align_ylabels()
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
-    return _for_page(buffer.getvalue())
-
-
-def _for_page(svg: str) -> str:
-    """Strip what a page does not need: prologue, metadata, group names, needless digits; and free the colours."""
-    svg = svg[svg.index("<svg") :]
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r"<!--.*?-->", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'<g id="[^"]*"', "<g", svg)
-    svg = re.sub(r" font-family: [^;]*;", "", svg)
-    svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r"(\.\d{2})\d+", r"\1", svg)
-    for colour, name in _VARIABLES.items():
-        svg = svg.replace(colour, f"var(--{name})")
-    return re.sub(r"\s*\n\s*", "\n", svg).strip()

@@ -1,6 +1,6 @@
 """One page about one or several evaluations: a single file that opens anywhere, without network and without scripts."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,17 +11,14 @@ from plumbob.evaluate import figures
 from plumbob.evaluate.associate import Fate
 from plumbob.evaluate.metrics import QUANTITIES
 from plumbob.evaluate.report import degrees, describe_alignment, describe_consistency, describe_samples, describe_track
-from plumbob.evaluate.stylesheet import CSS
+from plumbob.page import SHADE, Rows, definitions_list, document, figure
 from plumbob.units import to_deg, to_dps
 
 if TYPE_CHECKING:
     from plumbob.evaluate.evaluation import Evaluation
 
-Rows = Iterable[tuple[str, str]]
-
 _COLUMNS = 800
 _ALL_COLUMNS = 3200  # shared by the evaluations of a page, so that many of them still make a small file
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 _HEAD = ("RMSE", "mean", "std", "max |e|", "max at", "median |e|", "95 % |e|", "99 % |e|")
 _UNITS = ("deg", "deg", "deg", "deg", "s", "deg", "deg", "deg")
 _DEFINITIONS = (
@@ -70,19 +67,9 @@ def write_html(
 def page(evaluations: Mapping[str, "Evaluation"], *, title: str, facts: Mapping[str, str]) -> str:
     """Text of the page that `write_html` writes."""
     columns = max(200, min(_COLUMNS, _ALL_COLUMNS // len(evaluations)))
-    body = [f"<header><h1>{escape(title)}</h1>{_definitions_list(facts.items())}</header>"]
-    if len(evaluations) > 1:
-        body.append(_comparison(evaluations))
+    body = [_comparison(evaluations)] if len(evaluations) > 1 else []
     body += [_section(i, name, e, columns) for i, (name, e) in enumerate(evaluations.items())]
-    body.append(f"<footer><p>{_DEFINITIONS}</p></footer>")
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{escape(title)}</title>\n<style>\n{CSS}</style>\n</head>\n<body>\n<main>\n"
-        + "\n".join(body)
-        + "\n</main>\n</body>\n</html>\n"
-    )
+    return document(title, facts, body, footer=_DEFINITIONS)
 
 
 def _comparison(evaluations: Mapping[str, "Evaluation"]) -> str:
@@ -94,7 +81,7 @@ def _comparison(evaluations: Mapping[str, "Evaluation"]) -> str:
         parts.append(f"<p class='note'>Not like with like: the rows differ in {differing}.</p>")
     keys = [(name, *figures.key_style(i)) for i, name in enumerate(evaluations)]
     caption = f"Share of scored samples whose {shared} error is at most so large"
-    parts.append(_figure(caption, figures.comparison_figure(evaluations, shared), keys))
+    parts.append(figure(caption, figures.comparison_figure(evaluations, shared), keys))
     return "\n".join([*parts, "</section>"])
 
 
@@ -137,7 +124,7 @@ def _best_cell(e: "Evaluation", name: str, best: float | None) -> str:
 
 def _section(i: int, name: str, e: "Evaluation", columns: int) -> str:
     """Everything about one evaluation."""
-    shade = ("not scored", figures.SHADE, "block")
+    shade = ("not scored", SHADE, "block")
     attitude = [("estimate", figures.ESTIMATE, "solid"), ("reference", figures.REFERENCE, "solid"), shade]
     errors = [(k, colour, "solid") for k, colour in figures.COLOUR.items() if k in e.stats]
     parts = [
@@ -146,15 +133,15 @@ def _section(i: int, name: str, e: "Evaluation", columns: int) -> str:
         _headline(e),
         _notes(e),
         _error_table(e),
-        _figure("Error over time", figures.error_figure(e, columns, str(i)), [*errors, shade]),
-        _figure("Yaw, pitch and roll over time", figures.attitude_figure(e, columns, str(i)), attitude),
-        _figure(
+        figure("Error over time", figures.error_figure(e, columns, str(i)), [*errors, shade]),
+        figure("Yaw, pitch and roll over time", figures.attitude_figure(e, columns, str(i)), attitude),
+        figure(
             "Share of scored samples whose error is at most so large; dots mark 50, 95 and 99 %",
             figures.distribution_figure(e, str(i)),
             errors,
         ),
         "<div class='columns'>",
-        f"<div><h3>Compared</h3>{_definitions_list(_compared(e))}</div>",
+        f"<div><h3>Compared</h3>{definitions_list(_compared(e))}</div>",
         f"<div><h3>Samples</h3>{_sample_table(e)}</div>",
         "</div>",
         _flag_table(e),
@@ -249,19 +236,3 @@ def _number(angle: float) -> str:
 def _share(n: int, of: int) -> str:
     percent = 100.0 * n / of
     return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
-
-
-def _definitions_list(rows: Rows) -> str:
-    items = "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in rows)
-    return f"<dl>{items}</dl>" if items else ""
-
-
-def _figure(caption: str, svg: str, keys: Iterable[tuple[str, str, str]]) -> str:
-    """Figure with caption and key; the names in the key are escaped here."""
-    key = "".join(f"<span>{_swatch(colour, dash)}{escape(name)}</span>" for name, colour, dash in keys)
-    return f"<figure><figcaption>{escape(caption)}<span class='key'>{key}</span></figcaption>{svg}</figure>"
-
-
-def _swatch(colour: str, dash: str) -> str:
-    style = "block" if dash == "block" else dash
-    return f"<i class='{style}' style='color: {figures.variable(colour)}'></i>"

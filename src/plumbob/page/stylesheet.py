@@ -1,4 +1,4 @@
-"""Style of the HTML report: system fonts only, light and dark, and paper."""
+"""Style of a report: system fonts only, light and dark, and paper."""
 
 CSS = """\
 :root {

@@ -1,0 +1,28 @@
+"""One page: a self-contained HTML file with figures that opens anywhere, without network and without scripts."""
+
+from plumbob.page.document import Key, Rows, definitions_list, document, figure, swatch
+from plumbob.page.drawing import png, svg
+from plumbob.page.envelope import envelope, runs
+from plumbob.page.palette import DASHES, GRID, INK, MUTED, PALETTE, SERIES, SHADE, SOFT, variable
+
+__all__ = [
+    "DASHES",
+    "GRID",
+    "INK",
+    "MUTED",
+    "PALETTE",
+    "SERIES",
+    "SHADE",
+    "SOFT",
+    "Key",
+    "Rows",
+    "definitions_list",
+    "document",
+    "envelope",
+    "figure",
+    "png",
+    "runs",
+    "svg",
+    "swatch",
+    "variable",
+]
