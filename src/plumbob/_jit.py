@@ -6,7 +6,8 @@ not notice an edit in another file (so the cache folder carries a fingerprint of
 elsewhere is not cached); where that folder cannot be written it caches beside the sources, or raises (so here it falls
 back to no cache); and a damaged cache file or a full disk stops the call (here it costs a compilation).
 
-With ``NUMBA_DISABLE_JIT=1`` in the environment, kernels run as plain Python and give the same bits.
+With ``NUMBA_DISABLE_JIT=1`` in the environment, kernels run as plain Python and give the same bits; only those marked
+by `njit_reassociated` may round their sums otherwise.
 """
 
 import contextlib
@@ -16,7 +17,7 @@ import os
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Generic, ParamSpec, TypeVar, cast
@@ -26,9 +27,10 @@ R = TypeVar("R")
 
 _KERNEL_SOURCES = (
     "constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "clock/*.py", "filters/*.py", "noise/*.py",
-    "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py", "sensors/words.py",
+    "noise/static/*.py", "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py", "sensors/words.py",
 )  # fmt: skip
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
+_REASSOCIATED = {"fastmath": {"reassoc", "nsz", "contract"}}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process
 
 
@@ -49,8 +51,9 @@ _SOURCES, _FINGERPRINT = _read_sources()
 class Kernel(Generic[P, R]):
     """A scalar function that is compiled when it is first called."""
 
-    def __init__(self, py_func: Callable[P, R]) -> None:
+    def __init__(self, py_func: Callable[P, R], options: Mapping[str, Any] | None = None) -> None:
         self.py_func = py_func
+        self.options = {**_OPTIONS, **(options or {})}
         self._compiled: Callable[P, R] | None = None
         functools.update_wrapper(self, py_func)
 
@@ -106,6 +109,15 @@ def njit(py_func: Callable[P, R]) -> Kernel[P, R]:
     return Kernel(py_func)
 
 
+def njit_reassociated(py_func: Callable[P, R]) -> Kernel[P, R]:
+    """Mark a kernel whose sums may be taken in any order, for long sums where the last bit means nothing.
+
+    Addition in the written order is a chain that no processor can speed up: a sum of squares takes four times as long.
+    NaN and infinity keep their meaning, unlike under all of fastmath.
+    """
+    return Kernel(py_func, _REASSOCIATED)
+
+
 def specialise(loop: Kernel[..., R], name: str, **kernels: Kernel[..., Any]) -> Kernel[..., R]:
     """Return a copy of `loop` in which the given global names mean the given kernels.
 
@@ -131,7 +143,7 @@ def specialise(loop: Kernel[..., R], name: str, **kernels: Kernel[..., Any]) -> 
         meant.update(f"{word}={callee.__module__}.{callee.__qualname__} {code.co_consts}".encode() + code.co_code)
     copy.__qualname__ = f"{name}-{meant.hexdigest()[:12]}"
     copy.__module__ = pattern.__module__
-    return Kernel(copy)
+    return Kernel(copy, loop.options)
 
 
 def jit_disabled() -> bool:
@@ -173,10 +185,12 @@ def _compile(kernel: Kernel[P, R]) -> Callable[P, R]:
 
     func = _with_compiled_callees(cast(FunctionType, kernel.py_func))
     inside = {reached.__code__.co_filename for reached in _reachable(kernel)} <= _SOURCES
-    return cast(Callable[P, R], (_cached(func) if inside else None) or numba.njit(**_OPTIONS)(func))
+    return cast(
+        Callable[P, R], (_cached(func, kernel.options) if inside else None) or numba.njit(**kernel.options)(func)
+    )
 
 
-def _cached(func: FunctionType) -> Any:
+def _cached(func: FunctionType, options: Mapping[str, Any]) -> Any:
     """Dispatcher with a file cache, or None where no folder can be written."""
     import numba
 
@@ -185,7 +199,7 @@ def _cached(func: FunctionType) -> Any:
     try:
         folder = cache_folder().expanduser().absolute()  # without a home this raises
         config.CACHE_DIR = str(folder)
-        dispatcher: Any = numba.njit(cache=True, **_OPTIONS)(func)
+        dispatcher: Any = numba.njit(cache=True, **options)(func)
     except (RuntimeError, OSError):
         return None
     finally:

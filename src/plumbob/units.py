@@ -41,6 +41,14 @@ class Quantity(StrEnum):
     RATE_NOISE = "rad/s/rtHz"
     RATE_WALK = "rad/s2/rtHz"
     ACCELERATION_NOISE = "m/s2/rtHz"
+    ACCELERATION_WALK = "m/s3/rtHz"
+    JERK = "m/s3"
+    FIELD_NOISE = "uT/rtHz"
+    FIELD_WALK = "uT/s/rtHz"
+    FIELD_RATE = "uT/s"
+    FIELD_TIME = "uT s"
+    RATIO_NOISE = "1/rtHz"
+    RATIO_WALK = "1/s/rtHz"
 
     @property
     def ambiguous(self) -> bool:
@@ -57,6 +65,12 @@ _AMBIGUOUS = {
     Quantity.RATE_NOISE,
     Quantity.RATE_WALK,
     Quantity.ACCELERATION_NOISE,
+    Quantity.ACCELERATION_WALK,
+    Quantity.JERK,
+    Quantity.FIELD_NOISE,
+    Quantity.FIELD_WALK,
+    Quantity.FIELD_RATE,
+    Quantity.FIELD_TIME,
 }
 
 
@@ -80,10 +94,12 @@ UNITS: dict[str, Unit] = {
     "rpm": Unit(Quantity.RATE, 2.0 * math.pi / 60.0),
     "rad/s2": Unit(Quantity.ANGULAR_ACCELERATION, 1.0),
     "deg/s2": Unit(Quantity.ANGULAR_ACCELERATION, _DEG),
+    "deg/h/s": Unit(Quantity.ANGULAR_ACCELERATION, _DEG / 3600.0),
     "m/s2": Unit(Quantity.ACCELERATION, 1.0),
     "cm/s2": Unit(Quantity.ACCELERATION, 1e-2),
     "g": Unit(Quantity.ACCELERATION, G0),
     "mg": Unit(Quantity.ACCELERATION, 1e-3 * G0),
+    "ug": Unit(Quantity.ACCELERATION, 1e-6 * G0),
     "uT": Unit(Quantity.FIELD, 1.0),
     "nT": Unit(Quantity.FIELD, 1e-3),
     "mT": Unit(Quantity.FIELD, 1e3),
@@ -95,6 +111,7 @@ UNITS: dict[str, Unit] = {
     "K": Unit(Quantity.TEMPERATURE, 1.0, -273.15),
     "rad": Unit(Quantity.ANGLE, 1.0),
     "deg": Unit(Quantity.ANGLE, _DEG),
+    "arcsec": Unit(Quantity.ANGLE, _DEG / 3600.0),
     "s": Unit(Quantity.TIME, 1.0),
     "ms": Unit(Quantity.TIME, 1e-3),
     "us": Unit(Quantity.TIME, 1e-6),
@@ -105,6 +122,7 @@ UNITS: dict[str, Unit] = {
     "cm": Unit(Quantity.LENGTH, 1e-2),
     "mm": Unit(Quantity.LENGTH, 1e-3),
     "m/s": Unit(Quantity.SPEED, 1.0),
+    "mm/s": Unit(Quantity.SPEED, 1e-3),
     "Hz": Unit(Quantity.FREQUENCY, 1.0),
     "1/s": Unit(Quantity.GAIN, 1.0),
     "1/s2": Unit(Quantity.GAIN_RATE, 1.0),
@@ -121,6 +139,20 @@ UNITS: dict[str, Unit] = {
     "m/s2/rtHz": Unit(Quantity.ACCELERATION_NOISE, 1.0),
     "mg/rtHz": Unit(Quantity.ACCELERATION_NOISE, 1e-3 * G0),
     "ug/rtHz": Unit(Quantity.ACCELERATION_NOISE, 1e-6 * G0),
+    "m/s3/rtHz": Unit(Quantity.ACCELERATION_WALK, 1.0),
+    "ug/s/rtHz": Unit(Quantity.ACCELERATION_WALK, 1e-6 * G0),
+    "m/s3": Unit(Quantity.JERK, 1.0),
+    "ug/s": Unit(Quantity.JERK, 1e-6 * G0),
+    "uT/rtHz": Unit(Quantity.FIELD_NOISE, 1.0),
+    "nT/rtHz": Unit(Quantity.FIELD_NOISE, 1e-3),
+    "uT/s/rtHz": Unit(Quantity.FIELD_WALK, 1.0),
+    "nT/s/rtHz": Unit(Quantity.FIELD_WALK, 1e-3),
+    "uT/s": Unit(Quantity.FIELD_RATE, 1.0),
+    "nT/s": Unit(Quantity.FIELD_RATE, 1e-3),
+    "uT s": Unit(Quantity.FIELD_TIME, 1.0),
+    "nT s": Unit(Quantity.FIELD_TIME, 1e-3),
+    "1/rtHz": Unit(Quantity.RATIO_NOISE, 1.0),
+    "1/s/rtHz": Unit(Quantity.RATIO_WALK, 1.0),
 }
 _ALIASES = {
     "dps": "deg/s",
@@ -177,6 +209,13 @@ def from_si(value: Number, name: str, quantity: Quantity | None = None) -> Numbe
     """Convert from the unit used inside to the named one."""
     u = unit(name, quantity)
     return (value - u.offset) / u.factor
+
+
+def written(name: str) -> str:
+    """Name of a unit as people write it: ``deg/rth`` is °/√h."""
+    for code, sign in (("degC", "°C"), ("deg", "°"), ("rth", "√h"), ("rtHz", "√Hz"), ("uT", "µT"), ("ug", "µg")):
+        name = name.replace(code, sign)
+    return re.sub(r"(?<=s)([23])", lambda power: "²³"[int(power[1]) - 2], name)
 
 
 def split(text: str) -> tuple[str, str]:

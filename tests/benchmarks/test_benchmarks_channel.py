@@ -24,7 +24,7 @@ from plumbob.benchmark.channel_static import LONG_TAUS, TAUS, WALK, degrees_of_f
 from plumbob.benchmark.channel_turntable import SLOPE, SPIN_UP
 from plumbob.errors import ParameterError
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain, variance_ratio
-from plumbob.noise import overlapping_adev
+from plumbob.noise import deviation
 from plumbob.units import deg, dps
 
 SEEDS = range(6)
@@ -68,8 +68,8 @@ def test_the_allan_deviation_at_50_s_stays():
     before, after = [], []
     for seed in range(60):
         rest = at_rest(seed, 100.0)
-        before.append(overlapping_adev(rest.measured, [500]) ** 2)
-        after.append(overlapping_adev(scalar_filter(1e-3).smooth(rest.t, rest.measured), [500]) ** 2)
+        before.append(deviation(rest.measured, [500]) ** 2)
+        after.append(deviation(scalar_filter(1e-3).smooth(rest.t, rest.measured), [500]) ** 2)
     assert math.sqrt(np.mean(after) / np.mean(before)) == pytest.approx(1.0, abs=0.1)
 
 

@@ -267,7 +267,9 @@ def imported_from(tree):
 
 
 def is_kernel(node):
-    return isinstance(node, ast.FunctionDef) and any(getattr(d, "id", "") == "njit" for d in node.decorator_list)
+    return isinstance(node, ast.FunctionDef) and any(
+        getattr(d, "id", "") in {"njit", "njit_reassociated"} for d in node.decorator_list
+    )
 
 
 @pytest.mark.parametrize("path", sorted(SOURCE.rglob("*.py")), ids=lambda p: p.relative_to(SOURCE).as_posix())

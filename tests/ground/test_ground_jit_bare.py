@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from plumbob import _jit
-from plumbob._jit import bare, njit
+from plumbob._jit import bare, njit, njit_reassociated, specialise
 from plumbob.rotations.kernels import quat_exp, quat_mul
 
 
@@ -105,6 +105,21 @@ def caller(x):
     return a + b + c + d
 
 
+def _sum(x):
+    total = 0.0
+    for k in range(x.shape[0]):
+        total += x[k]
+    return total
+
+
+in_order, in_any_order = njit(_sum), njit_reassociated(_sum)
+
+
+@njit
+def both_sums(x):
+    return in_order(x), in_any_order(x)
+
+
 def code_of(kernel, *args):
     """What the compiler made of a kernel, without the wrappers that Python and C call."""
     kernel(*args)
@@ -123,3 +138,15 @@ class TestMachineCode:
         """Arrays are: two atomic operations for each that a kernel hands on."""
         assert "NRT_" in code_of(with_arrays, *arrays(True))
         assert "NRT_" not in code_of(with_addresses, *arrays(True))
+
+    def test_only_marked_kernels_add_in_any_order(self):
+        """Also when they are specialised; and NaN stays NaN."""
+        x = np.array([1.0, np.nan, 2.0])
+        for kernel in (in_any_order, specialise(in_any_order, "copy")):
+            assert "fadd reassoc" in code_of(kernel, x)
+            assert "nnan" not in code_of(kernel, x)
+        assert "reassoc" not in code_of(in_order, x)
+        both = code_of(both_sums, x)
+        assert "fadd reassoc" in both
+        assert re.search(r"fadd double", both)
+        assert np.isnan(both_sums(x)).all()

@@ -25,10 +25,12 @@ DEFINITIONS = {
     "rpm": TURN / 60,
     "rad/s2": 1.0,
     "deg/s2": TURN / 360,
+    "deg/h/s": TURN / 360 / 3600,
     "m/s2": 1.0,
     "cm/s2": 1e-2,
     "g": 9.80665,
     "mg": 9.80665e-3,
+    "ug": 9.80665e-6,
     "uT": 1.0,
     "nT": 1e-3,
     "mT": 1e3,
@@ -40,6 +42,7 @@ DEFINITIONS = {
     "K": 1.0,
     "rad": 1.0,
     "deg": TURN / 360,
+    "arcsec": TURN / 360 / 3600,
     "s": 1.0,
     "ms": 1e-3,
     "min": 60.0,
@@ -50,6 +53,7 @@ DEFINITIONS = {
     "cm": 1e-2,
     "mm": 1e-3,
     "m/s": 1.0,
+    "mm/s": 1e-3,
     "Hz": 1.0,
     "1/s": 1.0,
     "1/s2": 1.0,
@@ -67,6 +71,20 @@ DEFINITIONS = {
     "m/s2/rtHz": 1.0,
     "mg/rtHz": 9.80665e-3,
     "ug/rtHz": 9.80665e-6,
+    "m/s3/rtHz": 1.0,
+    "ug/s/rtHz": 9.80665e-6,
+    "m/s3": 1.0,
+    "ug/s": 9.80665e-6,
+    "uT/rtHz": 1.0,
+    "nT/rtHz": 1e-3,
+    "uT/s/rtHz": 1.0,
+    "nT/s/rtHz": 1e-3,
+    "uT/s": 1.0,
+    "nT/s": 1e-3,
+    "uT s": 1.0,
+    "nT s": 1e-3,
+    "1/rtHz": 1.0,
+    "1/s/rtHz": 1.0,
 }
 ALIASES = {
     "dps": "deg/s", "°/s": "deg/s", "°/h": "deg/h", "r/min": "rpm", "m/s^2": "m/s2", "m/s²": "m/s2", "Gs": "gauss",
@@ -120,7 +138,7 @@ def test_micro_is_not_milli_or_mega():
             unit(name)
 
 
-@pytest.mark.parametrize("name", ["", "parsec", "deg / s", "m/s/s", "None", "µg"])
+@pytest.mark.parametrize("name", ["", "parsec", "deg / s", "m/s/s", "None", "µgal"])
 def test_unknown_names_are_refused_with_the_known_ones(name):
     with pytest.raises(UnitError) as error:
         unit(name)
@@ -172,8 +190,28 @@ def test_ambiguous_quantities_are_those_with_two_habits():
         "RATE_NOISE",
         "RATE_WALK",
         "ACCELERATION_NOISE",
+        "ACCELERATION_WALK",
+        "JERK",
+        "FIELD_NOISE",
+        "FIELD_WALK",
+        "FIELD_RATE",
+        "FIELD_TIME",
     }
     assert {q.name for q in Quantity if q.ambiguous} == habits
+
+
+@pytest.mark.parametrize(
+    ("name", "sign"),
+    [
+        ("deg/h/rth", "°/h/√h"),
+        ("ug/s/rtHz", "µg/s/√Hz"),
+        ("rad/s2/rtHz", "rad/s²/√Hz"),
+        ("nT s", "nT s"),
+        ("degC", "°C"),
+    ],
+)
+def test_units_as_people_write_them(name, sign):
+    assert units.written(name) == sign
 
 
 def test_constants():

@@ -15,7 +15,7 @@ import numpy as np
 from plumbob.benchmark.channel_records import RATIOS, STEP, at_rest, scalar_filter
 from plumbob.check import Floats
 from plumbob.filters.channel_scalar import steady_gain, variance_ratio
-from plumbob.noise import independent_differences, overlapping_adev
+from plumbob.noise import deviation, edf
 from plumbob.units import dps, to_dps
 
 SAMPLES = 1000
@@ -114,7 +114,7 @@ def measure_static(seeds: Sequence[int], progress: Callable[[int], None] | None 
 
 def degrees_of_freedom(count: int, tau: float) -> float:
     """Degrees of freedom of an Allan variance of white noise at `tau`, s, from a record of `count` samples."""
-    return independent_differences(count, round(tau / STEP))
+    return float(edf("oadev", 0.0, count, [round(tau / STEP)])[0])
 
 
 def _one_run(seed: int) -> tuple[Floats, Floats]:
@@ -139,7 +139,7 @@ def _squares(white: Floats, short: Floats, long: Floats) -> Floats:
 
 
 def _allan_variance(rate: Floats, taus: Sequence[float]) -> Floats:
-    return np.asarray(np.mean(overlapping_adev(rate, [round(tau / STEP) for tau in taus]) ** 2, axis=1))
+    return np.asarray(np.mean(deviation(rate, [round(tau / STEP) for tau in taus]) ** 2, axis=1))
 
 
 def _row(q_over_r: float, ratio: Floats) -> AtRest:

@@ -1,0 +1,188 @@
+"""Before and after: what a filter or a compensation did to the noise, at equal averaging times.
+
+A filter bends the curve at short averaging times. A slope that is read off the bent part belongs to no noise: lines on
+a filtered record give coefficients that are wrong by any factor. What can be compared are the deviations themselves,
+each at the same τ and with its interval, and the filter's time constant: far beyond it a filter changes nothing.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob import check
+from plumbob.check import Floats
+from plumbob.errors import ParameterError
+from plumbob.noise.curve import Curve, curve
+from plumbob.noise.spectrum import Spectrum, spectrum
+from plumbob.units import Quantity
+
+FAR: Final = 10.0
+"""So many time constants on, a filter takes less than 1.5/10 of the Allan variance of white noise, and soon nothing."""
+
+_SAME = 0.05  # of the power: what is no filter
+_LOWEST = 64  # coefficients whose power no filter that can be recognised has changed
+_FITS = 0.1  # rms of ln(power) up to which a ratio of spectra is that of a filter of first order
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Deviations of two records at equal averaging times.
+
+    Attributes
+    ----------
+    before, after : Curve
+        Overlapping Allan deviations.
+    ratio, lo, hi : ndarray (m,)
+        After over before, and its interval of 68.3 % as if the records were independent (F distribution); two
+        versions of one record scatter less.
+    time_constant : float or None
+        Of the filter of first order that makes the one of the other, s; None where there is none such.
+    corner : float or None
+        Frequency at which the power of the ratio of spectra has fallen to half, Hz; None where it does not.
+    bent_below : float or None
+        Averaging time up to which that filter bends the curve, s: `FAR` time constants.
+    notes : tuple of str
+        What the comparison says, and what must not be read from it.
+    """
+
+    before: Curve
+    after: Curve
+    ratio: Floats
+    lo: Floats
+    hi: Floats
+    time_constant: float | None
+    corner: float | None
+    bent_below: float | None
+    notes: tuple[str, ...]
+
+    @property
+    def tau(self) -> Floats:
+        """Averaging times, s."""
+        return self.before.tau
+
+
+class Compared(NamedTuple):
+    """Comparison of one channel: its name, what its samples measure, and what was found."""
+
+    name: str
+    quantity: Quantity
+    comparison: Comparison
+
+
+def compare(before: ArrayLike, after: ArrayLike, dt: float, *, n: NDArray[np.int64] | None = None) -> Comparison:
+    """Compare two records of one channel, the same unit and rate.
+
+    Parameters
+    ----------
+    before, after : array_like (N,)
+        Samples; lengths may differ.
+    dt : float
+        Sampling time, s.
+    n : ndarray (m,), optional
+        Averaging factors; by default log-spaced ones that fit both.
+
+    Raises
+    ------
+    ShapeError
+        If a sample is not finite, or a record has another shape.
+    ParameterError
+        If either has no noise at all, or dt is not above 0.
+    """
+    records = [check.column(name, x) for name, x in (("before", before), ("after", after))]
+    for name, record in zip(("before", "after"), records, strict=True):
+        if record.size < 2 or np.ptp(record) == 0.0:
+            raise ParameterError(f"the record {name} is constant; there is no noise to compare.")
+    shorter = min(records, key=lambda r: r.size)
+    factors = curve(shorter, dt).n if n is None else n
+    first, second = (curve(record, dt, factors) for record in records)
+    ratio = second.dev / first.dev
+    lo, hi = _interval(ratio, second.edf, first.edf, first.confidence)
+    constant, corner = _filter_between(*(spectrum(record[: shorter.size], dt) for record in records))
+    bent = _bent_below(constant, corner)
+    notes = tuple(_notes(first.tau, ratio, lo, hi, constant, corner, bent))
+    return Comparison(first, second, ratio, lo, hi, constant, corner, bent, notes)
+
+
+def _interval(ratio: Floats, edf_over: Floats, edf_under: Floats, confidence: float) -> tuple[Floats, Floats]:
+    from scipy.stats import f
+
+    tail = 0.5 * (1.0 - confidence)
+    ends = (np.sqrt(f.ppf(p, edf_over, edf_under)) for p in (1.0 - tail, tail))
+    lo, hi = (np.asarray(ratio / end) for end in ends)
+    return lo, hi
+
+
+def _filter_between(before: Spectrum, after: Spectrum) -> tuple[float | None, float | None]:
+    """Time constant, s, and half-power frequency, Hz, of what lies between two spectra."""
+    from scipy.optimize import minimize_scalar
+
+    wide = before.terms >= 16.0  # narrower bins say little
+    if np.count_nonzero(wide) < 8:
+        return None, None
+    frequency, weight = before.frequency[wide], np.sqrt(before.terms[wide])
+    gain = np.log(np.maximum(after.power[wide], 1e-300) / np.maximum(before.power[wide], 1e-300))
+    lowest = before.start[:-1] <= _LOWEST
+    level = math.log(float(after.power[lowest].sum() / before.power[lowest].sum()))
+    scatter = 2.0 / math.sqrt(_LOWEST)  # of two independent records
+    if float(np.mean(gain[-8:])) - level > -max(_SAME, 4.0 * scatter):
+        return None, None
+    below = np.flatnonzero(gain - level < -math.log(2.0))
+    corner = float(frequency[below[0]]) if below.size else None
+    start = level if abs(level) > _SAME else 0.0
+
+    def misfit(log_time: float) -> float:
+        left = gain - start - _first_order(frequency, before.step, math.exp(log_time))
+        return float(np.average(left**2, weights=weight))
+
+    ends = math.log(0.05 * before.step), math.log(0.1 * before.count * before.step)
+    best = minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-4})
+    return (math.exp(best.x) if math.sqrt(best.fun) < _FITS else None), corner
+
+
+def _first_order(frequency: Floats, dt: float, time: float) -> Floats:
+    """Logarithm of the power that ``y += K (x − y)`` passes, with 1 − K = exp(−Δt / time)."""
+    left = math.exp(-dt / time)
+    turn = np.sin(np.pi * frequency * dt)
+    return np.asarray(-np.log1p(4.0 * left * turn**2 / (1.0 - left) ** 2))
+
+
+def _bent_below(constant: float | None, corner: float | None) -> float | None:
+    if constant is not None:
+        return FAR * constant
+    return None if corner is None else FAR / (2.0 * math.pi * corner)
+
+
+def _notes(
+    tau: Floats,
+    ratio: Floats,
+    lo: Floats,
+    hi: Floats,
+    constant: float | None,
+    corner: float | None,
+    bent: float | None,
+) -> Iterator[str]:
+    if bent is None:
+        yield "the two spectra show no low-pass between them"
+        if np.median(np.abs(np.log(ratio)) / np.log(hi / lo)) > 1.0:  # twice the distance to an end of the interval
+            yield f"the deviation has changed by a factor of {np.median(ratio):.3f}"
+        return
+    if constant is not None:
+        yield f"between the two lies a filter of first order with a time constant of {constant:.3g} s"
+    else:
+        yield f"between the two lies a low-pass that halves the power at {corner:.3g} Hz; it is not of first order"
+    yield (
+        f"warning: below τ = {bent:.3g} s the curve after is bent by the filter; no slope or coefficient may be read "
+        "off there, and Q and N of the record after mean nothing"
+    )
+    far = tau >= bent
+    if not far.any():
+        yield "the records are too short to show what happens beyond the filter"
+    elif ((lo[far] <= 1.0) & (hi[far] >= 1.0)).mean() >= 0.5:
+        yield f"beyond it nothing has changed that the records could show: ratio {np.median(ratio[far]):.3f}"
+    else:
+        change = float(np.median(ratio[far]))
+        yield f"beyond it the deviation has changed by a factor of {change:.3f}: that is no filter's doing"

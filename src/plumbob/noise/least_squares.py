@@ -1,0 +1,109 @@
+"""Coefficients by non-negative least squares on the Allan variance, weighted by its degrees of freedom.
+
+The Allan variance is linear in the squares of the coefficients, so no start is needed and none comes out imaginary.
+Values at neighbouring averaging times are far from independent; the intervals know that: they come from the covariance
+of the whole curve under the fitted spectrum. For K and R the likelihood says more (`plumbob.noise.likelihood`).
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.check import Floats
+from plumbob.noise.curve import Curve
+from plumbob.noise.edf import edf
+from plumbob.noise.findings import Coefficient, Estimates, GaussMarkov, Sinusoid
+from plumbob.noise.likelihood import CLEAR
+from plumbob.noise.terms import TERMS, variance
+from plumbob.noise.transfer import allan_transfer, grid
+
+_ROUNDS = 6
+_SAMPLED_TO = 64  # from so many samples on, sampled flicker noise has its flat line to 0.1 %
+
+
+def least_squares(
+    curve: Curve, *, first: int = 1, sinusoids: Sequence[Sinusoid] = (), markov: GaussMarkov | None = None
+) -> Estimates:
+    """Fit Q, N, B, K and R to a curve.
+
+    Parameters
+    ----------
+    curve : Curve
+        Overlapping Allan deviation.
+    first : int
+        Smallest averaging factor to use.
+    sinusoids, markov
+        What else is in the curve, already known.
+    """
+    used = curve.n >= first
+    n, tau = curve.n[used], curve.tau[used]
+    if n.size <= len(TERMS):
+        return Estimates("least squares", {})
+    known = np.sum([s.variance(tau) for s in sinusoids] + [np.zeros(tau.size)], axis=0)
+    known = known if markov is None else known + markov.variance(tau)
+    columns = _columns(n, curve.dt)
+    measured = curve.dev[used] ** 2
+    squares, inverse = _solve(columns, measured, known, curve.edf[used], lambda model: _freedom(curve, n, model))
+    model: Floats = columns @ squares + known
+    covariance: Floats = inverse @ _covariance(curve, n, squares, model) @ inverse.T
+    sd = np.sqrt(np.diag(covariance))
+    return Estimates("least squares", {k: _coefficient(v, s) for k, v, s in zip(TERMS, squares, sd, strict=True)})
+
+
+def _columns(n: NDArray[np.int64], dt: float) -> Floats:
+    """Allan variance (m, 5) of each term for a coefficient of 1, sampled flicker noise at few samples included."""
+    columns = np.stack([variance(letter, 1.0, n * dt) for letter in TERMS], axis=1)
+    few = n < _SAMPLED_TO
+    if few.any():
+        frequency, width = grid(_SAMPLED_TO, dt)
+        density = dt / (2.0 * np.sin(np.pi * frequency * dt))
+        columns[few, list(TERMS).index("B")] = allan_transfer(n[few], frequency, dt) @ (density * width)
+    return np.asarray(columns)
+
+
+def _freedom(curve: Curve, n: NDArray[np.int64], model: Floats) -> Floats:
+    """Degrees of freedom of the model's noise at each factor, told from its own slope, which does not scatter."""
+    slope = np.gradient(np.log(model), np.log(n)) if n.size > 1 else np.zeros(1)
+    return edf(curve.kind, np.clip(-slope - 1.0, -2.0, 2.0), curve.count, n)
+
+
+def _solve(
+    columns: Floats, measured: Floats, known: Floats, freedom: Floats, freedom_of: Callable[[Floats], Floats]
+) -> tuple[Floats, Floats]:
+    """Squares of the coefficients (5,), and the matrix (5, m) that makes them of the measured variances.
+
+    The weights are those of the model, not of the measured values: a value that came out low would otherwise count
+    more.
+    """
+    from scipy.optimize import nnls
+
+    model = measured
+    for _ in range(_ROUNDS):
+        weight = np.sqrt(0.5 * freedom) / model
+        weighted = weight[:, np.newaxis] * columns
+        scale = np.sqrt(np.sum(weighted**2, axis=0))
+        squares = nnls(weighted / scale, weight * (measured - known))[0] / scale
+        model = np.maximum(columns @ squares + known, 1e-3 * measured)
+        freedom = freedom_of(model)
+    inverse = np.linalg.pinv(weighted / scale) / scale[:, np.newaxis] * weight
+    return squares, np.asarray(inverse)
+
+
+def _covariance(curve: Curve, n: NDArray[np.int64], squares: Floats, model: Floats) -> Floats:
+    """Covariance (m, m) of the Allan variances: variances by degrees of freedom, correlations by common frequencies."""
+    frequency, width = grid(curve.count, curve.dt)
+    w = 2.0 * np.sin(np.pi * frequency * curve.dt)
+    densities = np.stack([w**2 / curve.dt, np.ones_like(w), curve.dt / w, (curve.dt / w) ** 2])
+    shares = allan_transfer(n, frequency, curve.dt) * (squares[:4] @ densities) * np.sqrt(width)
+    product = shares @ shares.T
+    norm = np.sqrt(np.maximum(np.diag(product), np.finfo(float).tiny))
+    sd = model * np.sqrt(2.0 / _freedom(curve, n, model))
+    return np.asarray(product / np.outer(norm, norm) * np.outer(sd, sd))
+
+
+def _coefficient(square: float, sd: float) -> Coefficient:
+    """Root of a square with its interval: the ends are those of the square."""
+    lo, hi, upper = (math.sqrt(max(square + k * sd, 0.0)) for k in (-1.0, 1.0, 1.645))
+    return Coefficient(math.sqrt(square), lo, hi, upper, bool(square > 0.0 and square >= CLEAR * sd))

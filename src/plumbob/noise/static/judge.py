@@ -1,0 +1,393 @@
+"""Is this a static record that a noise analysis can be made of? Findings in words, and the longest still stretch.
+
+Samples come in blocks, so that a record need not fit in memory; a check keeps a few numbers for each second.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob import check
+from plumbob.check import Floats
+from plumbob.constants import G0
+from plumbob.errors import ParameterError, ShapeError
+from plumbob.noise.static.clipped import clipped
+from plumbob.noise.static.held import held
+from plumbob.noise.static.periodic import shaking
+from plumbob.noise.static.report import Finding, StaticReport
+from plumbob.noise.static.runs import Runs
+from plumbob.noise.static.spikes import Spikes
+from plumbob.noise.static.step import find_step
+from plumbob.noise.static.stillness import Parts, Stillness, joined, longest_gap
+from plumbob.units import Quantity, deg, dps
+
+FEWEST_SAMPLES: Final = 1000
+"""From here on averages over 1 to 100 samples, two decades of time, are known to 20 % (13 degrees of freedom of white
+noise [Riley2008]); through a shorter curve any line can be laid."""
+
+FEWEST_LEVELS: Final = 5
+TURNING: Final = dps(10.0)
+"""A gyroscope whose average over 1 s departs so far from its median turns, rad/s; no warm-up drifts as much."""
+TILTING: Final = deg(3.0)
+"""An accelerometer whose average over 1 s departs so far from its median direction is tilted, rad: 50 mg of drift."""
+LENGTHENING: Final = 0.05
+"""The same for the length of the specific force, as a part of it."""
+ABOUT_G: Final = (0.8, 1.2)
+"""Specific force of an uncalibrated accelerometer at rest, in g."""
+
+TWO_LEVELS: Final = 0.6
+"""Noise on two neighbouring levels has a standard deviation of at most half their step; more has to change."""
+
+_EXCERPT: Final = 1 << 16
+_MARGIN: Final = 1.0
+_STRICT: Final = 0.7
+_WITHOUT_MOTION: Final = ("not finite", "constant", "one way", "held", "coarse", "not at rest")
+
+
+class StaticCheck:
+    """Looks at channels of one rate, block by block.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the channels.
+    dt : float
+        Sampling time, s.
+    quantity : Quantity
+        What they measure, in inside units; rates and accelerations must also be possible at rest.
+    triad : bool
+        Whether they are x, y and z of one sensor.
+    start : float
+        Time of the first sample, s.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        dt: float,
+        *,
+        quantity: Quantity = Quantity.RATIO,
+        triad: bool = False,
+        start: float = 0.0,
+    ) -> None:
+        if not 0.0 < dt < math.inf:
+            raise ParameterError(f"dt must be a positive time in s, but it is {dt}.")
+        self.names, self.dt, self.start = tuple(names), dt, start
+        self.quantity, self.triad = quantity, triad
+        self.count = 0
+        columns = len(self.names)
+        self._bad = [(-1, 0)] * columns
+        self._numbers, self._since = (0, 0), 0
+        self._low, self._high = np.full(columns, np.inf), np.full(columns, -np.inf)
+        self._still = [Stillness(dt) for _ in self.names]
+        self._spikes = [Spikes() for _ in self.names]
+        self._runs = [Runs() for _ in self.names]
+        self._excerpt: list[Floats] = []
+        self._grain: list[tuple[float, float]] | None = None
+        self._second = max(1, round(1.0 / dt))
+        self._rest = np.empty((0, columns))
+        self._means: list[Floats] = []
+
+    @property
+    def stop(self) -> float:
+        """Time after the last sample, s."""
+        return self.start + self.count * self.dt
+
+    def add(self, block: ArrayLike) -> None:
+        """Take the next samples (n, k); or (n,) of a single channel."""
+        samples = check.floats("block", block)
+        samples = samples[:, np.newaxis] if samples.ndim == 1 else samples
+        if samples.ndim != 2 or samples.shape[1] != len(self.names):
+            raise ShapeError(f"block must have shape (n, {len(self.names)}), but its shape is {samples.shape}.")
+        for column, values in enumerate(np.ascontiguousarray(samples.T)):
+            self._look(column, values)
+        for place in np.flatnonzero(~np.isfinite(samples).all(axis=1)).tolist():
+            self._numbers = self._longest_numbers(self.count + place)
+            self._since = self.count + place + 1
+        if self.count < _EXCERPT:
+            self._excerpt.append(samples[: _EXCERPT - self.count])
+            self._grain = None
+        self.count += len(samples)
+        seconds = np.concatenate((self._rest, samples))
+        whole = len(seconds) // self._second * self._second
+        self._means.append(seconds[:whole].reshape(-1, self._second, len(self.names)).mean(axis=1))
+        self._rest = seconds[whole:]
+
+    def _longest_numbers(self, end: int) -> tuple[int, int]:
+        """Longest stretch of samples of numbers only, if one ends here."""
+        return max(self._numbers, (self._since, end), key=lambda part: part[1] - part[0])
+
+    def _look(self, column: int, values: Floats) -> None:
+        finite = np.isfinite(values)
+        if not finite.all():
+            first, count = self._bad[column]
+            here = self.count + int(np.argmin(finite))
+            self._bad[column] = (here if first < 0 else first, count + int(np.count_nonzero(~finite)))
+            return  # the channel is refused for it, whatever else it holds
+        if values.size:
+            self._low[column] = min(self._low[column], values.min())
+            self._high[column] = max(self._high[column], values.max())
+        self._spikes[column].add(values)
+        self._runs[column].add(values)
+        self._still[column].add(values)
+
+    @property
+    def _sound(self) -> list[int]:
+        """Columns of numbers that change up and down."""
+        return [c for c in self._changing if self._runs[c].one_way is None]
+
+    @property
+    def _changing(self) -> list[int]:
+        return [c for c, (_, bad) in enumerate(self._bad) if not bad and self._high[c] > self._low[c]]
+
+    def moving(self, start: float, stop: float, *, limit: float = 1.0) -> Parts:
+        """When something moved between two times, s, by the measure of what is quiet between them.
+
+        Parameters
+        ----------
+        start, stop : float
+            The two times.
+        limit : float
+            Less than 1 is stricter, as in `Stillness.moving`.
+        """
+        first, end = round((start - self.start) / self.dt), round((stop - self.start) / self.dt)
+        found = [
+            part
+            for column in self._sound
+            for part in self._still[column].moving(first, end, self._coarse(column), limit=limit)
+        ]
+        if not found:  # else what is left is asked again, for an average of a motion is no measure of rest
+            found = self._impossible(first, end)
+        return self._times(found)
+
+    def stuck(self) -> Parts:
+        """When a channel repeated one value for longer than its noise can, s."""
+        return self._times([part for column in self._sound for part in self._stuck(column)])
+
+    def _stuck(self, column: int) -> Parts:
+        scatter = _local_sds(self.excerpt()[:, column])
+        lively = scatter[scatter > 0.0]
+        if lively.size and np.median(lively) < TWO_LEVELS * self._grains()[column][0]:  # its noise rests by itself
+            return []
+        return self._runs[column].stuck()
+
+    def _times(self, parts: Parts) -> Parts:
+        return joined([(float(self.start + a * self.dt), float(self.start + b * self.dt)) for a, b in parts])
+
+    def _impossible(self, first: int, end: int) -> Parts:
+        """Seconds of some samples in which the averages are not those of a sensor at rest."""
+        begin, size = -(-first // self._second), self._second
+        means = np.concatenate(self._means)[begin : end // size]
+        if not len(means) or len(self._sound) < len(self.names):
+            return []
+        places = begin + np.flatnonzero(self._off(means, np.median(means, axis=0)))
+        return [(i * size, (i + 1) * size) for i in places.tolist()]
+
+    def _off(self, means: Floats, middle: Floats) -> NDArray[np.bool_]:
+        if self.quantity is Quantity.RATE:
+            return np.asarray((np.abs(means - middle) > TURNING).any(axis=1))
+        length, usual = np.linalg.norm(means, axis=1), float(np.linalg.norm(middle))
+        if self.quantity is not Quantity.ACCELERATION or not self.triad or not _about_g(usual):
+            return np.zeros(len(means), dtype=bool)
+        angle = np.arctan2(np.linalg.norm(np.cross(means, middle), axis=1), means @ middle)
+        return np.asarray((angle > TILTING) | (np.abs(length / usual - 1.0) > LENGTHENING))
+
+    def excerpt(self) -> Floats:
+        """First samples of the record (n, k)."""
+        return np.concatenate(self._excerpt) if self._excerpt else np.empty((0, len(self.names)))
+
+    @property
+    def steps(self) -> list[float]:
+        """Step of the values of each channel."""
+        return [grain[0] for grain in self._grains()]
+
+    def _grains(self) -> list[tuple[float, float]]:
+        """Step and short-term scatter of each channel."""
+        if self._grain is None:
+            columns = np.ascontiguousarray(self.excerpt().T)
+            sound = self._sound
+            self._grain = [(find_step(c), _local_sd(c)) if i in sound else (0.0, 0.0) for i, c in enumerate(columns)]
+        return self._grain
+
+    def _coarse(self, column: int) -> float:
+        """Step of a channel whose noise is smaller than that; else 0."""
+        step, sd = self._grains()[column]
+        return step if sd < step else 0.0
+
+    def findings(self) -> list[Finding]:
+        """Everything but motion."""
+        if self.count < FEWEST_SAMPLES:
+            return [self._about_all("short", f"{self.count} samples are too few; record {FEWEST_SAMPLES} or more.")]
+        found = [finding for column, name in enumerate(self.names) for finding in self._of_channel(column, name)]
+        return found + self._of_triad()
+
+    def _told(self, value: float, digits: int = 3) -> str:
+        """Value with its unit."""
+        unit = "" if self.quantity is Quantity.RATIO else f" {self.quantity}"
+        return f"{value:.{digits}g}{unit}"
+
+    def _about_all(self, kind: str, text: str) -> Finding:
+        return Finding(kind, ", ".join(self.names), True, text)
+
+    def _of_channel(self, column: int, name: str) -> list[Finding]:
+        first, bad = self._bad[column]
+        if bad:
+            (part,) = self._times([self._longest_numbers(self.count)])
+            enough = (_before(part[1]) - _after(part[0])) / self.dt >= FEWEST_SAMPLES - 0.5
+            advice = f"the longest stretch of numbers is {_options(part)}" if enough else "no stretch is long enough"
+            text = f"sample {first} is not finite ({bad} such of {self.count}); {advice}."
+            return [Finding("not finite", name, True, text)]
+        if column not in self._changing:
+            value = self._told(self._low[column], 9)
+            text = f"all {self.count} values are {value}; the sensor is stuck, off or not connected."
+            return [Finding("constant", name, True, text)]
+        way = self._runs[column].one_way
+        if way is not None:
+            return [Finding("one way", name, True, f"only {way}; is it time or a counter? Leave the column out.")]
+        findings = (self._held, self._quantised, self._clipped, self._spiked, self._shaken)
+        return [finding for find in findings for finding in find(column, name)]
+
+    def _held(self, column: int, name: str) -> list[Finding]:
+        times = held(self.excerpt()[:, column])
+        if times == 1:
+            return []
+        text = (
+            f"each value comes about {times} times in a row; the sensor is slower than its rows: keep one of each, and "
+            f"give its own rate, about {1.0 / (self.dt * times):.4g} Hz."
+        )
+        return [Finding("held", name, True, text)]
+
+    def _quantised(self, column: int, name: str) -> list[Finding]:
+        step, sd = self._grains()[column]
+        levels = np.unique(self.excerpt()[:, column]).size
+        if not (step > 0.0 and (levels < FEWEST_LEVELS or sd < 0.5 * step)):
+            return []
+        text = (
+            f"the values are {levels} multiples of the step {self._told(step, 6)} with a scatter of {self._told(sd)}; "
+            "the converter hides the noise, and short averaging times show its rounding instead."
+        )
+        return [Finding("coarse", name, False, text)]
+
+    def _clipped(self, column: int, name: str) -> list[Finding]:
+        if self._coarse(column):
+            return []
+        values = self.excerpt()[:, column]
+        piles = clipped(values)
+        if not piles:
+            return []
+        told = " and ".join(f"{pile.size} times {self._told(pile.value, 6)}" for pile in piles)
+        text = (
+            f"{told} in the first {values.size} samples, but hardly the next level inside: the values are clipped at "
+            "the end of a range; choose a wider one, and record again."
+        )
+        return [Finding("clipped", name, True, text)]
+
+    def _spiked(self, column: int, name: str) -> list[Finding]:
+        places = self._spikes[column].found(3.0 * self.steps[column])
+        if not places:
+            return []
+        listed = ", ".join(map(str, places[:5])) + (", …" if len(places) > 5 else "")
+        text = (
+            f"single samples stand far off their neighbours, as errors of transmission do: {len(places)}, at sample "
+            f"{listed}; they are left as they are, and raise short averaging times."
+        )
+        return [Finding("spikes", name, False, text)]
+
+    def _shaken(self, column: int, name: str) -> list[Finding]:
+        values = self.excerpt()[:, column]
+        found = shaking(values, self.dt)
+        if found is None or found.amplitude < self.steps[column]:  # as the stairs of a quantised ramp
+            return []
+        rule = np.arange(values.size)
+        scatter = float(np.var(values - np.polyval(np.polyfit(rule, values, 1), rule)))
+        most = found.amplitude**2 / 2.0 > 0.5 * scatter
+        what = "the unit was shaken, or another signal leaks in: stop it and record again"
+        text = f"it oscillates at {found.frequency:.4g} Hz with an amplitude of {self._told(found.amplitude)}; " + (
+            f"that is most of its scatter: {what}." if most else "averages near half that period show it as a hump."
+        )
+        return [Finding("periodic", name, most, text)]
+
+    def _of_triad(self) -> list[Finding]:
+        if not (self.triad and self.quantity is Quantity.ACCELERATION and len(self._sound) == len(self.names)):
+            return []
+        means = np.concatenate(self._means)
+        usual = float(np.linalg.norm(np.median(means, axis=0))) if len(means) else G0
+        if _about_g(usual):
+            return []
+        text = f"measures {usual / G0:.3g} g, but at rest it is 1 g: a wrong scale, or never at rest?"
+        return [self._about_all("not at rest", text)]
+
+
+def judge(*checks: StaticCheck) -> StaticReport:
+    """Report on all sensors of one unit; what moved one of them moved the unit.
+
+    The still stretch passes by its own measure, and a stricter one: beside a rough motion a gentle one seems quiet, so
+    what is left is judged again until nothing is found in it.
+    """
+    findings = {one: one.findings() for one in checks}
+    steps = {name: step for one in checks for name, step in zip(one.names, one.steps, strict=True)}
+    enough = [one for one in checks if one.count >= FEWEST_SAMPLES]
+    stuck = {one: one.stuck() for one in enough}  # beside which noise would seem a motion
+    moving = {one: parts or one.moving(one.start, one.stop) for one, parts in stuck.items()}
+    together = joined([part for parts in moving.values() for part in parts])
+    still = _longest_still(enough, together) if enough else None
+    for one, parts in moving.items():
+        if parts:  # of which everything else is a consequence
+            disturbed = _disturbed(one, parts, still, stuck=bool(stuck[one]))
+            kept = [f for f in findings[one] if f.kind in _WITHOUT_MOTION and (f.refuses or not stuck[one])]
+            findings[one] = [*kept, disturbed]
+    return StaticReport(tuple(f for found in findings.values() for f in found), steps, tuple(together), still)
+
+
+def _longest_still(checks: Sequence[StaticCheck], known: Parts) -> tuple[float, float] | None:
+    """Longest stretch outside the known motions, a second away from any, in which nothing else moved."""
+    whole = max(float(one.start) for one in checks), min(float(one.stop) for one in checks)
+    while True:
+        left = longest_gap(joined([(a - _MARGIN, b + _MARGIN) for a, b in known]), *whole)
+        if any((left[1] - left[0]) / one.dt < FEWEST_SAMPLES - 0.5 for one in checks):
+            return None
+        more = [part for one in checks for part in one.moving(*left, limit=_STRICT)] if known else []
+        if not more:
+            return left
+        known = known + more
+
+
+def _disturbed(one: StaticCheck, parts: Parts, still: tuple[float, float] | None, *, stuck: bool) -> Finding:
+    others = f" and {len(parts) - 1} times more" if len(parts) > 1 else ""
+    if still is None:
+        advice = "no stretch is still for long enough; record the unit untouched"
+    else:
+        advice = f"the longest still stretch is {_options(still)}"
+    kind, what = ("stuck", "repeats one value") if stuck else ("moving", "moved or was disturbed")
+    text = f"{what} from {parts[0][0]:.4g} s to {parts[0][1]:.4g} s{others}; {advice}."
+    return Finding(kind, ", ".join(one.names), True, text)
+
+
+def _about_g(specific_force: float) -> bool:
+    return ABOUT_G[0] * G0 <= specific_force <= ABOUT_G[1] * G0
+
+
+def _options(part: tuple[float, float]) -> str:
+    """Part of the time as options that choose it."""
+    return f"--from {_after(part[0]):.12g}s --to {_before(part[1]):.12g}s"
+
+
+def _after(t: float) -> float:
+    return math.ceil(10.0 * t - 1e-6) / 10.0
+
+
+def _before(t: float) -> float:
+    return math.floor(10.0 * t + 1e-6) / 10.0
+
+
+def _local_sd(values: Floats) -> float:
+    """Typical standard deviation within short windows, which drift does not reach."""
+    return float(np.median(_local_sds(values)))
+
+
+def _local_sds(values: Floats, size: int = 64) -> Floats:
+    whole = values.size // size * size
+    return values[:whole].reshape(-1, size).std(axis=1) if whole else np.array([values.std()])

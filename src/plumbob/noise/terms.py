@@ -1,0 +1,92 @@
+"""The five terms of sensor noise [IEEE952]: names, Allan variances, spectra, and the units of a data sheet.
+
+With σ the Allan deviation, τ the averaging time and Δt the sampling time:
+
+======  =======================================  ==================  ===================  =====  ==========
+letter  name                                     Allan variance      two-sided PSD        slope  read at
+======  =======================================  ==================  ===================  =====  ==========
+Q       quantization (of the angle)              3 Q² / τ²           (2πf)² Q² Δt         −1     τ = √3 s
+N       white noise (angle random walk)          N² / τ              N²                   −1/2   τ = 1 s
+B       bias instability (flicker)               (2 ln 2 / π) B²     B² / (2πf)           0      B = σ/0.664
+K       random walk (of the rate)                K² τ / 3            K² / (2πf)²          +1/2   τ = 3 s
+R       ramp (steady drift)                      R² τ² / 2           none, deterministic  +1     τ = √2 s
+======  =======================================  ==================  ===================  =====  ==========
+
+N is often called random walk too; it is the random walk of the *integral*. K is that of the signal itself.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plumbob.check import Floats
+from plumbob.units import Quantity
+
+
+class Term(NamedTuple):
+    """A term whose Allan variance is ``coefficient² · share · τ^power``.
+
+    Attributes
+    ----------
+    letter, name : str
+        Q, N, B, K or R, and in words.
+    share, power : float
+        Of the Allan variance.
+    read_at : float or None
+        Averaging time at which the coefficient is read off its line, s; None where the line is flat.
+    """
+
+    letter: str
+    name: str
+    share: float
+    power: int
+    read_at: float | None
+
+    @property
+    def slope(self) -> float:
+        """Slope of the Allan deviation in a log-log plot."""
+        return self.power / 2.0
+
+
+TERMS: Final[dict[str, Term]] = {
+    "Q": Term("Q", "quantization", 3.0, -2, math.sqrt(3.0)),
+    "N": Term("N", "white noise", 1.0, -1, 1.0),
+    "B": Term("B", "bias instability", 2.0 * math.log(2.0) / math.pi, 0, None),
+    "K": Term("K", "random walk", 1.0 / 3.0, 1, 3.0),
+    "R": Term("R", "ramp", 0.5, 2, math.sqrt(2.0)),
+}
+"""The five terms by letter, from short averaging times to long ones."""
+
+DATASHEET: Final[dict[Quantity, dict[str, str]]] = {
+    Quantity.RATE: {"Q": "arcsec", "N": "deg/rth", "B": "deg/h", "K": "deg/h/rth", "R": "deg/h/s"},
+    Quantity.ACCELERATION: {"Q": "mm/s", "N": "ug/rtHz", "B": "ug", "K": "ug/s/rtHz", "R": "ug/s"},
+    Quantity.FIELD: {"Q": "nT s", "N": "nT/rtHz", "B": "nT", "K": "nT/s/rtHz", "R": "nT/s"},
+    Quantity.RATIO: {"Q": "s", "N": "1/rtHz", "B": "1", "K": "1/s/rtHz", "R": "1/s"},
+}
+"""Unit of each coefficient as data sheets print it, by what the sensor measures; RATIO is for bare numbers."""
+
+DEVIATION: Final[dict[Quantity, str]] = {
+    Quantity.RATE: "deg/h",
+    Quantity.ACCELERATION: "ug",
+    Quantity.FIELD: "nT",
+    Quantity.RATIO: "1",
+}
+"""Unit of an Allan deviation as it is printed."""
+
+
+def variance(letter: str, coefficient: float, tau: ArrayLike) -> Floats:
+    """Allan variance of one term.
+
+    Parameters
+    ----------
+    letter : {"Q", "N", "B", "K", "R"}
+        Which.
+    coefficient : float
+        Its coefficient in inside units.
+    tau : array_like
+        Averaging times, s.
+    """
+    term = TERMS[letter]
+    return np.asarray(coefficient**2 * term.share * np.asarray(tau, dtype=np.float64) ** term.power)

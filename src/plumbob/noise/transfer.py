@@ -1,0 +1,40 @@
+"""What each frequency of a record adds to an Allan variance."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plumbob.check import Floats
+
+
+def allan_transfer(n: ArrayLike, frequency: ArrayLike, dt: float) -> Floats:
+    """Weight of the two-sided density at each frequency in the Allan variance of averages over n samples.
+
+    ``σ²(n) = ∫ weight · S df`` over positive frequencies up to half the sampling rate, weight =
+    4 sin⁴(πfnΔt) / (n sin(πfΔt))²: the squared response of a difference of neighbouring averages, both signs of f.
+
+    Parameters
+    ----------
+    n : array_like (m,)
+        Averaging factors.
+    frequency : array_like (k,)
+        Frequencies, Hz, above 0.
+    dt : float
+        Sampling time, s.
+
+    Returns
+    -------
+    ndarray (m, k)
+    """
+    factor = np.asarray(n, dtype=np.float64)[:, np.newaxis]
+    turn = np.pi * np.asarray(frequency, dtype=np.float64) * dt
+    return np.asarray(4.0 * np.sin(factor * turn) ** 4 / (factor * np.sin(turn)) ** 2)
+
+
+def grid(count: int, dt: float, size: int = 1 << 14) -> tuple[Floats, Floats]:
+    """Frequencies (size,) and their widths for integrals over a spectrum: evenly spaced by logarithm, and shaken.
+
+    Shaken, because the transfer swings faster than the grid is fine; its mean is then met all the same.
+    """
+    ends = np.geomspace(0.125 / (count * dt), 0.5 / dt, size + 1)
+    width = np.diff(ends)
+    return ends[:-1] + width * np.random.default_rng(0).uniform(size=size), width

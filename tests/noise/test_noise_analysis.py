@@ -1,0 +1,250 @@
+"""The whole analysis: mask, sinusoids, model choice, least squares, lines, comparison."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from plumbob import _jit
+from plumbob.errors import ParameterError
+from plumbob.noise import analyse, compare, curve, edf
+from plumbob.noise.findings import Coefficient, GaussMarkov, Sinusoid
+from plumbob.noise.least_squares import least_squares
+from plumbob.noise.lines import lines
+from plumbob.noise.sinusoids import find_sinusoids
+from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
+from plumbob.noise.transfer import allan_transfer
+from plumbob.units import unit
+
+slow_without_jit = pytest.mark.skipif(_jit.jit_disabled(), reason="sums over long records take minutes as plain Python")
+
+
+def white(seed, count=100_000, sd=0.2):
+    return sd * np.random.default_rng(seed).standard_normal(count)
+
+
+def markov(seed, count, time, sd, dt):
+    decay = math.exp(-dt / time)
+    drive = np.random.default_rng(seed).standard_normal(count) * math.sqrt(1.0 - decay**2)
+    return sd * lfilter([1.0], [1.0, -decay], drive)
+
+
+def test_variances_are_those_of_the_standard():
+    """[IEEE952] annex C at each read-off point: σ = Q at √3, N at 1, 0.664 B, K at 3, R at √2."""
+    for letter, term in TERMS.items():
+        at = 7.0 if term.read_at is None else term.read_at
+        expected = 0.6643 * 2.0 if letter == "B" else 2.0
+        assert math.sqrt(variance(letter, 2.0, at)) == pytest.approx(expected, rel=1e-4)
+
+
+def test_every_unit_of_a_data_sheet_is_known():
+    for quantity, by_letter in DATASHEET.items():
+        assert list(by_letter) == list(TERMS)
+        assert unit(DEVIATION[quantity]).quantity is quantity
+        assert all(unit(name) for name in by_letter.values())
+
+
+def test_the_transfer_makes_the_variances_of_white_noise_and_walk():
+    """σ² = N²/τ; a sampled walk's is K² τ/3 · (1 + 1/(2n²)), both closed forms of sums."""
+    ends = np.linspace(0.0, 50.0, 400_001)
+    f, width = 0.5 * (ends[1:] + ends[:-1]), 50.0 / 400_000
+    n = np.array([1, 3, 10, 50])
+    weight = allan_transfer(n, f, 0.01) * width
+    assert np.sum(weight, axis=1) == pytest.approx(1.0 / (n * 0.01), rel=1e-6)
+    walk = (0.01 / (2.0 * np.sin(np.pi * f * 0.01))) ** 2
+    assert weight @ walk == pytest.approx(n * 0.01 / 3.0 * (1.0 + 0.5 / n**2), rel=1e-5)
+
+
+def test_a_gauss_markov_process_has_its_variance_at_both_ends():
+    """White noise of density 2 sd² t₀ far beyond its time, a random walk of K² = 2 sd² / t₀ far below it."""
+    process = GaussMarkov(Coefficient(0.3), Coefficient(20.0))
+    assert float(process.variance(2e5)) == pytest.approx(2.0 * 0.09 * 20.0 / 2e5, rel=2e-4)
+    assert float(process.variance(0.01)) == pytest.approx(2.0 * 0.09 / 20.0 * 0.01 / 3.0, rel=1e-3)
+    below, above = process.variance(np.array([0.2 * (1 - 1e-9), 0.2 * (1 + 1e-9)]))
+    assert below == pytest.approx(above, rel=1e-6)  # where the series meets the closed form
+
+
+def test_a_sinusoid_is_measured_and_taken_out():
+    """Against the bounds of its noise; its Allan variance against that of the bare samples."""
+    t = np.arange(60_000) * 0.01
+    wave = 0.02 * np.sin(2.0 * np.pi * 3.21 * t + 0.7)
+    (found,), left = find_sinusoids(white(1, 60_000) + wave, 0.01)
+    assert abs(found.amplitude - 0.02) <= 4.0 * found.amplitude_sd
+    assert abs(found.frequency - 3.21) <= 4.0 * found.frequency_sd
+    assert found.amplitude_sd == pytest.approx(0.2 * math.sqrt(2.0 / 60_000), rel=0.3)
+    assert np.std(left - white(1, 60_000)) < 4.0 * found.amplitude_sd
+    exact = Sinusoid(0.02, 0.0, 3.21, 0.0, 0.01)
+    n = np.array([5, 20, 300])
+    theta = np.concatenate(([0.0], np.cumsum(wave)))
+    for factor in n:
+        d = theta[2 * factor :] - 2.0 * theta[factor:-factor] + theta[: -2 * factor]
+        direct = np.mean(d**2) / (2.0 * factor**2)
+        floor = 1e-4 * 0.02**2  # where sin is near 0, what counts is the sampling and the record's ends
+        assert float(exact.variance(factor * 0.01)) == pytest.approx(direct, rel=0.02, abs=floor)
+
+
+def test_a_sinusoid_near_half_the_rate_hides_no_quantization():
+    """49.98 Hz sampled at 100 Hz: its Allan variance at one sample is its power, and least squares know it."""
+    t = np.arange(100_000) * 0.01
+    found = analyse(white(20) + 0.05 * np.sin(2.0 * np.pi * 49.98 * t + 0.3), 0.01)
+    assert found.sinusoids[0].variance(0.01) == pytest.approx(0.05**2, rel=0.05)
+    q, n = (found.least_squares.terms[letter] for letter in "QN")
+    assert not q.observable
+    assert abs(n.value - 0.02) <= 4.0 * (n.hi - n.lo)
+
+
+def test_a_sinusoid_is_measured_through_averages():
+    t = np.arange(240_000) * 0.01
+    x = white(21, 240_000) + 0.03 * np.sin(2.0 * np.pi * 0.9 * t)
+    (found,), _ = find_sinusoids(x.reshape(-1, 40).mean(axis=1), 0.4, 40)
+    assert found.dt == pytest.approx(0.01)
+    assert abs(found.amplitude - 0.03) <= 4.0 * found.amplitude_sd
+
+
+def test_noise_has_no_sinusoids():
+    """Once in a thousand records, whatever drifts in them; 2 of 100 would be a chance of 0.5 %."""
+    false = sum(
+        bool(find_sinusoids(white(seed, 8192) + (seed % 2) * 0.02 * np.cumsum(white(900 + seed, 8192)), 0.01)[0])
+        for seed in range(100)
+    )
+    assert false <= 1
+
+
+@slow_without_jit
+@pytest.mark.parametrize(("corner", "order"), [(10.0, 1), (20.0, 2)])
+def test_a_low_pass_is_masked_and_white_noise_found_all_the_same(corner, order):
+    """Passing a first-order low-pass, white noise keeps its density at low frequencies, where N is what it was."""
+    decay = math.exp(-2.0 * math.pi * corner * 0.01)
+    x = white(2, 400_000)
+    for _ in range(order):
+        x = lfilter([1.0 - decay], [1.0, -decay], x)
+    found = analyse(x, 0.01)
+    n = found.terms["N"]
+    assert found.mask.frequency < corner
+    assert found.mask.n * 0.01 > 1.0 / (2.0 * math.pi * corner)
+    assert "falls there as none of the terms does" in found.mask.reason
+    assert n.value == pytest.approx(0.02, rel=0.02)  # 3 % of the density is tolerated as no filter
+    assert not found.terms["Q"].observable
+    assert found.least_squares.terms["N"].value == pytest.approx(0.02, rel=0.02)
+
+
+@slow_without_jit
+def test_white_noise_is_not_masked():
+    found = analyse(white(3), 0.01)
+    assert found.mask.n == 1
+    assert found.notes == ()
+    assert found.sinusoids == ()
+    assert found.markov is None
+    assert found.terms["B"].hours > found.duration / 3600.0
+
+
+@slow_without_jit
+def test_a_gauss_markov_process_is_told_from_flicker_noise():
+    x = white(4, 300_000) + markov(5, 300_000, 1.0, 0.03, 0.01)
+    found = analyse(x, 0.01)
+    assert found.markov is not None
+    assert found.markov.sd.lo * 0.9 <= 0.03 <= found.markov.sd.hi * 1.1
+    assert found.markov.time.lo * 0.8 <= 1.0 <= found.markov.time.hi * 1.2
+    assert found.candidates[1].chosen
+    ratio = found.model(found.curve.tau) / found.curve.dev
+    known = found.curve.edf > 30.0
+    assert np.abs(ratio[known] - 1.0).max() < 4.0 / math.sqrt(2.0 * 30.0)
+
+
+@slow_without_jit
+def test_a_warm_up_is_no_noise_and_said():
+    t = np.arange(200_000) * 0.01
+    found = analyse(white(6, 200_000, 0.02) + 0.1 * np.exp(-t / 300.0), 0.01)
+    assert any("times the noise that the terms make" in note for note in found.notes)
+
+
+def exact_curve(seed=0, **terms):
+    """Curve of a long record whose deviations are exactly those of the terms."""
+    base = curve(white(seed, 20_000), 0.01)
+    dev = np.sqrt(sum(variance(letter, c, base.tau) for letter, c in terms.items()))
+    return type(base)(base.kind, base.dt, base.count, base.n, dev, base.alpha, base.edf, base.lo, base.hi)
+
+
+@slow_without_jit
+def test_least_squares_solve_exact_curves_exactly():
+    """Without flicker noise, whose sampled curve differs at few samples."""
+    truth = {"Q": 1e-3, "N": 0.02, "K": 0.01, "R": 1e-3}
+    found = least_squares(exact_curve(**truth)).terms
+    for letter, value in truth.items():
+        assert found[letter].value == pytest.approx(value, rel=1e-6)
+    assert found["B"].value < 1e-6
+
+
+@slow_without_jit
+@pytest.mark.parametrize(("letter", "value"), [("Q", 1e-3), ("N", 0.02), ("B", 0.01), ("K", 0.3), ("R", 0.01)])
+def test_lines_read_off_a_single_term_exactly(letter, value):
+    found = lines(exact_curve(**{letter: value})).terms
+    assert set(found) == {letter}
+    assert found[letter].value == pytest.approx(value, rel=1e-9)
+    samples = (math.sqrt(3.0) if letter == "B" else TERMS[letter].read_at) / 0.01
+    percent = 1.0 / math.sqrt(2.0 * (20_000 / samples - 1.0))
+    assert found[letter].hi == pytest.approx(value * (1.0 + percent), rel=1e-9)
+
+
+@slow_without_jit
+def test_a_filter_is_recognised_and_its_curve_is_not_believed():
+    """A scalar filter of gain 1 − exp(−0.01): 1 s. White noise keeps √(1 − (3 − 4e^−x + e^−2x) / 2x), x = τ/s."""
+    keep = math.exp(-0.01)
+    x = white(7, 200_000)
+    found = compare(x, lfilter([1.0 - keep], [1.0, -keep], x), 0.01)
+    assert found.time_constant == pytest.approx(1.0, rel=0.03)
+    assert found.corner == pytest.approx(1.0 / (2.0 * math.pi), rel=0.2)
+    ratio = found.tau / 1.0
+    expected = np.sqrt(1.0 - (3.0 - 4.0 * np.exp(-ratio) + np.exp(-2.0 * ratio)) / (2.0 * ratio))
+    there = (found.tau > 0.2) & (found.before.edf > 50.0)
+    assert found.ratio[there] == pytest.approx(expected[there], rel=0.05)
+    assert any(note.startswith("warning") and "no slope" in note for note in found.notes)
+    assert any("nothing has changed" in note for note in found.notes)
+
+
+@slow_without_jit
+def test_records_without_a_filter_between_them():
+    assert compare(white(8), white(9), 0.01).notes == ("the two spectra show no low-pass between them",)
+    halved = compare(white(8), 0.5 * white(8), 0.01)
+    assert halved.time_constant is None
+    assert halved.notes[-1] == "the deviation has changed by a factor of 0.500"
+    with pytest.raises(ParameterError, match="after is constant"):
+        compare(white(8), np.ones(100), 0.01)
+
+
+def smoothed(seed, count, time, dt=0.1):
+    keep = math.exp(-dt / time)
+    return lfilter([1.0 - keep], [1.0, -keep], white(seed, count, 0.1))
+
+
+@slow_without_jit
+def test_a_smoothed_record_is_recognised_and_what_lies_below_its_filter_is_found():
+    """White noise keeps its density at low frequencies: N = 0.1 √0.1. A line of +1/2, the filter's, is not read off."""
+    found = analyse(smoothed(10, 400_000, 5.0), 0.1)
+    assert "looks smoothed, as by a filter of first order with a time constant of" in found.mask.reason
+    assert found.mask.n * 0.1 > 25.0
+    n = found.terms["N"]
+    assert abs(n.value - 0.1 * math.sqrt(0.1)) <= 3.0 * (n.hi - n.lo) + 0.015 * n.value  # 3 % of the density
+    assert found.markov is None
+    assert "K" not in found.lines.terms
+
+
+@slow_without_jit
+def test_of_a_record_too_short_for_its_smoothing_nothing_is_told():
+    found = analyse(smoothed(11, 20_000, 5.0), 0.1)
+    assert "too short to tell more" in found.mask.reason
+    assert dict(found.terms) == {}
+    assert found.lines.terms == {}
+    assert found.markov.time.lo <= 5.5
+    assert found.markov.time.hi >= 4.5
+
+
+@slow_without_jit
+def test_intervals_are_of_the_noise_that_was_found():
+    """A random walk under white noise: at the longest times its edf, however the end of the curve happens to bend."""
+    x = white(12, 50_000, 0.05) + 0.01 * np.cumsum(white(13, 50_000, 1.0))
+    found = analyse(x, 0.01)
+    assert found.curve.alpha[-1] == pytest.approx(-2.0, abs=0.02)
+    assert found.curve.alpha[0] > -1.0
+    assert found.curve.edf[-1] == pytest.approx(edf("oadev", -2.0, 50_000, found.curve.n[-1:])[0], rel=0.05)

@@ -1,0 +1,224 @@
+"""Deviations of all kinds against published tables, closed forms, the definitions and another program."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from plumbob._jit import jit_disabled
+from plumbob.errors import ParameterError, ShapeError
+from plumbob.noise import KINDS, deviation, kernels
+from tests.noise.records import NBS14, drifting, exactly, flicker, riley_1000, walk, white
+
+EPS = np.finfo(float).eps
+RECORDS = {"white": white, "flicker": flicker, "walk": walk, "drifting": drifting}
+LONGEST = {"oadev": 2, "adev": 2, "mdev": 3, "ohdev": 3, "hdev": 3, "totdev": 2}
+
+
+def test_the_nine_published_rates():
+    """[Riley2008] table 30, to the last digit that it prints."""
+    table = {
+        "oadev": (91.22945, 85.95287),
+        "adev": (91.22945, 115.8082),
+        "mdev": (91.22945, 74.78849),
+        "ohdev": (70.80607, 85.61487),
+        "hdev": (70.80607, 116.7980),
+        "totdev": (91.22945, 93.90379),
+    }
+    assert set(table) == set(KINDS)
+    for kind, values in table.items():
+        assert deviation(NBS14, [1, 2], kind) == pytest.approx(values, rel=5e-7), kind
+
+
+def test_the_thousand_published_rates():
+    """[Riley2008] table 31, to the last of its seven digits."""
+    table = {
+        "oadev": (2.922319e-1, 9.159953e-2, 3.241343e-2),
+        "adev": (2.922319e-1, 9.965736e-2, 3.897804e-2),
+        "mdev": (2.922319e-1, 6.172376e-2, 2.170921e-2),
+        "ohdev": (2.943883e-1, 9.581083e-2, 3.237638e-2),
+        "hdev": (2.943883e-1, 1.052754e-1, 3.910861e-2),
+        "totdev": (2.922319e-1, 9.134743e-2, 3.406530e-2),
+    }
+    for kind, values in table.items():
+        assert deviation(riley_1000(), [1, 10, 100], kind) == pytest.approx(values, rel=5e-7), kind
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("n", [1, 2, 3, 7, 33])
+def test_the_definitions_by_brute_force(kind, n):
+    """Every difference that fits, and no other; sums of a hundred terms round by a hundred eps at worst."""
+    rate = white(100) + 5.0
+    assert deviation(rate, [n], kind)[0] == pytest.approx(exactly(rate, n, kind), rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_longest_average_is_one_difference(kind):
+    """And one sample more is refused; the total deviation has its N − 1 differences at every n."""
+    for count in (11, 12, 13):
+        longest = (count + (kind == "mdev")) // LONGEST[kind]
+        rate = white(count)
+        assert deviation(rate, [longest], kind)[0] == pytest.approx(exactly(rate, longest, kind), rel=1e-12)
+        with pytest.raises(ParameterError, match=f"{kind} of {count} samples whole numbers from 1 to {longest} can"):
+            deviation(rate, [longest + 1], kind)
+
+
+@pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python; small records say the same")
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("offset", [0.0, 1e6])
+def test_another_program_on_1e5_samples(kind, offset):
+    """The same definitions; sums of up to 1e5 squares round by 1e5 eps at worst, 1e-12 is the target."""
+    allantools = pytest.importorskip("allantools", reason="allantools is not installed; it comes with plumbob[bench]")
+    rate = white(100_000) + offset
+    n = np.unique(np.round(np.geomspace(1, 99_999 // max(2, LONGEST[kind]), 40)).astype(int))
+    taus, theirs, *_ = getattr(allantools, kind)(rate, rate=1.0, data_type="freq", taus=n.astype(float))
+    assert len(taus) >= len(n) - 2  # it leaves out what rests on one difference
+    ours = deviation(rate, taus.astype(int), kind)
+    assert np.abs(ours / theirs - 1.0).max() <= 1e-12
+
+
+@pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_drift_of_a_hundred_times_the_noise_costs_few_digits(kind):
+    """Against extended precision. θ reaches N · 100 / 8 < 2²², so each of its sums rounds to multiples of 2^-31.
+
+    That is white noise of 2^-31 / √12 = 1.3e-10 on the rates, whose own noise is 1, and σ changes by no more;
+    4 of it are allowed.
+    """
+    if np.finfo(np.longdouble).eps > 2e-19:
+        pytest.skip("this machine has no extended precision")
+    rate = drifting(300_000)
+    n = [1, 2, 10, 100, 1365, 1366, 5000]
+    exact = rate.astype(np.longdouble)
+    theta = np.concatenate((np.zeros(1, np.longdouble), np.cumsum(exact - exact.mean())))
+    expected = []
+    for k in n:
+        if kind == "totdev":
+            inner = theta[-2:0:-1]
+            points = np.concatenate((2 * theta[0] - inner, theta, 2 * theta[-1] - inner))[300_000 - k : 599_999 + k]
+        else:
+            points = theta[::k] if kind in {"adev", "hdev"} else theta
+        spacing = 1 if kind in {"adev", "hdev"} else k
+        for _ in range(3 if kind in {"ohdev", "hdev"} else 2):
+            points = points[spacing:] - points[:-spacing]
+        if kind == "mdev":
+            running = np.concatenate((np.zeros(1, np.longdouble), np.cumsum(points)))
+            points = (running[k:] - running[:-k]) / k
+        expected.append(float(np.sqrt(np.mean(points**2) / (6 if kind in {"ohdev", "hdev"} else 2)) / k))
+    assert np.abs(deviation(rate, n, kind) / expected - 1.0).max() < 4 * 1.35e-10
+
+
+def test_a_steady_drift_gives_the_rate_ramp():
+    """rate = R t: averages a time τ apart differ by R τ, so σ = R τ / √2 exactly; third differences do not see it."""
+    n = np.array([1, 10, 100, 300])
+    rate = 0.3 * np.arange(1000)
+    for kind in ("oadev", "adev", "mdev"):
+        np.testing.assert_allclose(deviation(rate, n, kind), 0.3 * n / math.sqrt(2.0), rtol=1e-9)
+    for kind in ("ohdev", "hdev"):
+        assert deviation(rate, n, kind).max() < 1000.0**2 * EPS * 0.3 * 8.0
+
+
+def test_a_rate_that_drifts_ever_faster():
+    """rate = c t²: third differences of θ = c t³ / 3 are 2 c τ³, so the Hadamard deviation is 2 c τ² / √6."""
+    n = np.array([1, 10, 100, 300])
+    rate = 1e-3 * np.arange(1000.0) ** 2
+    for kind in ("ohdev", "hdev"):
+        np.testing.assert_allclose(deviation(rate, n, kind), 2e-3 * n.astype(float) ** 2 / math.sqrt(6.0), rtol=1e-7)
+
+
+def test_differences_of_averages_and_not_the_averages():
+    """[Chen2013] (13) as printed squares the averages: 0.707 of the truth on white noise, and anything with a mean.
+
+    White noise of 0.1 has σ(Δt) = 0.1; over 2e4 samples σ scatters by 1/√(2 · 13 333) = 0.61 %, so 4 of them are 2.5 %.
+    """
+    rate = 0.1 * white(20_000, seed=3)
+    assert deviation(rate, [1])[0] == pytest.approx(0.1, rel=0.025)
+    assert math.sqrt(0.5 * np.mean(rate**2)) == pytest.approx(0.0707, rel=0.025)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_offset_does_not_cost_digits(kind):
+    """A million times the noise on top, as a converter's counts may have: only the samples' own rounding is lost."""
+    rate = white(3000, seed=4)
+    n = [1, 100, 1000]
+    rounded = (rate + 2.0**20) - 2.0**20  # what is left of the samples after the offset rounded them
+    found = deviation(rate + 2.0**20, n, kind)
+    assert np.abs(found / deviation(rounded, n, kind) - 1.0).max() < 2.0**20 * EPS
+    assert np.abs(found / deviation(rate, n, kind) - 1.0).max() < 1e-7
+
+
+def test_any_order_and_repeats_of_the_factors():
+    rate = white(300)
+    n = [7, 1, 150, 7, 2, 30, 90, 3]
+    assert deviation(rate, n).tolist() == [deviation(rate, sorted(set(n)))[sorted(set(n)).index(k)] for k in n]
+
+
+def test_tiles_and_groups_of_factors_leave_nothing_out(monkeypatch):
+    """The compiled tile is longer than most records here; in plain Python it is cut to fit many times."""
+    count = 3000 if jit_disabled() else 5 * kernels.TILE // 2
+    monkeypatch.setattr(kernels, "TILE", 256 if jit_disabled() else kernels.TILE)
+    rate = white(count)
+    theta = np.concatenate(([0.0], np.cumsum(rate - rate.mean())))
+    for n in ([1, 2, 3], [5], [1, 40, count // 4, count // 2], [1, 2, 3, 5, 8, count // 3, count // 2 - 1]):
+        expected = [math.sqrt(np.mean((theta[2 * k :] - 2 * theta[k:-k] + theta[: -2 * k]) ** 2) / 2) / k for k in n]
+        np.testing.assert_allclose(deviation(rate, n), expected, rtol=1e-12)
+    for n in ([1, count // 3], [7, count // 5]):
+        third = [theta[3 * k :] - 3 * theta[2 * k : -k] + 3 * theta[k : -2 * k] - theta[: -3 * k] for k in n]
+        expected = [math.sqrt(np.mean(d**2) / 6) / k for d, k in zip(third, n, strict=True)]
+        np.testing.assert_allclose(deviation(rate, n, "ohdev"), expected, rtol=1e-12)
+
+
+def test_plain_python_gives_the_same_values():
+    """Sums in another order: M terms, all positive, differ by M eps at worst."""
+    code = (
+        "from tests.noise.records import walk; from plumbob.noise import KINDS, deviation;"
+        "print([deviation(walk(400), [1, 3, 40, 100, 133], kind).tolist() for kind in KINDS])"
+    )
+    other = {**os.environ, "NUMBA_DISABLE_JIT": "0" if jit_disabled() else "1"}
+    done = subprocess.run([sys.executable, "-c", code], env=other, capture_output=True, text=True, check=True)
+    here = [deviation(walk(400), [1, 3, 40, 100, 133], kind) for kind in KINDS]
+    np.testing.assert_allclose(here, json.loads(done.stdout), rtol=400 * EPS)
+
+
+def test_columns_are_channels():
+    rate = np.random.default_rng(5).standard_normal((300, 3))
+    for kind in KINDS:
+        found = deviation(rate, [1, 7], kind)
+        assert found.shape == (2, 3)
+        for axis in range(3):
+            assert (found[:, axis] == deviation(rate[:, axis], [1, 7], kind)).all()
+        assert deviation(rate[:, 0], [1, 7], kind).shape == (2,)
+
+
+@pytest.mark.parametrize(
+    ("n", "words"),
+    [([0], "whole numbers from 1 to 4"), ([5], r"n\[0\] = 5"), ([1, 1.5], r"n\[1\] = 1.5"), ([math.nan], "n")],
+)
+def test_factors_that_do_not_fit_are_refused(n, words):
+    with pytest.raises(ParameterError, match=words):
+        deviation(NBS14, n)
+
+
+def test_what_cannot_be_analysed_is_refused_and_named():
+    rate = np.zeros((10, 3))
+    rate[4, 2] = math.nan
+    with pytest.raises(ShapeError, match=r"rate\[4, 2\] is not finite \(1 such values\).*without gaps"):
+        deviation(rate, [1])
+    with pytest.raises(ShapeError, match=r"rate\[2\] is not finite \(2 such"):
+        deviation([1.0, 2.0, math.inf, -math.inf], [1])
+    with pytest.raises(ShapeError, match=r"too large to be added, up to 1.7e\+308"):
+        deviation([1.7e308, 1.7e308], [1])
+    for shape in ((2, 3, 4), (0,), ()):
+        with pytest.raises(ShapeError, match="shape"):
+            deviation(np.zeros(shape), [1])
+    with pytest.raises(ShapeError, match="kind must be one of oadev, adev, mdev, ohdev, hdev, totdev"):
+        deviation(NBS14, [1], "theo1")
+
+
+def test_a_constant_record_does_not_wander():
+    for kind in KINDS:
+        assert (deviation(np.full(30, 7.3), [1, 5, 10], kind) == 0.0).all()

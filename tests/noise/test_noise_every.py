@@ -1,0 +1,116 @@
+"""Every averaging factor at once against direct sums, against another program, and against its own claim."""
+
+import math
+
+import numpy as np
+import pytest
+
+from plumbob._jit import jit_disabled
+from plumbob.errors import ParameterError, ShapeError
+from plumbob.noise import deviation, every, every_adev
+from tests.noise.records import NBS14, drifting, exactly, flicker, walk, white
+
+EPS = np.finfo(float).eps
+
+
+def wave(count):
+    """A pure tone, whose deviation falls to nearly nothing at whole periods: there nothing may be left of products."""
+    return np.sin(0.01 * np.arange(count)) + 1e-6 * white(count)
+
+
+RECORDS = (white, flicker, walk, drifting, wave)
+COUNTS = (300,) if jit_disabled() else (1000, 20_000)
+
+
+def all_directly(rate):
+    return deviation(rate, np.arange(1, len(rate) // 2 + 1))
+
+
+@pytest.mark.parametrize("make", RECORDS)
+@pytest.mark.parametrize("count", COUNTS)
+def test_within_the_accuracy_that_it_claims(make, count):
+    rate = make(count)
+    assert np.abs(every_adev(rate) / all_directly(rate) - 1.0).max() <= every.ACCURACY + 8.0 * EPS
+
+
+@pytest.mark.parametrize("make", RECORDS)
+@pytest.mark.parametrize("count", COUNTS)
+def test_the_bound_holds_where_nothing_is_summed_directly(monkeypatch, make, count):
+    """The error of the products themselves, which decides what is summed directly; a direct sum rounds by 8 eps."""
+    rate = make(count)
+    monkeypatch.setattr(every, "ACCURACY", math.inf)
+    n = np.arange(1, count // 2 + 1)
+    angle = next(every.running_sums(rate))
+    _, bound = every._sums_of_squares(angle, n)
+    truth = all_directly(rate) ** 2
+    squares = 2.0 * n.astype(float) ** 2 * (count + 1 - 2 * n)
+    assert (np.abs(every_adev(rate) ** 2 - truth) <= bound / squares + 8.0 * EPS * truth).all()
+
+
+@pytest.mark.parametrize("count", [*range(2, 20), 255, 256, 257, 511, 512, 513])
+def test_short_records_and_the_edges_of_triangles(count):
+    rate = white(count)
+    found = every_adev(rate)
+    assert found.shape == (count // 2,)
+    expected = [exactly(rate, n) for n in range(1, count // 2 + 1)] if count < 20 else all_directly(rate)
+    np.testing.assert_allclose(found, expected, rtol=2e-12)
+
+
+def test_head_products_by_brute_force(monkeypatch):
+    """Small triangles, so that a short record goes through many levels of squares."""
+    monkeypatch.setattr(every, "_TRIANGLE", 4)
+    x = np.stack((white(101), walk(101)))
+    found = every._head_products(x, 51)
+    for m in range(51):
+        expected = (x[:, :m] * x[:, m : 2 * m]).sum(axis=1)
+        np.testing.assert_allclose(found[:, m], expected, atol=8 * EPS * np.square(x).sum(axis=1).max())
+
+
+def test_published_rates():
+    """[Riley2008] table 30; the other two are by brute force."""
+    expected = [91.22945, 85.95287, exactly(NBS14, 3), exactly(NBS14, 4)]
+    assert every_adev(NBS14) == pytest.approx(expected, rel=5e-7)
+
+
+@pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
+def test_another_program_at_1e5_samples():
+    """200 of the 50 000 factors; both round θ and their sums, 1e-12 is the target."""
+    allantools = pytest.importorskip("allantools", reason="allantools is not installed; it comes with plumbob[bench]")
+    rate = white(100_000)
+    taus = np.unique(np.round(np.geomspace(1, 49_999, 200)))
+    kept, theirs, *_ = allantools.oadev(rate, rate=1.0, data_type="freq", taus=taus)
+    assert np.abs(every_adev(rate)[kept.astype(int) - 1] / theirs - 1.0).max() <= 1e-12
+
+
+@pytest.mark.skipif(jit_disabled(), reason="minutes of plain Python")
+def test_few_factors_are_summed_directly():
+    """Else it is right, but no faster than one after the other: 1 in 1000 of white noise, 1 in 20 of a random walk."""
+    for make, share in ((white, 1e-3), (drifting, 1e-3), (flicker, 0.02), (walk, 0.05)):
+        n = np.arange(1, 50_001)
+        sums, bound = every._sums_of_squares(next(every.running_sums(make(100_000))), n)
+        assert np.mean(bound > 2.0 * every.ACCURACY * sums) < share, make.__name__
+
+
+def test_a_ramp_alone_and_a_constant():
+    """σ = R τ / √2; nothing wanders in a constant, though all of its products are rounding."""
+    n = np.arange(1, 151)
+    np.testing.assert_allclose(every_adev(0.3 * np.arange(300)), 0.3 * n / math.sqrt(2.0), rtol=1e-10)
+    assert (every_adev(np.full(300, 7.3)) == 0.0).all()
+
+
+def test_columns_are_channels_and_an_offset_does_not_matter():
+    rate = np.stack((white(301), walk(301)), axis=1)
+    found = every_adev(rate)
+    assert found.shape == (150, 2)
+    for axis in range(2):
+        assert (found[:, axis] == every_adev(rate[:, axis])).all()
+    np.testing.assert_allclose(every_adev(rate + 1e6), found, rtol=1e-7)
+
+
+def test_what_cannot_be_analysed_is_refused_and_named():
+    with pytest.raises(ParameterError, match="rate holds 1 sample, but an Allan deviation needs two or more"):
+        every_adev([1.0])
+    with pytest.raises(ShapeError, match=r"rate\[1\] is not finite"):
+        every_adev([1.0, math.nan, 3.0])
+    with pytest.raises(ShapeError, match="shape"):
+        every_adev(np.zeros((4, 2, 2)))

@@ -1,0 +1,422 @@
+"""What is a static record: no noise is refused, motions are, and each finding names its place."""
+
+import math
+import os
+
+import numpy as np
+import pytest
+
+from plumbob.errors import ParameterError, ShapeError
+from plumbob.noise.static.clipped import clipped
+from plumbob.noise.static.held import held
+from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
+from plumbob.noise.static.periodic import shaking
+from plumbob.noise.static.runs import Runs
+from plumbob.noise.static.step import find_step
+from plumbob.noise.static.stillness import Stillness, bend_energies, joined, longest_gap, median_of_three
+from plumbob.sim.noise import flicker, random_walk
+from plumbob.units import Quantity
+
+COUNT, DT = 6000, 0.01
+T = np.arange(COUNT) * DT
+PLAIN = os.environ.get("NUMBA_DISABLE_JIT") == "1"
+
+
+def check(values, **words):
+    values = np.asarray(values, dtype=float)
+    names = ["x"] if values.ndim == 1 else [f"gyr {axis}" for axis in "xyz"[: values.shape[1]]]
+    one = StaticCheck(names, words.pop("dt", DT), **words)
+    one.add(values)
+    return one
+
+
+def report(values, **words):
+    return judge(check(values, **words))
+
+
+def kinds(found):
+    return [finding.kind for finding in found.findings]
+
+
+def white(seed=0, count=COUNT):
+    return np.random.default_rng(seed).standard_normal(count)
+
+
+# Noise is no motion ---------------------------------------------------------------------------------------------------
+
+
+def noises(rng, count):
+    def white_of(sd):
+        return sd * rng.standard_normal((count, 3))
+
+    def flicker_of(b):
+        return flicker(np.full(3, b), count, rng)
+
+    def walk_of(k):
+        return random_walk(np.full(3, k), count, 1.0 / DT, rng)
+
+    t = np.arange(count)[:, np.newaxis] * DT
+    yield "white", white_of(1.0)
+    yield "flicker", flicker_of(1.0)
+    yield "walk", walk_of(1.0)
+    yield "all and a ramp", white_of(1.0) + flicker_of(0.3) + walk_of(0.1) + 5.0 * t
+    yield "warm-up", white_of(1.0) + 20.0 * np.exp(-t / 60.0)
+    yield "quantised", np.round(white_of(0.7) + flicker_of(0.3) + walk_of(0.1))
+    yield "coarse", np.round(white_of(0.3) + walk_of(0.1))
+    yield "coarse and a ramp", np.round(white_of(0.05) + 0.1 * t)
+    yield "quantised angle", np.diff(rng.standard_normal((count + 1, 3)), axis=0)
+
+
+@pytest.mark.skipif(PLAIN, reason="takes minutes without compiled kernels")
+def test_noise_is_not_refused():
+    """900 channels of noise; if one in a hundred were refused, none of them would be in e⁻⁹ of such tests, 1e-4."""
+    rng = np.random.default_rng(20)
+    refused = [
+        name for _ in range(34) for name, values in noises(rng, COUNT) for channel in values.T if report(channel).errors
+    ]
+    assert refused == []
+
+
+# Motions are motions --------------------------------------------------------------------------------------------------
+
+MOTIONS = {
+    "a step": 5.0 * (T > 30.0),
+    "a short bump": 8.0 * np.exp(-0.5 * ((T - 30.0) / 0.1) ** 2),
+    "a slow bump": 20.0 * np.exp(-0.5 * ((T - 30.0) / 1.0) ** 2),
+    "shaking for two seconds": 3.0 * np.sin(2.0 * math.pi * 5.0 * T) * (np.abs(T - 30.0) < 1.0),
+    "half of the time": 30.0 * np.sin(T) * (T > 30.0),
+}
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_motion_is_refused_and_the_still_part_passes(motion):
+    values = white() + MOTIONS[motion]
+    found = report(values, start=100.0)
+    assert kinds(found) == ["moving"]
+    moved = found.moving[0]
+    assert moved[0] < 130.0 + 2.0
+    assert moved[1] > 130.0
+    start, stop = found.still
+    assert (stop < 130.0 + 1.0) or (start > 130.0)
+    assert stop - start > 15.0
+    assert f"--from {math.ceil(10 * start - 1e-6) / 10:g}s --to" in found.errors[0].text
+    first, end = round((start - 100.0) / DT), round((stop - 100.0) / DT)
+    assert report(values[first:end]).errors == ()
+    with pytest.raises(ShapeError, match="no static record: x: moved or was disturbed from"):
+        found.require()
+
+
+@pytest.mark.skipif(PLAIN, reason="the kernels are the same as for shorter averages")
+def test_a_step_of_two_standard_deviations_in_ten_minutes():
+    """Of averages over 5.12 s, whose second differences have 0.108 sd, it bends one by 1 sd or more."""
+    t = np.arange(60_000) * DT
+    for seed in range(10):
+        values = white(seed, t.size)
+        values[30_000 + 50 * seed :] += 2.0
+        found = report(0.05 * values)
+        assert kinds(found) == ["moving"]
+        assert found.moving[0][0] < 300.0 < found.moving[-1][1]
+        assert report(0.05 * white(seed, t.size) + np.exp(-t / 300.0)).errors == ()
+
+
+def test_a_switch_on_and_a_gentle_motion_beside_a_rough_one():
+    rough = 1000.0 * np.sin(T) * (T < 20.0) + 4.0 * ((T > 40.0) & (T < 41.0))
+    found = report(white() + rough)
+    assert found.still[0] > 20.0
+    assert found.still[1] <= 40.0 or found.still[0] >= 41.0
+
+
+def test_all_axes_are_cut_alike_and_nothing_still_is_said():
+    values = np.stack([white(1), white(2), white(3)], axis=1)
+    values[:3000, 0] += 20.0 * np.sin(3.0 * T[:3000])
+    values[4500:, 2] += 20.0 * np.sin(3.0 * T[4500:])
+    found = report(values)
+    assert found.errors[0].channel == "gyr x, gyr y, gyr z"
+    assert 30.0 <= found.still[0] < found.still[1] <= 45.0
+    values[::700] += 50.0 * (1.0 + white(4, 3))
+    values[1::700] += 50.0
+    found = report(values)
+    assert found.still is None
+    assert "no stretch is still for long enough" in found.errors[0].text
+
+
+def test_a_steady_shaking_is_refused_and_a_faint_line_is_told():
+    found = report(white() + 10.0 * np.sin(2.0 * math.pi * 3.0 * T))
+    assert [(f.kind, f.refuses) for f in found.findings] == [("periodic", True)]
+    assert "oscillates at 3.00" in found.errors[0].text  # a line is known to 1/60 Hz
+    t = np.arange(60_000) * DT
+    found = report(white(0, t.size) + 0.8 * np.sin(2.0 * math.pi * 0.5 * t))
+    assert [(f.kind, f.refuses) for f in found.findings] == [("periodic", False)]
+
+
+def test_the_stairs_of_a_quantised_ramp_are_no_shaking():
+    assert kinds(report(np.round(0.05 * white() + T), dt=0.1)) == ["coarse"]
+
+
+@pytest.mark.parametrize("dt", [1.0, 0.05, 5e-4])
+@pytest.mark.skipif(PLAIN, reason="the kernels are the same as at 100 Hz")
+def test_noise_is_not_refused_at_other_rates(dt):
+    rng = np.random.default_rng(21)
+    found = [name for _ in range(5) for name, values in noises(rng, COUNT) if report(values, dt=dt).errors]
+    assert found == []
+
+
+@pytest.mark.parametrize("frequency", [0.5, 3.0, 20.0, 45.0])
+def test_frequency_and_amplitude_of_an_oscillation(frequency):
+    """Alone, so that the line is known to a bin of its spectrum, and the amplitude to its averaging there."""
+    found = shaking(7.0 * np.sin(2.0 * math.pi * frequency * T), DT)
+    assert found.frequency == pytest.approx(frequency, abs=1.0 / (COUNT * DT))
+    assert found.amplitude == pytest.approx(7.0, rel=0.05)
+    assert shaking(white(), DT) is None
+
+
+def test_a_gyroscope_that_turns_all_the_time():
+    """Stationary, so that no window is louder than another; but no gyroscope at rest says so."""
+    rng = np.random.default_rng(5)
+    tumbling = np.convolve(rng.standard_normal(COUNT + 199), np.ones(200), "valid") * 0.1  # rad/s, within ±3 rad/s
+    values = np.stack([tumbling, tumbling[::-1], tumbling], axis=1) + 0.01 * rng.standard_normal((COUNT, 3))
+    assert "moving" not in kinds(report(values))
+    assert kinds(report(values, quantity=Quantity.RATE)) == ["moving"]
+
+
+def test_an_accelerometer_that_is_tilted_slowly_or_is_not_in_gravity():
+    angle = math.radians(6.0) * T / T[-1]  # as slow as a ramp, which noise has too
+    level = np.stack([9.81 * np.sin(angle), 0.0 * T, 9.81 * np.cos(angle)], axis=1)
+    noise = 0.02 * np.random.default_rng(6).standard_normal((COUNT, 3))
+    words = {"quantity": Quantity.ACCELERATION, "triad": True}
+    assert report(level + noise).errors == ()
+    assert kinds(report(level + noise, **words)) == []  # within 3° of its middle
+    angle *= 2.0
+    level = np.stack([9.81 * np.sin(angle), 0.0 * T, 9.81 * np.cos(angle)], axis=1)
+    found = report(level + noise, **words)
+    assert kinds(found) == ["moving"]
+    found = report(1.5 * (level[:1] + noise), **words)
+    assert kinds(found) == ["not at rest"]
+    assert found.errors[0].text == "measures 1.5 g, but at rest it is 1 g: a wrong scale, or never at rest?"
+    turned = 0.05 * 9.80665 * np.stack([np.sin(9.0 * angle), 0.0 * T, np.cos(9.0 * angle)], axis=1)
+    for values in (noise, 0.05 * (level + noise), turned + noise):
+        assert kinds(report(values, **words)) == ["not at rest"]  # its direction says nothing
+
+
+# Blocks ---------------------------------------------------------------------------------------------------------------
+
+
+def test_blocks_of_any_size_give_the_same_report():
+    values = white(7) + MOTIONS["a step"]
+    values[1234] = 40.0
+    whole = report(values)
+    for size in (1, 7, 1000) if not PLAIN else (1000,):
+        one = StaticCheck(["x"], DT)
+        for start in range(0, COUNT, size):
+            one.add(values[start : start + size])
+        assert judge(one) == whole
+
+
+def test_what_does_not_fit():
+    with pytest.raises(ShapeError, match=r"must have shape \(n, 1\), but its shape is \(5, 2\)"):
+        StaticCheck(["x"], DT).add(np.zeros((5, 2)))
+    with pytest.raises(ParameterError, match="dt must be a positive time"):
+        StaticCheck(["x"], 0.0)
+
+
+# Numbers that no noise gives ------------------------------------------------------------------------------------------
+
+
+def test_too_short():
+    found = report(white()[: FEWEST_SAMPLES - 1])
+    assert kinds(found) == ["short"]
+    assert "999 samples are too few; record 1000 or more" in found.errors[0].text
+    assert report(white()[:FEWEST_SAMPLES]).errors == ()
+    assert kinds(judge(StaticCheck(["x"], DT))) == ["short"]
+
+
+def test_a_sensor_with_too_few_samples_does_not_hide_what_the_others_saw():
+    slow = StaticCheck(["mag x"], 100.0 * DT)
+    slow.add(white(5, COUNT // 100))
+    found = judge(check(white() + MOTIONS["a step"]), slow)
+    assert [(f.kind, f.channel) for f in found.findings] == [("moving", "x"), ("short", "mag x")]
+    assert found.still is not None
+
+
+def test_stretches_that_do_not_meet_have_no_common_still_one():
+    found = judge(check(white(1)), check(white(2), start=2.0 * COUNT * DT))
+    assert (found.errors, found.still) == ((), None)
+
+
+def test_not_finite_is_counted_and_placed():
+    values = np.stack([white(1), white(2)], axis=1)
+    values[[50, 5000], 1] = math.nan, math.inf
+    one = StaticCheck(["gyr x", "gyr y"], DT)
+    one.add(values[:40])
+    one.add(values[40:])
+    found = judge(one)
+    assert [str(f) for f in found.findings] == [
+        "gyr y: sample 50 is not finite (2 such of 6000); the longest stretch of numbers is --from 0.6s --to 50s."
+    ]
+    assert report(values[60:5000], start=0.6).errors == ()
+    values[::900, 0] = math.nan
+    assert "6000); no stretch is long enough." in report(values).errors[0].text
+    assert "--from 0s --to 20s" in report(np.append(white()[:2000], [math.nan, 1.0, math.nan])).errors[0].text
+
+
+def test_constant_is_stuck():
+    found = report(np.stack([white(), np.full(COUNT, 0.25)], axis=1))
+    assert [(f.kind, f.channel, f.refuses) for f in found.findings] == [("constant", "gyr y", True)]
+    assert "all 6000 values are 0.25; the sensor is stuck" in found.errors[0].text
+    found = report(np.full(COUNT, 0.25), quantity=Quantity.RATE)
+    assert "all 6000 values are 0.25 rad/s; the sensor is stuck" in found.errors[0].text
+
+
+def test_a_coarse_converter_is_told_with_its_step():
+    found = report(0.0625 * np.round(0.3 * white() + 0.2))
+    assert [(f.kind, f.refuses) for f in found.findings] == [("coarse", False)]
+    assert "of the step 0.0625 with" in found.warnings[0].text
+    assert found.steps == {"x": pytest.approx(0.0625, rel=1e-12)}
+    assert report(0.0625 * np.round(white())).findings == ()
+
+
+def test_spikes_are_told_and_left():
+    values = white()
+    values[[1234, 4000]] = 30.0, -25.0
+    found = report(values)
+    assert [(f.kind, f.refuses) for f in found.findings] == [("spikes", False)]
+    assert "as errors of transmission do: 2, at sample 1234, 4000;" in found.warnings[0].text
+    assert values[1234] == 30.0
+
+
+@pytest.mark.parametrize("at", [0.5, 1.0, 2.0])
+def test_clipped_values_are_refused(at):
+    both, above, below = np.clip(white(), -at, at), np.minimum(white(), at), np.maximum(white(), -at)
+    for values, end in ((both, -at), (both, at), (above, at), (below, -at)):
+        found = report(values, quantity=Quantity.ACCELERATION)
+        assert [(f.kind, f.refuses) for f in found.findings] == [("clipped", True)]
+        assert f"{np.count_nonzero(values == end)} times {end:g} m/s2" in found.errors[0].text
+    assert kinds(report(np.clip(np.round(4.0 * white()), -4.0, 4.0))) == ["clipped"]
+
+
+def test_noise_of_few_levels_is_not_clipped():
+    """The outermost level of a normal distribution never has more than its neighbour where sd is the step or more."""
+    for sd in (1.0, 1.5, 3.0, 10.0):
+        for seed, offset in enumerate(np.linspace(0.0, 0.5, 6)):
+            values = np.round(sd * white(seed) + offset)
+            assert clipped(values) == []
+            assert report(values).findings == ()
+    slow = np.round(np.convolve(white(3), np.ones(40), "same"))
+    slow[3000:3030] = slow.max() + 1.0
+    assert clipped(slow) == []  # for long, but once
+    assert kinds(report(np.round(0.2 * white() + 30.0 * np.exp(-T / 5.0)))) == ["coarse"]  # rests at its last level
+
+
+@pytest.mark.parametrize("values", [lambda x: x, np.round, lambda x: np.round(x + 0.05 * T)])
+@pytest.mark.parametrize("level", [0.0, None])
+def test_a_stuck_part_is_refused_and_the_rest_passes(values, level):
+    """Ten seconds, then most of the record: noise beside it is no motion."""
+    for first, end in ((3000, 4000), (1200, COUNT), (0, 4500)):
+        stuck = values(white())
+        stuck[first:end] = stuck[first] if level is None else level
+        found = report(stuck, start=100.0)
+        assert kinds(found) == ["stuck"]
+        (part,) = found.moving
+        assert part == pytest.approx((100.0 + first * DT, 100.0 + end * DT), abs=8 * DT)  # neighbours may be equal
+        assert f"repeats one value from {part[0]:.4g} s" in found.errors[0].text
+        start, stop = round((found.still[0] - 100.0) / DT), round((found.still[1] - 100.0) / DT)
+        assert stop <= first or start >= end
+        assert report(stuck[start:stop]).errors == ()
+
+
+def test_runs_across_blocks():
+    one = Runs()
+    values = np.repeat([1.0, 2.0, 1.5, 3.0], [5, 40, 1, 30])
+    for block in (values[:0], *np.array_split(values, 20)):
+        one.add(block)
+    assert one.one_way is None
+    one.add(np.arange(1000) % 2)
+    assert one.stuck() == [(5, 45), (46, 76)]  # 72 of 1075 are equal: 10 + 3 ln 1076 / 2.70 = 17.7
+
+
+@pytest.mark.parametrize(
+    ("values", "way"),
+    [
+        (np.arange(COUNT), "rises"),
+        (1.7e9 + T, "rises"),
+        (0.1 * T, "rises"),
+        (-T, "falls"),
+        (np.floor(T), "rises"),
+    ],
+)
+def test_time_and_counters_are_named(values, way):
+    found = report(np.stack([white(), values], axis=1))
+    assert [(f.kind, f.channel) for f in found.findings] == [("one way", "gyr y")]
+    assert found.errors[0].text == f"only {way}; is it time or a counter? Leave the column out."
+    assert "one way" not in kinds(report(values + white()))
+
+
+@pytest.mark.parametrize("times", [2, 3, 10])
+def test_values_of_a_slower_sensor_are_seen(times):
+    found = report(np.repeat(white(), times)[:COUNT])
+    assert [(f.kind, f.refuses) for f in found.findings] == [("held", True)]
+    assert f"about {times} times in a row" in found.errors[0].text
+    assert f"about {100 / times:.4g} Hz" in found.errors[0].text
+    uneven = np.repeat(white(), np.random.default_rng(9).integers(times, times + 2, COUNT))[:COUNT]
+    assert kinds(report(uneven)) == ["held"]
+
+
+def test_coarse_noise_repeats_itself_without_being_held():
+    for sd in (0.2, 0.3, 0.5, 1.0):
+        for seed in range(5):
+            assert held(np.round(sd * white(seed) + 0.4)) == 1
+    assert held(white()) == 1
+
+
+# Step -----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("step", "digits"), [(0.00875, 6), (0.061, 3), (0.061, 2), (1.0, 0), (4.0, 0), (1.0 / 131.0, 6), (2.0**-12, 9)]
+)
+@pytest.mark.parametrize("offset", [0.0, 7.0])
+def test_a_step_is_found_through_the_rounding_of_a_text(step, digits, offset):
+    """A straight line through 40 or more levels knows its slope to the rounding over the span of the levels."""
+    counts = np.round(12.0 * white(8)) + 100.0
+    values = np.round(counts * step + offset, digits)
+    assert find_step(values) == pytest.approx(step, abs=10.0**-digits / 40.0, rel=1e-6)
+    if digits > 3:
+        assert find_step(values.astype(np.float32)) == pytest.approx(step, rel=1e-3)
+
+
+def test_no_step_is_invented():
+    for seed in range(20):
+        assert find_step(white(seed)) == 0.0
+        assert find_step(np.round(1e5 * white(seed))) == 0.0  # hardly a value comes twice
+    assert find_step(np.full(500, 3.0)) == 0.0
+    assert find_step(np.repeat(white()[:50], 20)) == 0.0  # repeated, but at no multiples
+    assert find_step(np.tile([1.0, 1.5], 500)) == pytest.approx(0.5)
+
+
+# Parts ----------------------------------------------------------------------------------------------------------------
+
+
+def test_kernels():
+    x = np.array([0.0, 5.0, 1.0, 2.0, 2.0, -9.0, 3.0])
+    middle = np.empty(5)
+    median_of_three(x, middle)
+    assert middle.tolist() == [1.0, 2.0, 2.0, 2.0, 2.0]
+    total, largest = np.empty(2), np.empty(2)
+    bend_energies(np.array([0.0, 1.0, 4.0, 9.0, 0.0, 0.0]), 2, total, largest)
+    assert (total.tolist(), largest.tolist()) == ([8.0, 277.0], [4.0, 196.0])  # bends 2, 2, -14, 9
+
+
+def test_a_spike_of_one_sample_is_no_motion_and_one_of_three_is():
+    for width, moved in ((1, False), (3, True)):
+        values = white()
+        values[3000 : 3000 + width] += 100.0
+        one = Stillness(DT)
+        one.add(values)
+        assert bool(one.moving(0, COUNT, 0.0)) == moved
+
+
+def test_intervals():
+    assert joined([(5, 7), (0, 2), (1, 3), (3, 4)]) == [(0, 4), (5, 7)]
+    assert longest_gap([(2, 3), (6, 9)], 0, 10) == (3, 6)
+    assert longest_gap([], 0, 10) == (0, 10)
+    assert longest_gap([(-5, 20)], 0, 10)[1] <= longest_gap([(-5, 20)], 0, 10)[0]
