@@ -11,6 +11,7 @@ from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.io.broad import read_broad
 from plumbob.io.files import existing_file
 from plumbob.io.findings import findings, found_in
+from plumbob.io.numbers import SUFFIXES, Numbers, open_numbers
 from plumbob.io.parquet import read_parquet, write_parquet
 from plumbob.io.profile import Profile
 from plumbob.io.profile_toml import load_profile, parse_profile
@@ -21,11 +22,13 @@ from plumbob.io.text_write import write_csv
 __all__ = [
     "FORMATS",
     "Format",
+    "Numbers",
     "Profile",
     "Recording",
     "findings",
     "found_in",
     "load_profile",
+    "open_numbers",
     "parse_profile",
     "read",
     "write",
@@ -163,7 +166,8 @@ def _format(path: Path) -> Format:
         if path.suffix.lower() in kind.suffixes:
             return kind
     known = ", ".join(suffix for kind in FORMATS for suffix in kind.suffixes)
-    raise DecodeError(f"{path}: the suffix '{path.suffix}' is unknown; known are {known}.")
+    hint = " Bare numbers are no recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
+    raise DecodeError(f"{path}: the suffix '{path.suffix}' is unknown; known are {known}.{hint}")
 
 
 def _writable() -> list[str]:

@@ -80,7 +80,8 @@ def _profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, s
     if not found:
         raise DecodeError(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
-            f"it); its first line is {_first_line(file)}; {GUIDE} shows how to write one."
+            f"it); its first line is {_first_line(file)}; {GUIDE} shows how to write one. Bare numbers "
+            "of a unit at rest are for 'plumbob allan', with --rate and --scale."
         )
     return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
 

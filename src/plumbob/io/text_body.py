@@ -48,7 +48,7 @@ class Body:
             return memoryview(self.raw)[self.start : self.end]
         else:
             text = self.text[self.start : self.end]
-        return (_single_blanks(text) if layout.separator == " " else text).encode()
+        return (single_blanks(text) if layout.separator == " " else text).encode()
 
     def remark(self) -> tuple[str, ...]:
         """Say what of the text was left out."""
@@ -63,7 +63,8 @@ class Body:
         return self.text.startswith(comment, self.start) or self.text.find(f"\n{comment}", self.start, self.end) >= 0
 
 
-def _single_blanks(text: str) -> str:
+def single_blanks(text: str) -> str:
+    """Text with runs of blanks and tabs made one blank, and none at the ends of its lines."""
     text = text.replace("\t", " ")
     while "  " in text:
         text = text.replace("  ", " ")

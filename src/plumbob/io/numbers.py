@@ -1,0 +1,150 @@
+"""Files of bare numbers: columns without names, units or time, in blocks of bounded memory.
+
+They are what a logger, an oscilloscope or ``numpy.save`` leaves. What they do not say (rate, scale, and for raw bytes
+the type and the columns) must be declared; a text that says more than numbers is a recording (`plumbob.io.read`).
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from plumbob.check import Floats
+from plumbob.errors import DecodeError, ParameterError
+from plumbob.io.files import existing_file, reading
+from plumbob.io.numbers_binary import RAW, Binary, open_npy, open_raw
+from plumbob.io.numbers_text import Text, open_text
+
+TEXT_SUFFIXES: Final = (".txt", ".csv", ".tsv", ".dat", ".log")
+SUFFIXES: Final[dict[str, str]] = {
+    ".npy": "npy",
+    **{f".{kind}": kind for kind in RAW},
+    **dict.fromkeys(TEXT_SUFFIXES, "text"),
+}
+"""What kind of file of numbers a suffix tells; any other needs its kind declared."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """An open file of numbers, which can be read again and again.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    kind : str
+        ``"npy"``, ``"text"`` or the type of raw values.
+    size : int
+        Length of the file, bytes.
+    source : Binary or Text
+        How it is read.
+    """
+
+    path: Path
+    kind: str
+    size: int
+    source: Binary | Text = field(repr=False)
+
+    @property
+    def columns(self) -> int:
+        """Numbers in a row."""
+        return self.source.columns
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was left out, in words."""
+        return self.source.notes
+
+    def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[Floats]:
+        """Read the file from its start.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Is told after every block how many of `size` bytes are done.
+
+        Yields
+        ------
+        ndarray (rows, columns)
+            The next rows; some megabytes at most.
+
+        Raises
+        ------
+        DecodeError
+            If something is no number, or a row has another number of them.
+        """
+        found, rows = self.source.blocks(), 0
+        while True:
+            with reading(self.path):  # only here, for what the caller does with a block is not this file's fault
+                block, done = next(found, (None, self.size))
+                if block is None and not rows:
+                    raise DecodeError("it holds no whole row of numbers.")
+            if progress is not None:
+                progress(done)
+            if block is None:
+                return
+            rows += len(block)
+            if len(block):
+                yield block
+
+    def __iter__(self) -> Iterator[Floats]:
+        """Blocks from the start, as `blocks` gives them."""
+        return self.blocks()
+
+    def read(self) -> Floats:
+        """All rows at once, (N, columns)."""
+        return np.concatenate(list(self))
+
+
+def open_numbers(path: str | os.PathLike[str], *, kind: str | None = None, columns: int | None = None) -> Numbers:
+    """Open a file of numbers.
+
+    Parameters
+    ----------
+    path : path
+        NumPy's ``.npy``; raw little-endian values, where the suffix (``.f32``, ``.i16``, …) or `kind` says their type;
+        or text: numbers between blanks, commas or semicolons, one row a line or all on one line, with lines of comment
+        that begin with # or %.
+    kind : str, optional
+        ``"npy"``, ``"text"`` or a raw type, where the suffix does not say it.
+    columns : int, optional
+        Numbers in a row: needed for raw values; elsewhere the file must agree. A text of a single line is one column
+        without it.
+
+    Raises
+    ------
+    DecodeError
+        If there is no such file, it is empty or cut, or is not what it claims to be.
+    ParameterError
+        If the kind or the columns must be declared and are not, or cannot be.
+    """
+    file = existing_file(path)
+    kind = _kind(file, kind)
+    if columns is not None and columns < 1:
+        raise ParameterError(f"columns must be a whole number of at least 1, but it is {columns}.")
+    with reading(file):
+        size = file.stat().st_size
+        if size == 0:
+            raise DecodeError("it is empty; there is no number in it.")
+        source: Binary | Text
+        if kind == "text":
+            source = open_text(file, columns)
+        else:
+            source = open_npy(file, columns) if kind == "npy" else open_raw(file, kind, columns)
+    return Numbers(file, kind, size, source)
+
+
+def _kind(file: Path, kind: str | None) -> str:
+    known = ("npy", "text", *RAW)
+    found = SUFFIXES.get(file.suffix.lower()) if kind is None else kind
+    if found in known:
+        return found
+    if kind is not None:
+        raise ParameterError(f"the kind of numbers must be one of {', '.join(known)}, but it is '{kind}'.")
+    raise ParameterError(
+        f"{file}: the suffix '{file.suffix}' does not say what numbers it holds; declare the kind, one of "
+        f"{', '.join(known)}, and for raw values the columns."
+    )
