@@ -1,0 +1,27 @@
+"""Datasheet: what the noise of a sensor looks like to a reader: text, JSON, page, picture, cards."""
+
+from plumbob.datasheet.card import noise_card
+from plumbob.datasheet.comparison import compared_as_dict, compared_text, write_comparison, write_comparison_png
+from plumbob.datasheet.figure import write_png
+from plumbob.datasheet.fin import fin_report, fin_section
+from plumbob.datasheet.html import write_html
+from plumbob.datasheet.kalibr import kalibr_yaml
+from plumbob.datasheet.summary import as_dict, curves_as_dict
+from plumbob.datasheet.table import curves_text, text
+
+__all__ = [
+    "as_dict",
+    "compared_as_dict",
+    "compared_text",
+    "curves_as_dict",
+    "curves_text",
+    "fin_report",
+    "fin_section",
+    "kalibr_yaml",
+    "noise_card",
+    "text",
+    "write_comparison",
+    "write_comparison_png",
+    "write_html",
+    "write_png",
+]

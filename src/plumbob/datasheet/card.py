@@ -1,0 +1,94 @@
+"""The noise card of a unit, from the analyses of its triads."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from plumbob.cards import UNITS, NoiseCard, TriadNoise
+from plumbob.check import Floats
+from plumbob.datasheet import numbers
+from plumbob.datasheet.table import facts
+from plumbob.datasheet.triads import AXES, Triad, triads
+from plumbob.errors import ShapeError, UnitError
+from plumbob.noise.findings import Analysis
+from plumbob.noise.terms import DATASHEET
+from plumbob.units import written
+
+
+def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:
+    """Card of a unit, for the simulator and the Kalman filters.
+
+    N is taken as it was estimated. Where the record does not show B or K, the card has the value that together with all
+    other terms is the most likely one, often 0: so the card makes the curve that was measured, even where B and K
+    cannot be told apart. Their upper limits would be no estimates, and a short record would make a good sensor look
+    bad; the limits are told in the card's `source`. Intervals are not in a card, because none of its readers uses them;
+    `as_dict` has them.
+
+    Parameters
+    ----------
+    analyses : sequence of Analysis
+        Channels "gyr x", "gyr y", "gyr z", and likewise "acc" and "mag". What is no whole triad is left out, and the
+        card's `source` says so.
+    device : str
+        The unit that was recorded.
+    source : str
+        Recording and method.
+
+    Raises
+    ------
+    ShapeError
+        If there is no triad of three axes, or the white noise of one is not known.
+    UnitError
+        If a triad measures something else than its name says, as bare numbers do.
+    """
+    found = {triad.name: triad for triad in triads(analyses)}
+    whole = {name: found[name] for name in UNITS if name in found and set(found[name].channels) == set(AXES)}
+    if not whole:
+        raise ShapeError(f"a noise card needs x, y and z of gyr, acc or mag, but there are {_names(found)}.")
+    for name, triad in whole.items():
+        if triad.quantity.value != UNITS[name]:
+            raise UnitError(f"{name} is in '{triad.quantity}', but a card holds {UNITS[name]}; scale the recording.")
+    said = [source, *(remark for triad in whole.values() for remark in _remarks(triad))]
+    others = {name: triad for name, triad in found.items() if name not in whole}
+    said += [f"left out, no triad of three axes: {_names(others)}"] if others else []
+    noises = {name: _noise(triad) for name, triad in whole.items()}
+    return NoiseCard(device, "; ".join(said), **noises)
+
+
+def _noise(triad: Triad) -> TriadNoise:
+    for axis in AXES:
+        if "N" not in triad.channels[axis].terms:
+            raise ShapeError(
+                f"the white noise of {triad.name} {axis} is not known ({triad.channels[axis].mask.reason}), and "
+                "without it there is no card; record without smoothing, or for longer."
+            )
+    return TriadNoise(_axes(triad, "N"), _axes(triad, "B"), _axes(triad, "K"))
+
+
+def _axes(triad: Triad, letter: str) -> Floats:
+    """Coefficient of x, y and z: as estimated, or as most likely where it is not observable."""
+    return np.array([_value(triad.channels[axis], letter) for axis in AXES])
+
+
+def _value(analysis: Analysis, letter: str) -> float:
+    c = analysis.terms.get(letter)
+    if c is not None and (c.observable or letter == "N"):
+        return c.value
+    return analysis.most_likely.get(letter, 0.0)
+
+
+def _remarks(triad: Triad) -> list[str]:
+    """Length of the record, and the limits of what is not observable."""
+    units = DATASHEET[triad.quantity]
+    found = [f"{triad.name} from {facts(triad)}"]
+    for letter in ("B", "K"):
+        hidden = {axis: c for axis in AXES if (c := triad.channels[axis].terms.get(letter)) and not c.observable}
+        limits = ", ".join(f"{axis} {numbers.coefficient(c, units[letter])}" for axis, c in hidden.items())
+        if hidden:
+            limit = f"{limits} {written(units[letter])} (95 %)"
+            found.append(f"{triad.name} {letter} not observable, the most likely is taken: {limit}")
+    return found
+
+
+def _names(found: Mapping[str, Triad]) -> str:
+    return ", ".join(f"{name} {''.join(triad.channels)}".strip() for name, triad in found.items())

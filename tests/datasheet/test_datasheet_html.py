@@ -1,0 +1,121 @@
+"""The page and the pictures."""
+
+import re
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumbob.datasheet import fin_section, write_html, write_png
+from plumbob.datasheet.figure import channel_figure
+from plumbob.datasheet.html import page
+from plumbob.datasheet.numbers import coefficient
+from plumbob.errors import MissingExtraError, ShapeError
+from plumbob.noise.curve import Curve
+from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask
+from plumbob.noise.terms import DATASHEET
+from tests.battery.pages import HOSTILE, Outline, PageBattery
+
+
+@pytest.fixture(scope="module")
+def text(analyses, bare):
+    hostile = replace(
+        bare, name=HOSTILE, notes=(HOSTILE,), mask=Mask(2, 1.0, HOSTILE), candidates=(Candidate(HOSTILE, 1.0, True),),
+        lines=Estimates(HOSTILE, {}),
+    )  # fmt: skip
+    facts = {"device": HOSTILE, HOSTILE: "x"}
+    return page([*analyses, hostile], title=HOSTILE, facts=facts, sections=[fin_section(analyses)])
+
+
+class TestPage(PageBattery):
+    pass
+
+
+def test_the_coefficients_come_first(analyses, text):
+    first = text[: text.index("<svg")]
+    for a in analyses:
+        for letter, c in a.terms.items():
+            cell = coefficient(c, DATASHEET[a.quantity][letter])
+            assert cell.replace("-", "−").replace("<", "&lt;") in first
+    assert "N white noise [°/√h]" in first
+    assert "K random walk [µg/s/√Hz]" in first
+
+
+def test_the_page_says_what_its_columns_are(text):
+    assert "IEEE Std 952 (for disjoint averages) [%]" in text
+    assert text.count("averaging time [s]</text>") == 2 + 7  # a figure for each triad and each channel
+    assert text.count("Allan deviation [°/h]</text>") == 4
+    assert text.count("<summary>Table of the curve</summary>") == 7
+    assert "Report of the fin paper" in text
+
+
+def test_the_same_analyses_give_the_same_bytes(plain):
+    assert page(plain, title="t", facts={}) == page(plain, title="t", facts={})
+
+
+def test_the_terms_that_are_shown_are_named_in_the_figure(plain):
+    drawing = channel_figure(plain[0], "x")
+    assert [letter for letter in "QNBKR" if f">{letter}</text>" in drawing] == ["N", "B", "K"]
+    hidden = {k: replace(c, observable=False) for k, c in plain[0].terms.items()}
+    drawing = channel_figure(replace(plain[0], likelihood=Estimates("likelihood", hidden)), "x")
+    assert not [letter for letter in "QNBKR" if f">{letter}</text>" in drawing]
+
+
+def test_what_is_masked_is_shaded_and_what_scatters_is_pale(analyses):
+    masked, unmasked = (channel_figure(a, "x") for a in analyses[:2])
+    assert "var(--shade)" in masked
+    assert "var(--shade)" not in unmasked
+    sure = replace(analyses[1].curve, edf=np.full(analyses[1].curve.n.size, 99.0))
+    assert "opacity: 0.35" in unmasked
+    assert "opacity: 0.35" not in channel_figure(replace(analyses[1], curve=sure), "x")
+
+
+def test_a_curve_of_every_averaging_factor_makes_a_small_page_and_keeps_its_spikes(tmp_path, plain):
+    n = np.arange(1, 500_001)
+    dev = 1e-3 / np.sqrt(n)
+    dev[123_456] *= 40.0
+    edf = 1e6 / n
+    long = Curve("oadev", 0.01, 1_000_000, n, dev, 0.0 * dev, edf, dev * 0.9, dev * 1.1)
+    a = replace(plain[0], curve=long)
+    path = write_html(tmp_path / "page.html", [a], title="t", facts={})
+    assert 10_000 < path.stat().st_size < 300_000
+    listed = re.search(r"(\d+) of 500000 averaging times", path.read_text(encoding="utf-8"))
+    assert 40 < int(listed[1]) <= 60
+    smooth = replace(long, dev=1e-3 / np.sqrt(n))
+    assert channel_figure(a, "x") != channel_figure(replace(a, curve=smooth), "x")
+
+
+def test_odd_curves_have_a_page(plain, bare):
+    few = plain[0].curve
+    for keep in (slice(0, 1), slice(0, 2), slice(-1, None)):
+        short = Curve(
+            few.kind, few.dt, few.count, *(getattr(few, f)[keep] for f in ("n", "dev", "alpha", "edf", "lo", "hi"))
+        )
+        nothing = Estimates("likelihood", {k: Coefficient(0.0, observable=False) for k in "QNBKR"})
+        for changes in ({}, {"mask": Mask(10**9)}, {"likelihood": nothing}):
+            Outline(page([replace(plain[0], curve=short, **changes)], title="t", facts={}))
+
+
+def test_pictures_are_written(tmp_path, analyses, bare):
+    for name, of in (("all", analyses), ("one", analyses[:1]), ("hostile", [replace(bare, name=HOSTILE)])):
+        path = write_png(tmp_path / f"{name}.png", of)
+        assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+
+
+def test_without_matplotlib_the_extra_is_named(tmp_path, plain, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
+        page(plain, title="t", facts={})
+    with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[plot\]"'):
+        write_png(tmp_path / "x.png", plain)
+
+
+def test_a_page_about_nothing_is_refused(tmp_path):
+    with pytest.raises(ShapeError, match="at least one analysis"):
+        write_html(tmp_path / "x.html", [], title="t", facts={})
+
+
+def test_labels_of_rows_break_between_words_only(text):
+    rules = re.findall(r"th\[scope=row\][^{]*{[^}]*overflow-wrap: ([a-z-]+)", text)
+    assert rules[-1] == "break-word"  # the last rule counts; anywhere would break a label into letters
