@@ -8,6 +8,7 @@ import pytest
 
 from plumbob import flags
 from plumbob.calib.model import apply_card
+from plumbob.cards import NoiseCard, TriadNoise
 from plumbob.constants import G0
 from plumbob.errors import CalibrationError, FrameError, ParameterError
 from plumbob.rotations import Frame, North, change_frame, euler_zyx_from_quat, quat_angle, quat_multiply, quat_rotate
@@ -272,3 +273,46 @@ def test_nothing_that_matters_has_a_default(left_out):
 def test_what_cannot_be_is_refused(changes, error, rule):
     with pytest.raises(error, match=rule):
         run(**changes)
+
+
+CARD = NoiseCard("unit 7", "Allan analysis", gyr=TriadNoise(n_rpsd=[1e-3, 2e-3, 4e-3], b=[0.0] * 3, k_rpsd=[0.0] * 3))
+
+
+def test_a_noise_card_replaces_the_noise_of_the_triads_that_it_has():
+    plain, made = (run("static", sensors="mpu6000", noise=card) for card in (None, CARD))
+    np.testing.assert_array_equal(made.noise.gyr.n_rpsd, CARD.gyr.n_rpsd)
+    np.testing.assert_array_equal(made.noise.gyr.b, 0.0)
+    np.testing.assert_array_equal(made.noise.acc.n_rpsd, plain.noise.acc.n_rpsd)
+    np.testing.assert_array_equal(made.imu.acc, plain.imu.acc)
+    assert "noise of gyr from the card of unit 7 (Allan analysis)" in made.noise.source
+    count, rate = len(made.imu), made.imu.meta.rate_nominal
+    np.testing.assert_allclose(  # white noise scatters by N √rate; 4 standard deviations of a scatter are allowed
+        made.imu.gyr.std(axis=0), CARD.gyr.n_rpsd * math.sqrt(rate), rtol=4.0 / math.sqrt(2.0 * count)
+    )
+
+
+def test_flicker_and_walk_of_a_card_drift_by_what_it_says():
+    walk = TriadNoise(n_rpsd=[0.0] * 3, b=[0.0] * 3, k_rpsd=[1e-3, 2e-3, 4e-3])
+    made = run("static", sensors="ideal", noise=NoiseCard("unit 7", "told", gyr=walk))
+    np.testing.assert_array_equal(made.noise.gyr.k_rpsd, walk.k_rpsd)
+    count, rate = len(made.imu), made.imu.meta.rate_nominal
+    steps = np.diff(made.imu.gyr, axis=0)  # of a walk: independent, K √Δt each; 4 standard deviations are allowed
+    np.testing.assert_allclose(
+        steps.std(axis=0), walk.k_rpsd / math.sqrt(rate), rtol=4.0 / math.sqrt(2.0 * (count - 1))
+    )
+    flicker = TriadNoise(n_rpsd=[0.0] * 3, b=[1e-3, 2e-3, 4e-3], k_rpsd=[0.0] * 3)
+    made = run("static", sensors="ideal", noise=NoiseCard("unit 7", "told", gyr=flicker))
+    np.testing.assert_array_equal(made.noise.gyr.b, flicker.b)
+    # [Kasdin1995]: differences of neighbours have the spectrum B² |2 sin(ω/2)|, whose mean, their variance, is 4 B²/π,
+    # and whose mean square is 2 B⁴; so their scatter is known to π/4/√N, 4 times which are allowed
+    np.testing.assert_allclose(
+        np.diff(made.imu.gyr, axis=0).std(axis=0), flicker.b * math.sqrt(4.0 / math.pi), rtol=math.pi / math.sqrt(count)
+    )
+
+
+def test_a_card_of_sensors_that_the_unit_has_not_is_refused():
+    noise = TriadNoise(n_rpsd=[1e-3] * 3, b=[0.0] * 3, k_rpsd=[0.0] * 3)
+    with pytest.raises(ParameterError, match="the noise card of unit 7 has gyr, mag, but mpu6000 has gyr, acc"):
+        run("static", sensors="mpu6000", noise=replace(CARD, mag=noise))
+    with pytest.raises(ParameterError, match="has no triad"):
+        run("static", noise=NoiseCard("unit 7", "empty"))

@@ -30,6 +30,7 @@ def add_parser(verbs: common.Adder) -> None:
         description="Simulate what sensors would record in a scenario, and the truth beside it in the same file.",
     )
     add_scenario_options(p, optional=True)
+    common.add_noise(p, "noise card whose N, B and K the sensors take instead of their own")
     p.add_argument("--seed", type=int, default=0, metavar="N", help="of everything left to chance (default 0)")
     p.add_argument("--out", type=Path, metavar="FILE", help="recording to write (.parquet or .csv)")
     p.add_argument("--card", type=Path, metavar="JSON", help="write the unit's calibration card too")
@@ -81,6 +82,7 @@ def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import io
+    from plumbob.cards import NoiseCard
     from plumbob.errors import ParameterError
     from plumbob.sim import simulate
 
@@ -90,15 +92,22 @@ def run(args: argparse.Namespace) -> int:
     if args.scenario is None or args.out is None:
         raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
     common.keep_inputs(args.card, args.noise_card, out=args.out)
+    for out in (args.out, args.card, args.noise_card):
+        common.keep_inputs(args.noise, out=out)
     frame, given = scenario_settings(args)
-    result = simulate(args.scenario, frame=frame, sensors=args.sensors, module=args.module, seed=args.seed, **given)
-    recording = io.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=(result.truth.source,))
+    noise = None if args.noise is None else NoiseCard.load(args.noise)
+    choice = {"sensors": args.sensors, "module": args.module, "seed": args.seed, "noise": noise}
+    result = simulate(args.scenario, frame=frame, **choice, **given)
+    notes = (result.truth.source, *(() if noise is None else (f"noise {result.noise.source}",)))
+    recording = io.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
     io.write(args.out, recording)
     for path, card in ((args.card, result.calibration), (args.noise_card, result.noise)):
         if path:
             card.save(path)
     print(f"{args.out}: {len(result.imu)} samples, {result.imu.t[-1]:.3f} s, {result.imu.meta.device}")
     print(f"truth        {result.truth.source}, frame {frame}, heading from true north")
+    if noise is not None:
+        print(f"noise        {result.noise.source}")
     print(f"calibration  {result.imu.meta.calibration or 'NONE: a unit as it left the line'}")
     return 0
 

@@ -128,6 +128,10 @@ class TriadErrors:
         perfect = type(self)()
         return replace(self, **{name: getattr(perfect, name) for name in _DETERMINISTIC})
 
+    def with_noise(self, noise: TriadNoise) -> Self:
+        """Return the same triad with N, B and K of a card; ramp and quantisation, which a card has not, stay."""
+        return replace(self, white_rpsd=noise.n_rpsd, white_sd=np.zeros(3), flicker=noise.b, walk_rpsd=noise.k_rpsd)
+
     @property
     def response(self) -> Floats:
         """Matrix (3, 3) from truth to measurement at `temp_ref_c`."""

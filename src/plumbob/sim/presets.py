@@ -28,6 +28,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.data import TRIADS
 from plumbob.errors import ParameterError
@@ -155,6 +156,25 @@ class Module:
     def with_mag_rate(self, rate: float) -> Self:
         """Return the unit with another sampling rate of its magnetometer, Hz."""
         return replace(self, mag=self.mag and replace(self.mag, rate=rate))
+
+    def with_noise(self, card: NoiseCard) -> Self:
+        """Return the unit with N, B and K of a card instead of its own, in each triad that the card has.
+
+        Raises
+        ------
+        ParameterError
+            If the card has a triad that the unit has not, or none at all.
+        """
+        noises = {name: noise for name in TRIADS if (noise := getattr(card, name)) is not None}
+        own = [name for name in TRIADS if getattr(self, name) is not None]
+        if not noises or not set(noises) <= set(own):
+            raise ParameterError(
+                f"the noise card of {card.device} has {', '.join(noises) or 'no triad'}, but {self.name} has "
+                f"{', '.join(own)}; name sensors that have what the card has."
+            )
+        triads = {name: getattr(self, name).with_noise(noise) for name, noise in noises.items()}
+        source = f"{self.source}; noise of {', '.join(noises)} from the card of {card.device} ({card.source})"
+        return replace(self, source=source, **triads)
 
 
 def preset_names() -> tuple[str, ...]:

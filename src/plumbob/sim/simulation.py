@@ -95,6 +95,7 @@ def simulate(
     mag_rate: float | None = None,
     jitter: float = 0.0,
     lost: float = 0.0,
+    noise: NoiseCard | None = None,
     **parameters: float | str,
 ) -> Simulation:
     """Simulate a recording.
@@ -126,6 +127,8 @@ def simulate(
         Standard deviation of the time stamps about the instants of sampling, s.
     lost : float
         Share of the samples that are missing from the recording.
+    noise : NoiseCard, optional
+        N, B and K of each triad that it has, instead of the sensors' own; such as a noise analysis writes.
     **parameters : float or str
         Of the scenario: a number in its unit, or text with a unit.
 
@@ -134,11 +137,12 @@ def simulate(
     FrameError
         If `frame` is no `Frame`.
     ParameterError
-        If a name is unknown, a value outside its domain, or a text without the unit that it needs.
+        If a name is unknown, a value outside its domain, a text without the unit that it needs, or `noise` has a triad
+        that the sensors have not.
     """
     if not isinstance(frame, Frame):
         raise FrameError(f"frame must be one of Frame.{', Frame.'.join(Frame)}, but it is {frame!r}.")
-    plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, mag_rate)
+    plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, mag_rate, noise)
     rate, duration = plan.rate if rate is None else rate, plan.duration if duration is None else duration
     line = time_line(rate=rate, duration=duration, jitter=jitter, lost=lost, seed=seed)
     motion = plan.motion(stream(seed, "scenario"), duration)
@@ -188,12 +192,14 @@ def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scena
     return scenario
 
 
-def _unit(sensors: str | Module, module: str, seed: int, mag_rate: float | None) -> Module:
+def _unit(sensors: str | Module, module: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
     if module not in MODULES:
         raise ParameterError(f"module must be one of {', '.join(MODULES)}, but it is '{module}'.")
     unit = draw_module(sensors, seed) if isinstance(sensors, str) else sensors
     if mag_rate is not None:
         unit = unit.with_mag_rate(mag_rate)
+    if noise is not None:
+        unit = unit.with_noise(noise)
     return unit.calibrated() if module == "calibrated" else unit
 
 
