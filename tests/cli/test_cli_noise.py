@@ -5,7 +5,7 @@ import json
 import pytest
 
 from plumbob import NoiseCard, io
-from tests.cli.test_cli import ok, refused
+from tests.cli.test_cli import ok, plumbob, refused
 
 SIM = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated", "--duration", "20s")
 
@@ -91,3 +91,27 @@ def test_a_unit_s_own_card_is_the_one_that_sim_writes(unit):
     assert own["settings"]["mekf"] != without["settings"]["mekf"]
     assert own["seeds"]["mahony"] == without["seeds"]["mahony"]
     assert own["scenario"] == f"{file['scenario']}; noise cards of the units"
+
+
+def test_no_option_is_taken_for_another_that_begins_so(unit, tmp_path):
+    words = ("sim", "buoy", *SIM, "--out", tmp_path / "x.parquet")
+    for option, value in (("--noise-c", tmp_path / "noise.json"), ("--sens", "ideal")):
+        done = plumbob(*words, option, value)
+        assert done.returncode == 2
+        assert f"unrecognized arguments: {option}" in done.stderr
+    nested = plumbob("benchmark", "decoders", "--fra", 200)
+    assert nested.returncode == 2
+    assert "unrecognized arguments: --fra" in nested.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_simulator_takes_a_noise_card(unit, tmp_path):
+    _, card = unit
+    out, own = tmp_path / "x.parquet", tmp_path / "own.json"
+    before = card.read_bytes()
+    words = ("sim", "static", "--frame", "NED", "--duration", "2s", "--noise", card)
+    assert "from the card of mpu6000+hmc5983 #0" in ok(*words, "--out", out, "--noise-card", own).stdout
+    assert NoiseCard.load(own).gyr.n_rpsd.tolist() == NoiseCard.load(card).gyr.n_rpsd.tolist()
+    assert any("noise of gyr, acc, mag from the card of" in note for note in io.read(out).notes)
+    assert "is an input" in refused(*words, "--out", out, "--noise-card", card)
+    assert card.read_bytes() == before

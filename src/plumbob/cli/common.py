@@ -90,8 +90,15 @@ def keep_inputs(*inputs: Path | None, out: Path | None) -> None:
     from plumbob.errors import ParameterError
 
     for path in inputs:
-        if path is not None and out is not None and path.resolve() == out.resolve():
+        if path is not None and out is not None and is_same_file(path, out):
             raise ParameterError(f"{out} is an input; writing there would destroy it. Name another file.")
+
+
+def is_same_file(one: Path, other: Path) -> bool:
+    """Whether two paths lead to one file, by whatever links; one that does not exist yet is told by its path."""
+    if one.exists() and other.exists():
+        return one.samefile(other)
+    return one.resolve() == other.resolve()
 
 
 def note(*lines: str) -> None:

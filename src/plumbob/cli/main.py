@@ -7,6 +7,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from plumbob import __version__
 from plumbob.errors import PlumbobError
@@ -24,6 +25,7 @@ VERBS = (
     "sim",
     "run",
     "eval",
+    "allan",
     "info",
     "benchmark",
     "filters",
@@ -37,14 +39,20 @@ units: SI and radians inside; every other unit is written, as in --params gate=0
 """
 
 
+class _Parser(argparse.ArgumentParser):
+    """Parser that takes no abbreviations, as --noise for --noise-card; verbs and what is nested in them inherit it."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**{**settings, "allow_abbrev": False})
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Parser of the whole command line."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="plumbob",
-        description="Attitude from MEMS inertial sensors: decode, record, replay, calibrate, estimate, evaluate.",
+        description="Attitude from MEMS inertial sensors: decode, record, replay, characterise, estimate, evaluate.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
     )
     parser.add_argument("--version", action="version", version=f"plumbob {__version__}")
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)

@@ -1,0 +1,282 @@
+"""plumbob allan: the noise of a sensor at rest, from a static record to the figures of a data sheet."""
+
+import argparse
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from plumbob.cli import common
+
+if TYPE_CHECKING:
+    from plumbob.noise import Analysis
+    from plumbob.noise.static import StaticReport
+    from plumbob.pipeline.static_record import StaticRecord
+
+KINDS = ("oadev", "adev", "mdev", "ohdev", "hdev", "totdev")
+"""As `plumbob.noise.KINDS`, which a help text shall not import."""
+
+RAW_TYPES = ("f32", "f64", "i8", "i16", "i32", "i64", "u8", "u16", "u32")
+"""As `plumbob.io.numbers_binary.RAW`."""
+
+SUFFIXES = {"png": (".png",), "html": (".html", ".htm"), "card": (), "kalibr": ()}
+"""Outputs, and how the names of those that are opened by their suffix must end."""
+
+ALONE = {
+    "after": (
+        "compares deviations and finds no coefficients",
+        ("card", "kalibr", "device", "paper", "deviation", "methods", "curve"),
+    ),
+    "deviation": (
+        "prints that deviation and finds no coefficients",
+        ("card", "kalibr", "device", "paper", "methods", "curve", "html", "png"),
+    ),
+    "paper": ("prints that table", ("json", "methods", "curve")),
+}
+"""Options that do one thing only: what it is, and the options that would be ignored beside them."""
+
+ROSTOPIC = "/imu0"
+
+NEEDS = {"device": ("card", "html"), "topic": ("kalibr",)}
+"""Options that say something about an output, and the outputs that say it."""
+
+EPILOG = """\
+A recording (.parquet, .csv with its profile, .mcap, BROAD) brings its time and units. Bare numbers (text, .npy, or raw
+.f32, .f64, .i16, ...) need --rate and --scale; nothing is guessed:
+  plumbob allan static.parquet --html noise.html --card noise.json
+  plumbob allan gyro.txt --rate 100Hz --scale '0.00875 deg/s'    counts of 0.00875 deg/s
+  plumbob allan gyro.txt --rate 100Hz --scale '1 deg/s'          numbers in deg/s
+  plumbob allan raw.txt --rate 10Hz --scale '1 deg/s' --after filtered.txt
+"""
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb."""
+    p = verbs.add_parser(
+        "allan",
+        help="noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
+        description="Analyse the noise of a static record: Allan deviation with honest intervals, coefficients Q, N, "
+        "B, K and R by likelihood, least squares and lines, and what the record is too short to show.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    p.add_argument("file", type=Path, metavar="FILE", help="recording, or file of numbers")
+    _add_input(p)
+    p.add_argument("--taus", metavar="S,...|all", help="averaging times of the curve, s; or every one (default: log)")
+    p.add_argument("--deviation", choices=KINDS, help="print this deviation alone, without coefficients")
+    p.add_argument("--after", type=Path, metavar="FILE", help="the same channels filtered: compare before and after")
+    p.add_argument("--methods", action="store_true", help="show the three methods side by side")
+    p.add_argument("--curve", action="store_true", help="show the deviation itself, by averaging time")
+    p.add_argument("--paper", choices=("fin",), help="report as the bionic-fin paper's table 1")
+    p.add_argument("--html", type=Path, metavar="FILE", help="also write a page with plots that opens offline")
+    p.add_argument("--png", type=Path, metavar="FILE", help="also write the plot alone")
+    p.add_argument("--card", type=Path, metavar="JSON", help="also write a noise card for the simulator and filters")
+    p.add_argument("--kalibr", type=Path, metavar="YAML", help="also write Kalibr's imu.yaml")
+    p.add_argument("--topic", metavar="NAME", help=f"rostopic of imu.yaml (default {ROSTOPIC})")
+    p.add_argument("--device", metavar="NAME", help="the unit's name on card and page (default: the file's)")
+    common.add_json(p)
+    p.set_defaults(run=run)
+
+
+def _add_input(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--rate", metavar="HZ", help="samples per second of bare numbers, as 100Hz")
+    p.add_argument("--scale", metavar="LSB", help="what 1 is in bare numbers, as '0.00875 deg/s'; '1' has no unit")
+    p.add_argument(
+        "--type",
+        metavar="TYPE",
+        help=f"of numbers, where the suffix does not say it: {', '.join(RAW_TYPES)}, npy, text",
+    )
+    p.add_argument("--columns", type=int, metavar="K", help="numbers in a row of a raw file")
+    common.add_profile(p)
+    p.add_argument("--triads", metavar="A,B", help="which sensors of a recording (default all)")
+    p.add_argument("--from", dest="start", metavar="S", help="begin so far into the record, as 10s")
+    p.add_argument("--to", dest="stop", metavar="S", help="end there, as 2h")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    _refuse_what_does_not_go_together(args)
+    _check_outputs(args)
+    record, report = _opened(args, args.file)
+    if args.after is not None:
+        return _compare(args, record, report)
+    if args.deviation is not None:
+        return _deviation_alone(args, record, report)
+    from plumbob.pipeline.characterise import characterise
+
+    with common.progress("noise", record.size) as advance:
+        analyses = characterise(record, report, taus=_taus(args.taus), progress=_steps(advance))
+    _print(args, record, analyses)
+    _write(args, record, analyses)
+    return 0
+
+
+def _refuse_what_does_not_go_together(args: argparse.Namespace) -> None:
+    from plumbob.errors import ParameterError
+
+    for name, (does, others) in ALONE.items():
+        given = [f"--{other}" for other in others if getattr(args, other)]
+        if getattr(args, name) and given:
+            raise ParameterError(f"--{name} {does}, so it does not go with {', '.join(given)}.")
+    for name, outputs in NEEDS.items():
+        if getattr(args, name) and not any(getattr(args, output) for output in outputs):
+            raise ParameterError(f"--{name} is for --{' or --'.join(outputs)}, which is not given; leave it out.")
+
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Refuse, before a long analysis, what could not be written or would be lost."""
+    from plumbob.errors import ParameterError
+
+    outputs = {name: path for name in SUFFIXES if (path := getattr(args, name)) is not None}
+    for name, path in outputs.items():
+        common.keep_inputs(args.file, args.after, args.profile, out=path)
+        endings = SUFFIXES[name]
+        if endings and path.suffix.lower() not in endings:
+            raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+        if not path.parent.is_dir():
+            raise ParameterError(f"--{name} {path}: there is no folder {path.parent}; create it first.")
+        if path.is_dir():
+            raise ParameterError(f"--{name} {path} is a folder; name a file.")
+    for (name, path), (other, second) in combinations(outputs.items(), 2):
+        if common.is_same_file(path, second):
+            raise ParameterError(f"--{name} and --{other} are both {second}; give each a file of its own.")
+
+
+def _opened(args: argparse.Namespace, path: Path) -> "tuple[StaticRecord, StaticReport]":
+    from plumbob.data import TRIADS
+    from plumbob.errors import ShapeError
+    from plumbob.pipeline.static_record import check_static, load_static
+    from plumbob.units import Quantity, parse
+
+    triads = TRIADS if args.triads is None else tuple(w.strip() for w in args.triads.split(",") if w.strip())
+    record = load_static(
+        path,
+        rate=None if args.rate is None else parse(args.rate, Quantity.FREQUENCY),
+        scale=args.scale,
+        profile=args.profile,
+        triads=triads,
+        start=None if args.start is None else parse(args.start, Quantity.TIME),
+        stop=None if args.stop is None else parse(args.stop, Quantity.TIME),
+        kind=args.type,
+        columns=args.columns,
+    )
+    _refuse_what_is_for_recordings(args, record)
+    common.note(*(f"{path.name}: {line}" for line in record.notes))
+    common.note(*(f"{path.name}: {name} left out: {why}" for name, why in record.refused.items()))
+    with common.progress("checking", record.size) as advance:
+        report = check_static(record, _steps(advance))
+    if report.errors:
+        for finding in report.errors[1:]:
+            common.note(str(finding))
+        raise ShapeError(f"{path} is no static record: {report.errors[0]}")
+    return record, report
+
+
+def _refuse_what_is_for_recordings(args: argparse.Namespace, record: "StaticRecord") -> None:
+    from plumbob.errors import ParameterError
+    from plumbob.io.numbers import Numbers
+
+    given = [f"--{name}" for name in ("triads", "profile") if getattr(args, name) is not None]
+    if given and any(isinstance(group.source, Numbers) for group in record.groups):
+        raise ParameterError(
+            f"{record.path} holds bare numbers, but {', '.join(given)} is for recordings; leave it out."
+        )
+
+
+def _steps(advance: Any) -> Any:
+    """From "so many bytes are done" to the steps of a progress bar."""
+    before = 0
+
+    def told(done: int) -> None:
+        nonlocal before
+        advance(done - before)
+        before = done
+
+    return told
+
+
+def _taus(text: str | None) -> "Sequence[float] | Literal['all'] | None":
+    from plumbob.errors import ParameterError
+    from plumbob.units import Quantity, parse
+
+    if text is None:
+        return None
+    if text.strip() == "all":
+        return "all"
+    times = [parse(word, Quantity.TIME) for word in text.split(",") if word.strip()]
+    if not times or any(not t > 0.0 for t in times):
+        raise ParameterError(
+            f"--taus needs averaging times above 0 s, separated by commas, or 'all', but got '{text}'."
+        )
+    return times
+
+
+def _print(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Analysis]") -> None:
+    from plumbob import datasheet
+
+    if args.json:
+        common.print_json({"file": str(record.path), **datasheet.as_dict(analyses)})
+    elif args.paper == "fin":
+        print(datasheet.fin_report(analyses))
+    else:
+        print(datasheet.text(analyses, methods=args.methods, curve=args.curve or args.taus is not None))
+
+
+def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Analysis]") -> None:
+    """Write files after the figures, which need neither matplotlib nor a place to write."""
+    from plumbob import __version__, datasheet
+
+    device = args.device or record.path.stem
+    source = f"Allan analysis of {record.path.name}, plumbob {__version__}"
+    if args.png is not None:
+        datasheet.write_png(args.png, analyses)
+    if args.html is not None:
+        facts = {"record": record.path.name, "device": device, "made by": f"plumbob {__version__}"}
+        sections = (datasheet.fin_section(analyses),) if args.paper == "fin" else ()
+        title = f"Noise of {device}"
+        datasheet.write_html(args.html, analyses, title=title, facts=facts, sections=sections)
+    if args.card is not None:
+        datasheet.noise_card(analyses, device=device, source=source).save(args.card)
+    if args.kalibr is not None:
+        args.kalibr.write_text(
+            datasheet.kalibr_yaml(analyses, rostopic=args.topic or ROSTOPIC, source=source), encoding="utf-8"
+        )
+    _tell_written(args, "png", "html", "card", "kalibr")
+
+
+def _deviation_alone(args: argparse.Namespace, record: "StaticRecord", report: "StaticReport") -> int:
+    from plumbob import datasheet
+    from plumbob.pipeline.characterise import deviations
+
+    found = deviations(record, report, args.deviation, taus=_taus(args.taus))
+    if args.json:
+        common.print_json({"file": str(record.path), "deviation": args.deviation, **datasheet.curves_as_dict(found)})
+    else:
+        print(datasheet.curves_text(found))
+    return 0
+
+
+def _compare(args: argparse.Namespace, record: "StaticRecord", report: "StaticReport") -> int:
+    from plumbob import __version__, datasheet
+    from plumbob.pipeline.characterise import comparisons
+
+    after, judged = _opened(args, args.after)
+    found = comparisons((record, report), (after, judged), taus=_taus(args.taus))
+    if args.json:
+        common.print_json({"before": str(record.path), "after": str(after.path), **datasheet.compared_as_dict(found)})
+    else:
+        print(datasheet.compared_text(found))
+    if args.png is not None:
+        datasheet.write_comparison_png(args.png, found)
+    if args.html is not None:
+        facts = {"before": record.path.name, "after": after.path.name, "made by": f"plumbob {__version__}"}
+        title = f"{record.path.stem} before and after"
+        datasheet.write_comparison(args.html, found, title=title, facts=facts)
+    _tell_written(args, "png", "html")
+    return 0
+
+
+def _tell_written(args: argparse.Namespace, *outputs: str) -> None:
+    for name in outputs:
+        if not args.json and getattr(args, name) is not None:
+            print(f"{name:8} {getattr(args, name)}")
