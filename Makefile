@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test lint bench endurance wire clean
+.PHONY: setup demo test lint bench noise endurance wire clean
 
 setup: $(VENV)/.installed
 
@@ -35,6 +35,12 @@ test: lint
 
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python benchmarks/allan_speed.py
+
+# Noise: coefficients and intervals on records of known noise, and the intervals of a curve at every averaging time.
+noise: $(VENV)/.bench
+	$(BIN)/python benchmarks/allan_quality.py
+	$(BIN)/python benchmarks/allan_coverage.py
 
 endurance: setup
 	$(BIN)/python benchmarks/endurance.py
