@@ -196,7 +196,7 @@ def test_terms_that_cannot_be_told_apart_are_still_there_together():
         x = noise.white(noise.white_sd(0.02 * ONE, 10.0), 6000, rng) + noise.flicker(0.006 * ONE, 12_000, rng)[6000:]
         s = spectrum(x[:, 0], 0.1)
         terms, best = likelihood.coefficients(s, likelihood.fit(s))
-        likely = likelihood.most_likely(best)
+        likely = likelihood.most_likely(best, terms["R"])
         assert likely["B"] > 1e-3 or likely["K"] > 1e-5
         if not terms["B"].observable and not terms["K"].observable:
             together += likelihood.is_more_than(s, best, ["N"])

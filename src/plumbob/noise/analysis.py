@@ -98,7 +98,7 @@ def analyse_averages(
     whole = spectrum(left, of.dt, averages.averaged)
     mask, kept, choice = _modelled(whole, of)
     by_likelihood, best = coefficients(kept, choice.best)
-    likely = most_likely(best)
+    likely = most_likely(best, by_likelihood["R"])
     if choice.smoothed is not None:  # of what was smoothed away, nothing
         by_likelihood, likely = {}, {}
     by_squares = least_squares(of, first=mask.n, sinusoids=sinusoids, markov=choice.markov)

@@ -161,7 +161,8 @@ class Analysis:
     candidates : tuple of Candidate
         Models that were weighed.
     most_likely : mapping of str to float
-        Values of the five terms that together are the most likely, observable or not: what the model is made of.
+        Values of the five terms that together are the most likely, observable or not (a ramp only if it is): what the
+        model is made of.
     step : float
         The values are multiples of this step, in the unit of the samples; 0 where no step was found.
     notes : tuple of str

@@ -93,10 +93,13 @@ def coefficients(spectrum: Spectrum, best: Fit) -> tuple[dict[str, Coefficient],
     return {LETTERS[0]: quantization, **found, "R": model.ramp(best)}, best
 
 
-def most_likely(best: Fit) -> dict[str, float]:
-    """Values of all five terms that together are the most likely, observable or not."""
+def most_likely(best: Fit, ramp: Coefficient) -> dict[str, float]:
+    """Values of all five terms that together are the most likely, observable or not.
+
+    But a ramp only where it is observable: else its slope is that of the random walk, which has been counted.
+    """
     random = {letter: math.exp(best.logs[k]) for k, letter in enumerate(LETTERS)}
-    return {**random, "R": abs(best.ramp)}
+    return {**random, "R": abs(best.ramp) if ramp.observable else 0.0}
 
 
 def is_more_than(spectrum: Spectrum, best: Fit, shown: Sequence[str]) -> bool:
