@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from plumbob import _jit
-from plumbob.errors import ParameterError
+from plumbob.errors import ParameterError, ShapeError, UnitError
 from plumbob.noise import analyse, compare, curve, edf
 from plumbob.noise.findings import Coefficient, GaussMarkov, Sinusoid
 from plumbob.noise.least_squares import least_squares
@@ -15,7 +15,7 @@ from plumbob.noise.lines import lines
 from plumbob.noise.sinusoids import find_sinusoids
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
 from plumbob.noise.transfer import allan_transfer
-from plumbob.units import unit
+from plumbob.units import Quantity, unit
 
 slow_without_jit = pytest.mark.skipif(_jit.jit_disabled(), reason="sums over long records take minutes as plain Python")
 
@@ -248,3 +248,25 @@ def test_intervals_are_of_the_noise_that_was_found():
     assert found.curve.alpha[-1] == pytest.approx(-2.0, abs=0.02)
     assert found.curve.alpha[0] > -1.0
     assert found.curve.edf[-1] == pytest.approx(edf("oadev", -2.0, 50_000, found.curve.n[-1:])[0], rel=0.05)
+
+
+def test_what_cannot_be_analysed_is_refused():
+    with pytest.raises(ParameterError, match="needs 100 samples or more, but got 50"):
+        analyse(white(0, 50), 0.01)
+    with pytest.raises(ShapeError, match="is the record constant"):
+        analyse(np.ones(500), 0.01)
+    with pytest.raises(ShapeError, match="not finite"):
+        analyse(np.append(white(0, 500), np.nan), 0.01)
+    with pytest.raises(UnitError, match="one of rate, acceleration, field, ratio"):
+        analyse(white(0, 500), 0.01, quantity=Quantity.ANGLE)
+    with pytest.raises(ParameterError, match="above 0 s"):
+        analyse(white(0, 500), 0.0)
+
+
+def test_lists_float32_and_large_offsets_are_analysed_alike():
+    x = white(1, 5000)
+    n = analyse(x, 0.01).terms["N"].value
+    for same in (x.tolist(), x.astype(np.float32), np.repeat(x, 2)[::2]):
+        assert analyse(same, 0.01).terms["N"].value == pytest.approx(n, rel=1e-6)
+    assert analyse(x + 1e6, 0.01).terms["N"].value == pytest.approx(n, rel=1e-7)
+    assert analyse(1e12 * x, 0.01).terms["N"].value == pytest.approx(1e12 * n, rel=1e-9)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from plumbob import check
 from plumbob.check import Floats
-from plumbob.errors import ParameterError
+from plumbob.errors import ParameterError, UnitError
 from plumbob.noise.choice import Choice, choose
 from plumbob.noise.curve import Curve, curve, with_noise
 from plumbob.noise.findings import Analysis, Coefficient, Estimates, Mask
@@ -21,6 +21,7 @@ from plumbob.noise.mask import find_mask, mask_first_order
 from plumbob.noise.observe import with_hours
 from plumbob.noise.sinusoids import find_sinusoids
 from plumbob.noise.spectrum import Spectrum, spectrum
+from plumbob.noise.terms import DATASHEET
 from plumbob.units import Quantity
 
 FEWEST: Final = 100
@@ -93,6 +94,11 @@ def analyse_averages(
     name, quantity
         As in `analyse`.
     """
+    if quantity not in DATASHEET:
+        known = ", ".join(q.name.lower() for q in DATASHEET)
+        raise UnitError(
+            f"quantity must be one of {known}, whose noise has a data sheet's units, but it is {quantity!r}."
+        )
     step = of.dt * averages.averaged
     sinusoids, left = find_sinusoids(averages.values, step, averages.averaged)
     whole = spectrum(left, of.dt, averages.averaged)
