@@ -24,11 +24,12 @@ TRIADS = ("gyr", "acc", "mag")
 ENOUGH = 100
 """Samples from which on a recording's units are judged by its typical size."""
 
-_FLAGS = {
+TRIAD_FLAGS = {
     "gyr": (flags.GYR_ABSENT, flags.GYR_CLIPPED, flags.GYR_INVALID),
     "acc": (flags.ACC_ABSENT, flags.ACC_CLIPPED, flags.ACC_INVALID),
     "mag": (flags.MAG_ABSENT, flags.MAG_CLIPPED, flags.MAG_INVALID),
 }
+"""By triad: the flags that say absent, clipped and invalid."""
 _IMPOSSIBLE = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
 _SI = {"gyr": "rad/s", "acc": "m/s²", "mag": "µT"}
 
@@ -147,10 +148,10 @@ class ImuData:
         for name in TRIADS:
             value = getattr(self, name)
             if value is None:
-                found |= np.uint32(_FLAGS[name][0])
+                found |= np.uint32(TRIAD_FLAGS[name][0])
                 continue
             triad = check.rows(name, value, 3, t.size)
-            found &= ~np.uint32(_FLAGS[name][0])
+            found &= ~np.uint32(TRIAD_FLAGS[name][0])
             found |= _judge(name, triad, getattr(self.meta, f"{name}_range"), self.meta.unit_check)
             self._set(name, triad)
         if all(getattr(self, name) is None for name in TRIADS):
@@ -193,9 +194,9 @@ class ImuData:
         found = flags.copy()
         for name in TRIADS:
             if name not in triads:
-                found |= np.uint32(_FLAGS[name][0])
+                found |= np.uint32(TRIAD_FLAGS[name][0])
                 continue
-            found &= ~np.uint32(_FLAGS[name][0])
+            found &= ~np.uint32(TRIAD_FLAGS[name][0])
             found |= _marks(name, triads[name], getattr(meta, f"{name}_range"))
         part = object.__new__(cls)
         values = {name: triads.get(name) for name in TRIADS}
@@ -267,7 +268,7 @@ class ImuData:
         value = self._triad(name)
         if value is None:
             return check.read_only(np.full((len(self), 3), np.nan))
-        absent, _, invalid = _FLAGS[name]
+        absent, _, invalid = TRIAD_FLAGS[name]
         out = (self.flags & np.uint32(absent | invalid)) != 0
         if not out.any() or np.isnan(value[out]).all():
             return value
@@ -292,7 +293,7 @@ class ImuData:
             if name not in self.triads:
                 raise ShapeError(f"the recording has no {name} to correct, only {', '.join(self.triads)}.")
             state[name] = check.read_only(check.rows(name, value, 3, len(self)))
-            absent, _, invalid = _FLAGS[name]
+            absent, _, invalid = TRIAD_FLAGS[name]
             found[np.isnan(state[name]).any(axis=1) & (self.flags & np.uint32(invalid) == 0)] |= absent
         return self._like(state | {"flags": check.read_only(found)})
 
@@ -499,7 +500,7 @@ def _check_range(name: str, full_scale: float | None) -> None:
 
 def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool) -> NDArray[np.uint32]:
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
-    _, _, invalid = _FLAGS[name]
+    _, _, invalid = TRIAD_FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
     if not np.isfinite(triad).any():  # a unit may lack an axis, but not all of them
         what = "is NaN" if missing.all() else "has no finite number"
@@ -519,7 +520,7 @@ def _marks(name: str, triad: Floats, full_scale: float | None) -> NDArray[np.uin
     usual = min(_limit(name, full_scale), np.inf if full_scale is None else 0.999 * full_scale)
     if (np.abs(triad) < usual).all():  # nearly every part of a stream; a missing value is not below anything
         return np.zeros(len(triad), dtype=np.uint32)
-    absent, clipped, invalid = _FLAGS[name]
+    absent, clipped, invalid = TRIAD_FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
     size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
     too_big: NDArray[np.bool_] = np.asarray(size > _limit(name, full_scale))

@@ -2,19 +2,20 @@
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.datasheet import figure, numbers
-from plumbob.datasheet.html import LABELS, html_table
+from plumbob.datasheet.html import FOLDED, LABELS, html_table
 from plumbob.datasheet.reading import rows
 from plumbob.datasheet.summary import curve_as_dict
 from plumbob.datasheet.table import WIDTH
 from plumbob.noise.compare import Compared
 from plumbob.noise.findings import Deviation
 from plumbob.noise.terms import DEVIATION
-from plumbob.page import SERIES, SHADE, Key, document, png, svg
+from plumbob.page import SERIES, SHADE, Key, document, svg
 from plumbob.page import figure as framed
 from plumbob.units import from_si, written
 
@@ -25,7 +26,7 @@ _ROWS = 40  # of a table
 _WIDTHS = (10, 13, 13, 10, 10, 10)
 _HEAD = ("tau [s]", "before", "after", "ratio", "from", "to")
 _BEFORE, _AFTER = SERIES[0], SERIES[1]
-_STYLE = LABELS + "details { margin-top: 1rem; }\nsummary { cursor: pointer; font-weight: 600; }\n"
+_STYLE = LABELS + FOLDED
 _DEFINITIONS = (
     "Overlapping Allan deviations of two records at equal averaging times. Bands are intervals of 68.3 %; that of the "
     "ratio is as if the records were independent. A filter of time constant T bends the curve up to some 10 T, where "
@@ -54,15 +55,12 @@ def write_comparison(path: str | Path, found: Sequence[Compared], *, title: str,
 
 def write_comparison_png(path: str | Path, found: Sequence[Compared]) -> Path:
     """Write the plots alone as a picture, one panel for each channel."""
-    target = Path(path)
+    return figure.write_panels(path, [partial(_draw_panel, one=one) for one in found])
 
-    def draw(picture: Any) -> None:
-        for ax, one in zip(picture.subplots(len(found), 1, squeeze=False)[:, 0], found, strict=True):
-            _draw(ax, one)
-            figure.explain(ax, one.name, _key(one))
 
-    png(target, draw, height=figure.HEIGHT * len(found))
-    return target
+def _draw_panel(ax: "Axes", one: Compared) -> None:
+    _draw(ax, one)
+    figure.explain(ax, one.name, _key(one))
 
 
 def _draw(ax: "Axes", one: Compared) -> None:

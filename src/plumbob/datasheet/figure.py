@@ -1,7 +1,7 @@
 """Pictures: deviation over averaging time with its interval, the model, its terms and where they are read off."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -77,14 +77,18 @@ def write_png(path: str | Path, analyses: Sequence[Analysis]) -> Path:
     MissingExtraError
         If matplotlib is not installed.
     """
-    target, found = Path(path), triads(analyses)
+    return write_panels(path, [partial(_draw_panel, triad=triad) for triad in triads(analyses)])
+
+
+def write_panels(path: str | Path, panels: Sequence[Callable[["Axes"], None]]) -> Path:
+    """Write a picture of panels one below the other, each drawn by a function of its axes."""
+    target = Path(path)
 
     def draw(figure: "Figure") -> None:
-        panels = figure.subplots(len(found), 1, squeeze=False)[:, 0]
-        for ax, triad in zip(panels, found, strict=True):
-            _draw_panel(ax, triad)
+        for ax, panel in zip(figure.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True):
+            panel(ax)
 
-    png(target, draw, height=HEIGHT * len(found))
+    png(target, draw, height=HEIGHT * len(panels))
     return target
 
 

@@ -17,15 +17,19 @@ _ROWS = 60  # of a curve's table
 LABELS = "th[scope=row] { overflow-wrap: break-word; }\n"
 """Style of the first column of a table: whole words, however narrow the page; the table scrolls."""
 
+FOLDED = """\
+details { margin-top: 1rem; }
+summary { cursor: pointer; font-weight: 600; }
+"""
+"""Style of tables that are folded away."""
+
 _STYLE = f"""\
 {LABELS}\
 .scroll {{ margin-top: 1.25rem; }}
 .scroll + .note {{ margin-top: 1.5rem; }}
 thead th:first-child {{ text-align: left; }}
 td.text {{ white-space: nowrap; }}
-details {{ margin-top: 1rem; }}
-summary {{ cursor: pointer; font-weight: 600; }}
-"""
+{FOLDED}"""
 _DEFINITIONS = (
     "The Allan variance of a signal at the averaging time τ is half the mean square difference of its means over "
     "neighbouring stretches of length τ. Its terms: quantization 3 Q²/τ², white noise N²/τ, bias instability "

@@ -15,7 +15,7 @@ from plumbob.noise.choice import Choice, choose
 from plumbob.noise.curve import Curve, curve, with_noise
 from plumbob.noise.findings import Analysis, Coefficient, Estimates, Mask
 from plumbob.noise.least_squares import least_squares
-from plumbob.noise.likelihood import Fit, coefficients, is_more_than, most_likely
+from plumbob.noise.likelihood import Fit, coefficients, departures, is_more_than, most_likely
 from plumbob.noise.lines import lines
 from plumbob.noise.mask import find_mask, mask_first_order
 from plumbob.noise.observe import with_hours
@@ -169,15 +169,11 @@ def _notes(kept: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coef
 
 def _misfits(kept: Spectrum, best: Fit) -> Iterator[str]:
     """Octaves in which the spectrum is not the model's."""
-    left = kept.power - 2.0 * best.ramp * kept.cross + best.ramp**2 * kept.ramp
     octave = np.floor(np.log2(kept.frequency / kept.frequency[0])).astype(np.int64)
-    for i in np.unique(octave):
-        inside = octave == i
-        count = kept.terms[inside].sum()
-        ratio = float(np.sum(left[inside] / best.density[inside]) / count)
-        if abs(ratio - 1.0) > max(_MISFIT, _SURE * math.sqrt(2.0 / count)):
+    for inside, excess, sd in departures(kept, best, octave):
+        if abs(excess) > max(_MISFIT, _SURE * sd):
             low, high = kept.frequency[inside][[0, -1]]
             yield (
-                f"from {low:.2g} to {high:.2g} Hz the record has {ratio:.2g} times the noise that the terms make: "
-                "a warm-up, a disturbance, or another kind of noise"
+                f"from {low:.2g} to {high:.2g} Hz the record has {1.0 + excess:.2g} times the noise that the terms "
+                "make: a warm-up, a disturbance, or another kind of noise"
             )

@@ -72,8 +72,7 @@ def choose(kept: Spectrum) -> Choice:
 
 def _alone_at_the_top(kept: Spectrum, richer: Fit) -> bool:
     """Whether the process makes more of the highest frequencies than all other terms."""
-    rows = densities(kept)[:, -1]
-    others = float(np.exp(2.0 * richer.logs[: rows.size]) @ rows)
+    others = float(richer.squares @ densities(kept)[:, -1])
     return others < 0.5 * float(richer.density[-1])
 
 

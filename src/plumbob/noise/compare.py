@@ -8,7 +8,7 @@ each at the same τ and with its interval, and the filter's time constant: far b
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,10 +18,8 @@ from plumbob.check import Floats
 from plumbob.errors import ParameterError
 from plumbob.noise.curve import Curve, curve
 from plumbob.noise.spectrum import Spectrum, spectrum
+from plumbob.noise.transfer import FAR
 from plumbob.units import Quantity
-
-FAR: Final = 10.0
-"""So many time constants on, a filter takes less than 1.5/10 of the Allan variance of white noise, and soon nothing."""
 
 _SAME = 0.05  # of the power: what is no filter
 _LOWEST = 64  # coefficients whose power no filter that can be recognised has changed

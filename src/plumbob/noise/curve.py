@@ -11,10 +11,10 @@ from plumbob.check import Floats
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.noise.deviation import deviation
 from plumbob.noise.edf import edf
-from plumbob.noise.factors import log_factors
+from plumbob.noise.factors import Factors, log_factors
 from plumbob.noise.identify import identify
 from plumbob.noise.interval import ONE_SIGMA, interval, skew_edf
-from plumbob.noise.kinds import SHAPES, factors_of
+from plumbob.noise.kinds import factors_of, kind_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def curves(rate: ArrayLike, dt: float, n: ArrayLike | None = None, *, kind: str 
         raise ShapeError(f"rate must have shape (N, k), but its shape is {samples.shape}.")
     count = samples.shape[0]
     grid = log_factors(count)
-    grid = grid[grid <= SHAPES[check.one_of("kind", kind, tuple(SHAPES))].longest(count)]
+    grid = grid[grid <= kind_of(kind).longest(count)]
     wanted = grid if n is None else np.unique(factors_of(kind, count, n))
     factors = np.union1d(grid, wanted)
     return [curve_of(dev, factors, count, dt, kind=kind).at(wanted) for dev in deviation(samples, factors, kind).T]
@@ -118,11 +118,9 @@ def with_noise(of: Curve, alpha: ArrayLike) -> Curve:
     alpha : array_like (m,)
         Exponent of the spectrum at each averaging factor; brought into the range of the kind.
     """
-    levels = SHAPES[of.kind].levels
+    levels = kind_of(of.kind).levels
     known = np.clip(check.column("alpha", alpha, of.n.size), levels[0], levels[-1])
-    freedom = edf(of.kind, known, of.count, of.n)
-    lo, hi = interval(of.dev, freedom, skew_edf(of.kind, known, of.count, of.n), of.confidence)
-    return replace(of, alpha=known, edf=freedom, lo=lo, hi=hi)
+    return _judged(of.kind, of.dt, of.count, of.n, of.dev, known, of.confidence)
 
 
 def curve_of(
@@ -156,7 +154,11 @@ def curve_of(
         raise ParameterError(f"dt must be a sampling time above 0 s, but it is {dt}.")
     factors = factors_of(kind, count, n)
     alpha = identify(kind, count, factors, dev)
-    found = check.column("dev", dev)
-    freedom = edf(kind, alpha, count, factors)
-    lo, hi = interval(found, freedom, skew_edf(kind, alpha, count, factors), confidence)
-    return Curve(kind, dt, count, factors, found, alpha, freedom, lo, hi, confidence)
+    return _judged(kind, dt, count, factors, check.column("dev", dev), alpha, confidence)
+
+
+def _judged(kind: str, dt: float, count: int, n: Factors, dev: Floats, alpha: Floats, confidence: float) -> Curve:
+    """Curve with the intervals of noise of these exponents."""
+    freedom = edf(kind, alpha, count, n)
+    lo, hi = interval(dev, freedom, skew_edf(kind, alpha, count, n), confidence)
+    return Curve(kind, dt, count, n, dev, alpha, freedom, lo, hi, confidence)

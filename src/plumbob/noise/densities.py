@@ -6,7 +6,7 @@ integration [Kasdin1995] and of random walks have exactly these.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -18,16 +18,16 @@ LETTERS = ("Q", "N", "B", "K")
 """The random terms, in the order of the rows that `densities` returns."""
 
 
+def sampled_densities(frequency: Floats, dt: float) -> Floats:
+    """Density (4, ...) of Q, N, B and K at the frequencies (...), Hz, in samples taken every dt, s."""
+    w = 2.0 * np.abs(np.sin(np.pi * frequency * dt))
+    return np.stack([w**2 / dt, np.ones_like(w), dt / w, (dt / w) ** 2])
+
+
 @lru_cache(maxsize=4)
 def densities(spectrum: Spectrum) -> Floats:
     """Density (4, m) of Q, N, B and K in each bin."""
-    dt = spectrum.dt
-
-    def sampled(frequency: Floats) -> Floats:
-        w = 2.0 * np.abs(np.sin(np.pi * frequency * dt))
-        return np.stack([w**2 / dt, np.ones_like(w), dt / w, (dt / w) ** 2])
-
-    found = _averaged(sampled, spectrum)
+    found = _averaged(partial(sampled_densities, dt=spectrum.dt), spectrum)
     found[0] += _ends_of_quantization(spectrum)
     found[2] *= _flicker_in_cosines(spectrum)
     return check.read_only(found)

@@ -24,7 +24,7 @@ from plumbob import check
 from plumbob.check import Floats
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.noise.edf import edf, log_variance
-from plumbob.noise.kinds import SHAPES, Kind
+from plumbob.noise.kinds import Kind, kind_of
 
 PER_OCTAVE = 1.5
 """Values of a curve that are worth independent ones, in each octave; nearer ones share their noise."""
@@ -67,7 +67,7 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
     knots = _knots(factors)
     octave = np.log2(factors[knots])
     log_variance = 2.0 * np.log(deviation[knots])
-    shape = SHAPES[check.one_of("kind", kind, tuple(SHAPES))]
+    shape = kind_of(kind)
     half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
     slope = _local_slope(octave, log_variance - psi(half) + np.log(half), zeta(2.0, half))
     alpha = _alpha(shape, factors[knots].astype(np.int64), slope)

@@ -57,6 +57,11 @@ KINDS: Final = tuple(SHAPES)
 """Overlapping Allan, Allan, modified Allan (overlapping), overlapping Hadamard, Hadamard, total."""
 
 
+def kind_of(name: str) -> Kind:
+    """Kind of that name, refusing unknown ones by a `ShapeError`."""
+    return SHAPES[check.one_of("kind", name, KINDS)]
+
+
 def factors_of(kind: str, count: int, n: ArrayLike) -> Factors:
     """Averaging factors n as integers, refusing those that `count` samples do not allow.
 
@@ -67,5 +72,4 @@ def factors_of(kind: str, count: int, n: ArrayLike) -> Factors:
     ParameterError
         If a factor is no whole number, or too long for the record.
     """
-    longest = SHAPES[check.one_of("kind", kind, KINDS)].longest(count)
-    return whole_factors(n, longest, f"for {kind} of {count} samples")
+    return whole_factors(n, kind_of(kind).longest(count), f"for {kind} of {count} samples")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from plumbob.check import Floats
 from plumbob.noise.curve import Curve
+from plumbob.noise.densities import LETTERS, sampled_densities
 from plumbob.noise.edf import edf
 from plumbob.noise.findings import Coefficient, Estimates, GaussMarkov, Sinusoid
 from plumbob.noise.likelihood import CLEAR
@@ -58,8 +59,8 @@ def _columns(n: NDArray[np.int64], dt: float) -> Floats:
     few = n < _SAMPLED_TO
     if few.any():
         frequency, width = grid(_SAMPLED_TO, dt)
-        density = dt / (2.0 * np.sin(np.pi * frequency * dt))
-        columns[few, list(TERMS).index("B")] = allan_transfer(n[few], frequency, dt) @ (density * width)
+        flicker = sampled_densities(frequency, dt)[LETTERS.index("B")]
+        columns[few, list(TERMS).index("B")] = allan_transfer(n[few], frequency, dt) @ (flicker * width)
     return np.asarray(columns)
 
 
@@ -94,9 +95,8 @@ def _solve(
 def _covariance(curve: Curve, n: NDArray[np.int64], squares: Floats, model: Floats) -> Floats:
     """Covariance (m, m) of the Allan variances: variances by degrees of freedom, correlations by common frequencies."""
     frequency, width = grid(curve.count, curve.dt)
-    w = 2.0 * np.sin(np.pi * frequency * curve.dt)
-    densities = np.stack([w**2 / curve.dt, np.ones_like(w), curve.dt / w, (curve.dt / w) ** 2])
-    shares = allan_transfer(n, frequency, curve.dt) * (squares[:4] @ densities) * np.sqrt(width)
+    density = squares[: len(LETTERS)] @ sampled_densities(frequency, curve.dt)
+    shares = allan_transfer(n, frequency, curve.dt) * density * np.sqrt(width)
     product = shares @ shares.T
     norm = np.sqrt(np.maximum(np.diag(product), np.finfo(float).tiny))
     sd = model * np.sqrt(2.0 / _freedom(curve, n, model))

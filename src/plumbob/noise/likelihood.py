@@ -11,11 +11,12 @@ the likelihood, with every value of the coefficient taken for equally probable b
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.check import Floats
 from plumbob.noise.densities import LETTERS, densities, markov_density
@@ -64,6 +65,11 @@ class Fit:
     ramp_sd: float
     density: Floats
 
+    @property
+    def squares(self) -> Floats:
+        """Squares of Q, N, B and K, by which `densities` of any spectrum are multiplied."""
+        return np.asarray(np.exp(2.0 * self.logs[: len(LETTERS)]))
+
 
 def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> Fit:
     """Find the most likely coefficients.
@@ -91,6 +97,34 @@ def coefficients(spectrum: Spectrum, best: Fit) -> tuple[dict[str, Coefficient],
         best = model.without(best, 0)
     found = {letter: model.interval(best, k) for k, letter in enumerate(LETTERS) if k}
     return {LETTERS[0]: quantization, **found, "R": model.ramp(best)}, best
+
+
+def departures(
+    spectrum: Spectrum, found: Fit, group: NDArray[np.int64]
+) -> Iterator[tuple[NDArray[np.bool_], float, float]]:
+    """Part by which the power of each group of bins departs from a fit.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        The one that was fitted.
+    found : Fit
+        The fit.
+    group : ndarray (m,)
+        Group of each bin; of those below 0 nothing is asked.
+
+    Yields
+    ------
+    inside : ndarray (m,) of bool
+        Bins of the group.
+    excess, sd : float
+        Mean of power over density, less 1; and the standard deviation that chance gives it.
+    """
+    ratio = spectrum.without_ramp(found.ramp) / found.density
+    for i in np.unique(group[group >= 0]):
+        inside = group == i
+        count = float(spectrum.terms[inside].sum())
+        yield inside, float(np.sum(ratio[inside])) / count - 1.0, math.sqrt(2.0 / count)
 
 
 def most_likely(best: Fit, ramp: Coefficient) -> dict[str, float]:
@@ -155,7 +189,7 @@ class _Model:
         density, slopes = self.density(logs)
         square = float(np.sum(s.ramp / density))
         ramp = float(np.sum(s.cross / density)) / square
-        left = s.power - 2.0 * ramp * s.cross + ramp**2 * s.ramp
+        left = s.without_ramp(ramp)
         half = 0.5 * float(np.sum(s.terms * np.log(density) + left / density)) + 0.5 * math.log(square)
         gradient = 0.5 * slopes @ ((s.terms - left / density) / density - s.ramp / density**2 / square)
         relative = slopes / density
@@ -187,7 +221,7 @@ class _Model:
 
     def _present(self, now: Fit) -> list[int]:
         """Parameters that the density still feels; the logarithm of a term that is not there runs away for ever."""
-        shares = np.max(np.exp(2.0 * now.logs[: len(LETTERS), np.newaxis]) * self.rows / now.density, axis=1)
+        shares = np.max(now.squares[:, np.newaxis] * self.rows / now.density, axis=1)
         return [k for k in range(now.logs.size) if k >= len(LETTERS) or shares[k] > _ABSENT]
 
     def interval(self, best: Fit, k: int) -> Coefficient:

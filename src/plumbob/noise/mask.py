@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from plumbob.check import Floats
 from plumbob.noise.densities import densities
 from plumbob.noise.findings import Mask
-from plumbob.noise.likelihood import Fit, fit
+from plumbob.noise.likelihood import Fit, departures, fit
 from plumbob.noise.spectrum import Spectrum
-from plumbob.noise.transfer import allan_transfer
+from plumbob.noise.transfer import FAR, allan_transfer
 
 _BENT = 0.2  # of the density: from here on something has shaped it
 _MARGIN = 2.0**1.5  # a low-pass of first order that takes 6 % at a frequency takes 0.8 % so much further down
@@ -23,7 +23,6 @@ _SURE = 4.0  # standard deviations
 _JUDGED = 2.0  # octaves below the cut whose fit is judged
 _PER_OCTAVE = 4
 _LEAST = 100.0  # coefficients without which nothing can be judged
-_FAR = 10.0  # time constants of a filter, beyond which it hardly shows
 _SHARE = 0.02  # of an Allan variance that may come from masked frequencies
 
 
@@ -80,31 +79,21 @@ def mask_first_order(spectrum: Spectrum, time: float, n: NDArray[np.int64]) -> t
     if kept.terms.sum() >= _LEAST:
         factor, _ = _first_factor(spectrum, fit(kept), cut, n)
         return Mask(factor, cut, reason), kept
-    beyond = int(n[min(int(np.searchsorted(n * spectrum.dt, _FAR * time)), n.size - 1)])
+    beyond = int(n[min(int(np.searchsorted(n * spectrum.dt, FAR * time)), n.size - 1)])
     return Mask(beyond, cut, f"{reason}; it is too short to tell more than that"), None
 
 
 def _fits(spectrum: Spectrum, found: Fit, cut: float, tolerated: float) -> bool:
     """Whether no part of the octaves below the cut departs from a fit by more than what is tolerated, or by chance."""
-    octave = np.log2(cut / spectrum.frequency)
-    group = np.floor(octave * _PER_OCTAVE).astype(np.int64)
-    left = spectrum.power - 2.0 * found.ramp * spectrum.cross + found.ramp**2 * spectrum.ramp
-    for g in range(int(_JUDGED * _PER_OCTAVE)):
-        inside = group == g
-        count = spectrum.terms[inside].sum()
-        if count == 0.0:
-            continue
-        excess = float(np.sum(left[inside] / found.density[inside]) / count) - 1.0
-        if abs(excess) > max(tolerated, _SURE * np.sqrt(2.0 / count)):
-            return False
-    return True
+    group = np.floor(np.log2(cut / spectrum.frequency) * _PER_OCTAVE).astype(np.int64)
+    judged = np.where(group < _JUDGED * _PER_OCTAVE, group, -1)
+    return not any(abs(excess) > max(tolerated, _SURE * sd) for _, excess, sd in departures(spectrum, found, judged))
 
 
 def _first_factor(spectrum: Spectrum, found: Fit, cut: float, n: NDArray[np.int64]) -> tuple[int, float]:
     """Smallest factor from which on masked frequencies hardly count, and what they add to the spectrum on the whole."""
-    rows = densities(spectrum)
-    model = np.sum(np.exp(2.0 * found.logs[: rows.shape[0], np.newaxis]) * rows, axis=0)
-    width = spectrum.terms / (2.0 * spectrum.count * spectrum.step)
+    model = found.squares @ densities(spectrum)
+    width = spectrum.width
     weights = _mean_transfer(n, spectrum)
     beyond = spectrum.frequency > cut
     excess = (spectrum.power / spectrum.terms - model) * width * beyond
@@ -116,6 +105,5 @@ def _first_factor(spectrum: Spectrum, found: Fit, cut: float, n: NDArray[np.int6
 
 def _mean_transfer(n: NDArray[np.int64], spectrum: Spectrum) -> Floats:
     """Transfer averaged over each bin at a few places of it."""
-    width = spectrum.terms / (2.0 * spectrum.count * spectrum.step)
-    places = np.random.default_rng(0).uniform(-0.5, 0.5, size=(8, width.size)) * width
+    places = np.random.default_rng(0).uniform(-0.5, 0.5, size=(8, spectrum.width.size)) * spectrum.width
     return np.asarray(np.mean([allan_transfer(n, spectrum.frequency + p, spectrum.dt) for p in places], axis=0))

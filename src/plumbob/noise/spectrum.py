@@ -63,6 +63,15 @@ class Spectrum:
         """Middle frequency of each bin (m,), Hz."""
         return np.asarray(0.5 * (self.start[1:] + self.start[:-1] - 1.0) / (2.0 * self.count * self.step))
 
+    @property
+    def width(self) -> Floats:
+        """Width of each bin (m,), Hz."""
+        return np.asarray(self.terms / (2.0 * self.count * self.step))
+
+    def without_ramp(self, ramp: float) -> Floats:
+        """Power of each bin (m,) once a ramp of so many unit/s is taken off the record."""
+        return np.asarray(self.power - 2.0 * ramp * self.cross + ramp**2 * self.ramp)
+
     def below(self, frequency: float) -> "Spectrum":
         """Only the bins whose frequencies are all below this one, Hz."""
         last = (self.start[1:] - 1.0) / (2.0 * self.count * self.step)

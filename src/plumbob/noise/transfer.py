@@ -1,9 +1,14 @@
-"""What each frequency of a record adds to an Allan variance."""
+"""What each frequency of a record adds to an Allan variance, and how far a filter reaches in it."""
+
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from plumbob.check import Floats
+
+FAR: Final = 10.0
+"""So many time constants on, a filter takes less than 1.5/10 of the Allan variance of white noise, and soon nothing."""
 
 
 def allan_transfer(n: ArrayLike, frequency: ArrayLike, dt: float) -> Floats:

@@ -7,7 +7,6 @@ from typing import Final, Literal
 
 import numpy as np
 
-from plumbob import check
 from plumbob.check import Floats
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.noise import (
@@ -31,7 +30,7 @@ from plumbob.noise import (
     with_curve,
 )
 from plumbob.noise.factors import Factors
-from plumbob.noise.kinds import SHAPES
+from plumbob.noise.kinds import kind_of
 from plumbob.noise.static import StaticCheck, StaticReport, judge
 from plumbob.pipeline.static_record import Channels, StaticRecord
 
@@ -128,9 +127,9 @@ def comparisons(
 def warm_up() -> None:
     """Compile every kernel of an analysis: check, all deviations, every averaging factor, and streams."""
     samples = np.random.default_rng(0).standard_normal((4096, 1))
-    check = StaticCheck(("x",), 1.0)
-    check.add(samples)
-    judge(check)
+    still = StaticCheck(("x",), 1.0)
+    still.add(samples)
+    judge(still)
     for kind in KINDS:
         deviation(samples, [2], kind)
     every_adev(samples[:, 0])
@@ -192,7 +191,7 @@ def _streamed(group: Channels, size: int, taus: Taus, progress: Progress | None)
 
 def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind: str = "oadev") -> Factors:
     """Averaging factors of averaging times, refusing those that are no multiple of the sampling time."""
-    longest = SHAPES[check.one_of("kind", kind, KINDS)].longest(count)
+    longest = kind_of(kind).longest(count)
     if taus == "all":
         return np.arange(1, longest + 1)
     times = np.asarray(taus, dtype=np.float64)
@@ -211,7 +210,7 @@ def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind
 def _too_long(tau: float, dt: float, count: int, kind: str = "oadev") -> ParameterError:
     return ParameterError(
         f"τ = {tau:g} s is too long: for {kind}, a record of {count * dt:.6g} s has "
-        f"{SHAPES[kind].longest(count) * dt:.6g} s at most."
+        f"{kind_of(kind).longest(count) * dt:.6g} s at most."
     )
 
 

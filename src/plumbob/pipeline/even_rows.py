@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob import clock, flags
+from plumbob import clock
 from plumbob.cards import UNITS
 from plumbob.check import Floats
-from plumbob.data import ImuData
+from plumbob.data import TRIAD_FLAGS, ImuData
 from plumbob.errors import ClockError, ParameterError, ShapeError
 from plumbob.noise.static import FEWEST_SAMPLES
 
@@ -26,9 +26,6 @@ INDEPENDENT: Final = 1.5
 """Least energy of the changes of these distances over their own: 2 if each is by chance, about 1 beside a lost row,
 after which all are shifted."""
 FEWEST: Final = 3
-
-_INVALID = {"gyr": flags.GYR_INVALID, "acc": flags.ACC_INVALID, "mag": flags.MAG_INVALID}
-_CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +171,8 @@ def _longest(breaks: NDArray[np.int64], count: int) -> tuple[int, int]:
 
 
 def _take(imu: ImuData, name: str, found: Sensors) -> None:
-    impossible = (imu.flags & np.uint32(_INVALID[name])) != 0
+    _, _, invalid = TRIAD_FLAGS[name]
+    impossible = (imu.flags & np.uint32(invalid)) != 0
     values = np.where(impossible[:, np.newaxis], np.nan, getattr(imu, name))
     given = ~np.isnan(values).all(axis=0)
     for axis in np.flatnonzero(~given).tolist():
@@ -217,7 +215,8 @@ def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, found: Sensors
 
 def _clipped(imu: ImuData, name: str, values: Floats, rows: NDArray[np.int64], found: Sensors) -> set[int]:
     """Axes at the end of their range; all where the range is not known."""
-    marked = rows[(imu.flags[rows] & np.uint32(_CLIPPED[name])) != 0]
+    _, clipped, _ = TRIAD_FLAGS[name]
+    marked = rows[(imu.flags[rows] & np.uint32(clipped)) != 0]
     if not marked.size:
         return set()
     size = np.abs(values[marked])
