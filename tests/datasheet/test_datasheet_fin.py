@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.datasheet import fin_report, fin_section
 from plumbob.datasheet.fin import DURATION, TABLE, averaging_time, percent_error
-from plumbob.datasheet.numbers import measured
+from plumbob.digits import measured
 from plumbob.errors import ShapeError
 from plumbob.noise.findings import Coefficient, Estimates
 from plumbob.units import from_si, to_si

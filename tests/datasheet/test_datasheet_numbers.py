@@ -5,6 +5,7 @@ import math
 import pytest
 
 from plumbob.datasheet import numbers
+from plumbob.digits import measured, number
 from plumbob.noise.findings import Coefficient
 from plumbob.units import to_si
 
@@ -28,7 +29,7 @@ from plumbob.units import to_si
     ],
 )
 def test_a_value_has_the_digits_that_its_uncertainty_gives(value, lo, hi, text):
-    assert numbers.measured(value, lo, hi) == text
+    assert measured(value, lo, hi) == text
 
 
 @pytest.mark.parametrize(
@@ -43,7 +44,7 @@ def test_a_value_has_the_digits_that_its_uncertainty_gives(value, lo, hi, text):
     ],
 )
 def test_a_bare_number_has_the_digits_asked_for(value, digits, text):
-    assert numbers.number(value, digits) == text
+    assert number(value, digits) == text
 
 
 def test_a_coefficient_is_written_in_the_unit_of_a_data_sheet():

@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 from plumbob.datasheet import text
-from plumbob.datasheet.numbers import coefficient, measured, number
+from plumbob.datasheet.numbers import coefficient
 from plumbob.datasheet.reading import lowest, noise_name
+from plumbob.digits import measured, number
 from plumbob.noise.findings import Coefficient, Estimates, Sinusoid
 from plumbob.noise.terms import DATASHEET
 from plumbob.units import from_si, to_si

@@ -1,6 +1,6 @@
 """Datasheet: what the noise of a sensor looks like to a reader: text, JSON, page, picture, cards."""
 
-from plumbob.datasheet.card import noise_card
+from plumbob.datasheet.card import card_text, noise_card
 from plumbob.datasheet.comparison import compared_as_dict, compared_text, write_comparison, write_comparison_png
 from plumbob.datasheet.figure import write_png
 from plumbob.datasheet.fin import fin_report, fin_section
@@ -11,6 +11,7 @@ from plumbob.datasheet.table import curves_text, text
 
 __all__ = [
     "as_dict",
+    "card_text",
     "compared_as_dict",
     "compared_text",
     "curves_as_dict",

@@ -6,13 +6,16 @@ import numpy as np
 
 from plumbob.cards import UNITS, NoiseCard, TriadNoise
 from plumbob.check import Floats
+from plumbob.data import TITLES
 from plumbob.datasheet import numbers
 from plumbob.datasheet.table import facts
 from plumbob.datasheet.triads import AXES, Triad, triads
+from plumbob.digits import number
 from plumbob.errors import ShapeError, UnitError
 from plumbob.noise.findings import Analysis
-from plumbob.noise.terms import DATASHEET
-from plumbob.units import written
+from plumbob.noise.terms import DATASHEET, TERMS
+from plumbob.plain import aligned, listed
+from plumbob.units import Quantity, from_si, written
 
 
 def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:
@@ -53,6 +56,25 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
     said += [f"left out, no triad of three axes: {_names(others)}"] if others else []
     noises = {name: _noise(triad) for name, triad in whole.items()}
     return NoiseCard(device, "; ".join(said), **noises)
+
+
+def card_text(card: NoiseCard) -> str:
+    """Tell what a noise card holds, in the units of data sheets."""
+    lines = [f"{card.device}: noise card", *listed([card.source])]
+    for name in UNITS:
+        triad: TriadNoise | None = getattr(card, name)
+        if triad is not None:
+            lines += ["", TITLES[name], *aligned(["", *AXES], *_rows(name, triad))]
+    return "\n".join(lines)
+
+
+def _rows(name: str, triad: TriadNoise) -> list[list[str]]:
+    units = DATASHEET[Quantity(UNITS[name])]
+    found = {"N": triad.n_rpsd, "B": triad.b, "K": triad.k_rpsd}
+    return [
+        [f"{k} {TERMS[k].name} [{written(units[k])}]", *(number(v) for v in from_si(values, units[k]).tolist())]
+        for k, values in found.items()
+    ]
 
 
 def _noise(triad: Triad) -> TriadNoise:

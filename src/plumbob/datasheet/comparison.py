@@ -1,22 +1,22 @@
 """Before and after: as text, as a dictionary, as a page and as a picture."""
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plumbob import digits
 from plumbob.datasheet import figure, numbers
-from plumbob.datasheet.html import FOLDED, LABELS, html_table
+from plumbob.datasheet.html import FOLDED
 from plumbob.datasheet.reading import rows
 from plumbob.datasheet.summary import curve_as_dict
-from plumbob.datasheet.table import WIDTH
 from plumbob.noise.compare import Compared
 from plumbob.noise.findings import Deviation
 from plumbob.noise.terms import DEVIATION
-from plumbob.page import SERIES, SHADE, Key, document, svg
+from plumbob.page import LABELS, SERIES, SHADE, Key, document, html_table, svg
 from plumbob.page import figure as framed
+from plumbob.plain import listed
 from plumbob.units import from_si, written
 
 if TYPE_CHECKING:
@@ -95,8 +95,7 @@ def _channel(one: Compared) -> list[str]:
     c, unit = one.comparison, DEVIATION[one.quantity]
     lines = [f"{one.name}: {c.before.kind}{numbers.in_unit(unit)}, ratio with its interval of 68.3 %", _row(_HEAD)]
     lines += [_row(cells) for cells in _cells(one)]
-    for note in c.notes:
-        lines += textwrap.wrap(note, WIDTH, initial_indent="- ", subsequent_indent="  ")
+    lines += listed(c.notes)
     return lines
 
 
@@ -104,9 +103,9 @@ def _cells(one: Compared) -> list[tuple[str, ...]]:
     c, unit = one.comparison, DEVIATION[one.quantity]
     found = []
     for i in rows(c.before, _ROWS).tolist():
-        deviations = (numbers.number(from_si(float(curve.dev[i]), unit), 4) for curve in (c.before, c.after))
-        ratios = (numbers.number(float(v[i])) for v in (c.ratio, c.lo, c.hi))
-        found.append((numbers.number(float(c.tau[i])), *deviations, *ratios))
+        deviations = (digits.number(from_si(float(curve.dev[i]), unit), 4) for curve in (c.before, c.after))
+        ratios = (digits.number(float(v[i])) for v in (c.ratio, c.lo, c.hi))
+        found.append((digits.number(float(c.tau[i])), *deviations, *ratios))
     return found
 
 

@@ -6,18 +6,18 @@ is called a random walk of the rate, but is white noise of the rate, N = R/60 in
 """
 
 import math
-import textwrap
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from plumbob import digits
 from plumbob.datasheet import numbers
-from plumbob.datasheet.html import html_table
 from plumbob.datasheet.reading import lowest
-from plumbob.datasheet.table import WIDTH
 from plumbob.datasheet.triads import Triad, triads
 from plumbob.errors import ShapeError
 from plumbob.noise.findings import Analysis
 from plumbob.noise.terms import TERMS
+from plumbob.page import html_table
+from plumbob.plain import listed
 from plumbob.units import Quantity, from_si
 
 DURATION = 110_000 / 500.0
@@ -103,8 +103,7 @@ def fin_report(analyses: Sequence[Analysis]) -> str:
     for *cells, remark in _printed_rows():
         lines += [_row(*cells, widths=_PRINTED), f"     {remark}"]
     lines.append("")
-    for remark in _MISPRINTS:
-        lines += textwrap.wrap(remark, WIDTH, initial_indent="- ", subsequent_indent="  ")
+    lines += listed(_MISPRINTS)
     return "\n".join(lines)
 
 
@@ -152,7 +151,7 @@ def _line(a: Analysis, letter: str) -> str:
     if c is None or tau is None:
         return "-"
     value, share = from_si(c.value, _UNITS[letter]), percent_error(tau, a.duration)
-    return numbers.measured(value, value * (1.0 - share), value * (1.0 + share))
+    return digits.measured(value, value * (1.0 - share), value * (1.0 + share))
 
 
 def _behind(a: Analysis, letter: str) -> str:
@@ -177,7 +176,7 @@ def _printed_rows() -> list[list[str]]:
     for entry in TABLE:
         tau, low, high = entry.tau
         name = '"R"' if entry.letter == "N" else entry.letter
-        span = f"{numbers.number(tau, 4)} ({numbers.number(low, 4)} to {numbers.number(high, 4)})"
+        span = f"{digits.number(tau, 4)} ({digits.number(low, 4)} to {digits.number(high, 4)})"
         number = f"{entry.value} ± {entry.error}"
         rows.append([name, entry.axis, number, f"{100.0 * entry.relative:.3f} %", span, entry.remark])
     return rows

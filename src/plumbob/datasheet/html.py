@@ -9,14 +9,11 @@ from plumbob.datasheet.reading import rows
 from plumbob.datasheet.triads import Triad, triads
 from plumbob.noise.findings import Analysis
 from plumbob.noise.terms import DEVIATION
-from plumbob.page import document
+from plumbob.page import LABELS, document, html_table
 from plumbob.page import figure as framed
 from plumbob.units import written
 
 _ROWS = 60  # of a curve's table
-LABELS = "th[scope=row] { overflow-wrap: break-word; }\n"
-"""Style of the first column of a table: whole words, however narrow the page; the table scrolls."""
-
 FOLDED = """\
 details { margin-top: 1rem; }
 summary { cursor: pointer; font-weight: 600; }
@@ -88,26 +85,6 @@ def page(analyses: Sequence[Analysis], *, title: str, facts: Mapping[str, str], 
     body = ["<section><h2>Coefficients</h2>", *map(_coefficients, found), *map(_notes, found), "</section>"]
     body += [_triad(i, triad) for i, triad in enumerate(found)]
     return document(title, facts, [*body, *sections], footer=_DEFINITIONS, style=_STYLE)
-
-
-def html_table(caption: str, head: Sequence[str], body: Iterable[Sequence[str]], words: Sequence[int] = ()) -> str:
-    """Table whose first column names the rows; any text is safe, and the columns of `words` (from 0) are words."""
-
-    def cell(i: int, value: str) -> str:
-        if i == 0:
-            return f"<th scope='row'>{escape(value)}</th>"
-        kind = "text" if i in words else "none" if value.startswith(("<", "not ")) or value == "-" else ""
-        style = f" class='{kind}'" if kind else ""
-        return f"<td{style}>{escape(value.replace('-', '−') if i not in words else value)}</td>"
-
-    lines = "".join(f"<tr>{''.join(cell(i, v) for i, v in enumerate(row))}</tr>" for row in body)
-    names = "".join(
-        f"<th scope='col'{' class=text' if i in words else ''}>{escape(name)}</th>" for i, name in enumerate(head)
-    )
-    return (
-        f"<div class='scroll'><table><caption>{escape(caption)}</caption>"
-        f"<thead><tr>{names}</tr></thead><tbody>{lines}</tbody></table></div>"
-    )
 
 
 def _coefficients(triad: Triad) -> str:

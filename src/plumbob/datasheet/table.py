@@ -4,15 +4,15 @@ import textwrap
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
+from plumbob import digits
 from plumbob.datasheet import numbers
 from plumbob.datasheet.reading import Lowest, lowest, noise_name, rows
 from plumbob.datasheet.triads import Triad, triads
 from plumbob.noise.findings import Analysis, Deviation, Estimates
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS
+from plumbob.plain import WIDTH, aligned, listed
 from plumbob.units import from_si, written
 
-WIDTH = 80
-_LABEL, _CELL = 26, 17
 _ROWS = 40  # of a curve's table
 _COARSE = 0.05  # of N² from the rounding of the values: more is told
 LEGEND = (
@@ -66,7 +66,7 @@ def remarks(triad: Triad) -> list[str]:
 def floor(a: Analysis) -> str:
     """Deviation whose interval ends lowest, as a cell."""
     found = lowest(a)
-    return "-" if found is None else numbers.measured(*_in_unit(found, DEVIATION[a.quantity]))
+    return "-" if found is None else digits.measured(*_in_unit(found, DEVIATION[a.quantity]))
 
 
 def floor_at(a: Analysis) -> str:
@@ -74,15 +74,15 @@ def floor_at(a: Analysis) -> str:
     found = lowest(a)
     if found is None:
         return "-"
-    return f"{numbers.number(found.tau)} s" + ("" if found.risen else " or later")
+    return f"{digits.number(found.tau)} s" + ("" if found.risen else " or later")
 
 
 def curve_cells(a: Analysis | Deviation, i: int) -> tuple[str, ...]:
     """Row i of the curve: τ, deviation, ends of its interval, degrees of freedom, IEEE's error in %, kind of noise."""
     c, unit = a.curve, DEVIATION[a.quantity]
-    deviations = (numbers.number(from_si(float(v[i]), unit), 4) for v in (c.dev, c.lo, c.hi))
-    edf, ieee = numbers.number(float(c.edf[i])), numbers.number(100.0 * float(c.ieee[i]))
-    return (numbers.number(float(c.tau[i])), *deviations, edf, ieee, noise_name(float(c.alpha[i])))
+    deviations = (digits.number(from_si(float(v[i]), unit), 4) for v in (c.dev, c.lo, c.hi))
+    edf, ieee = digits.number(float(c.edf[i])), digits.number(100.0 * float(c.ieee[i]))
+    return (digits.number(float(c.tau[i])), *deviations, edf, ieee, noise_name(float(c.alpha[i])))
 
 
 def method_rows(a: Analysis) -> list[list[str]]:
@@ -117,15 +117,15 @@ def triad_rows(triad: Triad) -> list[list[str]]:
     pick += [
         (f"floor of the curve [{written(sample)}]", floor),
         ("at an averaging time of", floor_at),
-        (f"mean [{written(sample)}]", lambda a: numbers.number(from_si(a.mean, sample), 4)),
-        (f"standard deviation [{written(sample)}]", lambda a: numbers.number(from_si(a.sd, sample), 4)),
+        (f"mean [{written(sample)}]", lambda a: digits.number(from_si(a.mean, sample), 4)),
+        (f"standard deviation [{written(sample)}]", lambda a: digits.number(from_si(a.sd, sample), 4)),
     ]
     return [[label, *(cell(a) for a in triad.channels.values())] for label, cell in pick]
 
 
 def _triad(triad: Triad, methods: bool, curve: bool) -> list[str]:
-    lines = [f"{triad.title}: {facts(triad)}", "", *_aligned(["", *triad.channels], *triad_rows(triad))]
-    lines += _wrapped([LEGEND, *remarks(triad)])
+    lines = [f"{triad.title}: {facts(triad)}", "", *aligned(["", *triad.channels], *triad_rows(triad))]
+    lines += listed([LEGEND, *remarks(triad)])
     for axis, a in triad.channels.items():
         lines += _methods(axis, a) if methods else []
         lines += _curve(axis, a) if curve else []
@@ -156,17 +156,17 @@ def _extras(a: Analysis) -> list[str]:
     found = []
     for s in a.sinusoids:
         size, sd = from_si(s.amplitude, unit), from_si(s.amplitude_sd, unit)
-        at = numbers.measured(s.frequency, s.frequency - s.frequency_sd, s.frequency + s.frequency_sd)
-        amplitude = numbers.with_unit(numbers.measured(size, size - sd, size + sd), unit)
+        at = digits.measured(s.frequency, s.frequency - s.frequency_sd, s.frequency + s.frequency_sd)
+        amplitude = numbers.with_unit(digits.measured(size, size - sd, size + sd), unit)
         found.append(f"sinusoid of {amplitude} at {at} Hz, or folded from another frequency: k × rate ± it")
     if a.markov is not None:
         sd_words, time = numbers.verdict(a.markov.sd, unit), numbers.verdict(a.markov.time, "s")
         found.append(f"Gauss-Markov process: standard deviation {sd_words}, correlation time {time}")
     if a.mask.n > 1:
-        above = "" if a.mask.frequency is None else f", above {numbers.number(a.mask.frequency)} Hz"
-        found.append(f"masked: averaging times below {numbers.number(a.mask.n * a.curve.dt)} s{above}: {a.mask.reason}")
+        above = "" if a.mask.frequency is None else f", above {digits.number(a.mask.frequency)} Hz"
+        found.append(f"masked: averaging times below {digits.number(a.mask.n * a.curve.dt)} s{above}: {a.mask.reason}")
     if a.step:
-        step = numbers.with_unit(numbers.number(from_si(a.step, unit), 4), unit)
+        step = numbers.with_unit(digits.number(from_si(a.step, unit), 4), unit)
         found.append(f"values are multiples of {step}{_rounding(a)}")
     return found
 
@@ -177,14 +177,14 @@ def _rounding(a: Analysis) -> str:
     density = a.step**2 / 12.0 * a.curve.dt
     if white is None or not white.observable or density <= _COARSE * white.value**2:
         return ""
-    return f", whose rounding (step²/12 · Δt) is {numbers.number(100.0 * density / white.value**2, 2)} % of N²"
+    return f", whose rounding (step²/12 · Δt) is {digits.number(100.0 * density / white.value**2, 2)} % of N²"
 
 
 def _methods(axis: str, a: Analysis) -> list[str]:
     head = [f"{axis or a.name} by method", *(e.method for e in estimates(a))]
-    lines = ["", *_aligned(head, *method_rows(a))]
+    lines = ["", *aligned(head, *method_rows(a))]
     weighed = [(terms, bic, "chosen" if chosen else "") for terms, bic, chosen in models(a)]
-    return lines + (_aligned(["models", "BIC above least"], *weighed) if weighed else [])
+    return lines + (aligned(["models", "BIC above least"], *weighed) if weighed else [])
 
 
 def _curve(axis: str, a: Analysis | Deviation) -> list[str]:
@@ -204,13 +204,3 @@ def _curve_row(cells: tuple[str, ...]) -> str:
 
 def _in_unit(found: Lowest, unit: str) -> tuple[float, float, float]:
     return from_si(found.dev, unit), from_si(found.lo, unit), from_si(found.hi, unit)
-
-
-def _aligned(*lines: Sequence[str]) -> list[str]:
-    """Lines of a table whose columns are as wide as their longest cell, and usually fill `WIDTH`."""
-    width = max(_CELL, *(len(cell) for _, *cells in lines for cell in cells))
-    return [(f"{label:<{_LABEL}}" + "".join(f" {cell:>{width}}" for cell in cells)).rstrip() for label, *cells in lines]
-
-
-def _wrapped(found: list[str]) -> list[str]:
-    return [line for r in found for line in textwrap.wrap(r, WIDTH, initial_indent="- ", subsequent_indent="  ")]

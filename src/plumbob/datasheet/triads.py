@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from plumbob.data import TITLES
 from plumbob.errors import ShapeError
 from plumbob.noise.findings import Analysis
 from plumbob.units import Quantity
 
 AXES = ("x", "y", "z")
-TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 
 
 class Triad(NamedTuple):

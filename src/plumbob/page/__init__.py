@@ -4,11 +4,13 @@ from plumbob.page.document import Key, Rows, definitions_list, document, figure,
 from plumbob.page.drawing import png, svg
 from plumbob.page.envelope import envelope, runs
 from plumbob.page.palette import DASHES, GRID, INK, MUTED, PALETTE, SERIES, SHADE, SOFT, variable
+from plumbob.page.table import LABELS, html_table
 
 __all__ = [
     "DASHES",
     "GRID",
     "INK",
+    "LABELS",
     "MUTED",
     "PALETTE",
     "SERIES",
@@ -20,6 +22,7 @@ __all__ = [
     "document",
     "envelope",
     "figure",
+    "html_table",
     "png",
     "runs",
     "svg",

@@ -92,7 +92,7 @@ def _for_page(svg: str) -> str:
     svg = re.sub(r" font-family: [^;]*;", "", svg)
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
-    svg = re.sub(r"(\.\d{2})\d+", r"\1", svg)
+    svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\.\d{2})\d+", r"\1", tag[0]), svg)  # labels keep their digits
     for colour, name in VARIABLES.items():
         svg = svg.replace(colour, f"var(--{name})")
     return re.sub(r"\s*\n\s*", "\n", svg).strip()
