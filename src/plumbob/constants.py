@@ -22,3 +22,12 @@ WGS84_A: Final = 6378137.0
 
 WGS84_F: Final = 1.0 / 298.257223563
 """Flattening of the reference ellipsoid (WGS 84, NGA.STND.0036)."""
+
+WGS84_GM: Final = 3.986004418e14
+"""Gravitational constant times mass of the Earth, m³/s² (WGS 84, NGA.STND.0036)."""
+
+WGS84_GRAVITY_EQUATOR: Final = 9.7803253359
+"""Normal gravity at the equator, m/s² (WGS 84, NGA.STND.0036)."""
+
+WGS84_GRAVITY_POLE: Final = 9.8321849379
+"""Normal gravity at the poles, m/s² (WGS 84, NGA.STND.0036)."""

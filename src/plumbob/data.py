@@ -21,6 +21,10 @@ from plumbob.sample import ImuSample
 from plumbob.units import to_deg
 
 TRIADS = ("gyr", "acc", "mag")
+TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
+UNCALIBRATED = "NONE: these sensor values are uncalibrated"
+"""What stands in every output about sensor values that no calibration card has been applied to."""
+
 ENOUGH = 100
 """Samples from which on a recording's units are judged by its typical size."""
 
@@ -89,6 +93,11 @@ class ImuMeta:
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
+
+
+def calibration_told(calibration: str | None) -> str:
+    """Name of the card that has been applied, or `UNCALIBRATED`; the one place that words it."""
+    return UNCALIBRATED if calibration is None else calibration
 
 
 @dataclass(frozen=True, eq=False)

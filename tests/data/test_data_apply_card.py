@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from plumbob import flags, units
-from plumbob.calib.model import apply_card
-from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
+from plumbob.calib.model import apply_card, temperature_beyond, temperature_drift
+from plumbob.cards import UNITS, CalibrationCard, Mount, TriadCalibration
 from plumbob.data import ImuData, ImuMeta
 from plumbob.errors import CalibrationError
 
@@ -98,11 +98,20 @@ def test_flags_tell_what_the_sensor_said():
 
 
 def test_provenance():
-    found = apply_card(card("acc"), recording())
+    found = apply_card(card("acc", "gyr", "mag"), recording())
     assert found.meta.calibration == "unit 7 2026-11-21 (test)"
     assert found.meta == replace(recording().meta, calibration=found.meta.calibration)
     with pytest.raises(CalibrationError, match="already calibrated, with unit 7 2026-11-21"):
         apply_card(card("acc"), found)
+
+
+def test_triads_that_the_card_leaves_uncalibrated_are_named():
+    assert apply_card(card("acc"), recording()).meta.calibration == (
+        "unit 7 2026-11-21 (test); NOT calibrated: gyr, mag"
+    )
+    assert "NOT" not in apply_card(card("acc"), recording(gyr=None, mag=None)).meta.calibration
+    hung = CalibrationCard("unit 7", "2026-11-21", "hung", mount=Mount([1.0, 0.0, 0.0, 0.0]))
+    assert apply_card(hung, recording()).meta.calibration.endswith("(hung); NOT calibrated: gyr, acc, mag")
 
 
 def test_the_recording_is_left_alone():
@@ -133,3 +142,151 @@ def test_refused(made, data, says):
 
 def test_temperature_does_not_matter_without_a_drift():
     assert apply_card(card("acc"), recording(temp_c=None)).temp_c is None
+
+
+class TestTemperature:
+    """b(T) = p₁ u + p₂ u² + p₃ u³ with u = T − T_ref within the span, and its tangent beyond."""
+
+    SPAN, REF = (10.0, 40.0), 25.0
+    P = np.array([[1e-2, -2e-2, 0.0], [3e-4, 0.0, -1e-4], [0.0, 2e-5, 1e-5]])
+
+    def drift(self, temp_c, **changes):
+        made = model("gyr", **{"bias_per_k": self.P, "temp_ref_c": self.REF, "temp_span_c": self.SPAN} | changes)
+        return temperature_drift(made, np.asarray(temp_c, dtype=float))
+
+    def value(self, temp_c):
+        u = temp_c - self.REF
+        return self.P[0] * u + self.P[1] * u**2 + self.P[2] * u**3
+
+    def slope(self, temp_c):
+        u = temp_c - self.REF
+        return self.P[0] + 2.0 * self.P[1] * u + 3.0 * self.P[2] * u**2
+
+    @pytest.mark.parametrize("temp_c", [10.0, 17.3, 25.0, 40.0])
+    def test_within_the_span(self, temp_c):
+        np.testing.assert_allclose(self.drift([temp_c])[0], self.value(temp_c), rtol=0, atol=8 * EPS * 0.5)
+
+    @pytest.mark.parametrize(("temp_c", "end"), [(-20.0, 10.0), (9.0, 10.0), (41.0, 40.0), (85.0, 40.0)])
+    def test_beyond_the_span(self, temp_c, end):
+        expected = self.value(end) + self.slope(end) * (temp_c - end)
+        np.testing.assert_allclose(self.drift([temp_c])[0], expected, rtol=0, atol=16 * EPS * 2.0)
+        assert np.abs(expected - self.value(temp_c)).max() > 1e-5  # the polynomial itself would be somewhere else
+
+    def test_a_reference_outside_the_span(self):
+        found = self.drift([50.0], temp_span_c=(30.0, 40.0))[0]
+        np.testing.assert_allclose(found, self.value(40.0) + 10.0 * self.slope(40.0), rtol=0, atol=16 * EPS * 2.0)
+
+    def test_without_a_span_the_polynomial_goes_on(self):
+        np.testing.assert_allclose(self.drift([60.0], temp_span_c=None)[0], self.value(60.0), rtol=0, atol=16 * EPS)
+
+    def test_a_missing_temperature_is_no_number(self):
+        assert np.isnan(self.drift([np.nan])).all()
+
+    def test_it_is_taken_off_the_measurement(self):
+        data = recording(temp_c=np.linspace(0.0, 60.0, N))
+        made = card("gyr", bias_per_k=self.P, temp_ref_c=self.REF, temp_span_c=self.SPAN)
+        expected = (data.gyr - BIAS - temperature_drift(made.gyr, data.temp_c)) @ MATRIX.T
+        np.testing.assert_allclose(apply_card(made, data).gyr, expected, rtol=0, atol=32 * EPS * 5)
+
+    def test_leaving_the_span_is_told(self):
+        made = card("acc", bias_per_k=[1e-3, 0.0, 0.0], temp_span_c=(22.0, 38.0))
+        assert temperature_beyond(made, recording()) == (
+            "20 % of the samples are at 20.0 to 40.0 °C, beyond the 22.0 to 38.0 °C of the calibration of acc, where "
+            "its polynomial is only prolonged."
+        )  # 20 to 40 °C evenly: 2 K of 20 at either end
+
+    @pytest.mark.parametrize(
+        ("changes", "data"),
+        [
+            ({"temp_span_c": (20.0, 40.0)}, {}),
+            ({"temp_span_c": None}, {}),
+            ({"temp_span_c": (22.0, 38.0), "bias_per_k": np.zeros(3)}, {}),
+            ({"temp_span_c": (22.0, 38.0)}, {"temp_c": None}),
+            ({"temp_span_c": (22.0, 38.0)}, {"temp_c": np.full(N, np.nan)}),
+        ],
+    )
+    def test_staying_inside_is_not_told(self, changes, data):
+        assert temperature_beyond(card("acc", **{"bias_per_k": [1e-3, 0.0, 0.0]} | changes), recording(**data)) is None
+
+    def test_a_live_sample_without_temperature_becomes_absent(self):
+        data = recording(temp_c=np.r_[np.nan, np.full(N - 1, 25.0)])
+        made = card("gyr", bias_per_k=self.P)
+        found = apply_card(made, data, live=True)
+        assert np.flatnonzero(np.isnan(found.gyr).any(axis=1)).tolist() == [0]
+        assert np.flatnonzero(found.flags & flags.GYR_ABSENT).tolist() == [0]
+        assert np.array_equal(found.acc, data.acc)
+
+
+COUPLING = np.array([[1e-3, -2e-3, 0.0], [0.0, 5e-4, 4e-3], [-3e-3, 0.0, 2e-3]])
+
+
+class TestGSensitivity:
+    def test_the_calibrated_specific_force_is_what_counts(self):
+        """rate = M_g (measured − b − G f), and f = M_a (measured − b) where the card has it."""
+        data = recording()
+        both = replace(card("gyr", g_sensitivity=COUPLING), acc=model("acc", matrix=1.1 * np.eye(3)))
+        force = 1.1 * (data.acc - BIAS)
+        expected = (data.gyr - BIAS - force @ COUPLING.T) @ MATRIX.T
+        np.testing.assert_allclose(apply_card(both, data).gyr, expected, rtol=0, atol=32 * EPS * 5)
+
+    def test_without_a_calibrated_accelerometer_the_measured_one_is_taken(self):
+        data = recording()
+        expected = (data.gyr - BIAS - data.acc @ COUPLING.T) @ MATRIX.T
+        found = apply_card(card("gyr", g_sensitivity=COUPLING), data).gyr
+        np.testing.assert_allclose(found, expected, rtol=0, atol=32 * EPS * 5)
+
+    def test_a_sample_without_specific_force_has_no_rate(self):
+        acc = recording().acc.copy()
+        acc[5], acc[9] = np.nan, 1e6  # absent, invalid
+        found = apply_card(card("gyr", g_sensitivity=COUPLING), recording(acc=acc))
+        assert np.flatnonzero(np.isnan(found.gyr).any(axis=1)).tolist() == [5, 9]
+        assert np.flatnonzero(found.flags & flags.GYR_ABSENT).tolist() == [5, 9]
+
+    def test_without_an_accelerometer_it_is_refused(self):
+        with pytest.raises(CalibrationError, match="corrects for g-sensitivity, but the recording has no acc"):
+            apply_card(card("gyr", g_sensitivity=COUPLING), recording(acc=None))
+
+
+class TestMount:
+    """A unit that lies on its side: its x axis is the body's y, its y the body's −x."""
+
+    QUARTER = Mount([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])
+
+    def test_all_triads_are_turned_after_they_are_corrected(self):
+        data = recording()
+        made = replace(card("acc"), mount=self.QUARTER)
+        found, corrected = apply_card(made, data), apply_card(card("acc"), data)
+        for name in ("gyr", "acc", "mag"):
+            x, y, z = getattr(corrected, name).T
+            np.testing.assert_allclose(getattr(found, name), np.stack([-y, x, z], axis=1), rtol=0, atol=8 * EPS * 100)
+
+    def test_a_mounting_alone_is_a_calibration(self):
+        data = recording(mag=None)
+        found = apply_card(replace(card(), mount=self.QUARTER), data)
+        np.testing.assert_allclose(found.gyr[:, 1], data.gyr[:, 0], rtol=0, atol=8 * EPS * 10)
+        assert found.mag is None
+        assert found.meta.calibration == "unit 7 2026-11-21 (test); NOT calibrated: gyr, acc"
+
+    def test_a_triad_that_lacks_an_axis_is_absent_once_turned(self):
+        mag = recording().mag.copy()
+        mag[3, 0] = np.nan
+        found = apply_card(replace(card(), mount=self.QUARTER), recording(mag=mag))
+        assert np.flatnonzero(found.flags & flags.MAG_ABSENT).tolist() == [3]
+        assert not np.flatnonzero(found.flags & flags.ACC_ABSENT).size
+
+
+@pytest.mark.parametrize("size", [1, 5, 64])
+def test_chunks_get_the_same_bits_with_everything_that_a_card_can_hold(size):
+    acc = recording().acc.copy()
+    acc[100] = np.nan
+    data = recording(acc=acc, temp_c=np.linspace(0.0, 60.0, N))
+    polynomial = {"bias_per_k": TestTemperature.P, "temp_span_c": TestTemperature.SPAN}
+    made = replace(
+        card("acc", "mag", **polynomial), gyr=model("gyr", **polynomial, g_sensitivity=COUPLING),
+        mount=Mount(np.array([0.5, 0.5, -0.5, 0.5])),
+    )  # fmt: skip
+    whole = apply_card(made, data)
+    assert np.isnan(whole.gyr[100]).all()
+    for name in ("gyr", "acc", "mag", "flags"):
+        parts = np.concatenate([getattr(apply_card(made, chunk), name) for chunk in data.chunks(size)])
+        assert parts.tobytes() == getattr(whole, name).tobytes()

@@ -1,0 +1,11 @@
+"""Cards: what a calibration and a noise analysis leave behind, and what simulator and filters take up.
+
+A card is a small JSON file with a version, a device, units and a date. It refuses what it was not made for.
+"""
+
+from plumbob.cards.calibration import CalibrationCard, Mount, Quality, TriadCalibration
+from plumbob.cards.file import UNITS
+from plumbob.cards.noise import NoiseCard, TriadNoise
+from plumbob.cards.opened import open_card
+
+__all__ = ["UNITS", "CalibrationCard", "Mount", "NoiseCard", "Quality", "TriadCalibration", "TriadNoise", "open_card"]
