@@ -5,7 +5,7 @@ import pytest
 
 from plumbob.constants import G0
 from plumbob.rotations import Frame, quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
-from plumbob.sim import ConingMotion, EulerMotion, Truth
+from plumbob.sim import ConingMotion, EulerMotion, GimbalMotion, PoseMotion, Truth
 from plumbob.sim.signals import Sinusoids, Stack, constant, sinusoid
 
 FRAMES = list(Frame)
@@ -20,9 +20,23 @@ def lively(frame, lever=LEVER, seed=3):
     return EulerMotion(frame, angles, place, lever)
 
 
-MOTIONS = {f"euler {frame}": lively(frame) for frame in FRAMES} | {
-    f"coning {frame}": ConingMotion(frame, 0.4, 5.0) for frame in FRAMES
-}
+def posed(frame, seed=4):
+    poses = np.random.default_rng(seed).normal(size=(6, 4))
+    # between rest and move the third derivative of the angle jumps; these times keep every instant of T 2.6 ms off
+    return PoseMotion(frame, poses / np.linalg.norm(poses, axis=1, keepdims=True), dwell=0.33, move=1.1)
+
+
+def gimballed(frame, seed=5):
+    rng = np.random.default_rng(seed)
+    angles = [Sinusoids(rng.uniform(0.5, 3.0, 3), rng.normal(size=3), rng.normal(size=3)) for _ in range(4)]
+    return GimbalMotion(frame, tuple(zip((2, 0, 1, 2), angles, strict=True)))
+
+
+MOTIONS = (
+    {f"euler {frame}": lively(frame) for frame in FRAMES}
+    | {f"coning {frame}": ConingMotion(frame, 0.4, 5.0) for frame in FRAMES}
+    | {"poses": posed(Frame.NED), "gimbals": gimballed(Frame.NED)}
+)
 
 
 def rate_by_differences(motion, t, h):

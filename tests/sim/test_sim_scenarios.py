@@ -1,6 +1,7 @@
 """Scenarios: each moves as its parameters say, and as the page of figures of its paper says."""
 
 import math
+from inspect import signature
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from plumbob.constants import G0
 from plumbob.errors import ParameterError
 from plumbob.params import describe
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
-from plumbob.sim import SCENARIOS, scenario
+from plumbob.sim import SCENARIOS, scenario, simulate
 from plumbob.sim.noise import stream
 from plumbob.units import Quantity, deg, g
 
@@ -67,6 +68,11 @@ def test_parameters_are_told_with_unit_domain_and_meaning(name):
         assert p.spec.meaning
 
 
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_no_parameter_is_hidden_by_one_of_the_simulation(name):
+    assert not {p.name for p in describe(SCENARIOS[name])} & set(signature(simulate).parameters)
+
+
 def test_static_is_at_rest_in_the_attitude_asked_for():
     body = truth("static", [0.0, 9.0], heading=2.0, pitch=-0.3, roll=0.5)
     np.testing.assert_allclose(angles(body), [[2.0, -0.3, 0.5]] * 2, atol=1e-14)
@@ -85,6 +91,27 @@ def test_turntable_is_the_gyroscope_paper_s():
     # angle: the area under the rate, 3000° in the ramp
     yaw = np.unwrap(angles(truth("turntable", np.arange(0.0, 100.5, 0.5)))[:, 0])
     assert yaw[200] / DEG == pytest.approx(3000.0, rel=1e-12)
+
+
+def test_ratetable_spins_each_face_both_ways_about_the_vertical():
+    plan = scenario("ratetable", peak_rate="80 deg/s", hold="4 s", ramp="1 s", remount="3 s")
+    # a face: 4 s at rest, six times ramp and hold, a ramp to rest; then it is turned to the next
+    face = 4.0 + 6.0 * (1.0 + 4.0) + 1.0
+    assert plan.duration == 6.0 * face + 5.0 * 3.0
+    starts = np.arange(6) * (face + 3.0)
+    middles = np.concatenate(([2.0], 7.0 + 5.0 * np.arange(6)))
+    body = truth(
+        "ratetable", (starts[:, np.newaxis] + middles).ravel(), peak_rate=80.0 * DEG, hold=4.0, ramp=1.0, remount=3.0
+    )
+    up = (body.specific_force_b / G0).reshape(6, 7, 3)
+    np.testing.assert_allclose(np.abs(up).max(axis=2), 1.0, rtol=0, atol=1e-15)
+    assert {tuple(np.rint(face[0]).astype(int)) for face in up} == {
+        tuple(sign * row) for row in np.eye(3, dtype=int) for sign in (1, -1)
+    }
+    about_up = (body.rate_b.reshape(6, 7, 3) * up).sum(axis=2) / DEG
+    # clockwise from above is negative about up
+    np.testing.assert_allclose(about_up, [[0.0, -20.0, -40.0, -80.0, 80.0, 40.0, 20.0]] * 6, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(body.rate_b, axis=1), np.abs(about_up).ravel() * DEG, atol=1e-14)
 
 
 def test_turntable_off_its_axis_feels_the_centripetal_acceleration():
@@ -239,7 +266,7 @@ def test_text_with_a_unit_is_understood():
 @pytest.mark.parametrize(
     ("name", "parameters", "rule"),
     [
-        ("sailing", {}, "known are static, turntable, slide, buoy, rod, fin, arm, coning"),
+        ("sailing", {}, "known are static, turntable, ratetable, slide, buoy, rod, fin, arm, coning"),
         ("slide", {"speed": 1.0}, "no parameter 'speed'; known are peak_speed, stroke"),
         ("slide", {"stroke": 0.0}, "stroke must be 0.05 to 60 s"),
         ("slide", {"strokes": 2.5}, "whole number"),

@@ -8,6 +8,7 @@ from plumbob.sim.signals import (
     Moves,
     Piecewise,
     Polynomial,
+    Ramps,
     Sinusoids,
     Stack,
     Windowed,
@@ -33,6 +34,7 @@ SIGNALS = {
     "scaled": 3.0 * WAVES,
     "windowed": Windowed(WAVES, MOVES),
     "windowed 3": Windowed(WAVES3, MOVES),
+    "ramps": Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
     "stack": Stack((WAVES, MOVES, constant(2.0))),
     "piecewise": Piecewise((5.0,), (sinusoid(1.0, 0.4), Polynomial((0.0, 1.0, 2.0)))),
 }
@@ -120,3 +122,12 @@ def test_sums_and_factors_are_linear():
     both = (2.0 * WAVES + MOVES * -0.5).at(T)
     for part, wave, move in zip(both, WAVES.at(T), MOVES.at(T), strict=True):
         np.testing.assert_allclose(part, 2.0 * wave - 0.5 * move, atol=1e-12)
+
+
+def test_ramps_are_the_area_under_straight_lines():
+    signal = Ramps((1.0, 3.0, 5.0), (0.0, 4.0, 4.0))
+    value, rate, acc = signal.at(np.array([0.0, 2.0, 3.0, 4.0, 6.0]))
+    # a triangle of 2 s and 4/s, then a rectangle that goes on after the last knot
+    np.testing.assert_array_equal(value, [0.0, 1.0, 4.0, 8.0, 16.0])
+    np.testing.assert_array_equal(rate, [0.0, 2.0, 4.0, 4.0, 4.0])
+    np.testing.assert_array_equal(acc, [0.0, 2.0, 0.0, 0.0, 0.0])

@@ -8,9 +8,12 @@ Not modelled: the Earth's rotation, filters and bandwidths of sensors, nonlinear
 
 from plumbob.sim.errors import TriadErrors
 from plumbob.sim.field import earth_field
+from plumbob.sim.gimbal import GimbalMotion
 from plumbob.sim.motion import ConingMotion, EulerMotion, Motion, Truth
+from plumbob.sim.poses import PoseMotion
 from plumbob.sim.presets import Figure, Module, Preset, draw_module, preset, preset_names
-from plumbob.sim.scenarios import SCENARIOS, Scenario, scenario
+from plumbob.sim.scenario_base import Scenario
+from plumbob.sim.scenarios import SCENARIOS, scenario
 from plumbob.sim.simulation import MODULES, Simulation, simulate
 
 __all__ = [
@@ -19,8 +22,10 @@ __all__ = [
     "ConingMotion",
     "EulerMotion",
     "Figure",
+    "GimbalMotion",
     "Module",
     "Motion",
+    "PoseMotion",
     "Preset",
     "Scenario",
     "Simulation",

@@ -148,9 +148,9 @@ class TriadErrors:
         return np.asarray(gain[:, np.newaxis] * (np.eye(3) + self.misalignment))
 
     def card(self, unit: str) -> TriadCalibration:
-        """Calibration that undoes response, bias, iron and the bias's temperature: what a perfect laboratory finds.
+        """Calibration that undoes response, bias, iron, the bias's temperature and g-sensitivity: what is perfect.
 
-        A card has no place for g-sensitivity, for the temperature of the gain, and for latency; they remain.
+        A card has no place for the temperature of the gain, and for latency; they remain.
         """
         return TriadCalibration(
             matrix=np.asarray(np.linalg.inv(self.response), dtype=np.float64),
@@ -159,6 +159,7 @@ class TriadErrors:
             unit_out=unit,
             bias_per_k=self.bias_per_k,
             temp_ref_c=self.temp_ref_c,
+            g_sensitivity=self.g_sensitivity,
         )
 
     def noise_card(self, rate: float) -> TriadNoise:

@@ -5,21 +5,25 @@ Headings count from true North over East; pitch is nose up, roll is right side d
 """
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 import numpy as np
 
+from plumbob.check import Floats
 from plumbob.errors import ParameterError
-from plumbob.params import Spec, build, checked, describe, shown
+from plumbob.params import Spec, build
 from plumbob.rotations import Frame
+from plumbob.sim.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Sway, Table36, Tumble
 from plumbob.sim.motion import ConingMotion, EulerMotion, Motion
+from plumbob.sim.ratetable import session, spins
+from plumbob.sim.scenario_base import Scenario, require_whole
 from plumbob.sim.signals import (
     Moves,
     Piecewise,
     Polynomial,
+    Ramps,
     Signal,
     Sinusoids,
     Stack,
@@ -33,44 +37,6 @@ from plumbob.units import Quantity, deg, dps, g
 
 _REST = constant(0.0)
 _TURN = math.pi
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scenario(ABC):
-    """A motion to simulate.
-
-    Attributes
-    ----------
-    rate : float
-        Sampling rate that suits it, Hz.
-
-    Raises
-    ------
-    ParameterError
-        If a parameter is outside its domain.
-    """
-
-    rate: ClassVar[float] = 100.0
-
-    def __post_init__(self) -> None:
-        """Check every parameter's domain."""
-        for p in describe(type(self)):
-            checked(type(self).__name__.lower(), p, getattr(self, p.name))
-
-    @property
-    def told(self) -> str:
-        """Name with its parameters, each in its unit."""
-        values = (f"{p.name}={shown(p, getattr(self, p.name))}" for p in describe(type(self)))
-        return f"{type(self).__name__.lower()} ({', '.join(values)})"
-
-    @property
-    def duration(self) -> float:
-        """Time that it takes, s."""
-        return 60.0
-
-    @abstractmethod
-    def motion(self, rng: np.random.Generator, duration: float) -> Motion:
-        """Motion over the first `duration` s, with what is left to chance drawn from `rng`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +79,32 @@ class Turntable(Scenario):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RateTable(Scenario):
+    """Session on a rate table: each of the six faces up in turn, at rest and spun both ways at three rates."""
+
+    peak_rate: Annotated[
+        float, Spec(Quantity.RATE, "highest rate; the others are a half and a quarter of it", dps(0.1), dps(2000.0))
+    ] = dps(200.0)
+    hold: Annotated[float, Spec(Quantity.TIME, "time that each rate is held", 0.1, 1e4)] = 10.0
+    ramp: Annotated[float, Spec(Quantity.TIME, "time from rate to rate", 0.01, 1e3)] = 2.0
+    remount: Annotated[float, Spec(Quantity.TIME, "time from face to face", 0.1, 1e4)] = 5.0
+
+    @property
+    def duration(self) -> float:
+        """Time that it takes, s."""
+        return float(session(*self._spins, self.remount)[0][-1])
+
+    def motion(self, rng: np.random.Generator, duration: float) -> Motion:
+        """Spins of each face about the vertical, and moves from face to face between them."""
+        knots, rates, faces = session(*self._spins, self.remount)
+        return EulerMotion(Frame.NED, Stack((Ramps(knots, rates), _REST, _REST)) + faces)
+
+    @property
+    def _spins(self) -> tuple[Floats, Floats]:
+        return spins(self.peak_rate * np.array([0.25, 0.5, 1.0]), self.hold, self.ramp)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Slide(Scenario):
     """Slid to and fro over a level table, obliquely to its axes: acceleration without any tilt [Yu2018]."""
 
@@ -129,8 +121,7 @@ class Slide(Scenario):
     def __post_init__(self) -> None:
         """Check every parameter's domain, and that strokes can be counted."""
         super().__post_init__()
-        if self.strokes != round(self.strokes):
-            raise ParameterError(f"strokes must be a whole number, but it is {self.strokes:g}.")
+        require_whole("strokes", self.strokes)
 
     @property
     def duration(self) -> float:
@@ -333,12 +324,22 @@ class Coning(Scenario):
 SCENARIOS: Mapping[str, type[Scenario]] = {
     "static": Static,
     "turntable": Turntable,
+    "ratetable": RateTable,
     "slide": Slide,
     "buoy": Buoy,
     "rod": Rod,
     "fin": Fin,
     "arm": Arm,
     "coning": Coning,
+    "faces": Faces,
+    "raise": Raise,
+    "bands": Bands,
+    "poses": Poses,
+    "tumble": Tumble,
+    "sway": Sway,
+    "levelring": LevelRing,
+    "cone": Cone,
+    "table36": Table36,
 }
 """Every scenario by name."""
 

@@ -171,6 +171,33 @@ class Moves(Signal):
         return Jet(*(s + change[i] * _beside(w * p, change[i]) for s, w, p in zip(step, way, powers, strict=True)))
 
 
+@dataclass(frozen=True, eq=False)
+class Ramps(Signal):
+    """Integral of a rate that goes in straight lines from knot to knot, and stays before the first and after the last.
+
+    Parameters
+    ----------
+    knots : array_like (m,)
+        Instants, increasing, s.
+    rates : array_like (m,)
+        Rate at each; the value is 0 at the first.
+    """
+
+    knots: ArrayLike
+    rates: ArrayLike
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        knots, rates = check.column("knots", self.knots), check.column("rates", self.rates)
+        slope = np.diff(rates) / np.diff(knots)
+        passed = np.concatenate(([0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(knots))))
+        piece = np.searchsorted(knots, t, side="right")  # 0 before the first, m after the last
+        i = np.maximum(piece - 1, 0)
+        acc = np.concatenate(([0.0], slope, [0.0]))[piece]
+        since = t - knots[i]
+        return Jet(passed[i] + since * (rates[i] + 0.5 * acc * since), rates[i] + acc * since, acc)
+
+
 def stroke(start: float, duration: float, peak_speed: float) -> Moves:
     """Slide over a table: velocity ``v/2 (1 − cos(2πt/T))``, hence displacement vT/2 and peak acceleration πv/T."""
     return Moves((start,), (duration,), (0.5 * peak_speed * duration,), cycloid)

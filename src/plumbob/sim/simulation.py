@@ -1,7 +1,7 @@
 """From a scenario and sensors to a recording with its truth."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -19,7 +19,7 @@ from plumbob.sim.field import earth_field
 from plumbob.sim.motion import Truth
 from plumbob.sim.noise import stream
 from plumbob.sim.presets import Module, draw_module
-from plumbob.sim.scenarios import Scenario
+from plumbob.sim.scenario_base import Scenario
 from plumbob.sim.scenarios import scenario as named_scenario
 from plumbob.sim.signals import Signal, constant
 from plumbob.sim.timeline import TimeLine, arrivals, time_line
@@ -253,6 +253,8 @@ def _track(body: Truth, measured: dict[str, Measured], line: TimeLine, source: s
 
 def _calibration(unit: Module, device: str) -> CalibrationCard:
     triads = {n: getattr(unit, n) and getattr(unit, n).card(UNITS[n]) for n in TRIADS}
+    if unit.acc is None and triads["gyr"] is not None:  # without a specific force, nothing tells what it does
+        triads["gyr"] = replace(triads["gyr"], g_sensitivity=np.zeros((3, 3)))
     # simulated recordings begin at unix time 0, and so do their cards
     return CalibrationCard(device, "1970-01-01", "simulated: inverse of the planted errors", **triads)
 
