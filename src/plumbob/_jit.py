@@ -26,8 +26,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _KERNEL_SOURCES = (
-    "constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "clock/*.py", "filters/*.py", "noise/*.py",
-    "noise/static/*.py", "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py", "sensors/words.py",
+    "constants.py", "units.py", "flags.py", "_jit.py", "rotations/*.py", "clock/*.py", "calib/*.py", "calib/*/*.py",
+    "filters/*.py", "noise/*.py", "noise/static/*.py", "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py",
+    "sensors/words.py",
 )  # fmt: skip
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
 _REASSOCIATED = {"fastmath": {"reassoc", "nsz", "contract"}}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.calib.drift import GyroDrift, chen2013
+from plumbob.calib.gyr.drift import GyroDrift, chen2013
 from plumbob.constants import G0
 from plumbob.errors import CalibrationError, ShapeError
 from plumbob.rotations import Frame

@@ -1,1 +1,1 @@
-"""Calibration: applying a card, and the drift of a gyroscope (fitting a card comes with its own modules)."""
+"""Calibration: fits from captures, refusals with reasons, and applying a card."""

@@ -1,0 +1,287 @@
+"""Accelerometer from poses at rest, in which it measures gravity: bias, scale and misalignment by its length alone.
+
+The poses need no known attitude, only many different ones: n positions on a table, or forty by hand [Tedaldi2014]. The
+shape is chosen as far as the poses can tell, and what they cannot is refused or said. The length of a vector tells no
+rotation, so the matrix is symmetric, the one that turns the measured vectors least: how the axes sit in the case is a
+matter of the mounting.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from plumbob import check
+from plumbob.calib.acc.six_positions import six_positions
+from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape, fit_norm, linearised
+from plumbob.calib.ellipsoid.quadric import Ellipsoid
+from plumbob.calib.ellipsoid.shape_choice import SPARE, choose
+from plumbob.calib.fitted import Fitted
+from plumbob.calib.grades import TILT, grade_of
+from plumbob.calib.mag.alone import scaled
+from plumbob.calib.predicted import TILT_RANGE, tilt_sd
+from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
+from plumbob.calib.regions import REGIONS, filled, names_of
+from plumbob.cards import UNITS, Quality, TriadCalibration
+from plumbob.check import Floats
+from plumbob.constants import G0
+from plumbob.errors import ParameterError
+from plumbob.units import to_deg
+
+SHAPES: Final = ("auto", "six", "axes", "ellipsoid")
+"""What can be asked for."""
+
+MOST_OUTLIERS: Final = 0.1
+"""Share of poses that may not fit the others."""
+
+WRONG: Final = 0.1
+"""Relative error of gravity's size from which on the unit or the range must be wrong."""
+
+LIGHTEST, HEAVIEST = G0 - 0.05, G0 + 0.035
+"""Gravity on Earth, m/s²: of high mountains at the equator, and of the poles."""
+
+CROSS_AXIS: Final = 0.01
+"""Sensitivity across the axes to expect where it was not fitted: data sheets of MEMS parts have ±1 to 2 %."""
+
+_SIDE: Final = 0.5  # cosine: each axis must have been up, and down, within 60°
+_WRONG_UNFITTED: Final = 0.4  # before the bias is known
+_SINGULAR: Final = 1e10
+_RESTLESS: Final = 3.0
+_WORDS: Final = {
+    Shape.SPHERE: "bias and one scale, 4 parameters",
+    Shape.AXES: "bias and scale, 6 parameters",
+    Shape.ELLIPSOID: "bias, scale and misalignment, 9 parameters",
+}
+_SMALLEST: Final = {"auto": Shape.AXES, "axes": Shape.AXES, "ellipsoid": Shape.ELLIPSOID}
+_ADVICE: Final = "Hold the unit still in 18 poses, each face and each edge of its case once up."
+
+
+class _Found(NamedTuple):
+    fit: NormFit
+    why: str
+
+
+def fit_accel(
+    poses: Floats,
+    *,
+    shape: str = "auto",
+    noise: float = 0.0,
+    gravity: float = G0,
+    tilt_range: float = TILT_RANGE,
+) -> Fitted:
+    """Fit the means of poses at rest.
+
+    Parameters
+    ----------
+    poses : ndarray (N, 3)
+        Mean specific force of each pose, m/s².
+    shape : {"auto", "six", "axes", "ellipsoid"}
+        "ellipsoid" finds bias, scale and misalignment, "axes" bias and scale, as the buoy paper's fit [Yu2018], "six"
+        the same by pairs of opposite faces. "auto" takes the ellipsoid where the poses determine it and contradict the
+        axes.
+    noise : float
+        Standard deviation of a mean, m/s², where it is known: as many poses as parameters then do.
+    gravity : float
+        Gravity at the place, m/s².
+    tilt_range : float
+        Inclination up to which the predicted error holds, rad.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the poses cannot determine the calibration, with the reasons.
+    ParameterError
+        If there is no such gravity on Earth.
+    """
+    check.one_of("shape", shape, SHAPES)
+    if not LIGHTEST <= gravity <= HEAVIEST:
+        raise ParameterError(
+            f"gravity on Earth is from {LIGHTEST:.3g} to {HEAVIEST:.3g} m/s², but it was given as {gravity:g} m/s²."
+        )
+    poses = check.rows("poses", poses, 3)
+    refuse(_unusable(poses, shape, noise, gravity))
+    fit, why = _found(poses, shape, noise)
+    matrix, covariance = scaled(fit, gravity)
+    tilt = tilt_sd(matrix, covariance, size=gravity, tilt_range=tilt_range)
+    refuse(_untrue(fit, tilt, gravity))
+    left = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity
+    calibration = TriadCalibration(
+        matrix=matrix,
+        bias=fit.ellipsoid.centre,
+        unit_in=UNITS["acc"],
+        unit_out=UNITS["acc"],
+        residual_rms=float(np.sqrt(np.mean(left**2))),
+        covariance=covariance,
+        reference=gravity,
+        method=f"accelerometer in {len(poses)} poses: {_WORDS[fit.shape]}{' by pairs' if shape == 'six' else ''}",
+        quality=_quality(poses, fit, tilt, tilt_range),
+    )
+    return Fitted(calibration, poses, fit.residuals, fit.used, _remarks(fit, why, gravity, noise))
+
+
+def _found(poses: Floats, shape: str, noise: float) -> _Found:
+    found = _chosen(poses, noise) if shape == "auto" else _asked(poses, shape, noise)
+    if found is not None:
+        return found
+    if shape != "six":
+        raise CaptureRefusedError(Reason("ill-conditioned", "no ellipsoid fits the poses.", _ADVICE))
+    text = f"{len(poses)} poses are not the six faces, each once up within 15°."
+    advice = "Hold each face up once, exactly, and nothing else; or let the shape be chosen, which takes any poses."
+    raise CaptureRefusedError(Reason("ill-conditioned", text, advice))
+
+
+def _asked(poses: Floats, shape: str, noise: float) -> _Found | None:
+    fit = six_positions(poses, noise=noise) if shape == "six" else _fit(poses, _SMALLEST[shape], noise)
+    return None if fit is None else _Found(_doubted(fit, poses), "asked for")
+
+
+def _chosen(poses: Floats, noise: float) -> _Found | None:
+    """The shape that the poses can tell and ask for."""
+    choice = choose(poses)
+    full = _fit(poses, Shape.ELLIPSOID, noise) if choice is None else choice.full
+    if full is not None and _determined(full):
+        if choice is None:
+            return _Found(full, "too few poses to try less")
+        return _Found(_held_against(choice.fit, full), choice.why)
+    fit = _fit(poses, Shape.AXES, noise)
+    return None if fit is None else _Found(_doubted(fit, poses), "the poses do not tell misalignment")
+
+
+def _fit(poses: Floats, shape: Shape, noise: float) -> NormFit | None:
+    """Fit from the nominal sensor, which is never far off."""
+    if len(poses) < _least(shape, noise):
+        return None
+    start = Ellipsoid(np.zeros(3), np.eye(3) / float(np.median(np.linalg.norm(poses, axis=1))))
+    return fit_norm(poses, shape, start, robust=len(poses) >= shape.value + SPARE, noise=noise)
+
+
+def _least(shape: Shape, noise: float) -> int:
+    return shape.value if noise > 0.0 else shape.value + 1
+
+
+def _determined(fit: NormFit) -> bool:
+    """Whether the poses say more of the sensitivity across the axes than a data sheet does."""
+    across = float(np.sqrt(np.diag(fit.covariance)[6:].max())) * _radius(fit)
+    return fit.condition < _SINGULAR and across < CROSS_AXIS
+
+
+def _doubted(fit: NormFit, poses: Floats) -> NormFit:
+    """Fit of the axes whose covariance counts misalignment as data sheets have it: in itself, and in what it spoils."""
+    if fit.shape is Shape.ELLIPSOID:
+        return fit
+    rows, _ = linearised(poses[fit.used], fit.ellipsoid)
+    spoilt = np.vstack((-np.linalg.lstsq(rows[:, :6], rows[:, 6:], rcond=None)[0], np.eye(3)))
+    variance = (CROSS_AXIS / _radius(fit)) ** 2
+    return fit._replace(covariance=fit.covariance + variance * spoilt @ spoilt.T)
+
+
+def _held_against(fit: NormFit, full: NormFit) -> NormFit:
+    """Smaller fit that was chosen by test; what it has not is known as well as in the full one."""
+    covariance = fit.covariance.copy()
+    covariance[6:, 6:] = full.covariance[6:, 6:]
+    return fit._replace(covariance=covariance)
+
+
+def _radius(fit: NormFit) -> float:
+    """Gravity in the sensor's own scale, m/s²."""
+    return float(1.0 / np.cbrt(np.linalg.det(fit.ellipsoid.shape)))
+
+
+def _unusable(poses: Floats, shape: str, noise: float, gravity: float) -> list[Reason]:
+    """Reasons that need no fit."""
+    if not np.isfinite(poses).all():
+        raise CaptureRefusedError(Reason("not-still", "a pose has no finite mean.", "Leave it out."))
+    sizes = np.linalg.norm(poses, axis=1)
+    wrong = _wrong_gravity(float(np.median(sizes)) if sizes.size else gravity, gravity, _WRONG_UNFITTED)
+    return [r for r in (wrong, _sides(poses, sizes), _too_few(len(poses), shape, noise)) if r is not None]
+
+
+def _too_few(count: int, shape: str, noise: float) -> Reason | None:
+    if shape == "six":
+        return None  # it wants six and no other, and says so
+    need = _least(_SMALLEST[shape], noise)
+    if count >= need:
+        return None
+    text = f"{count} {'pose' if count == 1 else 'poses'}; {_WORDS[_SMALLEST[shape]]} need {need} at least."
+    fewer = "Six faces are enough for bias and scale alone (shape axes)."
+    less = f" {fewer}" if shape == "ellipsoid" and count >= Shape.AXES.value else ""
+    return Reason("too-few", text, _ADVICE + less)
+
+
+def _sides(poses: Floats, sizes: Floats) -> Reason | None:
+    """Reason to refuse poses that left out a side of the case."""
+    cosines = (poses / np.maximum(sizes, np.finfo(float).tiny)[:, np.newaxis]) @ REGIONS[:6].T
+    empty = np.flatnonzero((cosines < _SIDE).all(axis=0)).tolist()
+    if not empty:
+        return None
+    return Reason(
+        "too-few-regions",
+        f"no pose had {names_of(empty)} up within 60°, so bias and scale cannot be told apart there.",
+        f"Hold the unit still with {names_of(empty)} up as well, one after the other.",
+    )
+
+
+def _wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
+    ratio = size / gravity
+    if abs(ratio - 1.0) <= limit:
+        return None
+    guess = " That is 1 g: the values are in g." if abs(size - 1.0) < 0.1 else ""
+    return Reason(
+        "wrong-gravity",
+        f"at rest the sensor measures {size:.4g} m/s², {ratio:.3g} times gravity ({gravity:.5f} m/s²).{guess}",
+        "Check the unit of the values and the range that the sensor was set to.",
+    )
+
+
+def _untrue(fit: NormFit, tilt: float, gravity: float) -> list[Reason]:
+    """Reasons not to believe a fit."""
+    reasons = [_wrong_gravity(_radius(fit), gravity, WRONG)]
+    out = np.flatnonzero(~fit.used)
+    if out.size > MOST_OUTLIERS * fit.used.size:
+        text = f"{out.size} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
+        reasons.append(Reason("outliers", text, "Hold the unit really still in each pose, away from engines."))
+    if not tilt <= TILT.poor or fit.condition > _SINGULAR:
+        text = f"the poses leave an inclination error of {to_deg(tilt):.2g}° (1 sd); condition {fit.condition:.2g}."
+        reasons.append(Reason("ill-conditioned", text, _ADVICE))
+    return [reason for reason in reasons if reason is not None]
+
+
+def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Quality:
+    used = int(np.count_nonzero(fit.used))
+    grade = grade_of(tilt, TILT) or "poor"
+    return Quality(
+        grade="fair" if grade == "good" and used < fit.shape.value + SPARE else grade,
+        samples=used,
+        outliers=len(poses) - used,
+        regions=int(np.count_nonzero(filled((poses - fit.ellipsoid.centre)[fit.used]))),
+        condition=fit.condition,
+        tilt_sd=tilt,
+        tilt_range=tilt_range,
+    )
+
+
+def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str, ...]:
+    told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
+    if gravity == G0:
+        told.append("Gravity is the standard one; at the place it may differ by 0.3 %, in scale but not in direction.")
+    if fit.shape is not Shape.ELLIPSOID:
+        sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * _radius(fit))
+        told.append(
+            f"Misalignment was left at zero; the predicted error counts it with {sd:.2g}° (1 sd) per pair of axes."
+        )
+    if np.count_nonzero(fit.used) < fit.shape.value + SPARE:
+        told.append(
+            f"{len(fit.used)} poses leave too few over to notice a bad one; take {fit.shape.value + SPARE} or more."
+        )
+    if noise > 0.0 and fit.sd > _RESTLESS * noise:
+        told.append(f"The poses scatter {fit.sd / noise:.0f} times as much about the fit as noise at rest explains.")
+    if not fit.used.all():
+        told.append(f"Set aside, for they do not fit the others: poses {_numbers(fit)} of {len(fit.used)}.")
+    told.append(
+        "Gravity's length does not tell how the axes are turned in the case, about 0.3° as a rule; 'plumbob calibrate "
+        "mount' finds that turn."
+    )
+    return tuple(told)
+
+
+def _numbers(fit: NormFit) -> str:
+    return ", ".join(str(i + 1) for i in np.flatnonzero(~fit.used))

@@ -1,0 +1,1 @@
+"""Guides of captures: what was seen, what to do next, and when it is enough."""

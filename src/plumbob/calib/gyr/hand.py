@@ -1,0 +1,361 @@
+"""Scale and misalignment of a gyroscope by hand, against the accelerometer at rest before and after [Tedaldi2014].
+
+Where the unit came to rest, the accelerometer measures the direction of gravity. Turned back by what the gyroscope
+integrated during the motion, it must be the direction before. All nine entries of the matrix follow, relative to the
+axes of the accelerometer, so both triads share their axes afterwards. Heading plays no part: a turn about the vertical
+says nothing, so the unit has to be turned over in every way.
+
+Departures from [Tedaldi2014]: the integration is exact on SO(3) instead of Runge-Kutta of the fourth order; its
+derivative is formed along with it, so that a few steps of Gauss and Newton suffice; the bias takes part with what the
+rest says about it; the axes are all the accelerometer's, none is fixed to the gyroscope's own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import check
+from plumbob.calib.fitted import Fitted
+from plumbob.calib.grades import RATE, SCALE, grade_of, worst_of
+from plumbob.calib.gyr.flat_tops import flat_tops
+from plumbob.calib.gyr.force import Coupling, coupling_at_rest
+from plumbob.calib.gyr.known import UNCALIBRATED, without_known
+from plumbob.calib.gyr.plausible import beyond_bias, dead_axes
+from plumbob.calib.gyr.rest import bias_of, rest
+from plumbob.calib.gyr.swapped_axes import swapped
+from plumbob.calib.gyr.turn import accumulate, rotation_vectors
+from plumbob.calib.refusal import Reason, refuse
+from plumbob.cards import Quality, TriadCalibration
+from plumbob.check import Floats
+from plumbob.constants import G0
+from plumbob.rotations import dcm_from_quat, skew
+from plumbob.units import deg, to_deg, to_dps
+
+FEWEST: Final = 9
+"""Fewest motions: each gives two equations, and some must be left to show what they are worth."""
+
+SMALLEST: Final = float(deg(15.0))
+"""Smallest change of the direction of gravity that makes a motion, rad."""
+
+UNTOLD: Final = 1e4
+"""Condition number of the normal equations, scaled, from which on entries of the matrix are not told apart; 20 motions
+about random axes have 3 to 10."""
+
+FAR: Final = 5.0
+"""Robust standard deviations from which on a motion is an outlier."""
+
+SHORTEST: Final = 20
+"""Samples from which on rates between stretches at rest show a dead axis: coarse steps repeat in a few."""
+
+STRANGE: Final = 0.3
+"""Difference of the matrix from the identity beyond that of any gyroscope that works."""
+
+_STEPS = 8
+_EVERY = 0.99  # of the samples must have a specific force, for a card of g-sensitivity takes the rate of others away
+_WRONG_GRAVITY = 0.05
+_ADVICE = (
+    "Let the unit lie for 30 s, then turn it by a quarter or half a turn, about another axis each time, and put it "
+    "down for 2 s each time: 20 poses or more, all six faces among them."
+)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """One motion between two poses.
+
+    Attributes
+    ----------
+    rate : ndarray (N, 3)
+        Measured rates from the last instant at rest to the next first one, rad/s.
+    dt : ndarray (N−1,)
+        Steps, s.
+    before, after : ndarray (3,)
+        Directions of the specific force at rest, unit vectors.
+    """
+
+    rate: Floats
+    dt: Floats
+    before: Floats
+    after: Floats
+
+
+def fit_hand(
+    t: Floats,
+    gyr: Floats,
+    acc: Floats,
+    *,
+    acc_calibrated: bool,
+    mag: Floats | None = None,
+    temp_c: Floats | None = None,
+    clipped: NDArray[np.bool_] | None = None,
+    known: TriadCalibration = UNCALIBRATED,
+) -> Fitted:
+    """Bias and matrix of a gyroscope from hand motion.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    gyr : ndarray (N, 3)
+        Measured rates, rad/s.
+    acc : ndarray (N, 3)
+        Specific force, m/s², calibrated: its errors of scale and axes become the gyroscope's.
+    acc_calibrated : bool
+        Whether it is; only for a remark.
+    mag : ndarray (N, 3), optional
+        Flux density, calibrated or not, which tells constant turning from rest.
+    temp_c : ndarray (N,), optional
+        Temperature, °C.
+    clipped : ndarray (N,) of bool, optional
+        Samples at the end of the gyroscope's range; a motion with one is left out, and so is one whose rates have a
+        flat top that no range declares.
+    known : TriadCalibration
+        Calibration so far; its polynomial is kept, and its g-sensitivity where it has one. Else the poses tell it,
+        where the accelerometer is calibrated.
+
+    Raises
+    ------
+    CaptureRefusedError
+        not-still, no-motion, too-few, clipping, wrong-gravity, ill-conditioned, implausible.
+    """
+    rates, force = check.rows("gyr", gyr, 3, t.size), check.rows("acc", acc, 3, t.size)
+    where, told = rest(t, rates, force, clipped, mag)
+    left = without_known(rates, known, temp_c=temp_c, acc=force)
+    coupling = _coupling(left, force, where, known) if acc_calibrated else None
+    if coupling is not None:
+        left = left - force @ coupling.matrix.T
+        known = replace(known, g_sensitivity=coupling.matrix, g_sensitivity_sd=coupling.sd)
+    bias, spread, _ = bias_of([left[one] for one in where])
+    refuse(beyond_bias(bias))
+    between = [rates[first.stop : second.start] for first, second in pairwise(where)]
+    refuse(dead_axes(*(rate for rate in between if len(rate) >= SHORTEST)))
+    flat = flat_tops(rates, where)
+    motions, spoilt = find_motions(t, left, force, where, flat if clipped is None else flat | clipped)
+    refuse(_unfit(motions, spoilt, force, where))
+    fit = _fit(motions, bias, spread)
+    refuse(_unsound(fit, motions, bias))
+    used = int(fit.used.sum())
+    calibration = replace(
+        known,
+        matrix=fit.matrix,
+        bias=fit.bias,
+        covariance=fit.covariance,
+        residual_rms=float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))),
+        method=f"gyr by hand, {used} motions against the accelerometer",
+        quality=Quality(
+            grade=worst_of(grade_of(float(fit.matrix_sd.max()), SCALE), grade_of(float(fit.bias_sd.max()), RATE)),
+            samples=used,
+            outliers=len(motions) - used,
+            condition=fit.condition,
+            scale_sd=float(np.diag(fit.matrix_sd).max()),
+        ),
+    )
+    turned = np.array([motion.rate.mean(axis=0) for motion in motions])
+    remarks = (*_remarks(fit, spoilt, acc_calibrated), *_coupled(coupling), *_flat(flat, clipped), *told)
+    return Fitted(calibration, turned, fit.residuals, fit.used, remarks)
+
+
+def _coupling(rates: Floats, force: Floats, where: Sequence[slice], known: TriadCalibration) -> Coupling | None:
+    """Sensitivity to specific force, unless the card has one, or the accelerometer is too slow to correct it."""
+    if known.g_sensitivity.any() or np.isfinite(force).all(axis=1).mean() < _EVERY:
+        return None
+    return coupling_at_rest(*(np.array([v[one].mean(axis=0) for one in where]) for v in (rates, force)))
+
+
+def _coupled(coupling: Coupling | None) -> tuple[str, ...]:
+    if coupling is None:
+        return ()
+    most = to_dps(float(np.abs(coupling.matrix).max())) * G0
+    return (
+        f"Its bias depends on specific force, by up to {most:.3f} °/s per g (F-test, p = {coupling.chance:.1g}); "
+        "the card corrects that, and needs the accelerometer in every sample.",
+    )
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Fit:
+    matrix: Floats
+    bias: Floats
+    covariance: Floats  # (12, 12)
+    residuals: Floats  # (motions, 3), of unit vectors
+    used: NDArray[np.bool_]
+    condition: float
+
+    @property
+    def bias_sd(self) -> Floats:
+        return np.asarray(np.sqrt(np.diag(self.covariance)[:3]))
+
+    @property
+    def matrix_sd(self) -> Floats:
+        return np.asarray(np.sqrt(np.diag(self.covariance)[3:]).reshape(3, 3))
+
+
+def find_motions(
+    t: Floats, gyr: Floats, acc: Floats, where: Sequence[slice], clipped: NDArray[np.bool_] | None = None
+) -> tuple[list[Motion], dict[str, int]]:
+    """Motions between stretches at rest that tilted the unit, and how many were left out, by reason."""
+    found, spoilt = [], {"clipping": 0, "gap": 0}
+    step = 1.5 * float(np.median(np.diff(t)))
+    for first, second in pairwise(where):
+        span = slice(first.stop - 1, second.start + 1)
+        before, after = _direction(acc[first]), _direction(acc[second])
+        if float(before @ after) > np.cos(SMALLEST):
+            continue
+        dt = np.diff(t[span])
+        if clipped is not None and clipped[span].any():
+            spoilt["clipping"] += 1
+        elif dt.max() > step or not np.isfinite(gyr[span]).all():
+            spoilt["gap"] += 1
+        else:
+            found.append(Motion(gyr[span], dt, before, after))
+    return found, spoilt
+
+
+def _direction(acc: Floats) -> Floats:
+    mean = acc.mean(axis=0)
+    return np.asarray(mean / np.linalg.norm(mean))
+
+
+def _unfit(motions: Sequence[Motion], spoilt: dict[str, int], acc: Floats, where: Sequence[slice]) -> list[Reason]:
+    """Reasons why there is nothing to fit."""
+    reasons = []
+    size = float(np.median([np.linalg.norm(acc[one].mean(axis=0)) for one in where]))
+    if abs(size / G0 - 1.0) > _WRONG_GRAVITY:
+        text = f"The specific force at rest is {size:.3f} m/s², but gravity is {G0:.3f} m/s²."
+        reasons.append(Reason("wrong-gravity", text, "Calibrate the accelerometer first, and check its unit."))
+    if len(motions) < FEWEST:
+        lost = " and ".join(f"{count} with a {what}" for what, count in spoilt.items() if count)
+        text = (
+            f"There are {len(motions)} motions between poses at rest that tilt the unit by {to_deg(SMALLEST):.0f}° or "
+            f"more, and {FEWEST} are needed{f'; left out were {lost}' if lost else ''}."
+        )
+        kind = "clipping" if spoilt["clipping"] else "too-few" if motions else "no-motion"
+        advice = f"Turn it more slowly, within its range. {_ADVICE}" if spoilt["clipping"] else _ADVICE
+        reasons.append(Reason(kind, text, advice))
+    return reasons
+
+
+def _fit(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats) -> _Fit:
+    """Least squares over bias and matrix, with outliers set aside once."""
+    used = np.ones(len(motions), dtype=bool)
+    fit = _least_squares(motions, rest_bias, rest_sd, used)
+    size = np.linalg.norm(fit.residuals, axis=1)
+    far = FAR * 1.4826 * float(np.median(size))
+    if (size > far).any() and np.count_nonzero(size <= far) >= FEWEST:
+        fit = _least_squares(motions, rest_bias, rest_sd, size <= far)
+    return fit
+
+
+def _least_squares(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats, used: NDArray[np.bool_]) -> _Fit:
+    """Gauss and Newton, in which the bias at rest is one more measurement of the bias."""
+    parameters = np.concatenate((rest_bias, np.eye(3).ravel()))
+    weight = np.zeros((12, 12))
+    free = 2.0 * np.count_nonzero(used) - 9.0  # a unit vector has two components
+    floor = np.finfo(np.float64).eps
+    for step in range(_STEPS):
+        left, slope = _misses(motions, parameters)
+        noise = max(float(np.sum(left[used] ** 2)) / free, floor)
+        held = noise / np.maximum(rest_sd, floor) ** 2
+        # Before the first step the misses are those of an uncalibrated unit and say nothing of the noise.
+        weight[:3, :3] = np.diag(held if step else np.full(3, 1.0 / floor))
+        rows, misses = slope[used].reshape(-1, 12), left[used].ravel()
+        normal = rows.T @ rows + weight
+        away = np.concatenate((rest_bias - parameters[:3], np.zeros(9)))
+        inverse = _scaled_inverse(normal)
+        parameters = parameters + inverse @ (rows.T @ misses + weight @ away)
+    left, _ = _misses(motions, parameters)
+    matrix = rows[:, 3:].T @ rows[:, 3:]
+    scale = np.sqrt(np.maximum(np.diag(matrix), floor))
+    condition = float(np.linalg.cond(matrix / np.outer(scale, scale)))
+    return _Fit(parameters[3:].reshape(3, 3), parameters[:3], noise * inverse, left, used, condition)
+
+
+def _scaled_inverse(normal: Floats) -> Floats:
+    """Pseudoinverse (12, 12) in which bias and matrix, whose sizes differ by many powers of ten, count alike."""
+    size = np.sqrt(np.diag(normal))
+    return np.asarray(np.linalg.pinv(normal / np.outer(size, size), hermitian=True) / np.outer(size, size))
+
+
+def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floats]:
+    """Measured less predicted direction after each motion (m, 3), and the prediction's derivative (m, 3, 12)."""
+    bias, matrix = parameters[:3], parameters[3:].reshape(3, 3)
+    each = [_predicted(motion, bias, matrix) for motion in motions]
+    left = np.array([motion.after - after for motion, (after, _) in zip(motions, each, strict=True)])
+    return left, np.array([slope for _, slope in each])
+
+
+def _predicted(motion: Motion, bias: Floats, matrix: Floats) -> tuple[Floats, Floats]:
+    """Direction after a motion (3,), and its derivative by bias and matrix (3, 12).
+
+    With R from the axes now to those before, after = Rᵀ before. A change δω of the rates turns R by δθ = ∫ R δω dt in
+    the axes before, so that after changes by Rᵀ (before × δθ).
+    """
+    open_rate = motion.rate - bias
+    quat = np.empty((len(open_rate), 4))
+    accumulate(rotation_vectors(open_rate @ matrix.T, motion.dt), quat)
+    turned = dcm_from_quat(quat)
+    share = np.append(0.5 * motion.dt, 0.0) + np.append(0.0, 0.5 * motion.dt)  # the trapezoidal rule
+    by_matrix = np.einsum("kai,kj,k->aij", turned, open_rate, share, optimize=True).reshape(3, 9)
+    by_bias = -np.einsum("kai,k->ai", turned, share) @ matrix
+    back = turned[-1].T
+    return back @ motion.before, back @ skew(motion.before) @ np.hstack((by_bias, by_matrix))
+
+
+def _unsound(fit: _Fit, motions: Sequence[Motion], bias: Floats) -> list[Reason]:
+    """Reasons why the result is none."""
+    sd = fit.matrix_sd
+    wrong = not (sd.max() <= SCALE.poor and np.abs(fit.matrix - np.eye(3)).max() <= STRANGE)
+    reasons = swapped(lambda way: _typical_miss(motions, bias, way)) if wrong else []
+    if reasons:
+        return reasons
+    miss = _typical_miss(motions, bias, np.eye(3)) if wrong else 0.0
+    if miss > SMALLEST:
+        text = f"Turned by the rates as they are, gravity comes out {to_deg(miss):.0f}° off after a motion (median)."
+        advice = (
+            "Check that each axis of the gyroscope answers to a turn about it, and its unit and axes in the profile."
+        )
+        reasons.append(Reason("implausible", text, advice))
+    elif not fit.condition < UNTOLD or not sd.max() <= SCALE.poor:
+        axis = "xyz"[int(sd.max(axis=0).argmax())]
+        text = (
+            f"The motions do not tell the entries of the matrix apart: condition number {fit.condition:.2g}, and those "
+            f"for rates about {axis} are known to {100.0 * float(sd.max()):.2g} % only."
+        )
+        reasons.append(Reason("ill-conditioned", text, _ADVICE))
+    elif np.abs(fit.matrix - np.eye(3)).max() > STRANGE:
+        text = f"The matrix {np.round(fit.matrix, 3).tolist()} is far from that of a gyroscope in rad/s."
+        reasons.append(Reason("implausible", text, "Check unit and axes of the gyroscope in the profile."))
+    return reasons
+
+
+def _typical_miss(motions: Sequence[Motion], bias: Floats, matrix: Floats) -> float:
+    left, _ = _misses(motions, np.concatenate((bias, matrix.ravel())))
+    return float(np.median(np.linalg.norm(left, axis=1)))
+
+
+def _flat(flat: NDArray[np.bool_], clipped: NDArray[np.bool_] | None) -> tuple[str, ...]:
+    undeclared = np.count_nonzero(flat if clipped is None else flat & ~clipped)
+    if not undeclared:
+        return ()
+    return (
+        f"{undeclared} samples repeat the largest rate of their motion: the gyroscope was at the end of a range that "
+        "the recording does not declare; give gyr_range, or the range in the profile.",
+    )
+
+
+def _remarks(fit: _Fit, spoilt: dict[str, int], acc_calibrated: bool) -> tuple[str, ...]:
+    size = to_deg(float(np.sqrt(np.mean(np.sum(fit.residuals[fit.used] ** 2, axis=1)))))
+    told = [f"Gravity comes out {size:.2g}° (rms) off after a motion; axes are those of the accelerometer."]
+    if not acc_calibrated:
+        told.append(
+            "The accelerometer is UNCALIBRATED: its errors are in this matrix, and the standard deviations do not know "
+            "it. Calibrate it first and give its card with --calibration."
+        )
+    told += [f"{count} motions with a {what} were left out." for what, count in spoilt.items() if count]
+    if not fit.used.all():
+        told.append(f"{np.count_nonzero(~fit.used)} motions did not fit the others and were set aside.")
+    return tuple(told)

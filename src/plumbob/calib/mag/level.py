@@ -1,0 +1,173 @@
+"""Magnetometer of a vehicle that only turns level: two axes of it, for headings while level."""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from plumbob.calib.fitted import Fitted
+from plumbob.calib.grades import HEADING, grade_of
+from plumbob.calib.mag.alone import DIP, MOST_OUTLIERS, memory
+from plumbob.calib.mag.ellipse_fit import PARAMETERS, EllipseFit, fit_ellipse
+from plumbob.calib.mag.plausible import STRONGEST, unequal
+from plumbob.calib.predicted import heading_sd
+from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
+from plumbob.cards import UNITS, Quality, TriadCalibration
+from plumbob.check import Floats
+from plumbob.units import deg, to_deg
+
+WIDEST_GAP: Final = deg(90.0)
+"""Largest gap between the headings that were seen, rad."""
+
+LEANING: Final = deg(10.0)
+"""Inclination from which on a unit is not level, rad."""
+
+_FEWEST: Final = 4 * PARAMETERS
+_WEAKEST: Final = 2.0  # µT of level field, of which nobody can tell a heading
+_THICKEST: Final = 0.1  # scatter over radius
+_ADVICE: Final = "Drive a full circle or more on level ground, away from iron."
+
+
+def fit_mag_level(
+    mag: Floats,
+    *,
+    acc: Floats | None = None,
+    upright: int | None = None,
+    strength: float | None = None,
+    dip: float | None = None,
+) -> Fitted:
+    """Fit an ellipse to the two level axes; the third stays as measured.
+
+    Parameters
+    ----------
+    mag : ndarray (N, 3)
+        Measured field, µT, in order of time; finite.
+    acc : ndarray (N, 3), optional
+        Specific force at the same instants, m/s²: it tells which axis is upright, and whether the unit was level.
+    upright : {0, 1, 2}, optional
+        The upright axis; without it and `acc`, the one along which the field changed least.
+    strength, dip : float, optional
+        Strength of the field at the place, µT, and its dip, rad: both together give the level field. Without them, the
+        sensor's own scale is kept on average.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the capture cannot determine the calibration, with the reasons.
+    """
+    if len(mag) < _FEWEST:
+        refuse([Reason("too-few", f"{len(mag)} samples, but {_FEWEST} are needed.", _ADVICE)])
+    axis = _upright(mag, acc) if upright is None else upright
+    level = [i for i in range(3) if i != axis]
+    fit = fit_ellipse(mag[:, level])
+    if fit is None:
+        raise CaptureRefusedError(Reason("too-few-regions", "no ellipse fits the field of the level axes.", _ADVICE))
+    radius = float(1.0 / np.sqrt(np.linalg.det(fit.shape)))
+    wanted = None if strength is None or dip is None else strength * math.cos(dip)
+    matrix, covariance = _whole(fit, level, wanted)
+    sd = _level_sd(matrix, covariance, [*level, axis], size=wanted or radius)
+    refuse(_reasons(fit, mag[:, level], radius, sd))
+    bias = np.zeros(3)
+    bias[level] = fit.centre
+    calibration = TriadCalibration(
+        matrix=matrix,
+        bias=bias,
+        unit_in=UNITS["mag"],
+        unit_out=UNITS["mag"],
+        residual_rms=float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) * (wanted or radius) / radius,
+        covariance=covariance,
+        reference=wanted,
+        method=f"magnetometer level only: ellipse of {' and '.join('xyz'[i] for i in level)}, {PARAMETERS} parameters",
+        quality=Quality(
+            grade=grade_of(sd, HEADING) or "poor",
+            samples=int(np.count_nonzero(fit.used)),
+            outliers=int(np.count_nonzero(~fit.used)),
+            condition=fit.condition,
+            heading_sd=sd,
+            tilt_range=0.0,
+        ),
+    )
+    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, axis, radius, wanted))
+
+
+def _upright(mag: Floats, acc: Floats | None) -> int:
+    """Axis that stood upright."""
+    if acc is None:
+        return int(np.argmin(mag.std(axis=0)))
+    mean = acc.mean(axis=0)
+    axis = int(np.argmax(np.abs(mean)))
+    lean = math.acos(min(1.0, abs(float(mean[axis])) / float(np.linalg.norm(mean))))
+    along = np.median(np.abs(acc[:, axis]) / np.linalg.norm(acc, axis=1))
+    worst = max(lean, math.acos(min(1.0, float(along))))
+    if worst > LEANING:
+        what = f"the unit leaned by {to_deg(worst):.0f}° from its {'xyz'[axis]} axis upright; 10° may be."
+        refuse([Reason("not-level", what, "Stay on level ground, or use a fit of all three axes.")])
+    return axis
+
+
+def _whole(fit: EllipseFit, level: list[int], wanted: float | None) -> tuple[Floats, Floats]:
+    """Matrix (3, 3) and covariance (12, 12) of bias and matrix; the upright axis as measured."""
+    size = wanted or float(1.0 / np.sqrt(np.linalg.det(fit.shape)))
+    matrix = np.eye(3)
+    matrix[np.ix_(level, level)] = size * fit.shape
+    i, j = level
+    whole = np.zeros((12, PARAMETERS))
+    whole[i, 0] = whole[j, 1] = 1.0
+    for column, (a, b) in enumerate(((0, 0), (1, 1), (0, 1)), start=2):
+        change = np.zeros((2, 2))
+        change[a, b] = change[b, a] = 1.0
+        kept = 0.0 if wanted else float(np.trace(np.linalg.solve(fit.shape, change))) / 2.0
+        entry = size * (change - kept * fit.shape)
+        for row, col, value in ((i, i, entry[0, 0]), (j, j, entry[1, 1]), (i, j, entry[0, 1]), (j, i, entry[1, 0])):
+            whole[3 + 3 * row + col, column] = value
+    return matrix, whole @ (fit.covariance * memory(fit.residuals[fit.used])) @ whole.T
+
+
+def _level_sd(matrix: Floats, covariance: Floats, order: list[int], *, size: float) -> float:
+    """Standard deviation of the heading while level, rad; `order` names the axes, the upright one last."""
+    rows = np.concatenate((order, 3 + (3 * np.array(order)[:, np.newaxis] + order).ravel()))
+    placed = matrix[np.ix_(order, order)], covariance[np.ix_(rows, rows)]
+    return heading_sd(*placed, size=size / math.cos(DIP), dip=DIP, tilt_range=0.0)
+
+
+def _gap(fit: EllipseFit, points: Floats) -> float:
+    """Largest angle without a sample, rad."""
+    x, y = ((points[fit.used] - fit.centre) @ fit.shape).T
+    course = np.sort(np.arctan2(y, x))
+    return float(np.diff(course, append=course[0] + 2.0 * np.pi).max())
+
+
+def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float) -> list[Reason]:
+    reasons = []
+    if (gap := _gap(fit, points)) > WIDEST_GAP:
+        what = f"headings cover {360.0 - to_deg(gap):.0f}°; 270° are needed."
+        reasons.append(Reason("too-few-regions", what, _ADVICE))
+    scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
+    if scatter > _THICKEST:
+        what = f"the field of the level axes scatters by {100.0 * scatter:.0f} % of its size about the ellipse."
+        reasons.append(Reason("not-level", what, "Stay on level ground, or use a fit of all three axes."))
+    share = float(np.mean(~fit.used))
+    if share > MOST_OUTLIERS:
+        what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * MOST_OUTLIERS:.0f} % may."
+        reasons.append(Reason("outliers", what, "Look for switched currents, moving iron and steel nearby."))
+    if not _WEAKEST <= radius <= STRONGEST:
+        what = f"the level field measures {radius:.3g} µT; {_WEAKEST:g} to {STRONGEST:g} µT can be."
+        reasons.append(Reason("wrong-field", what, "Check the unit and the gain of the magnetometer."))
+    if not sd <= HEADING.poor:
+        what = f"the capture leaves a heading error of {to_deg(sd):.2g}° (1 sd)."
+        reasons.append(Reason("ill-conditioned", what, _ADVICE))
+    return reasons + [reason for reason in (unequal(fit.shape),) if reason is not None]
+
+
+def _remarks(fit: EllipseFit, axis: int, radius: float, wanted: float | None) -> tuple[str, ...]:
+    per_degree = to_deg(10.0 * deg(1.0) / radius)
+    told = [
+        f"ONLY LEVEL: headings hold while the {'xyz'[axis]} axis is upright. That axis is not calibrated; at 1° of "
+        f"inclination, each 10 µT of its error turn the heading by {per_degree:.1f}°.",
+        "A turn of the magnetometer about the upright axis is not seen: compare one heading with a known one.",
+    ]
+    if wanted is None:
+        told.append(f"Level field: {radius:.4g} µT, the sensor's own scale.")
+    if (count := int(np.count_nonzero(~fit.used))) > 0:
+        told.append(f"{count} of {len(fit.used)} samples were set aside as outliers.")
+    return tuple(told)

@@ -1,0 +1,180 @@
+"""Magnetometer beside a gyroscope: for motion that is too restricted to see the ellipsoid, as of a ship or a car."""
+
+from typing import Final
+
+import numpy as np
+
+from plumbob.calib.fitted import Fitted
+from plumbob.calib.grades import HEADING, grade_of
+from plumbob.calib.mag.alone import DIP, MOST_OUTLIERS, unturned
+from plumbob.calib.mag.plausible import unequal, wrong_field
+from plumbob.calib.mag.turned_field import PARAMETERS, FieldFit, fit_turned_field
+from plumbob.calib.mag.with_acc import to_strength, turn_of
+from plumbob.calib.predicted import TILT_RANGE, heading_sd
+from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
+from plumbob.calib.regions import filled
+from plumbob.cards import UNITS, Quality, TriadCalibration
+from plumbob.check import Floats
+from plumbob.errors import CalibrationError
+from plumbob.units import dps, to_deg, to_dps
+
+GAIN_SD: Final = 0.002
+"""Standard deviation of each entry of a calibrated gyroscope's gain matrix."""
+
+SHEET_GAIN_SD: Final = 0.02
+"""The same of one that was not calibrated: data sheets say 2 to 3 % of scale, and 2 % across the axes."""
+
+LONGEST_GAP: Final = 0.5
+"""Longest time without a rate, s."""
+
+WORST_WALK: Final = float(dps(0.1))
+"""Random walk of the attitude above which it is not the gyroscope's noise, rad/√s."""
+
+_FEWEST: Final = 2 * PARAMETERS
+_SOME: Final = 4000  # samples of the field; more of them share its unevenness
+_ADVICE: Final = (
+    "Turn through all headings, several times and both ways, and roll and pitch as far as can be: circles and figures "
+    "of eight for a minute."
+)
+_FIRST: Final = "Calibrate the gyroscope first, scale and axes: the field cannot be known better than it turns."
+
+
+def fit_mag_gyr(
+    t: Floats,
+    mag: Floats,
+    gyr: Floats,
+    *,
+    acc: Floats | None = None,
+    strength: float | None = None,
+    gyr_gain_sd: float = GAIN_SD,
+    tilt_range: float = TILT_RANGE,
+) -> Fitted:
+    """Fit bias and full matrix so that the field is one vector as the gyroscope turns.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s, increasing.
+    mag : ndarray (N, 3)
+        Measured field, µT; NaN where there is none.
+    gyr : ndarray (N, 3)
+        Rates, rad/s, finite; their constant bias is found too, and how much later the field is measured. Their axes
+        become those of the magnetometer.
+    acc : ndarray (N, 3), optional
+        Specific force, m/s², whose mean over the capture tells the vertical, and so the dip for the predicted error.
+    strength : float, optional
+        Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
+    gyr_gain_sd : float
+        Standard deviation of each entry of the gyroscope's gain matrix, relative; 0 where it is exact.
+    tilt_range : float
+        Inclination up to which the predicted heading error holds, rad.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the capture cannot determine the calibration, with the reasons.
+    CalibrationError
+        If rates are missing for too long.
+    """
+    present = np.flatnonzero(np.isfinite(mag).all(axis=1))
+    stride = max(1, -(-len(present) // _SOME))
+    seen = present[::stride]
+    _require_rates(t)
+    refuse(_unfit(mag[seen]))
+    advice = _ADVICE if gyr_gain_sd <= GAIN_SD else f"{_FIRST} {_ADVICE}"
+    fit = fit_turned_field(t, mag[seen], gyr, seen, gyr_gain_sd=gyr_gain_sd)
+    if fit is None or not np.linalg.det(fit.distortion) > 0.0:
+        what = "no bias, matrix and field fit what magnetometer and gyroscope measured."
+        raise CaptureRefusedError(Reason("ill-conditioned", what, advice))
+    inverse = np.asarray(np.linalg.inv(fit.distortion), dtype=np.float64)
+    whole = np.eye(12)
+    whole[3:, 3:] = -np.kron(inverse, inverse.T)
+    matrix, covariance = to_strength(inverse, whole @ fit.covariance @ whole.T, strength)
+    radius = float(np.cbrt(np.linalg.det(fit.distortion)))
+    size, dip = strength or radius, _dip(fit, None if acc is None else acc[seen])
+    sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
+    refuse(_reasons(fit, sd, radius, strength, advice))
+    calibration = TriadCalibration(
+        matrix=matrix,
+        bias=fit.bias,
+        unit_in=UNITS["mag"],
+        unit_out=UNITS["mag"],
+        residual_rms=float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) * size / radius,
+        covariance=covariance,
+        reference=strength,
+        method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
+        quality=Quality(
+            grade=grade_of(sd, HEADING) or "poor",
+            samples=int(np.count_nonzero(fit.used)),
+            outliers=int(np.count_nonzero(~fit.used)),
+            regions=int(np.count_nonzero(filled((mag[seen] - fit.bias)[fit.used]))),
+            condition=fit.condition,
+            heading_sd=sd,
+            tilt_range=tilt_range,
+        ),
+    )
+    return Fitted(
+        calibration, mag[seen], fit.residuals, fit.used, _remarks(fit, strength, size, dip, acc is not None, stride)
+    )
+
+
+def _require_rates(t: Floats) -> None:
+    gap = float(np.diff(t).max()) if len(t) > 1 else 0.0
+    if gap > LONGEST_GAP:
+        raise CalibrationError(
+            f"rates are missing for {gap:.2g} s, and the field can be followed across {LONGEST_GAP:g} s at most; "
+            "cut the capture there with --from or --to, or choose another helper than the gyroscope."
+        )
+
+
+def _unfit(mag: Floats) -> list[Reason]:
+    if len(mag) < _FEWEST:
+        return [Reason("too-few", f"{len(mag)} samples of the field, but {_FEWEST} are needed.", _ADVICE)]
+    rest = unturned(mag, _ADVICE)
+    return [] if rest is None else [rest]
+
+
+def _dip(fit: FieldFit, acc: Floats | None) -> float:
+    """Dip of the field, rad: by the mean specific force in the axes of the start, or an assumed one."""
+    if acc is None:
+        return DIP
+    up = np.nanmean(np.einsum("nij,nj->ni", fit.turns, acc), axis=0)
+    return float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
+
+
+def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, advice: str) -> list[Reason]:
+    reasons = []
+    if fit.walk > WORST_WALK:
+        what = (
+            f"field and rates only agree if the attitude walks by {to_dps(fit.walk):.2g}°/√s, which no gyroscope does."
+        )
+        keep = "Keep iron and magnets away, check the gyroscope's unit and range, and calibrate it first."
+        reasons.append(Reason("magnet-moved", what, keep))
+    share = float(np.mean(~fit.used))
+    if share > MOST_OUTLIERS:
+        what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * MOST_OUTLIERS:.0f} % may."
+        reasons.append(Reason("outliers", what, "Look for switched currents, moving iron and steel nearby."))
+    if not sd <= HEADING.poor:
+        what = f"the capture leaves a heading error of {to_deg(sd):.2g}° (1 sd)."
+        reasons.append(Reason("ill-conditioned", what, advice))
+    found = (unequal(fit.distortion), wrong_field(radius, strength))
+    return reasons + [reason for reason in found if reason is not None]
+
+
+def _remarks(
+    fit: FieldFit, strength: float | None, size: float, dip: float, measured: bool, stride: int
+) -> tuple[str, ...]:
+    bias = ", ".join(f"{value:.3f}" for value in to_dps(fit.gyr_bias).tolist())
+    told = [
+        f"Gyroscope: bias {bias} °/s, random walk {to_dps(fit.walk):.2g}°/√s; the magnetometer is turned by "
+        f"{to_deg(turn_of(fit.distortion)):.2g}° against it.",
+        f"The magnetometer answers {1e3 * fit.delay:.1f} ms later than the gyroscope.",
+        f"Dip of the field: {to_deg(dip):.1f}°, {'by the mean specific force' if measured else 'assumed'}.",
+    ]
+    if strength is None:
+        told.append(f"Field strength: {size:.4g} µT, the sensor's own scale; only the directions are calibrated.")
+    if stride > 1:
+        told.append(f"Of the samples, each {stride}th was fitted.")
+    if (count := int(np.count_nonzero(~fit.used))) > 0:
+        told.append(f"{count} of {len(fit.used)} samples were set aside as outliers.")
+    return tuple(told)

@@ -1,0 +1,162 @@
+"""Magnetometer with gyroscope: the study's bar for restricted motion, honest covariance, refusals."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumbob.calib.mag.turned_field import fit_turned_field, turned
+from plumbob.calib.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
+from plumbob.calib.refusal import CaptureRefusedError
+from plumbob.errors import CalibrationError
+from plumbob.io import read
+from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply
+from plumbob.units import dps
+from tests.calib.mag_scene import (
+    DIP,
+    STRENGTH,
+    attitudes,
+    field,
+    force,
+    heading_rms,
+    rates,
+    trajectory,
+    unit_of,
+    within_one_sd,
+)
+
+LATE = 4  # samples of 3.5 ms, by which the field fits the reference best
+TRIALS = 3 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 8
+
+
+BROAD = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data") / "broad"
+
+
+def scene(seed, *, gain_sd=0.0, **motion):
+    rng = np.random.default_rng(seed)
+    unit = unit_of(rng)
+    t, q_nb, true = trajectory(rng, **motion)
+    return unit, (t, field(rng, unit, q_nb), rates(rng, true, gain_sd=gain_sd)), force(rng, q_nb)
+
+
+def heading_spread(matrix, bias, imu, turns, late):
+    """Spread of the field's heading in a reference's axes, rad, of a magnetometer that is late by some samples."""
+    field = np.einsum("nij,nj->ni", turns[:-late], (imu.mag[late:] - bias) @ matrix.T)
+    mean, spread = np.nanmean(field, axis=0), np.arctan2(field[:, 1], field[:, 0])
+    off = np.angle(np.exp(1j * (spread - np.arctan2(mean[1], mean[0]))))
+    return float(np.sqrt(np.nanmean(off**2)))
+
+
+def by_reference(imu, turns, late):
+    """Matrix and bias, by alternating between the level field and both, which are linear; the strength is free."""
+    known = np.isfinite(turns[:-late, 0, 0])
+    turns, mag = turns[:-late][known], imu.mag[late:][known]
+    distortion, bias = np.eye(3), np.zeros(3)
+    for _ in range(10):
+        h = np.einsum("nij,nj->ni", turns, (mag - bias) @ np.linalg.inv(distortion).T).mean(axis=0)
+        seen = np.einsum("nji,j->ni", turns, h / np.linalg.norm(h))
+        found = np.linalg.lstsq(np.column_stack((seen, np.ones(len(seen)))), mag, rcond=None)[0]
+        distortion, bias = found[:3].T, found[3]
+    matrix = np.linalg.inv(distortion)
+    return matrix / np.cbrt(np.linalg.det(matrix)), bias
+
+
+@pytest.mark.parametrize("gain_sd", [0.0, GAIN_SD])
+def test_heading_meets_the_bar_and_the_covariance_is_honest(gain_sd):
+    """0.25° on a minute with inclinations up to 15°, with an exact gyroscope and with a calibrated one."""
+    errors, shares, ratios = [], [], []
+    for k in range(TRIALS):
+        unit, measured, acc = scene([5, k], gain_sd=gain_sd)
+        fit = fit_mag_gyr(*measured, acc=acc, strength=STRENGTH, gyr_gain_sd=gain_sd)
+        errors.append(heading_rms(fit.calibration, unit))
+        shares.append(within_one_sd(fit.calibration, unit))
+        ratios.append(errors[-1] / fit.calibration.quality.heading_sd)
+    assert np.degrees(np.median(errors)) <= 0.25
+    assert abs(np.mean(shares) - 0.683) < 3.0 * np.sqrt(0.683 * 0.317 / (3 * TRIALS))  # 3 of 12 count as independent
+    assert abs(np.sqrt(np.mean(np.square(ratios))) - 1.0) < 3.0 / np.sqrt(2 * 3 * TRIALS)
+
+
+def test_the_turns_are_those_of_the_body():
+    t, q_nb, true = trajectory(np.random.default_rng(1))
+    found, wanted = turned(t, true), dcm_from_quat(quat_multiply(quat_conjugate(q_nb[0]), q_nb))
+    # trapezoids of 20 ms: h³/12 of the rate's curvature, 0.06 rad/s³ here, add up to 2e-6 rad over 60 s
+    assert np.abs(found - wanted).max() < 1e-4
+
+
+def test_bias_walk_and_field_of_the_gyroscope_are_found():
+    _, (t, mag, gyr), acc = scene(3)
+    planted = dps(np.array([2.0, -1.0, 1.5]))
+    fit = fit_turned_field(t, mag, gyr + planted, np.arange(len(t)), gyr_gain_sd=0.0)
+    same = fit_turned_field(t, mag, gyr, np.arange(len(t)), gyr_gain_sd=0.0)
+    assert fit.gyr_bias - same.gyr_bias == pytest.approx(planted, abs=dps(1e-3))
+    assert fit.walk == pytest.approx(dps(0.005), rel=0.5)  # 60 steps, a third of which the field does not show
+    assert fit.distortion == pytest.approx(same.distortion, abs=1e-2)
+    told = fit_mag_gyr(t, mag, gyr, acc=acc, strength=STRENGTH).remarks[2]
+    assert told == f"Dip of the field: {np.degrees(DIP):.1f}°, by the mean specific force."
+
+
+def test_a_later_magnetometer_is_put_right():
+    """40 ms, twice what is expected beforehand; 0.2 µT on 25 µT that turn at 0.24 rad/s ± leave 0.6 ms of 3000."""
+    unit, (t, mag, gyr), _ = scene(8)
+    delays = [
+        fit_turned_field(t[2:], late, gyr[2:], np.arange(len(t) - 2), gyr_gain_sd=0.0).delay
+        for late in (mag[2:], mag[:-2])
+    ]
+    assert delays == pytest.approx([0.0, 0.04], abs=3 * 0.6e-3)
+    fit = fit_mag_gyr(t[2:], mag[:-2], gyr[2:], strength=STRENGTH, gyr_gain_sd=0.0)
+    assert fit.remarks[1] == f"The magnetometer answers {1e3 * delays[1]:.1f} ms later than the gyroscope."
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+
+
+def test_many_samples_are_thinned():
+    unit, (t, mag, gyr), _ = scene(9)
+    fine = np.linspace(0.0, t[-1], 2 * (len(t) - 1) + 1)
+    rate = np.column_stack([np.interp(fine, t, column) for column in gyr.T])
+    twice = np.column_stack([np.interp(fine, t, column) for column in mag.T])
+    fit = fit_mag_gyr(fine, twice, rate, strength=STRENGTH, gyr_gain_sd=0.0)
+    assert len(fit.measured) == 3001
+    assert "Of the samples, each 2th was fitted." in fit.remarks
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+
+
+@pytest.mark.skipif(not BROAD.is_dir(), reason=f"no BROAD trials in {BROAD}; set PLUMBOB_DATA")
+@pytest.mark.parametrize("trial", ["05_undisturbed_slow_rotation_with_breaks_B", "07_undisturbed_fast_rotation_B"])
+def test_real_recordings_agree_with_the_reference_attitude(trial):
+    """The axes within what a data sheet grants a gyroscope, and the bias within what an indoor field varies by."""
+    recording = read(BROAD / f"{trial}.hdf5")
+    imu, turns = recording.imu, dcm_from_quat(recording.track.q_nb)
+    found = fit_mag_gyr(imu.t, imu.mag, imu.gyr, acc=imu.acc, gyr_gain_sd=SHEET_GAIN_SD).calibration
+    matrix, bias = by_reference(imu, turns, LATE)
+    assert found.bias == pytest.approx(bias, abs=1.0)
+    assert found.matrix == pytest.approx(matrix, abs=0.06)  # 3 sd
+    after = heading_spread(found.matrix, found.bias, imu, turns, LATE)
+    assert after < heading_spread(np.eye(3), np.zeros(3), imu, turns, LATE)
+
+
+def test_a_slower_magnetometer_and_outliers_do_no_harm():
+    unit, (t, mag, gyr), _ = scene(4)
+    mag[np.arange(len(t)) % 3 != 0] = np.nan
+    mag[300:330:3] += 20.0
+    fit = fit_mag_gyr(t, mag, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
+    assert len(fit.measured) == 1001
+    assert not fit.used[100:110].any()
+    assert np.count_nonzero(~fit.used) <= 12
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+
+
+def test_what_cannot_calibrate_is_refused():
+    _, (t, mag, gyr), _ = scene(6)
+    rng = np.random.default_rng(7)
+    level = np.zeros_like(gyr) + [0.0, 0.0, 0.3]
+    with pytest.raises(CaptureRefusedError, match="too-few"):
+        fit_mag_gyr(t[:40], mag[:40], gyr[:40])
+    with pytest.raises(CaptureRefusedError, match="no-motion"):
+        fit_mag_gyr(t, np.tile(mag[0], (len(t), 1)) + 0.2 * rng.normal(size=mag.shape), gyr)
+    exact = np.einsum("nji,j->ni", turned(t, level), [25.0, 0.0, 43.0]) + 0.2 * rng.normal(size=mag.shape)
+    with pytest.raises(CaptureRefusedError, match="ill-conditioned"):
+        fit_mag_gyr(t, exact, level)
+    with pytest.raises(CaptureRefusedError):
+        fit_mag_gyr(t, field(rng, unit_of(rng), attitudes(rng, len(t))), gyr)  # of another motion
+    with pytest.raises(CalibrationError, match="rates are missing for 1"):
+        fit_mag_gyr(t + (t > 30.0), mag, gyr)
