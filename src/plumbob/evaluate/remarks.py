@@ -6,6 +6,7 @@ import numpy as np
 
 from plumbob import flags
 from plumbob.check import Floats
+from plumbob.data import UNCALIBRATED
 from plumbob.errors import ShapeError
 from plumbob.evaluate.align import Alignment, find_heading, find_mounting
 from plumbob.evaluate.headings import HeadingPolicy
@@ -25,7 +26,7 @@ _REPEATS = 0.95
 def remarks(evaluation: "Evaluation", policy: HeadingPolicy) -> tuple[str, ...]:
     """Remarks in the order in which things were done; none where there is nothing to say."""
     found = [_frames(evaluation), policy.note, _repeating_motion(evaluation), _fitted(evaluation)]
-    found += [_gimbal(evaluation), _free_heading(evaluation)]
+    found += [_gimbal(evaluation), _free_heading(evaluation), _uncalibrated(evaluation)]
     if policy.comparable and not evaluation.settings.align:
         found.append(_constant_part(evaluation))
     return tuple(remark for remark in found if remark)
@@ -70,6 +71,12 @@ def _free_heading(e: "Evaluation") -> str:
     return (
         f"{count} scored samples carry {name}: their heading counts from an arbitrary zero and is scored all the same"
     )
+
+
+def _uncalibrated(e: "Evaluation") -> str:
+    if UNCALIBRATED not in e.estimate.source:
+        return ""
+    return "the estimate was made from uncalibrated sensor values, whose errors are in these figures"
 
 
 def _constant_part(e: "Evaluation") -> str:

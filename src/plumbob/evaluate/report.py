@@ -1,7 +1,6 @@
 """An evaluation as a dictionary for JSON and as a plain table; degrees and seconds, units in every name."""
 
 import math
-import textwrap
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -10,13 +9,13 @@ from plumbob.evaluate.associate import Fate
 from plumbob.evaluate.consistency import CONFIDENCE, DOF
 from plumbob.evaluate.metrics import QUANTITIES
 from plumbob.evaluate.statistics import Stats
+from plumbob.plain import listed, pair
 from plumbob.rotations import IDENTITY, North, quat_angle
 from plumbob.units import to_deg, to_dps
 
 if TYPE_CHECKING:
     from plumbob.evaluate.evaluation import Evaluation
 
-WIDTH = 80
 _FOOTNOTE = (
     "total, heading, inclination: magnitudes; yaw, pitch, roll: estimate minus reference; max and percentiles: of the "
     "magnitude; rmse² = mean² + std²"
@@ -52,17 +51,16 @@ def summary(e: "Evaluation") -> dict[str, Any]:
 
 
 def text(e: "Evaluation") -> str:
-    """Plain table of at most `WIDTH` columns."""
+    """Plain table of at most 80 columns."""
     lines = ["Attitude error, estimate against reference", ""]
-    lines += [_pair(name, value) for name, value in heading_lines(e)]
+    lines += [pair(name, value) for name, value in heading_lines(e)]
     lines += ["", _row("", COLUMNS), _row("", ("deg", "deg", "deg", "deg", "s", "deg", "deg", "deg"))]
     lines += [_row(name, _cells(e.stats[name])) if name in e.stats else f"{name:<12}not scored" for name in QUANTITIES]
-    lines += ["", *_wrapped(_FOOTNOTE)]
+    lines += ["", *listed([_FOOTNOTE])]
     for reason in dict.fromkeys(e.not_scored.values()):
         names = ", ".join(name for name, why in e.not_scored.items() if why == reason)
-        lines += _wrapped(f"{names} not scored: {reason}")
-    for note in e.notes:
-        lines += _wrapped(note)
+        lines += listed([f"{names} not scored: {reason}"])
+    lines += listed(e.notes)
     return "\n".join(lines)
 
 
@@ -148,14 +146,6 @@ def _cells(s: Stats) -> tuple[str, ...]:
 def _row(name: str, cells: tuple[str, ...]) -> str:
     widths = (8, 9, 8, 9, 9, 8, 8, 8)
     return f"{name:<12}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
-
-
-def _pair(name: str, value: str) -> str:
-    return textwrap.fill(value, WIDTH, initial_indent=f"{name:<12}", subsequent_indent=" " * 12)
-
-
-def _wrapped(remark: str) -> list[str]:
-    return textwrap.wrap(remark, WIDTH, initial_indent="- ", subsequent_indent="  ")
 
 
 def _numbers(values: Floats) -> str:

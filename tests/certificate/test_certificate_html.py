@@ -1,0 +1,157 @@
+"""The page of a calibration and its pictures."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from certificate_samples import acc_calibration, gyr_fit, mag_calibration, mag_fit
+from matplotlib.figure import Figure
+
+from plumbob import certificate
+from plumbob.calib.regions import NAMES, REGIONS
+from plumbob.cards import CalibrationCard, Mount
+from plumbob.certificate import figure
+from plumbob.certificate.html import page
+from tests.battery.pages import HOSTILE, Outline, PageBattery
+
+
+@pytest.fixture(scope="module")
+def text(card):
+    """A page in which every text that a user can give is hostile."""
+    hostile = {"method": HOSTILE, "remarks": (HOSTILE,)}
+    marked = {name: replace(getattr(card, name), **hostile) for name in ("gyr", "mag")}
+    told = CalibrationCard(HOSTILE, "2026-11-21", HOSTILE, acc=acc_calibration(method=HOSTILE), software=HOSTILE,
+                           mount=Mount([1.0, 0.0, 0.0, 0.0], **hostile), **marked)  # fmt: skip
+    fits = {"mag": mag_fit(marked["mag"], remarks=(HOSTILE,)), "gyr": gyr_fit(marked["gyr"], remarks=(HOSTILE,))}
+    return page(told, fits, title=HOSTILE, facts={HOSTILE: HOSTILE})
+
+
+class TestPage(PageBattery):
+    pass
+
+
+def test_it_says_what_the_text_says(card, fits):
+    told = page(card, fits, title="t", facts={})
+    expected = ["12.34 ± 0.12", "−400 ± 40", "Gyroscope: good", "Magnetometer: fair", "the dip is 62.1° ± 0.3°."]
+    expected += ["left uncalibrated by it: accelerometer", "yaw 90.000°, pitch 2.000°, roll -1.000°", "unit 7"]
+    expected += ["temperature terms − g-sensitivity · specific force), turned into the axes of the body"]
+    for part in expected:
+        assert part in told
+    assert "Directions seen: 17 of 18" in told
+    assert "Missing: +x−z." in told
+
+
+def test_a_gyroscope_has_no_map_of_directions(card, fits):
+    assert page(card, fits, title="t", facts={}).count("<svg") == 1 + 3
+    assert "Directions" not in page(card, {"gyr": fits["gyr"]}, title="t", facts={})
+
+
+def test_a_card_alone_has_a_page_without_figures(tmp_path, card):
+    path = certificate.write_html(tmp_path / "card.html", card, {}, title="t", facts={"recording": "a.mcap"})
+    told = path.read_text(encoding="utf-8")
+    Outline(told)
+    assert "<svg" not in told
+    assert "a.mcap" in told
+    assert "the dip is 62.1° ± 0.3°." in told
+
+
+def test_the_same_calibration_gives_the_same_bytes(card, fits):
+    assert page(card, fits, title="t", facts={}) == page(card, fits, title="t", facts={})
+
+
+def test_a_million_samples_make_a_small_page(card):
+    many = mag_fit(card.mag, count=200_000)
+    assert len(page(card, {"mag": many}, title="t", facts={})) < 800_000
+
+
+@pytest.mark.parametrize("keep", [1, 2])
+def test_few_samples_have_a_page(card, keep):
+    few = mag_fit(card.mag)
+    some = replace(few, measured=few.measured[:keep], residuals=few.residuals[:keep], used=few.used[:keep])
+    Outline(page(card, {"mag": some}, title="t", facts={}))
+
+
+class TestPictures:
+    @pytest.fixture
+    def axes(self, monkeypatch):
+        def of(picture, *what):
+            drawn = Figure()
+            monkeypatch.setattr(figure, "svg", lambda draw, **_: draw(drawn))
+            picture(*what, "x")
+            return drawn.axes
+
+        return of
+
+    def test_the_map_keeps_areas_and_has_the_equator_on_its_rim(self):
+        """Lambert's map: a cap of half angle θ has the area 2π(1 − cos θ), and here the radius √(1 − cos θ)."""
+        theta = np.radians([0.0, 30.0, 60.0, 90.0])
+        directions = np.stack([np.sin(theta), np.zeros(4), np.cos(theta)], axis=1)
+        radii = np.linalg.norm(figure._mapped(directions, 1.0), axis=1)
+        assert radii**2 == pytest.approx(1.0 - np.cos(theta), abs=1e-15)
+        assert radii[-1] == pytest.approx(1.0, abs=1e-15)
+
+    @pytest.mark.parametrize("side", [1.0, -1.0])
+    def test_the_map_goes_back(self, side):
+        half = REGIONS[side * REGIONS[:, 2] >= 0.0]
+        x, y = figure._mapped(half, side).T
+        assert figure._unmapped(x, y, side) == pytest.approx(half, abs=4e-16 * 4)
+
+    def test_each_hemisphere_names_its_own_regions(self, axes, fits):
+        up, down = axes(figure.coverage_figure, *figure.coverage(fits["mag"]))
+        named = [{text.get_text() for text in ax.texts} for ax in (up, down)]
+        assert named[0] | named[1] == set(NAMES)
+        assert named[0] & named[1] == {name for name in NAMES if "z" not in name}
+        assert "+z" in named[0]
+
+    def test_a_region_without_a_sample_is_drawn_as_missing(self, axes, fits):
+        directions, seen = figure.coverage(fits["mag"])
+        assert [NAMES[i] for i in np.flatnonzero(~seen)] == ["+x−z"]
+        _, down = axes(figure.coverage_figure, directions, seen)
+        fills = [c.get_facecolor()[0] for c in down.collections if len(c.get_facecolor())]
+        missing = [colour for colour in fills if colour[3] == pytest.approx(0.12)]
+        assert len(missing) == 1
+        assert len(fills) == 9 + 4  # 1 pole, 4 edges below, and 4 faces and 4 edges on the rim
+
+    def test_samples_are_in_their_own_hemisphere(self, axes, fits):
+        directions, seen = figure.coverage(fits["mag"])
+        up, down = axes(figure.coverage_figure, directions, seen)
+        counts = [ax.get_lines()[0].get_xdata().size for ax in (up, down)]
+        assert counts == [np.sum(directions[:, 2] >= 0.0), np.sum(directions[:, 2] < 0.0)]
+
+    def test_outliers_stand_on_the_edge_and_the_rest_in_its_scale(self, axes, fits):
+        fit = fits["mag"]
+        (ax,) = axes(figure.residual_figure, "mag", fit)
+        largest = np.abs(fit.residuals[fit.used]).max()
+        assert ax.get_ylim() == pytest.approx((-1.5 * largest, 1.5 * largest))
+        (marks,) = [line for line in ax.get_lines() if line.get_marker() == "x"]
+        at, shown = marks.get_xdata(), marks.get_ydata()
+        assert at[np.isfinite(shown)].tolist() == [11.0, 101.0, 201.0]
+        assert np.abs(shown[np.isfinite(shown)]) == pytest.approx(1.5 * largest)
+
+    def test_residuals_of_three_axes_are_in_degrees_per_second(self, axes, fits):
+        (ax,) = axes(figure.residual_figure, "gyr", fits["gyr"])
+        assert ax.get_ylabel() == "residual [°/s]"
+        lines = [line for line in ax.get_lines() if line.get_marker() == "."]
+        assert np.stack([line.get_ydata() for line in lines], axis=1) == pytest.approx(
+            np.degrees(fits["gyr"].residuals)
+        )
+        assert [name for name, *_ in figure.residual_key(fits["gyr"])] == ["x", "y", "z"]
+
+
+def test_labels_of_a_picture_keep_their_digits(card, fits):
+    small = replace(fits["mag"], residuals=fits["mag"].residuals * 0.01)
+    labels = re.findall(r">(?:−|-)?(0\.\d+)</text>", figure.residual_figure("mag", small, "x"))
+    assert max(len(label) for label in labels) > len("0.00")
+
+
+def test_without_figures_no_plots_are_needed(card, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert "12.34" in page(card, {}, title="t", facts={})
+
+
+def test_the_reference_is_shown_in_the_unit_of_the_triad(card):
+    told = page(replace(card, mag=mag_calibration(reference=None)), {}, title="t", facts={})
+    assert "field of" not in told
