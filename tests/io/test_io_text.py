@@ -433,7 +433,8 @@ def test_no_csv_is_written_that_would_have_two_profiles(tmp_path):
 
 def test_units_are_in_the_header(tmp_path):
     lines = write(tmp_path / "a.csv", make_imu()).read_text().splitlines()
-    assert lines[2].startswith("t [s],gyr_x [rad/s],gyr_y [rad/s],gyr_z [rad/s],acc_x [m/s2]")
+    assert lines[2] == "# note,calibration: card of 2024-05-01"
+    assert lines[3].startswith("t [s],gyr_x [rad/s],gyr_y [rad/s],gyr_z [rad/s],acc_x [m/s2]")
 
 
 @pytest.mark.parametrize("sign", ["=", "+", "-", "@", "\t=", "\r=", " =", "\n@"])
@@ -446,7 +447,7 @@ def test_no_cell_is_a_formula(tmp_path, sign):
 
     rows = list(csv.reader(path.read_text().splitlines()))
     cells = [cell for row in rows[: rows.index(next(r for r in rows if r[0] == "t [s]"))] for cell in row]
-    assert len(cells) == 10  # two in each of five lines: a note cannot open a cell or a line of its own
+    assert len(cells) == 12  # two in each of six lines: a note cannot open a cell or a line of its own
     assert not [cell for cell in cells if cell.startswith(("=", "+", "-", "@", "\t", "\r"))]
     assert read(path).imu.meta.device == evil
 

@@ -4,6 +4,7 @@ import pytest
 
 from plumbob import Filter, Frame, NoiseCard
 from plumbob.cards import TriadNoise
+from plumbob.data import UNCALIBRATED
 from plumbob.errors import ParameterError
 from plumbob.filters import claims_covariance, filter_names, load, takes_noise
 from plumbob.pipeline import CHUNK, Stage, estimate, with_noise
@@ -40,7 +41,7 @@ def test_a_card_sets_the_noise_and_parameters_have_the_last_word(name):
     for params in ({}, given):
         track = estimate(data, Stage(name, params, noise=CARD), frame=Frame.ENU)
         made = Filter(name, frame=Frame.ENU, params=params, noise=CARD)
-        assert track.source == made.describe()
+        assert track.source == f"{made.describe()}; calibration {UNCALIBRATED}"
         assert getattr(made.params, field) == pytest.approx(params.get(field, 1e-4), rel=1e-15)
 
 

@@ -18,7 +18,7 @@ from plumbob._jit import Kernel, bare, njit, specialise
 from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.admission import judge
 from plumbob.filters.layout import BIAS, HEADED, OWN, SIZE, STAGE, USE_MAG, Q
@@ -248,6 +248,12 @@ class Filter:
         return self._x[BIAS : BIAS + 3].copy()
 
     @property
+    def bias_prior(self) -> tuple[str, float] | None:
+        """Parameter that is the standard deviation of the bias at the start, and its value, rad/s; None without one."""
+        name: str | None = getattr(self.module, "BIAS_PRIOR", None)
+        return None if name is None else (name, float(getattr(self.params, name)))
+
+    @property
     def cov_b(self) -> Floats | None:
         """Covariance of the attitude error in body axes now, rad², (3, 3); None for a filter that claims none."""
         place = self._covariance
@@ -292,7 +298,7 @@ class Filter:
             bias_b=bias_b,
             cov_b=self._claimed(q_nb, cov) if cov.size else None,
             flags=found,
-            source=self.describe(),
+            source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
         )
 
     @property

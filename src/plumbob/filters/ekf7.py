@@ -93,6 +93,10 @@ LOST_RATE: Final = 1.0
 """Scatter of a rate that is not there, rad/s."""
 
 
+BIAS_PRIOR: Final = "start_bias"
+"""Parameter that is the standard deviation of the bias at the start."""
+
+
 class Params(NamedTuple):
     """Noises as root power spectral densities, uncertainties at the start, and what counts as rest."""
 

@@ -143,6 +143,10 @@ SHORTEST: Final = 1e-6
 """A measurement at no distance in time counts as one at this, s."""
 
 
+BIAS_PRIOR: Final = "bias_start"
+"""Parameter that is the standard deviation of the bias at the start."""
+
+
 class Params(NamedTuple):
     """Noise of the sensors, and how the body and its surroundings behave; all independent of the rate."""
 

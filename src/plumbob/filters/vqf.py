@@ -119,6 +119,10 @@ HASTE_FOR: Final = 30.0
 """for so long, s."""
 
 
+BIAS_PRIOR: Final = "bias_start"
+"""Parameter that is the standard deviation of the bias at the start."""
+
+
 class Params(NamedTuple):
     """Settings; the defaults are the paper's, but for the largest bias."""
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from plumbob import clock, flags
 from plumbob.check import Floats
-from plumbob.data import ImuData
+from plumbob.data import UNCALIBRATED, ImuData, calibration_told
+from plumbob.io.recording import Recording
 from plumbob.io.turning import turning
 from plumbob.units import to_deg
 
@@ -41,9 +42,23 @@ def provenance(notes: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(note for note in notes if not note.startswith(TOPICS)))
 
 
+def stored_notes(recording: Recording) -> tuple[str, ...]:
+    """Notes as a file keeps them: provenance, and in words whether the sensor values are calibrated."""
+    return (*provenance(recording.notes), *_stored(recording.imu))
+
+
+def read_notes(notes: Iterable[str], imu: ImuData | None) -> tuple[str, ...]:
+    """Notes of a file without what `stored_notes` added, which its meta says too."""
+    return tuple(note for note in notes if note not in _stored(imu))
+
+
+def _stored(imu: ImuData | None) -> tuple[str, ...]:
+    return () if imu is None else (f"calibration: {calibration_told(imu.meta.calibration)}",)
+
+
 def _calibration(imu: ImuData) -> Iterator[str]:
     if imu.meta.calibration is None:
-        yield "calibration: no card has been applied; the values are as the device gave them"
+        yield f"calibration: {UNCALIBRATED}, as the device gave them"
 
 
 def _field(imu: ImuData) -> Iterator[str]:

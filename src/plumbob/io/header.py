@@ -11,7 +11,7 @@ import numpy as np
 from plumbob.data import ImuMeta
 from plumbob.errors import DecodeError, ParameterError, excerpt
 from plumbob.io.columns import COLUMNS
-from plumbob.io.findings import provenance
+from plumbob.io.findings import stored_notes
 from plumbob.io.recording import Recording
 from plumbob.rotations import Frame, North
 
@@ -29,7 +29,7 @@ def header_of(recording: Recording, columns: list[str]) -> dict[str, Any]:
         "units": {name: COLUMNS[name].unit for name in columns},
         "imu": None if imu is None else asdict(plain_meta(imu.meta)),
         "track": None if track is None else {key: _storable(f"track.{key}", track, key, _TRACK[key]) for key in _TRACK},
-        "notes": list(provenance(recording.notes)),
+        "notes": list(stored_notes(recording)),
     }
 
 

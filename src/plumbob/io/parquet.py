@@ -15,6 +15,7 @@ from plumbob.errors import DecodeError, one_line
 from plumbob.io import header
 from plumbob.io.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
 from plumbob.io.files import existing_file, reading, replacing
+from plumbob.io.findings import read_notes
 from plumbob.io.recording import Recording
 
 if TYPE_CHECKING:
@@ -70,13 +71,14 @@ def read_parquet(path: str | Path) -> Recording:
     with reading(file):
         content, columns = _load(file)
         header.check_header(content)
-        imu, track = content["imu"], content["track"]
-        require(columns, imu=imu is not None, track=track is not None)
+        meta, track = content["imu"], content["track"]
+        require(columns, imu=meta is not None, track=track is not None)
+        imu = None if meta is None else imu_from(columns, header.meta_from(meta))
         return Recording(
-            imu=None if imu is None else imu_from(columns, header.meta_from(imu)),
+            imu=imu,
             track=None if track is None else track_from(columns, *header.track_meta_from(track)),
             name=file.stem,
-            notes=tuple(content["notes"]),
+            notes=read_notes(content["notes"], imu),
         )
 
 

@@ -11,6 +11,7 @@ from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError, excerpt
 from plumbob.io.files import existing_file, reading
+from plumbob.io.findings import read_notes
 from plumbob.io.profile import ColumnRef, GroupSource, Profile, ReferenceSource, TimeColumn, TimeRate
 from plumbob.io.profile_toml import GUIDE, load_profile
 from plumbob.io.recording import Recording
@@ -50,7 +51,7 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
         If a declared triad holds no number.
     """
     file = existing_file(path)
-    declared, note = _profile(file, profile)
+    declared, note = profile_of(file, profile)
     with reading(file):
         time = declared.time
         exact = time.column if isinstance(time, TimeColumn) and time.unix else None
@@ -58,7 +59,7 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
         t, t0_ns = _time(declared, table)
         imu = _imu(declared, table, t, t0_ns) if declared.triads else None
         track = None if declared.reference is None else _track(declared.reference, table, t, declared.turn)
-        notes = (*declared.notes, note, *table.notes, *_changes(declared))
+        notes = (*read_notes(declared.notes, imu), note, *table.notes, *_changes(declared))
         return Recording(imu=imu, track=track, name=file.stem, notes=notes)
 
 
@@ -67,7 +68,8 @@ def sidecars(path: Path) -> tuple[Path, Path]:
     return path.with_name(f"{path.stem}.toml"), path.with_name(f"{path.stem}.profile.toml")
 
 
-def _profile(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
+def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
+    """Profile that is given or lies beside a text file, and a note that says which; errors as in `read_text`."""
     if isinstance(given, Profile):
         return given, f"read with the profile {given.origin}"
     if given is not None:

@@ -65,7 +65,7 @@ def read_table(raw: bytes, layout: Layout, refs: Sequence[ColumnRef], exact: Col
     if not first:
         raise DecodeError("there is no whole row of numbers; check the profile's [header].")
     width = len(split_row(first, layout.separator, line))
-    places = {ref: _place(ref, head.names, width, layout) for ref in refs}
+    places = {ref: place_of(ref, head.names, width, layout) for ref in refs}
     _refuse_shared(places)
     columns, zero = _fast(body, layout, width, places, exact) or _slow(body, layout, width, places, exact)
     rows = next(iter(columns.values())).size
@@ -81,7 +81,8 @@ def _refuse_rows(found: int, declared: int | None) -> None:
         )
 
 
-def _place(ref: ColumnRef, names: tuple[str, ...], width: int, layout: Layout) -> int:
+def place_of(ref: ColumnRef, names: tuple[str, ...], width: int, layout: Layout) -> int:
+    """Index of a column among the `width` cells of a row; DecodeError where it is not one of them."""
     if isinstance(ref, str):
         if names.count(ref) != 1:
             how = "twice or more" if ref in names else "nowhere"

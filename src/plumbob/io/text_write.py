@@ -13,7 +13,7 @@ from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError
 from plumbob.io.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
 from plumbob.io.files import replacing
-from plumbob.io.findings import provenance
+from plumbob.io.findings import stored_notes
 from plumbob.io.header import plain_meta
 from plumbob.io.recording import Recording
 from plumbob.io.text import sidecars
@@ -53,7 +53,7 @@ def _head(path: Path, recording: Recording, columns: Columns) -> Iterator[str]:
     yield f"# recording,{text_cell(recording.name or path.stem)}"
     if recording.imu is not None:
         yield f"# device,{text_cell(recording.imu.meta.device)}"
-    for note in provenance(recording.notes):
+    for note in stored_notes(recording):
         yield f"# note,{text_cell(note)}"
     yield ",".join(_title(name) for name in columns)
 
@@ -82,7 +82,7 @@ def _profile(recording: Recording, columns: Columns) -> Iterator[str]:
     yield f"rows = {columns[TIME].size}"
     if recording.imu is not None:
         yield from _meta(plain_meta(recording.imu.meta))
-    yield f"notes = [{', '.join(_toml(note) for note in provenance(recording.notes))}]"
+    yield f"notes = [{', '.join(_toml(note) for note in stored_notes(recording))}]"
     yield from ("", "[header]", "names = true")
     yield from ("", "[time]", f"column = {_toml(_title(TIME))}", 'unit = "s"')
     if recording.imu is not None:

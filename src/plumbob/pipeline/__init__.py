@@ -4,6 +4,15 @@
 calibrate, estimate, hand to the sinks. A replay feeds it the recorded bytes and gives the same bits.
 """
 
-from plumbob.pipeline.offline import CHUNK, Progress, Stage, calibrated, estimate, navigation_frame, with_noise
+from plumbob.pipeline.offline import (
+    CHUNK,
+    Progress,
+    Stage,
+    calibrated,
+    estimate,
+    filter_of,
+    navigation_frame,
+    with_noise,
+)
 
-__all__ = ["CHUNK", "Progress", "Stage", "calibrated", "estimate", "navigation_frame", "with_noise"]
+__all__ = ["CHUNK", "Progress", "Stage", "calibrated", "estimate", "filter_of", "navigation_frame", "with_noise"]

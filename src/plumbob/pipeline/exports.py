@@ -82,13 +82,14 @@ def _write_tum(file: Path, recording: Recording) -> None:
     track = _attitude(file, recording)
     known = track.known
     table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[known]
-    head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north"
-    np.savetxt(file, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head)
+    source = " ".join(track.source.split())
+    head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north; by {source}"
+    np.savetxt(file, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head, encoding="utf-8")
 
 
 def _write_text(file: Path, recording: Recording) -> None:
     track = _attitude(file, recording)
-    with file.open("x", encoding="ascii") as stream:
+    with file.open("x", encoding="utf-8") as stream:
         stream.writelines(text_of(track, head=True))
 
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Final
 
 from plumbob import __version__
+from plumbob.data import calibration_told
 from plumbob.link import Event, Received
 from plumbob.pipeline import rows
 from plumbob.pipeline.line import Part
@@ -44,6 +45,7 @@ class Keeper:
         )
         self.recorder.metadata.update(session.texts)
         self.recorder.metadata["plumbob"] = __version__
+        self.recorder.metadata["calibration"] = calibration_told(session.card.name if session.card else None)
         self._raw = self.recorder.channel(rows.RAW, "application/octet-stream")
         self._own = rows.declare(self.recorder, rows.RECORDER)
         self._events = rows.declare(self.recorder, rows.EVENTS)

@@ -17,6 +17,7 @@ from plumbob.clock import to_ns
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.errors import DecodeError
 from plumbob.io import Recording
+from plumbob.io.findings import read_notes, stored_notes
 from plumbob.io.header import meta_from, plain_meta
 from plumbob.pipeline import rows
 from plumbob.pipeline.replay import Replayed, replay, utc_ns
@@ -139,7 +140,7 @@ def _about(recording: Recording) -> dict[str, Any]:
     imu, track = recording.imu, recording.track
     meta = {} if imu is None else asdict(plain_meta(imu.meta))
     told = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "source": track.source}
-    return {"imu": meta, "track": told, "notes": list(recording.notes)}
+    return {"imu": meta, "track": told, "notes": list(stored_notes(recording))}
 
 
 def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
@@ -154,7 +155,7 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
     imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
     wanted = found[rows.ATTITUDE] and (estimated or imu is None)
     track = _track(found[rows.ATTITUDE], about["track"]) if wanted else None
-    return Recording(imu=imu, track=track, name=file.stem, notes=tuple(about.get("notes", ())))
+    return Recording(imu=imu, track=track, name=file.stem, notes=read_notes(about.get("notes", ()), imu))
 
 
 def _imu(found: Sequence[Mapping[str, Any]], meta: Mapping[str, Any]) -> ImuData:

@@ -95,7 +95,7 @@ def text_of(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head
     if head:
         zero = "an arbitrary zero" if track.north is North.FREE else f"{track.north} north"
         yield f"# roll about x, pitch about y, yaw about z, turned yaw first; body axes to {track.frame}, "
-        yield f"heading from {zero}\n"
+        yield f"heading from {zero}; by {' '.join(track.source.split())}\n"
         yield "t [s]\troll [deg]\tpitch [deg]\tyaw [deg]\tflags\n"
     angles = to_deg(euler_zyx_from_quat(track.q_nb[rows]))
     words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]
@@ -138,7 +138,7 @@ class TextSink:
             return
         first = self._file is None
         if self._file is None:
-            self._file = self._path.open("x", encoding="ascii")
+            self._file = self._path.open("x", encoding="utf-8")
         self._file.writelines(text_of(track, due, head=first))
         self._file.flush()
 

@@ -1,0 +1,129 @@
+"""What the other sensors and the place say about a magnetometer's calibration, whichever fit gave it."""
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calib.fitted import Fitted
+from plumbob.calib.mag import turning
+from plumbob.calib.mag.with_acc import FEWEST, turn_of
+from plumbob.calib.refusal import Reason, refuse
+from plumbob.check import Floats
+from plumbob.data import ImuData
+from plumbob.units import deg, to_deg
+
+TURNED: Final = deg(45.0)
+"""Turn against the accelerometer beyond which axes are named wrongly rather than mounted askew, rad."""
+
+MOST_TURNED: Final = deg(10.0)
+"""Turn against the gyroscope beyond which what the accelerometer told was not the vertical, rad."""
+
+WRONG_DIP: Final = deg(15.0)
+"""Difference of the dip from that of the place beyond which a capture is refused, rad."""
+
+DOUBTFUL_DIP: Final = deg(3.0)
+"""The same, to be told, rad: buildings bend the field by as much."""
+
+_AXES: Final = "Correct the magnetometer's 'axes' and 'sign' in the profile of the device, by its data sheet"
+
+
+def told_by_others(
+    imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], *, helper: str, dip: float | None
+) -> tuple[str, ...]:
+    """Remarks of gyroscope, accelerometer and place about a fit.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The capture, the magnetometer as measured.
+    fit : Fitted
+        Its calibration.
+    steady : ndarray (N,) of bool
+        Samples whose specific force may be gravity.
+    helper : {"none", "acc", "gyr"}
+        What the fit was helped by.
+    dip : float or None
+        Of the field at the place, rad.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If they contradict it.
+    """
+    field = (imu.usable("mag") - fit.calibration.bias) @ fit.calibration.matrix.T
+    if imu.gyr is not None:
+        refuse(_against_gyroscope(imu, field, helper))
+    force = imu.usable("acc")
+    found = _dip(field[steady], force[steady])
+    found = _dip(field, force) if found is None else found
+    turned = 0.0 if helper == "none" else turn_of(fit.calibration.matrix)
+    told = _of_turn(found, turned, dip, "accelerometer" if helper == "acc" else "gyroscope")
+    return told if found is None else (*_of_place(found, dip), *told)
+
+
+def require_field_turns(imu: ImuData, mag: Floats) -> None:
+    """Refuse a field (N, 3), calibrated or not, that turns against the gyroscope."""
+    found = turning.agreement(imu.t, mag, imu.usable("gyr"))
+    if found is not None and found.slope < turning.LEAST_SLOPE:
+        what = (
+            "the field turns against the gyroscope: an axis of the magnetometer is swapped or has the wrong sign; "
+            f"it changes by {found.slope:.2f} of what the rates say, and 1 is right."
+        )
+        refuse([Reason("mirrored", what, f"{_AXES}; or the gyroscope's, if its signs are in doubt.")])
+
+
+def _against_gyroscope(imu: ImuData, field: Floats, helper: str) -> list[Reason]:
+    require_field_turns(imu, field)
+    rotation = turning.turn(imu.t, field, imu.usable("gyr")) if helper == "acc" else None
+    if rotation is None or turn_of(rotation) <= MOST_TURNED:
+        return []
+    what = (
+        f"the field is turned by {to_deg(turn_of(rotation)):.0f}° against the gyroscope, so the specific force was not "
+        "that of gravity, or the accelerometer's axes are not the gyroscope's."
+    )
+    return [Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture anew.")]
+
+
+def _dip(field: Floats, force: Floats) -> float | None:
+    """Angle of the field below the horizon, rad, by the specific force at the same instants."""
+    known = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
+    if int(np.count_nonzero(known)) < FEWEST:
+        return None
+    field, force = field[known], force[known]
+    down = -np.sum(field * force, axis=1) / np.linalg.norm(field, axis=1) / np.linalg.norm(force, axis=1)
+    return math.asin(min(1.0, max(-1.0, float(np.median(down)))))
+
+
+def _of_place(found: float, dip: float | None) -> tuple[str, ...]:
+    if dip is None or abs(found - dip) <= DOUBTFUL_DIP:
+        return ()
+    what = f"the field dips by {to_deg(found):.1f}° in the capture, but by {to_deg(dip):.1f}° at the place."
+    if abs(found - dip) > WRONG_DIP:
+        advice = f"{_AXES}; check --place, and that no iron was near."
+        refuse([Reason("wrong-field", what, advice)])
+    return (f"DIP OFF: {what} Iron nearby bends the field, and so does a building.",)
+
+
+def _of_turn(found: float | None, turned: float, dip: float | None, by: str) -> tuple[str, ...]:
+    """What a large turn or a dip of the south says, where no place tells the dip."""
+    upward = found is not None and found < 0.0 and dip is None
+    dips = "" if found is None else f"a dip of {to_deg(found):.0f}°"
+    if turned > TURNED and upward:
+        what = (
+            f"the magnetometer would be turned by {to_deg(turned):.0f}° against the {by}, and the field would "
+            f"point up, with {dips}: so does a mirrored one north of the magnetic equator."
+        )
+        refuse([Reason("mirrored", what, f"{_AXES}; south of the equator, say where the capture was with --place.")])
+    if turned > TURNED:
+        return (
+            f"TURNED BY {to_deg(turned):.0f}°: the magnetometer's axes are not those of the {by}. "
+            "If the device does not mount it so, 'axes' or 'sign' in the profile are wrong.",
+        )
+    if upward:
+        return (
+            f"FIELD POINTS UP: {dips} is one south of the magnetic equator; north of it, all "
+            "axes of the magnetometer have the wrong sign. --place tells which.",
+        )
+    return ()
