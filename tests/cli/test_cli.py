@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -162,6 +163,13 @@ def test_demo_ends_in_a_table_and_a_page(tmp_path):
     page = tmp_path / "demo" / "report.html"
     assert str(page) in done.stdout
     assert "<svg" in page.read_text()
+    assert "Magnetometer: good" in (tmp_path / "demo" / "certificate.html").read_text()
+    errors = {name: [float(number) for number in re.findall(r"[\d.]+(?=°)", row)]
+              for name in ("error-state EKF (live)", "the same, uncalibrated")
+              for row in done.stdout.splitlines() if row.startswith(name)}  # fmt: skip
+    calibrated, uncalibrated = errors.values()
+    assert max(calibrated) < 1.0  # three times the filter's largest error of 0.3° with a perfect card
+    assert all(before > 5.0 * after for before, after in zip(uncalibrated, calibrated, strict=True))
 
 
 # --- speed and courtesy -------------------------------------------------------------------------------------
@@ -389,8 +397,8 @@ def test_the_card_is_named_in_the_estimate(tmp_path):
         card,
     )
     done = ok("run", raw, "--filter", "mahony", "--calibration", card, "--out", out)
-    assert "no card has been applied" not in done.stderr
-    assert any(note.startswith("calibrated with mpu6000") for note in io.read(out).notes)
+    assert "uncalibrated" not in done.stderr
+    assert any("; calibration mpu6000" in note for note in io.read(out).notes)
 
 
 def test_one_unfit_recording_does_not_stop_the_benchmark(buoy, tmp_path):

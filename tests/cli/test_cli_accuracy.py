@@ -28,7 +28,7 @@ def test_json_has_the_peers_beside_our_filters(capsys, folder):
     code, out, _ = run(capsys, folder, "--filters", "mahony,integrate", "--peers", "vqf", "--json")
     found = json.loads(out)
     assert code == 0
-    assert set(found) == {"settings", "align", "trials", "mean", "skipped", "absent"}
+    assert set(found) == {"settings", "align", "calibration", "trials", "mean", "skipped", "absent"}
     names = {"mahony", "integrate", "vqf.VQF", "vqf.BasicVQF", "vqf.offlineVQF"}
     assert set(found["settings"]) == set(found["trials"]["a"]) == set(found["mean"]) == names
     keys = {"total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"}

@@ -1,4 +1,4 @@
-"""plumbob benchmark: filters on many recordings, many seeds of a scenario or under faults; decoders under damage."""
+"""plumbob benchmark: filters on many recordings, seeds of a scenario or faults; calibrations; decoders under damage."""
 
 import argparse
 from pathlib import Path
@@ -25,15 +25,16 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb and what can be benchmarked."""
     p = verbs.add_parser(
         "benchmark",
-        help="filters on recordings, on many seeds of a scenario, or under faults; decoders under damage",
+        help="filters on recordings, on many seeds of a scenario, or under faults; calibrations; decoders",
         description="Measure filters on many recordings with references, on many seeds of a simulated scenario, or "
-        "under faults of their input; and decoders on damaged streams.",
+        "under faults of their input; calibrations of many simulated units; and decoders on damaged streams.",
     )
     kinds = p.add_subparsers(dest="kind", metavar="KIND", required=True)
     _add_accuracy(kinds)
     _add_scenario(kinds)
     _add_faults(kinds)
     _add_channel(kinds)
+    _add_calibration(kinds)
     _add_decoders(kinds)
 
 
@@ -99,6 +100,24 @@ def _add_channel(kinds: common.Adder) -> None:
     p.set_defaults(run=run_channel)
 
 
+def _add_calibration(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "calibration",
+        help="calibrations of many simulated units: errors, predictions, refusals",
+        description="Calibrate many simulated units from captures of many kinds, turn them on the tilted table of the "
+        "buoy paper, offer captures that must be refused, and print what is reached beside what it should be.",
+    )
+    p.add_argument(
+        "--sections",
+        default="",
+        metavar="A,B",
+        help="some of static, refusals, mag, accel, table, temperature (default all)",
+    )
+    _add_seeds(p, default=200)
+    common.add_json(p)
+    p.set_defaults(run=run_calibration)
+
+
 def _add_decoders(kinds: common.Adder) -> None:
     p = kinds.add_parser(
         "decoders",
@@ -126,8 +145,9 @@ def _add_peers(p: argparse.ArgumentParser, more: str = "") -> None:
     p.add_argument("--peers", default="none", metavar="A,B", help=help_)
 
 
-def _add_seeds(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--seeds", type=int, default=20, metavar="N", help="number of seeds, from 0 (default 20)")
+def _add_seeds(p: argparse.ArgumentParser, default: int = 20) -> None:
+    help_ = f"number of seeds, from 0 (default {default})"
+    p.add_argument("--seeds", type=int, default=default, metavar="N", help=help_)
 
 
 def _seeds(args: argparse.Namespace) -> range:
@@ -245,6 +265,18 @@ def run_channel(args: argparse.Namespace) -> int:
     common.warn_of_compiling([f"channel_{name}" for name in channel_names()])
     with common.progress(f"{args.seeds} seeds", PARTS * args.seeds) as advance:
         result = measure_channel(seeds, progress=advance)
+    return _show(result, args)
+
+
+def run_calibration(args: argparse.Namespace) -> int:
+    """Do it on calibrations."""
+    from plumbob.benchmark.calibration import PARTS, measure_calibration
+
+    seeds = _seeds(args)
+    names = [name.strip() for name in args.sections.split(",") if name.strip()]
+    steps = sum(part.steps for name, part in PARTS.items() if name in names or not names)
+    with common.progress(f"{args.seeds} units", steps) as advance:
+        result = measure_calibration(seeds, names, progress=advance)
     return _show(result, args)
 
 

@@ -40,6 +40,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob.data import UNCALIBRATED
     from plumbob.errors import DecodeError, ParameterError
     from plumbob.rigs import find_format
     from plumbob.sensors.decode import Decoder
@@ -71,6 +72,7 @@ def run(args: argparse.Namespace) -> int:
     if table.skipped:
         rows = "; t [s] counts rows, and is early by as many behind each gap" if args.rate else ""
         common.note(f"the frame counter skips {table.skipped}: so many frames are missing, or it jumped{rows}")
+    common.note(f"calibration {UNCALIBRATED}")
     return 0
 
 
@@ -113,6 +115,8 @@ class _Table:
 
     def write(self, path: Path, counts: "Counts") -> None:
         """Write all into a file whose suffix says the kind."""
+        from plumbob.data import UNCALIBRATED
+
         if path.suffix == ".csv":
             with path.open("w", encoding="utf-8") as file:
                 file.writelines(self._csv())
@@ -124,13 +128,14 @@ class _Table:
         if path.suffix == ".json":
             import json
 
-            told = {"message": self.message, "counts": counts.summary(), "columns": columns}
+            told = {"message": self.message, "calibration": UNCALIBRATED, "counts": counts.summary()}
+            told |= {"columns": columns}
             path.write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
             return
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        pq.write_table(pa.table(columns), path)
+        pq.write_table(pa.table(columns).replace_schema_metadata({"calibration": UNCALIBRATED}), path)
 
     def _csv(self) -> Iterator[str]:
         for names, lists in self._blocks():

@@ -11,8 +11,9 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "info",
-        help="what a recording or track holds: time, units, frames, flags",
-        description="Show what a recording or track holds: time line, ranges with units, frame, calibration and flags.",
+        help="what a recording, track or card holds: time, units, frames, flags; a calibration, a noise",
+        description="Show what a recording or track holds: time line, ranges with units, frame, calibration and flags; "
+        "of a calibration card its certificate, of a noise card its coefficients.",
     )
     p.add_argument("file", type=Path)
     common.add_profile(p)
@@ -22,6 +23,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    if args.file.suffix.lower() == ".json":
+        return _card(args)
     recording = common.read(args.file, args.profile)
     report: dict[str, Any] = {"file": str(args.file), "notes": list(recording.notes)}
     if recording.imu is not None:
@@ -29,6 +32,22 @@ def run(args: argparse.Namespace) -> int:
     if recording.track is not None:
         report["attitude"] = _attitude(recording.track)
     common.print_json(report) if args.json else _print(report)
+    return 0
+
+
+def _card(args: argparse.Namespace) -> int:
+    """Print what a card holds."""
+    import json
+
+    from plumbob import certificate, datasheet
+    from plumbob.cards import CalibrationCard, open_card
+
+    card = open_card(args.file)
+    if isinstance(card, CalibrationCard):
+        told, text = certificate.as_dict(card, {}), certificate.text(card, {})
+    else:
+        told, text = {"card": json.loads(card.text())}, datasheet.card_text(card)
+    common.print_json({"file": str(args.file)} | told) if args.json else print(text)
     return 0
 
 
@@ -96,6 +115,7 @@ def _timing(t: Any) -> dict[str, Any]:
 
 
 def _print(report: dict[str, Any]) -> None:
+    from plumbob.data import calibration_told
     from plumbob.io.findings import provenance
 
     print(report["file"])
@@ -103,7 +123,7 @@ def _print(report: dict[str, Any]) -> None:
         print(f"{'note':12} {line}")
     if sensors := report.get("sensors"):
         print(f"device       {sensors['device']}, body axes '{sensors['axes']}' of the case")
-        print(f"calibration  {sensors['calibration'] or 'NONE: these sensor values are uncalibrated'}")
+        print(f"calibration  {calibration_told(sensors['calibration'])}")
         print(f"frame        {sensors['frame'] or 'not named; filters need --frame'}")
         if sensors["declination_deg"] is not None:
             print(f"declination  {sensors['declination_deg']:+.4g}°, east positive")

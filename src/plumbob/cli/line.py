@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 LONG = 60.0
 """Duration from which on the drift of a device clock is told, s."""
 
+SETTLED = 30.0
+"""Time after which the estimated bias of a start in motion says something, s."""
+
 
 def add_estimate(p: argparse.ArgumentParser) -> None:
     """Options of the estimate."""
@@ -59,20 +62,48 @@ class Status:
         self._shown = sys.stderr.isatty() and not quiet
         self.samples = 0
         self.last: Part | None = None
+        self.temperature_beyond: str | None = None
+        self.bias_beyond: str | None = None
         self._doubted = False
 
     def on_part(self, part: "Part") -> None:
         """Count, and show now and then."""
         self.samples += part.t_ns.size
         self.last = part
+        self._watch(part)
         t = float(part.imu.t[-1])
         if self._shown and t >= self._next:
             self._next = t + 1.0
             counts = self._line.decoder.counts
             sys.stderr.write(
-                f"\r{t:9.1f} s  {self.samples} samples  {counts.junk} junk bytes  {attitude_of(part)}\033[K"
+                f"\r{t:9.1f} s  {self.samples} samples{self._bare}  {counts.junk} junk bytes  {attitude_of(part)}\033[K"
             )
             sys.stderr.flush()
+
+    @property
+    def _bare(self) -> str:
+        return "" if self._line.session.card else " UNCALIBRATED"
+
+    def _watch(self, part: "Part") -> None:
+        """Say once each that the temperature leaves the span of the card, and the bias the filter's prior."""
+        from plumbob.calib.model import temperature_beyond
+        from plumbob.pipeline.bias_prior import bias_beyond
+
+        card, filter_ = self._line.session.card, self._line.filter
+        at = f"at {float(part.imu.t[0]):.1f} s"
+        if card is not None and self.temperature_beyond is None:
+            self.temperature_beyond = temperature_beyond(card, part.imu)
+            self._tell(at, self.temperature_beyond)
+        settled = float(part.imu.t[-1]) >= SETTLED
+        if filter_ is not None and part.track is not None and settled and self.bias_beyond is None:
+            self.bias_beyond = bias_beyond(filter_, part.track)
+            self._tell(at, self.bias_beyond)
+
+    def _tell(self, at: str, what: str | None) -> None:
+        if what is not None:
+            if self._shown:
+                sys.stderr.write("\r\033[K")
+            common.note(f"{at}: {what}")
 
     def look(self) -> None:
         """Say once that bytes come and none of them is a frame, while there is time to do something about it."""
@@ -116,7 +147,9 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "captured": session.source is not None and session.source.kind == "file",
         "format": session.form.name,
         "device": session.meta.device,
-        "calibration": None if session.card is None else session.card.name,
+        "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
+        "temperature_beyond": status.temperature_beyond,
+        "bias_beyond": status.bias_beyond,
         "filter": None if line.filter is None else line.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
         "north": None if last is None or last.track is None else str(last.track.north),
@@ -128,6 +161,8 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
 
 def print_report(report: Mapping[str, Any], last: str) -> None:
     """Print what a run gave, as text."""
+    from plumbob.data import calibration_told
+
     told, counts = report["time"], report["bytes"]
     rate = "unknown" if told["rate"] is None else f"{told['rate']:.6g} Hz"
     print(f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}")
@@ -143,7 +178,7 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
     long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift
     if long_enough and told["drift_ppm"] is not None and told["mode"] == "clock" and not report["captured"]:
         print(f"device clock {told['drift_ppm']:+.1f} ppm against this host")
-    print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
+    print(f"calibration  {calibration_told(report['calibration'])}")
     if report["filter"]:
         print(f"filter       {report['filter']}")
     if report["north"]:

@@ -26,6 +26,7 @@ VERBS = (
     "run",
     "eval",
     "allan",
+    "calibrate",
     "info",
     "benchmark",
     "filters",
@@ -50,7 +51,8 @@ def build_parser() -> argparse.ArgumentParser:
     """Parser of the whole command line."""
     parser = _Parser(
         prog="plumbob",
-        description="Attitude from MEMS inertial sensors: decode, record, replay, characterise, estimate, evaluate.",
+        description="Attitude from MEMS inertial sensors: decode, record, replay, characterise, calibrate, estimate, "
+        "evaluate.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

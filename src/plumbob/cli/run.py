@@ -34,8 +34,10 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import io, pipeline
+    from plumbob.calib.model import temperature_beyond
     from plumbob.cards import CalibrationCard
     from plumbob.errors import ParameterError, ShapeError
+    from plumbob.pipeline.bias_prior import bias_beyond
     from plumbob.pipeline.recorded import read_any
 
     chosen = common.stages(args.filter, args.params)
@@ -50,15 +52,21 @@ def run(args: argparse.Namespace) -> int:
     card = CalibrationCard.load(args.calibration) if args.calibration else None
     imu = pipeline.calibrated(recording.imu, card)
     found = io.found_in(recording.notes) if card is None else io.findings(imu)
+    beyond = None if card is None else temperature_beyond(card, imu)
+    if beyond is not None:
+        found = (*found, f"temperature: {beyond}")
     common.note(*(f"{args.file.name}: {line}" for line in found))
     common.warn_of_compiling([stage.filter])
     with common.progress(f"{stage.name}", len(imu)) as advance:
         track = pipeline.estimate(imu, stage, frame=frame, progress=advance)
     _warn_of_restarts(imu, track)
+    filter_ = pipeline.filter_of(stage, frame, imu.meta.declination)
+    if (contradiction := bias_beyond(filter_, track)) is not None:
+        common.note(contradiction)
     if args.out:
-        provenance = (f"estimated from {args.file.name} by {track.source}", _calibrated(imu))
-        io.write(args.out, track, notes=provenance)
-    report = _report(args, imu, track) | {"noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
+        io.write(args.out, track, notes=(f"estimated from {args.file.name} by {track.source}",))
+    report = _report(args, imu, track) | {"filter": filter_.describe(), "bias_beyond": contradiction}
+    report |= {"temperature_beyond": beyond, "noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
     if recording.track is not None:
         report["errors"] = _errors(track, recording.track)
     common.print_json(report) if args.json else _print(report)
@@ -78,10 +86,6 @@ def _warn_of_restarts(imu: "ImuData", track: "AttitudeTrack") -> None:
             f"{100.0 * share:.0f} % of the samples come after a gap, at which a filter starts anew where it exceeds "
             f"max_gap; the median step is {step:.4g} s. Check the unit of time, and max_gap."
         )
-
-
-def _calibrated(imu: "ImuData") -> str:
-    return f"calibrated with {imu.meta.calibration}" if imu.meta.calibration else "from uncalibrated sensor values"
 
 
 def _noise(stage: "Stage") -> str | None:
@@ -115,7 +119,6 @@ def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") ->
     return {
         "file": str(args.file),
         "out": str(args.out) if args.out else None,
-        "filter": track.source,
         "frame": str(track.frame),
         "north": str(track.north),
         "calibration": imu.meta.calibration,
@@ -140,11 +143,13 @@ def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any
 
 
 def _print(report: dict[str, Any]) -> None:
+    from plumbob.data import calibration_told
+
     last = report["last_attitude_deg"]
     print(f"{report['file']}: {report['samples']} samples, {report['duration_s']:.3f} s")
     print(f"filter       {report['filter']}")
     print(f"frame        {report['frame']}, heading from {common.zero_of(report['north'])}")
-    print(f"calibration  {report['calibration'] or 'NONE: these sensor values are uncalibrated'}")
+    print(f"calibration  {calibration_told(report['calibration'])}")
     if report["noise_card"]:
         print(f"noise card   {report['noise_card']}")
     print(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")

@@ -83,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import io
     from plumbob.cards import NoiseCard
+    from plumbob.data import calibration_told
     from plumbob.errors import ParameterError
     from plumbob.sim import simulate
 
@@ -108,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
     print(f"truth        {result.truth.source}, frame {frame}, heading from true north")
     if noise is not None:
         print(f"noise        {result.noise.source}")
-    print(f"calibration  {result.imu.meta.calibration or 'NONE: a unit as it left the line'}")
+    print(f"calibration  {calibration_told(result.imu.meta.calibration)}")
     return 0
 
 

@@ -17,8 +17,8 @@ def add_parser(verbs: common.Adder) -> None:
     p = verbs.add_parser(
         "warmup",
         help="compile all filters, decoders and the noise analysis for this processor now",
-        description="Compile all filters, what takes bytes apart and the noise analysis for this processor now, so "
-        "that no first run or live start waits for it.",
+        description="Compile all filters, what takes bytes apart, the noise analysis and the fits of calibrations for "
+        "this processor now, so that no first run or live start waits for it.",
     )
     p.set_defaults(run=run)
 
@@ -29,13 +29,13 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.errors import PlumbobError
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.channel import RateFilter, channel_names
-    from plumbob.pipeline.characterise import warm_up
+    from plumbob.pipeline import characterise, guided
     from plumbob.pipeline.line import Line
     from plumbob.pipeline.session_toml import parse_session
     from plumbob.rotations import Frame
 
     names, channels = filter_names(), channel_names()
-    with common.progress("compiling", len(names) + len(channels) + 2) as advance:
+    with common.progress("compiling", len(names) + len(channels) + 3) as advance:
         for name in names:
             Filter(name, frame=Frame.ENU).warm_up()
             advance(1)
@@ -44,12 +44,12 @@ def run(args: argparse.Namespace) -> int:
             advance(1)
         Line(parse_session(SESSION, str, name="warmup")).warm_up()
         advance(1)
-        warm_up()
-        advance(1)
+        for part in (characterise, guided):
+            part.warm_up()
+            advance(1)
     if not _jit.can_cache():
         raise PlumbobError(f"{_jit.cache_folder()} cannot be written, so compiled kernels are lost when this ends.")
-    ready = (
-        f"{len(names)} filters, {len(channels)} filters of a rate channel, the decoder and the noise analysis are ready"
-    )
+    many = f"{len(names)} filters, {len(channels)} filters of a rate channel"
+    ready = f"{many}, the decoder, the noise analysis and the fits are ready"
     print(f"{ready}; compiled kernels are kept in {_jit.cache_folder()}")
     return 0

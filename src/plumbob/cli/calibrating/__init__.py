@@ -1,0 +1,1 @@
+"""Kinds of `plumbob calibrate`, one file each."""

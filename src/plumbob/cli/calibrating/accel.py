@@ -1,0 +1,41 @@
+"""plumbob calibrate accel: the accelerometer by poses at rest."""
+
+import argparse
+
+from plumbob.cli import common
+from plumbob.cli.calibrating import capture, place
+
+EPILOG = """\
+Hold the unit still for 2 s or more in each of 18 poses, or in 40 any: every face and every edge of its case once up.
+No pose has to be exact. Six faces give bias and scale only; nine poses and more give the misalignment of the axes too.
+Gravity is the standard one unless --gravity or --latitude says better; it sets the scale, and moves no horizon.
+"""
+
+
+def add_parser(kinds: common.Adder) -> None:
+    """Declare the kind."""
+    p = kinds.add_parser(
+        "accel",
+        help="accelerometer: bias, scale and misalignment from poses at rest",
+        description="Calibrate the accelerometer from a capture in which the unit rests in many poses; they are found.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    capture.add_options(p, guide="accel")
+    p.add_argument(
+        "--shape",
+        choices=("auto", "six", "axes", "ellipsoid"),
+        default="auto",
+        help="what to find: six or axes, bias and scale, by pairs of faces or any poses; ellipsoid, misalignment too",
+    )
+    place.add_gravity(p)
+    p.set_defaults(find=find)
+
+
+def find(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob.pipeline.calibrate_accel import calibrate_accel
+
+    gravity = place.gravity_of(args)
+    opened = capture.opened(args, "acc")
+    return capture.finish(args, opened, {"acc": calibrate_accel(opened.imu, shape=args.shape, gravity=gravity)})

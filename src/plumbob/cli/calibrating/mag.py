@@ -1,0 +1,54 @@
+"""plumbob calibrate mag: hard iron, soft iron, scale and turn of a magnetometer."""
+
+import argparse
+
+from plumbob.cli import common
+from plumbob.cli.calibrating import capture, place
+
+
+def add_parser(kinds: common.Adder) -> None:
+    """Declare the kind."""
+    p = kinds.add_parser(
+        "mag",
+        help="magnetometer: hard iron, soft iron, scale, turn against the accelerometer",
+        description="Calibrate a magnetometer from a capture in which the unit was turned slowly through all "
+        "attitudes, away from iron: each face and each edge once up.",
+    )
+    capture.add_options(p, guide="mag")
+    p.add_argument(
+        "--with", dest="helper", default="auto", metavar="none|acc|gyr|auto", help="what helps (default auto)"
+    )
+    p.add_argument(
+        "--shape",
+        default="auto",
+        metavar="auto|sphere|axes|ellipsoid|level",
+        help="what the field's directions form; auto tests which is needed (default), level is for what cannot lean",
+    )
+    place.add_field(p)
+    p.add_argument("--tilt", metavar="ANGLE", help="inclination up to which headings count (default 45deg)")
+    p.set_defaults(find=find)
+
+
+def find(args: argparse.Namespace) -> int:
+    """Do it."""
+    from plumbob.calib.predicted import TILT_RANGE
+    from plumbob.errors import ParameterError
+    from plumbob.pipeline.calibrate_mag import calibrate_mag
+    from plumbob.units import Quantity, parse
+
+    if args.shape == "level" and args.tilt is not None:
+        raise ParameterError("--shape level finds headings while level only, so --tilt says nothing; leave one out.")
+    tilt_range = TILT_RANGE if args.tilt is None else parse(args.tilt, Quantity.ANGLE)
+    opened = capture.opened(args, "mag")
+    strength, dip = place.field_of(args, opened)
+    fit = calibrate_mag(
+        opened.imu,
+        with_=args.helper,
+        shape=args.shape,
+        strength=strength,
+        dip=dip,
+        tilt_range=tilt_range,
+        acc_calibrated=opened.acc_calibrated,
+        gyr_calibrated=opened.gyr_calibrated,
+    )
+    return capture.finish(args, opened, {"mag": fit})

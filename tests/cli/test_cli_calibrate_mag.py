@@ -1,0 +1,72 @@
+"""plumbob calibrate mag: real processes, real files."""
+
+import json
+
+import numpy as np
+import pytest
+
+from plumbob import io
+from plumbob.cards import CalibrationCard
+from plumbob.data import ImuData, ImuMeta
+from tests.calib.mag_scene import attitudes, field, force, heading_rms, unit_of
+from tests.cli.test_cli import ok, plumbob, refused
+
+COUNT = 300
+
+
+@pytest.fixture(scope="module")
+def unit():
+    return unit_of(np.random.default_rng(31))
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory, unit):
+    """A capture through all attitudes, and one of turning level."""
+    folder = tmp_path_factory.mktemp("mag")
+    rng = np.random.default_rng(32)
+    for name, tilt in (("all", None), ("level", np.radians(1.0))):
+        q_nb = attitudes(rng, COUNT, tilt)
+        meta = ImuMeta(device="SN7")
+        imu = ImuData(t=0.05 * np.arange(COUNT), acc=force(rng, q_nb), mag=field(rng, unit, q_nb), meta=meta)
+        io.write(folder / f"{name}.parquet", imu)
+    return folder
+
+
+def test_a_card_is_written_and_used(files, unit, tmp_path):
+    card = tmp_path / "card.json"
+    done = ok("calibrate", "mag", files / "all.parquet", "--strength", "500 mgauss", "--out", card)
+    assert "Fitted with the accelerometer" in done.stdout
+    found = CalibrationCard.load(card)
+    assert found.device == "SN7"
+    assert found.mag.reference == 50.0
+    assert np.degrees(heading_rms(found.mag, unit)) < 0.25  # 0.05° at 1000 poses, by the root 0.09°
+
+
+def test_a_smaller_shape_may_be_asked_for(files):
+    done = ok("calibrate", "mag", files / "all.parquet", "--shape", "sphere", "--tilt", "10deg", "--json")
+    told = json.loads(done.stdout)
+    assert told["card"]["mag"]["method"] == "magnetometer alone: sphere, 4 parameters"
+    assert told["card"]["mag"]["quality"]["tilt_range"] == pytest.approx(np.radians(10.0))
+
+
+def test_a_place_tells_the_strength(files):
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    done = ok("calibrate", "mag", files / "all.parquet", "--place", "42.283,-71.35,1000", "--json")
+    assert "the recording does not tell its date; the field is that of today" in done.stderr
+    assert "note: field of WMM-2025" in done.stderr
+    # 51.4 µT in 2025 and 50.9 in 2029 by the World Magnetic Model; the recording has no date, so today's counts
+    assert json.loads(done.stdout)["card"]["mag"]["reference"] == pytest.approx(51.2, abs=0.5)
+
+
+def test_turning_level_is_refused_and_no_card_is_written(files, tmp_path):
+    card = tmp_path / "card.json"
+    done = plumbob("calibrate", "mag", files / "level.parquet", "--out", card)
+    assert done.returncode == 1
+    assert "level-ring" in done.stderr
+    assert not card.exists()
+
+
+def test_level_headings_have_no_tilt(files):
+    assert "--tilt says nothing" in refused(
+        "calibrate", "mag", files / "level.parquet", "--shape", "level", "--tilt", "9deg"
+    )

@@ -1,0 +1,85 @@
+"""plumbob calibrate --out: a card that has more than the new one would is not destroyed, in a recording or live."""
+
+import json
+
+import numpy as np
+import pytest
+
+from plumbob import io
+from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
+from plumbob.cli.main import main
+from plumbob.data import ImuData, ImuMeta
+
+N = 4000
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A gyroscope at rest for 40 s."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(5)
+    imu = ImuData(t=0.01 * np.arange(N), gyr=1e-3 * rng.normal(size=(N, 3)),
+                  acc=[0.0, 0.0, 9.81] + 1e-2 * rng.normal(size=(N, 3)), meta=ImuMeta(device="SN7"))  # fmt: skip
+    io.write(tmp_path / "rest.parquet", imu)
+    return tmp_path
+
+
+def saved(path, *names, device="SN7"):
+    parts = {name: TriadCalibration(np.eye(3), np.zeros(3), UNITS[name], UNITS[name]) for name in names}
+    CalibrationCard(device, "2026-11-21", "known", **parts).save(path)
+    return path.read_bytes()
+
+
+def calibrate(*words):
+    return main(["calibrate", "gyro", "rest.parquet", "--out", "card.json", *words])
+
+
+@pytest.mark.parametrize("words", [(), ("--calibration", "acc.json")])
+def test_a_fuller_card_is_not_replaced(folder, capsys, words):
+    before = saved(folder / "card.json", "gyr", "acc", "mag")
+    saved(folder / "acc.json", "acc")
+    assert calibrate(*words) == 1
+    lost = "mag" if words else "acc and mag"
+    says = f"card.json has {lost}, which this would lose; complete it with --calibration card.json, or name another"
+    assert says in " ".join(capsys.readouterr().err.split())
+    assert (folder / "card.json").read_bytes() == before
+
+
+def test_nor_is_the_card_of_another_unit(folder, capsys):
+    before = saved(folder / "card.json", "gyr", device="SN8")
+    assert calibrate() == 1
+    assert "card.json is the card of 'SN8', not of 'SN7'; name another file" in capsys.readouterr().err
+    assert (folder / "card.json").read_bytes() == before
+
+
+def test_completed_or_replaced_as_a_whole_it_is_written(folder):
+    saved(folder / "card.json", "acc", "mag")
+    assert calibrate("--calibration", "card.json") == 0
+    assert list(CalibrationCard.load(folder / "card.json").parts) == ["gyr", "acc", "mag"]
+    saved(folder / "card.json", "gyr")
+    assert calibrate() == 0
+    assert CalibrationCard.load(folder / "card.json").gyr.method.startswith("gyr at rest")
+
+
+@pytest.mark.parametrize("content", ["", "{}", "notes"])
+def test_a_file_that_is_no_card_is_written_over(folder, content):
+    (folder / "card.json").write_text(content)
+    assert calibrate() == 0
+    assert CalibrationCard.load(folder / "card.json").device == "SN7"
+
+
+def test_live_it_is_refused_before_the_line_is_opened(folder, capsys):
+    before = saved(folder / "card.json", "acc")
+    words = "calibrate gyro --live --port /dev/none --format buoy --device SN7 --out card.json"
+    assert main(words.split()) == 1
+    assert "card.json has acc, which this would lose" in capsys.readouterr().err
+    assert (folder / "card.json").read_bytes() == before
+
+
+def test_remarks_of_a_part_are_told_wherever_the_card_is(folder, capsys):
+    assert calibrate() == 0
+    (first, *_) = CalibrationCard.load(folder / "card.json").gyr.remarks
+    assert main(["info", "card.json"]) == 0
+    assert first in " ".join(capsys.readouterr().out.split())
+    assert main(["info", "card.json", "--json"]) == 0
+    assert first in json.loads(capsys.readouterr().out)["remarks"]["gyr"]
