@@ -31,11 +31,13 @@ lint: setup
 # First with compiled kernels on a cold cache, then the kernels' own tests again as plain Python.
 test: lint
 	$(BIN)/python -m pytest -n 2
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 tests/filters tests/rotations tests/noise tests/sensors
+	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 tests/filters tests/rotations tests/noise tests/sensors \
+		tests/calib/test_calib_norm_fit.py
 
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/allan_speed.py
+	$(BIN)/python benchmarks/calibration_speed.py
 
 # Noise: coefficients and intervals on records of known noise, and the intervals of a curve at every averaging time.
 noise: $(VENV)/.bench

@@ -8,7 +8,8 @@ import sys
 import numpy as np
 import pytest
 
-from plumbob.benchmark.channel import PARTS, Bar, measure_channel
+from plumbob.benchmark.bar import Bar
+from plumbob.benchmark.channel import PARTS, measure_channel
 from plumbob.benchmark.channel_records import (
     FLICKER,
     RATIOS,

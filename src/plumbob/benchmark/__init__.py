@@ -1,4 +1,4 @@
-"""Benchmarks: the same filters on many recordings, many simulated seeds or many faults, with one table at the end."""
+"""Benchmarks: filters on many recordings, seeds or faults, calibrations of many units; one table at the end."""
 
 from plumbob.benchmark.accuracy import Accuracy, measure_accuracy, trials_in
 from plumbob.benchmark.channel import ChannelTest, measure_channel

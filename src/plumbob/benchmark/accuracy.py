@@ -8,7 +8,7 @@ from typing import Any
 
 from plumbob import io
 from plumbob.benchmark.peer_runs import PeerRun, peer_track
-from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.errors import DecodeError, PlumbobError, ShapeError
 from plumbob.evaluate import evaluate
 from plumbob.pipeline import Stage, estimate, navigation_frame
@@ -36,6 +36,8 @@ class Accuracy:
         Files that are no trial, and why.
     absent : dict
         Peers that could not run, and why.
+    calibration : dict
+        By trial: the card that has been applied to its sensor values, or in words that none has.
     """
 
     trials: dict[str, dict[str, Errors]]
@@ -43,6 +45,7 @@ class Accuracy:
     align: tuple[str, ...]
     skipped: dict[str, str]
     absent: dict[str, str] = field(default_factory=dict)
+    calibration: dict[str, str] = field(default_factory=dict)
 
     def mean(self) -> dict[str, Errors]:
         """Mean over the trials, by filter; None where a trial has no such error."""
@@ -59,6 +62,7 @@ class Accuracy:
         return {
             "settings": self.settings,
             "align": aligned,
+            "calibration": self.calibration,
             "trials": self.trials,
             "mean": self.mean(),
             "skipped": self.skipped,
@@ -69,7 +73,7 @@ class Accuracy:
         """Table of the trials and their mean, per filter, and the means beside each other."""
         width = max(len(name) for name in (*self.trials, *self.settings, "mean"))
         means = self.mean()
-        lines = []
+        lines = [*self._calibrations(), ""]
         for name, setting in self.settings.items():
             aligned = f"aligned first: {', '.join(self.align) or 'nothing'}"
             lines += [setting, aligned, _head("RMSE in degrees", width)]
@@ -82,7 +86,15 @@ class Accuracy:
             lines += [f"mean of {len(self.trials)} recordings; {len(self.skipped)} skipped"]
         lines += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         lines += [f"peer left out: {name}: {why}" for name, why in self.absent.items()]
-        return "\n".join(lines).rstrip()
+        return "\n".join(lines).strip()
+
+    def _calibrations(self) -> list[str]:
+        """Which trials had which calibration."""
+        trials: dict[str, list[str]] = {}
+        for trial, told in self.calibration.items():
+            trials.setdefault(told, []).append(trial)
+        whole = len(trials) == 1
+        return [f"calibration {told}: {'all' if whole else ', '.join(names)}" for told, names in trials.items()]
 
 
 def trials_in(folder: Path) -> list[Path]:
@@ -142,6 +154,7 @@ def measure_accuracy(
     trials: dict[str, dict[str, Errors]] = {}
     sources: dict[str, list[str]] = {name: [] for name in ways}
     skipped: dict[str, str] = {}
+    calibration: dict[str, str] = {}
     for path in files:
         try:
             imu, reference = _trial(path)
@@ -154,13 +167,14 @@ def measure_accuracy(
         except ShapeError as error:
             skipped[path.name] = str(error)
             continue
+        calibration[path.stem] = calibration_told(imu.meta.calibration)
         trials[path.stem] = {name: _errors(track, reference, align) for name, track in tracks.items()}
         for name, track in tracks.items():
             sources[name].append(track.source)
     if not trials:
         raise DecodeError("no file holds both sensor data and a reference. " + "; ".join(skipped.values()))
     told = {name: " or ".join(dict.fromkeys(all_)) for name, all_ in sources.items()}
-    return Accuracy(trials, told, tuple(align), skipped, dict(absent or {}))
+    return Accuracy(trials, told, tuple(align), skipped, dict(absent or {}), calibration)
 
 
 def _trial(path: Path) -> tuple[ImuData, AttitudeTrack]:

@@ -1,9 +1,10 @@
 """The trackball paper's tests of its rate filter [Chen2013], on simulated data, with what the paper does not show."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
+from plumbob.benchmark.bar import Bar, bar_lines
 from plumbob.benchmark.channel_records import FLICKER, RATIOS, STEP, WHITE
 from plumbob.benchmark.channel_static import MEMORIES, TAUS, WALK, AtRest, StaticTest, measure_static
 from plumbob.benchmark.channel_text import reading_lines, static_lines, turntable_lines
@@ -15,21 +16,6 @@ PARTS = 1 + len(SCALES)
 """How many tests there are; each runs with every seed."""
 
 _SHOWN = 1e-3  # the Q/R at which the bars are set
-
-
-@dataclass(frozen=True, slots=True)
-class Bar:
-    """A figure and the limits that it should keep."""
-
-    name: str
-    value: float
-    low: float
-    high: float
-
-    @property
-    def met(self) -> bool:
-        """True where it keeps them."""
-        return self.low <= self.value <= self.high
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +56,7 @@ class ChannelTest:
                 {"scale_error": scale, "filters": [row.as_dict() for row in rows]}
                 for scale, rows in self.turntable.items()
             ],
-            "bars": [{**asdict(bar), "met": bar.met} for bar in self.bars()],
+            "bars": [bar.as_dict() for bar in self.bars()],
         }
 
     def text(self) -> str:
@@ -80,10 +66,7 @@ class ChannelTest:
         for scale, rows in self.turntable.items():
             lines += ["", *turntable_lines(scale, rows)]
         lines += ["", *reading_lines(self.static, self.turntable)]
-        lines += ["", f"{'bar':52}{'figure':>9}  limits"]
-        lines += [
-            f"{b.name:52}{b.value:9.4f}  {b.low:g} to {b.high:g}{'' if b.met else '  MISSED'}" for b in self.bars()
-        ]
+        lines += ["", *bar_lines(self.bars())]
         return "\n".join(lines)
 
 

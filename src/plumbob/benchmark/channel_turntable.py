@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from plumbob.benchmark.channel_records import STEP, Contender, at_rest, contenders, on_turntable
-from plumbob.calib.drift import GyroDrift
+from plumbob.calib.gyr.drift import GyroDrift
 from plumbob.check import Floats
 from plumbob.units import deg, dps, to_deg, to_dps
 

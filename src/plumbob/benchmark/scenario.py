@@ -1,14 +1,16 @@
 """Accuracy on a simulated scenario over many seeds: what a paper's test would have shown, again and again."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from plumbob.check import Floats
 from plumbob.evaluate import evaluate
-from plumbob.pipeline import Stage, estimate, with_noise
+from plumbob.pipeline import Stage, estimate, filter_of, with_noise
+from plumbob.pipeline.bias_prior import bias_beyond
+from plumbob.plain import listed
 from plumbob.rotations import Frame
 from plumbob.sim import simulate
 from plumbob.units import to_deg
@@ -33,12 +35,15 @@ class MonteCarlo:
         ``values[filter][axis][figure]``, one number per seed, degrees. A heading that is free has none.
     limit_deg : float or None
         Error of roll and pitch, degrees, that is to be kept.
+    warnings : dict
+        By filter: in words, what contradicts its settings, one for each seed where something does.
     """
 
     scenario: str
     settings: dict[str, str]
     values: dict[str, dict[str, dict[str, list[float]]]]
     limit_deg: float | None = None
+    warnings: dict[str, list[str]] = field(default_factory=dict)
 
     def largest_tilt(self, name: str) -> Floats:
         """Largest error of roll and pitch together in each seed, degrees."""
@@ -60,6 +65,7 @@ class MonteCarlo:
             "settings": self.settings,
             "summary": summary,
             "seeds": self.values,
+            "warnings": self.warnings,
         }
         if self.limit_deg is not None:
             shares = {name: self.kept(name, self.limit_deg) for name in self.values}
@@ -75,10 +81,16 @@ class MonteCarlo:
             for axis, figures in self.values[name].items():
                 cells = [f"{v:10.3f}" for figure in SHOWN for v in _summary(figures[figure]).values()]
                 lines += [f"{axis:7}{''.join(cells)}"]
+            lines += self._warned(name)
             if self.limit_deg is not None:
                 share = 100.0 * self.kept(name, self.limit_deg)
                 lines += [f"roll and pitch stay within {self.limit_deg:g}° in {share:.0f} % of the seeds"]
         return "\n".join([*lines, *self._ratios()])
+
+    def _warned(self, name: str) -> list[str]:
+        told = self.warnings.get(name, [])
+        count = len(next(iter(self.values[name].values()))[FIGURES[0]])
+        return listed([f"in {len(told)} of {count} seeds, as in the first of them: {told[0]}"]) if told else []
 
     def _ratios(self) -> list[str]:
         """Tilt errors of the other filters beside the first one's, where a limit was asked for."""
@@ -133,11 +145,14 @@ def measure_scenario(
     """
     values: dict[str, dict[str, dict[str, list[float]]]] = {}
     ran: dict[str, str] = {}
+    warnings: dict[str, list[str]] = {}
     for seed in seeds:
         run = simulate(scenario, frame=frame, sensors=sensors, module=module, seed=seed, **settings)
         for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = estimate(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
+            told = bias_beyond(filter_of(stage, frame, run.imu.meta.declination), track)
+            warnings.setdefault(stage.name, []).extend([told] if told else [])
             figures = evaluate(track, run.truth, settle=settle).summary()
             _append(values.setdefault(stage.name, {}), figures)
         if progress:
@@ -146,7 +161,7 @@ def measure_scenario(
     title = f"{what}; sensors {sensors} ({module}); {len(seeds)} seeds; first {settle:g} s left out"
     if own_noise:
         title += "; noise cards of the units"
-    return MonteCarlo(title, ran, values, None if limit is None else to_deg(limit))
+    return MonteCarlo(title, ran, values, None if limit is None else to_deg(limit), warnings)
 
 
 def _append(by_axis: dict[str, dict[str, list[float]]], summary: Mapping[str, Any]) -> None:
