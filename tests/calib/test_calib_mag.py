@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from plumbob.calib.ellipsoid.norm_fit import Shape
-from plumbob.calib.mag.alone import fit_mag, memory
+from plumbob.calib.ellipsoid.scale import memory
+from plumbob.calib.mag.alone import fit_mag
 from plumbob.calib.refusal import KINDS, CaptureRefusedError
 from plumbob.calib.regions import REGIONS
 from plumbob.rotations import quat_multiply

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from plumbob.calib.mag.with_acc import fit_mag_acc, to_strength, turn_of
+from plumbob.calib.ellipsoid.scale import to_size
+from plumbob.calib.mag.with_acc import fit_mag_acc, turn_of
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.constants import G0
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
@@ -82,14 +83,14 @@ def test_own_strength_keeps_the_scale_of_the_sensor():
 def test_the_scale_to_a_determinant_of_one_has_the_derivatives_that_it_claims():
     rng = np.random.default_rng(8)
     matrix = np.eye(3) / 50.0 + 1e-3 * rng.normal(size=(3, 3))
-    scaled, _ = to_strength(matrix, np.zeros((12, 12)), None)
+    scaled, _ = to_size(matrix, np.zeros((12, 12)), None)
     for j in range(9):
         change = np.zeros(9)
         change[j] = 1e-7
-        by_j = (to_strength(matrix + change.reshape(3, 3), np.zeros((12, 12)), None)[0] - scaled).ravel() / 1e-7
+        by_j = (to_size(matrix + change.reshape(3, 3), np.zeros((12, 12)), None)[0] - scaled).ravel() / 1e-7
         only = np.zeros((12, 12))
         only[3 + j, 3 + j] = 1.0
-        assert np.sqrt(np.diag(to_strength(matrix, only, None)[1])[3:]) == pytest.approx(np.abs(by_j), abs=1e-2)
+        assert np.sqrt(np.diag(to_size(matrix, only, None)[1])[3:]) == pytest.approx(np.abs(by_j), abs=1e-2)
 
 
 def test_turn_of_a_rotated_symmetric_matrix():

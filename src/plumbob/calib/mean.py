@@ -1,4 +1,4 @@
-"""A mean, and how well it is known where the noise of neighbouring samples is not independent."""
+"""Means of triads, and how well one is known where the noise of neighbouring samples is not independent."""
 
 import numpy as np
 
@@ -6,6 +6,12 @@ from plumbob.check import Floats
 
 BLOCKS = 10
 """Parts whose means tell how far the mean of all is off: noise that is correlated over less than a part is covered."""
+
+
+def mean_of_whole(values: Floats) -> Floats:
+    """Mean (3,) of the rows of (N, 3) that have no NaN; NaN where there is none."""
+    whole = values[np.isfinite(values).all(axis=1)]
+    return np.asarray(whole.mean(axis=0)) if len(whole) else np.full(3, np.nan)
 
 
 def mean_and_sd(values: Floats) -> tuple[Floats, Floats]:

@@ -1,6 +1,5 @@
 """What the other sensors and the place say about a magnetometer's calibration, whichever fit gave it."""
 
-import math
 from typing import Final
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy.typing import NDArray
 
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag import turning
+from plumbob.calib.mag.outcome import dip_of
 from plumbob.calib.mag.with_acc import FEWEST, turn_of
 from plumbob.calib.refusal import Reason, refuse
 from plumbob.check import Floats
@@ -91,9 +91,7 @@ def _dip(field: Floats, force: Floats) -> float | None:
     known = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
     if int(np.count_nonzero(known)) < FEWEST:
         return None
-    field, force = field[known], force[known]
-    down = -np.sum(field * force, axis=1) / np.linalg.norm(field, axis=1) / np.linalg.norm(force, axis=1)
-    return math.asin(min(1.0, max(-1.0, float(np.median(down)))))
+    return dip_of(field[known], force[known])
 
 
 def _of_place(found: float, dip: float | None) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from plumbob import flags
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.gyr.plateaus import match_rates, plateaus
 from plumbob.calib.gyr.table import MOUNTING, fit_table
+from plumbob.calib.mean import mean_of_whole
 from plumbob.calib.refusal import CaptureRefusedError, Reason
 from plumbob.cards import TriadCalibration
 from plumbob.check import Floats
@@ -54,7 +55,7 @@ def found_plateaus(imu: ImuData, nominal: Sequence[float]) -> tuple[list[Plateau
     CaptureRefusedError
         If there is none.
     """
-    rates = _usable(imu, "gyr")
+    rates = imu.usable("gyr")
     stretches = plateaus(imu.t, rates)
     means = np.array([rates[one].mean(axis=0) for one in stretches]).reshape(-1, 3)
     matched = match_rates(means, np.asarray(nominal, dtype=np.float64))
@@ -105,10 +106,10 @@ def calibrate_table(
     rows = [_rows(imu, one) for one in planned]
     forces = None if imu.acc is None and any(one.force is None for one in planned) else _forces(imu, planned, rows)
     clipped = (imu.flags & np.uint32(flags.GYR_CLIPPED)) != 0
-    rates = _usable(imu, "gyr")
+    rates = imu.usable("gyr")
     fitted = fit_table(
         np.array([one.rate for one in planned]).reshape(-1, 3),
-        np.array([_mean(rates[part]) for part in rows]).reshape(-1, 3),
+        np.array([mean_of_whole(rates[part]) for part in rows]).reshape(-1, 3),
         force=forces,
         seconds=np.array([one.stop - one.start for one in planned]),
         clipped=np.array([clipped[part].mean() for part in rows]),
@@ -142,13 +143,6 @@ def _temperature(imu: ImuData, rows: Sequence[slice]) -> float:
     return float(np.nanmean(known)) if np.isfinite(known).any() else _ROOM_C
 
 
-def _usable(imu: ImuData, triad: str) -> Floats:
-    """Values of a triad, NaN where they are invalid."""
-    invalid = {"gyr": flags.GYR_INVALID, "acc": flags.ACC_INVALID}[triad]
-    bad = (imu.flags & np.uint32(invalid)) != 0
-    return np.where(bad[:, np.newaxis], np.nan, getattr(imu, triad))
-
-
 def _rows(imu: ImuData, one: Plateau) -> slice:
     first, stop = imu.t.searchsorted((one.start, one.stop)).tolist()
     if stop <= first:
@@ -160,15 +154,11 @@ def _rows(imu: ImuData, one: Plateau) -> slice:
 
 
 def _forces(imu: ImuData, planned: Sequence[Plateau], rows: Sequence[slice]) -> Floats:
-    acc = np.empty((0, 3)) if imu.acc is None else _usable(imu, "acc")
-    means = [_mean(acc[part]) if one.force is None else one.force for one, part in zip(planned, rows, strict=True)]
+    acc = np.empty((0, 3)) if imu.acc is None else imu.usable("acc")
+    means = [
+        mean_of_whole(acc[part]) if one.force is None else one.force for one, part in zip(planned, rows, strict=True)
+    ]
     return np.array(means).reshape(-1, 3)
-
-
-def _mean(values: Floats) -> Floats:
-    """Mean of the whole rows; NaN, which a fit refuses, where there is none."""
-    whole = values[np.isfinite(values).all(axis=1)]
-    return np.asarray(whole.mean(axis=0)) if len(whole) else np.full(3, np.nan)
 
 
 def _set_aside(span: tuple[float, float], mean: Floats) -> str:

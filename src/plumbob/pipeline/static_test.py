@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.calib.mean import mean_of_whole
 from plumbob.calib.model import apply_card
 from plumbob.calib.refusal import CaptureRefusedError, Reason
 from plumbob.calib.still import stills
@@ -79,15 +80,9 @@ def static_test(
 
 def _tilt_and_compass(imu: ImuData, rests: list[slice], truth: AttitudeTrack) -> AttitudeTrack:
     """Attitude of the mean specific force and field of each rest."""
-    acc, mag = (np.stack([_mean(imu.usable(name)[rest]) for rest in rests]) for name in ("acc", "mag"))
+    acc, mag = (np.stack([mean_of_whole(imu.usable(name)[rest]) for rest in rests]) for name in ("acc", "mag"))
     looks = ImuData(t=truth.t, acc=acc, mag=mag, meta=replace(imu.meta, rate_nominal=None))
     return estimate(looks, Stage("tilt_compass", {}), frame=imu.meta.frame or truth.frame)
-
-
-def _mean(values: Floats) -> Floats:
-    """Mean of the rows that are there, (3,)."""
-    there = values[np.isfinite(values).all(axis=1)]
-    return np.asarray(there.mean(axis=0)) if len(there) else np.full(3, np.nan)
 
 
 def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | None:

@@ -14,10 +14,10 @@ from plumbob import check
 from plumbob.calib.acc.six_positions import six_positions
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape, fit_norm, linearised
 from plumbob.calib.ellipsoid.quadric import Ellipsoid
+from plumbob.calib.ellipsoid.scale import radius_of, scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, choose
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.grades import TILT, grade_of
-from plumbob.calib.mag.alone import scaled
 from plumbob.calib.predicted import TILT_RANGE, tilt_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
 from plumbob.calib.regions import REGIONS, filled, names_of
@@ -160,7 +160,7 @@ def _least(shape: Shape, noise: float) -> int:
 
 def _determined(fit: NormFit) -> bool:
     """Whether the poses say more of the sensitivity across the axes than a data sheet does."""
-    across = float(np.sqrt(np.diag(fit.covariance)[6:].max())) * _radius(fit)
+    across = float(np.sqrt(np.diag(fit.covariance)[6:].max())) * radius_of(fit.ellipsoid.shape)
     return fit.condition < _SINGULAR and across < CROSS_AXIS
 
 
@@ -170,7 +170,7 @@ def _doubted(fit: NormFit, poses: Floats) -> NormFit:
         return fit
     rows, _ = linearised(poses[fit.used], fit.ellipsoid)
     spoilt = np.vstack((-np.linalg.lstsq(rows[:, :6], rows[:, 6:], rcond=None)[0], np.eye(3)))
-    variance = (CROSS_AXIS / _radius(fit)) ** 2
+    variance = (CROSS_AXIS / radius_of(fit.ellipsoid.shape)) ** 2
     return fit._replace(covariance=fit.covariance + variance * spoilt @ spoilt.T)
 
 
@@ -179,11 +179,6 @@ def _held_against(fit: NormFit, full: NormFit) -> NormFit:
     covariance = fit.covariance.copy()
     covariance[6:, 6:] = full.covariance[6:, 6:]
     return fit._replace(covariance=covariance)
-
-
-def _radius(fit: NormFit) -> float:
-    """Gravity in the sensor's own scale, m/s²."""
-    return float(1.0 / np.cbrt(np.linalg.det(fit.ellipsoid.shape)))
 
 
 def _unusable(poses: Floats, shape: str, noise: float, gravity: float) -> list[Reason]:
@@ -234,7 +229,7 @@ def _wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
 
 def _untrue(fit: NormFit, tilt: float, gravity: float) -> list[Reason]:
     """Reasons not to believe a fit."""
-    reasons = [_wrong_gravity(_radius(fit), gravity, WRONG)]
+    reasons = [_wrong_gravity(radius_of(fit.ellipsoid.shape), gravity, WRONG)]
     out = np.flatnonzero(~fit.used)
     if out.size > MOST_OUTLIERS * fit.used.size:
         text = f"{out.size} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
@@ -264,7 +259,7 @@ def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str,
     if gravity == G0:
         told.append("Gravity is the standard one; at the place it may differ by 0.3 %, in scale but not in direction.")
     if fit.shape is not Shape.ELLIPSOID:
-        sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * _radius(fit))
+        sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * radius_of(fit.ellipsoid.shape))
         told.append(
             f"Misalignment was left at zero; the predicted error counts it with {sd:.2g}° (1 sd) per pair of axes."
         )

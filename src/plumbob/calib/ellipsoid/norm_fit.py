@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from plumbob._jit import njit
 from plumbob.calib.ellipsoid.deletion import outlying
 from plumbob.calib.ellipsoid.quadric import Ellipsoid
+from plumbob.calib.normal import inverse_of
 from plumbob.check import Floats
 
 CAUCHY: Final = 2.385
@@ -251,11 +252,10 @@ class _Descent:
         free = int(np.count_nonzero(self.used)) - self.shape.value
         if free < 0 or (free == 0 and not noise > 0.0):
             return None
-        spread = np.sqrt(np.diag(a))
-        unit = a / np.outer(spread, spread)
+        inverse = inverse_of(a)
         sd = max(noise / size, float(np.sqrt(self.cost / free)) if free else 0.0)
         back = np.concatenate((np.full(3, size), np.full(6, 1.0 / size)))
-        cov = self.space @ (np.linalg.pinv(unit, hermitian=True) / np.outer(spread, spread)) @ self.space.T
+        cov = self.space @ inverse.matrix @ self.space.T
         return NormFit(
             self.shape,
             Ellipsoid(middle + size * self.p[:3], _matrix(self.p[3:]) / size),
@@ -263,7 +263,7 @@ class _Descent:
             float(sd * size),
             self.residuals * size,
             self.used,
-            float(np.linalg.cond(unit)),
+            inverse.condition,
             float(self.cost * size * size),
         )
 

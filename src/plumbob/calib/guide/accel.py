@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape
+from plumbob.calib.ellipsoid.scale import scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, fit_shape
 from plumbob.calib.grades import TILT, grade_of
 from plumbob.calib.guide.guide import ENOUGH, Guide, Progress, Seen
 from plumbob.calib.guide.stream_blocks import Block
 from plumbob.calib.guide.turns import nearest, pose_words, turn_to
-from plumbob.calib.mag.alone import scaled
 from plumbob.calib.predicted import tilt_sd
 from plumbob.calib.regions import NAMES, REGIONS, region_of
 from plumbob.check import Floats

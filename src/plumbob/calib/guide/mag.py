@@ -6,12 +6,13 @@ import numpy as np
 
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape, fit_norm
 from plumbob.calib.ellipsoid.quadric import Ellipsoid
+from plumbob.calib.ellipsoid.scale import scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, start_of
 from plumbob.calib.grades import HEADING, grade_of
 from plumbob.calib.guide.guide import ENOUGH, Guide, Progress, Seen
 from plumbob.calib.guide.stream_blocks import Block
 from plumbob.calib.guide.turns import Turn, nearest, turn_to
-from plumbob.calib.mag.alone import DIP, scaled
+from plumbob.calib.mag.outcome import DIP
 from plumbob.calib.mag.spread import one_axis
 from plumbob.calib.predicted import heading_sd
 from plumbob.calib.regions import NAMES, REGIONS, filled, region_of

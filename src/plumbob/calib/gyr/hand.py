@@ -28,6 +28,7 @@ from plumbob.calib.gyr.plausible import beyond_bias, dead_axes
 from plumbob.calib.gyr.rest import bias_of, rest
 from plumbob.calib.gyr.swapped_axes import swapped
 from plumbob.calib.gyr.turn import accumulate, rotation_vectors
+from plumbob.calib.normal import inverse_of
 from plumbob.calib.refusal import Reason, refuse
 from plumbob.cards import Quality, TriadCalibration
 from plumbob.check import Floats
@@ -265,19 +266,13 @@ def _least_squares(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats
         rows, misses = slope[used].reshape(-1, 12), left[used].ravel()
         normal = rows.T @ rows + weight
         away = np.concatenate((rest_bias - parameters[:3], np.zeros(9)))
-        inverse = _scaled_inverse(normal)
+        inverse = inverse_of(normal).matrix  # bias and matrix, whose sizes differ by many powers of ten, count alike
         parameters = parameters + inverse @ (rows.T @ misses + weight @ away)
     left, _ = _misses(motions, parameters)
     matrix = rows[:, 3:].T @ rows[:, 3:]
     scale = np.sqrt(np.maximum(np.diag(matrix), floor))
     condition = float(np.linalg.cond(matrix / np.outer(scale, scale)))
     return _Fit(parameters[3:].reshape(3, 3), parameters[:3], noise * inverse, left, used, condition)
-
-
-def _scaled_inverse(normal: Floats) -> Floats:
-    """Pseudoinverse (12, 12) in which bias and matrix, whose sizes differ by many powers of ten, count alike."""
-    size = np.sqrt(np.diag(normal))
-    return np.asarray(np.linalg.pinv(normal / np.outer(size, size), hermitian=True) / np.outer(size, size))
 
 
 def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floats]:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
+from plumbob.calib.normal import inverse_of
 from plumbob.check import Floats
 
 PARAMETERS: Final = 13
@@ -259,12 +260,10 @@ def _result(
     fit: _Adjustment, points: Floats, down: Floats, used: NDArray[np.bool_], centre: Floats, size: float
 ) -> DipFit | None:
     """Take the scaling back."""
-    spread = np.sqrt(np.diag(fit.normal))
     sine = float(fit.p[12])
-    if not (spread > 0.0).all() or not abs(sine) < 1.0:
+    if not (np.diag(fit.normal) > 0.0).all() or not abs(sine) < 1.0:
         return None
-    unit = fit.normal / np.outer(spread, spread)
-    covariance = np.linalg.pinv(unit, hermitian=True) / np.outer(spread, spread)
+    covariance, condition = inverse_of(fit.normal)
     back = np.concatenate((np.full(3, size), np.full(9, 1.0 / size)))
     cosine = math.sqrt(1.0 - sine * sine)
     none = np.zeros_like(points)
@@ -280,5 +279,5 @@ def _result(
         fit.noise.down,
         left * [size, 1.0 / cosine],
         used,
-        float(np.linalg.cond(unit)),
+        condition,
     )

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
+from plumbob.calib.normal import inverse_of
 from plumbob.check import Floats
 
 PARAMETERS: Final = 5
@@ -69,19 +70,16 @@ def fit_ellipse(points: Floats) -> EllipseFit | None:
     if not settled or free < 1 or not np.linalg.eigvalsh(_matrix(p))[0] > 0.0:
         return None
     left, rows = _residuals(p, scaled)
-    normal = rows[used].T @ rows[used]
-    spread = np.sqrt(np.diag(normal))
-    unit = normal / np.outer(spread, spread)
+    inverse = inverse_of(rows[used].T @ rows[used])
     back = np.array([size, size, 1.0 / size, 1.0 / size, 1.0 / size])
     variance = float(left[used] @ left[used]) / free
-    covariance = variance * np.linalg.pinv(unit, hermitian=True) / np.outer(spread, spread)
     return EllipseFit(
         middle + size * p[:2],
         _matrix(p) / size,
-        covariance * np.outer(back, back),
+        variance * inverse.matrix * np.outer(back, back),
         left * size,
         used,
-        float(np.linalg.cond(unit)),
+        inverse.condition,
     )
 
 

@@ -5,14 +5,13 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.calib.ellipsoid.scale import memory
 from plumbob.calib.fitted import Fitted
-from plumbob.calib.grades import HEADING, grade_of
-from plumbob.calib.mag.alone import DIP, MOST_OUTLIERS, memory
 from plumbob.calib.mag.ellipse_fit import PARAMETERS, EllipseFit, fit_ellipse
+from plumbob.calib.mag.outcome import DIP, STEEL, calibration_of, outliers, set_aside, uncertain
 from plumbob.calib.mag.plausible import STRONGEST, unequal
 from plumbob.calib.predicted import heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
-from plumbob.cards import UNITS, Quality, TriadCalibration
 from plumbob.check import Floats
 from plumbob.units import deg, to_deg
 
@@ -69,23 +68,18 @@ def fit_mag_level(
     refuse(_reasons(fit, mag[:, level], radius, sd))
     bias = np.zeros(3)
     bias[level] = fit.centre
-    calibration = TriadCalibration(
+    calibration = calibration_of(
         matrix=matrix,
         bias=bias,
-        unit_in=UNITS["mag"],
-        unit_out=UNITS["mag"],
-        residual_rms=float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) * (wanted or radius) / radius,
         covariance=covariance,
-        reference=wanted,
+        residuals=fit.residuals,
+        used=fit.used,
+        radius=radius,
+        strength=wanted,
         method=f"magnetometer level only: ellipse of {' and '.join('xyz'[i] for i in level)}, {PARAMETERS} parameters",
-        quality=Quality(
-            grade=grade_of(sd, HEADING) or "poor",
-            samples=int(np.count_nonzero(fit.used)),
-            outliers=int(np.count_nonzero(~fit.used)),
-            condition=fit.condition,
-            heading_sd=sd,
-            tilt_range=0.0,
-        ),
+        condition=fit.condition,
+        heading_sd=sd,
+        tilt_range=0.0,
     )
     return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, axis, radius, wanted))
 
@@ -138,25 +132,37 @@ def _gap(fit: EllipseFit, points: Floats) -> float:
 
 
 def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float) -> list[Reason]:
-    reasons = []
-    if (gap := _gap(fit, points)) > WIDEST_GAP:
-        what = f"headings cover {360.0 - to_deg(gap):.0f}°; 270° are needed."
-        reasons.append(Reason("too-few-regions", what, _ADVICE))
     scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
-    if scatter > _THICKEST:
-        what = f"the field of the level axes scatters by {100.0 * scatter:.0f} % of its size about the ellipse."
-        reasons.append(Reason("not-level", what, "Stay on level ground, or use a fit of all three axes."))
-    share = float(np.mean(~fit.used))
-    if share > MOST_OUTLIERS:
-        what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * MOST_OUTLIERS:.0f} % may."
-        reasons.append(Reason("outliers", what, "Look for switched currents, moving iron and steel nearby."))
-    if not _WEAKEST <= radius <= STRONGEST:
-        what = f"the level field measures {radius:.3g} µT; {_WEAKEST:g} to {STRONGEST:g} µT can be."
-        reasons.append(Reason("wrong-field", what, "Check the unit and the gain of the magnetometer."))
-    if not sd <= HEADING.poor:
-        what = f"the capture leaves a heading error of {to_deg(sd):.2g}° (1 sd)."
-        reasons.append(Reason("ill-conditioned", what, _ADVICE))
-    return reasons + [reason for reason in (unequal(fit.shape),) if reason is not None]
+    found = [
+        _open(_gap(fit, points)),
+        _thick(scatter),
+        outliers(fit.used, STEEL),
+        _weak(radius),
+        uncertain(sd, _ADVICE),
+        unequal(fit.shape),
+    ]
+    return [reason for reason in found if reason is not None]
+
+
+def _open(gap: float) -> Reason | None:
+    if gap <= WIDEST_GAP:
+        return None
+    what = f"headings cover {360.0 - to_deg(gap):.0f}°; 270° are needed."
+    return Reason("too-few-regions", what, _ADVICE)
+
+
+def _thick(scatter: float) -> Reason | None:
+    if scatter <= _THICKEST:
+        return None
+    what = f"the field of the level axes scatters by {100.0 * scatter:.0f} % of its size about the ellipse."
+    return Reason("not-level", what, "Stay on level ground, or use a fit of all three axes.")
+
+
+def _weak(radius: float) -> Reason | None:
+    if _WEAKEST <= radius <= STRONGEST:
+        return None
+    what = f"the level field measures {radius:.3g} µT; {_WEAKEST:g} to {STRONGEST:g} µT can be."
+    return Reason("wrong-field", what, "Check the unit and the gain of the magnetometer.")
 
 
 def _remarks(fit: EllipseFit, axis: int, radius: float, wanted: float | None) -> tuple[str, ...]:
@@ -168,6 +174,4 @@ def _remarks(fit: EllipseFit, axis: int, radius: float, wanted: float | None) ->
     ]
     if wanted is None:
         told.append(f"Level field: {radius:.4g} µT, the sensor's own scale.")
-    if (count := int(np.count_nonzero(~fit.used))) > 0:
-        told.append(f"{count} of {len(fit.used)} samples were set aside as outliers.")
-    return tuple(told)
+    return (*told, *set_aside(fit.used))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calib.mag.alone import memory
+from plumbob.calib.ellipsoid.scale import memory
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
 from plumbob.units import dps

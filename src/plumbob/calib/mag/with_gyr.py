@@ -4,16 +4,15 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.calib.ellipsoid.scale import to_size
 from plumbob.calib.fitted import Fitted
-from plumbob.calib.grades import HEADING, grade_of
-from plumbob.calib.mag.alone import DIP, MOST_OUTLIERS, unturned
+from plumbob.calib.mag.alone import unturned
+from plumbob.calib.mag.outcome import DIP, STEEL, calibration_of, outliers, own_scale, set_aside, thinned, uncertain
 from plumbob.calib.mag.plausible import unequal, wrong_field
 from plumbob.calib.mag.turned_field import PARAMETERS, FieldFit, fit_turned_field
-from plumbob.calib.mag.with_acc import to_strength, turn_of
+from plumbob.calib.mag.with_acc import turn_of
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
-from plumbob.calib.regions import filled
-from plumbob.cards import UNITS, Quality, TriadCalibration
 from plumbob.check import Floats
 from plumbob.errors import CalibrationError
 from plumbob.units import dps, to_deg, to_dps
@@ -89,29 +88,24 @@ def fit_mag_gyr(
     inverse = np.asarray(np.linalg.inv(fit.distortion), dtype=np.float64)
     whole = np.eye(12)
     whole[3:, 3:] = -np.kron(inverse, inverse.T)
-    matrix, covariance = to_strength(inverse, whole @ fit.covariance @ whole.T, strength)
+    matrix, covariance = to_size(inverse, whole @ fit.covariance @ whole.T, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
     size, dip = strength or radius, _dip(fit, None if acc is None else acc[seen])
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
     refuse(_reasons(fit, sd, radius, strength, advice))
-    calibration = TriadCalibration(
+    calibration = calibration_of(
         matrix=matrix,
         bias=fit.bias,
-        unit_in=UNITS["mag"],
-        unit_out=UNITS["mag"],
-        residual_rms=float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) * size / radius,
         covariance=covariance,
-        reference=strength,
+        residuals=fit.residuals,
+        used=fit.used,
+        radius=radius,
+        strength=strength,
         method=f"magnetometer with gyroscope: one field, {PARAMETERS} parameters delay included, and random walk",
-        quality=Quality(
-            grade=grade_of(sd, HEADING) or "poor",
-            samples=int(np.count_nonzero(fit.used)),
-            outliers=int(np.count_nonzero(~fit.used)),
-            regions=int(np.count_nonzero(filled((mag[seen] - fit.bias)[fit.used]))),
-            condition=fit.condition,
-            heading_sd=sd,
-            tilt_range=tilt_range,
-        ),
+        condition=fit.condition,
+        heading_sd=sd,
+        tilt_range=tilt_range,
+        directions=mag[seen] - fit.bias,
     )
     return Fitted(
         calibration, mag[seen], fit.residuals, fit.used, _remarks(fit, strength, size, dip, acc is not None, stride)
@@ -143,22 +137,22 @@ def _dip(fit: FieldFit, acc: Floats | None) -> float:
 
 
 def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, advice: str) -> list[Reason]:
-    reasons = []
-    if fit.walk > WORST_WALK:
-        what = (
-            f"field and rates only agree if the attitude walks by {to_dps(fit.walk):.2g}°/√s, which no gyroscope does."
-        )
-        keep = "Keep iron and magnets away, check the gyroscope's unit and range, and calibrate it first."
-        reasons.append(Reason("magnet-moved", what, keep))
-    share = float(np.mean(~fit.used))
-    if share > MOST_OUTLIERS:
-        what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * MOST_OUTLIERS:.0f} % may."
-        reasons.append(Reason("outliers", what, "Look for switched currents, moving iron and steel nearby."))
-    if not sd <= HEADING.poor:
-        what = f"the capture leaves a heading error of {to_deg(sd):.2g}° (1 sd)."
-        reasons.append(Reason("ill-conditioned", what, advice))
-    found = (unequal(fit.distortion), wrong_field(radius, strength))
-    return reasons + [reason for reason in found if reason is not None]
+    found = [
+        _wandering(fit.walk),
+        outliers(fit.used, STEEL),
+        uncertain(sd, advice),
+        unequal(fit.distortion),
+        wrong_field(radius, strength),
+    ]
+    return [reason for reason in found if reason is not None]
+
+
+def _wandering(walk: float) -> Reason | None:
+    if walk <= WORST_WALK:
+        return None
+    what = f"field and rates only agree if the attitude walks by {to_dps(walk):.2g}°/√s, which no gyroscope does."
+    keep = "Keep iron and magnets away, check the gyroscope's unit and range, and calibrate it first."
+    return Reason("magnet-moved", what, keep)
 
 
 def _remarks(
@@ -171,10 +165,4 @@ def _remarks(
         f"The magnetometer answers {1e3 * fit.delay:.1f} ms later than the gyroscope.",
         f"Dip of the field: {to_deg(dip):.1f}°, {'by the mean specific force' if measured else 'assumed'}.",
     ]
-    if strength is None:
-        told.append(f"Field strength: {size:.4g} µT, the sensor's own scale; only the directions are calibrated.")
-    if stride > 1:
-        told.append(f"Of the samples, each {stride}th was fitted.")
-    if (count := int(np.count_nonzero(~fit.used))) > 0:
-        told.append(f"{count} of {len(fit.used)} samples were set aside as outliers.")
-    return tuple(told)
+    return (*told, *own_scale(strength, size), *thinned(stride), *set_aside(fit.used))

@@ -1,0 +1,122 @@
+"""What every fit of a magnetometer ends in: the calibration, the reasons that all share, and the remarks."""
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calib.grades import HEADING, grade_of
+from plumbob.calib.refusal import Reason
+from plumbob.calib.regions import filled
+from plumbob.cards import UNITS, Quality, TriadCalibration
+from plumbob.check import Floats
+from plumbob.units import deg, to_deg
+
+DIP: Final = deg(60.0)
+"""Dip that is assumed for the predicted heading error where nothing tells it, rad: that of Central Europe."""
+
+MOST_OUTLIERS: Final = 0.1
+"""Share of outliers above which a capture is refused."""
+
+STEEL: Final = "Look for switched currents, moving iron and steel nearby."
+"""Advice where samples do not fit each other."""
+
+
+def calibration_of(
+    *,
+    matrix: Floats,
+    bias: Floats,
+    covariance: Floats,
+    residuals: Floats,
+    used: NDArray[np.bool_],
+    radius: float,
+    strength: float | None,
+    method: str,
+    condition: float,
+    heading_sd: float,
+    tilt_range: float,
+    directions: Floats | None = None,
+    graded_sd: float | None = None,
+) -> TriadCalibration:
+    """Calibration of a magnetometer.
+
+    Parameters
+    ----------
+    matrix, bias, covariance : ndarray (3, 3), (3,), (12, 12)
+        Of the calibration.
+    residuals : ndarray (N, ...)
+        What the fit leaves, in the sensor's own scale, µT.
+    used : ndarray (N,) of bool
+        False for outliers.
+    radius : float
+        Strength of the field in the sensor's own scale, µT.
+    strength : float or None
+        Strength that it was scaled to, µT.
+    method : str
+        How it was found.
+    condition, heading_sd, tilt_range : float
+        Of the `Quality`.
+    directions : ndarray (N, 3), optional
+        Measured field from its centre, where directions count.
+    graded_sd : float, optional
+        Standard deviation of the heading that the grade is of, rad, where it is another than `heading_sd`.
+    """
+    return TriadCalibration(
+        matrix=matrix,
+        bias=bias,
+        unit_in=UNITS["mag"],
+        unit_out=UNITS["mag"],
+        residual_rms=float(np.sqrt(np.mean(residuals[used] ** 2))) * (strength or radius) / radius,
+        covariance=covariance,
+        reference=strength,
+        method=method,
+        quality=Quality(
+            grade=grade_of(heading_sd if graded_sd is None else graded_sd, HEADING) or "poor",
+            samples=int(np.count_nonzero(used)),
+            outliers=int(np.count_nonzero(~used)),
+            regions=None if directions is None else int(np.count_nonzero(filled(directions[used]))),
+            condition=condition,
+            heading_sd=heading_sd,
+            tilt_range=tilt_range,
+        ),
+    )
+
+
+def outliers(used: NDArray[np.bool_], advice: str) -> Reason | None:
+    """Reason to refuse a fit with too many outliers (N,), with what to do; None where there are few."""
+    share = float(np.mean(~used))
+    if share <= MOST_OUTLIERS:
+        return None
+    what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * MOST_OUTLIERS:.0f} % may."
+    return Reason("outliers", what, advice)
+
+
+def uncertain(sd: float, advice: str) -> Reason | None:
+    """Reason to refuse a fit that leaves a heading error, rad, beyond *poor*, with what to do; None where less."""
+    if sd <= HEADING.poor:
+        return None
+    return Reason("ill-conditioned", f"the capture leaves a heading error of {to_deg(sd):.2g}° (1 sd).", advice)
+
+
+def own_scale(strength: float | None, size: float) -> tuple[str, ...]:
+    """Remark where the strength of the field was not given, and is `size`, µT, by the sensor."""
+    if strength is not None:
+        return ()
+    return (f"Field strength: {size:.4g} µT, the sensor's own scale; only the directions are calibrated.",)
+
+
+def thinned(stride: int) -> tuple[str, ...]:
+    """Remark where not every sample was fitted."""
+    return (f"Of the samples, each {stride}th was fitted.",) if stride > 1 else ()
+
+
+def set_aside(used: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Remark on outliers (N,)."""
+    count = int(np.count_nonzero(~used))
+    return (f"{count} of {len(used)} samples were set aside as outliers.",) if count else ()
+
+
+def dip_of(field: Floats, force: Floats) -> float:
+    """Dip of calibrated fields (N, 3), rad, by the specific forces (N, 3) at the same instants, which point up."""
+    down = -np.sum(field * force, axis=1) / np.linalg.norm(field, axis=1) / np.linalg.norm(force, axis=1)
+    return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))
