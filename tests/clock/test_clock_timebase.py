@@ -495,3 +495,44 @@ class TestRefusals:
         report = base.report()
         assert (report.mode, report.frames, report.delays.worst, report.gaps) == ("host", 0, 0.0, ())
         assert np.isnan(report.rate)
+
+
+class TestAnEmulatedLineThatHurries:
+    """At 60 times its speed, a stall of the host of 0.2 s lasts 13 s, and its backlog comes in reads 0.9 s apart."""
+
+    RATE, STALL = 100.0, 17_047
+
+    def reads(self, lost=0):
+        """Host times of frames, ns: a read each 0.4 s, a stall, a backlog in two reads; from then on `lost` late."""
+        every = 40
+        due = 1e7 * (np.arange(40_000) + lost * (np.arange(40_000) >= self.STALL))
+        host = np.ceil(due / (every * 1e7)) * every * 1e7
+        if not lost:
+            stalled, second = slice(self.STALL, self.STALL + 675), slice(self.STALL + 675, self.STALL + 1_438)
+            host[stalled] = due[self.STALL] + 13.5e9
+            host[second] = due[self.STALL] + 14.4e9
+        return np.maximum.accumulate(host).astype(np.int64)
+
+    def stamped(self, host, speed):
+        base = TimeBase(TimeSpec(rate=self.RATE, speed=speed))
+        return base.stamp(host, 31 * np.arange(host.size))
+
+    def test_its_stall_is_no_gap(self):
+        found = self.stamped(self.reads(), 60.0)
+        assert np.diff(found.t_ns).max() < 1.01e7  # steps are led to the line by 2e-3 at most
+        assert found.lost.sum() == 0
+
+    def test_without_knowing_the_speed_it_would_be_one(self):
+        assert np.diff(self.stamped(self.reads(), 1.0).t_ns).max() > 5e9
+
+    def test_frames_that_are_lost_for_good_are_still_told(self):
+        """700 frames: 7 s, after 30 s, the half second of patience at this speed, begun anew once as the delay still falls."""
+        found = self.stamped(self.reads(lost=700), 60.0)
+        place = int(np.argmax(np.diff(found.t_ns)))
+        assert np.diff(found.t_ns)[place] == pytest.approx(7e9, abs=0.5e9)
+        assert self.STALL + 2_900 < place < self.STALL + 6_100
+
+    @pytest.mark.parametrize("speed", [0.0, -1.0, np.inf, np.nan])
+    def test_an_impossible_speed_is_refused(self, speed):
+        with pytest.raises(ParameterError, match="speed must be positive and finite"):
+            TimeSpec(rate=self.RATE, speed=speed)

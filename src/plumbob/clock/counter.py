@@ -80,7 +80,7 @@ def advance(n: Ints, r: Floats, histogram: Ints, count: int, host_ns: int) -> in
     lasting = settle(n, r, histogram, host_ns)
     if lasting > 0.0:
         return make_up(n, r, lasting)
-    return (WRAPPED if turns > 0 else 0) | (SUSPECT if is_doubtful(n) else 0)
+    return (WRAPPED if turns > 0 else 0) | (SUSPECT if is_doubtful(n, r) else 0)
 
 
 @njit

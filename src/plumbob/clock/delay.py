@@ -28,6 +28,7 @@ from plumbob.clock.layout import (
     ROUGH,
     SCATTER,
     SINCE_HOST,
+    SPEED,
     SUSPECT_DELAY,
     SUSPECT_SINCE,
     SUSPECTS,
@@ -81,7 +82,7 @@ def _is_told(n: Ints, r: Floats, delay: float, host_ns: int) -> bool:
         r[ROUGH] > 0.0 or delay < r[TOLD_DELAY] + _limit(n, r)  # a rate that is not as nominal shows little by little
     ):
         return True
-    if n[ASIDE] > 0 and host_ns - n[ASIDE_SINCE] > _CHANGED:
+    if n[ASIDE] > 0 and host_ns - n[ASIDE_SINCE] > _CHANGED * r[SPEED]:
         return True
     return bool(delay < min(_limit(n, r), max(_BACKLOG * r[USUAL], _LITTLE)))
 
@@ -110,9 +111,9 @@ def settle(n: Ints, r: Floats, histogram: Ints, host_ns: int) -> float:
 
 
 @njit
-def is_doubtful(n: Ints) -> bool:
+def is_doubtful(n: Ints, r: Floats) -> bool:
     """Whether the last frame has been suspect for some time."""
-    return bool(n[SUSPECTS] > 0 and n[HOST] - n[SUSPECT_SINCE] >= _DOUBT)
+    return bool(n[SUSPECTS] > 0 and n[HOST] - n[SUSPECT_SINCE] >= _DOUBT * r[SPEED])
 
 
 @njit
@@ -123,7 +124,7 @@ def _wait(n: Ints, r: Floats, delay: float, host_ns: int) -> float:
         n[SUSPECT_SINCE] = host_ns
     r[SUSPECT_DELAY] = min(least, delay)
     n[SUSPECTS] += 1
-    if n[SUSPECTS] < _ENOUGH or host_ns - n[SUSPECT_SINCE] < _PATIENCE:
+    if n[SUSPECTS] < _ENOUGH or host_ns - n[SUSPECT_SINCE] < _PATIENCE * r[SPEED]:
         return 0.0
     n[SUSPECTS] = 0
     return float(r[SUSPECT_DELAY])

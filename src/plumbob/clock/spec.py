@@ -1,5 +1,6 @@
 """What a format has to tell the time by."""
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Final
@@ -80,12 +81,16 @@ class TimeSpec:
     frame_bytes : int, optional
         Length of a frame where all are equally long and nothing else is on the line; then a damaged frame is seen by
         the place of the next. Used only where there is no counter.
+    speed : float
+        How many times faster than time an emulated line runs, whose host times are stretched by it: a stall of the host
+        is stretched too, and has to be waited for as much longer.
     """
 
     clock: Counter | None = None
     frames: Counter | None = None
     rate: float | None = None
     frame_bytes: int | None = None
+    speed: float = 1.0
 
     def __post_init__(self) -> None:
         """Refuse counters in each other's place, and impossible rates.
@@ -93,7 +98,7 @@ class TimeSpec:
         Raises
         ------
         ParameterError
-            If a clock has no tick, a frame counter has one, or the rate or the length is out of range.
+            If a clock has no tick, a frame counter has one, or the rate, the length or the speed is out of range.
         """
         if self.clock is not None and self.clock.tick is None:
             raise ParameterError("clock needs tick_ns, the time of one count; a counter of frames belongs in frames.")
@@ -103,6 +108,8 @@ class TimeSpec:
             raise ParameterError(f"rate must be {_SLOWEST:g} to {_FASTEST:g} Hz, but it is {self.rate:g}.")
         if self.frame_bytes is not None and self.frame_bytes < 1:
             raise ParameterError(f"frame_bytes must be at least 1, but it is {self.frame_bytes}.")
+        if not 0.0 < self.speed < math.inf:
+            raise ParameterError(f"speed must be positive and finite, but it is {self.speed}.")
 
     @property
     def mode(self) -> str:

@@ -249,7 +249,7 @@ def _by_place(n: Ints, r: Floats, histogram: Ints, host: int, place: int) -> int
     lasting = settle(n, r, histogram, host)
     if lasting > 0.0:
         return make_up(n, r, lasting)
-    return SUSPECT if is_doubtful(n) else 0
+    return SUSPECT if is_doubtful(n, r) else 0
 
 
 @njit

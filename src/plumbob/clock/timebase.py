@@ -26,6 +26,7 @@ from plumbob.clock.layout import (
     REOPENED,
     SHIFT,
     SIGN,
+    SPEED,
     STAMP,
     STARTED,
     TALLY,
@@ -174,6 +175,7 @@ def configure(whole: NDArray[np.int64], real: NDArray[np.float64], spec: TimeSpe
     whole[FRAME_BYTES] = spec.frame_bytes or 0
     period = 1e9 / spec.rate if spec.rate else 0.0
     real[TICK] = real[TYPICAL] = period
+    real[SPEED] = spec.speed
     if spec.clock is not None and spec.clock.tick is not None:
         tick = spec.clock.tick
         whole[TICK_WHOLE], rest = divmod(tick.numerator, tick.denominator)

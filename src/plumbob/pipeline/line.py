@@ -198,7 +198,8 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
 def _time_spec(session: Session, message: Message) -> TimeSpec:
     """The same for a session: whose samples are timed by the host has the host's clock for the device's."""
     if session.timed_by == "frames":
-        return replace(time_spec(session.form, message), rate=session.meta.rate_nominal)
+        speed = 1.0 if session.source is None else float(session.source.settings.get("speed", 1.0))
+        return replace(time_spec(session.form, message), rate=session.meta.rate_nominal, speed=speed)
     return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
 
 
