@@ -526,7 +526,7 @@ class TestAnEmulatedLineThatHurries:
         assert np.diff(self.stamped(self.reads(), 1.0).t_ns).max() > 5e9
 
     def test_frames_that_are_lost_for_good_are_still_told(self):
-        """700 frames: 7 s, after 30 s, the half second of patience at this speed, begun anew once as the delay still falls."""
+        """700 frames: 7 s, after 30 s and the half second of patience at this speed, begun anew as the delay falls."""
         found = self.stamped(self.reads(lost=700), 60.0)
         place = int(np.argmax(np.diff(found.t_ns)))
         assert np.diff(found.t_ns)[place] == pytest.approx(7e9, abs=0.5e9)
