@@ -3,6 +3,7 @@
 import os
 import select
 import socket
+import termios
 import threading
 import time
 from io import BytesIO
@@ -157,11 +158,28 @@ def test_what_nobody_hears_is_counted():
     rig = rig_of(2.0)
     port = PtyPort()
     fd = os.open(port.name, os.O_RDWR | os.O_NOCTTY)
-    threading.Timer(0.3, os.close, (fd,)).start()
+    threading.Timer(0.8, os.close, (fd,)).start()  # 0.5 s may be for opening it
     served = serve(rig, port, speed=2.0, stop=threading.Event())
     assert served.unheard > 0
     assert served.sent + served.unheard == len(rig)
     port.close()
+
+
+def test_a_reader_that_empties_the_line_in_opening_it_misses_nothing():
+    """As pyserial does: what is sent between its opening and its emptying would be lost."""
+    rig, port, stop = rig_of(2.0), PtyPort(), threading.Event()
+    sender = threading.Thread(target=serve, args=(rig, port), kwargs={"speed": 20.0, "stop": stop})
+    sender.start()
+    fd = os.open(port.name, os.O_RDWR | os.O_NOCTTY)
+    time.sleep(0.2)
+    termios.tcflush(fd, termios.TCIFLUSH)
+    got = b""
+    while len(got) < len(rig.stream()) and select.select([fd], [], [], LONG)[0]:
+        got += os.read(fd, 65536)
+    sender.join(LONG)
+    os.close(fd)
+    port.close()
+    assert got == rig.stream()
 
 
 def test_a_link_does_not_replace_a_file(tmp_path):

@@ -16,7 +16,7 @@ class Port(Protocol):
         ...
 
     def heard(self) -> bool:
-        """Whether somebody has the other end open."""
+        """Whether somebody has the other end open, and is through with opening it."""
         ...
 
     def send(self, payloads: Sequence[bytes]) -> int:

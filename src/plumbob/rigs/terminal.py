@@ -3,16 +3,19 @@
 import contextlib
 import os
 import select
+import termios
 import tty
 from collections.abc import Sequence
 from fcntl import ioctl
 from pathlib import Path
-from termios import FIONREAD
 from time import monotonic, sleep
 from typing import Final
 
 from plumbob.errors import ParameterError
 from plumbob.rigs.port import TURN
+
+_OPENING: Final = 0.5
+"""s; how long opening a line may take: programs set it up and then empty it, and what came before is gone."""
 
 _SHORTLY: Final = 1.0
 _PATIENTLY: Final = 2.0
@@ -41,6 +44,9 @@ class PtyPort:
     def _open(self) -> None:
         self._master, slave = os.openpty()
         tty.setraw(slave)
+        ioctl(self._master, termios.TIOCPKT, (1).to_bytes(4, "little"))  # tells when a reader empties the line
+        self._since: float | None = None
+        self._ready = False
         self._name = os.ttyname(slave)
         os.close(slave)
         os.set_blocking(self._master, False)
@@ -48,12 +54,18 @@ class PtyPort:
             _lead(self._link, self._name)
 
     def heard(self) -> bool:
-        """Whether somebody has it open; what they write to the device is read and forgotten."""
-        found = self._poll(select.POLLIN, 0.0)
-        if found & select.POLLIN and not found & select.POLLHUP:
+        """Whether somebody has it open and emptied it, or had the time to; what they write is read and forgotten."""
+        found = self._poll(select.POLLIN | select.POLLPRI, 0.0)
+        if found & select.POLLHUP:
+            self._since, self._ready = None, False
+            return False
+        if found:
             with contextlib.suppress(OSError):  # it may have been closed just now
-                os.read(self._master, 4096)
-        return not found & select.POLLHUP
+                status = int.from_bytes(os.read(self._master, 4096)[:1], "little")
+                self._ready |= bool(status & termios.TIOCPKT_FLUSHREAD)
+        self._since = monotonic() if self._since is None else self._since
+        self._ready |= monotonic() - self._since > _OPENING
+        return self._ready
 
     def send(self, payloads: Sequence[bytes]) -> int:
         """Send; a payload that fits only in part is finished by the next call, which begins with it."""
@@ -107,7 +119,7 @@ class PtyPort:
         try:
             end, quiet = monotonic() + most, 0
             while quiet < 2 and monotonic() < end:
-                waiting = int.from_bytes(ioctl(slave, FIONREAD, bytes(4)), "little")
+                waiting = int.from_bytes(ioctl(slave, termios.FIONREAD, bytes(4)), "little")
                 quiet = 0 if waiting else quiet + 1
                 sleep(0.01)
         finally:
