@@ -28,11 +28,13 @@ lint: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# First with compiled kernels on a cold cache, then the kernels' own tests again as plain Python.
+# First with compiled kernels on a cold cache, then the kernels' own tests again as plain Python. Two processes whose
+# linear algebra takes two threads each wait for each other.
+test: export OMP_NUM_THREADS := 1
 test: lint
 	$(BIN)/python -m pytest -n 2
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 tests/filters tests/rotations tests/noise tests/sensors \
-		tests/calib/test_calib_norm_fit.py
+		tests/calib/test_calib_norm_fit.py tests/calib/test_calib_alike.py
 
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py

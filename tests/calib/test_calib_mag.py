@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from plumbob.calib.ellipsoid.norm_fit import Shape
-from plumbob.calib.ellipsoid.scale import memory
 from plumbob.calib.mag.alone import fit_mag
 from plumbob.calib.refusal import KINDS, CaptureRefusedError
 from plumbob.calib.regions import REGIONS
@@ -188,19 +187,6 @@ def test_regions_are_those_of_the_measured_vector():
     fit = fit_mag(measured(rng, field_b, np.eye(3), np.array([6.0, -4.0, 3.0]), NOISE, LSB))
     assert fit.calibration.quality.regions == 18
     assert fit.calibration.quality.grade in {"good", "fair"}
-
-
-def test_memory_of_residuals():
-    """(1 + ρ)/(1 − ρ) of a first-order process: 19 for ρ = 0.9; 1 for white noise and for few samples."""
-    rng = np.random.default_rng(16)
-    white = rng.normal(size=20_000)
-    slow = np.empty_like(white)
-    slow[0] = white[0]
-    for i in range(1, slow.size):
-        slow[i] = 0.9 * slow[i - 1] + white[i]
-    assert memory(slow) == pytest.approx(19.0, rel=0.15)
-    assert memory(white) == pytest.approx(1.0, abs=0.05)
-    assert memory(slow[:50]) == 1.0
 
 
 def test_a_unit_that_was_only_moved_is_not_told_of_directions():

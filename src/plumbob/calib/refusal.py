@@ -12,6 +12,7 @@ KINDS: Final = {
     "cone": "the unit was only turned about one axis",
     "too-few-regions": "the directions that were seen do not determine the model",
     "outliers": "too many samples do not fit the others",
+    "uneven-field": "the field differed from place to place by more than a calibration can bear",
     "magnet-moved": "the field changed during the capture: iron or a magnet moved",
     "mirrored": "the field turns against the gyroscope: an axis is swapped or has the wrong sign",
     "clipping": "samples are at the end of the sensor's range",

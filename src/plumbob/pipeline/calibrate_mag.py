@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from plumbob import check, flags
 from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.fitted import Fitted
+from plumbob.calib.grades import HEADING
 from plumbob.calib.mag.alone import fit_mag, unturned
 from plumbob.calib.mag.level import fit_mag_level
 from plumbob.calib.mag.plausible import WEAKEST, stuck
@@ -24,7 +25,7 @@ from plumbob.constants import G0
 from plumbob.data import ImuData
 from plumbob.errors import CalibrationError, ParameterError
 from plumbob.pipeline.mag_checks import require_field_turns, told_by_others
-from plumbob.units import dps, to_dps
+from plumbob.units import dps, to_deg, to_dps
 
 HELPERS: Final = ("auto", "none", "acc", "gyr")
 """What may help the magnetometer."""
@@ -69,7 +70,7 @@ def calibrate_mag(
         What helps. The accelerometer, where its specific force is gravity, tells how the magnetometer is turned against
         it. The gyroscope tells how the field turns, which needs little inclination. "auto" takes the accelerometer
         where its specific force is gravity in most samples of slow turning, nothing where it is not or a smaller shape
-        than the ellipsoid is asked for, and the gyroscope where the capture saw too few directions otherwise.
+        than the ellipsoid is asked for, and the gyroscope where the capture is poor or refused otherwise.
     shape : {"auto", "sphere", "axes", "ellipsoid", "level"}
         Shape of the field's ellipsoid; "auto" is the smallest that the capture does not contradict, and "level" finds
         two axes only, from turning level.
@@ -110,6 +111,8 @@ def calibrate_mag(
         if with_ != "auto" or shape != "auto" or imu.gyr is None or refused.reasons[0].kind in _FINAL:
             raise
         fit, why = _rescued(work, helper, refused)
+    if with_ == shape == "auto" and imu.gyr is not None and _left(fit) > HEADING.fair:
+        fit, why = _bettered(work, fit, why)
     return replace(fit, remarks=(why, *fit.remarks))
 
 
@@ -189,12 +192,30 @@ def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fi
     if first.kind in {"level-ring", "cone"}:
         advice = f"{first.advice} If it leaned by some degrees, and that is all it can, choose the gyroscope to help."
         raise CaptureRefusedError(replace(first, advice=advice), *refused.reasons[1:])
-    if first.kind != "too-few-regions":
+    if first.kind not in {"too-few-regions", "uneven-field"}:
         raise refused
     try:
         return work.fit("gyr"), f"Fitted with the gyroscope, because otherwise {first.text}"
-    except (CaptureRefusedError, CalibrationError):
+    except CalibrationError:
         raise refused from None
+
+
+def _bettered(work: _Work, fit: Fitted, why: str) -> tuple[Fitted, str]:
+    """Fit with the gyroscope, where it leaves less of a heading error than a poor one."""
+    try:
+        other = work.fit("gyr")
+    except CalibrationError:
+        return fit, why
+    before, after = to_deg(_left(fit)), to_deg(_left(other))
+    if not after < before:
+        return fit, why
+    return other, f"Fitted with the gyroscope, which leaves {after:.2g}° of heading, for otherwise it is {before:.2g}°."
+
+
+def _left(fit: Fitted) -> float:
+    """Heading error that a fit leaves, rad."""
+    quality = fit.calibration.quality
+    return math.inf if quality is None or quality.heading_sd is None else quality.heading_sd
 
 
 def _unfit(mag: Floats) -> list[Reason]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from plumbob import check
 from plumbob.calib.acc.six_positions import six_positions
+from plumbob.calib.ellipsoid.alike import alike_in
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape, fit_norm, linearised
 from plumbob.calib.ellipsoid.quadric import Ellipsoid
 from plumbob.calib.ellipsoid.scale import radius_of, scaled
@@ -100,7 +101,7 @@ def fit_accel(
     poses = check.rows("poses", poses, 3)
     refuse(_unusable(poses, shape, noise, gravity))
     fit, why = _found(poses, shape, noise)
-    matrix, covariance = scaled(fit, gravity)
+    matrix, covariance = scaled(fit, gravity, alike=alike_in(fit, poses).factor)
     tilt = tilt_sd(matrix, covariance, size=gravity, tilt_range=tilt_range)
     refuse(_untrue(fit, tilt, gravity))
     left = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity

@@ -1,6 +1,5 @@
 """From a fit to length 1 to a calibration: the size of what was measured, and the covariance that goes with it."""
 
-import math
 from typing import Final
 
 import numpy as np
@@ -8,7 +7,6 @@ import numpy as np
 from plumbob.calib.ellipsoid.norm_fit import NormFit
 from plumbob.check import Floats
 
-_LONG: Final = 100
 _SYMMETRIC: Final = np.zeros((12, 9))  # centre and matrix, row by row, by centre and xx, yy, zz, xy, xz, yz
 _SYMMETRIC[:3, :3] = np.eye(3)
 for _column, (_i, _j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), start=3):
@@ -20,17 +18,19 @@ def radius_of(matrix: Floats) -> float:
     return float(1.0 / np.cbrt(np.linalg.det(matrix)))
 
 
-def scaled(fit: NormFit, size: float | None) -> tuple[Floats, Floats]:
+def scaled(fit: NormFit, size: float | None, *, alike: float) -> tuple[Floats, Floats]:
     """Matrix and covariance of a calibration from a symmetric fit, as `to_size`.
 
     Parameters
     ----------
     fit : NormFit
-        The fit. Its covariance is widened by the memory of its residuals, for neighbouring samples err alike.
+        The fit.
     size : float or None
         As in `to_size`.
+    alike : float
+        How many samples count as one, by which the covariance is widened.
     """
-    known = _SYMMETRIC @ (fit.covariance * memory(fit.residuals[fit.used])) @ _SYMMETRIC.T
+    known = _SYMMETRIC @ (fit.covariance * alike) @ _SYMMETRIC.T
     return to_size(fit.ellipsoid.shape, known, size)
 
 
@@ -51,13 +51,3 @@ def to_size(matrix: Floats, covariance: Floats, size: float | None) -> tuple[Flo
     whole = np.eye(12)
     whole[3:, 3:] = factor * by_fit
     return factor * matrix, whole @ covariance @ whole.T
-
-
-def memory(residuals: Floats) -> float:
-    """How many neighbouring residuals (N,) count as one: (1 + ρ)/(1 − ρ) of a first-order process, at least 1."""
-    if len(residuals) < _LONG:
-        return 1.0
-    left = residuals - residuals.mean()
-    power = float(left @ left)
-    rho = float(left[1:] @ left[:-1]) / power if power > 0.0 else 0.0
-    return (1.0 + rho) / max(1.0 - rho, 1e-3) if rho > 3.0 / math.sqrt(len(left)) else 1.0

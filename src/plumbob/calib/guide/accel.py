@@ -5,6 +5,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.calib.ellipsoid.alike import alike_in
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape
 from plumbob.calib.ellipsoid.scale import scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, fit_shape
@@ -75,7 +76,7 @@ class AccelGuide(Guide):
     def _fit(self, poses: Floats) -> None:
         fit = fit_shape(poses, Shape.ELLIPSOID) if len(poses) >= Shape.ELLIPSOID.value + SPARE else None
         self._centre = np.zeros(3) if fit is None else fit.ellipsoid.centre
-        self._sd = None if fit is None else _predicted(fit)
+        self._sd = None if fit is None else _predicted(fit, poses)
 
     def _words(self, here: int | None, goal: int | None) -> str:
         if here is None or goal is None:
@@ -85,8 +86,8 @@ class AccelGuide(Guide):
         return f"hold it with {pose_words(goal)}, and {_UNTIL}"
 
 
-def _predicted(fit: NormFit) -> float:
-    matrix, covariance = scaled(fit, G0)
+def _predicted(fit: NormFit, poses: Floats) -> float:
+    matrix, covariance = scaled(fit, G0, alike=alike_in(fit, poses).factor)
     return tilt_sd(matrix, covariance, size=G0)
 
 

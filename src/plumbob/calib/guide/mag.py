@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.calib.ellipsoid.alike import alike_in
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape, fit_norm
 from plumbob.calib.ellipsoid.quadric import Ellipsoid
 from plumbob.calib.ellipsoid.scale import scaled
@@ -90,7 +91,7 @@ class MagGuide(Guide):
         fit = _determined(vectors) if one_axis(vectors, None) is None else None
         self._fit = fit
         full = fit is not None and fit.shape is Shape.ELLIPSOID
-        self._sd = _predicted(fit) if fit is not None and full else None
+        self._sd = _predicted(fit, vectors) if fit is not None and full else None
         if fit is None:
             return
         if (news := self._seen.update(filled(vectors - fit.ellipsoid.centre) > 0)) is not None:
@@ -180,8 +181,8 @@ def _is_certain(fit: NormFit) -> bool:
     return centre_sd < _CERTAIN * radius and fit.sd < _HOLLOW * radius
 
 
-def _predicted(fit: NormFit) -> float:
-    matrix, covariance = scaled(fit, None)
+def _predicted(fit: NormFit, vectors: Floats) -> float:
+    matrix, covariance = scaled(fit, None, alike=alike_in(fit, vectors).factor)
     return heading_sd(matrix, covariance, size=float(1.0 / np.cbrt(np.linalg.det(fit.ellipsoid.shape))), dip=DIP)
 
 

@@ -11,13 +11,24 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.calib.ellipsoid.alike import Alike, alike_in
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape
 from plumbob.calib.ellipsoid.scale import radius_of, scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, choose, fit_shape
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.grades import HEADING
 from plumbob.calib.mag.moved import moved
-from plumbob.calib.mag.outcome import DIP, calibration_of, dip_of, outliers, own_scale, set_aside
+from plumbob.calib.mag.outcome import (
+    DIP,
+    calibration_of,
+    dip_of,
+    heading_told,
+    outliers,
+    own_scale,
+    set_aside,
+    uneven,
+    uneven_told,
+)
 from plumbob.calib.mag.plausible import unequal, wrong_field
 from plumbob.calib.mag.spread import one_axis
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
@@ -77,11 +88,13 @@ def fit_mag(
     radius = radius_of(fit.ellipsoid.shape)
     size = strength or radius
     dip = _dip(mag, fit, acc) if dip is None else dip
+    shared = alike_in(full, mag)
     sd, full_sd = (
-        heading_sd(*scaled(each, strength), size=size, dip=dip, tilt_range=tilt_range) for each in (fit, full)
+        heading_sd(*scaled(each, strength, alike=shared.factor), size=size, dip=dip, tilt_range=tilt_range)
+        for each in (fit, full)
     )
-    _check(mag, fit, full_sd, strength)
-    matrix, covariance = scaled(fit, strength)
+    _check(mag, fit, full_sd, shared, strength)
+    matrix, covariance = scaled(fit, strength, alike=shared.factor)
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.ellipsoid.centre,
@@ -97,7 +110,7 @@ def fit_mag(
         tilt_range=tilt_range,
         directions=mag - fit.ellipsoid.centre,
     )
-    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, full_sd))
+    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, full_sd, shared))
 
 
 def unturned(mag: Floats, advice: str) -> Reason | None:
@@ -120,7 +133,7 @@ def _fitted(mag: Floats, shape: Shape | None) -> tuple[NormFit, NormFit, str]:
     return fit, fit, "asked for"
 
 
-def _check(mag: Floats, fit: NormFit, full_sd: float, strength: float | None) -> None:
+def _check(mag: Floats, fit: NormFit, full_sd: float, shared: Alike, strength: float | None) -> None:
     """Refuse a fit that says nothing, or something that cannot be."""
     shape = fit.ellipsoid.shape
     found = (
@@ -128,7 +141,7 @@ def _check(mag: Floats, fit: NormFit, full_sd: float, strength: float | None) ->
         outliers(
             fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
         ),
-        _coverage(mag, fit, full_sd),
+        uneven(full_sd, shared) or _coverage(mag, fit, full_sd),
         unequal(shape),
         wrong_field(radius_of(shape), strength),
     )
@@ -145,7 +158,7 @@ def _coverage(mag: Floats, fit: NormFit, full_sd: float) -> Reason | None:
     told = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
     return Reason(
         "too-few-regions",
-        f"the capture leaves a heading error of {to_deg(full_sd):.2g}° (1 sd); {told}.",
+        f"the capture leaves {heading_told(full_sd)}; {told}.",
         _ADVICE,
     )
 
@@ -164,10 +177,12 @@ def _dip(mag: Floats, fit: NormFit, acc: Floats | None) -> float:
     return dip_of(((mag - fit.ellipsoid.centre) @ fit.ellipsoid.shape)[fit.used], acc[fit.used])
 
 
-def _remarks(fit: NormFit, why: str, strength: float | None, size: float, full_sd: float) -> tuple[str, ...]:
+def _remarks(
+    fit: NormFit, why: str, strength: float | None, size: float, full_sd: float, shared: Alike
+) -> tuple[str, ...]:
     told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
     if fit.shape is not Shape.ELLIPSOID and why != "asked for":
         told.append(f"Soft iron across the axes too small to show would leave {to_deg(full_sd):.2g}° of heading.")
     told += own_scale(strength, size)
     told.append("A turn of the magnetometer in its case is not seen by its length alone; that needs the accelerometer.")
-    return (*told, *set_aside(fit.used))
+    return (*told, *uneven_told(shared), *set_aside(fit.used))

@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calib.ellipsoid.scale import memory
+from plumbob.calib.ellipsoid.alike import Alike, alike
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.ellipse_fit import PARAMETERS, EllipseFit, fit_ellipse
-from plumbob.calib.mag.outcome import DIP, STEEL, calibration_of, outliers, set_aside, uncertain
+from plumbob.calib.mag.outcome import DIP, STEEL, calibration_of, outliers, set_aside, uncertain, uneven_told
 from plumbob.calib.mag.plausible import STRONGEST, unequal
 from plumbob.calib.predicted import heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
@@ -63,9 +63,11 @@ def fit_mag_level(
         raise CaptureRefusedError(Reason("too-few-regions", "no ellipse fits the field of the level axes.", _ADVICE))
     radius = float(1.0 / np.sqrt(np.linalg.det(fit.shape)))
     wanted = None if strength is None or dip is None else strength * math.cos(dip)
+    shared = alike(fit.residuals, (mag[:, level] - fit.centre) @ fit.shape, fit.used)
     matrix, covariance = _whole(fit, level, wanted)
+    covariance = shared.factor * covariance
     sd = _level_sd(matrix, covariance, [*level, axis], size=wanted or radius)
-    refuse(_reasons(fit, mag[:, level], radius, sd))
+    refuse(_reasons(fit, mag[:, level], radius, sd, shared))
     bias = np.zeros(3)
     bias[level] = fit.centre
     calibration = calibration_of(
@@ -81,7 +83,9 @@ def fit_mag_level(
         heading_sd=sd,
         tilt_range=0.0,
     )
-    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, axis, radius, wanted))
+    return Fitted(
+        calibration, mag, fit.residuals, fit.used, (*_remarks(fit, axis, radius, wanted), *uneven_told(shared))
+    )
 
 
 def _upright(mag: Floats, acc: Floats | None) -> int:
@@ -114,7 +118,7 @@ def _whole(fit: EllipseFit, level: list[int], wanted: float | None) -> tuple[Flo
         entry = size * (change - kept * fit.shape)
         for row, col, value in ((i, i, entry[0, 0]), (j, j, entry[1, 1]), (i, j, entry[0, 1]), (j, i, entry[1, 0])):
             whole[3 + 3 * row + col, column] = value
-    return matrix, whole @ (fit.covariance * memory(fit.residuals[fit.used])) @ whole.T
+    return matrix, whole @ fit.covariance @ whole.T
 
 
 def _level_sd(matrix: Floats, covariance: Floats, order: list[int], *, size: float) -> float:
@@ -131,14 +135,14 @@ def _gap(fit: EllipseFit, points: Floats) -> float:
     return float(np.diff(course, append=course[0] + 2.0 * np.pi).max())
 
 
-def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float) -> list[Reason]:
+def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float, shared: Alike) -> list[Reason]:
     scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
     found = [
         _open(_gap(fit, points)),
         _thick(scatter),
         outliers(fit.used, STEEL),
         _weak(radius),
-        uncertain(sd, _ADVICE),
+        uncertain(sd, shared, _ADVICE),
         unequal(fit.shape),
     ]
     return [reason for reason in found if reason is not None]

@@ -1,10 +1,12 @@
 """What every fit of a magnetometer ends in: the calibration, the reasons that all share, and the remarks."""
 
+import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.calib.ellipsoid.alike import Alike
 from plumbob.calib.grades import HEADING, grade_of
 from plumbob.calib.refusal import Reason
 from plumbob.calib.regions import filled
@@ -17,6 +19,12 @@ DIP: Final = deg(60.0)
 
 MOST_OUTLIERS: Final = 0.1
 """Share of outliers above which a capture is refused."""
+
+EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit about one place."
+"""Advice where the field differed from place to place."""
+
+LOST: Final = deg(90.0)
+"""Heading error from which on nothing is known, rad."""
 
 STEEL: Final = "Look for switched currents, moving iron and steel nearby."
 """Advice where samples do not fit each other."""
@@ -91,11 +99,39 @@ def outliers(used: NDArray[np.bool_], advice: str) -> Reason | None:
     return Reason("outliers", what, advice)
 
 
-def uncertain(sd: float, advice: str) -> Reason | None:
+def uncertain(sd: float, shared: Alike, advice: str) -> Reason | None:
     """Reason to refuse a fit that leaves a heading error, rad, beyond *poor*, with what to do; None where less."""
     if sd <= HEADING.poor:
         return None
-    return Reason("ill-conditioned", f"the capture leaves a heading error of {to_deg(sd):.2g}° (1 sd).", advice)
+    what = f"the capture leaves {heading_told(sd)}."
+    return uneven(sd, shared) or Reason("ill-conditioned", what, advice)
+
+
+def uneven(sd: float, shared: Alike) -> Reason | None:
+    """Reason to refuse a heading error, rad, that is only beyond *poor* because the field is uneven; None else."""
+    even = sd * math.sqrt(shared.memory / shared.factor)
+    if not even <= HEADING.poor < sd:
+        return None
+    what = (
+        "what the fit leaves does not average out as noise does, but stays while the unit turns, as where the field "
+        f"differs from place to place; that leaves {heading_told(sd)}."
+    )
+    return Reason("uneven-field", what, EVEN)
+
+
+def heading_told(sd: float) -> str:
+    """Heading error, rad, in words."""
+    return f"a heading error of {to_deg(sd):.2g}° (1 sd)" if sd < LOST else "no heading at all"
+
+
+def uneven_told(shared: Alike) -> tuple[str, ...]:
+    """Remark where the field differed from place to place."""
+    if shared.unevenness <= shared.memory:
+        return ()
+    return (
+        "UNEVEN: what the fit leaves stays while the unit turns, as where the field differs from place to place; the "
+        f"predicted errors are {math.sqrt(shared.unevenness / shared.memory):.2g} times as large for it. {EVEN}",
+    )
 
 
 def own_scale(strength: float | None, size: float) -> tuple[str, ...]:

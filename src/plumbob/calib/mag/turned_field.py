@@ -14,8 +14,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.calib.ellipsoid.alike import Alike, memory, visits
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calib.ellipsoid.scale import memory
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
 from plumbob.units import dps
@@ -66,6 +66,8 @@ class FieldFit(NamedTuple):
         Their standard deviation about each axis, parameters counted.
     used : ndarray (N,) of bool
         False for outliers.
+    alike : Alike
+        How many of them count as one.
     condition : float
         Of the normal matrix of all but the random walk, scaled to a diagonal of one.
     """
@@ -82,6 +84,7 @@ class FieldFit(NamedTuple):
     residuals: Floats
     sd: float
     used: NDArray[np.bool_]
+    alike: Alike
     condition: float
 
 
@@ -158,7 +161,7 @@ class _Fit:
         self.changes = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(3))  # from knot to knot
         self.turns = self._turns()
         self.h, self.distortion, self.bias = _start(mag, self.turns)
-        self.sd, self.alike = self._scale(), 1.0
+        self.sd, self.alike = self._scale(), Alike(1.0)
 
     def run(self, *, robust: bool = False) -> bool:
         """Alternate between steps and the intensity of noise and walk; False where they did not settle."""
@@ -166,7 +169,7 @@ class _Fit:
             if not self._settle(robust):
                 return False
             before = self.walk
-            self.alike = max(memory(column) for column in self.left[self.used].T)
+            self.alike = self._memory()
             self.sd, self.walk = self._scale(robust=robust), self._intensity()
             if abs(self.walk / before - 1.0) < _ENOUGH:
                 break
@@ -197,6 +200,7 @@ class _Fit:
             self.left * size,
             self.sd * size,
             self.used,
+            self.alike,
             float(np.linalg.cond(own / np.outer(spread, spread))),
         )
 
@@ -249,6 +253,11 @@ class _Fit:
         free = max(1, left.size - PARAMETERS)
         return max(math.sqrt(float(np.sum(left * left)) / free), 1e-9)
 
+    def _memory(self) -> Alike:
+        """How many residuals count as one; an uneven field turns in body axes, and averages out unlike its length."""
+        starts = visits(self._seen_field()[self.used])
+        return Alike(max(memory(column, starts) for column in self.left[self.used].T))
+
     def _intensity(self) -> float:
         """Intensity of the random walk by expectation and maximisation, rad/√s."""
         change = self.changes @ self.lean[1:].ravel()
@@ -260,7 +269,7 @@ class _Fit:
         knots = len(self.lean)
         normal, slope = np.zeros((PARAMETERS + 3 * knots, PARAMETERS + 3 * knots)), np.zeros(PARAMETERS + 3 * knots)
         left, rows = self.left, self._rows()
-        weight = self.used / (self.sd**2 * self.alike)
+        weight = self.used / (self.sd**2 * self.alike.factor)
         if robust:
             weight = weight / (1.0 + (left**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)
         root = np.sqrt(weight)[:, np.newaxis]

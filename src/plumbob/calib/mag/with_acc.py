@@ -5,12 +5,13 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.calib.ellipsoid.alike import Alike, alike
 from plumbob.calib.ellipsoid.norm_fit import Shape
-from plumbob.calib.ellipsoid.scale import memory, radius_of, to_size
+from plumbob.calib.ellipsoid.scale import radius_of, to_size
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import fit_mag
 from plumbob.calib.mag.dip_fit import PARAMETERS, DipFit, fit_dip
-from plumbob.calib.mag.outcome import calibration_of, outliers, own_scale, set_aside, thinned, uncertain
+from plumbob.calib.mag.outcome import calibration_of, outliers, own_scale, set_aside, thinned, uncertain, uneven_told
 from plumbob.calib.mag.plausible import unequal, wrong_field
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
@@ -64,11 +65,12 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     if fit is None:
         what = "no bias, matrix and dip fit the field and the vertical of the accelerometer."
         raise CaptureRefusedError(Reason("ill-conditioned", what, _ADVICE))
-    matrix, covariance = to_size(fit.matrix, fit.covariance * _memory(fit), strength)
+    shared = alike(fit.residuals, (points - fit.centre) @ fit.matrix.T, fit.used)
+    matrix, covariance = to_size(fit.matrix, fit.covariance * shared.factor, strength)
     radius = radius_of(fit.matrix)
     size = strength or radius
     sd = heading_sd(matrix, covariance, size=size, dip=fit.dip, tilt_range=tilt_range)
-    refuse(_reasons(fit, sd, strength))
+    refuse(_reasons(fit, sd, shared, strength))
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.centre,
@@ -83,17 +85,14 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         tilt_range=tilt_range,
         directions=points - fit.centre,
     )
-    return Fitted(calibration, points, fit.residuals[:, 0], fit.used, _remarks(fit, strength, size, stride))
+    remarks = (*_remarks(fit, strength, size, stride), *uneven_told(shared))
+    return Fitted(calibration, points, fit.residuals[:, 0], fit.used, remarks)
 
 
 def turn_of(matrix: Floats) -> float:
     """Angle of the rotation in a matrix (3, 3), rad: of the factor that is left beside a symmetric one."""
     u, _, vt = np.linalg.svd(matrix)
     return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(u @ vt)) - 1.0))))
-
-
-def _memory(fit: DipFit) -> float:
-    return max(memory(fit.residuals[fit.used, column]) for column in range(2))
 
 
 def _wrong_gravity(force: Floats) -> list[Reason]:
@@ -104,11 +103,11 @@ def _wrong_gravity(force: Floats) -> list[Reason]:
     return [Reason("wrong-gravity", what, "Check the accelerometer's unit and range, and calibrate it first.")]
 
 
-def _reasons(fit: DipFit, sd: float, strength: float | None) -> list[Reason]:
+def _reasons(fit: DipFit, sd: float, shared: Alike, strength: float | None) -> list[Reason]:
     found = [
         outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
         _unsteady(fit.down_sd),
-        uncertain(sd, "Turn the unit through all attitudes: each face and edge up."),
+        uncertain(sd, shared, "Turn the unit through all attitudes: each face and edge up."),
         unequal(fit.matrix),
         wrong_field(radius_of(fit.matrix), strength),
     ]

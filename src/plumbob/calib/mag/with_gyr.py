@@ -7,7 +7,16 @@ import numpy as np
 from plumbob.calib.ellipsoid.scale import to_size
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import unturned
-from plumbob.calib.mag.outcome import DIP, STEEL, calibration_of, outliers, own_scale, set_aside, thinned, uncertain
+from plumbob.calib.mag.outcome import (
+    DIP,
+    STEEL,
+    calibration_of,
+    outliers,
+    own_scale,
+    set_aside,
+    thinned,
+    uncertain,
+)
 from plumbob.calib.mag.plausible import unequal, wrong_field
 from plumbob.calib.mag.turned_field import PARAMETERS, FieldFit, fit_turned_field
 from plumbob.calib.mag.with_acc import turn_of
@@ -140,7 +149,7 @@ def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, ad
     found = [
         _wandering(fit.walk),
         outliers(fit.used, STEEL),
-        uncertain(sd, advice),
+        uncertain(sd, fit.alike, advice),
         unequal(fit.distortion),
         wrong_field(radius, strength),
     ]

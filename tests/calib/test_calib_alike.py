@@ -1,0 +1,140 @@
+"""How many samples count as one: memory, visits, and an honest covariance in an uneven field."""
+
+import os
+
+import numpy as np
+import pytest
+
+from plumbob.calib.ellipsoid.alike import SLOW, alike, memory, visits
+from plumbob.calib.ellipsoid.norm_fit import Shape
+from plumbob.calib.mag.alone import fit_mag
+from plumbob.calib.mag.with_gyr import fit_mag_gyr
+from plumbob.calib.refusal import CaptureRefusedError
+from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
+from tests.calib.mag_scene import FIELD_N, STRENGTH, heading_rms, rates, unit_of
+
+CAPTURES = 4 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 24
+ONE_VISIT = np.zeros(1, dtype=np.intp)
+
+
+def first_order(rng, count, rho):
+    white = rng.normal(size=count)
+    found = np.empty(count)
+    found[0] = white[0] / np.sqrt(1.0 - rho * rho)
+    for i in range(1, count):
+        found[i] = rho * found[i - 1] + white[i]
+    return found
+
+
+def tumbling(rng, *, duration=120.0, rate=50.0):
+    """Time, attitude and rate of a unit that is turned by hand about all its axes, at some 60°/s."""
+    t = np.arange(round(duration * rate)) / rate
+    waves = [np.sin(2.0 * np.pi * (f * t[:, None] + rng.uniform(size=3))) for f in (0.03, 0.07, 0.13)]
+    turning = sum(rng.normal(size=3) * wave for wave in waves)
+    q_nb = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for step in quat_from_rotvec(turning[:-1] / rate):
+        q_nb.append(quat_multiply(q_nb[-1], step))
+    return t, np.array(q_nb), turning
+
+
+def steel(rng, place_n):
+    """Field of a dipole that is 1.0 to 1.5 m off and makes 1.5 µT at 1.2 m."""
+    at, moment = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    arm = place_n - rng.uniform(1.0, 1.5) * at
+    far = np.linalg.norm(arm, axis=1, keepdims=True)
+    along = arm / far
+    return 1.5 * 1.2**3 * (3.0 * along * np.sum(along * moment, axis=1, keepdims=True) - moment) / far**3
+
+
+def in_a_room(seed, lever):
+    """Unit, and what it and a gyroscope measure while a hand turns and wanders near steel; the lever is in metres."""
+    rng = np.random.default_rng([21, seed])
+    unit = unit_of(rng, turned=False)
+    t, q_nb, turning = tumbling(rng)
+    arm = rng.normal(size=3)
+    wander = np.sin(2.0 * np.pi * (rng.uniform(0.005, 0.03, 3) * t[:, None] + rng.uniform(size=3)))
+    place_n = quat_rotate(q_nb, lever * arm / np.linalg.norm(arm)) + 0.1 * wander
+    field_b = quat_rotate(quat_conjugate(q_nb), FIELD_N + steel(rng, place_n))
+    mag = field_b @ unit.distortion.T + unit.bias + 0.2 * rng.normal(size=(len(t), 3))
+    return unit, t, mag, rates(rng, turning)
+
+
+def test_memory_of_samples():
+    """(1 + ρ)/(1 − ρ) of a first-order process: 19 for ρ = 0.9; 1 for white noise and for few samples."""
+    rng = np.random.default_rng(16)
+    slow, white = first_order(rng, 20_000, 0.9), rng.normal(size=20_000)
+    assert memory(slow, ONE_VISIT) == pytest.approx(19.0, rel=0.15)
+    assert memory(white, ONE_VISIT) == pytest.approx(1.0, abs=0.05)
+    assert memory(slow[:50], ONE_VISIT) == 1.0
+
+
+def test_memory_that_noise_hides_from_neighbours_shows_in_visits():
+    """A tenth of the power has ρ = 0.999: (1 + ρ)/(1 − ρ) = 1999 of it, 200 of all; neighbours alone say 1.2."""
+    rng = np.random.default_rng(17)
+    slow = first_order(rng, 200_000, 0.999)
+    residuals = slow / slow.std() + 3.0 * rng.normal(size=slow.size)
+    assert memory(residuals, ONE_VISIT) < 1.5
+    assert memory(residuals, np.arange(0, slow.size, 100)) == pytest.approx(200.0, rel=0.4)  # 100 times is 200 of 1999
+
+
+def test_visits_begin_beyond_15_degrees():
+    course = np.radians(np.arange(0.0, 360.0, 0.999))
+    level = np.stack((np.cos(course), np.sin(course)), axis=1)
+    assert np.diff(visits(level)) == pytest.approx(16)  # 15.98° is the first beyond
+    assert visits(7.0 * np.column_stack((level, np.zeros(len(course))))).tolist() == visits(level).tolist()
+
+
+@pytest.mark.parametrize("still", [1, 10, 100])
+def test_noise_alone_is_taken_as_it_is(still):
+    """Two looks of a chance of 0.135 % each make 0.54 alarms in 200 captures; more than 3 in one of 500 such tests."""
+    alarms = 0
+    for k in range(200):
+        rng = np.random.default_rng([18, still, k])
+        directions = np.repeat(rng.normal(size=(3000 // still, 3)), still, axis=0)
+        found = alike(rng.normal(size=3000), directions, np.ones(3000, dtype=bool))
+        alarms += found.factor > 1.0
+    assert alarms <= 3
+
+
+def test_what_stays_counts_as_four_and_a_half_samples():
+    """Slow errors of power 1 beside noise of power 1, with ρ = 0.9 from visit to visit."""
+    rng = np.random.default_rng(19)
+    slow = np.repeat(first_order(rng, 400, 0.9), 25)
+    slow /= slow.std()
+    directions = np.repeat(rng.normal(size=(400, 3)), 25, axis=0)
+    found = alike(slow + rng.normal(size=10_000), directions, np.ones(10_000, dtype=bool))
+    assert found.unevenness == pytest.approx(0.9 * 0.5 * 10_000 / SLOW, rel=0.1)
+
+
+@pytest.mark.parametrize("lever", [0.35, 0.1])
+def test_the_covariance_is_honest_near_steel(lever):
+    """Not too small; too large by 2 or more where the hand's wandering makes the errors, and not the lever."""
+    ratios = []
+    for seed in range(CAPTURES):
+        unit, _, mag, _ = in_a_room(seed, lever)
+        try:
+            fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
+        except CaptureRefusedError as refused:
+            assert refused.reasons[0].kind == "uneven-field"
+            continue
+        assert any(remark.startswith("UNEVEN") for remark in fit.remarks)
+        ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
+    assert len(ratios) > CAPTURES / 2
+    assert 0.25 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+    assert max(ratios) < 3.0
+
+
+def test_a_gyroscope_sees_through_an_uneven_field():
+    """One field in space, not one length: half the heading error at least, and an honest covariance."""
+    alone, helped, ratios = [], [], []
+    for seed in range(CAPTURES // 2):
+        unit, t, mag, gyr = in_a_room(seed, 0.35)
+        fit = fit_mag_gyr(t, mag, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
+        helped.append(heading_rms(fit.calibration, unit))
+        ratios.append(helped[-1] / fit.calibration.quality.heading_sd)
+        try:
+            alone.append(heading_rms(fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH).calibration, unit))
+        except CaptureRefusedError:
+            alone.append(np.inf)
+    assert np.median(helped) < 0.5 * np.median(alone)
+    assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.5
