@@ -22,6 +22,16 @@ FIELD_N = STRENGTH * np.array([np.cos(DIP), 0.0, np.sin(DIP)])
 LEAN, TILTS = np.radians(0.3), np.radians(45.0)
 """Scatter of an accelerometer's vertical, and the inclinations over which a heading is judged."""
 
+TURNED = (
+    "01_undisturbed_slow_rotation_A.mat",
+    "03_undisturbed_slow_rotation_C.hdf5",
+    "05_undisturbed_slow_rotation_with_breaks_B.hdf5",
+    "07_undisturbed_fast_rotation_B.hdf5",
+    "09_undisturbed_fast_rotation_with_breaks_B.hdf5",
+    "21_undisturbed_fast_combined.mat",
+)
+"""The undisturbed trials of BROAD at hand in which a hand turned the unit in a room [Laidig2021]."""
+
 
 class Unit(NamedTuple):
     """A magnetometer that measures ``distortion @ field + bias``, both in µT."""
@@ -73,6 +83,17 @@ def trajectory(rng, *, duration=60.0, rate=50.0, tilt=None):
     within = rotvec_from_quat(quat_multiply(quat_conjugate(q_nb[:-1]), q_nb[1:])) * rate * fine
     at = np.vstack((within[:1], 0.5 * (within[:-1] + within[1:]), within[-1:]))
     return t[::fine], q_nb[::fine], at[::fine]
+
+
+def tumbling(rng, *, duration=120.0, rate=50.0):
+    """Time, attitude and rate of a unit that is turned by hand about all its axes, at some 60°/s."""
+    t = np.arange(round(duration * rate)) / rate
+    waves = [np.sin(2.0 * np.pi * (f * t[:, None] + rng.uniform(size=3))) for f in (0.03, 0.07, 0.13)]
+    turning = sum(rng.normal(size=3) * wave for wave in waves)
+    q_nb = [np.array([1.0, 0.0, 0.0, 0.0])]
+    for step in quat_from_rotvec(turning[:-1] / rate):
+        q_nb.append(quat_multiply(q_nb[-1], step))
+    return t, np.array(q_nb), turning
 
 
 def rates(rng, true, *, rate=50.0, gain_sd=0.0):

@@ -10,8 +10,8 @@ from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.mag.alone import fit_mag
 from plumbob.calib.mag.with_gyr import fit_mag_gyr
 from plumbob.calib.refusal import CaptureRefusedError
-from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
-from tests.calib.mag_scene import FIELD_N, STRENGTH, heading_rms, rates, unit_of
+from plumbob.rotations import quat_conjugate, quat_rotate
+from tests.calib.mag_scene import FIELD_N, STRENGTH, heading_rms, rates, tumbling, unit_of
 
 CAPTURES = 4 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 24
 ONE_VISIT = np.zeros(1, dtype=np.intp)
@@ -24,17 +24,6 @@ def first_order(rng, count, rho):
     for i in range(1, count):
         found[i] = rho * found[i - 1] + white[i]
     return found
-
-
-def tumbling(rng, *, duration=120.0, rate=50.0):
-    """Time, attitude and rate of a unit that is turned by hand about all its axes, at some 60°/s."""
-    t = np.arange(round(duration * rate)) / rate
-    waves = [np.sin(2.0 * np.pi * (f * t[:, None] + rng.uniform(size=3))) for f in (0.03, 0.07, 0.13)]
-    turning = sum(rng.normal(size=3) * wave for wave in waves)
-    q_nb = [np.array([1.0, 0.0, 0.0, 0.0])]
-    for step in quat_from_rotvec(turning[:-1] / rate):
-        q_nb.append(quat_multiply(q_nb[-1], step))
-    return t, np.array(q_nb), turning
 
 
 def steel(rng, place_n):

@@ -5,16 +5,18 @@ import os
 import numpy as np
 import pytest
 
+from plumbob.benchmark.accuracy import read_trial
+from plumbob.benchmark.room import room_of
 from plumbob.calib.mag.turned_field import fit_turned_field, turned
 from plumbob.calib.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.errors import CalibrationError
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply
 from plumbob.units import dps
-from tests.calib.broad_rooms import TURNED, in_a_room
 from tests.calib.mag_scene import (
     DIP,
     STRENGTH,
+    TURNED,
     attitudes,
     field,
     force,
@@ -96,7 +98,8 @@ def test_many_samples_are_thinned():
 @pytest.mark.parametrize("trial", TURNED)
 def test_real_recordings_agree_with_the_reference_attitude(broad_folder, trial):
     """As predicted: 1 for a reference that is the truth, √2 for one whose own fit suffers from the room as much."""
-    imu, room = in_a_room(broad_folder / trial)
+    imu, reference = read_trial(broad_folder / trial)
+    room = room_of(imu, reference)
     found = fit_mag_gyr(imu.t, imu.mag, imu.gyr, acc=imu.acc, gyr_gain_sd=SHEET_GAIN_SD).calibration
     off = np.concatenate((found.bias - room.bias, (found.matrix - room.matrix).ravel()))
     assert np.sqrt(np.mean(off**2 / np.diag(found.covariance))) < 2.0

@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumbob.benchmark.accuracy import read_trial
+from plumbob.benchmark.room import room_of
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.constants import G0
@@ -13,9 +15,9 @@ from plumbob.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.pipeline.calibrate_mag import calibrate_mag
 from plumbob.pipeline.calibration import Capture
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
-from tests.calib.broad_rooms import TURNED, in_a_room
 from tests.calib.mag_scene import (
     STRENGTH,
+    TURNED,
     attitudes,
     field,
     force,
@@ -258,7 +260,8 @@ def test_a_gyroscope_without_a_card_is_to_be_calibrated_first():
 @pytest.mark.parametrize("trial", TURNED)
 def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
     """Within twice the predicted error of the reference's own calibration, which suffers from the room as well."""
-    imu, room = in_a_room(broad_folder / trial)
+    imu, reference = read_trial(broad_folder / trial)
+    room = room_of(imu, reference)
     fit = calibrate_mag(imu)
     assert room.heading_off(fit.calibration) < 2.0 * fit.calibration.quality.heading_sd
     assert fit.calibration.quality.grade != "good"
@@ -266,7 +269,7 @@ def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
 
 def test_where_the_field_is_uneven_the_gyroscope_helps_unasked(broad_folder):
     """Alone, this trial has seven directions, and a misfit that stays; the heading would be off by 4.5°."""
-    imu, _ = in_a_room(broad_folder / TURNED[3])
+    imu, _ = read_trial(broad_folder / TURNED[3])
     with pytest.raises(CaptureRefusedError, match="uneven-field: what the fit leaves does not average out"):
         calibrate_mag(imu, with_="none")
     told = "Fitted with the gyroscope, because otherwise what the fit leaves does not average out"

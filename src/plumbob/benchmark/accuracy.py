@@ -157,7 +157,7 @@ def measure_accuracy(
     calibration: dict[str, str] = {}
     for path in files:
         try:
-            imu, reference = _trial(path)
+            imu, reference = read_trial(path)
         except PlumbobError as error:
             skipped[path.name] = str(error)
             continue
@@ -177,7 +177,14 @@ def measure_accuracy(
     return Accuracy(trials, told, tuple(align), skipped, dict(absent or {}), calibration)
 
 
-def _trial(path: Path) -> tuple[ImuData, AttitudeTrack]:
+def read_trial(path: Path) -> tuple[ImuData, AttitudeTrack]:
+    """Sensor data and reference of a recording.
+
+    Raises
+    ------
+    DecodeError
+        If it does not hold both.
+    """
     recording = io.read(path)
     if recording.imu is None or recording.track is None:
         raise DecodeError("it does not hold both sensor data and a reference")

@@ -35,6 +35,7 @@ def add_parser(verbs: common.Adder) -> None:
     _add_faults(kinds)
     _add_channel(kinds)
     _add_calibration(kinds)
+    _add_rooms(kinds)
     _add_decoders(kinds)
 
 
@@ -118,6 +119,19 @@ def _add_calibration(kinds: common.Adder) -> None:
     p.set_defaults(run=run_calibration)
 
 
+def _add_rooms(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "rooms",
+        help="magnetometers that were turned in real rooms: calibrations beside a reference",
+        description="Calibrate the magnetometer of every recording of a folder that carries a reference, by its own "
+        "samples alone and with the help that is chosen without being told, and print the heading error that each "
+        "calibration predicts beside that by the reference.",
+    )
+    p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
+    common.add_json(p)
+    p.set_defaults(run=run_rooms)
+
+
 def _add_decoders(kinds: common.Adder) -> None:
     p = kinds.add_parser(
         "decoders",
@@ -189,6 +203,17 @@ def run_accuracy(args: argparse.Namespace) -> int:
             align=alignments(args.align),
             progress=advance,
         )
+    return _show(result, args)
+
+
+def run_rooms(args: argparse.Namespace) -> int:
+    """Do it in rooms."""
+    from plumbob.benchmark import trials_in
+    from plumbob.benchmark.rooms import measure_rooms
+
+    files = trials_in(args.folder)
+    with common.progress(f"{len(files)} files", len(files)) as advance:
+        result = measure_rooms(files, progress=advance)
     return _show(result, args)
 
 

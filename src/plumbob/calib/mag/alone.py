@@ -20,6 +20,8 @@ from plumbob.calib.grades import HEADING
 from plumbob.calib.mag.moved import moved
 from plumbob.calib.mag.outcome import (
     DIP,
+    EVEN,
+    STEEL,
     calibration_of,
     dip_of,
     heading_told,
@@ -128,9 +130,17 @@ def _fitted(mag: Floats, shape: Shape | None) -> tuple[NormFit, NormFit, str]:
         return chosen
     fit = None if shape is None else fit_shape(mag, shape)
     if fit is None:
-        reason = f"no ellipsoid fits; {_regions_told(mag - mag.mean(axis=0))}"
-        raise CaptureRefusedError(unturned(mag, _ADVICE) or Reason("too-few-regions", f"{reason}.", _ADVICE))
+        raise CaptureRefusedError(unturned(mag, _ADVICE) or _shapeless(mag))
     return fit, fit, "asked for"
+
+
+def _shapeless(mag: Floats) -> Reason:
+    """Reason to refuse a capture that no ellipsoid fits."""
+    directions = mag - mag.mean(axis=0)
+    if filled(directions).all():
+        what = f"no ellipsoid fits, although all {len(NAMES)} directions were seen: the field itself changed."
+        return Reason("uneven-field", what, f"{STEEL} {EVEN}")
+    return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
 
 
 def _check(mag: Floats, fit: NormFit, full_sd: float, shared: Alike, strength: float | None) -> None:

@@ -1,0 +1,94 @@
+"""A magnetometer that was turned in a real room, and its calibration by a reference attitude."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob import clock
+from plumbob.calib.predicted import TILT_RANGE, attitudes
+from plumbob.cards import TriadCalibration
+from plumbob.check import Floats
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.errors import ShapeError
+from plumbob.evaluate.associate import default_max_gap, read_at
+from plumbob.rotations import dcm_from_quat
+
+DELAYS: Final = np.arange(21) * 2e-3
+"""Delays of the magnetometer against the reference that are tried, s."""
+
+LEAST_SPREAD: Final = 0.1
+"""Standard deviation of the field along the body axis in which it changes least, over the field, that determines it."""
+
+_FEWEST: Final = 100
+_SOME: Final = 5000  # samples by which the delay is told
+_ROUNDS: Final = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """Calibration in which the field, in the axes of a reference, is most nearly one vector.
+
+    Attributes
+    ----------
+    matrix, bias : ndarray (3, 3), (3,)
+        ``field = matrix @ (measured − bias)``, the matrix of determinant 1; µT.
+    field : ndarray (3,)
+        Mean of the field in the reference's axes, the third of which is upright, µT.
+    unevenness : float
+        Root mean square departure of a component from that, µT: of noise, of the reference, and of the room.
+    delay : float
+        Of the magnetometer against the reference, s.
+    """
+
+    matrix: Floats
+    bias: Floats
+    field: Floats
+    unevenness: float
+    delay: float
+
+    def heading_off(self, calibration: TriadCalibration | None, tilt_range: float = TILT_RANGE) -> float:
+        """Root mean square heading error, rad, of a calibration, None for none, over inclinations up to a limit."""
+        matrix, bias = (np.eye(3), np.zeros(3)) if calibration is None else (calibration.matrix, calibration.bias)
+        body_axes = attitudes(tilt_range)
+        measured = body_axes @ self.field @ np.linalg.inv(self.matrix).T + self.bias
+        seen = np.einsum("nij,ni->nj", body_axes, (measured - bias) @ matrix.T)
+        off = (seen[:, 0] + 1j * seen[:, 1]) / (self.field[0] + 1j * self.field[1])
+        return float(np.sqrt(np.mean(np.angle(off) ** 2)))
+
+
+def room_of(imu: ImuData, reference: AttitudeTrack) -> Room:
+    """Calibrate the magnetometer of a recording by its reference attitude.
+
+    Raises
+    ------
+    ShapeError
+        If there is no magnetometer, or it has too few samples with a reference.
+    """
+    mag = imu.usable("mag")
+    t_ns = clock.to_ns(imu.t)
+    present = np.flatnonzero(np.isfinite(mag).all(axis=1))
+    some = present[:: max(1, len(present) // _SOME)]
+    delay = min(DELAYS, key=lambda late: _fitted(mag[some], t_ns[some], reference, late).unevenness)
+    return _fitted(mag[present], t_ns[present], reference, float(delay))
+
+
+def _fitted(mag: Floats, t_ns: NDArray[np.int64], reference: AttitudeTrack, delay: float) -> Room:
+    """Alternate between the field, and matrix and bias, in which the measured field is linear."""
+    q_nb = read_at(reference, t_ns, max_gap=default_max_gap(reference), offset=delay).q_nb
+    known = np.isfinite(q_nb).all(axis=1)
+    if np.count_nonzero(known) < _FEWEST:
+        raise ShapeError(f"{np.count_nonzero(known)} samples of the field have a reference; {_FEWEST} are needed")
+    turns, mag = dcm_from_quat(q_nb[known]), mag[known]
+    distortion, bias, field = np.eye(3), np.zeros(3), np.zeros(3)
+    for _ in range(_ROUNDS):
+        field = np.einsum("nij,nj->ni", turns, (mag - bias) @ np.linalg.inv(distortion).T).mean(axis=0)
+        seen = np.einsum("nji,j->ni", turns, field)
+        if np.linalg.eigvalsh(np.cov(seen.T))[0] < (LEAST_SPREAD * np.linalg.norm(field)) ** 2:
+            raise ShapeError("the unit was not turned enough for its reference to calibrate the magnetometer")
+        found = np.linalg.lstsq(np.column_stack((seen, np.ones(len(seen)))), mag, rcond=None)[0]
+        distortion, bias = found[:3].T / np.cbrt(np.linalg.det(found[:3])), found[3]
+    left = mag - seen @ distortion.T - bias
+    matrix = np.asarray(np.linalg.inv(distortion), dtype=np.float64)
+    return Room(matrix, bias, field, float(np.sqrt(np.mean(left**2))), delay)

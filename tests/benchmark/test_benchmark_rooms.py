@@ -1,0 +1,90 @@
+"""Calibrations in rooms: a planted magnetometer is found by the reference, and errors are those of the truth."""
+
+import json
+
+import numpy as np
+import pytest
+
+from plumbob.benchmark.room import room_of
+from plumbob.benchmark.rooms import Outcome, Rooms, Trial, measure_rooms
+from plumbob.cards import TriadCalibration
+from plumbob.data import AttitudeTrack, ImuData, North
+from plumbob.errors import DecodeError, ShapeError
+from plumbob.rotations import Frame, quat_conjugate, quat_from_rotvec, quat_rotate
+from tests.calib.mag_scene import FIELD_N, TURNED, field, tumbling, unit_of
+
+LATE = 5  # samples of 2 ms
+
+
+@pytest.fixture(scope="module")
+def turned():
+    """Unit, its measurements without noise, 10 ms late, and the attitude, from north, east and down."""
+    rng = np.random.default_rng(31)
+    unit = unit_of(rng)
+    t, q_nb, _ = tumbling(rng, duration=20.0, rate=500.0)
+    mag = field(rng, unit, q_nb, sd=0.0, step=0.0)
+    track = AttitudeTrack(t=t[LATE:], q_nb=q_nb[LATE:], frame=Frame.NED, north=North.MAGNETIC)
+    return unit, ImuData(t=t[LATE:], mag=mag[:-LATE]), track
+
+
+def triad(matrix, bias):
+    return TriadCalibration(matrix=matrix, bias=bias, unit_in="uT", unit_out="uT")
+
+
+def test_a_planted_magnetometer_is_found_with_its_delay(turned):
+    unit, imu, track = turned
+    room = room_of(imu, track)
+    size = np.cbrt(np.linalg.det(unit.matrix))
+    assert room.delay == pytest.approx(0.01)
+    assert room.bias == pytest.approx(unit.bias, abs=0.01)
+    assert room.matrix == pytest.approx(unit.matrix / size, abs=1e-3)
+    assert room.field == pytest.approx(FIELD_N / size, abs=0.05)
+    assert room.unevenness < 0.01
+
+
+def test_heading_errors_are_those_of_the_truth(turned):
+    """A hard iron b that is not found turns the level heading by |b × h| / h², on average over courses b / (h √2)."""
+    _, imu, track = turned
+    room = room_of(imu, track)
+    assert room.heading_off(triad(room.matrix, room.bias)) == pytest.approx(0.0, abs=1e-12)
+    assert room.heading_off(triad(3.0 * room.matrix, room.bias)) == pytest.approx(0.0, abs=1e-12)
+    small = np.linalg.inv(room.matrix) @ np.array([0.1, 0.0, 0.0])
+    level = np.linalg.norm(room.field[:2])
+    off = room.heading_off(triad(room.matrix, room.bias + small), tilt_range=1e-6)
+    assert off == pytest.approx(0.1 / level / np.sqrt(2.0), rel=1e-3)
+
+
+def test_a_unit_that_only_turns_level_tells_no_room(turned):
+    _, imu, track = turned
+    course = np.column_stack((np.zeros((1000, 2)), np.linspace(0.0, 6.0, 1000)))
+    level = AttitudeTrack(t=imu.t[:1000], q_nb=quat_from_rotvec(course), frame=Frame.NED, north=North.MAGNETIC)
+    mag = quat_rotate(quat_conjugate(level.q_nb), FIELD_N)
+    with pytest.raises(ShapeError, match="not turned enough"):
+        room_of(ImuData(t=level.t, mag=mag), level)
+    few = AttitudeTrack(t=track.t[:50], q_nb=track.q_nb[:50], frame=Frame.NED, north=North.MAGNETIC)
+    with pytest.raises(ShapeError, match=r"5[0-9] samples of the field have a reference; 100 are needed"):
+        room_of(imu[:100], few)
+
+
+def test_a_real_room(broad_folder, tmp_path):
+    path = tmp_path / "nothing.csv"
+    path.write_text("t\n0\n", encoding="utf-8")
+    found = measure_rooms([broad_folder / TURNED[3], path])
+    ((name, trial),) = found.trials.items()
+    assert name == TURNED[3].removesuffix(".hdf5")
+    assert trial.outcomes["alone"] == Outcome(refused="uneven-field")
+    assert trial.outcomes["chosen"].off_deg < trial.raw_deg
+    assert list(found.skipped) == ["nothing.csv"]
+    assert json.loads(json.dumps(found.as_dict()))["trials"][name]["alone"]["refused"] == "uneven-field"
+    with pytest.raises(DecodeError, match="no file holds both a magnetometer and a reference"):
+        measure_rooms([path])
+
+
+def test_the_table_has_the_ratio_over_all_rooms():
+    """√((0.5² + 1.5²)/2) = 1.118; a refused one has none."""
+    trials = {
+        "a": Trial(0.5, 3.0, {"alone": Outcome(refused="cone"), "chosen": Outcome(0.5, 1.0)}),
+        "b": Trial(0.7, 2.0, {"alone": Outcome(refused="cone"), "chosen": Outcome(3.0, 2.0)}),
+    }
+    last = Rooms(trials, {}).text().splitlines()[-1].split()
+    assert last[-2:] == ["–", "1.12"]
