@@ -7,7 +7,8 @@ import pytest
 
 from plumbob.benchmark.accuracy import read_trial
 from plumbob.benchmark.room import room_of
-from plumbob.calib.mag.turned_field import fit_turned_field, turned
+from plumbob.calib.mag.chained import chained
+from plumbob.calib.mag.turned_field import fit_turned_field
 from plumbob.calib.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.errors import CalibrationError
@@ -35,6 +36,11 @@ def scene(seed, *, gain_sd=0.0, **motion):
     unit = unit_of(rng)
     t, q_nb, true = trajectory(rng, **motion)
     return unit, (t, field(rng, unit, q_nb), rates(rng, true, gain_sd=gain_sd)), force(rng, q_nb)
+
+
+def turned(t, gyr):
+    """Attitudes (N, 3, 3) from the axes of a body that starts at one to those of the start."""
+    return dcm_from_quat(chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis]))
 
 
 @pytest.mark.parametrize("gain_sd", [0.0, GAIN_SD])

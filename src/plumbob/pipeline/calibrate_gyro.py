@@ -10,8 +10,9 @@ from plumbob import flags
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.gyr.ferraris import fit_ferraris
 from plumbob.calib.gyr.ferraris_parts import find_parts
-from plumbob.calib.gyr.hand import find_motions, fit_hand
+from plumbob.calib.gyr.hand import fit_hand
 from plumbob.calib.gyr.known import UNCALIBRATED
+from plumbob.calib.gyr.motions import find_motions
 from plumbob.calib.gyr.preset import fit_trackball
 from plumbob.calib.gyr.rest import fit_rest
 from plumbob.calib.gyr.temperature import fit_temperature

@@ -4,14 +4,10 @@ Where the unit came to rest, the accelerometer measures the direction of gravity
 integrated during the motion, it must be the direction before. All nine entries of the matrix follow, relative to the
 axes of the accelerometer, so both triads share their axes afterwards. Heading plays no part: a turn about the vertical
 says nothing, so the unit has to be turned over in every way.
-
-Departures from [Tedaldi2014]: the integration is exact on SO(3) instead of Runge-Kutta of the fourth order; its
-derivative is formed along with it, so that a few steps of Gauss and Newton suffice; the bias takes part with what the
-rest says about it; the axes are all the accelerometer's, none is fixed to the gyroscope's own.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
@@ -24,30 +20,20 @@ from plumbob.calib.grades import RATE, SCALE, grade_of, worst_of
 from plumbob.calib.gyr.flat_tops import flat_tops
 from plumbob.calib.gyr.force import Coupling, coupling_at_rest
 from plumbob.calib.gyr.known import UNCALIBRATED, without_known
+from plumbob.calib.gyr.motion_fit import FEWEST, MotionFit, fit_motions, typical_miss
+from plumbob.calib.gyr.motions import SMALLEST, Motion, find_motions
 from plumbob.calib.gyr.plausible import beyond_bias, dead_axes
 from plumbob.calib.gyr.rest import bias_of, rest
 from plumbob.calib.gyr.swapped_axes import swapped
-from plumbob.calib.gyr.turn import accumulate, rotation_vectors
-from plumbob.calib.normal import inverse_of
 from plumbob.calib.refusal import Reason, refuse
 from plumbob.cards import Quality, TriadCalibration
 from plumbob.check import Floats
 from plumbob.constants import G0
-from plumbob.rotations import dcm_from_quat, skew
-from plumbob.units import deg, to_deg, to_dps
-
-FEWEST: Final = 9
-"""Fewest motions: each gives two equations, and some must be left to show what they are worth."""
-
-SMALLEST: Final = float(deg(15.0))
-"""Smallest change of the direction of gravity that makes a motion, rad."""
+from plumbob.units import to_deg, to_dps
 
 UNTOLD: Final = 1e4
 """Condition number of the normal equations, scaled, from which on entries of the matrix are not told apart; 20 motions
 about random axes have 3 to 10."""
-
-FAR: Final = 5.0
-"""Robust standard deviations from which on a motion is an outlier."""
 
 SHORTEST: Final = 20
 """Samples from which on rates between stretches at rest show a dead axis: coarse steps repeat in a few."""
@@ -55,33 +41,12 @@ SHORTEST: Final = 20
 STRANGE: Final = 0.3
 """Difference of the matrix from the identity beyond that of any gyroscope that works."""
 
-_STEPS = 8
 _EVERY = 0.99  # of the samples must have a specific force, for a card of g-sensitivity takes the rate of others away
 _WRONG_GRAVITY = 0.05
 _ADVICE = (
     "Let the unit lie for 30 s, then turn it by a quarter or half a turn, about another axis each time, and put it "
     "down for 2 s each time: 20 poses or more, all six faces among them."
 )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Motion:
-    """One motion between two poses.
-
-    Attributes
-    ----------
-    rate : ndarray (N, 3)
-        Measured rates from the last instant at rest to the next first one, rad/s.
-    dt : ndarray (N−1,)
-        Steps, s.
-    before, after : ndarray (3,)
-        Directions of the specific force at rest, unit vectors.
-    """
-
-    rate: Floats
-    dt: Floats
-    before: Floats
-    after: Floats
 
 
 def fit_hand(
@@ -137,7 +102,7 @@ def fit_hand(
     flat = flat_tops(rates, where)
     motions, spoilt = find_motions(t, left, force, where, flat if clipped is None else flat | clipped)
     refuse(_unfit(motions, spoilt, force, where))
-    fit = _fit(motions, bias, spread)
+    fit = fit_motions(motions, bias, spread)
     refuse(_unsound(fit, motions, bias))
     used = int(fit.used.sum())
     calibration = replace(
@@ -177,50 +142,6 @@ def _coupled(coupling: Coupling | None) -> tuple[str, ...]:
     )
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Fit:
-    matrix: Floats
-    bias: Floats
-    covariance: Floats  # (12, 12)
-    residuals: Floats  # (motions, 3), of unit vectors
-    used: NDArray[np.bool_]
-    condition: float
-
-    @property
-    def bias_sd(self) -> Floats:
-        return np.asarray(np.sqrt(np.diag(self.covariance)[:3]))
-
-    @property
-    def matrix_sd(self) -> Floats:
-        return np.asarray(np.sqrt(np.diag(self.covariance)[3:]).reshape(3, 3))
-
-
-def find_motions(
-    t: Floats, gyr: Floats, acc: Floats, where: Sequence[slice], clipped: NDArray[np.bool_] | None = None
-) -> tuple[list[Motion], dict[str, int]]:
-    """Motions between stretches at rest that tilted the unit, and how many were left out, by reason."""
-    found, spoilt = [], {"clipping": 0, "gap": 0}
-    step = 1.5 * float(np.median(np.diff(t)))
-    for first, second in pairwise(where):
-        span = slice(first.stop - 1, second.start + 1)
-        before, after = _direction(acc[first]), _direction(acc[second])
-        if float(before @ after) > np.cos(SMALLEST):
-            continue
-        dt = np.diff(t[span])
-        if clipped is not None and clipped[span].any():
-            spoilt["clipping"] += 1
-        elif dt.max() > step or not np.isfinite(gyr[span]).all():
-            spoilt["gap"] += 1
-        else:
-            found.append(Motion(gyr[span], dt, before, after))
-    return found, spoilt
-
-
-def _direction(acc: Floats) -> Floats:
-    mean = acc.mean(axis=0)
-    return np.asarray(mean / np.linalg.norm(mean))
-
-
 def _unfit(motions: Sequence[Motion], spoilt: dict[str, int], acc: Floats, where: Sequence[slice]) -> list[Reason]:
     """Reasons why there is nothing to fit."""
     reasons = []
@@ -240,74 +161,14 @@ def _unfit(motions: Sequence[Motion], spoilt: dict[str, int], acc: Floats, where
     return reasons
 
 
-def _fit(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats) -> _Fit:
-    """Least squares over bias and matrix, with outliers set aside once."""
-    used = np.ones(len(motions), dtype=bool)
-    fit = _least_squares(motions, rest_bias, rest_sd, used)
-    size = np.linalg.norm(fit.residuals, axis=1)
-    far = FAR * 1.4826 * float(np.median(size))
-    if (size > far).any() and np.count_nonzero(size <= far) >= FEWEST:
-        fit = _least_squares(motions, rest_bias, rest_sd, size <= far)
-    return fit
-
-
-def _least_squares(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats, used: NDArray[np.bool_]) -> _Fit:
-    """Gauss and Newton, in which the bias at rest is one more measurement of the bias."""
-    parameters = np.concatenate((rest_bias, np.eye(3).ravel()))
-    weight = np.zeros((12, 12))
-    free = 2.0 * np.count_nonzero(used) - 9.0  # a unit vector has two components
-    floor = np.finfo(np.float64).eps
-    for step in range(_STEPS):
-        left, slope = _misses(motions, parameters)
-        noise = max(float(np.sum(left[used] ** 2)) / free, floor)
-        held = noise / np.maximum(rest_sd, floor) ** 2
-        # Before the first step the misses are those of an uncalibrated unit and say nothing of the noise.
-        weight[:3, :3] = np.diag(held if step else np.full(3, 1.0 / floor))
-        rows, misses = slope[used].reshape(-1, 12), left[used].ravel()
-        normal = rows.T @ rows + weight
-        away = np.concatenate((rest_bias - parameters[:3], np.zeros(9)))
-        inverse = inverse_of(normal).matrix  # bias and matrix, whose sizes differ by many powers of ten, count alike
-        parameters = parameters + inverse @ (rows.T @ misses + weight @ away)
-    left, _ = _misses(motions, parameters)
-    matrix = rows[:, 3:].T @ rows[:, 3:]
-    scale = np.sqrt(np.maximum(np.diag(matrix), floor))
-    condition = float(np.linalg.cond(matrix / np.outer(scale, scale)))
-    return _Fit(parameters[3:].reshape(3, 3), parameters[:3], noise * inverse, left, used, condition)
-
-
-def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floats]:
-    """Measured less predicted direction after each motion (m, 3), and the prediction's derivative (m, 3, 12)."""
-    bias, matrix = parameters[:3], parameters[3:].reshape(3, 3)
-    each = [_predicted(motion, bias, matrix) for motion in motions]
-    left = np.array([motion.after - after for motion, (after, _) in zip(motions, each, strict=True)])
-    return left, np.array([slope for _, slope in each])
-
-
-def _predicted(motion: Motion, bias: Floats, matrix: Floats) -> tuple[Floats, Floats]:
-    """Direction after a motion (3,), and its derivative by bias and matrix (3, 12).
-
-    With R from the axes now to those before, after = Rᵀ before. A change δω of the rates turns R by δθ = ∫ R δω dt in
-    the axes before, so that after changes by Rᵀ (before × δθ).
-    """
-    open_rate = motion.rate - bias
-    quat = np.empty((len(open_rate), 4))
-    accumulate(rotation_vectors(open_rate @ matrix.T, motion.dt), quat)
-    turned = dcm_from_quat(quat)
-    share = np.append(0.5 * motion.dt, 0.0) + np.append(0.0, 0.5 * motion.dt)  # the trapezoidal rule
-    by_matrix = np.einsum("kai,kj,k->aij", turned, open_rate, share, optimize=True).reshape(3, 9)
-    by_bias = -np.einsum("kai,k->ai", turned, share) @ matrix
-    back = turned[-1].T
-    return back @ motion.before, back @ skew(motion.before) @ np.hstack((by_bias, by_matrix))
-
-
-def _unsound(fit: _Fit, motions: Sequence[Motion], bias: Floats) -> list[Reason]:
+def _unsound(fit: MotionFit, motions: Sequence[Motion], bias: Floats) -> list[Reason]:
     """Reasons why the result is none."""
     sd = fit.matrix_sd
     wrong = not (sd.max() <= SCALE.poor and np.abs(fit.matrix - np.eye(3)).max() <= STRANGE)
-    reasons = swapped(lambda way: _typical_miss(motions, bias, way)) if wrong else []
+    reasons = swapped(lambda way: typical_miss(motions, bias, way)) if wrong else []
     if reasons:
         return reasons
-    miss = _typical_miss(motions, bias, np.eye(3)) if wrong else 0.0
+    miss = typical_miss(motions, bias, np.eye(3)) if wrong else 0.0
     if miss > SMALLEST:
         text = f"Turned by the rates as they are, gravity comes out {to_deg(miss):.0f}° off after a motion (median)."
         advice = (
@@ -327,11 +188,6 @@ def _unsound(fit: _Fit, motions: Sequence[Motion], bias: Floats) -> list[Reason]
     return reasons
 
 
-def _typical_miss(motions: Sequence[Motion], bias: Floats, matrix: Floats) -> float:
-    left, _ = _misses(motions, np.concatenate((bias, matrix.ravel())))
-    return float(np.median(np.linalg.norm(left, axis=1)))
-
-
 def _flat(flat: NDArray[np.bool_], clipped: NDArray[np.bool_] | None) -> tuple[str, ...]:
     undeclared = np.count_nonzero(flat if clipped is None else flat & ~clipped)
     if not undeclared:
@@ -342,7 +198,7 @@ def _flat(flat: NDArray[np.bool_], clipped: NDArray[np.bool_] | None) -> tuple[s
     )
 
 
-def _remarks(fit: _Fit, spoilt: dict[str, int], acc_calibrated: bool) -> tuple[str, ...]:
+def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> tuple[str, ...]:
     size = to_deg(float(np.sqrt(np.mean(np.sum(fit.residuals[fit.used] ** 2, axis=1)))))
     told = [f"Gravity comes out {size:.2g}° (rms) off after a motion; axes are those of the accelerometer."]
     if not acc_calibrated:

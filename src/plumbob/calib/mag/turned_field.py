@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.alike import Alike, memory, visits
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
+from plumbob.calib.mag.chained import by_error, chained
+from plumbob.calib.mag.field_start import across, start_of
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
 from plumbob.units import dps
@@ -33,7 +35,6 @@ _FIELD: Final = 14  # parameters before those of the gyroscope
 _BIAS_SD: Final = float(dps(10.0))  # rad/s; no MEMS gyroscope is off by more, and most by less
 _DELAY_SD: Final = 0.02  # s; periods of 10 ms, and filters of as much again
 _EXACT: Final = 1e-6  # gain that counts as known
-_DIRECTIONS: Final = 400
 _STEPS: Final = 40
 _ROUNDS: Final = 12
 _ENOUGH: Final = 1e-2  # of the parameters' standard deviations
@@ -117,29 +118,6 @@ def fit_turned_field(
     return fit.result(middle, size) if fit.run() else None
 
 
-def turned(t: Floats, gyr: Floats) -> Floats:
-    """Attitudes (N, 3, 3) of a body that starts at one: from its axes to those of the start.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Rates, rad/s.
-    """
-    return dcm_from_quat(_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis]))
-
-
-def _chained(angles: Floats) -> Floats:
-    """Attitudes (N + 1, 4) that rotations (N, 3) in turning axes lead to."""
-    q = quat_from_rotvec(np.vstack((np.zeros(3), angles)))
-    reach = 1
-    while reach < len(q):  # products of 2, 4, 8, … rotations up to each one
-        q[reach:] = quat_multiply(q[:-reach], q[reach:])
-        reach *= 2
-    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
-
-
 class _Fit:
     """Steps of Gauss and Newton on all parameters and the knots of the random walk."""
 
@@ -147,7 +125,7 @@ class _Fit:
         self.mag, self.gyr = mag, gyr[seen]
         nodes = np.union1d(seen, np.searchsorted(t, np.arange(t[0], t[-1], _NODE)))
         self.seen, self.dt = np.searchsorted(nodes, seen), np.diff(t[nodes])[:, np.newaxis]
-        q = _chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
+        q = chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
         self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
         self.gyr_tight = 1.0 / np.repeat((_BIAS_SD, max(gyr_gain_sd, _EXACT), _DELAY_SD), (3, 9, 1)) ** 2
         self.used = np.ones(len(mag), dtype=np.bool_)
@@ -160,7 +138,7 @@ class _Fit:
         self.lean = np.zeros((count + 1, 3))
         self.changes = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(3))  # from knot to knot
         self.turns = self._turns()
-        self.h, self.distortion, self.bias = _start(mag, self.turns)
+        self.h, self.distortion, self.bias = start_of(mag, self.turns)
         self.sd, self.alike = self._scale(), Alike(1.0)
 
     def run(self, *, robust: bool = False) -> bool:
@@ -219,12 +197,12 @@ class _Fit:
     def _turns(self) -> Floats:
         """Attitudes (M, 3, 3), and beside them how they lean by the gyroscope's errors."""
         angles = self.angles + self.angles @ self._gain().T - self.gyr_errors[:3] * self.dt
-        whole = dcm_from_quat(_chained(angles))
+        whole = dcm_from_quat(chained(angles))
         middle = whole[:-1] @ dcm_from_quat(quat_from_rotvec(0.5 * angles))
-        by_error = _by_error((whole[:-1] + 4.0 * middle + whole[1:]) / 6.0, self.angles, self.dt)
-        sums = np.concatenate((np.zeros((1, 3, 12)), np.cumsum(by_error, axis=0)))[self.seen]
+        leans = by_error((whole[:-1] + 4.0 * middle + whole[1:]) / 6.0, self.angles, self.dt)
+        sums = np.concatenate((np.zeros((1, 3, 12)), np.cumsum(leans, axis=0)))[self.seen]
         self.now, delay = whole[self.seen], float(self.gyr_errors[12])
-        self.by_gyr = sums - _by_error(self.now, delay * self.gyr, np.full((len(self.now), 1), delay))
+        self.by_gyr = sums - by_error(self.now, delay * self.gyr, np.full((len(self.now), 1), delay))
         self.rate = self.gyr + self.gyr @ self._gain().T - self.gyr_errors[:3]
         return np.asarray(self.now @ dcm_from_quat(quat_from_rotvec(-delay * self.rate)))
 
@@ -304,7 +282,7 @@ class _Fit:
             rows[:, i, 9 + i] = 1.0
         back = self.distortion @ np.swapaxes(self.turns, 1, 2)
         lean = back @ skew(self.h)
-        rows[:, :, 12:14] = back @ _across(self.h)
+        rows[:, :, 12:14] = back @ across(self.h)
         rows[:, :, _FIELD : PARAMETERS - 1] = lean @ self.by_gyr
         rows[:, :, PARAMETERS - 1] = np.cross(self.rate, seen) @ self.distortion.T
         rows[:, :, PARAMETERS:] = lean
@@ -313,17 +291,11 @@ class _Fit:
     def _move(self, step: Floats) -> None:
         self.distortion = self.distortion + step[:9].reshape(3, 3)
         self.bias = self.bias + step[9:12]
-        h = self.h + _across(self.h) @ step[12:14]
+        h = self.h + across(self.h) @ step[12:14]
         self.h = h / np.linalg.norm(h)
         self.gyr_errors = self.gyr_errors + step[_FIELD:PARAMETERS]
         self.lean[1:] += step[PARAMETERS:].reshape(-1, 3)
         self.turns = self._turns()
-
-
-def _by_error(turns: Floats, angles: Floats, dt: Floats) -> Floats:
-    """How attitudes (N, 3, 3) lean by bias and gain of a gyroscope that measures angles (N, 3) in dt (N, 1)."""
-    by_gain = np.einsum("nij,nk->nijk", turns, angles).reshape(-1, 3, 9)
-    return np.concatenate((-turns * dt[:, np.newaxis], by_gain), axis=2)
 
 
 def _inverse(normal: Floats) -> Floats:
@@ -332,33 +304,3 @@ def _inverse(normal: Floats) -> Floats:
     sizes, axes = np.linalg.eigh(normal / np.outer(spread, spread))
     inverse = (axes / np.maximum(sizes, 1e-14 * sizes[-1])) @ axes.T
     return np.asarray(inverse / np.outer(spread, spread))
-
-
-def _across(h: Floats) -> Floats:
-    """Two directions across h, as columns (3, 2)."""
-    return np.linalg.svd(h[np.newaxis])[2][1:].T
-
-
-def _start(mag: Floats, turns: Floats) -> tuple[Floats, Floats, Floats]:
-    """Field's direction, A and b: the best of many directions, for each of which A and b are linear."""
-    seen = np.hstack((turns.reshape(-1, 9), np.ones((len(turns), 1))))
-    power, cross = seen.T @ seen, seen.T @ mag
-    best: tuple[Floats, Floats, Floats] = (np.zeros(3), np.eye(3), np.zeros(3))
-    least = math.inf
-    for h in _directions():
-        pick = np.zeros((4, 10))
-        pick[:3, :9] = np.kron(h, np.eye(3))
-        pick[3, 9] = 1.0
-        found, *_ = np.linalg.lstsq(pick @ power @ pick.T, pick @ cross, rcond=None)
-        left = -float(np.sum((pick @ cross) * found))
-        if left < least and np.linalg.det(found[:3]) > 0.0:
-            best, least = (h, np.asarray(found[:3].T, dtype=np.float64), np.asarray(found[3], dtype=np.float64)), left
-    return best
-
-
-def _directions() -> Floats:
-    """Directions that are spread evenly over a sphere along a spiral of golden angles."""
-    k = np.arange(_DIRECTIONS) + 0.5
-    up, angle = 1.0 - 2.0 * k / _DIRECTIONS, math.pi * (3.0 - math.sqrt(5.0)) * k
-    level = np.sqrt(1.0 - up * up)
-    return np.column_stack((level * np.cos(angle), level * np.sin(angle), up))
