@@ -8,7 +8,7 @@ about which the unit is turned. The length of the field then errs by ``(G b̂)·
 direction. The part of ``G b̂`` across the field is seen: it stays in the residuals, slowly changing. The part along it
 is not: it is a hard iron of that size along l, for as long as the capture may last. For a G of no preferred direction
 the two are about equal, so the slow part of the residuals tells how large the unseen error is: as large as if there had
-been 4.5 samples.
+been 4.5 samples. What visits share because noise was filtered, by its memory from sample to sample, is no such part.
 """
 
 import math
@@ -84,24 +84,37 @@ def memory(residuals: Floats, starts: NDArray[np.intp]) -> float:
 
     (1 + ρ)/(1 − ρ) of a first-order process, ρ the correlation of neighbours.
     """
-    of_samples = _together(residuals - residuals.mean()) if len(residuals) >= LONG else 1.0
+    of_samples = _together(_correlation(residuals - residuals.mean())) if len(residuals) >= LONG else 1.0
     if len(starts) < FEWEST_VISITS:
         return of_samples
     means = _means(residuals, starts)
-    if (of_visits := _together(means)) == 1.0:
+    if (stays := _correlation(means)) == 0.0:
         return of_samples
-    return max(of_samples, of_visits * _per_sample(float(means @ means) / len(means), residuals) / len(means))
+    return max(of_samples, _together(stays) * _per_sample(float(means @ means) / len(means), residuals) / len(means))
 
 
 def _unevenness(residuals: Floats, starts: NDArray[np.intp]) -> float:
-    """How many residuals (N,) count as one, if what stays from visit to visit is a field that is uneven."""
-    if len(starts) < FEWEST_VISITS or _together(means := _means(residuals, starts)) == 1.0:
+    """How many residuals (N,) count as one, if what visits share beyond what noise does is an uneven field."""
+    if len(starts) < FEWEST_VISITS:
         return 1.0
-    return max(1.0, _per_sample(float(means[1:] @ means[:-1]) / (len(means) - 1), residuals) / SLOW)
+    means, power = _means(residuals, starts), float(residuals @ residuals) / len(residuals)
+    shared = float(means[1:] @ means[:-1]) / (len(means) - 1)
+    shared -= power * _of_noise(_correlation(residuals), len(residuals) / len(means))
+    if not shared > _CHANCE * float(means @ means) / len(means) ** 1.5:
+        return 1.0
+    return max(1.0, _per_sample(shared, residuals) / SLOW)
 
 
 def _means(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
     return np.asarray(np.add.reduceat(residuals, starts) / np.diff(starts, append=len(residuals)))
+
+
+def _of_noise(rho: float, size: float) -> float:
+    """Covariance of the means of neighbouring visits of a size, of a first-order process of correlation ρ and power 1.
+
+    Of ρ^(j + k + 1), j samples before the border and k after it, the mean over all pairs.
+    """
+    return rho * ((1.0 - rho**size) / (size * (1.0 - rho))) ** 2 if rho < 1.0 else 1.0
 
 
 def _per_sample(variance: float, residuals: Floats) -> float:
@@ -109,12 +122,15 @@ def _per_sample(variance: float, residuals: Floats) -> float:
     return variance * len(residuals) ** 2 / float(residuals @ residuals)
 
 
-def _together(values: Floats) -> float:
-    """How many neighbours among values (N,) count as one; 1 where chance explains their correlation."""
+def _correlation(values: Floats) -> float:
+    """Correlation of neighbours among values (N,); 0 where chance explains it."""
     power = float(values @ values)
     rho = float(values[1:] @ values[:-1]) / power if power > 0.0 else 0.0
-    if rho <= _CHANCE / math.sqrt(len(values)):
-        return 1.0
+    return rho if rho > _CHANCE / math.sqrt(len(values)) else 0.0
+
+
+def _together(rho: float) -> float:
+    """How many neighbours of a first-order process count as one."""
     return (1.0 + rho) / (1.0 - min(rho, _STAYING))
 
 
