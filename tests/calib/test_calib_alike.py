@@ -5,13 +5,15 @@ import os
 import numpy as np
 import pytest
 
-from plumbob.calib.ellipsoid.alike import SLOW, alike, memory, visits
+from plumbob.calib.ellipsoid.alike import SLOW, alike, memory
 from plumbob.calib.ellipsoid.norm_fit import Shape
+from plumbob.calib.ellipsoid.visits import visits
 from plumbob.calib.mag.alone import fit_mag
+from plumbob.calib.mag.with_acc import fit_mag_acc
 from plumbob.calib.mag.with_gyr import fit_mag_gyr
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.rotations import quat_conjugate, quat_rotate
-from tests.calib.mag_scene import FIELD_N, STRENGTH, field, heading_rms, rates, tumbling, unit_of
+from tests.calib.mag_scene import FIELD_N, STRENGTH, attitudes, field, force, heading_rms, rates, tumbling, unit_of
 
 CAPTURES = 24
 many = pytest.mark.skipif(
@@ -93,13 +95,13 @@ def test_noise_alone_is_taken_as_it_is(still):
 
 
 def test_what_stays_counts_as_four_and_a_half_samples():
-    """Slow errors of power 1 beside noise of power 1, with ρ = 0.9 from visit to visit."""
+    """Errors of power 1 that stay in each of 400 visits, of which a fit takes up 9, beside noise of power 1."""
     rng = np.random.default_rng(19)
     slow = np.repeat(first_order(rng, 400, 0.9), 25)
     slow /= slow.std()
     directions = np.repeat(rng.normal(size=(400, 3)), 25, axis=0)
     found = alike(slow + rng.normal(size=10_000), directions, np.ones(10_000, dtype=bool))
-    assert found.unevenness == pytest.approx(0.9 * 0.5 * 10_000 / SLOW, rel=0.1)
+    assert found.unevenness == pytest.approx(0.5 * 400 / 391 * 10_000 / SLOW, rel=0.1)
 
 
 @many
@@ -137,6 +139,26 @@ def test_the_covariance_is_honest_near_steel(lever):
     assert told > 0.9 * len(ratios) > 0.45 * CAPTURES
     assert 0.25 < np.sqrt(np.mean(np.square(ratios))) < 1.5
     assert max(ratios) < 3.0
+
+
+def test_poses_at_rest_show_an_uneven_field_too():
+    """40 poses of 100 samples, a gradient of 3 µT/m and 0.3 m of arm: errors that each pose keeps, and no other has."""
+    ratios = []
+    for seed in range(CAPTURES // 2):
+        rng = np.random.default_rng([23, seed])
+        unit, q_nb = unit_of(rng), np.repeat(attitudes(rng, 40), 100, axis=0)
+        gradient = rng.normal(size=(3, 3))
+        gradient += gradient.T
+        gradient -= np.eye(3) * np.trace(gradient) / 3.0
+        place_n = quat_rotate(q_nb, np.array([0.3, 0.0, 0.0]))
+        off_b = quat_rotate(quat_conjugate(q_nb), place_n @ gradient * 3.0 / np.linalg.norm(gradient))
+        mag = field(rng, unit, q_nb) + off_b @ unit.distortion.T
+        fit = fit_mag_acc(mag, force(rng, q_nb), strength=STRENGTH)
+        assert is_uneven(fit)
+        ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
+        even = fit_mag_acc(field(rng, unit, q_nb), force(rng, q_nb), strength=STRENGTH)
+        assert not is_uneven(even)
+    assert 0.25 < np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
 @many

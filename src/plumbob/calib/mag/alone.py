@@ -37,7 +37,6 @@ from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
 from plumbob.calib.regions import NAMES, filled, names_of
 from plumbob.check import Floats
-from plumbob.units import to_deg
 
 LEAST_CHANGE: Final = 5.0
 """Root mean square change of the field below which the unit was not turned, µT: a level field of 10 µT makes 7."""
@@ -91,12 +90,10 @@ def fit_mag(
     size = strength or radius
     dip = _dip(mag, fit, acc) if dip is None else dip
     shared = alike_in(full, mag)
-    sd, full_sd = (
-        heading_sd(*scaled(each, strength, alike=shared.factor), size=size, dip=dip, tilt_range=tilt_range)
-        for each in (fit, full)
-    )
-    _check(mag, fit, full_sd, shared, strength)
-    matrix, covariance = scaled(fit, strength, alike=shared.factor)
+    matrix, _ = scaled(fit, strength, alike=shared.factor)
+    _, covariance = scaled(full, strength, alike=shared.factor)  # what is too small to show may be there all the same
+    sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
+    _check(mag, fit, sd, shared, strength)
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.ellipsoid.centre,
@@ -108,11 +105,10 @@ def fit_mag(
         method=f"magnetometer alone: {_WORDS[fit.shape]}",
         condition=fit.condition,
         heading_sd=sd,
-        graded_sd=max(sd, full_sd),
         tilt_range=tilt_range,
         directions=mag - fit.ellipsoid.centre,
     )
-    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, full_sd, shared))
+    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, shared))
 
 
 def unturned(mag: Floats, advice: str) -> Reason | None:
@@ -143,7 +139,7 @@ def _shapeless(mag: Floats) -> Reason:
     return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
 
 
-def _check(mag: Floats, fit: NormFit, full_sd: float, shared: Alike, strength: float | None) -> None:
+def _check(mag: Floats, fit: NormFit, sd: float, shared: Alike, strength: float | None) -> None:
     """Refuse a fit that says nothing, or something that cannot be."""
     shape = fit.ellipsoid.shape
     found = (
@@ -151,7 +147,7 @@ def _check(mag: Floats, fit: NormFit, full_sd: float, shared: Alike, strength: f
         outliers(
             fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
         ),
-        uneven(full_sd, shared) or _coverage(mag, fit, full_sd),
+        uneven(sd, shared) or _coverage(mag, fit, sd),
         unequal(shape),
         wrong_field(radius_of(shape), strength),
     )
@@ -162,13 +158,13 @@ def _too_few(count: int, least: int) -> Reason:
     return Reason("too-few", f"{count} samples, but this shape needs {least} at least.", _ADVICE)
 
 
-def _coverage(mag: Floats, fit: NormFit, full_sd: float) -> Reason | None:
-    if full_sd <= HEADING.poor:
+def _coverage(mag: Floats, fit: NormFit, sd: float) -> Reason | None:
+    if sd <= HEADING.poor:
         return None
     told = _regions_told((mag - fit.ellipsoid.centre)[fit.used])
     return Reason(
         "too-few-regions",
-        f"the capture leaves {heading_told(full_sd)}; {told}.",
+        f"the capture leaves {heading_told(sd)}; {told}.",
         _ADVICE,
     )
 
@@ -187,12 +183,10 @@ def _dip(mag: Floats, fit: NormFit, acc: Floats | None) -> float:
     return dip_of(((mag - fit.ellipsoid.centre) @ fit.ellipsoid.shape)[fit.used], acc[fit.used])
 
 
-def _remarks(
-    fit: NormFit, why: str, strength: float | None, size: float, full_sd: float, shared: Alike
-) -> tuple[str, ...]:
+def _remarks(fit: NormFit, why: str, strength: float | None, size: float, shared: Alike) -> tuple[str, ...]:
     told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
     if fit.shape is not Shape.ELLIPSOID and why != "asked for":
-        told.append(f"Soft iron across the axes too small to show would leave {to_deg(full_sd):.2g}° of heading.")
+        told.append("Predicted errors are those of the general ellipsoid, for soft iron may be too small to show.")
     told += own_scale(strength, size)
     told.append("A turn of the magnetometer in its case is not seen by its length alone; that needs the accelerometer.")
     return (*told, *uneven_told(shared), *set_aside(fit.used))

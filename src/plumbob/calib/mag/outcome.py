@@ -20,11 +20,13 @@ DIP: Final = deg(60.0)
 MOST_OUTLIERS: Final = 0.1
 """Share of outliers above which a capture is refused."""
 
-EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit about one place."
+EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit slowly about one place."
 """Advice where the field differed from place to place."""
 
 LOST: Final = deg(90.0)
 """Heading error from which on nothing is known, rad."""
+
+_LONG_MEMORY: Final = 10.0  # samples that count as one from which on it is told
 
 STEEL: Final = "Look for switched currents, moving iron and steel nearby."
 """Advice where samples do not fit each other."""
@@ -44,7 +46,6 @@ def calibration_of(
     heading_sd: float,
     tilt_range: float,
     directions: Floats | None = None,
-    graded_sd: float | None = None,
 ) -> TriadCalibration:
     """Calibration of a magnetometer.
 
@@ -66,8 +67,6 @@ def calibration_of(
         Of the `Quality`.
     directions : ndarray (N, 3), optional
         Measured field from its centre, where directions count.
-    graded_sd : float, optional
-        Standard deviation of the heading that the grade is of, rad, where it is another than `heading_sd`.
     """
     return TriadCalibration(
         matrix=matrix,
@@ -79,7 +78,7 @@ def calibration_of(
         reference=strength,
         method=method,
         quality=Quality(
-            grade=grade_of(heading_sd if graded_sd is None else graded_sd, HEADING) or "poor",
+            grade=grade_of(heading_sd, HEADING) or "poor",
             samples=int(np.count_nonzero(used)),
             outliers=int(np.count_nonzero(~used)),
             regions=None if directions is None else int(np.count_nonzero(filled(directions[used]))),
@@ -108,13 +107,12 @@ def uncertain(sd: float, shared: Alike, advice: str) -> Reason | None:
 
 
 def uneven(sd: float, shared: Alike) -> Reason | None:
-    """Reason to refuse a heading error, rad, that is only beyond *poor* because the field is uneven; None else."""
-    even = sd * math.sqrt(shared.memory / shared.factor)
-    if not even <= HEADING.poor < sd:
+    """Reason to refuse a heading error, rad, beyond *poor* only because errors do not average out; None else."""
+    if not sd / math.sqrt(shared.factor) <= HEADING.poor < sd:
         return None
     what = (
         "what the fit leaves does not average out as noise does, but stays while the unit turns, as where the field "
-        f"differs from place to place; that leaves {heading_told(sd)}."
+        f"differs from place to place, or the sensor is slow; that leaves {heading_told(sd)}."
     )
     return Reason("uneven-field", what, EVEN)
 
@@ -125,9 +123,13 @@ def heading_told(sd: float) -> str:
 
 
 def uneven_told(shared: Alike) -> tuple[str, ...]:
-    """Remark where the field differed from place to place."""
+    """Remark where the field differed from place to place, or errors have a long memory."""
     if shared.unevenness <= shared.memory:
-        return ()
+        told = (
+            f"What the fit leaves has a memory: {shared.memory:.0f} neighbouring samples count as one. Filters, drifts "
+            "and uneven fields make one.",
+        )
+        return told if shared.memory > _LONG_MEMORY else ()
     return (
         "UNEVEN: what the fit leaves stays while the unit turns, as where the field differs from place to place; the "
         f"predicted errors are {math.sqrt(shared.unevenness / shared.memory):.2g} times as large for it. {EVEN}",

@@ -14,8 +14,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calib.ellipsoid.alike import Alike, memory, visits
+from plumbob.calib.ellipsoid.alike import Alike, memory
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
+from plumbob.calib.ellipsoid.visits import visits
 from plumbob.calib.mag.chained import by_error, chained
 from plumbob.calib.mag.field_start import across, start_of
 from plumbob.check import Floats
