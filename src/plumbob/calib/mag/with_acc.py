@@ -10,6 +10,7 @@ from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.ellipsoid.scale import radius_of, to_size
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import fit_mag
+from plumbob.calib.mag.asked import finite_rows, forces, require_strength, require_tilt_range
 from plumbob.calib.mag.dip_fit import PARAMETERS, DipFit, fit_dip
 from plumbob.calib.mag.outcome import calibration_of, outliers, own_scale, set_aside, thinned, uncertain, uneven_told
 from plumbob.calib.mag.plausible import unequal, wrong_field
@@ -52,7 +53,15 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     ------
     CaptureRefusedError
         If the capture cannot determine the calibration, with the reasons.
+    ShapeError
+        If samples are not finite, or not as many of both sensors.
+    ParameterError
+        If another argument is outside its range.
     """
+    require_strength(strength)
+    require_tilt_range(tilt_range)
+    mag = finite_rows("mag", mag)
+    acc = forces(acc, len(mag))
     if len(mag) < FEWEST:
         what = f"{len(mag)} samples, but the joint fit needs {FEWEST} at least."
         refuse([Reason("too-few", what, "Hold the unit in more attitudes: 18 faces and edges, or turn it slowly.")])

@@ -4,9 +4,11 @@ from typing import Final
 
 import numpy as np
 
+from plumbob import check
 from plumbob.calib.ellipsoid.scale import to_size
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import unturned
+from plumbob.calib.mag.asked import finite_rows, require_strength, require_tilt_range
 from plumbob.calib.mag.outcome import (
     DIP,
     STEEL,
@@ -23,7 +25,7 @@ from plumbob.calib.mag.with_acc import turn_of
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
 from plumbob.check import Floats
-from plumbob.errors import CalibrationError
+from plumbob.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.units import dps, to_deg, to_dps
 
 GAIN_SD: Final = 0.002
@@ -83,7 +85,15 @@ def fit_mag_gyr(
         If the capture cannot determine the calibration, with the reasons.
     CalibrationError
         If rates are missing for too long.
+    ClockError
+        If the time does not increase.
+    ShapeError
+        If rates are not finite, or the arguments have not as many samples each.
+    ParameterError
+        If another argument is outside its range.
     """
+    _require_figures(strength, gyr_gain_sd, tilt_range)
+    t, mag, gyr, acc = _samples(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))
     seen = present[::stride]
@@ -119,6 +129,29 @@ def fit_mag_gyr(
     return Fitted(
         calibration, mag[seen], fit.residuals, fit.used, _remarks(fit, strength, size, dip, acc is not None, stride)
     )
+
+
+def _require_figures(strength: float | None, gyr_gain_sd: float, tilt_range: float) -> None:
+    require_strength(strength)
+    require_tilt_range(tilt_range)
+    if not 0.0 <= gyr_gain_sd <= 1.0:
+        raise ParameterError(
+            f"gyr_gain_sd must be from 0 to 1, a share of the gain, but it is {gyr_gain_sd:g}; divide percents by 100."
+        )
+
+
+def _samples(t: Floats, mag: Floats, gyr: Floats, acc: Floats | None) -> tuple[Floats, Floats, Floats, Floats | None]:
+    t = check.column("t", t)
+    if t.size:
+        check.increasing_time("t", t)
+    mag = check.rows("mag", mag, 3, t.size)
+    gyr = finite_rows("gyr", check.rows("gyr", gyr, 3, t.size))
+    if acc is None:
+        return t, mag, gyr, None
+    acc = check.rows("acc", acc, 3, t.size)
+    if not np.isfinite(acc).all(axis=1).any():
+        raise ShapeError("acc must have a finite sample at least, but it has none; leave it out.")
+    return t, mag, gyr, acc
 
 
 def _require_rates(t: Floats) -> None:
