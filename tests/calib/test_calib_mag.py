@@ -194,3 +194,13 @@ def test_a_unit_that_was_only_moved_is_not_told_of_directions():
     moved = np.array([20.0, 0.0, 40.0]) + 2.0 * np.random.default_rng(12).normal(size=(2000, 3))
     with pytest.raises(CaptureRefusedError, match=r"no-motion: the measured field only changed by 3\.[45] µT"):
         fit_mag(moved)
+
+
+def hardly_turned(seed):
+    """A capture of 4√3 µT about 45 µT."""
+    return np.array([20.0, 0.0, 40.0]) + 4.0 * np.random.default_rng(seed).normal(size=(500, 3))
+
+
+def test_a_result_that_nothing_determines_is_no_reason():
+    """Its sensitivity and its strength are those of noise; in these captures they were told, by a factor of 200000."""
+    assert [refusal(hardly_turned(seed)) for seed in range(5)] == 5 * [["too-few-regions"]]

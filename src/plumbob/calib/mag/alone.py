@@ -31,6 +31,7 @@ from plumbob.calib.mag.outcome import (
     set_aside,
     uneven,
     uneven_told,
+    where_known,
 )
 from plumbob.calib.mag.plausible import WEAKEST, unequal, wrong_field
 from plumbob.calib.mag.spread import one_axis
@@ -177,8 +178,7 @@ def _check(mag: Floats, fit: NormFit, full_sd: float, shared: Alike, strength: f
             fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
         ),
         uneven(full_sd, shared) or _coverage(mag, fit, full_sd),
-        unequal(shape),
-        wrong_field(radius_of(shape), strength),
+        *where_known(full_sd, unequal(shape), wrong_field(radius_of(shape), strength)),
     )
     refuse([reason for reason in found if reason is not None])
 

@@ -9,7 +9,16 @@ from plumbob.calib.ellipsoid.alike import Alike, alike
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.asked import finite_rows, forces, require_dip, require_strength
 from plumbob.calib.mag.ellipse_fit import PARAMETERS, EllipseFit, fit_ellipse
-from plumbob.calib.mag.outcome import DIP, STEEL, calibration_of, outliers, set_aside, uncertain, uneven_told
+from plumbob.calib.mag.outcome import (
+    DIP,
+    STEEL,
+    calibration_of,
+    outliers,
+    set_aside,
+    uncertain,
+    uneven_told,
+    where_known,
+)
 from plumbob.calib.mag.plausible import STRONGEST, unequal
 from plumbob.calib.predicted import heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
@@ -160,9 +169,9 @@ def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float, shared: 
         _open(_gap(fit, points)),
         _thick(scatter),
         outliers(fit.used, STEEL),
-        _weak(radius),
+        *where_known(sd, _weak(radius)),
         uncertain(sd, shared, _ADVICE),
-        unequal(fit.shape),
+        *where_known(sd, unequal(fit.shape)),
     ]
     return [reason for reason in found if reason is not None]
 

@@ -107,6 +107,11 @@ def uncertain(sd: float, shared: Alike, advice: str) -> Reason | None:
     return uneven(sd, shared) or Reason("ill-conditioned", what, advice)
 
 
+def where_known(sd: float, *reasons: Reason | None) -> tuple[Reason | None, ...]:
+    """Reasons that rest on the result; none where its heading error, rad, is beyond *poor*: they would tell noise."""
+    return reasons if sd <= HEADING.poor else ()
+
+
 def uneven(sd: float, shared: Alike) -> Reason | None:
     """Reason to refuse a heading error, rad, that is only beyond *poor* because the field is uneven; None else."""
     even = sd * math.sqrt(shared.memory / shared.factor)

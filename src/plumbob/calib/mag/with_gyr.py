@@ -18,6 +18,7 @@ from plumbob.calib.mag.outcome import (
     set_aside,
     thinned,
     uncertain,
+    where_known,
 )
 from plumbob.calib.mag.plausible import unequal, wrong_field
 from plumbob.calib.mag.turned_field import PARAMETERS, FieldFit, fit_turned_field
@@ -183,8 +184,7 @@ def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, ad
         _wandering(fit.walk),
         outliers(fit.used, STEEL),
         uncertain(sd, fit.alike, advice),
-        unequal(fit.distortion),
-        wrong_field(radius, strength),
+        *where_known(sd, unequal(fit.distortion), wrong_field(radius, strength)),
     ]
     return [reason for reason in found if reason is not None]
 
