@@ -5,6 +5,7 @@ import pytest
 
 from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.mag.alone import fit_mag
+from plumbob.calib.mag.outcome import heading_told
 from plumbob.calib.refusal import KINDS, CaptureRefusedError
 from plumbob.calib.regions import REGIONS
 from plumbob.rotations import quat_multiply
@@ -204,3 +205,8 @@ def hardly_turned(seed):
 def test_a_result_that_nothing_determines_is_no_reason():
     """Its sensitivity and its strength are those of noise; in these captures they were told, by a factor of 200000."""
     assert [refusal(hardly_turned(seed)) for seed in range(5)] == 5 * [["too-few-regions"]]
+
+
+def test_a_heading_error_of_half_a_right_angle_is_no_heading():
+    assert heading_told(np.radians(29.0)) == "a heading error of 29° (1 sd)"
+    assert heading_told(np.radians(45.0)) == "no heading at all"

@@ -97,7 +97,7 @@ def test_many_samples_are_thinned():
     twice = np.column_stack([np.interp(fine, t, column) for column in mag.T])
     fit = fit_mag_gyr(fine, twice, rate, strength=STRENGTH, gyr_gain_sd=0.0)
     assert len(fit.measured) == 3001
-    assert "Of the samples, each 2th was fitted." in fit.remarks
+    assert "One of every 2 samples was fitted." in fit.remarks
     assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
 
 

@@ -23,8 +23,8 @@ MOST_OUTLIERS: Final = 0.1
 EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit about one place."
 """Advice where the field differed from place to place."""
 
-LOST: Final = deg(90.0)
-"""Heading error from which on nothing is known, rad."""
+LOST: Final = deg(30.0)
+"""Predicted heading error from which on there is no heading, rad: three of it are a quarter of a turn."""
 
 STEEL: Final = "Look for switched currents, moving iron and steel nearby."
 """Advice where samples do not fit each other."""
@@ -148,7 +148,7 @@ def own_scale(strength: float | None, size: float) -> tuple[str, ...]:
 
 def thinned(stride: int) -> tuple[str, ...]:
     """Remark where not every sample was fitted."""
-    return (f"Of the samples, each {stride}th was fitted.",) if stride > 1 else ()
+    return (f"One of every {stride} samples was fitted.",) if stride > 1 else ()
 
 
 def set_aside(used: NDArray[np.bool_]) -> tuple[str, ...]:
