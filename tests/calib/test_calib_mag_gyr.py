@@ -122,6 +122,17 @@ def test_a_slower_magnetometer_and_outliers_do_no_harm():
     assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
 
 
+@pytest.mark.parametrize(
+    ("gain_sd", "first"), [(GAIN_SD, "Look for"), (SHEET_GAIN_SD, "Calibrate the gyroscope first")]
+)
+def test_outliers_may_be_those_of_a_gyroscope_without_a_card(gain_sd, first):
+    _, (t, mag, gyr), _ = scene(6)
+    rng = np.random.default_rng(8)
+    mag[rng.random(len(t)) < 0.2] += 20.0
+    with pytest.raises(CaptureRefusedError, match=f"outliers: .* may. {first}"):
+        fit_mag_gyr(t, mag, gyr, gyr_gain_sd=gain_sd)
+
+
 def test_what_cannot_calibrate_is_refused():
     _, (t, mag, gyr), _ = scene(6)
     rng = np.random.default_rng(7)

@@ -100,11 +100,11 @@ def fit_mag_gyr(
     seen = present[::stride]
     _require_rates(t)
     refuse(_unfit(mag[seen]))
-    advice = _ADVICE if gyr_gain_sd <= GAIN_SD else f"{_FIRST} {_ADVICE}"
+    first = "" if gyr_gain_sd <= GAIN_SD else f"{_FIRST} "
     fit = fit_turned_field(t, mag[seen], gyr, seen, gyr_gain_sd=gyr_gain_sd)
     if fit is None or not np.linalg.det(fit.distortion) > 0.0:
         what = "no bias, matrix and field fit what magnetometer and gyroscope measured."
-        raise CaptureRefusedError(Reason("ill-conditioned", what, advice))
+        raise CaptureRefusedError(Reason("ill-conditioned", what, first + _ADVICE))
     inverse = np.asarray(np.linalg.inv(fit.distortion), dtype=np.float64)
     whole = np.eye(12)
     whole[3:, 3:] = -np.kron(inverse, inverse.T)
@@ -112,7 +112,7 @@ def fit_mag_gyr(
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
     size, dip = strength or radius, _dip(fit, None if acc is None else acc[seen])
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
-    refuse(_reasons(fit, sd, radius, strength, advice))
+    refuse(_reasons(fit, sd, radius, strength, first))
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.bias,
@@ -179,11 +179,12 @@ def _dip(fit: FieldFit, acc: Floats | None) -> float:
     return float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
 
 
-def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, advice: str) -> list[Reason]:
+def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, first: str) -> list[Reason]:
+    """Reasons to refuse a fit; `first` is what to do before anything else."""
     found = [
         _wandering(fit.walk),
-        outliers(fit.used, STEEL),
-        uncertain(sd, fit.alike, advice),
+        outliers(fit.used, first + STEEL),
+        uncertain(sd, fit.alike, first + _ADVICE),
         *where_known(sd, unequal(fit.distortion), wrong_field(radius, strength)),
     ]
     return [reason for reason in found if reason is not None]
