@@ -1,5 +1,7 @@
 """The magnetometer's own fit: accuracy as predicted, choice of the shape, and every refusal with its reason."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -210,3 +212,14 @@ def test_a_result_that_nothing_determines_is_no_reason():
 def test_a_heading_error_of_half_a_right_angle_is_no_heading():
     assert heading_told(np.radians(29.0)) == "a heading error of 29° (1 sd)"
     assert heading_told(np.radians(45.0)) == "no heading at all"
+
+
+def test_a_unit_that_was_hardly_turned_is_not_told_that_the_field_changed():
+    """About their mean, these are seen in all directions, and to some of them no ellipsoid fits."""
+    told = []
+    for seed in range(15):
+        with pytest.raises(CaptureRefusedError) as refused:
+            fit_mag(hardly_turned(seed))
+        told.append(refused.value.reasons[0].text)
+    assert not any("the field itself changed" in text for text in told)
+    assert any(re.search(r"changed by (6\.[6-9]|7|7\.[0-3]) µT about a mean of 4[45] µT", text) for text in told)

@@ -45,6 +45,7 @@ from plumbob.units import to_deg
 LEAST_CHANGE: Final = 5.0
 """Root mean square change of the field below which the unit was not turned, µT: a level field of 10 µT makes 7."""
 
+_HARDLY: Final = 0.5  # root mean square change of the field over its mean; turned through all attitudes, it is large
 _ADVICE: Final = "Turn the unit slowly through all attitudes: each face and each edge once up, as if it were a cube."
 _WORDS: Final = {
     Shape.SPHERE: "sphere, 4 parameters",
@@ -164,6 +165,10 @@ def _shapeless(mag: Floats) -> Reason:
     """Reason to refuse a capture that no ellipsoid fits."""
     directions = mag - mag.mean(axis=0)
     if filled(directions).all():
+        change, mean = math.sqrt(float(np.sum(np.var(mag, axis=0)))), float(np.linalg.norm(mag.mean(axis=0)))
+        if change < _HARDLY * mean:
+            what = f"no ellipsoid fits; the field changed by {change:.2g} µT about a mean of {mean:.2g} µT"
+            return Reason("too-few-regions", f"{what}, as if the unit was hardly turned.", _ADVICE)
         what = f"no ellipsoid fits, although all {len(NAMES)} directions were seen: the field itself changed."
         return Reason("uneven-field", what, f"{STEEL} {EVEN}")
     return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
