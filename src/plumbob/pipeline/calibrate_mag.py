@@ -190,6 +190,8 @@ def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fi
     first = refused.reasons[0]
     if first.kind in {"level-ring", "cone"}:
         advice = f"{first.advice} If it leaned by some degrees, and that is all it can, choose the gyroscope to help."
+        if first.kind == "level-ring":
+            advice += " A vehicle that stays level has the shape 'level' (--shape level)."
         raise CaptureRefusedError(replace(first, advice=advice), *refused.reasons[1:])
     if first.kind not in {"too-few-regions", "uneven-field"}:
         raise refused
