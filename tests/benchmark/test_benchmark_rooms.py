@@ -66,6 +66,13 @@ def test_a_unit_that_only_turns_level_tells_no_room(turned):
         room_of(imu[:100], few)
 
 
+@pytest.mark.parametrize("gains", [np.zeros(3), np.array([1.0, 1.0, 0.0])])
+def test_a_magnetometer_that_is_dead_along_an_axis_tells_no_room(turned, gains):
+    _, imu, track = turned
+    with pytest.raises(ShapeError, match="along one or more it always reads the same"):
+        room_of(ImuData(t=imu.t, mag=gains * imu.mag + 20.0), track)
+
+
 def test_a_real_room(broad_folder, tmp_path):
     path = tmp_path / "nothing.csv"
     path.write_text("t\n0\n", encoding="utf-8")

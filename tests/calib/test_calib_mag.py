@@ -1,10 +1,13 @@
 """The magnetometer's own fit: accuracy as predicted, choice of the shape, and every refusal with its reason."""
 
+import re
+
 import numpy as np
 import pytest
 
 from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.mag.alone import fit_mag
+from plumbob.calib.mag.outcome import heading_told
 from plumbob.calib.refusal import KINDS, CaptureRefusedError
 from plumbob.calib.regions import REGIONS
 from plumbob.rotations import quat_multiply
@@ -194,3 +197,29 @@ def test_a_unit_that_was_only_moved_is_not_told_of_directions():
     moved = np.array([20.0, 0.0, 40.0]) + 2.0 * np.random.default_rng(12).normal(size=(2000, 3))
     with pytest.raises(CaptureRefusedError, match=r"no-motion: the measured field only changed by 3\.[45] µT"):
         fit_mag(moved)
+
+
+def hardly_turned(seed):
+    """A capture of 4√3 µT about 45 µT."""
+    return np.array([20.0, 0.0, 40.0]) + 4.0 * np.random.default_rng(seed).normal(size=(500, 3))
+
+
+def test_a_result_that_nothing_determines_is_no_reason():
+    """Its sensitivity and its strength are those of noise; in these captures they were told, by a factor of 200000."""
+    assert [refusal(hardly_turned(seed)) for seed in range(5)] == 5 * [["too-few-regions"]]
+
+
+def test_a_heading_error_of_half_a_right_angle_is_no_heading():
+    assert heading_told(np.radians(29.0)) == "a heading error of 29° (1 sd)"
+    assert heading_told(np.radians(45.0)) == "no heading at all"
+
+
+def test_a_unit_that_was_hardly_turned_is_not_told_that_the_field_changed():
+    """About their mean, these are seen in all directions, and to some of them no ellipsoid fits."""
+    told = []
+    for seed in range(15):
+        with pytest.raises(CaptureRefusedError) as refused:
+            fit_mag(hardly_turned(seed))
+        told.append(refused.value.reasons[0].text)
+    assert not any("the field itself changed" in text for text in told)
+    assert any(re.search(r"changed by (6\.[6-9]|7|7\.[0-3]) µT about a mean of 4[45] µT", text) for text in told)

@@ -97,7 +97,7 @@ def test_many_samples_are_thinned():
     twice = np.column_stack([np.interp(fine, t, column) for column in mag.T])
     fit = fit_mag_gyr(fine, twice, rate, strength=STRENGTH, gyr_gain_sd=0.0)
     assert len(fit.measured) == 3001
-    assert "Of the samples, each 2th was fitted." in fit.remarks
+    assert "One of every 2 samples was fitted." in fit.remarks
     assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
 
 
@@ -120,6 +120,17 @@ def test_a_slower_magnetometer_and_outliers_do_no_harm():
     assert not fit.used[100:110].any()
     assert np.count_nonzero(~fit.used) <= 12
     assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+
+
+@pytest.mark.parametrize(
+    ("gain_sd", "first"), [(GAIN_SD, "Look for"), (SHEET_GAIN_SD, "Calibrate the gyroscope first")]
+)
+def test_outliers_may_be_those_of_a_gyroscope_without_a_card(gain_sd, first):
+    _, (t, mag, gyr), _ = scene(6)
+    rng = np.random.default_rng(8)
+    mag[rng.random(len(t)) < 0.2] += 20.0
+    with pytest.raises(CaptureRefusedError, match=f"outliers: .* may. {first}"):
+        fit_mag_gyr(t, mag, gyr, gyr_gain_sd=gain_sd)
 
 
 def test_what_cannot_calibrate_is_refused():

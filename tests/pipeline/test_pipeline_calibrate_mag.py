@@ -64,6 +64,13 @@ def test_a_moving_or_uncalibrated_accelerometer_does_not(scene):
     assert "smaller shape" in first_remark(imu, shape="axes")
 
 
+def test_a_force_of_zero_tells_no_vertical_and_is_not_used(scene):
+    _, imu = scene
+    acc = imu.acc.copy()
+    acc[5] = 0.0
+    assert calibrate_mag(replace(imu, acc=acc), with_="none").calibration.quality.heading_sd < np.radians(2.0)
+
+
 def test_absent_and_clipped_samples_do_not_count(scene):
     _, imu = scene
     mag = imu.mag.copy()
@@ -105,7 +112,7 @@ def test_a_ring_is_refused_although_there_is_a_gyroscope():
     rng = np.random.default_rng(24)
     t, q_nb, true = trajectory(rng, duration=20.0, tilt=np.radians(1.0))
     imu = ImuData(t=t, gyr=rates(rng, true), acc=force(rng, q_nb), mag=field(rng, unit_of(rng), q_nb))
-    with pytest.raises(CaptureRefusedError, match=r"level-ring.*choose the gyroscope to help"):
+    with pytest.raises(CaptureRefusedError, match=r"level-ring.*choose the gyroscope to help.*--shape level"):
         calibrate_mag(imu)
 
 

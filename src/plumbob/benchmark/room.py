@@ -22,6 +22,7 @@ LEAST_SPREAD: Final = 0.1
 """Standard deviation of the field along the body axis in which it changes least, over the field, that determines it."""
 
 _FEWEST: Final = 100
+_LEAST_GAIN: Final = 1e-6  # of the measured field along any axis, by the field that turns; a dead axis has rounding's
 _SOME: Final = 5000  # samples by which the delay is told
 _ROUNDS: Final = 10
 
@@ -64,7 +65,7 @@ def room_of(imu: ImuData, reference: AttitudeTrack) -> Room:
     Raises
     ------
     ShapeError
-        If there is no magnetometer, or it has too few samples with a reference.
+        If there is no magnetometer, it has too few samples with a reference, or it does not answer as the unit turns.
     """
     mag = imu.usable("mag")
     t_ns = clock.to_ns(imu.t)
@@ -88,7 +89,18 @@ def _fitted(mag: Floats, t_ns: NDArray[np.int64], reference: AttitudeTrack, dela
         if np.linalg.eigvalsh(np.cov(seen.T))[0] < (LEAST_SPREAD * np.linalg.norm(field)) ** 2:
             raise ShapeError("the unit was not turned enough for its reference to calibrate the magnetometer")
         found = np.linalg.lstsq(np.column_stack((seen, np.ones(len(seen)))), mag, rcond=None)[0]
-        distortion, bias = found[:3].T / np.cbrt(np.linalg.det(found[:3])), found[3]
+        distortion, bias = _of_determinant_one(found[:3].T), found[3]
     left = mag - seen @ distortion.T - bias
     matrix = np.asarray(np.linalg.inv(distortion), dtype=np.float64)
     return Room(matrix, bias, field, float(np.sqrt(np.mean(left**2))), delay)
+
+
+def _of_determinant_one(gain: Floats) -> Floats:
+    """Gain (3, 3) of a magnetometer, scaled to a determinant of one; one that is dead along an axis is refused."""
+    sizes = np.linalg.svd(gain, compute_uv=False)
+    if not sizes[2] > _LEAST_GAIN * max(1.0, sizes[0]):
+        raise ShapeError(
+            "the magnetometer must change along all its axes as the unit turns, but along one or more it always reads "
+            "the same; look at the recording with 'plumbob info'"
+        )
+    return np.asarray(gain / np.cbrt(np.linalg.det(gain)), dtype=np.float64)

@@ -97,8 +97,7 @@ def calibrate_mag(
     use = _magnetic_rows(imu)
     mag, force = imu.usable("mag")[use], imu.usable("acc")[use]
     if shape == "level":
-        told = force if np.isfinite(force).all() else None
-        level = fit_mag_level(mag, acc=told, strength=strength, dip=dip)
+        level = fit_mag_level(mag, acc=_whole(force), strength=strength, dip=dip)
         return replace(level, remarks=("Fitted without other sensors: level, as asked for.", *level.remarks))
     refuse(_unfit(mag))
     slow = _slow(imu)
@@ -145,7 +144,7 @@ class _Work:
             self.imu.usable("mag")[self.use],
             shape=SHAPES.get(self.shape),
             strength=self.strength,
-            acc=force if np.isfinite(force).all() else None,
+            acc=_whole(force),
             dip=self.dip,
             tilt_range=self.tilt_range,
         )
@@ -191,6 +190,8 @@ def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fi
     first = refused.reasons[0]
     if first.kind in {"level-ring", "cone"}:
         advice = f"{first.advice} If it leaned by some degrees, and that is all it can, choose the gyroscope to help."
+        if first.kind == "level-ring":
+            advice += " A vehicle that stays level has the shape 'level' (--shape level)."
         raise CaptureRefusedError(replace(first, advice=advice), *refused.reasons[1:])
     if first.kind not in {"too-few-regions", "uneven-field"}:
         raise refused
@@ -247,6 +248,11 @@ def _magnetic_rows(imu: ImuData) -> NDArray[np.bool_]:
         what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {100.0 * MOST_CLIPPED:.0f} % may be."
         refuse([Reason("clipping", what, "Choose a wider range, and remove magnets and steel from around the sensor.")])
     return np.asarray(present & ~clipped)
+
+
+def _whole(force: Floats) -> Floats | None:
+    """Specific force (N, 3) where every sample tells a direction; None where one is absent or zero."""
+    return force if np.isfinite(force).all() and force.any(axis=1).all() else None
 
 
 def _steady(force: Floats) -> NDArray[np.bool_]:

@@ -17,6 +17,7 @@ from plumbob.calib.ellipsoid.scale import radius_of, scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, choose, fit_shape
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.grades import HEADING
+from plumbob.calib.mag.asked import finite_rows, forces, require_dip, require_strength, require_tilt_range
 from plumbob.calib.mag.moved import moved
 from plumbob.calib.mag.outcome import (
     DIP,
@@ -30,17 +31,20 @@ from plumbob.calib.mag.outcome import (
     set_aside,
     uneven,
     uneven_told,
+    where_known,
 )
-from plumbob.calib.mag.plausible import unequal, wrong_field
+from plumbob.calib.mag.plausible import WEAKEST, unequal, wrong_field
 from plumbob.calib.mag.spread import one_axis
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
 from plumbob.calib.regions import NAMES, filled, names_of
 from plumbob.check import Floats
+from plumbob.errors import ParameterError
 
 LEAST_CHANGE: Final = 5.0
 """Root mean square change of the field below which the unit was not turned, µT: a level field of 10 µT makes 7."""
 
+_HARDLY: Final = 0.5  # root mean square change of the field over its mean; turned through all attitudes, it is large
 _ADVICE: Final = "Turn the unit slowly through all attitudes: each face and each edge once up, as if it were a cube."
 _WORDS: Final = {
     Shape.SPHERE: "sphere, 4 parameters",
@@ -69,7 +73,7 @@ def fit_mag(
     strength : float, optional
         Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
     acc : ndarray (N, 3), optional
-        Specific force at the same instants, m/s²: it tells the dip, and how the unit was turned.
+        Specific force at the same instants, m/s², finite: it tells the dip, and how the unit was turned.
     dip : float, optional
         Dip of the field, rad, for the predicted heading error.
     tilt_range : float
@@ -79,12 +83,19 @@ def fit_mag(
     ------
     CaptureRefusedError
         If the capture cannot determine the calibration, with the reasons.
+    ShapeError
+        If samples are not finite, or not as many of both sensors.
+    ParameterError
+        If another argument is outside its range.
     """
+    _require_figures(shape, strength, dip, tilt_range)
+    mag = finite_rows("mag", mag)
+    acc = None if acc is None else forces(acc, len(mag))
     least = (shape or Shape.ELLIPSOID).value + SPARE
     if len(mag) < least:
         refuse([_too_few(len(mag), least)])
-    if (ring := one_axis(mag, acc)) is not None:
-        refuse([ring])
+    if (narrow := _constant(mag) or one_axis(mag, acc)) is not None:
+        refuse([narrow])
     fit, full, why = _fitted(mag, shape)
     radius = radius_of(fit.ellipsoid.shape)
     size = strength or radius
@@ -119,6 +130,22 @@ def unturned(mag: Floats, advice: str) -> Reason | None:
     return Reason("no-motion", f"the measured field only changed by {change:.2g} µT.", advice)
 
 
+def _require_figures(shape: Shape | None, strength: float | None, dip: float | None, tilt_range: float) -> None:
+    if shape is not None and not isinstance(shape, Shape):
+        known = ", ".join(str(each) for each in Shape)
+        raise ParameterError(f"shape must be one of {known}, or None to have it chosen, but it is {shape!r}.")
+    require_strength(strength)
+    require_dip(dip)
+    require_tilt_range(tilt_range)
+
+
+def _constant(mag: Floats) -> Reason | None:
+    """Reason to refuse a field that hardly changed; a weak one, of whatever scale, by as large a share of it."""
+    size = math.sqrt(float(np.mean(np.sum(mag * mag, axis=1))))
+    change = math.sqrt(float(np.sum(np.var(mag, axis=0))))
+    return unturned(mag, _ADVICE) if change <= LEAST_CHANGE * min(1.0, size / WEAKEST) else None
+
+
 def _fitted(mag: Floats, shape: Shape | None) -> tuple[NormFit, NormFit, str]:
     """Fit, the full shape that it was held against, and why it was chosen."""
     chosen = choose(mag) if shape is None else None
@@ -134,6 +161,10 @@ def _shapeless(mag: Floats) -> Reason:
     """Reason to refuse a capture that no ellipsoid fits."""
     directions = mag - mag.mean(axis=0)
     if filled(directions).all():
+        change, mean = math.sqrt(float(np.sum(np.var(mag, axis=0)))), float(np.linalg.norm(mag.mean(axis=0)))
+        if change < _HARDLY * mean:
+            what = f"no ellipsoid fits; the field changed by {change:.2g} µT about a mean of {mean:.2g} µT"
+            return Reason("too-few-regions", f"{what}, as if the unit was hardly turned.", _ADVICE)
         what = f"no ellipsoid fits, although all {len(NAMES)} directions were seen: the field itself changed."
         return Reason("uneven-field", what, f"{STEEL} {EVEN}")
     return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
@@ -148,8 +179,7 @@ def _check(mag: Floats, fit: NormFit, sd: float, shared: Alike, strength: float 
             fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
         ),
         uneven(sd, shared) or _coverage(mag, fit, sd),
-        unequal(shape),
-        wrong_field(radius_of(shape), strength),
+        *where_known(sd, unequal(shape), wrong_field(radius_of(shape), strength)),
     )
     refuse([reason for reason in found if reason is not None])
 

@@ -7,12 +7,23 @@ import numpy as np
 
 from plumbob.calib.ellipsoid.alike import Alike, alike
 from plumbob.calib.fitted import Fitted
+from plumbob.calib.mag.asked import finite_rows, forces, require_dip, require_strength
 from plumbob.calib.mag.ellipse_fit import PARAMETERS, EllipseFit, fit_ellipse
-from plumbob.calib.mag.outcome import DIP, STEEL, calibration_of, outliers, set_aside, uncertain, uneven_told
+from plumbob.calib.mag.outcome import (
+    DIP,
+    STEEL,
+    calibration_of,
+    outliers,
+    set_aside,
+    uncertain,
+    uneven_told,
+    where_known,
+)
 from plumbob.calib.mag.plausible import STRONGEST, unequal
 from plumbob.calib.predicted import heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
 from plumbob.check import Floats
+from plumbob.errors import ParameterError
 from plumbob.units import deg, to_deg
 
 WIDEST_GAP: Final = deg(90.0)
@@ -42,7 +53,8 @@ def fit_mag_level(
     mag : ndarray (N, 3)
         Measured field, µT, in order of time; finite.
     acc : ndarray (N, 3), optional
-        Specific force at the same instants, m/s²: it tells which axis is upright, and whether the unit was level.
+        Specific force at the same instants, m/s², finite: it tells which axis is upright, and whether the unit was
+        level.
     upright : {0, 1, 2}, optional
         The upright axis; without it and `acc`, the one along which the field changed least.
     strength, dip : float, optional
@@ -53,7 +65,16 @@ def fit_mag_level(
     ------
     CaptureRefusedError
         If the capture cannot determine the calibration, with the reasons.
+    ShapeError
+        If samples are not finite, or not as many of both sensors.
+    ParameterError
+        If another argument is outside its range.
     """
+    require_strength(strength)
+    require_dip(dip)
+    _require_axis(upright)
+    mag = finite_rows("mag", mag)
+    acc = None if acc is None else forces(acc, len(mag))
     if len(mag) < _FEWEST:
         refuse([Reason("too-few", f"{len(mag)} samples, but {_FEWEST} are needed.", _ADVICE)])
     axis = _upright(mag, acc) if upright is None else upright
@@ -86,6 +107,13 @@ def fit_mag_level(
     return Fitted(
         calibration, mag, fit.residuals, fit.used, (*_remarks(fit, axis, radius, wanted), *uneven_told(shared))
     )
+
+
+def _require_axis(upright: int | None) -> None:
+    if upright not in {None, 0, 1, 2}:
+        raise ParameterError(
+            f"upright must be 0, 1 or 2, for x, y or z, or None to have it found, but it is {upright}."
+        )
 
 
 def _upright(mag: Floats, acc: Floats | None) -> int:
@@ -141,9 +169,9 @@ def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float, shared: 
         _open(_gap(fit, points)),
         _thick(scatter),
         outliers(fit.used, STEEL),
-        _weak(radius),
+        *where_known(sd, _weak(radius)),
         uncertain(sd, shared, _ADVICE),
-        unequal(fit.shape),
+        *where_known(sd, unequal(fit.shape)),
     ]
     return [reason for reason in found if reason is not None]
 

@@ -23,8 +23,8 @@ MOST_OUTLIERS: Final = 0.1
 EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit slowly about one place."
 """Advice where the field differed from place to place."""
 
-LOST: Final = deg(90.0)
-"""Heading error from which on nothing is known, rad."""
+LOST: Final = deg(30.0)
+"""Predicted heading error from which on there is no heading, rad: three of it are a quarter of a turn."""
 
 _LONG_MEMORY: Final = 10.0  # samples that count as one from which on it is told
 
@@ -106,6 +106,11 @@ def uncertain(sd: float, shared: Alike, advice: str) -> Reason | None:
     return uneven(sd, shared) or Reason("ill-conditioned", what, advice)
 
 
+def where_known(sd: float, *reasons: Reason | None) -> tuple[Reason | None, ...]:
+    """Reasons that rest on the result; none where its heading error, rad, is beyond *poor*: they would tell noise."""
+    return reasons if sd <= HEADING.poor else ()
+
+
 def uneven(sd: float, shared: Alike) -> Reason | None:
     """Reason to refuse a heading error, rad, beyond *poor* only because errors do not average out; None else."""
     if not sd / math.sqrt(shared.factor) <= HEADING.poor < sd:
@@ -145,7 +150,7 @@ def own_scale(strength: float | None, size: float) -> tuple[str, ...]:
 
 def thinned(stride: int) -> tuple[str, ...]:
     """Remark where not every sample was fitted."""
-    return (f"Of the samples, each {stride}th was fitted.",) if stride > 1 else ()
+    return (f"One of every {stride} samples was fitted.",) if stride > 1 else ()
 
 
 def set_aside(used: NDArray[np.bool_]) -> tuple[str, ...]:

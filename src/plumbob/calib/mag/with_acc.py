@@ -10,8 +10,18 @@ from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.ellipsoid.scale import radius_of, to_size
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import fit_mag
+from plumbob.calib.mag.asked import finite_rows, forces, require_strength, require_tilt_range
 from plumbob.calib.mag.dip_fit import PARAMETERS, DipFit, fit_dip
-from plumbob.calib.mag.outcome import calibration_of, outliers, own_scale, set_aside, thinned, uncertain, uneven_told
+from plumbob.calib.mag.outcome import (
+    calibration_of,
+    outliers,
+    own_scale,
+    set_aside,
+    thinned,
+    uncertain,
+    uneven_told,
+    where_known,
+)
 from plumbob.calib.mag.plausible import unequal, wrong_field
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
@@ -52,7 +62,15 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     ------
     CaptureRefusedError
         If the capture cannot determine the calibration, with the reasons.
+    ShapeError
+        If samples are not finite, or not as many of both sensors.
+    ParameterError
+        If another argument is outside its range.
     """
+    require_strength(strength)
+    require_tilt_range(tilt_range)
+    mag = finite_rows("mag", mag)
+    acc = forces(acc, len(mag))
     if len(mag) < FEWEST:
         what = f"{len(mag)} samples, but the joint fit needs {FEWEST} at least."
         refuse([Reason("too-few", what, "Hold the unit in more attitudes: 18 faces and edges, or turn it slowly.")])
@@ -108,8 +126,7 @@ def _reasons(fit: DipFit, sd: float, shared: Alike, strength: float | None) -> l
         outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
         _unsteady(fit.down_sd),
         uncertain(sd, shared, "Turn the unit through all attitudes: each face and edge up."),
-        unequal(fit.matrix),
-        wrong_field(radius_of(fit.matrix), strength),
+        *where_known(sd, unequal(fit.matrix), wrong_field(radius_of(fit.matrix), strength)),
     ]
     return [reason for reason in found if reason is not None]
 

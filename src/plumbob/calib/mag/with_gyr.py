@@ -4,9 +4,11 @@ from typing import Final
 
 import numpy as np
 
+from plumbob import check
 from plumbob.calib.ellipsoid.scale import to_size
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import unturned
+from plumbob.calib.mag.asked import finite_rows, require_strength, require_tilt_range
 from plumbob.calib.mag.outcome import (
     DIP,
     STEEL,
@@ -16,6 +18,7 @@ from plumbob.calib.mag.outcome import (
     set_aside,
     thinned,
     uncertain,
+    where_known,
 )
 from plumbob.calib.mag.plausible import unequal, wrong_field
 from plumbob.calib.mag.turned_field import PARAMETERS, FieldFit, fit_turned_field
@@ -23,7 +26,7 @@ from plumbob.calib.mag.with_acc import turn_of
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
 from plumbob.check import Floats
-from plumbob.errors import CalibrationError
+from plumbob.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.units import dps, to_deg, to_dps
 
 GAIN_SD: Final = 0.002
@@ -83,17 +86,25 @@ def fit_mag_gyr(
         If the capture cannot determine the calibration, with the reasons.
     CalibrationError
         If rates are missing for too long.
+    ClockError
+        If the time does not increase.
+    ShapeError
+        If rates are not finite, or the arguments have not as many samples each.
+    ParameterError
+        If another argument is outside its range.
     """
+    _require_figures(strength, gyr_gain_sd, tilt_range)
+    t, mag, gyr, acc = _samples(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))
     seen = present[::stride]
     _require_rates(t)
     refuse(_unfit(mag[seen]))
-    advice = _ADVICE if gyr_gain_sd <= GAIN_SD else f"{_FIRST} {_ADVICE}"
+    first = "" if gyr_gain_sd <= GAIN_SD else f"{_FIRST} "
     fit = fit_turned_field(t, mag[seen], gyr, seen, gyr_gain_sd=gyr_gain_sd)
     if fit is None or not np.linalg.det(fit.distortion) > 0.0:
         what = "no bias, matrix and field fit what magnetometer and gyroscope measured."
-        raise CaptureRefusedError(Reason("ill-conditioned", what, advice))
+        raise CaptureRefusedError(Reason("ill-conditioned", what, first + _ADVICE))
     inverse = np.asarray(np.linalg.inv(fit.distortion), dtype=np.float64)
     whole = np.eye(12)
     whole[3:, 3:] = -np.kron(inverse, inverse.T)
@@ -101,7 +112,7 @@ def fit_mag_gyr(
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
     size, dip = strength or radius, _dip(fit, None if acc is None else acc[seen])
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
-    refuse(_reasons(fit, sd, radius, strength, advice))
+    refuse(_reasons(fit, sd, radius, strength, first))
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.bias,
@@ -119,6 +130,29 @@ def fit_mag_gyr(
     return Fitted(
         calibration, mag[seen], fit.residuals, fit.used, _remarks(fit, strength, size, dip, acc is not None, stride)
     )
+
+
+def _require_figures(strength: float | None, gyr_gain_sd: float, tilt_range: float) -> None:
+    require_strength(strength)
+    require_tilt_range(tilt_range)
+    if not 0.0 <= gyr_gain_sd <= 1.0:
+        raise ParameterError(
+            f"gyr_gain_sd must be from 0 to 1, a share of the gain, but it is {gyr_gain_sd:g}; divide percents by 100."
+        )
+
+
+def _samples(t: Floats, mag: Floats, gyr: Floats, acc: Floats | None) -> tuple[Floats, Floats, Floats, Floats | None]:
+    t = check.column("t", t)
+    if t.size:
+        check.increasing_time("t", t)
+    mag = check.rows("mag", mag, 3, t.size)
+    gyr = finite_rows("gyr", check.rows("gyr", gyr, 3, t.size))
+    if acc is None:
+        return t, mag, gyr, None
+    acc = check.rows("acc", acc, 3, t.size)
+    if not np.isfinite(acc).all(axis=1).any():
+        raise ShapeError("acc must have a finite sample at least, but it has none; leave it out.")
+    return t, mag, gyr, acc
 
 
 def _require_rates(t: Floats) -> None:
@@ -145,13 +179,13 @@ def _dip(fit: FieldFit, acc: Floats | None) -> float:
     return float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
 
 
-def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, advice: str) -> list[Reason]:
+def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, first: str) -> list[Reason]:
+    """Reasons to refuse a fit; `first` is what to do before anything else."""
     found = [
         _wandering(fit.walk),
-        outliers(fit.used, STEEL),
-        uncertain(sd, fit.alike, advice),
-        unequal(fit.distortion),
-        wrong_field(radius, strength),
+        outliers(fit.used, first + STEEL),
+        uncertain(sd, fit.alike, first + _ADVICE),
+        *where_known(sd, unequal(fit.distortion), wrong_field(radius, strength)),
     ]
     return [reason for reason in found if reason is not None]
 
