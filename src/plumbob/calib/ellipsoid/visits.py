@@ -14,7 +14,7 @@ VISIT: Final = deg(15.0)
 """Turn of the measured vector that begins another visit, rad: more than noise, less than a field bends over."""
 
 FEWEST_VISITS: Final = 12
-"""Visits from which on the same is done with them, and it is looked for what stays within them."""
+"""Visits from which on their memory is looked for, and what stays within them."""
 
 _CHANCE: Final = 3.0  # standard deviations of a correlation by chance
 _STAYING: Final = 0.999  # correlation beyond which a memory is not told from a constant
@@ -65,16 +65,13 @@ def _within(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
     """First and last third of each visit that is long enough."""
     ends = np.append(starts[1:], len(residuals))
     long = ends - starts >= _LONG_VISIT
+    if not long.any():
+        return _Pairs(np.zeros(0), np.zeros(0), 1.0, 0.0)
     starts, ends = starts[long], ends[long]
     third = (ends - starts) // 3
     sums = np.concatenate(([0.0], np.cumsum(residuals)))
     first, last = (sums[starts + third] - sums[starts]) / third, (sums[ends] - sums[ends - third]) / third
-    return (
-        _Pairs(first, last, float(np.mean(third)), float(np.mean(ends - starts - 2 * third))) if len(third) else _NONE
-    )
-
-
-_NONE: Final = _Pairs(np.zeros(0), np.zeros(0), 1.0, 0.0)
+    return _Pairs(first, last, float(np.mean(third)), float(np.mean(ends - starts - 2 * third)))
 
 
 def _staying(pairs: _Pairs, residuals: Floats) -> float:

@@ -103,7 +103,8 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         tilt_range=tilt_range,
         directions=points - fit.centre,
     )
-    remarks = (*_remarks(fit, strength, size, stride), *uneven_told(shared))
+    dip_sd = fit.dip_sd * math.sqrt(shared.factor)
+    remarks = (*_remarks(fit, dip_sd, strength, size, stride), *uneven_told(shared))
     return Fitted(calibration, points, fit.residuals[:, 0], fit.used, remarks)
 
 
@@ -138,9 +139,9 @@ def _unsteady(sd: float) -> Reason | None:
     return Reason("not-still", what, _ADVICE)
 
 
-def _remarks(fit: DipFit, strength: float | None, size: float, stride: int) -> tuple[str, ...]:
+def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, stride: int) -> tuple[str, ...]:
     told = [
-        f"Dip of the field: {to_deg(fit.dip):.2f} ± {to_deg(fit.dip_sd):.2g}°; "
+        f"Dip of the field: {to_deg(fit.dip):.2f} ± {to_deg(dip_sd):.2g}°; "
         f"the magnetometer is turned by {to_deg(turn_of(fit.matrix)):.2g}° against the accelerometer.",
         f"Noise: {fit.mag_sd:.2g} µT of the field, {to_deg(fit.down_sd):.2g}° of the vertical.",
     ]
