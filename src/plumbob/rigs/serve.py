@@ -101,8 +101,8 @@ def _due(rig: Rig, at: int, start: int, speed: float | None, told: Served) -> in
 
 def _send(rig: Rig, port: Port, at: int, end: int, told: Served) -> int:
     """Hand frames to the port, and return the first that it has not taken."""
-    heard = port.heard()
-    done = at + port.send(rig.payloads(at, end))
+    heard = port.heard()  # asked once: who comes meanwhile hears what is due next
+    done = at + port.send(rig.payloads(at, end)) if heard else end
     lost = int(rig.damage.lost[at:done].sum())
     told.lost += lost
     if heard:

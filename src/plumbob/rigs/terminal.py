@@ -57,7 +57,7 @@ class PtyPort:
         """Whether somebody has it open and emptied it, or had the time to; what they write is read and forgotten."""
         found = self._poll(select.POLLIN | select.POLLPRI, 0.0)
         if found & select.POLLHUP:
-            self._since, self._ready = None, False
+            self._since, self._ready, self._rest = None, False, b""
             return False
         if found:
             with contextlib.suppress(OSError):  # it may have been closed just now
