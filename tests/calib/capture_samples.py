@@ -1,12 +1,15 @@
 """Simulated captures as arrays: attitudes, and what a magnetometer and an accelerometer say in them."""
 
 import numpy as np
+import pytest
 
+from plumbob._jit import jit_disabled
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_normalize, quat_rotate
 
 STRENGTH, DIP = 50.0, np.radians(60.0)
 FIELD_N = STRENGTH * np.array([np.cos(DIP), 0.0, np.sin(DIP)])  # NED
 FORCE_N = np.array([0.0, 0.0, -9.80665])
+slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="many captures take minutes as plain Python")
 
 
 def turned(axis, angle):

@@ -1,7 +1,5 @@
 """How many samples count as one: memory, visits, and an honest covariance in an uneven field."""
 
-import os
-
 import numpy as np
 import pytest
 
@@ -13,12 +11,10 @@ from plumbob.calib.mag.with_acc import fit_mag_acc
 from plumbob.calib.mag.with_gyr import fit_mag_gyr
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.rotations import quat_conjugate, quat_rotate
+from tests.calib.capture_samples import slow_without_jit
 from tests.calib.mag_scene import FIELD_N, STRENGTH, attitudes, field, force, heading_rms, rates, tumbling, unit_of
 
 CAPTURES = 24
-many = pytest.mark.skipif(
-    os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="many captures take minutes as plain Python"
-)
 ONE_VISIT = np.zeros(1, dtype=np.intp)
 
 
@@ -104,7 +100,7 @@ def test_what_stays_counts_as_four_and_a_half_samples():
     assert found.unevenness == pytest.approx(0.5 * 400 / 391 * 10_000 / SLOW, rel=0.1)
 
 
-@many
+@slow_without_jit
 @pytest.mark.parametrize("rho", [0.5, 0.9, 0.97])
 def test_filtered_noise_is_no_uneven_field(rho):
     """Low passes of 5, 0.8 and 0.24 Hz at 50 Hz: their memory is counted, and the field is not blamed."""
@@ -122,7 +118,7 @@ def test_filtered_noise_is_no_uneven_field(rho):
     assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
-@many
+@slow_without_jit
 @pytest.mark.parametrize("lever", [0.35, 0.1])
 def test_the_covariance_is_honest_near_steel(lever):
     """Not too small; too large by 2 or more where the hand's wandering makes the errors, and not the lever."""
@@ -141,6 +137,7 @@ def test_the_covariance_is_honest_near_steel(lever):
     assert max(ratios) < 3.0
 
 
+@slow_without_jit
 def test_poses_at_rest_show_an_uneven_field_too():
     """40 poses of 100 samples, a gradient of 3 µT/m and 0.3 m of arm: errors that each pose keeps, and no other has."""
     ratios = []
@@ -161,7 +158,7 @@ def test_poses_at_rest_show_an_uneven_field_too():
     assert 0.25 < np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
-@many
+@slow_without_jit
 def test_a_gyroscope_sees_through_an_uneven_field():
     """One field in space, not one length: half the heading error at least, and an honest covariance."""
     alone, helped, ratios = [], [], []

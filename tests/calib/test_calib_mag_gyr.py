@@ -1,10 +1,9 @@
 """Magnetometer with gyroscope: the study's bar for restricted motion, honest covariance, refusals."""
 
-import os
-
 import numpy as np
 import pytest
 
+from plumbob._jit import jit_disabled
 from plumbob.benchmark.accuracy import read_trial
 from plumbob.benchmark.room import room_of
 from plumbob.calib.mag.chained import chained
@@ -28,7 +27,7 @@ from tests.calib.mag_scene import (
     within_one_sd,
 )
 
-TRIALS = 3 if os.environ.get("NUMBA_DISABLE_JIT") == "1" else 8
+TRIALS = 3 if jit_disabled() else 8
 
 
 def scene(seed, *, gain_sd=0.0, **motion):

@@ -3,13 +3,11 @@
 import numpy as np
 import pytest
 
-from plumbob._jit import jit_disabled
 from plumbob.calib.ellipsoid.norm_fit import Shape, accumulate, fit_norm, linearised
 from plumbob.calib.ellipsoid.quadric import Ellipsoid, fit_axes, fit_quadric
-from tests.calib.capture_samples import FIELD_N, any_attitudes, in_body, measured, soft_iron, tilted
+from tests.calib.capture_samples import FIELD_N, any_attitudes, in_body, measured, slow_without_jit, soft_iron, tilted
 
 LENGTH = np.array([0.0, 0.0, 500.0])
-slow_without_jit = pytest.mark.skipif(jit_disabled(), reason="many captures take minutes as plain Python")
 START = Ellipsoid(np.zeros(3), np.eye(3) / 500.0)
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -69,10 +69,7 @@ class Rooms:
             name: {
                 "uneven_uT": trial.uneven,
                 "raw_deg": trial.raw_deg,
-                **{
-                    way: {"off_deg": o.off_deg, "predicted_deg": o.predicted_deg, "refused": o.refused}
-                    for way, o in trial.outcomes.items()
-                },
+                **{way: asdict(outcome) for way, outcome in trial.outcomes.items()},
             }
             for name, trial in self.trials.items()
         }

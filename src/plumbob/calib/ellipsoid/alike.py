@@ -8,8 +8,8 @@ about which the unit is turned. The length of the field then errs by ``(G b̂)·
 direction. The part of ``G b̂`` across the field is seen: it stays in the residuals, slowly changing. The part along it
 is not: it is a hard iron of that size along l, for as long as the capture may last. For a G of no preferred direction
 the two are about equal, so the slow part of the residuals tells how large the unseen error is: as large as if there had
-been 4.5 samples. What a visit shares
-with itself and with the next one because noise was filtered, by its memory from sample to sample, is no such part.
+been 4.5 samples. What a visit shares with itself and with the next one because noise was filtered, by its memory from
+sample to sample, is no such part.
 """
 
 from typing import Final, NamedTuple
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.norm_fit import NormFit
-from plumbob.calib.ellipsoid.visits import FEWEST_VISITS, correlation, means_of, staying, visits
+from plumbob.calib.ellipsoid.visits import FEWEST_VISITS, STAYING, correlation, means_of, staying, visits
 from plumbob.check import Floats
 
 LONG: Final = 100
@@ -28,7 +28,6 @@ SLOW: Final = 4.5
 """Samples that errors which stay count as: an axis of a sphere's centre has the variance 3σ²/N, and the unseen one ⅔ of
 the slow power per axis, for a gradient G that is symmetric, traceless and normal."""
 
-_LONGEST: Final = 0.999  # correlation beyond which a memory is not told from a constant
 _TAKEN_UP: Final = 9  # visits whose errors the parameters take up
 
 
@@ -97,4 +96,4 @@ def _per_sample(variance: float, residuals: Floats) -> float:
 
 def _together(rho: float) -> float:
     """How many neighbours of a first-order process count as one."""
-    return (1.0 + rho) / (1.0 - min(rho, _LONGEST))
+    return (1.0 + rho) / (1.0 - min(rho, STAYING))

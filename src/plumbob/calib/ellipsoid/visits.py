@@ -16,8 +16,10 @@ VISIT: Final = deg(15.0)
 FEWEST_VISITS: Final = 12
 """Visits from which on their memory is looked for, and what stays within them."""
 
+STAYING: Final = 0.999
+"""Correlation of neighbours beyond which a memory is not told from a constant."""
+
 _CHANCE: Final = 3.0  # standard deviations of a correlation by chance
-_STAYING: Final = 0.999  # correlation beyond which a memory is not told from a constant
 _STAYING_NOISE: Final = 0.97  # the same by differences of neighbours
 _DOUBT: Final = 1.5  # factor that noise's share is trusted to
 _LONG_VISIT: Final = 6  # samples that have a first and a last third
@@ -36,7 +38,8 @@ def means_of(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
 
 def staying(residuals: Floats, starts: NDArray[np.intp]) -> float:
     """Variance of what residuals (N,) keep within visits, or from one to the next, beyond noise and chance."""
-    return max(_staying(pairs, residuals) for pairs in (_neighbours(residuals, starts), _within(residuals, starts)))
+    noise = _noise(residuals)
+    return max(_staying(pairs, noise) for pairs in (_neighbours(residuals, starts), _within(residuals, starts)))
 
 
 def correlation(values: Floats) -> float:
@@ -53,6 +56,13 @@ class _Pairs(NamedTuple):
     second: Floats
     size: float
     gap: float
+
+
+class _Process(NamedTuple):
+    """Power of a first-order process, and correlation of its neighbours."""
+
+    power: float
+    rho: float
 
 
 def _neighbours(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
@@ -74,27 +84,27 @@ def _within(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
     return _Pairs(first, last, float(np.mean(third)), float(np.mean(ends - starts - 2 * third)))
 
 
-def _staying(pairs: _Pairs, residuals: Floats) -> float:
+def _staying(pairs: _Pairs, noise: tuple[_Process, ...]) -> float:
     """What both of a pair share beyond noise and chance, as a variance; 0 where it is nothing."""
     count = len(pairs.first)
     if count < FEWEST_VISITS:
         return 0.0
-    shared, noise = float(np.mean(pairs.first * pairs.second)), _of_noise(residuals, pairs)
+    shared = float(np.mean(pairs.first * pairs.second))
+    of_noise = min(one.power * _covariance(one.rho, pairs.size, pairs.gap) for one in noise)
     chance = math.sqrt(float(np.mean(pairs.first**2) * np.mean(pairs.second**2)) / count)
-    return shared - noise if shared - _DOUBT * noise > _CHANCE * chance else 0.0
+    return shared - of_noise if shared - _DOUBT * of_noise > _CHANCE * chance else 0.0
 
 
-def _of_noise(residuals: Floats, pairs: _Pairs) -> float:
-    """What noise of a first-order process makes both of a pair share.
+def _noise(residuals: Floats) -> tuple[_Process, ...]:
+    """What the noise of residuals (N,) may be, of which the one that makes less be shared holds.
 
-    The process is told by the correlation of neighbours, in which what stays passes for a long memory, and by
-    differences over one and two samples, in which motion of the errors does: the smaller result holds.
+    It is told by the correlation of neighbours, in which what stays passes for a long memory, and by differences over
+    one and two samples, in which motion of the errors does.
     """
     power = float(residuals @ residuals) / len(residuals)
     one, two = (0.5 * float(np.mean((residuals[k:] - residuals[:-k]) ** 2)) for k in (1, 2))
     rho = min(max(two / one - 1.0, 0.0), _STAYING_NOISE) if one > 0.0 else 0.0
-    told = ((power, min(correlation(residuals), _STAYING)), (min(one / (1.0 - rho), power), rho))
-    return min(power * _covariance(rho, pairs.size, pairs.gap) for power, rho in told)
+    return _Process(power, min(correlation(residuals), STAYING)), _Process(min(one / (1.0 - rho), power), rho)
 
 
 def _covariance(rho: float, size: float, gap: float) -> float:

@@ -124,10 +124,15 @@ def fit_mag(
 
 def unturned(mag: Floats, advice: str) -> Reason | None:
     """Reason to refuse a capture whose field (N, 3), µT, hardly changed, with what to do; None where it did."""
-    change = math.sqrt(float(np.sum(np.var(mag, axis=0))))
+    change = _change(mag)
     if change >= LEAST_CHANGE:
         return None
     return Reason("no-motion", f"the measured field only changed by {change:.2g} µT.", advice)
+
+
+def _change(mag: Floats) -> float:
+    """Root mean square change of a field (N, 3)."""
+    return math.sqrt(float(np.sum(np.var(mag, axis=0))))
 
 
 def _require_figures(shape: Shape | None, strength: float | None, dip: float | None, tilt_range: float) -> None:
@@ -142,8 +147,7 @@ def _require_figures(shape: Shape | None, strength: float | None, dip: float | N
 def _constant(mag: Floats) -> Reason | None:
     """Reason to refuse a field that hardly changed; a weak one, of whatever scale, by as large a share of it."""
     size = math.sqrt(float(np.mean(np.sum(mag * mag, axis=1))))
-    change = math.sqrt(float(np.sum(np.var(mag, axis=0))))
-    return unturned(mag, _ADVICE) if change <= LEAST_CHANGE * min(1.0, size / WEAKEST) else None
+    return unturned(mag, _ADVICE) if _change(mag) <= LEAST_CHANGE * min(1.0, size / WEAKEST) else None
 
 
 def _fitted(mag: Floats, shape: Shape | None) -> tuple[NormFit, NormFit, str]:
@@ -161,7 +165,7 @@ def _shapeless(mag: Floats) -> Reason:
     """Reason to refuse a capture that no ellipsoid fits."""
     directions = mag - mag.mean(axis=0)
     if filled(directions).all():
-        change, mean = math.sqrt(float(np.sum(np.var(mag, axis=0)))), float(np.linalg.norm(mag.mean(axis=0)))
+        change, mean = _change(mag), float(np.linalg.norm(mag.mean(axis=0)))
         if change < _HARDLY * mean:
             what = f"no ellipsoid fits; the field changed by {change:.2g} µT about a mean of {mean:.2g} µT"
             return Reason("too-few-regions", f"{what}, as if the unit was hardly turned.", _ADVICE)

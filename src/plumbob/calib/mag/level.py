@@ -169,9 +169,8 @@ def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float, shared: 
         _open(_gap(fit, points)),
         _thick(scatter),
         outliers(fit.used, STEEL),
-        *where_known(sd, _weak(radius)),
         uncertain(sd, shared, _ADVICE),
-        *where_known(sd, unequal(fit.shape)),
+        *where_known(sd, _weak(radius), unequal(fit.shape)),
     ]
     return [reason for reason in found if reason is not None]
 
