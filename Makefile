@@ -1,10 +1,10 @@
 # Two commands do all the set-up: `make demo` and `make test`. Both build .venv first.
 PYTHON ?= python3
-VENV := .venv
+VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test lint bench noise endurance wire clean
+.PHONY: setup demo test test-long lint bench noise endurance wire clean
 
 setup: $(VENV)/.installed
 
@@ -22,19 +22,19 @@ $(VENV)/.bench: $(VENV)/.installed
 demo: setup
 	$(BIN)/plumbob demo --out demo-out
 
+# Two processes whose linear algebra takes two threads each wait for each other.
+lint test test-long: export OMP_NUM_THREADS := 1
+# Gates that only read: format, lint, types, layers.
 lint: setup
-	$(BIN)/ruff format --check src tests benchmarks
-	$(BIN)/ruff check src tests benchmarks
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	$(BIN)/python tests/gates.py lint
 
-# First with compiled kernels on a cold cache, then the kernels' own tests again as plain Python. Two processes whose
-# linear algebra takes two threads each wait for each other.
-test: export OMP_NUM_THREADS := 1
-test: lint
-	$(BIN)/python -m pytest -n 2
-	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q -n 2 tests/filters tests/rotations tests/noise tests/sensors \
-		tests/calib/test_calib_norm_fit.py tests/calib/test_calib_alike.py
+# Every gate; each runs whatever the others say.
+test: setup
+	$(BIN)/python tests/gates.py test
+
+# The long statistical runs, ten times the random cases, and the kernels' own tests again as plain Python.
+test-long: setup
+	$(BIN)/python tests/gates.py long
 
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py

@@ -1,11 +1,18 @@
-"""Where the real recordings lie, and which tests cannot do without compiled kernels."""
+"""Where the real recordings lie, and how random cases are drawn: the same on every machine, slow or not."""
 
 import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[2] / "shared" / "data")
+
+# No deadline, for a shared machine stalls now and then; the same cases each time, so that a red run can be repeated.
+settings.register_profile("plumbob", deadline=None, derandomize=True)
+settings.register_profile("long", deadline=None, derandomize=True, max_examples=1000)
+settings.register_profile("search", deadline=None, max_examples=1000)  # new cases at each call
+settings.load_profile("plumbob")
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from plumbob.benchmark.decoder_fuzz import fuzz, mutated
@@ -13,6 +13,7 @@ from plumbob.benchmark.decoder_streams import columns_for, frames_of, settled
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import Decoder, decode
 from plumbob.sensors.encode import encode
+from tests.battery import examples
 
 MILLION = 1_000_000
 
@@ -124,7 +125,7 @@ class DecoderBattery:
         for at in range(1, len(data)):
             assert in_pieces(form, data, [at]) == whole, at
 
-    @settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+    @examples(0.25, suppress_health_check=list(HealthCheck))
     @given(data=st.data(), seed=st.integers(0, 2**32 - 1))
     def test_any_cutting_of_a_damaged_stream_gives_the_same_frames_and_counts(self, name, data, seed):
         form, rng = form_of(name), np.random.default_rng(seed)

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from plumbob import Filter, Frame, ImuData, ImuSample, flags
@@ -21,6 +21,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
+from tests.battery import examples
 from tests.battery.motion import FIELD_ENU, consistent, noisy, seen_by, swinging
 
 EPS = np.finfo(float).eps
@@ -278,7 +279,7 @@ class FilterBattery:
         assert excess.max() < math.radians(2.0)  # reliability figure F1
 
     @given(stream=BAD_SAMPLES, begun=st.booleans())
-    @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.differing_executors])
+    @examples(0.6, suppress_health_check=[HealthCheck.differing_executors])
     def test_whatever_comes_it_never_raises_and_stays_an_attitude(self, name, stream, begun):
         """Values, flags and stamps at will; the state can be saved and restored, which refuses what is not finite."""
         good, _ = consistent(60)

@@ -9,34 +9,10 @@ import sys
 import numpy as np
 import pytest
 
-from plumbob import Frame, ImuData, ImuMeta, io
+from plumbob import Frame, ImuData, ImuMeta, _jit, filter_names, io
+from tests.battery.commandline import ok, plumbob, refused
 
 GOOD_PARAMS = "kp=0.5,ki=0.03,gate=off"
-
-
-def plumbob(*words, cwd=None, **environment):
-    return subprocess.run(
-        [sys.executable, "-m", "plumbob.cli.main", *map(str, words)],
-        cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True, errors="replace",
-        check=False,
-    )  # fmt: skip
-
-
-def ok(*words, **kwargs):
-    done = plumbob(*words, **kwargs)
-    assert done.returncode == 0, done.stderr
-    return done
-
-
-def refused(*words, **kwargs):
-    """One line on standard error, nothing on standard output, exit 1; returns the line."""
-    done = plumbob(*words, **kwargs)
-    assert done.returncode == 1, (done.returncode, done.stdout, done.stderr)
-    assert done.stdout == ""
-    lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
-    assert len(lines) == 1, done.stderr
-    assert "Traceback" not in done.stderr
-    return lines[0]
 
 
 @pytest.fixture(scope="module")
@@ -157,6 +133,7 @@ def test_csv_and_back(buoy, tmp_path):
     assert a == b
 
 
+@pytest.mark.long(reason="ten minutes of sea")
 def test_demo_ends_in_a_table_and_a_page(tmp_path):
     done = ok("demo", "--out", tmp_path / "demo")
     assert "rms error, degrees" in done.stdout
@@ -418,12 +395,24 @@ def test_a_parameter_given_twice_is_refused(buoy):
     assert "twice" in refused("run", buoy, "--filter", "mahony", "--params", "kp=0.5,kp=0.1")
 
 
-def test_warmup_says_where_kernels_are_kept_or_that_they_are_not(buoy, tmp_path):
-    assert str(tmp_path) in ok("warmup", PLUMBOB_CACHE_DIR=str(tmp_path)).stdout
+def test_warmup_says_where_kernels_are_kept_or_that_they_are_not(buoy, tmp_path, monkeypatch):
+    """Compiled once for all tests of a run, kept in memory then: no cache folder costs a compilation here."""
+    assert str(_jit.cache_folder()) in ok("warmup").stdout
     for words in (("run", buoy, "--filter", "mekf"), ("benchmark", "channel", "--seeds", 1)):
-        assert "compiling" not in ok(*words, PLUMBOB_CACHE_DIR=str(tmp_path)).stderr
+        assert "compiling" not in ok(*words).stderr
     (tmp_path / "file").write_text("in the way")
-    assert "cannot be written" in refused("warmup", PLUMBOB_CACHE_DIR=str(tmp_path / "file"))
+    monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path / "file"))
+    assert "cannot be written" in refused("warmup")
+
+
+@pytest.mark.long(reason="compiles every kernel: three minutes")
+def test_after_a_warmup_nothing_waits(buoy, tmp_path):
+    cache = {"PLUMBOB_CACHE_DIR": str(tmp_path)}
+    assert str(tmp_path) in ok("warmup", **cache).stdout
+    kept = {path.name for path in tmp_path.rglob("*.nb?")}
+    for name in filter_names():
+        assert "compiling" not in ok("run", buoy, "--filter", name, **cache).stderr
+    assert {path.name for path in tmp_path.rglob("*.nb?")} == kept
 
 
 def test_python_m_plumbob_and_discovery():

@@ -14,7 +14,7 @@ from plumbob.cli import allan
 from plumbob.io.numbers_binary import RAW
 from plumbob.noise import KINDS
 from plumbob.units import dps, from_si, to_si
-from tests.cli.test_cli import ok, refused
+from tests.battery.commandline import ok, refused
 
 DATA = Path(os.environ.get("PLUMBOB_DATA", "../shared/data"))
 L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"

@@ -11,9 +11,10 @@ from plumbob.calib.acc.gravity import normal_gravity
 from plumbob.calib.regions import REGIONS
 from plumbob.constants import G0
 from plumbob.units import deg
+from tests.battery.commandline import ok, plumbob, refused
 from tests.calib.pose_capture import BIAS, GAIN, NOISE, pose_capture
 from tests.calib.test_calib_accel import symmetric
-from tests.cli.test_cli import GOOD_PARAMS, ok, plumbob, refused
+from tests.cli.test_cli import GOOD_PARAMS
 
 UP = np.array([0.2, -0.35, 0.9]) / np.linalg.norm([0.2, -0.35, 0.9])
 

@@ -12,8 +12,8 @@ from plumbob.calib.model import apply_card
 from plumbob.cards import TriadCalibration
 from plumbob.constants import G0
 from plumbob.units import dps, to_dps, to_g
+from tests.battery.commandline import ok, plumbob, refused
 from tests.calib.gyro_sessions import ferraris, hand
-from tests.cli.test_cli import ok, plumbob, refused
 
 DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data")
 SESSION = DATA / "ferraris" / "annotated_session.csv"

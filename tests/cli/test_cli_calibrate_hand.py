@@ -10,7 +10,7 @@ from plumbob.calib.model import apply_card
 from plumbob.cards import CalibrationCard
 from plumbob.constants import G0
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
-from tests.cli.test_cli import ok, plumbob, refused
+from tests.battery.commandline import ok, plumbob, refused
 
 UNIT = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "drawn", "--seed", 5)
 

@@ -8,8 +8,8 @@ import pytest
 from plumbob import io
 from plumbob.cards import CalibrationCard
 from plumbob.data import ImuData, ImuMeta
+from tests.battery.commandline import ok, plumbob, refused
 from tests.calib.mag_scene import attitudes, field, force, heading_rms, unit_of
-from tests.cli.test_cli import ok, plumbob, refused
 
 COUNT = 300
 

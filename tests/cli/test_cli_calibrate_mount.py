@@ -9,7 +9,7 @@ from plumbob import io
 from plumbob.cards import CalibrationCard
 from plumbob.rotations import Frame, quat_angle, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.sim import simulate
-from tests.cli.test_cli import ok, plumbob, refused
+from tests.battery.commandline import ok, plumbob, refused
 from tests.pipeline.test_pipeline_mounting import Q_BS, UNIT, Returning
 
 

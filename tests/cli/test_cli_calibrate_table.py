@@ -5,7 +5,7 @@ import json
 import pytest
 
 from plumbob.cards import CalibrationCard
-from tests.cli.test_cli import ok, plumbob, refused
+from tests.battery.commandline import ok, plumbob, refused
 
 RATES = "50, 100, 200 deg/s"
 

@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from contextlib import contextmanager
 
@@ -18,13 +17,13 @@ from plumbob.calib.guide.turns import Turn
 from plumbob.cards import CalibrationCard
 from plumbob.cli.calibrating.board import Board, board_lines
 from plumbob.cli.main import main
+from tests.battery.commandline import PLUMBOB, call
 
 TIMEOUT = 120
-PLUMBOB = (sys.executable, "-m", "plumbob.cli.main")
 
 
 def plumbob(*words, cwd, code=0):
-    done = subprocess.run([*PLUMBOB, *words], cwd=cwd, capture_output=True, text=True, timeout=TIMEOUT, check=False)
+    done = call(*words, cwd=cwd)
     assert done.returncode == code, (words, done.returncode, done.stdout, done.stderr)
     return done
 

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from contextlib import contextmanager
 from importlib import resources
@@ -16,15 +15,13 @@ import pytest
 from plumbob import io
 from plumbob.cli import common
 from plumbob.record import open_log
+from tests.battery.commandline import PLUMBOB, call
 
 TIMEOUT = 120
 
 
 def plumbob(*words, cwd, code=0):
-    done = subprocess.run(
-        [sys.executable, "-m", "plumbob.cli.main", *words], cwd=cwd, capture_output=True, text=True, timeout=TIMEOUT,
-        check=False,
-    )  # fmt: skip
+    done = call(*words, cwd=cwd)
     assert done.returncode == code, (words, done.returncode, done.stdout, done.stderr)
     return done
 
@@ -33,7 +30,7 @@ def plumbob(*words, cwd, code=0):
 def rig(folder, *words):
     """Emulated buoy as a process; gives the link to its line once it is there."""
     link = folder / "line"
-    command = [sys.executable, "-m", "plumbob.cli.main", "emulate", "buoy", "--seed", "2", "--link", str(link), *words]
+    command = [*PLUMBOB, "emulate", "buoy", "--seed", "2", "--link", str(link), *words]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as child:
         try:
             assert child.stdout.readline().startswith("/dev/")
@@ -109,7 +106,7 @@ def test_other_verbs_take_a_recording(recorded):
 def test_interrupted_recording_ends_whole(tmp_path):
     with rig(tmp_path) as link:
         words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap"]
-        with subprocess.Popen([sys.executable, "-m", "plumbob.cli.main", *words], cwd=tmp_path,
+        with subprocess.Popen([*PLUMBOB, *words], cwd=tmp_path,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:  # fmt: skip
             deadline = time.monotonic() + TIMEOUT
             while not _holds(tmp_path / "a.mcap", 2000) and time.monotonic() < deadline:

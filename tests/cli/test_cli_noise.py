@@ -5,7 +5,7 @@ import json
 import pytest
 
 from plumbob import NoiseCard, io
-from tests.cli.test_cli import ok, plumbob, refused
+from tests.battery.commandline import ok, plumbob, refused
 
 SIM = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated", "--duration", "20s")
 

@@ -1,18 +1,11 @@
 """verify and repair as a user meets them: exit codes 0, 3 and 1, text and JSON."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
 from plumbob.record import Recorder
-
-
-def plumbob(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "plumbob.cli.main", *map(str, words)], capture_output=True, text=True, check=False
-    )
+from tests.battery.commandline import plumbob
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """plumbob devices, decode and emulate, as processes: what they print, where losses are told, how they end."""
 
-import contextlib
-import io
 import json
 import os
 import shutil
@@ -14,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumbob.cli.main import main
 from plumbob.io import read
 from plumbob.rigs import PLANS, load, make_rig
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import decode
+from tests.battery.commandline import call
 
 BARE = "note: calibration NONE: these sensor values are uncalibrated\n"
 
@@ -33,20 +31,9 @@ def start(*args, **more):
 
 
 def plumbob(*args, data=b"", cwd=None):
-    """Call it in this process, which spares its start."""
-    streams = [io.TextIOWrapper(io.BytesIO(data if name == "stdin" else b""), encoding="utf-8") for name in STREAMS]
-    kept = [getattr(sys, name) for name in STREAMS]
-    try:
-        for name, stream in zip(STREAMS, streams, strict=True):
-            setattr(sys, name, stream)
-        with contextlib.chdir(cwd or Path.cwd()):
-            code = main([*map(str, args)])
-    finally:
-        for name, stream in zip(STREAMS, kept, strict=True):
-            setattr(sys, name, stream)
-    for stream in streams[1:]:
-        stream.flush()
-    return code, *(stream.buffer.getvalue().decode() for stream in streams[1:])
+    """Exit code, standard output and standard error."""
+    done = call(*args, data=data, cwd=cwd)
+    return done.returncode, done.stdout, done.stderr
 
 
 def ok(*args, **more):

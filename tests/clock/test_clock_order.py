@@ -6,12 +6,13 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from clock_samples import START_NS, Frames, frames, hold, ticks, without
-from hypothesis import given, settings
+from hypothesis import given
 
 from plumbob._jit import jit_disabled
 from plumbob.clock import Counter, TimeBase, TimeSpec
 from plumbob.clock.stamping import stamp_frames
 from plumbob.flags import TIME_FAULT
+from tests.battery import examples
 
 SPECS = {
     "frames": TimeSpec(frames=Counter(8), rate=100.0),
@@ -69,7 +70,7 @@ def assert_same(a, b):
 @pytest.mark.parametrize("name", SPECS)
 class TestPieces:
     @given(cuts=st.lists(st.integers(0, 2600), max_size=20))
-    @settings(max_examples=2 if jit_disabled() else 20)
+    @examples(0.02 if jit_disabled() else 0.2)
     def test_any_cut_gives_the_same_bits(self, name, cuts):
         f = troubled()
         cuts = [cut for cut in cuts if cut <= f.t_ns.size]
@@ -128,7 +129,7 @@ def compiled_free_quantile():
     ),
     name=st.sampled_from(sorted(SPECS)),
 )
-@settings(max_examples=150)
+@examples(1.5)
 def test_whatever_comes_times_do_not_fall_and_counts_add_up(steps, name):
     spec = SPECS[name]
     base = TimeBase(spec)
@@ -160,7 +161,7 @@ def test_whatever_comes_times_do_not_fall_and_counts_add_up(steps, name):
     losses=st.lists(st.tuples(st.integers(20, 60), st.integers(1, 700)), max_size=8),
     start=st.integers(0, 2**32),
 )
-@settings(max_examples=60)
+@examples(0.6)
 def test_a_counter_is_unwrapped_whatever_is_lost(bits, down, losses, start):
     """Losses need not be a whole number of turns, for those take patience; all else is known at once."""
     modulus = 1 << bits

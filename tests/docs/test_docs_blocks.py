@@ -2,14 +2,13 @@
 
 import contextlib
 import io
-import os
 import re
 import shlex
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.battery.commandline import call
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -49,10 +48,7 @@ def test_console_blocks_run(page, tmp_path):
     for line in lines:
         words = shlex.split(line.removeprefix("$ "), comments=True)
         if words[0] == "plumbob":
-            done = subprocess.run(
-                [sys.executable, "-m", "plumbob.cli.main", *words[1:]],
-                cwd=tmp_path, env=os.environ, capture_output=True, text=True, check=False,
-            )  # fmt: skip
+            done = call(*words[1:], cwd=tmp_path)
             assert done.returncode == 0, (line, done.stderr)
         else:
             assert words[0] in {"make", "pip"}, line

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.errors import ClockError, ParameterError, ShapeError
@@ -18,8 +18,9 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
+from tests.battery import examples
 
-FEW = settings(deadline=None, max_examples=25)
+FEW = examples(0.25)
 
 EXACT = 1e-9
 frames = st.sampled_from(list(Frame))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob import clock
@@ -10,8 +10,6 @@ from plumbob.errors import ClockError, ParameterError
 from plumbob.evaluate import Fate, associate
 from plumbob.evaluate.associate import default_max_gap
 from plumbob.rotations import quat_angle, quat_from_rotvec
-
-RELAXED = settings(deadline=None)  # a shared machine stalls now and then
 
 
 def spin(t):
@@ -120,7 +118,6 @@ def test_one_reference_sample_serves_only_its_own_stamp(track):
     assert match.counts() == {Fate.SCORED: 1, Fate.OUTSIDE: 2}
 
 
-@RELAXED
 @given(st.data())
 def test_every_sample_has_one_fate_and_only_scored_ones_need_a_reference(track, data):
     stamps = st.lists(st.integers(0, 300), min_size=2, max_size=40, unique=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.evaluate import GIMBAL_GUARD, QUANTITIES, Stats, attitude_errors
@@ -17,8 +17,6 @@ from plumbob.rotations import (
     quat_normalize,
     quat_rotate,
 )
-
-RELAXED = settings(deadline=None)  # a shared machine stalls now and then
 
 ABSOLUTE = ("total", "heading", "inclination")
 quats = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: sum(c * c for c in q) > 0.01)
@@ -56,7 +54,6 @@ def test_heading_and_tilt_together(motion, t):
     np.testing.assert_allclose(found["total"], 2.0 * np.arccos(np.cos(psi / 2) * np.cos(theta / 2)), rtol=1e-12)
 
 
-@RELAXED
 @given(quats, quats)
 def test_agrees_with_the_published_formulas(a, b):
     # [Laidig2021]: total 2 acos |w|, heading 2 atan |z / w|, inclination 2 acos √(w² + z²)
@@ -69,7 +66,6 @@ def test_agrees_with_the_published_formulas(a, b):
         np.testing.assert_allclose(found["heading"][0], 2 * np.arctan(abs(z / w)), atol=1e-7)
 
 
-@RELAXED
 @given(quats, quats)
 def test_inclination_is_the_angle_between_the_verticals(a, b):
     a, b = quat_normalize(np.array(a)), quat_normalize(np.array(b))
@@ -78,7 +74,6 @@ def test_inclination_is_the_angle_between_the_verticals(a, b):
     assert errors(a, b)["inclination"][0] == pytest.approx(angle, abs=1e-12)
 
 
-@RELAXED
 @given(quats, quats)
 def test_total_is_made_of_heading_and_inclination(a, b):
     found = {k: v[0] for k, v in errors(quat_normalize(np.array(a)), quat_normalize(np.array(b))).items()}
@@ -86,7 +81,6 @@ def test_total_is_made_of_heading_and_inclination(a, b):
     assert np.cos(found["total"] / 2) == pytest.approx(made, abs=1e-12)
 
 
-@RELAXED
 @given(quats, quats, angles)
 def test_nothing_changes_with_signs_nor_with_a_turn_of_the_world(a, b, yaw):
     a, b = quat_normalize(np.array(a)), quat_normalize(np.array(b))
@@ -131,7 +125,6 @@ def test_unknown_stays_unknown():
     assert all(np.isnan(found[name]).all() for name in QUANTITIES)
 
 
-@RELAXED
 @given(st.floats(-50.0, 50.0))
 def test_wrap_keeps_the_angle(angle):
     wrapped = wrap(np.array([angle]))[0]

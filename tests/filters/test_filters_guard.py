@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob import Filter, Frame, flags
@@ -76,7 +76,6 @@ class TestSpike:
         assert rate.tolist() == [0.99 * LIMIT, -0.99 * LIMIT, 0.0]
 
     @given(st.lists(st.floats(-30.0, 30.0), min_size=6, max_size=6))
-    @settings(deadline=None)
     def test_confirmed_it_is_made_up_for_and_the_angle_is_exact(self, six):
         """A body that is hit: the rate jumps and stays; one sample late, but not an angle lost."""
         before, after = np.array(six[:3]), np.array(six[3:])
@@ -187,7 +186,6 @@ class TestMissedAngle:
             max_size=30,
         )
     )
-    @settings(deadline=None)
     def test_whatever_comes_what_is_let_in_is_finite(self, stream):
         """A rate is there or not, and no sensor says more than the largest: the loops see to it."""
         gate = Gate()

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
@@ -27,7 +27,6 @@ def run(times, inputs, tau, start=(0.0, 0.0)):
 
 
 @given(st.lists(steps, min_size=1, max_size=30), st.floats(1e-2, 1e3))
-@settings(deadline=None)
 def test_the_step_response_is_the_closed_form_however_it_is_cut(parts, tau):
     """y = 1 − e^−s (cos s + sin s), w = 2 e^−s sin s, with s = t/τ: Laplace transform of the step response.
 
@@ -41,7 +40,6 @@ def test_the_step_response_is_the_closed_form_however_it_is_cut(parts, tau):
 
 
 @given(steps)
-@settings(deadline=None)
 def test_a_step_is_two_halves(t):
     p, q, r, s = weights.py_func(0.5 * t, 1.0)
     half = np.array([[p, q], [r, s]])
@@ -50,7 +48,6 @@ def test_a_step_is_two_halves(t):
 
 
 @given(steps, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
-@settings(deadline=None)
 def test_any_step_from_any_state_is_scipys_transition(t, y, w, v):
     """scipy.signal.cont2discrete with a held input, which takes the matrix exponential."""
     a, b, *_ = signal.cont2discrete(SYSTEM, t, method="zoh")

@@ -1,7 +1,7 @@
 """Steps from integer nanoseconds, and a clock that was set back."""
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob import Filter, Frame, ImuData, clock, flags
@@ -24,7 +24,6 @@ def ticks(times_ns):
 
 
 @given(st.lists(st.integers(1, 10**12), min_size=1, max_size=40), st.integers(-(10**18), TODAY_NS))
-@settings(deadline=None)  # the first call compiles
 def test_steps_are_exact_differences_at_any_time_of_day(steps_ns, start_ns):
     times_ns = [start_ns + sum(steps_ns[: i + 1]) for i in range(len(steps_ns))]
     assert ticks(times_ns) == [0.0, *(ns / 1e9 for ns in steps_ns[1:])]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob import flags
@@ -123,7 +123,6 @@ CODES = st.tuples(*[st.integers(-(2**15), 2**15 - 1)] * 3)
 
 
 @given(LSB, st.lists(CODES, min_size=2, max_size=12, unique=True))
-@settings(deadline=None)
 def test_two_quantised_triads_do_not_collide(lsb, codes):
     """Codes of 16 bits times a last digit."""
     found = sums([tuple(lsb * k for k in code) for code in codes])
@@ -131,7 +130,6 @@ def test_two_quantised_triads_do_not_collide(lsb, codes):
 
 
 @given(LSB, CODES, st.permutations([0, 1, 2]), st.tuples(*[st.integers(-3, 3)] * 3))
-@settings(deadline=None)
 def test_neighbours_swaps_and_signs_do_not_collide(lsb, code, order, change):
     """What a plain sum would mistake for the same."""
     others = [

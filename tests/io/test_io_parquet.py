@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from io_samples import CASES, assert_same, make_imu, make_track
@@ -17,6 +17,7 @@ from plumbob.errors import ClockError, DecodeError, FrameError, ParameterError
 from plumbob.io import Recording, header, parquet
 from plumbob.io.columns import COLUMNS, to_columns
 from plumbob.io.parquet import read_parquet, write_parquet
+from tests.battery import examples
 
 ROWS = 5
 BITS = hnp.arrays(np.uint64, (ROWS - 1, 3), elements=st.integers(0, 2**64 - 1))
@@ -47,7 +48,7 @@ def forged(path, *, content=None, table=None, key=b"plumbob", seal=True):
     return path
 
 
-@settings(max_examples=60, deadline=None)
+@examples(0.6)
 @given(gyr=BITS, acc=BITS, flags=hnp.arrays(np.uint32, ROWS), steps=st.lists(st.integers(1, 10**12), min_size=ROWS))
 def test_every_bit_pattern_comes_back(folder, gyr, acc, flags, steps):
     """Any 64 bits are a float64: NaN with any payload, −0, denormals, infinities."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from io_samples import DATA, make_imu
 
@@ -15,6 +15,7 @@ from plumbob.errors import ClockError, DecodeError, ShapeError, UnitError
 from plumbob.io import Recording, parse_profile, read, text_table, write
 from plumbob.io.text_write import text_cell
 from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
+from tests.battery import examples
 
 HEAD = 'separator = ","\n[header]\nnames = true\n'
 TIME = '[time]\ncolumn = "t"\nunit = "s"\n'
@@ -453,7 +454,7 @@ def test_no_cell_is_a_formula(tmp_path, sign):
 
 
 @given(st.text())
-@settings(max_examples=200, deadline=None)
+@examples(2)
 def test_a_text_cell_is_one_harmless_cell(text):
     import csv
 
@@ -467,7 +468,7 @@ def test_a_text_cell_is_one_harmless_cell(text):
     note=st.text(max_size=20),
     values=st.lists(st.floats(-99.0, 99.0), min_size=3, max_size=3),
 )
-@settings(max_examples=60, deadline=None)
+@examples(0.6)
 def test_any_text_and_number_survives_the_csv(tmp_path_factory, device, note, values):
     folder = tmp_path_factory.mktemp("csv")
     imu = make_imu(rows=1, gyr=np.array([values]), mag=None)
@@ -485,7 +486,7 @@ NUMBERS = st.floats(allow_nan=False, width=64).map(repr) | st.sampled_from(
 
 
 @given(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=20))
-@settings(max_examples=80, deadline=None)
+@examples(0.8)
 def test_the_slow_path_reads_what_the_fast_path_reads(cells):
     layout = parse_profile(PLAIN).layout
     raw = ("a,b,c\n" + "".join(",".join(row) + "\n" for row in cells)).encode()
@@ -500,7 +501,7 @@ def test_the_slow_path_reads_what_the_fast_path_reads(cells):
 
 
 @given(st.binary(max_size=300))
-@settings(max_examples=150, deadline=None)
+@examples(1.5)
 def test_any_bytes_are_read_or_refused_with_one_of_our_errors(raw):
     for encoding in ("utf-8", "gbk", "utf-16", "latin-1"):
         layout = replace(parse_profile(PLAIN).layout, encoding=encoding, names=False)

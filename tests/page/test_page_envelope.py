@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from plumbob.page import envelope, runs
-
-RELAXED = settings(deadline=None)  # a shared machine stalls now and then
 
 
 def test_spikes_survive_thinning():
@@ -20,7 +18,6 @@ def test_spikes_survive_thinning():
     assert (np.diff(short_t) >= 0.0).all()
 
 
-@RELAXED
 @given(st.data())
 def test_thinning_keeps_the_range_and_invents_nothing(data):
     size = data.draw(st.integers(1, 300))

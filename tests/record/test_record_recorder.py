@@ -5,7 +5,7 @@ import sys
 import time
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.records import Chunk, Message
@@ -15,8 +15,9 @@ from record_samples import DECODED, OFFSET, RAW, SCHEMA, channels, fill, read, r
 from plumbob.errors import DecodeError, ParameterError
 from plumbob.record import Recorder, Schema, open_log, verify
 from plumbob.record.ledger import Ledger
+from tests.battery import examples
 
-FAST = settings(max_examples=40, deadline=None)
+FAST = examples(0.4)
 
 
 def library_rows(path):

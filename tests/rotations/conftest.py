@@ -4,10 +4,6 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import settings
-
-settings.register_profile("plumbob", deadline=None, derandomize=True)  # the same cases on every machine, slow or not
-settings.load_profile("plumbob")
 
 SIZES = {
     "identity": 0.0,

@@ -1,0 +1,69 @@
+"""The command line as a user meets it: streams, folder, exit code.
+
+Most tests call the entry point in this process, which is what a process runs but for its start of a second; tests of
+signals, pipes, the environment or a terminal start a process.
+"""
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from plumbob.cli.main import main
+
+STREAMS = ("stdin", "stdout", "stderr")
+PLUMBOB = (sys.executable, "-m", "plumbob.cli.main")
+
+
+def call(*words, data=b"", cwd=None):
+    """Run a command line in this process."""
+    streams = [io.TextIOWrapper(io.BytesIO(data if name == "stdin" else b""), encoding="utf-8") for name in STREAMS]
+    kept = [getattr(sys, name) for name in STREAMS]
+    words = [*map(str, words)]
+    try:
+        for name, stream in zip(STREAMS, streams, strict=True):
+            setattr(sys, name, stream)
+        with contextlib.chdir(cwd or Path.cwd()):
+            code = main(words)
+    except SystemExit as wrong_usage:
+        code = wrong_usage.code
+    finally:
+        for name, stream in zip(STREAMS, kept, strict=True):
+            setattr(sys, name, stream)
+    for stream in streams[1:]:
+        stream.flush()
+    out, err = (stream.buffer.getvalue().decode(errors="replace") for stream in streams[1:])
+    return subprocess.CompletedProcess(["plumbob", *words], code or 0, out, err)
+
+
+def start(*words, cwd=None, **environment):
+    """Run a command line in a process of its own, to its end."""
+    return subprocess.run(
+        [*PLUMBOB, *map(str, words)], cwd=cwd, env={**os.environ, **environment}, capture_output=True, text=True,
+        errors="replace", check=False, timeout=120,
+    )  # fmt: skip
+
+
+def plumbob(*words, cwd=None, **environment):
+    """Run a command line; one that needs an environment of its own gets a process."""
+    return start(*words, cwd=cwd, **environment) if environment else call(*words, cwd=cwd)
+
+
+def ok(*words, **kwargs):
+    """Run a command line that must succeed."""
+    done = plumbob(*words, **kwargs)
+    assert done.returncode == 0, (words, done.returncode, done.stdout, done.stderr)
+    return done
+
+
+def refused(*words, **kwargs):
+    """One line on standard error, nothing on standard output, exit 1; returns the line."""
+    done = plumbob(*words, **kwargs)
+    assert done.returncode == 1, (done.returncode, done.stdout, done.stderr)
+    assert done.stdout == ""
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("note: ")]
+    assert len(lines) == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    return lines[0]
