@@ -45,7 +45,7 @@ class Outcome(NamedTuple):
 
 
 def run(name, words, *, shown):
-    """Run a gate, with its output on the terminal or kept; CPU time is that of the process and all that it waited for."""
+    """Run a gate, its output shown or kept; CPU time is that of the process and of all that it waited for."""
     started = time.monotonic()
     env = {**os.environ, "NUMBA_DISABLE_JIT": "1"} if name == "plain Python" else None
     with subprocess.Popen(words, env=env, stdout=None if shown else subprocess.PIPE, stderr=subprocess.STDOUT) as child:

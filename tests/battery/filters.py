@@ -329,9 +329,9 @@ class FilterBattery:
         assert not f.update(all_samples[50]) & flags.TIME_FAULT
 
     @pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
-    def test_a_million_steps_keep_the_norm(self, name):
+    @pytest.mark.parametrize("n", [50_000, pytest.param(1_000_000, marks=pytest.mark.long(reason="8 s for all"))])
+    def test_a_million_steps_keep_the_norm(self, name, n):
         rng = np.random.default_rng(5)
-        n = 1_000_000
         data = ImuData(
             t=np.arange(n) / 1000.0,
             gyr=rng.normal(size=(n, 3)) * 5.0,

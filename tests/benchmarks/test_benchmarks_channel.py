@@ -2,8 +2,6 @@
 
 import json
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -27,6 +25,7 @@ from plumbob.errors import ParameterError
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain, variance_ratio
 from plumbob.noise import deviation
 from plumbob.units import deg, dps
+from tests.battery.commandline import call
 
 SEEDS = range(6)
 
@@ -182,10 +181,7 @@ def test_same_seeds_same_figures_and_progress_is_told():
 
 
 def run(*words):
-    return subprocess.run(
-        [sys.executable, "-m", "plumbob.cli.main", "benchmark", "channel", *words],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    return call("benchmark", "channel", *words)
 
 
 def test_command_line():

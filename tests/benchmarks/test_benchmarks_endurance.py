@@ -29,11 +29,14 @@ def run(*words):
     return subprocess.run([sys.executable, str(SCRIPT), *words], capture_output=True, text=True, check=False)
 
 
-def test_every_filter_keeps_the_norm_over_a_few_blocks():
-    done = run("--samples", "5e3", "--block", "1000", "--json")
+@pytest.mark.parametrize(
+    "filters", ["mahony,mekf", pytest.param(",".join(filter_names()), marks=pytest.mark.long(reason="half a minute"))]
+)
+def test_filters_keep_the_norm_over_a_few_blocks(filters):
+    done = run("--samples", "5e3", "--block", "1000", "--json", "--filters", filters)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
-    assert [one["name"] for one in found] == list(filter_names())
+    assert [one["name"] for one in found] == filters.split(",")
     for one in found:
         assert (one["samples"], one["finite"], one["met"]) == (5000, True, True)
         assert one["at_block_ends"] <= one["largest"] < 1e-12

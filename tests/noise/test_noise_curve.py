@@ -122,18 +122,22 @@ TRUTH = {
 
 
 @pytest.mark.skipif(not COMPILED, reason="long as plain Python")
+@pytest.mark.parametrize("count", [100, pytest.param(400, marks=pytest.mark.long(reason="5 s for each noise"))])
 @pytest.mark.parametrize("noise", TRUTH)
-def test_intervals_hold_the_truth_as_often_as_they_say(noise):
+def test_intervals_hold_the_truth_as_often_as_they_say(noise, count):
     """At every averaging time, up to a single difference: 60 to 78 %, with the noise identified from each record.
 
-    And two standard deviations of the share among 400 records, 2 · 2.4 %, to either side, as some of 40 averaging times
-    are always out of luck. The whole benchmark, with longer records, is benchmarks/allan_coverage.py.
+    And two standard deviations of the share among the records to either side, as some of 40 averaging times are always
+    out of luck; their mean stays within one, for neighbours share most of their samples. The whole benchmark, with
+    longer records, is benchmarks/allan_coverage.py.
     """
-    found = curves(records(noise, 1024, 400), 1.0)
+    found = curves(records(noise, 1024, count), 1.0)
+    sd = math.sqrt(0.6827 * 0.3173 / count)
     truth = TRUTH[noise](found[0].n.astype(float))
     share = np.mean([(one.lo <= truth) & (truth <= one.hi) for one in found], axis=0)
-    assert share.min() >= 0.60 - 0.048
-    assert share.max() <= 0.78 + 0.048
+    assert share.min() >= 0.60 - 2.0 * sd
+    assert share.max() <= 0.78 + 2.0 * sd
+    assert abs(share.mean() - 0.6827) <= sd + 0.03  # benchmarks/allan_coverage.py: means of 63 to 71 %
 
 
 def test_another_confidence():
