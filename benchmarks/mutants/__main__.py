@@ -1,0 +1,286 @@
+"""Plant faults in the package, one at a time, and see whether the tests of `make test` find them.
+
+First the tests run once and it is noted which functions each of them runs; then, for each fault, those tests that run
+its function, the nearest and cheapest first, until one fails. A fault that none of them finds is a survivor. Those that
+`known.toml` calls equivalent (no input can tell them from the original) count neither way.
+
+``python benchmarks/mutants`` writes into ``.mutants`` and goes on where it was stopped.
+"""
+
+import argparse
+import concurrent.futures
+import json
+import os
+import queue
+import random
+import shutil
+import subprocess
+import sys
+import time
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from plant import Mutant, mutants_of
+
+HERE = Path(__file__).parent
+TOP = HERE.parents[1]
+ROOMS = {  # by risk: how many faults each gets of 170, and which folders or files it is
+    "ground": (
+        10,
+        "units.py digits.py check.py flags.py params.py forms.py errors.py plain.py constants.py link.py page",
+    ),
+    "rotations": (8, "rotations"),
+    "data and cards": (10, "data.py sample.py cards"),
+    "time base": (12, "clock"),
+    "filters": (22, "filters"),
+    "calibration": (20, "calib"),
+    "noise": (16, "noise"),
+    "decode": (14, "sensors"),
+    "record": (12, "record"),
+    "files": (10, "io"),
+    "pipeline": (12, "pipeline acquire"),
+    "evaluation": (10, "evaluate datasheet certificate"),
+    "simulation": (8, "sim rigs"),
+    "command line": (14, "cli"),
+}
+MINUTES = 15  # a fault that makes the tests hang is found
+
+
+def rooms(package: Path, seed: int, scale: float) -> dict[str, list[Mutant]]:
+    """Faults of each room: kinds in turn, each function once, chosen by the seed."""
+    chosen: dict[str, list[Mutant]] = {}
+    for room, (count, places) in ROOMS.items():
+        files = [file for place in places.split() for file in _files(package / place)]
+        by_kind = defaultdict(list)
+        for file in files:
+            for mutant in mutants_of(package, file):
+                by_kind[mutant.kind].append(mutant)
+        draw = random.Random(f"{seed} {room}")
+        for kind in sorted(by_kind):
+            draw.shuffle(by_kind[kind])
+        chosen[room] = list(_in_turn([by_kind[kind] for kind in sorted(by_kind)], max(1, round(count * scale))))
+    return chosen
+
+
+def _files(place: Path) -> list[Path]:
+    return [place] if place.is_file() else sorted(place.rglob("*.py"))
+
+
+def _in_turn(heaps: list[list[Mutant]], count: int) -> Iterator[Mutant]:
+    used: set[tuple[str, str]] = set()
+    while count and any(heaps):
+        for heap in heaps:
+            fresh = next((m for m in heap if (m.path, m.function) not in used), None)
+            heap[:] = heap[heap.index(fresh) + 1 :] if fresh else []
+            if fresh and count:
+                used.add((fresh.path, fresh.function))
+                count -= 1
+                yield fresh
+
+
+class Tree:
+    """A copy of the checkout, in which a fault may stand for a while."""
+
+    def __init__(self, folder: Path, data: str) -> None:
+        self.folder = folder
+        shutil.rmtree(folder, ignore_errors=True)
+        listed = subprocess.run(
+            ["git", "ls-files", "-co", "--exclude-standard"], cwd=TOP, capture_output=True, text=True, check=True
+        )
+        for name in listed.stdout.splitlines():
+            if (TOP / name).is_file():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(TOP / name, folder / name)
+        self.package = folder / "src" / "plumbob"
+        self.environment = {
+            **os.environ, "PLUMBOB_DATA": data, "OMP_NUM_THREADS": "1", "PYTHONPATH": f"{folder / 'src'}{os.pathsep}{folder}"
+        }  # fmt: skip
+
+    def pytest(self, *words: str, cache: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+        """Run tests of this copy."""
+        env = {**self.environment, "PLUMBOB_CACHE_DIR": str(cache), **environment}
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
+        return subprocess.run(
+            command, cwd=self.folder, env=env, capture_output=True, text=True, check=False, timeout=60.0 * MINUTES
+            if "-x" in words else None,
+        )  # fmt: skip
+
+
+def trace(tree: Tree, work: Path, jobs: int) -> dict[str, dict[str, float]]:
+    """Which tests run which function, and the seconds that each takes; all of them must pass."""
+    kept = work / "trace.json"
+    if kept.exists():
+        return json.loads(kept.read_text(encoding="utf-8"))
+    out = work / "traced"
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir()
+    traced = {"PLUMBOB_TRACE": str(out), "PLUMBOB_TRACE_ROOT": str(tree.package)}
+    path = os.pathsep.join((str(HERE / "trace"), tree.environment["PYTHONPATH"]))
+    words = ("-p", "sitecustomize", "-n", str(jobs), "--dist", "loadfile", "--durations=0", "-vv")
+    done = tree.pytest(*words, cache=work / "cache", PYTHONPATH=path, **traced)
+    if done.returncode:
+        sys.exit(f"The tests fail without any fault:\n{done.stdout[-4000:]}")
+    seconds = _durations(done.stdout)
+    ran: dict[str, dict[str, float]] = defaultdict(dict)
+    of_file: dict[str, set[str]] = defaultdict(set)  # functions that fixtures ran
+    tests: dict[str, set[str]] = defaultdict(set)
+    for file in out.glob("*.json"):
+        for name, functions in json.loads(file.read_text(encoding="utf-8")).items():
+            test, _, phase = name.rpartition(" ")
+            test = test.partition("[")[0]
+            tests[test.partition("::")[0]].add(test)
+            if phase == "(setup)":
+                of_file[test.partition("::")[0]].update(functions)
+            else:
+                for function in functions:
+                    ran[function][test] = seconds.get(test, 0.0)
+    for file, functions in of_file.items():
+        for function in functions:
+            for test in tests[file]:
+                ran[function].setdefault(test, seconds.get(test, 0.0))
+    kept.write_text(json.dumps(ran), encoding="utf-8")
+    return ran
+
+
+def _durations(text: str) -> dict[str, float]:
+    found: dict[str, float] = defaultdict(float)
+    for line in text.splitlines():
+        words = line.split(maxsplit=2)
+        if len(words) == 3 and words[0].endswith("s") and words[1] in {"call", "setup"}:
+            found[words[2].partition("[")[0]] += float(words[0][:-1])
+    return found
+
+
+def order(tests: dict[str, float], mutant: Mutant) -> list[str]:
+    """The room's own tests first, and in both halves the cheapest files first."""
+    room = mutant.path.partition("/")[0].removesuffix(".py")
+    cost: dict[str, float] = defaultdict(float)
+    for test, seconds in tests.items():
+        cost[test.partition("::")[0]] += seconds
+    return sorted(tests, key=lambda t: (f"tests/{room}/" not in t, cost[t.partition("::")[0]], t.partition("::")[0]))
+
+
+def judge(tree: Tree, mutant: Mutant, tests: Iterable[str], work: Path) -> dict[str, object]:
+    """Plant it, run the tests, take it away again."""
+    path = tree.package / mutant.path
+    source = path.read_text(encoding="utf-8")
+    own = work / f"cache-{tree.folder.name}"
+    listed = tree.folder / "tests.txt"
+    listed.write_text("\n".join(tests), encoding="utf-8")
+    started = time.monotonic()
+    try:
+        path.write_text(mutant.plant(source), encoding="utf-8")
+        kernel = "@njit" in source  # what is compiled of an edited kernel is of no use to the next
+        done = (
+            tree.pytest("-x", f"@{listed}", cache=own if kernel else work / "cache") if listed.stat().st_size else None
+        )
+        by = "nothing runs it" if done is None else _first_failure(done)
+    except subprocess.TimeoutExpired:
+        by = "it never ends"
+    finally:
+        path.write_text(source, encoding="utf-8")
+        shutil.rmtree(own, ignore_errors=True)
+    found = by not in {"", "nothing runs it"}
+    return {
+        "name": mutant.name,
+        "row": mutant.row,
+        "found": found,
+        "by": by,
+        "seconds": round(time.monotonic() - started, 1),
+    }
+
+
+def _first_failure(done: subprocess.CompletedProcess[str]) -> str:
+    if done.returncode == 0:
+        return ""
+    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+    return failed[0] if failed else f"pytest exits with {done.returncode}"
+
+
+def known() -> dict[str, str]:
+    """Faults that no input can tell from the original, with the reason."""
+    path = HERE / "known.toml"
+    if not path.exists():
+        return {}
+    return {one["name"]: one["why"] for one in tomllib.loads(path.read_text(encoding="utf-8"))["equivalent"]}
+
+
+def show(chosen: dict[str, list[Mutant]], results: dict[str, dict[str, object]]) -> bool:
+    """Print found and missed by room; True where the bars are met."""
+    same, met, total = known(), True, [0, 0]
+    print(f"\n{'room':16}{'planted':>8}{'same':>6}{'found':>7}{'missed':>8}{'share':>8}")
+    for room, mutants in chosen.items():
+        real = [results[m.name] for m in mutants if m.name in results and m.name not in same]
+        found = sum(bool(one["found"]) for one in real)
+        total = [total[0] + found, total[1] + len(real)]
+        share = found / len(real) if real else 1.0
+        met &= share >= 0.85
+        print(f"{room:16}{len(mutants):8}{len(mutants) - len(real):6}{found:7}{len(real) - found:8}{share:8.0%}")
+    share = total[0] / max(1, total[1])
+    print(f"{'together':16}{'':14}{total[0]:7}{total[1] - total[0]:8}{share:8.1%}   (bars: 92 %, each room 85 %)\n")
+    for mutant in (m for mutants in chosen.values() for m in mutants):
+        result = results.get(mutant.name)
+        if result and not result["found"]:
+            why = same.get(mutant.name) or result["by"] or "no test fails"
+            print(
+                f"{'same  ' if mutant.name in same else 'MISSED'} {mutant.path}:{mutant.row} {mutant.name}\n       {why}"
+            )
+    return met and share >= 0.92
+
+
+def main() -> int:
+    """Run it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the 178 faults of the table in this file")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--work", type=Path, default=TOP / ".mutants", help="folder for copies, traces and results")
+    parser.add_argument("--again", action="store_true", help="judge survivors once more, with fresh traces")
+    parser.add_argument("--list", action="store_true", help="only print what would be planted")
+    args = parser.parse_args()
+    work = args.work.resolve()
+    chosen = rooms(TOP / "src" / "plumbob", args.seed, args.scale)
+    if args.list:
+        print(*(f"{m.path}:{m.row} {m.name}" for mutants in chosen.values() for m in mutants), sep="\n")
+        return 0
+    work.mkdir(exist_ok=True)
+    kept = work / "results.jsonl"
+    lines = kept.read_text(encoding="utf-8").splitlines() if kept.exists() else []
+    results = {one["name"]: one for one in map(json.loads, lines)}
+    if args.again:
+        results = {name: one for name, one in results.items() if one["found"]}
+        (work / "trace.json").unlink(missing_ok=True)
+    data = str(Path(os.environ.get("PLUMBOB_DATA", TOP.parent / "shared" / "data")).resolve())
+    trees: queue.Queue[Tree] = queue.Queue()
+    for number in range(args.jobs):
+        trees.put(Tree(work / f"tree{number}", data))
+    first = trees.get()
+    ran = trace(first, work, args.jobs)
+    trees.put(first)
+
+    def one(mutant: Mutant) -> dict[str, object]:
+        tree = trees.get()
+        try:
+            tests = ran.get(f"{mutant.path}:{mutant.line}", {})
+            return judge(tree, mutant, order(tests, mutant), work)
+        finally:
+            trees.put(tree)
+
+    todo = [m for mutants in chosen.values() for m in mutants if m.name not in results]
+    with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool, kept.open("a", encoding="utf-8") as file:
+        for result in pool.map(one, todo):
+            results[str(result["name"])] = result
+            file.write(json.dumps(result) + "\n")
+            file.flush()
+            print(
+                f"{'found ' if result['found'] else 'MISSED'} {result['seconds']:6.1f} s  {result['name']}  {result['by']}"[
+                    :240
+                ]
+            )
+    return 0 if show(chosen, results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
