@@ -94,9 +94,8 @@ class Tree:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(TOP / name, folder / name)
         self.package = folder / "src" / "plumbob"
-        self.environment = {
-            **os.environ, "PLUMBOB_DATA": data, "OMP_NUM_THREADS": "1", "PYTHONPATH": f"{folder / 'src'}{os.pathsep}{folder}"
-        }  # fmt: skip
+        path = f"{folder / 'src'}{os.pathsep}{folder}"
+        self.environment = {**os.environ, "PLUMBOB_DATA": data, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
 
     def pytest(self, *words: str, cache: Path, **environment: str) -> subprocess.CompletedProcess[str]:
         """Run tests of this copy."""
@@ -118,7 +117,7 @@ def trace(tree: Tree, work: Path, jobs: int) -> dict[str, dict[str, float]]:
     out.mkdir()
     traced = {"PLUMBOB_TRACE": str(out), "PLUMBOB_TRACE_ROOT": str(tree.package)}
     path = os.pathsep.join((str(HERE / "trace"), tree.environment["PYTHONPATH"]))
-    words = ("-p", "sitecustomize", "-n", str(jobs), "--dist", "loadfile", "--durations=0", "-vv")
+    words = ("-p", "traced", "-n", str(jobs), "--dist", "loadfile", "--durations=0", "-vv")
     done = tree.pytest(*words, cache=work / "cache", PYTHONPATH=path, **traced)
     if done.returncode:
         sys.exit(f"The tests fail without any fault:\n{done.stdout[-4000:]}")
@@ -224,9 +223,8 @@ def show(chosen: dict[str, list[Mutant]], results: dict[str, dict[str, object]])
         result = results.get(mutant.name)
         if result and not result["found"]:
             why = same.get(mutant.name) or result["by"] or "no test fails"
-            print(
-                f"{'same  ' if mutant.name in same else 'MISSED'} {mutant.path}:{mutant.row} {mutant.name}\n       {why}"
-            )
+            verdict = "same  " if mutant.name in same else "MISSED"
+            print(f"{verdict} {mutant.path}:{mutant.row} {mutant.name}\n       {why}")
     return met and share >= 0.92
 
 
@@ -274,11 +272,8 @@ def main() -> int:
             results[str(result["name"])] = result
             file.write(json.dumps(result) + "\n")
             file.flush()
-            print(
-                f"{'found ' if result['found'] else 'MISSED'} {result['seconds']:6.1f} s  {result['name']}  {result['by']}"[
-                    :240
-                ]
-            )
+            verdict = "found " if result["found"] else "MISSED"
+            print(f"{verdict} {result['seconds']:6.1f} s  {result['name']}  {result['by']}"[:240], flush=True)
     return 0 if show(chosen, results) else 1
 
 

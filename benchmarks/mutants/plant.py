@@ -1,6 +1,7 @@
-"""Faults that a person makes, planted one at a time into the source: sign, index, axis, unit, limit, guard and others."""
+"""Faults that a person makes, to be planted one at a time: sign, index, axis, unit, limit, guard and others."""
 
 import ast
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,7 +102,7 @@ def _call(node: ast.Call, source: _Source) -> Iterator[Edit]:
         end = source.span(node.func)[1]
         yield "limit", (end - len(name), end), TWINS[name]
     named = [arg for arg in node.args if isinstance(arg, ast.Name | ast.Attribute)]
-    for one, other in zip(named, named[1:], strict=False):
+    for one, other in itertools.pairwise(named):
         (start, end), (then, stop) = source.span(one), source.span(other)
         if source.of(one)[:-1] == source.of(other)[:-1]:  # gx, gy
             yield "axis", (start, stop), source.of(other) + source.text[end:then] + source.of(one)

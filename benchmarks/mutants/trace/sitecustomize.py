@@ -72,30 +72,6 @@ def save():
         Path(OUT, f"{uuid.uuid4().hex}.json").write_text(json.dumps(found), encoding="utf-8")
 
 
-def pytest_configure():
-    from plumbob._jit import Kernel
-
-    compiled, call = Kernel.compiled.fget, Kernel.__call__
-
-    def watched(self):
-        reach(self)
-        return compiled(self)
-
-    def called(self, *args, **kwargs):
-        reach(self)
-        return call(self, *args, **kwargs)
-
-    Kernel.compiled, Kernel.__call__ = property(watched), called
-
-
-def pytest_runtest_setup(item):
-    switch(f"{item.nodeid} (setup)")
-
-
-def pytest_runtest_call(item):
-    switch(f"{item.nodeid} (call)")
-
-
 if OUT:
     start()
     atexit.register(save)
