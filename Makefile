@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint bench noise endurance wire clean
+.PHONY: setup demo test test-long lint mutants bench noise endurance wire clean
 
 setup: $(VENV)/.installed
 
@@ -36,6 +36,10 @@ test: setup
 test-long: setup
 	$(BIN)/python tests/gates.py long
 
+# Faults planted one at a time, and whether the tests find them: about two hours of two cores.
+mutants: setup
+	$(BIN)/python benchmarks/mutants
+
 bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/allan_speed.py
@@ -60,4 +64,4 @@ wire: setup
 	$(BIN)/python benchmarks/live.py --duration 600
 
 clean:
-	rm -rf $(VENV) demo-out bench-out build dist
+	rm -rf $(VENV) .mutants demo-out bench-out build dist

@@ -4,14 +4,18 @@ import contextlib
 import io
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from plumbob import errors
 from tests.battery.commandline import call
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+SOURCES = (ROOT / "src").rglob("*.py")
+CITED = re.compile(r"""guide\(["']([^"']+)["']\)""")
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 
@@ -51,7 +55,7 @@ def test_console_blocks_run(page, tmp_path):
             done = call(*words[1:], cwd=tmp_path)
             assert done.returncode == 0, (line, done.stderr)
         else:
-            assert words[0] in {"make", "pip"}, line
+            assert words[0] in {"git", "make", "pip"}, line
 
 
 def test_the_first_page_shows_python_and_its_output():
@@ -65,3 +69,16 @@ def test_links_lead_to_files():
     for page in PAGES:
         for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / link).exists(), (page.name, link)
+
+
+def test_every_page_that_a_message_names_is_there_and_in_the_wheel(tmp_path, monkeypatch):
+    named = {name for file in SOURCES for name in CITED.findall(file.read_text(encoding="utf-8"))}
+    assert {"file-formats.md", "formats.md", "sessions.md"} <= named
+    included = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    folders = included["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
+    assert folders["docs"] == "plumbob/docs"
+    assert all((ROOT / "docs" / page).is_file() and errors.guide(page) == f"docs/{page}" for page in named)
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "time.md").touch()
+    monkeypatch.setattr(errors, "__file__", str(tmp_path / "errors.py"))
+    assert errors.guide("time.md") == str(tmp_path / "docs" / "time.md")

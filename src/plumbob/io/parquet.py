@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.errors import DecodeError, one_line
+from plumbob.errors import DecodeError, guide, one_line
 from plumbob.io import header
 from plumbob.io.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
 from plumbob.io.files import existing_file, reading, replacing
@@ -111,7 +111,7 @@ def _raw_header(parquet: "pq.ParquetFile") -> bytes:
     if KEY not in metadata:
         raise DecodeError(
             "it is no recording, but a Parquet file of another program or a table of 'plumbob decode' (no 'plumbob' in "
-            "its metadata); export it as CSV and describe that with a profile, see docs/file-formats.md."
+            f"its metadata); export it as CSV and describe that with a profile, see {guide('file-formats.md')}."
         )
     return metadata[KEY]
 

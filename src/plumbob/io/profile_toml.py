@@ -7,14 +7,14 @@ from typing import Any, Final
 
 from plumbob import forms
 from plumbob.data import TRIADS
-from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
+from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt, guide
 from plumbob.forms import Parse
 from plumbob.io.files import existing_file, reading
 from plumbob.io.profile import ColumnRef, GroupSource, Layout, Profile, ReferenceSource, TimeColumn, TimeRate
 from plumbob.rotations import Frame, North, body_axes
 from plumbob.units import Quantity
 
-GUIDE: Final = "docs/file-formats.md"
+GUIDE: Final = guide("file-formats.md")
 VERSION: Final = 1
 
 _EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}

@@ -9,7 +9,7 @@ from typing import Any, Final
 from plumbob import forms
 from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import ImuMeta
-from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError
+from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError, guide
 from plumbob.forms import Parse
 from plumbob.pipeline.iio_format import iio_format
 from plumbob.pipeline.offline import Stage, filter_of
@@ -23,7 +23,7 @@ from plumbob.sensors.format_toml import parse_format
 from plumbob.sensors.triads import ranges_of
 from plumbob.units import Quantity
 
-GUIDE: Final = "docs/sessions.md"
+GUIDE: Final = guide("sessions.md")
 KIND: Final = "plumbob session"
 VERSION: Final = 1
 SESSION: Final = "session.toml"

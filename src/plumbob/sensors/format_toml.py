@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob import forms, units
-from plumbob.errors import DecodeError, PlumbobError, UnitError, excerpt
+from plumbob.errors import DecodeError, PlumbobError, UnitError, excerpt, guide
 from plumbob.forms import Parse
 from plumbob.sensors import checksum
 from plumbob.sensors.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
@@ -17,7 +17,7 @@ from plumbob.sensors.format import Format, Framing, LengthField, Message, Option
 from plumbob.sensors.places import require_places
 from plumbob.units import Quantity
 
-GUIDE: Final = "docs/formats.md"
+GUIDE: Final = guide("formats.md")
 KIND: Final = "plumbob format"
 VERSION: Final = 1
 _ORDERS: Final = ("big", "little")
