@@ -14,7 +14,7 @@ from tests.battery.motion import seen_by
 
 
 def posed(*degrees, frame, t=None):
-    """A recording of attitudes (yaw, pitch, roll), each as its accelerometer and magnetometer see it, and their track."""
+    """A recording of attitudes (yaw, pitch, roll) as its accelerometer and magnetometer see them, and their track."""
     q = quat_from_euler_zyx(np.radians(degrees))
     t = 0.01 * np.arange(len(q)) if t is None else t
     imu = ImuData(t=t, gyr=np.zeros((len(q), 3)), **seen_by(q, frame), meta=ImuMeta(frame=frame))
