@@ -182,6 +182,38 @@ def test_messages_outside_chunks_are_damage_in_our_files(whole, tmp_path):
     assert (log.damage[0].offset, log.damage[0].size) == (at, len(bare))
 
 
+def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
+    """Two channels of which one is late: the head of a chunk holds the least and the greatest time."""
+    path = tmp_path / "a.mcap"
+    r = recorder(path)
+    numbers = r.channel("late", "x"), r.channel("early", "x")
+    with r:
+        for t_ns in (50, 20, 90, 40):
+            for number, late in zip(numbers, (7, 0), strict=True):
+                r.write(number, t_ns + late, b"x")
+    raw = path.read_bytes()
+    ((at, _),) = chunks_of(raw)
+    assert layout.CHUNK_HEAD.unpack_from(raw, at)[2:4] == (OFFSET + 20, OFFSET + 97)
+    log, got = read(path)
+    assert [row[2] for row in got] == [57, 50, 27, 20, 97, 90, 47, 40]
+    assert log.damage == []
+    assert log.clean
+
+
+@pytest.mark.parametrize("place", [0, 8])
+def test_wrong_times_at_the_head_of_a_chunk_are_told_and_cost_no_row(whole, tmp_path, place):
+    """Its first time, then its last: no CRC of the chunk guards them."""
+    raw, rows = whole
+    at, _ = chunks_of(raw)[1]
+    damaged = bytearray(raw)
+    damaged[at + 9 + place] ^= 2
+    log, got = judge(tmp_path / "a.mcap", bytes(damaged), rows, most_lost=0)
+    assert got == rows
+    (damage,) = log.damage
+    assert (damage.offset, damage.size, damage.certain) == (at + 9, 16, True)
+    assert "times at a chunk's head" in damage.what
+
+
 def test_a_damaged_index_is_told_and_costs_no_row(whole, tmp_path):
     raw, rows = whole
     at, length = chunks_of(raw)[1]
