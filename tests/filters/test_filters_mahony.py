@@ -101,7 +101,7 @@ def test_fifteen_real_trials_agree_with_two_other_programs(broad_folder):
 
 @pytest.mark.parametrize(("quick", "fallen_at"), [(False, 0.0), (True, 1.0 / 0.41)])
 def test_the_gain_of_a_quick_start_falls_to_kp_and_the_bias_waits_for_it(quick, fallen_at):
-    """Gains 1/t and 0 until 1/t has fallen to Kp = 0.41 1/s, after 2.44 s; then Kp and Ki: the law by hand, step by step."""
+    """Gains 1/t and 0 until 1/t has fallen to Kp = 0.41 1/s, after 2.44 s; then Kp and Ki: the law by hand."""
     f = Filter("mahony", frame=Frame.ENU, params={"kp": 0.41, "ki": 0.05, "quick_start": quick})
     x, error, bias = np.zeros(f._x.size), np.array([0.03, -0.02, 0.01]), np.zeros(3)
     for i in range(1, 101):
