@@ -295,28 +295,37 @@ def test_files_that_are_not_there(tmp_path):
         open_log(tmp_path)
 
 
-def forged(raw, rng):
-    """The file with bytes of its chunks' contents changed and every CRC made right again."""
-    out = bytearray(raw[:8])
+def forged(raw, rng, share=0.7):
+    """The file with bytes of some chunks' contents changed and every CRC made right again, and which those are."""
+    out, changed = bytearray(raw[:8]), []
     for opcode, at, length in records_of(raw):
         record = raw[at : at + length]
-        if opcode == layout.CHUNK and rng.random() < 0.7:
+        if opcode == layout.CHUNK:
+            changed.append(rng.random() < share)
+        if opcode == layout.CHUNK and changed[-1]:
             _, _, first, last, _, _, name = layout.CHUNK_HEAD.unpack_from(record)
             content = bytearray(zstandard.decompress(record[layout.CHUNK_HEAD.size + name + 8 :]))
             for _ in range(rng.randrange(1, 5)):
                 content[rng.randrange(len(content))] = rng.choice([0, 1, 255, rng.randrange(256)])
             record = layout.chunk_record(bytes(content), zstandard.compress(content), "zstd", first, last)
         out += record
-    return bytes(out) + raw[-8:]
+    return bytes(out) + raw[-8:], changed
 
 
 def test_forged_files_raise_nothing_but_errors_of_ours(whole, tmp_path):
-    """What chunks hold may be anything, with CRCs that hold; the reader must come through."""
+    """What chunks hold may be anything, with CRCs that hold; what is untouched comes through."""
+    raw, rows = whole
     rng = random.Random(4)
     for _ in range(300):
-        (tmp_path / "a.mcap").write_bytes(forged(whole[0], rng))
+        data, changed = forged(raw, rng)
+        (tmp_path / "a.mcap").write_bytes(data)
         with contextlib.suppress(DecodeError):
             verify(tmp_path / "a.mcap")
+        untouched = [row for i, row in enumerate(rows) if not changed[i // CHUNK_ROWS]]
+        assert set(untouched) <= set(read(tmp_path / "a.mcap")[1])
+    (tmp_path / "a.mcap").write_bytes(forged(raw, rng, share=0.0)[0])
+    assert verify(tmp_path / "a.mcap").whole
+    assert read(tmp_path / "a.mcap")[1] == rows
 
 
 def test_a_chunk_with_two_channels_of_one_topic_is_refused(tmp_path):
