@@ -168,6 +168,19 @@ def test_a_disturbed_pose_is_set_aside_and_named():
     assert (np.abs(found.calibration.bias - left_out.bias) < 1e-3 * sd).all()
 
 
+def test_the_residual_is_that_of_the_poses_that_were_used():
+    """Root mean square of | M (a − b) | − g, by hand; the disturbed pose, off by 1 % of g, would make it ten times."""
+    poses = measured(np.vstack((REGIONS, CORNERS)), noise=g(1e-4), jitter=deg(2.0), seed=3)
+    poses[4] *= 1.01
+    found = fit_accel(poses)
+    c = found.calibration
+    sizes = [np.linalg.norm(c.matrix @ (pose - c.bias)) for i, pose in enumerate(poses) if i != 4]
+    assert np.flatnonzero(~found.used).tolist() == [4]
+    assert c.residual_rms == pytest.approx(np.sqrt(np.mean(np.square(np.array(sizes) - G0))), rel=1e-9)
+    # along each of 26 poses 1e-4 g, of which the fit takes 9 degrees of freedom
+    assert c.residual_rms == pytest.approx(g(1e-4) * np.sqrt(16.0 / 25.0), rel=4.0 / np.sqrt(2.0 * 16.0))
+
+
 def test_too_many_disturbed_poses_are_refused():
     poses = measured(np.vstack((REGIONS, CORNERS)), noise=g(1e-4), jitter=deg(2.0))
     poses[[3, 9, 15]] *= 1.01

@@ -13,9 +13,9 @@ BIAS, SHAPE = np.array([6.0, -9.0]), np.array([[1.1, 0.15], [0.15, 0.9]]) / 25.0
 LEVEL = STRENGTH * np.cos(DIP)
 
 
-def ring(rng, count=400, *, upright=2, sd=0.2, cover=2.0 * np.pi):
+def ring(rng, count=400, *, upright=2, sd=0.2, cover=2.0 * np.pi, first=0.0):
     """A field of 25 µT about the upright axis, which itself measures 30 µT."""
-    course = rng.uniform(0.0, cover, count)
+    course = first + rng.uniform(0.0, cover, count)
     points = np.column_stack((np.cos(course), np.sin(course))) @ np.linalg.inv(SHAPE) + BIAS
     mag = np.insert(points, upright, 30.0, axis=1)
     return mag + sd * rng.normal(size=mag.shape)
@@ -72,6 +72,31 @@ def test_predicted_heading_error_is_that_of_the_heading():
     assert abs(np.mean(ratios) - 1.0) < 4.0 * np.sqrt(2.0 / 3.0 / 100)  # as of chi-square with 3 degrees or more
 
 
+def test_the_matrix_keeps_the_sensor_s_scale_or_takes_the_field_s():
+    """The covariance of the matrix, from that of the ellipse: without a strength, det M is 1 and known exactly.
+
+    With a strength the size is the level field, so M is that constant times the shape.
+    """
+    mag = ring(np.random.default_rng(7))
+    fit = fit_ellipse(mag[:, :2])
+    c = fit_mag_level(mag).calibration
+    size = 1.0 / np.sqrt(np.linalg.det(fit.shape))
+    places = [3, 7, 4]  # of M₀₀, M₁₁ and M₀₁ behind the bias
+    shared = c.covariance[0, 0] / fit.covariance[0, 0]
+    m = c.matrix
+    slope = np.zeros(12)
+    slope[[3, 4, 6, 7]] = m[1, 1], -m[1, 0], -m[0, 1], m[0, 0]  # d det M
+    assert slope @ c.covariance @ slope < 1e-12 * np.trace(c.covariance[3:, 3:])
+    along = np.array([[size, 0, 0], [0, size, 0], [0, 0, size]])
+    shape = np.array([fit.shape[0, 0], fit.shape[1, 1], fit.shape[0, 1]])
+    slope = np.array([shape[1], shape[0], -2.0 * shape[2]]) / np.linalg.det(fit.shape)  # d ln det S
+    along -= 0.5 * size * np.outer(shape, slope)
+    assert c.covariance[np.ix_(places, places)] == pytest.approx(shared * along @ fit.covariance[2:, 2:] @ along.T)
+    known = fit_mag_level(mag, strength=STRENGTH, dip=DIP).calibration
+    expected = shared * LEVEL**2 * fit.covariance[2:, 2:]
+    assert known.covariance[np.ix_(places, places)] == pytest.approx(expected, rel=1e-9)
+
+
 def test_outliers_are_set_aside():
     mag = ring(np.random.default_rng(5))
     mag[:20] += 8.0
@@ -79,6 +104,21 @@ def test_outliers_are_set_aside():
     assert np.count_nonzero(~fit.used) >= 18  # where the push is along the ellipse, the distance is small
     assert not fit.used[:20].all()
     assert np.abs(fit.calibration.bias[:2] - BIAS).max() < 5.0 * float(fit.calibration.bias_sd.max())
+
+
+@pytest.mark.parametrize("first", [-130.0, -30.0, 50.0, 140.0])
+def test_headings_that_were_not_seen_are_counted_wherever_they_lie(first):
+    """A gap of 100° is refused and one of 80° is not, be it across ±180° or elsewhere.
+
+    400 places in 260° leave steps of 0.65° on average, which widen a gap by several degrees at most.
+    """
+    rng, first = np.random.default_rng(8), np.radians(first)
+    with pytest.raises(CaptureRefusedError) as refused:
+        fit_mag_level(ring(rng, cover=np.radians(260.0), first=first))
+    kinds = {reason.kind: reason.text for reason in refused.value.reasons}
+    covered = float(kinds["too-few-regions"].split("cover ")[1].split("°")[0])
+    assert 255.0 < covered < 262.0
+    assert fit_mag_level(ring(rng, cover=np.radians(280.0), first=first)).calibration.bias[2] == 0.0
 
 
 @pytest.mark.parametrize(

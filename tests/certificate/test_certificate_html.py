@@ -65,11 +65,22 @@ def test_a_million_samples_make_a_small_page(card):
     assert len(page(card, {"mag": many}, title="t", facts={})) < 800_000
 
 
-@pytest.mark.parametrize("keep", [1, 2])
-def test_few_samples_have_a_page(card, keep):
-    few = mag_fit(card.mag)
-    some = replace(few, measured=few.measured[:keep], residuals=few.residuals[:keep], used=few.used[:keep])
-    Outline(page(card, {"mag": some}, title="t", facts={}))
+def some_of(fit, keep):
+    return replace(fit, measured=fit.measured[:keep], residuals=fit.residuals[:keep], used=fit.used[:keep])
+
+
+@pytest.mark.parametrize("keep", [1, 2, 9])
+def test_few_samples_have_a_page_that_counts_their_regions(card, keep):
+    """A region is the nearest of 18 directions."""
+    some = some_of(mag_fit(card.mag), keep)
+    nearest = {int(np.argmax(REGIONS @ (vector - card.mag.bias))) for vector in some.measured}
+    told = page(card, {"mag": some}, title="t", facts={})
+    Outline(told)
+    assert f"Directions seen: {len(nearest)} of 18" in told
+    missing = re.search(r"Missing: ([^.]*)\.", told)[1]
+    assert all(
+        (name in missing) is (i not in nearest) for i, name in enumerate(NAMES) if "z" in name and len(name) == 4
+    )
 
 
 class TestPictures:
@@ -118,6 +129,17 @@ class TestPictures:
         up, down = axes(figure.coverage_figure, directions, seen)
         counts = [ax.get_lines()[0].get_xdata().size for ax in (up, down)]
         assert counts == [np.sum(directions[:, 2] >= 0.0), np.sum(directions[:, 2] < 0.0)]
+
+    @pytest.mark.parametrize("keep", [1, 2])
+    def test_few_samples_are_drawn_as_dots_each_in_its_place(self, axes, fits, keep):
+        some = some_of(fits["mag"], keep)
+        up, down = axes(figure.coverage_figure, *figure.coverage(some))
+        assert sum(ax.get_lines()[0].get_xdata().size for ax in (up, down)) == keep
+        (ax,) = axes(figure.residual_figure, "mag", some)
+        (line,) = [line for line in ax.get_lines() if line.get_marker() == "."]
+        assert line.get_xdata() == pytest.approx(np.arange(1.0, keep + 1.0))
+        assert line.get_ydata() == pytest.approx(some.residuals)
+        assert (ax.get_ylabel(), ax.get_xlabel()) == ("residual [µT]", "sample")
 
     def test_outliers_stand_on_the_edge_and_the_rest_in_its_scale(self, axes, fits):
         fit = fits["mag"]

@@ -97,6 +97,17 @@ class TestLedByTheHost:
         assert np.abs(error_us).max() < 295 + 100, (error_us.min(), error_us.max())
         assert abs(base.report().drift_ppm + 10.0) < 1.0
 
+    @long
+    def test_delays_that_become_longer_for_good_are_how_it_is(self):
+        """After a minute all frames are 60 ms later, and the device is 150 ppm slow: frames that come so late are set
+        aside at first, 5 s long, or the drift would never be seen. The period as in `test_period_after_ten_minutes`."""
+        f = frames(36_000, 100.0, np.repeat([0.0, 150.0], [6000, 30_000]))
+        late = f._replace(t_ns=f.t_ns + np.where(f.index >= 6000, 60_000_000, 0))
+        base, stamps = stamp(COUNTED, late)
+        assert abs(base.report().drift_ppm - 150.0) < 1.0
+        assert base.report().lost == base.report().gap_count == 0
+        assert_orderly(stamps)
+
     def test_no_step_shows_the_leading(self):
         """At most 2000 ppm of a step while the first offset is made good, 20 µs; a tenth of that after a minute."""
         f = frames(9000, 100.0, 100.0, 16.0, stalls=0.2)

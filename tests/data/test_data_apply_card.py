@@ -183,9 +183,12 @@ class TestTemperature:
         assert np.isnan(self.drift([np.nan])).all()
 
     def test_it_is_taken_off_the_measurement(self):
+        """From 0 to 60 °C: by hand below the span, in it and above it, where the drift goes on along its tangent."""
         data = recording(temp_c=np.linspace(0.0, 60.0, N))
         made = card("gyr", bias_per_k=self.P, temp_ref_c=self.REF, temp_span_c=self.SPAN)
-        expected = (data.gyr - BIAS - temperature_drift(made.gyr, data.temp_c)) @ MATRIX.T
+        held = [min(max(float(t), self.SPAN[0]), self.SPAN[1]) for t in data.temp_c]
+        drift = [self.value(h) + self.slope(h) * (t - h) for t, h in zip(data.temp_c.tolist(), held, strict=True)]
+        expected = (data.gyr - BIAS - np.array(drift)) @ MATRIX.T
         np.testing.assert_allclose(apply_card(made, data).gyr, expected, rtol=0, atol=32 * EPS * 5)
 
     def test_leaving_the_span_is_told(self):

@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 
+from plumbob.constants import G0
 from plumbob.datasheet import fin_section, write_html, write_png
 from plumbob.datasheet.figure import channel_figure
 from plumbob.datasheet.html import page
@@ -86,21 +88,68 @@ def test_a_curve_of_every_averaging_factor_makes_a_small_page_and_keeps_its_spik
     assert channel_figure(a, "x") != channel_figure(replace(a, curve=smooth), "x")
 
 
-def test_odd_curves_have_a_page(plain, bare):
+def cells_of(told):
+    """Rows of the curve's table as numbers: averaging time, deviation and its interval, degrees of freedom."""
+    rows = re.findall(r"<tr><th scope='row'>(.+?)</th>" + "<td>(.+?)</td>" * 4, told.split("Table of the curve")[1])
+    return np.array(rows, dtype=float).T
+
+
+def test_odd_curves_have_a_page_with_their_numbers(plain):
     few = plain[0].curve
     for keep in (slice(0, 1), slice(0, 2), slice(-1, None)):
         short = Curve(
             few.kind, few.dt, few.count, *(getattr(few, f)[keep] for f in ("n", "dev", "alpha", "edf", "lo", "hi"))
         )
+        per_hour = np.degrees(1.0) * 3600.0  # a value inside is in rad/s
+        wanted = (short.tau, *(per_hour * v for v in (short.dev, short.lo, short.hi)), short.edf)
+        known = [np.isfinite(v).all() for v in wanted]
         nothing = Estimates("likelihood", {k: Coefficient(0.0, observable=False) for k in "QNBKR"})
         for changes in ({}, {"mask": Mask(10**9)}, {"likelihood": nothing}):
-            Outline(page([replace(plain[0], curve=short, **changes)], title="t", facts={}))
+            told = page([replace(plain[0], curve=short, **changes)], title="t", facts={})
+            Outline(told)
+            for found, exact in zip(cells_of(told), np.array(wanted)[known], strict=True):
+                assert found == pytest.approx(exact, rel=5e-3)  # three digits, four of deviations
 
 
-def test_pictures_are_written(tmp_path, analyses, bare):
-    for name, of in (("all", analyses), ("one", analyses[:1]), ("hostile", [replace(bare, name=HOSTILE)])):
-        path = write_png(tmp_path / f"{name}.png", of)
-        assert path.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+@pytest.fixture
+def drawn(monkeypatch):
+    """Figures that pictures are made of, in the order in which they are drawn."""
+    from plumbob.datasheet import figure
+
+    made, write = [], figure.png
+
+    def record(path, draw, **options):
+        write(path, lambda canvas: (made.append(canvas), draw(canvas)), **options)
+
+    monkeypatch.setattr(figure, "png", record)
+    return made
+
+
+def test_pictures_show_the_curves_that_were_asked_for(tmp_path, analyses, bare, drawn):
+    """A panel for each triad, 3.3 inches of 200 dots high, with three curves; or one channel with its model."""
+    from matplotlib.image import imread
+
+    hostile = replace(bare, name=HOSTILE)
+    asked = {
+        "all": (analyses, ["Allan deviation [°/h]", "Allan deviation [µg]"], [["x", "y", "z"]] * 2),
+        "one": (analyses[:1], ["Allan deviation [°/h]"], None),
+        "hostile": ([hostile], ["Allan deviation [1]"], None),
+    }
+    for name, (of, labels, keys) in asked.items():
+        pixels = imread(write_png(tmp_path / f"{name}.png", of))
+        axes = drawn[-1].axes
+        assert pixels.shape[:2] == (660 * len(labels), 1500)
+        assert [ax.get_ylabel() for ax in axes] == labels
+        texts = [[text.get_text() for text in ax.get_legend().get_texts()] for ax in axes]
+        assert keys is None or texts == keys
+        for ax, a in zip(axes, of[:: 3 if keys else 1], strict=True):
+            line = ax.get_lines()[0]
+            unit = {"rad/s": np.degrees(1.0) * 3600.0, "m/s2": 1e6 / G0, "1": 1.0}[a.quantity.value]
+            assert line.get_ydata() == pytest.approx(unit * a.curve.dev[: line.get_ydata().size])
+            assert line.get_xdata() == pytest.approx(a.curve.tau[: line.get_xdata().size])
+            colour = np.array(to_rgb(line.get_color()))
+            assert (np.abs(pixels[..., :3] - colour).max(axis=2) < 0.01).sum() > 500  # it is in the picture, too
+    assert drawn[-1].axes[0].get_title(loc="left") == HOSTILE
 
 
 def test_without_matplotlib_the_extra_is_named(tmp_path, plain, monkeypatch):

@@ -232,6 +232,17 @@ def test_the_motion_is_told_so_that_rest_cannot_flatter(track):
     assert evaluate(track(t[:1], spin[:1]), track(t, spin)).reference_rate is None
 
 
+def test_the_motion_is_that_of_the_scored_samples(track):
+    """0.7 rad/s where it is scored, from 2 s to 6 s; ten times as much before and behind, which must not count."""
+    t = np.arange(500) / 50.0
+    scored = (t >= 2.0) & (t < 6.0)
+    angle = np.concatenate(([0.0], np.cumsum(np.where(scored[1:] & scored[:-1], 0.7, 7.0) / 50.0)))
+    spin = quat_from_rotvec(np.multiply.outer(angle, [0.6, 0.0, 0.8]))
+    result = evaluate(track(t, spin), track(t, spin, score=scored))
+    assert result.stats["total"].count == 200
+    assert result.reference_rate == pytest.approx(0.7, rel=1e-9)
+
+
 def test_summary_is_strict_json_in_degrees(track, t, reference, tilted):
     summary = strict(evaluate(track(t, tilted, source="unit"), reference))
     assert summary["inclination_rmse_deg"] == pytest.approx(np.degrees(0.03))

@@ -1,5 +1,6 @@
 """The page: self-contained, harmless and small."""
 
+import re
 import sys
 
 import numpy as np
@@ -9,7 +10,7 @@ from plumbob import flags
 from plumbob.errors import MissingExtraError, ShapeError
 from plumbob.evaluate import evaluate, write_html
 from plumbob.evaluate.html import page
-from plumbob.rotations import North, quat_from_rotvec, quat_multiply
+from plumbob.rotations import North, quat_conjugate, quat_from_rotvec, quat_multiply
 from tests.battery.pages import HOSTILE, Outline, PageBattery
 
 
@@ -69,9 +70,21 @@ def test_a_free_heading_leaves_its_figures_out(judged, track):
 
 @pytest.mark.parametrize("size", [1, 2, 3])
 def test_tiny_tracks_have_a_page(track, judged, size):
+    """Their errors by hand: of e = q_est q_ref⁻¹ = (w, x, y, z) the angle 2 acos |w|, and 2 acos √(w² + z²) of it."""
     few = slice(1000, 1000 + size)
     tiny = evaluate(track(judged.t[few], judged.estimate.q_nb[few]), judged.reference)
-    Outline(page({"tiny": tiny}, title="t", facts={}))
+    told = page({"tiny": tiny}, title="t", facts={})
+    Outline(told)
+    w, _, _, z = quat_multiply(judged.estimate.q_nb[few], quat_conjugate(judged.reference.q_nb[few])).T
+    for name, cosine in (("total", np.abs(w)), ("inclination", np.hypot(w, z))):
+        error = np.degrees(2.0 * np.arccos(cosine))
+        row = re.search(rf"<tr><th scope='row'>{name}</th>((<td>[^<]*</td>){{8}})</tr>", told)[1]
+        rmse, mean, std, worst, at, *_ = (float(v.replace("−", "-")) for v in re.findall("<td>(.*?)</td>", row))
+        by_hand = np.sqrt(np.mean(error**2)), error.mean(), error.std(), error.max()
+        assert (rmse, mean, std, worst) == pytest.approx(by_hand, abs=6e-4)  # three decimals
+        assert at == pytest.approx(judged.t[few][np.argmax(error)], abs=6e-3)
+        assert f"<span>{name} RMSE</span><b>{by_hand[0]:.3f}°</b>" in told
+    assert f"<tr><th scope='row'>scored</th><td>{size}</td><td>100.0 %</td></tr>" in told
 
 
 @pytest.mark.parametrize("count", [100_000, pytest.param(1_000_000, marks=pytest.mark.long(reason="seconds"))])

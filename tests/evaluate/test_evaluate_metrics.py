@@ -120,6 +120,21 @@ def test_yaw_and_roll_are_left_out_near_the_gimbal():
     assert np.isfinite(found["total"]).all()
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_one_of_two_near_the_gimbal_is_enough(sign):
+    """Pitches of estimate and reference by turns inside and outside of the guard, with a yaw of 3° between them."""
+    inside, outside = sign * 87.0, sign * 80.0
+    pitch_est, pitch_ref = np.array([outside, outside, inside, inside]), np.array([outside, inside, outside, inside])
+    zero = np.zeros(4)
+    q_est = quat_from_euler_zyx(np.radians(np.stack((zero + 3.0, pitch_est, zero), axis=1)))
+    q_ref = quat_from_euler_zyx(np.radians(np.stack((zero, pitch_ref, zero), axis=1)))
+    found = errors(q_est, q_ref)
+    for name, value in (("yaw", 3.0), ("roll", 0.0)):
+        assert np.isnan(found[name]).tolist() == [False, True, True, True]
+        assert np.degrees(found[name][0]) == pytest.approx(value, abs=1e-9)
+    assert np.degrees(found["pitch"]) == pytest.approx(pitch_est - pitch_ref, abs=1e-9)
+
+
 def test_unknown_stays_unknown():
     found = errors([np.nan] * 4, [1.0, 0.0, 0.0, 0.0])
     assert all(np.isnan(found[name]).all() for name in QUANTITIES)

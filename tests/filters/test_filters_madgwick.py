@@ -7,7 +7,7 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData
 from plumbob.filters.madgwick import gradient
-from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_multiply
+from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from tests.battery.motion import seen_by
 
 
@@ -50,6 +50,28 @@ def test_an_error_is_taken_back_at_twice_beta(frame):
     # sample 0 has no step, so 50 steps have passed at sample 50; 1 % for the chord of the sphere
     assert error[50] == pytest.approx(5.0 - math.degrees(2 * 0.05 * 0.5), rel=0.01)
     assert error[110:].max() < math.degrees(2 * 0.05 * 0.01)  # it never rests
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_bias_moves_at_twice_zeta_towards_what_explains_the_error(axis, sign):
+    """(47), (48): of a unit quaternion's rate of change the turn is twice as large, so the bias grows by 2ζΔt a step.
+
+    The gyroscope says zero and the attitude stands 5° too far about an axis of the body, as after a positive rate that
+    is none: a positive bias. Of the gradient's unit length the part along q, which turns nothing, is below
+    1 − cos 5° = 0.4 %. At β = 0 the error stays.
+    """
+    count, turn = 21, np.zeros(3)
+    turn[axis] = sign * math.radians(5.0)
+    data = ImuData(
+        t=np.arange(count) / 100.0,
+        gyr=1e-12 * np.random.default_rng(0).normal(size=(count, 3)),
+        acc=seen_by(np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)), Frame.ENU)["acc"],
+    )
+    f = Filter("madgwick", frame=Frame.ENU, init=quat_from_rotvec(turn), params={"beta": 0.0, "zeta": 0.002})
+    learned = f.process(data).bias_b[-1]
+    assert learned[axis] == pytest.approx(sign * 2.0 * 0.002 * 0.01 * (count - 1), rel=0.005)
+    assert np.abs(np.delete(learned, axis)).max() < 1e-3 * abs(learned[axis])
 
 
 def test_the_bias_is_learned_when_asked_for():

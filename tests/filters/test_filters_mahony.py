@@ -9,7 +9,7 @@ from plumbob import Filter, Frame, ImuData, flags
 from plumbob.constants import G0
 from plumbob.evaluate import attitude_errors
 from plumbob.filters import mahony
-from plumbob.filters.layout import OWN
+from plumbob.filters.layout import BIAS, OWN
 from plumbob.rotations import dcm_from_quat, quat_angle, quat_from_euler_zyx, quat_multiply, quat_normalize
 from tests.battery.motion import noisy, seen_by
 
@@ -97,6 +97,21 @@ def test_fifteen_real_trials_agree_with_two_other_programs(broad_folder):
     assert mean["inclination_rmse_deg"] == pytest.approx(5.666, abs=0.3)
     gated = measure_accuracy(files, [Stage("mahony", {"kp": 0.5, "ki": 0.002, "gate": 2.0})])
     assert gated.mean()["mahony"]["total_rmse_deg"] < 0.5 * mean["total_rmse_deg"]
+
+
+@pytest.mark.parametrize(("quick", "fallen_at"), [(False, 0.0), (True, 1.0 / 0.41)])
+def test_the_gain_of_a_quick_start_falls_to_kp_and_the_bias_waits_for_it(quick, fallen_at):
+    """Gains 1/t and 0 until 1/t has fallen to Kp = 0.41 1/s, after 2.44 s; then Kp and Ki: the law by hand."""
+    f = Filter("mahony", frame=Frame.ENU, params={"kp": 0.41, "ki": 0.05, "quick_start": quick})
+    x, error, bias = np.zeros(f._x.size), np.array([0.03, -0.02, 0.01]), np.zeros(3)
+    for i in range(1, 101):
+        t = 0.05 * i
+        early = t < fallen_at
+        if not early:
+            bias -= 0.05 * 0.05 * error
+        kp = 1.0 / t if early else 0.41
+        assert mahony.regulate(f._c, x, 0.05, *error) == pytest.approx(kp * error - bias, rel=1e-9)
+        assert x[BIAS : BIAS + 3] == pytest.approx(bias, rel=1e-9, abs=1e-15)
 
 
 def test_quick_start_averages_a_bad_first_look_away():

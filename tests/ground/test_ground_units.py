@@ -200,6 +200,20 @@ def test_ambiguous_quantities_are_those_with_two_habits():
     assert {q.name for q in Quantity if q.ambiguous} == habits
 
 
+@pytest.mark.parametrize("quantity", Quantity)
+def test_a_bare_number_needs_a_unit_where_it_could_mean_two_things(quantity):
+    """Nought is nought in all of them, and where one unit is usual a number is in that."""
+    for text in ("0", "-0.0", " 0e3 "):
+        assert units.parse(text, quantity) == 0.0
+    if quantity.ambiguous:
+        for text in ("1", "-0.5", "1e-30"):
+            with pytest.raises(UnitError, match=rf"needs a unit of {quantity.name.lower()} \("):
+                units.parse(text, quantity)
+    else:
+        assert units.parse("-0.5", quantity) == -0.5
+    assert units.parse(f"2.5 {quantity.value}", quantity) == 2.5
+
+
 @pytest.mark.parametrize(
     ("name", "sign"),
     [

@@ -9,10 +9,12 @@ from scipy.signal import lfilter
 from plumbob import _jit
 from plumbob.errors import ParameterError, ShapeError, UnitError
 from plumbob.noise import analyse, compare, curve, edf
-from plumbob.noise.findings import Coefficient, GaussMarkov, Sinusoid
+from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.least_squares import least_squares
 from plumbob.noise.lines import lines
+from plumbob.noise.mask import find_mask
 from plumbob.noise.sinusoids import find_sinusoids
+from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
 from plumbob.noise.transfer import allan_transfer
 from plumbob.units import Quantity, unit
@@ -84,6 +86,27 @@ def test_a_sinusoid_is_measured_and_taken_out():
         assert float(exact.variance(factor * 0.01)) == pytest.approx(direct, rel=0.02, abs=floor)
 
 
+@pytest.mark.parametrize("count", [6000, 24_000])
+def test_a_sinusoid_is_known_as_well_as_the_bounds_say(count):
+    """[Rife1974] for a real sinusoid of amplitude a in white noise: sd(a) = σ √(2/N), sd(f) = √6 σ / (π a Δt N^1.5).
+
+    The floor is the median of 64 exponential values, over ln 2: known to 1 / (√64 ln 2) = 18 %, so σ to 9 %; the mean
+    of 30 records to 1.7 %, and the amplitude, 1/10 of σ, to 11 % or less of itself. Of the 30 frequencies' errors the
+    rms is known to 1 / √60.
+    """
+    t, sd, size = np.arange(count) * 0.01, 0.2, 0.04
+    amplitudes, frequencies, off = [], [], []
+    for seed in range(30):
+        (found,), _ = find_sinusoids(white(100 + seed, count, sd) + size * np.sin(2.0 * np.pi * 3.217 * t + seed), 0.01)
+        amplitudes.append(found.amplitude_sd)
+        frequencies.append(found.frequency_sd * found.amplitude)
+        off.append((found.frequency - 3.217) / found.frequency_sd)
+    assert np.mean(amplitudes) == pytest.approx(sd * math.sqrt(2.0 / count), rel=4 * 0.017)
+    bound = math.sqrt(6.0) * sd / (math.pi * 0.01 * count**1.5)
+    assert np.mean(frequencies) == pytest.approx(bound, rel=4 * 0.017)
+    assert np.sqrt(np.mean(np.square(off))) == pytest.approx(1.0, abs=4.0 / math.sqrt(60.0))
+
+
 def test_a_sinusoid_near_half_the_rate_hides_no_quantization():
     """49.98 Hz sampled at 100 Hz: its Allan variance at one sample is its power, and least squares know it."""
     t = np.arange(100_000) * 0.01
@@ -109,6 +132,30 @@ def test_noise_has_no_sinusoids():
         for seed in range(100)
     )
     assert false <= 1
+
+
+def expected_spectrum(density, count=2_000_000, dt=0.01):
+    """What the spectra of many records are on average: cosine coefficient j has the density at j / (2 N Δt)."""
+    start, j = edges(count), np.arange(count)
+    ramp = np.add.reduceat(ramp_coefficients(j, count, dt) ** 2, start[:-1])
+    power = np.add.reduceat(density(j / (2.0 * count * dt)), start[:-1])
+    return Spectrum(dt, count, 1, start, power, 0.0 * power, ramp)
+
+
+@pytest.mark.parametrize("corner", [6.0, 9.0, 12.0, 20.0])
+def test_a_mask_leaves_a_low_pass_less_than_one_percent(corner):
+    """Of the density, f²/(f² + f_c²): at most about 6 % where the cut is found, and 2³ times less at the margin below.
+
+    Between the cuts that are tried lie half octaves, a factor of 2: it is not less than a quarter of that, or more than
+    need be would be thrown away.
+    """
+    n = np.unique(np.round(np.geomspace(1, 10_000, 100)).astype(int))
+    mask, kept = find_mask(expected_spectrum(lambda f: 1.0 / (1.0 + (f / corner) ** 2)), n)
+    taken = mask.frequency**2 / (mask.frequency**2 + corner**2)
+    assert 0.25 * 0.0075 < taken < 0.01
+    assert kept.frequency.max() < mask.frequency
+    assert "falls" in mask.reason
+    assert find_mask(expected_spectrum(lambda f: 1.0 + 0.0 * f), n)[0] == Mask()
 
 
 @slow_without_jit

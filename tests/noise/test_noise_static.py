@@ -12,6 +12,7 @@ from plumbob.noise.static.held import held
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.periodic import shaking
 from plumbob.noise.static.runs import Runs
+from plumbob.noise.static.spikes import Spikes
 from plumbob.noise.static.step import find_step
 from plumbob.noise.static.stillness import Stillness, bend_energies, joined, longest_gap, median_of_three
 from plumbob.sim.noise import flicker, random_walk
@@ -287,6 +288,19 @@ def test_spikes_are_told_and_left():
     assert [(f.kind, f.refuses) for f in found.findings] == [("spikes", False)]
     assert "as errors of transmission do: 2, at sample 1234, 4000;" in found.warnings[0].text
     assert values[1234] == 30.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("off", "told"), [(8.4, False), (9.6, True)])
+def test_a_spike_begins_nine_standard_deviations_off_its_neighbours(off, told, sign):
+    """The second differences of white noise have 6 sd² [Riley2008]; the median of 23 cells of 256 knows sd to 1.5 %."""
+    values = 0.3 * white()
+    values[2999:3002] = 1.0, 1.0 + sign * 0.3 * off, 1.0
+    one = Spikes()
+    for block in np.split(values, [700, 2999, 3001]):
+        one.add(block)
+    assert one.found(0.0) == ([3000] if told else [])
+    assert one.found(0.3 * (off + 0.1)) == []  # a least distance goes before the law
 
 
 @pytest.mark.parametrize("at", [0.5, 1.0, 2.0])

@@ -6,12 +6,18 @@ import numpy as np
 
 from plumbob import Frame, simulate
 from plumbob.link import Received
+from plumbob.pipeline.keep import Keeper
+from plumbob.pipeline.line import Line
+from plumbob.pipeline.runner import run_line
+from plumbob.pipeline.session import RecordSpec
 from plumbob.pipeline.session_toml import parse_session
+from plumbob.pipeline.sinks import Collected
 from plumbob.sensors.encode import encode
 from plumbob.sensors.format_toml import parse_format
 from plumbob.sensors.triads import columns_of
 
 RATE = 200.0
+OFFSET = 1_700_000_000_000_000_000
 FORMAT = """
 kind = "plumbob format"
 version = 1
@@ -129,3 +135,13 @@ class Handed:
 
     def close(self):
         self.closed = True
+
+
+def record(path, items, text=SESSION, **spec):
+    """Items recorded at `path`, and what the line made of them."""
+    chosen = session(text)
+    line, found = Line(chosen), Collected()
+    keeper = Keeper(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
+    run_line(line, Handed(items), sinks=[found], keeper=keeper)
+    assert keeper.recorder.acknowledged == keeper.recorder.written
+    return found

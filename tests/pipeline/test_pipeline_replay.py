@@ -2,36 +2,23 @@
 
 import numpy as np
 import pytest
-from live_samples import SESSION, Handed, motion, reads, session, stream
+from live_samples import OFFSET, SESSION, motion, reads, record, session, stream
 
 from plumbob import flags, io
 from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.link import Event, Received
 from plumbob.pipeline.exports import export, only
-from plumbob.pipeline.keep import Keeper
 from plumbob.pipeline.line import Line
 from plumbob.pipeline.offline import Stage
 from plumbob.pipeline.recorded import read_any, read_recorded
 from plumbob.pipeline.replay import compare, open_recording, replay
 from plumbob.pipeline.runner import run_line
-from plumbob.pipeline.session import RecordSpec
 from plumbob.pipeline.sinks import Collected, TextSink
 from plumbob.pipeline.sources import open_source
 from plumbob.record import open_log
 from plumbob.rigs import PLANS, make_rig
 from plumbob.rigs import load as load_rig
 from plumbob.rotations import North, quat_conjugate, quat_multiply
-
-OFFSET = 1_700_000_000_000_000_000
-
-
-def record(path, items, text=SESSION, **spec):
-    chosen = session(text)
-    line, found = Line(chosen), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
-    run_line(line, Handed(items), sinks=[found], keeper=keeper)
-    assert keeper.recorder.acknowledged == keeper.recorder.written
-    return found
 
 
 @pytest.fixture(scope="module")

@@ -149,7 +149,7 @@ def test_uneven_samples_are_refused(recording):
         load_static(recording(**make(t=t)))
 
 
-@pytest.mark.parametrize("every", [4, 2.857])
+@pytest.mark.parametrize("every", [4, 2.857, 3.1])
 def test_a_slower_magnetometer_keeps_its_own_rate(recording, every):
     places = np.ceil(np.arange(int(ROWS / every)) * every).astype(int)
     content = make()

@@ -182,6 +182,38 @@ def test_messages_outside_chunks_are_damage_in_our_files(whole, tmp_path):
     assert (log.damage[0].offset, log.damage[0].size) == (at, len(bare))
 
 
+def test_rows_need_not_come_in_the_order_of_their_times(tmp_path):
+    """Two channels of which one is late: the head of a chunk holds the least and the greatest time."""
+    path = tmp_path / "a.mcap"
+    r = recorder(path)
+    numbers = r.channel("late", "x"), r.channel("early", "x")
+    with r:
+        for t_ns in (50, 20, 90, 40):
+            for number, late in zip(numbers, (7, 0), strict=True):
+                r.write(number, t_ns + late, b"x")
+    raw = path.read_bytes()
+    ((at, _),) = chunks_of(raw)
+    assert layout.CHUNK_HEAD.unpack_from(raw, at)[2:4] == (OFFSET + 20, OFFSET + 97)
+    log, got = read(path)
+    assert [row[2] for row in got] == [57, 50, 27, 20, 97, 90, 47, 40]
+    assert log.damage == []
+    assert log.clean
+
+
+@pytest.mark.parametrize("place", [0, 8])
+def test_wrong_times_at_the_head_of_a_chunk_are_told_and_cost_no_row(whole, tmp_path, place):
+    """Its first time, then its last: no CRC of the chunk guards them."""
+    raw, rows = whole
+    at, _ = chunks_of(raw)[1]
+    damaged = bytearray(raw)
+    damaged[at + 9 + place] ^= 2
+    log, got = judge(tmp_path / "a.mcap", bytes(damaged), rows, most_lost=0)
+    assert got == rows
+    (damage,) = log.damage
+    assert (damage.offset, damage.size, damage.certain) == (at + 9, 16, True)
+    assert "times at a chunk's head" in damage.what
+
+
 def test_a_damaged_index_is_told_and_costs_no_row(whole, tmp_path):
     raw, rows = whole
     at, length = chunks_of(raw)[1]
@@ -263,28 +295,37 @@ def test_files_that_are_not_there(tmp_path):
         open_log(tmp_path)
 
 
-def forged(raw, rng):
-    """The file with bytes of its chunks' contents changed and every CRC made right again."""
-    out = bytearray(raw[:8])
+def forged(raw, rng, share=0.7):
+    """The file with bytes of some chunks' contents changed and every CRC made right again, and which those are."""
+    out, changed = bytearray(raw[:8]), []
     for opcode, at, length in records_of(raw):
         record = raw[at : at + length]
-        if opcode == layout.CHUNK and rng.random() < 0.7:
+        if opcode == layout.CHUNK:
+            changed.append(rng.random() < share)
+        if opcode == layout.CHUNK and changed[-1]:
             _, _, first, last, _, _, name = layout.CHUNK_HEAD.unpack_from(record)
             content = bytearray(zstandard.decompress(record[layout.CHUNK_HEAD.size + name + 8 :]))
             for _ in range(rng.randrange(1, 5)):
                 content[rng.randrange(len(content))] = rng.choice([0, 1, 255, rng.randrange(256)])
             record = layout.chunk_record(bytes(content), zstandard.compress(content), "zstd", first, last)
         out += record
-    return bytes(out) + raw[-8:]
+    return bytes(out) + raw[-8:], changed
 
 
 def test_forged_files_raise_nothing_but_errors_of_ours(whole, tmp_path):
-    """What chunks hold may be anything, with CRCs that hold; the reader must come through."""
+    """What chunks hold may be anything, with CRCs that hold; what is untouched comes through."""
+    raw, rows = whole
     rng = random.Random(4)
     for _ in range(300):
-        (tmp_path / "a.mcap").write_bytes(forged(whole[0], rng))
+        data, changed = forged(raw, rng)
+        (tmp_path / "a.mcap").write_bytes(data)
         with contextlib.suppress(DecodeError):
             verify(tmp_path / "a.mcap")
+        untouched = [row for i, row in enumerate(rows) if not changed[i // CHUNK_ROWS]]
+        assert set(untouched) <= set(read(tmp_path / "a.mcap")[1])
+    (tmp_path / "a.mcap").write_bytes(forged(raw, rng, share=0.0)[0])
+    assert verify(tmp_path / "a.mcap").whole
+    assert read(tmp_path / "a.mcap")[1] == rows
 
 
 def test_a_chunk_with_two_channels_of_one_topic_is_refused(tmp_path):

@@ -127,6 +127,40 @@ def test_floats_that_are_no_numbers_are_absent_and_flagged():
     assert (found.flags[""] == [0, flags.GYR_INVALID, flags.GYR_INVALID, 0]).all()
 
 
+ONE_OF_TWO = """
+byte_order = "big"
+frame = {{ sync = "A5", {length}, checksum = {{ kind = "{kind}", at = {at}, from = 1 }} }}
+[[message]]
+name = "mine"
+length = 8
+field = [
+    {{ name = "id", at = 2, type = "u8", role = "constant", value = {value} }},
+    {{ name = "a", type = "u8", role = "status" }},
+]
+"""
+VARIABLE, FIXED = "length_field = { at = 1, size = 1, add = 0, least = 5, most = 9 }", "length = 8"
+
+
+@pytest.mark.parametrize(
+    ("length", "checksum", "believed"),
+    [
+        (VARIABLE, "crc16-xmodem", True),
+        (VARIABLE, "fletcher16", True),
+        (VARIABLE, "crc8", False),
+        (VARIABLE, "sum8", False),
+        (FIXED, "crc16-xmodem", False),
+    ],
+)
+def test_a_frame_of_no_known_message_is_believed_by_its_length_and_a_check_of_16_bits(length, checksum, believed):
+    """Else it is no frame: a format of one length describes all of its frames, and a short check fits by chance."""
+    words = {"length": length, "kind": checksum, "at": -1 if checksum in {"crc8", "sum8"} else -2}
+    known, other = (parse_format(HEAD + ONE_OF_TWO.format(**words, value=value)) for value in (1, 2))
+    stream = b"".join(encode(form, {"a": [77]}).tobytes() for form in (known, other, known))
+    found, counts = decode(known, stream)
+    assert found["mine"].start.tolist() == [0, 16]
+    assert (counts.unknown, counts.junk) == ((1, 0) if believed else (0, 8))
+
+
 def test_after_a_disturbance_a_frame_counts_once_another_begins_behind_it():
     form, rng = parse_format(HEAD + CONFIRMED), np.random.default_rng(3)
     first, second, third = (framed(rng, False) for _ in range(3))

@@ -90,7 +90,7 @@ class _Table:
 
     def add(self, found: "dict[str, Frames]") -> None:
         """Take frames of the message; of the first that comes, where none was asked for."""
-        self.message = self.message or next(iter(found), "")
+        self.message = self.message or min(found, key=lambda name: int(found[name].start[0]), default="")
         if self.message in found:
             self._parts.append(found[self.message])
             self._follow(found[self.message])

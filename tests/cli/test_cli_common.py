@@ -1,0 +1,146 @@
+"""What verbs share: options and parameters as they are written, and which file is which."""
+
+import argparse
+from pathlib import Path
+
+import pytest
+
+from plumbob import Filter, Frame
+from plumbob.cli import common
+from plumbob.errors import FrameError, ParameterError, PlumbobError
+
+
+def options(*items):
+    return common.options_of(argparse.Namespace(option=list(items)))
+
+
+def test_options_are_names_and_values():
+    assert options() == {}
+    assert options("gyr_range=500 deg/s", " acc_range = 4 g ") == {"gyr_range": "500 deg/s", "acc_range": "4 g"}
+    assert options("a=b=c") == {"a": "b=c"}
+
+
+@pytest.mark.parametrize(
+    ("items", "says"),
+    [
+        (("a=1", "a=1"), "--option a is given twice"),
+        (("a=1", "b=2", " a =3"), "--option a is given twice"),
+        (("a",), "NAME=VALUE"),
+        (("a=",), "NAME=VALUE"),
+        (("=1",), "NAME=VALUE"),
+        ((" =1",), "NAME=VALUE"),
+    ],
+)
+def test_an_option_that_is_given_twice_or_not_whole_is_refused(items, says):
+    with pytest.raises(ParameterError, match=says):
+        options(*items)
+
+
+def params_of(names, params):
+    return {stage.filter: stage.params for stage in common.stages(names, params)}
+
+
+def test_parameters_go_to_the_filter_that_they_name():
+    assert params_of("mahony", "kp=0.7, gate = 0.08 g") == {"mahony": {"kp": "0.7", "gate": "0.08 g"}}
+    assert params_of("mahony", "mahony.kp=0.7") == {"mahony": {"kp": "0.7"}}
+    two = params_of("mahony, vqf", "vqf.tau_acc=2s,mahony.kp=0.7")
+    assert two == {"mahony": {"kp": "0.7"}, "vqf": {"tau_acc": "2s"}}
+    assert params_of("vqf", None) == {"vqf": {}}
+
+
+@pytest.mark.parametrize(
+    ("names", "params", "says"),
+    [
+        ("mahony", "kp=1,kp=1", "'kp' is given twice"),
+        ("mahony", "kp=1,mahony.kp=2", "'mahony.kp' is given twice"),
+        ("mahony,vqf", "kp=1", "could belong to any of mahony, vqf; write mahony.kp"),
+        ("mahony", "vqf.tau_acc=2s", "names filter 'vqf', which does not run; these do: mahony"),
+        ("mahony", "kp", "name=value"),
+        ("mahony", "kp=", "name=value"),
+        ("mahony", "=1", "name=value"),
+        (" , ", None, "no filter is named"),
+    ],
+)
+def test_parameters_that_fit_no_filter_are_refused(names, params, says):
+    with pytest.raises(ParameterError, match=says):
+        common.stages(names, params)
+
+
+@pytest.fixture
+def toml(tmp_path):
+    """Stages by a file of parameters."""
+
+    def call(text, names="mahony"):
+        (tmp_path / "p.toml").write_text(text, encoding="utf-8")
+        return common.stages(names, str(tmp_path / "p.toml"))
+
+    return call
+
+
+def test_a_file_holds_plain_keys_or_a_table_for_each_filter(toml):
+    """Where a quantity has one unit a number does; 0.08 g is 0.08 × 9.80665 m/s²."""
+    for text in (
+        'kp = 1\ngate = "0.08 g"\nquick_start = true\n',
+        '[mahony]\nkp = 1\ngate = "0.08 g"\nquick_start = true\n',
+    ):
+        (stage,) = toml(text)
+        params = Filter("mahony", frame=Frame.ENU, params=stage.params).params
+        assert (params.kp, params.quick_start) == (1.0, True)
+        assert params.gate == pytest.approx(0.784532, rel=1e-12)
+    one, two = toml("[mahony]\nkp = 0.7\n[vqf]\ntau_acc = 2.5\n", "mahony,vqf")
+    assert Filter("mahony", frame=Frame.ENU, params=one.params).params.kp == 0.7
+    assert Filter("vqf", frame=Frame.ENU, params=two.params).params.tau_acc == 2.5
+
+
+@pytest.mark.parametrize("number", ["0.08", "1", "1e-2"])
+def test_a_bare_number_in_a_file_needs_a_unit_as_it_does_on_the_command_line(toml, number):
+    """A gate is usual in g and in m/s²: nobody knows which is meant."""
+    (stage,) = toml(f"gate = {number}\n")
+    with pytest.raises(PlumbobError, match="needs a unit of acceleration"):
+        Filter("mahony", frame=Frame.ENU, params=stage.params)
+
+
+@pytest.mark.parametrize("text", ["kp = ", "[mahony]\nkp = 1\n[mahony]\nkp = 2\n", "kp = 1\nkp = 2\n"])
+def test_a_file_that_is_no_toml_is_refused_by_name(toml, text):
+    with pytest.raises(ParameterError, match=r"p\.toml is not TOML"):
+        toml(text)
+
+
+def test_a_frame_is_what_is_asked_for_or_nothing():
+    assert common.frame_of(argparse.Namespace(frame=None)) is None
+    assert common.frame_of(argparse.Namespace(frame="NWU")) is Frame.NWU
+    with pytest.raises(FrameError):
+        common.frame_of(argparse.Namespace(frame="up"))
+
+
+def test_an_input_is_kept_by_whatever_name_it_is_reached(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("in.csv", "other.csv"):
+        Path(name).write_text(name, encoding="utf-8")
+    Path("soft.csv").symlink_to("in.csv")
+    Path("hard.csv").hardlink_to("in.csv")
+    for out in ("in.csv", "./in.csv", "soft.csv", "hard.csv", str(tmp_path / "in.csv")):
+        with pytest.raises(ParameterError, match="is an input"):
+            common.keep_inputs(None, Path("other.csv"), Path("in.csv"), out=Path(out))
+    for out in (None, Path("new.csv"), Path("other.csv")):
+        common.keep_inputs(Path("in.csv"), None, out=out)
+    with pytest.raises(ParameterError, match="is an input"):  # neither is there yet
+        common.keep_inputs(Path("made/../new.csv"), out=Path("new.csv"))
+
+
+def test_notes_are_on_standard_error_each_on_its_line(capsys):
+    common.note("one", "two")
+    assert tuple(capsys.readouterr()) == ("", "note: one\nnote: two\n")
+
+
+def test_what_is_not_a_number_never_becomes_json():
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        common.print_json({"x": float("nan")})
+
+
+def test_a_noise_card_is_told_to_the_filters_that_take_none(capsys):
+    """mekf claims a covariance by the noise of the unit; mahony has gains only."""
+    common.tell_noise(common.stages("mahony,mekf", None))
+    assert capsys.readouterr().err == "note: the noise card is for mekf; mahony can take nothing from it\n"
+    common.tell_noise(common.stages("mekf", None))
+    assert capsys.readouterr().err == ""
