@@ -17,7 +17,7 @@ from plumbob._jit import njit, specialise
 from plumbob.rotations import kernels
 
 SOURCE = Path(plumbob.__file__).parent
-GROUND = ("__init__.py", "constants.py", "units.py", "errors.py", "check.py", "flags.py", "_jit.py")
+GROUND = ("__init__.py", "constants.py", "units.py", "errors.py", "check.py", "flags.py", "_jit.py", "_lazy.py")
 
 CALLEE = """
 from plumbob._jit import njit
