@@ -1,6 +1,8 @@
 """Entry point: finds the verb, and is the one place where an error becomes a line and an exit code."""
 
 import argparse
+import atexit
+import gc
 import io
 import os
 import sys
@@ -68,6 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+    if argv is None:  # the process ends with this: to look for cycles in all that it imported takes as long as a run
+        atexit.register(gc.freeze)
     words = sys.argv[1:] if argv is None else list(argv)
     args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(words)
     try:
