@@ -253,5 +253,4 @@ def warn_of_compiling(names: Sequence[str]) -> None:
     loops = {name: "claiming" if name in filter_names() and claims_covariance(name) else "batch" for name in names}
     cold = [name for name, loop in loops.items() if _jit.is_cold(f"{loop}_{name}")]
     if cold:
-        kept = f"once; it is kept in {_jit.cache_folder()}" if _jit.can_cache() else "at each run: no cache can be kept"
-        note(f"compiling {', '.join(cold)} for this processor, which takes some seconds, {kept}")
+        note(_jit.compiling(", ".join(cold)))
