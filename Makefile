@@ -44,6 +44,7 @@ bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/allan_speed.py
 	$(BIN)/python benchmarks/calibration_speed.py
+	$(BIN)/python benchmarks/startup.py
 
 # Noise: coefficients and intervals on records of known noise, and the intervals of a curve at every averaging time.
 noise: $(VENV)/.bench

@@ -47,8 +47,9 @@ Flags
 Every sample carries a `flags` integer; `plumbob.flags` names the bits. A flag never removes a value.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from plumbob._lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.cards import CalibrationCard, NoiseCard
@@ -119,12 +120,8 @@ __all__ = [
 ]
 
 
+__getattr__ = lazily(__name__, _HOME)[0]
+
+
 def __dir__() -> list[str]:
     return [*__all__, "__version__"]
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used, so that ``import plumbob`` stays light."""
-    if name not in _HOME:
-        raise AttributeError(f"module 'plumbob' has no attribute '{name}'")
-    return getattr(import_module(f"plumbob.{_HOME[name]}"), name)

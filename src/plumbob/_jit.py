@@ -8,6 +8,10 @@ back to no cache); and a damaged cache file or a full disk stops the call (here 
 
 With ``NUMBA_DISABLE_JIT=1`` in the environment, kernels run as plain Python and give the same bits; only those marked
 by `njit_reassociated` may round their sums otherwise.
+
+Compiling takes seconds, once on each machine. When it has taken one, a line on the logger ``plumbob`` says so, once in
+a process; without any set-up Python prints it on standard error. ``logging.getLogger("plumbob").setLevel("ERROR")``
+silences it, and ``plumbob warmup`` compiles everything beforehand.
 """
 
 import contextlib
@@ -17,6 +21,7 @@ import os
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import FunctionType
@@ -181,9 +186,77 @@ def can_cache() -> bool:
         return False
 
 
+def compiling(what: str) -> str:
+    """Say in words why the next call waits, after which a compilation says no more of itself in this process."""
+    _WAITING.said = True
+    kept = f"once; it is kept in {cache_folder()}" if can_cache() else "at each run: no cache can be kept"
+    return f"compiling {what} for this processor, which takes some seconds, {kept}"
+
+
+class _Waiting:
+    """Says once that this process compiles, when it has waited a second for that in all.
+
+    Numba reports the begin and the end of each compilation, those of callees between those of their caller, and lets
+    no two threads compile at once.
+    """
+
+    def __init__(self, patience: float = 1.0) -> None:
+        self.said = False
+        self._left = patience
+        self._depth = 0
+        self._began = 0.0
+        self._alarm: threading.Timer | None = None
+
+    def begin(self) -> None:
+        self._depth += 1
+        if self._depth > 1 or self.said:
+            return
+        self._began = time.monotonic()
+        self._alarm = threading.Timer(self._left, self.say)
+        self._alarm.daemon = True
+        with contextlib.suppress(RuntimeError):  # no thread to be had: then it waits in silence
+            self._alarm.start()
+
+    def end(self) -> None:
+        self._depth -= 1
+        if self._depth == 0 and self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
+            self._left = max(0.0, self._left - (time.monotonic() - self._began))
+
+    def say(self) -> None:
+        if self.said:
+            return
+        self.said = True  # at once: an alarm that went off late may meet the next one
+        import logging
+
+        logging.getLogger("plumbob").warning("note: %s", compiling("Plumbob's kernels"))
+
+
+_WAITING = _Waiting()
+
+
+@functools.cache
+def _listen() -> None:
+    """Let numba report its compilations of this project's kernels."""
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]
+        def on_start(self, found: Any) -> None:
+            if found.data["dispatcher"].py_func.__module__.startswith("plumbob."):
+                _WAITING.begin()
+
+        def on_end(self, found: Any) -> None:
+            if found.data["dispatcher"].py_func.__module__.startswith("plumbob."):
+                _WAITING.end()
+
+    event.register("numba:compile", Listener())
+
+
 def _compile(kernel: Kernel[P, R]) -> Callable[P, R]:
     import numba
 
+    _listen()
     func = _with_compiled_callees(cast(FunctionType, kernel.py_func))
     inside = {reached.__code__.co_filename for reached in _reachable(kernel)} <= _SOURCES
     return cast(

@@ -17,7 +17,7 @@ from plumbob._jit import njit, specialise
 from plumbob.rotations import kernels
 
 SOURCE = Path(plumbob.__file__).parent
-GROUND = ("__init__.py", "constants.py", "units.py", "errors.py", "check.py", "flags.py", "_jit.py")
+GROUND = ("__init__.py", "constants.py", "units.py", "errors.py", "check.py", "flags.py", "_jit.py", "_lazy.py")
 
 CALLEE = """
 from plumbob._jit import njit
@@ -87,8 +87,12 @@ def tree(tmp_path):
     return root
 
 
-def python(code, *, tree=None, **environment):
+def python(code, **settings):
     """Run code in a fresh process; return what it prints as JSON."""
+    return json.loads(process(code, **settings).stdout)
+
+
+def process(code, *, tree=None, **environment):
     env = {k: v for k, v in os.environ.items() if k not in {"NUMBA_DISABLE_JIT", "PLUMBOB_CACHE_DIR"}}
     env |= {"PYTHONDONTWRITEBYTECODE": "1", **({"PYTHONPATH": str(tree)} if tree else {}), **environment}
     env = {k: v for k, v in env.items() if v is not None}
@@ -96,7 +100,7 @@ def python(code, *, tree=None, **environment):
         [sys.executable, "-W", "error", "-c", code], env=env, capture_output=True, text=True, check=False, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return done
 
 
 def probe(tree, cache, before="", **environment):
@@ -152,6 +156,24 @@ import plumbob.filters.probe as probe
     assert right(python(code, tree=tree, **gone))
     assert not cached_files(tmp_path)
     assert not (tmp_path / "~").exists()
+
+
+def test_a_compilation_says_so_once_on_standard_error(tree, tmp_path):
+    """Without any set-up and where warnings are errors; and not where nothing is compiled, or somebody said it."""
+    impatient = "from plumbob import _jit; _jit._WAITING._left = 0.0"
+    code = f"import plumbob.filters.probe as probe; {impatient}; {{}}; probe.caller(1.0)"
+    cold = {"tree": tree, "PLUMBOB_CACHE_DIR": str(tmp_path / "cache")}
+    said = process(code.format("pass"), **cold).stderr.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith("note: compiling Plumbob's kernels for this processor, which takes some seconds, once")
+    assert str(tmp_path / "cache") in said[0]
+    assert process(code.format("pass"), **cold).stderr == ""  # all is kept
+
+    (tmp_path / "file").touch()
+    uncached = {"tree": tree, "PLUMBOB_CACHE_DIR": str(tmp_path / "file")}
+    assert "at each run: no cache can be kept" in process(code.format("pass"), **uncached).stderr
+    silent = "import logging; logging.getLogger('plumbob').setLevel('ERROR')"
+    assert process(code.format(silent), **uncached).stderr == ""
 
 
 def test_a_full_disk_costs_only_the_cache(tree, tmp_path):
@@ -319,6 +341,35 @@ class TestInProcess:
         assert not _jit.is_cold("loop")
         monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
         assert not _jit.is_cold("other")
+
+    def test_a_wait_is_said_once_and_not_before_its_time(self, caplog, monkeypatch):
+        waiting = _jit._Waiting(patience=1e6)
+        monkeypatch.setattr(_jit, "_WAITING", waiting)
+        times = iter([0.0, 4e5, 5e5, 1.2e6])
+        monkeypatch.setattr(_jit.time, "monotonic", lambda: next(times))
+        for _ in range(2):  # two waits, with a callee in each
+            waiting.begin()
+            waiting.begin()
+            waiting.end()
+            waiting.end()
+        assert waiting._left == 0.0  # 4e5 and 7e5 of 1e6 s
+        assert not caplog.messages
+        monkeypatch.setattr(_jit.time, "monotonic", lambda: 0.0)
+        waiting.begin()
+        waiting._alarm.join(timeout=60.0)
+        waiting.end()
+        waiting.begin()
+        assert waiting._alarm is None
+        assert [message.partition(" for ")[0] for message in caplog.messages] == ["note: compiling Plumbob's kernels"]
+
+    def test_what_the_command_line_said_is_not_said_again(self, caplog, monkeypatch):
+        monkeypatch.setattr(_jit, "_WAITING", _jit._Waiting(patience=0.0))
+        assert _jit.compiling("mekf").startswith("compiling mekf for this processor, which takes some seconds, ")
+        _jit._WAITING.begin()
+        assert _jit._WAITING._alarm is None
+        _jit._WAITING.end()
+        _jit._WAITING.say()
+        assert not caplog.messages
 
     def test_specialised_copies_leave_the_pattern_alone(self, monkeypatch):
         monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")

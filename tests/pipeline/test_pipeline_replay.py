@@ -7,10 +7,11 @@ from live_samples import OFFSET, SESSION, motion, reads, record, session, stream
 from plumbob import flags, io
 from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.link import Event, Received
+from plumbob.pipeline import read_any
 from plumbob.pipeline.exports import export, only
 from plumbob.pipeline.line import Line
 from plumbob.pipeline.offline import Stage
-from plumbob.pipeline.recorded import read_any, read_recorded
+from plumbob.pipeline.recorded import read_recorded
 from plumbob.pipeline.replay import compare, open_recording, replay
 from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.sinks import Collected, TextSink

@@ -10,13 +10,37 @@ A source is made, opened and read; once it is open nothing that happens to the l
 A source belongs to one thread at a time.
 """
 
-from plumbob.acquire.iio import IioPollSource, IioSource
-from plumbob.acquire.iio_layout import IioChannel, IioLayout
-from plumbob.acquire.opened import BackOff
-from plumbob.acquire.schedule import BUOY, Schedule, Task
-from plumbob.acquire.serial_line import SerialSource
-from plumbob.acquire.sockets import TcpSource, UdpSource
-from plumbob.acquire.spi_bus import SpiBus, SpiSource
+from typing import TYPE_CHECKING
+
+from plumbob._lazy import lazily
+
+if TYPE_CHECKING:
+    from plumbob.acquire.iio import IioPollSource, IioSource
+    from plumbob.acquire.iio_layout import IioChannel, IioLayout
+    from plumbob.acquire.opened import BackOff
+    from plumbob.acquire.schedule import BUOY, Schedule, Task
+    from plumbob.acquire.serial_line import SerialSource
+    from plumbob.acquire.sockets import TcpSource, UdpSource
+    from plumbob.acquire.spi_bus import SpiBus, SpiSource
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "BUOY": "schedule",
+        "BackOff": "opened",
+        "IioChannel": "iio_layout",
+        "IioLayout": "iio_layout",
+        "IioPollSource": "iio",
+        "IioSource": "iio",
+        "Schedule": "schedule",
+        "SerialSource": "serial_line",
+        "SpiBus": "spi_bus",
+        "SpiSource": "spi_bus",
+        "Task": "schedule",
+        "TcpSource": "sockets",
+        "UdpSource": "sockets",
+    },
+)
 
 __all__ = [
     "BUOY",

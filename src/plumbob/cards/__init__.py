@@ -3,9 +3,27 @@
 A card is a small JSON file with a version, a device, units and a date. It refuses what it was not made for.
 """
 
-from plumbob.cards.calibration import CalibrationCard, Mount, Quality, TriadCalibration
+from typing import TYPE_CHECKING
+
+from plumbob._lazy import lazily
 from plumbob.cards.file import UNITS
-from plumbob.cards.noise import NoiseCard, TriadNoise
-from plumbob.cards.opened import open_card
+
+if TYPE_CHECKING:
+    from plumbob.cards.calibration import CalibrationCard, Mount, Quality, TriadCalibration
+    from plumbob.cards.noise import NoiseCard, TriadNoise
+    from plumbob.cards.opened import open_card
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "CalibrationCard": "calibration",
+        "Mount": "calibration",
+        "NoiseCard": "noise",
+        "Quality": "calibration",
+        "TriadCalibration": "calibration",
+        "TriadNoise": "noise",
+        "open_card": "opened",
+    },
+)
 
 __all__ = ["UNITS", "CalibrationCard", "Mount", "NoiseCard", "Quality", "TriadCalibration", "TriadNoise", "open_card"]

@@ -2,11 +2,12 @@
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 if TYPE_CHECKING:
     from plumbob.io import Recording
@@ -77,7 +78,7 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 def read(path: Path, profile: Path | None = None) -> "Recording":
     """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
     from plumbob import io
-    from plumbob.pipeline.recorded import read_any
+    from plumbob.pipeline import read_any
 
     recording = read_any(path, profile=profile)
     if recording.imu is not None:
@@ -148,11 +149,11 @@ def stages(names: str, params: str | None) -> "list[Stage]":
 
 def given_noise(chosen: "Sequence[Stage]", path: Path | None) -> "list[Stage]":
     """Stages with the noise card of a file, where one is named, for each filter that takes one."""
+    if path is None:
+        return list(chosen)
     from plumbob.cards import NoiseCard
     from plumbob.pipeline import with_noise
 
-    if path is None:
-        return list(chosen)
     card = NoiseCard.load(path)
     tell_noise(chosen)
     return with_noise(chosen, card)
@@ -223,6 +224,9 @@ def stopped_by_signals() -> "Iterator[Stop]":
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
     """Progress bar on standard error; silent where that is no terminal."""
+    if not _may_draw(sys.stderr):
+        yield lambda done: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -235,6 +239,12 @@ def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
         yield lambda done: bar.advance(task, done)
 
 
+def _may_draw(stream: TextIO) -> bool:
+    """Whether Rich may take a stream for a terminal, so that it must be asked: its import costs a tenth of a second."""
+    forced = any(os.environ.get(name) for name in ("FORCE_COLOR", "TTY_COMPATIBLE"))
+    return forced or (not stream.closed and stream.isatty())
+
+
 def warn_of_compiling(names: Sequence[str]) -> None:
     """Say why the next call waits, where a filter has not been compiled on this machine yet."""
     from plumbob import _jit
@@ -243,5 +253,4 @@ def warn_of_compiling(names: Sequence[str]) -> None:
     loops = {name: "claiming" if name in filter_names() and claims_covariance(name) else "batch" for name in names}
     cold = [name for name, loop in loops.items() if _jit.is_cold(f"{loop}_{name}")]
     if cold:
-        kept = f"once; it is kept in {_jit.cache_folder()}" if _jit.can_cache() else "at each run: no cache can be kept"
-        note(f"compiling {', '.join(cold)} for this processor, which takes some seconds, {kept}")
+        note(_jit.compiling(", ".join(cold)))

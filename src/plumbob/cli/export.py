@@ -23,8 +23,9 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob.pipeline import SUFFIX, read_any
     from plumbob.pipeline.exports import export, only
-    from plumbob.pipeline.recorded import SUFFIX, read_any, read_recorded
+    from plumbob.pipeline.recorded import read_recorded
 
     common.keep_inputs(args.file, args.profile, out=args.out)
     if args.file.suffix == SUFFIX:

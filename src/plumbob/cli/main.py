@@ -1,6 +1,8 @@
 """Entry point: finds the verb, and is the one place where an error becomes a line and an exit code."""
 
 import argparse
+import atexit
+import gc
 import io
 import os
 import sys
@@ -47,8 +49,8 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(**{**settings, "allow_abbrev": False})
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Parser of the whole command line."""
+def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
+    """Parser of the command line with these verbs; with one alone, its own help and errors read as with all."""
     parser = _Parser(
         prog="plumbob",
         description="Attitude from MEMS inertial sensors: decode, record, replay, characterise, calibrate, estimate, "
@@ -57,9 +59,9 @@ def build_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"plumbob {__version__}")
-    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
-    for verb in VERBS:
-        import_module(f"plumbob.cli.{verb}").add_parser(verbs)
+    parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for verb in verbs:
+        import_module(f"plumbob.cli.{verb}").add_parser(parsers)
     return parser
 
 
@@ -68,7 +70,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
-    args = build_parser().parse_args(argv)
+    if argv is None:  # the process ends with this: to look for cycles in all that it imported takes as long as a run
+        atexit.register(gc.freeze)
+    words = sys.argv[1:] if argv is None else list(argv)
+    args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(words)
     try:
         code: int = args.run(args)
         if sys.stdout:

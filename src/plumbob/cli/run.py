@@ -34,25 +34,20 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import io, pipeline
-    from plumbob.calib.model import temperature_beyond
-    from plumbob.cards import CalibrationCard
     from plumbob.errors import ParameterError, ShapeError
     from plumbob.pipeline.bias_prior import bias_beyond
-    from plumbob.pipeline.recorded import read_any
 
     chosen = common.stages(args.filter, args.params)
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     common.keep_inputs(args.file, args.profile, args.calibration, args.noise, out=args.out)
     stage = common.given_noise(chosen, args.noise)[0]
-    recording = read_any(args.file, profile=args.profile)
+    recording = pipeline.read_any(args.file, profile=args.profile)
     if recording.imu is None:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
     frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
-    card = CalibrationCard.load(args.calibration) if args.calibration else None
-    imu = pipeline.calibrated(recording.imu, card)
-    found = io.found_in(recording.notes) if card is None else io.findings(imu)
-    beyond = None if card is None else temperature_beyond(card, imu)
+    imu, beyond = _calibrated(recording.imu, args.calibration)
+    found = io.found_in(recording.notes) if args.calibration is None else io.findings(imu)
     if beyond is not None:
         found = (*found, f"temperature: {beyond}")
     common.note(*(f"{args.file.name}: {line}" for line in found))
@@ -71,6 +66,18 @@ def run(args: argparse.Namespace) -> int:
         report["errors"] = _errors(track, recording.track)
     common.print_json(report) if args.json else _print(report)
     return 0
+
+
+def _calibrated(imu: "ImuData", path: Path | None) -> "tuple[ImuData, str | None]":
+    """Samples with the card of a file applied, and how far beyond its temperatures they are."""
+    if path is None:
+        return imu, None
+    from plumbob.calib.model import apply_card, temperature_beyond
+    from plumbob.cards import CalibrationCard
+
+    card = CalibrationCard.load(path)
+    imu = apply_card(card, imu)
+    return imu, temperature_beyond(card, imu)
 
 
 def _warn_of_restarts(imu: "ImuData", track: "AttitudeTrack") -> None:
@@ -94,12 +101,12 @@ def _noise(stage: "Stage") -> str | None:
 
 def _claimed(track: "AttitudeTrack") -> dict[str, float | None] | None:
     """Standard deviations that the filter claims for its last attitude; none for a heading that is free."""
+    if track.cov_b is None:
+        return None
     from plumbob.evaluate import claimed_sd
     from plumbob.rotations import North
     from plumbob.units import to_deg
 
-    if track.cov_b is None:
-        return None
     tilt, heading = (float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:]))
     known = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
     return {name: to_deg(sd) if math.isfinite(sd) else None for name, sd in known.items()}

@@ -34,6 +34,7 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.pipeline.session_toml import parse_session
     from plumbob.rotations import Frame
 
+    _jit.compiling("everything")  # which the user has asked for, and need not be told
     names, channels = filter_names(), channel_names()
     with common.progress("compiling", len(names) + len(channels) + 3) as advance:
         for name in names:

@@ -10,7 +10,6 @@ a recording of thousands of samples by little, over a few samples by much.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from plumbob.check import Floats
 from plumbob.errors import ParameterError, ShapeError
@@ -120,6 +119,8 @@ def _best_heading(q_est: Floats, q_ref: Floats, frame: Frame) -> float:
     For a turn γ about the vertical, the best mounting is the first eigenvector of M(γ), [Markley2007] (12), and its
     eigenvalue λ(γ) the fit. M is M0 + cos γ Mc + sin γ Ms, so that λ' = vᵀ M' v, whose root is found to the last bits.
     """
+    from scipy.optimize import brentq
+
     back = quat_conjugate(q_ref)
     a = quat_multiply(back, q_est)
     b = quat_multiply(quat_multiply(back, np.concatenate(([0.0], frame.up))), q_est)

@@ -11,13 +11,15 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
 
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
 
 DOF: Final = 3
 CONFIDENCE: Final = 0.95
+BOUNDS: Final = (0.21579528262389797, 9.348403604496148)
+"""Quantiles at (1 ∓ CONFIDENCE) / 2 of a chi-square variable of DOF degrees of freedom, as SciPy's `gammaincinv` gives
+them, whose import would take longer than the whole judgement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ def consistency(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Consistency | No
     usable = squared[np.isfinite(squared)]
     if not usable.size:
         return None
-    lower, upper = chi_square_bounds()
+    lower, upper = BOUNDS
     inside = (usable >= lower) & (usable <= upper)
     return Consistency(
         mean=float(np.mean(usable)),
@@ -95,12 +97,6 @@ def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
 
 def _sd(variance: Floats) -> Floats:
     return np.sqrt(np.where(variance > 0.0, variance, np.nan))
-
-
-def chi_square_bounds(dof: int = DOF, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Two-sided bounds of a chi-square variable, from the inverse of its distribution function."""
-    tail = 0.5 * (1.0 - confidence)
-    return 2.0 * float(gammaincinv(0.5 * dof, tail)), 2.0 * float(gammaincinv(0.5 * dof, 1.0 - tail))
 
 
 def _positive_definite(p: Floats) -> NDArray[np.bool_]:

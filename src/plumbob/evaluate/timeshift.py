@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.signal import correlate, correlation_lags
 
 from plumbob import clock
 from plumbob.check import Floats
@@ -76,6 +74,8 @@ def find_time_offset(
     ClockError
         If the tracks share too little time or turning, or their turning does not match.
     """
+    from scipy.optimize import brentq
+
     if not 0.0 < max_offset < np.inf:
         raise ParameterError(f"max_offset must be a positive time, but it is {max_offset} s.")
     gaps = [default_max_gap(track) if max_gap is None else max_gap for track in (estimate, reference)]
@@ -158,6 +158,8 @@ def masked_correlation(a: Floats, b: Floats, most: int) -> tuple[Floats, Floats]
     lags, r : ndarray (2 most + 1,)
         NaN where fewer than half as many samples meet as at the best lag.
     """
+    from scipy.signal import correlate, correlation_lags
+
     known_a, known_b = np.isfinite(a), np.isfinite(b)
     a = np.where(known_a, a - np.mean(a[known_a]), 0.0)
     b = np.where(known_b, b - np.mean(b[known_b]), 0.0)

@@ -8,14 +8,13 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Any, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from plumbob import check, flags
 from plumbob._jit import Kernel, bare, njit, specialise
-from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
@@ -28,6 +27,9 @@ from plumbob.params import Spec, build, describe, shown
 from plumbob.rotations import Frame, North, quat_normalize
 from plumbob.sample import ImuSample
 from plumbob.units import Quantity
+
+if TYPE_CHECKING:
+    from plumbob.cards import NoiseCard
 
 STATE_VERSION = 2
 
@@ -208,7 +210,7 @@ class Filter:
         *,
         frame: Frame,
         params: Mapping[str, Any] | None = None,
-        noise: NoiseCard | None = None,
+        noise: "NoiseCard | None" = None,
         init: ArrayLike | None = None,
     ) -> None:
         from plumbob.filters import load
@@ -436,7 +438,7 @@ def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame
     return np.array([1.0 + len(shared) + len(own), *shared, *own], dtype=np.float64)
 
 
-def _from_noise(name: str, module: FilterModule, noise: NoiseCard | None) -> Mapping[str, Any]:
+def _from_noise(name: str, module: FilterModule, noise: "NoiseCard | None") -> Mapping[str, Any]:
     if noise is None:
         return {}
     found: Mapping[str, Any] | None = module.from_noise(noise) if hasattr(module, "from_noise") else None

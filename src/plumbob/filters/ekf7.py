@@ -41,13 +41,12 @@ rest; ``reset=on`` sets it to that of the means. The paper gives no thresholds a
 noises: all defaults are this project's.
 """
 
-from typing import Annotated, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
 from plumbob import flags
 from plumbob._jit import njit
-from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.filters.admission import admit, refused, usable
@@ -66,6 +65,9 @@ from plumbob.filters.quaternion_bias import (
 from plumbob.params import Spec
 from plumbob.rotations.kernels import quat_mul, quat_unit
 from plumbob.units import Quantity, deg, dps, g
+
+if TYPE_CHECKING:
+    from plumbob.cards import NoiseCard
 
 SUMMARY: Final = "quaternion and bias Kalman filter with a rest detector (rod paper); heading is free"
 REFERENCES: Final = ("Li2012",)
@@ -139,7 +141,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-def from_noise(card: NoiseCard) -> dict[str, Any] | None:
+def from_noise(card: "NoiseCard") -> dict[str, Any] | None:
     """N and K of the gyroscope, the quadratic mean of its axes; a figure that the card gives as zero keeps its default.
 
     The accelerometer's noise is not taken from a card: what disturbs it is how the body moves.

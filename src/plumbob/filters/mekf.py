@@ -32,13 +32,12 @@ axes.
 """
 
 import math
-from typing import Annotated, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
 
 from plumbob import flags
 from plumbob._jit import njit
-from plumbob.cards import NoiseCard
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.filters.admission import refused, usable
@@ -62,6 +61,9 @@ from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_r
 from plumbob.params import Spec
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate, rows
 from plumbob.units import Quantity, deg, dps
+
+if TYPE_CHECKING:
+    from plumbob.cards import NoiseCard
 
 SUMMARY: Final = "multiplicative EKF: attitude, bias and bounded velocity, with a covariance that is meant; gates, rest"
 REFERENCES: Final = ("Sola2017",)
@@ -185,7 +187,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-def from_noise(card: NoiseCard) -> dict[str, float]:
+def from_noise(card: "NoiseCard") -> dict[str, float]:
     """Noise parameters from a card: root mean squares over the axes; what it does not hold keeps its default."""
     found = {}
     for name, noise in (("gyr", card.gyr), ("acc", card.acc), ("mag", card.mag)):

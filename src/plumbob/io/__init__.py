@@ -3,21 +3,32 @@
 import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
+from plumbob._lazy import lazily
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import DecodeError, ParameterError, ShapeError
-from plumbob.io.broad import read_broad
 from plumbob.io.files import existing_file
 from plumbob.io.findings import findings, found_in
-from plumbob.io.numbers import SUFFIXES, Numbers, open_numbers
-from plumbob.io.parquet import read_parquet, write_parquet
-from plumbob.io.profile import Profile
-from plumbob.io.profile_toml import load_profile, parse_profile
 from plumbob.io.recording import Recording
-from plumbob.io.text import read_text
-from plumbob.io.text_write import write_csv
+
+if TYPE_CHECKING:
+    from plumbob.io.numbers import Numbers, open_numbers
+    from plumbob.io.profile import Profile
+    from plumbob.io.profile_toml import load_profile, parse_profile
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "Numbers": "numbers",
+        "Profile": "profile",
+        "load_profile": "profile_toml",
+        "open_numbers": "numbers",
+        "parse_profile": "profile_toml",
+    },
+)
 
 __all__ = [
     "FORMATS",
@@ -63,32 +74,41 @@ class Format:
     writers: tuple[tuple[str, Callable[[Path, Recording], None]], ...] = ()
 
 
+def _late(module: str, name: str) -> Callable[..., Any]:
+    """A reader or writer whose module is imported when a file needs it."""
+
+    def call(*args: Any) -> Any:
+        return getattr(import_module(f"plumbob.io.{module}"), name)(*args)
+
+    return call
+
+
 FORMATS: Final = (
     Format(
         name="native",
         suffixes=(".parquet",),
         what="native recording: every bit, units and a checksum inside",
-        read=read_parquet,
-        writers=((".parquet", write_parquet),),
+        read=_late("parquet", "read_parquet"),
+        writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
     Format(
         name="text",
         suffixes=(".csv", ".txt", ".tsv", ".lvm", ".dat", ".log"),
         what="text tables, described by a profile in TOML; written as .csv with its profile beside it",
-        read=read_text,
+        read=_late("text", "read_text"),
         takes_profile=True,
-        writers=((".csv", write_csv),),
+        writers=((".csv", _late("text_write", "write_csv")),),
     ),
     Format(
         name="BROAD",
         suffixes=(".hdf5", ".h5", ".mat"),
         what="trials of the BROAD data set, HDF5 or MATLAB v5; read only",
-        read=read_broad,
+        read=_late("broad", "read_broad"),
     ),
 )
 
 
-def read(path: str | os.PathLike[str], *, profile: Profile | str | Path | None = None) -> Recording:
+def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None" = None) -> Recording:
     """Read a recording; its notes also say what was found in the data (`plumbob.io.findings`).
 
     Parameters
@@ -165,6 +185,8 @@ def _format(path: Path) -> Format:
     for kind in FORMATS:
         if path.suffix.lower() in kind.suffixes:
             return kind
+    from plumbob.io.numbers import SUFFIXES
+
     known = ", ".join(suffix for kind in FORMATS for suffix in kind.suffixes)
     hint = " Bare numbers are no recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
     raise DecodeError(f"{path}: the suffix '{path.suffix}' is unknown; known are {known}.{hint}")

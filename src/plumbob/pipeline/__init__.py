@@ -6,13 +6,26 @@ calibrate, estimate, hand to the sinks. A replay feeds it the recorded bytes and
 
 from plumbob.pipeline.offline import (
     CHUNK,
+    SUFFIX,
     Progress,
     Stage,
     calibrated,
     estimate,
     filter_of,
     navigation_frame,
+    read_any,
     with_noise,
 )
 
-__all__ = ["CHUNK", "Progress", "Stage", "calibrated", "estimate", "filter_of", "navigation_frame", "with_noise"]
+__all__ = [
+    "CHUNK",
+    "SUFFIX",
+    "Progress",
+    "Stage",
+    "calibrated",
+    "estimate",
+    "filter_of",
+    "navigation_frame",
+    "read_any",
+    "with_noise",
+]

@@ -13,7 +13,7 @@ from plumbob.cards import CalibrationCard
 from plumbob.data import ImuData
 from plumbob.errors import CalibrationError, ParameterError
 from plumbob.io.findings import found_in
-from plumbob.pipeline.recorded import read_any
+from plumbob.pipeline.offline import read_any
 
 SOFTWARE = f"plumbob {__version__}"
 _UNNAMED = "unknown"

@@ -1,15 +1,21 @@
-"""From a recording to an attitude: calibrate, estimate, in chunks, with progress."""
+"""From a recording to an attitude: read, calibrate, estimate, in chunks, with progress."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-from plumbob.calib.model import apply_card
-from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.errors import FrameError
+from plumbob.errors import DecodeError, FrameError
 from plumbob.filters import Filter, takes_noise
 from plumbob.rotations import Frame
+
+if TYPE_CHECKING:
+    from plumbob.cards import CalibrationCard, NoiseCard
+    from plumbob.io import Recording
+
+SUFFIX: Final = ".mcap"
+"""Of recordings of a line."""
 
 CHUNK = 1 << 16
 """Samples handed to a filter at a time; the result does not depend on it."""
@@ -36,7 +42,7 @@ class Stage:
     filter: str
     params: Mapping[str, Any]
     label: str = ""
-    noise: NoiseCard | None = None
+    noise: "NoiseCard | None" = None
 
     @property
     def name(self) -> str:
@@ -44,7 +50,29 @@ class Stage:
         return self.label or self.filter
 
 
-def with_noise(stages: Sequence[Stage], card: NoiseCard) -> list[Stage]:
+def read_any(path: str | Path, *, profile: Path | None = None) -> "Recording":
+    """Read a file of any format: a recording of a line too, of which the samples are decoded anew from their bytes.
+
+    Raises
+    ------
+    PlumbobError
+        As `plumbob.io.read`, or as `plumbob.pipeline.recorded.read_recorded`.
+    """
+    from plumbob import io
+
+    file = Path(path)
+    if file.suffix == SUFFIX:
+        from plumbob.pipeline.recorded import read_recorded
+
+        return read_recorded(file)
+    known = [suffix for kind in io.FORMATS for suffix in kind.suffixes]
+    if file.suffix.lower() not in known:
+        listed = f"known are {', '.join([SUFFIX, *known])}; raw bytes are for 'plumbob record --from'"
+        raise DecodeError(f"{file}: the suffix '{file.suffix}' is unknown; {listed}.")
+    return io.read(file, profile=profile)
+
+
+def with_noise(stages: Sequence[Stage], card: "NoiseCard") -> list[Stage]:
     """Stages with a noise card for each filter that takes one; for all where none does, so that the filter refuses it.
 
     Parameters
@@ -72,9 +100,13 @@ def navigation_frame(imu: ImuData, asked: Frame | None, *, where: str) -> Frame:
     return frame
 
 
-def calibrated(imu: ImuData, card: CalibrationCard | None, *, live: bool = False) -> ImuData:
+def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = False) -> ImuData:
     """Recording, or a part of a stream (`live`), with the card applied, or as it is where there is none."""
-    return imu if card is None else apply_card(card, imu, live=live)
+    if card is None:
+        return imu
+    from plumbob.calib.model import apply_card
+
+    return apply_card(card, imu, live=live)
 
 
 def filter_of(stage: Stage, frame: Frame, declination: float | None) -> Filter:

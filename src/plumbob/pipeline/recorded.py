@@ -25,27 +25,8 @@ from plumbob.pipeline.session_toml import SESSION, recorded_session, reference_n
 from plumbob.record import Log, Recorder, open_log
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 
-SUFFIX: Final = ".mcap"
 _META: Final = "recording"
 _PATIENCE: Final = 20_000
-
-
-def read_any(path: str | Path, *, profile: Path | None = None) -> Recording:
-    """Read a file of any format: a recording of a line too, of which the samples are decoded anew from their bytes.
-
-    Raises
-    ------
-    PlumbobError
-        As `plumbob.io.read`, or as `read_recorded`.
-    """
-    file = Path(path)
-    known = [suffix for kind in io.FORMATS for suffix in kind.suffixes]
-    if file.suffix == SUFFIX:
-        return read_recorded(file)
-    if file.suffix.lower() not in known:
-        listed = f"known are {', '.join([SUFFIX, *known])}; raw bytes are for 'plumbob record --from'"
-        raise DecodeError(f"{file}: the suffix '{file.suffix}' is unknown; {listed}.")
-    return io.read(file, profile=profile)
 
 
 def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:

@@ -22,7 +22,7 @@ from plumbob.io.numbers import SUFFIXES, TEXT_SUFFIXES, Numbers, open_numbers
 from plumbob.io.text import sidecars
 from plumbob.noise.static import StaticCheck, StaticReport, find_step, judge
 from plumbob.pipeline.even_rows import triads_of
-from plumbob.pipeline.recorded import read_any
+from plumbob.pipeline.offline import read_any
 from plumbob.units import Quantity
 
 ANALYSED: Final = (Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.RATIO)

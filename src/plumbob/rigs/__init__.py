@@ -4,15 +4,41 @@
 ``serve(rig, port, ...)`` sends them as the hardware would. A format of one's own makes a rig too: `plan_for`.
 """
 
-from plumbob.rigs.faults import KINDS, Fault
+from typing import TYPE_CHECKING
+
+from plumbob._lazy import lazily
 from plumbob.rigs.find import find_format
 from plumbob.rigs.formats import load, names
-from plumbob.rigs.plan import PLANS, Plan, Unit, plan_for
-from plumbob.rigs.port import FilePort, Port
-from plumbob.rigs.rig import Rig, make_rig
-from plumbob.rigs.serve import Served, serve
-from plumbob.rigs.sockets import TcpPort, UdpPort
-from plumbob.rigs.terminal import PtyPort
+
+if TYPE_CHECKING:
+    from plumbob.rigs.faults import KINDS, Fault
+    from plumbob.rigs.plan import PLANS, Plan, Unit, plan_for
+    from plumbob.rigs.port import FilePort, Port
+    from plumbob.rigs.rig import Rig, make_rig
+    from plumbob.rigs.serving import Served, serve
+    from plumbob.rigs.sockets import TcpPort, UdpPort
+    from plumbob.rigs.terminal import PtyPort
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "KINDS": "faults",
+        "PLANS": "plan",
+        "Fault": "faults",
+        "FilePort": "port",
+        "Plan": "plan",
+        "Port": "port",
+        "PtyPort": "terminal",
+        "Rig": "rig",
+        "Served": "serving",
+        "TcpPort": "sockets",
+        "UdpPort": "sockets",
+        "Unit": "plan",
+        "make_rig": "rig",
+        "plan_for": "plan",
+        "serve": "serving",
+    },
+)
 
 __all__ = [
     "KINDS",

@@ -81,7 +81,7 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
 
     line, guide, collected = Line(session), GUIDES[args.guided](), Collected()
     if _jit.is_cold("accumulate"):
-        common.note("compiling for this processor, which takes some seconds, once; see 'plumbob warmup'")
+        common.note(_jit.compiling("the guide"))
     line.warm_up()
     warm_up()
     board, status = Board(f"calibrate {args.kind}", guide), Status(line, quiet=True)

@@ -69,7 +69,7 @@ def _by_reference(args: argparse.Namespace) -> "Mounted":
 
 def _track(path: Path) -> "AttitudeTrack":
     from plumbob.errors import DecodeError
-    from plumbob.pipeline.recorded import read_any
+    from plumbob.pipeline import read_any
 
     track = read_any(path).track
     if track is None:

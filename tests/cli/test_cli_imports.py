@@ -1,0 +1,132 @@
+"""What each verb may import: a run on a Parquet file pays for no serial port, plot or simulator.
+
+Each verb runs on a small real input in a process of its own, forked from one that has imported nothing but the command
+line. Kernels run as plain Python, so that numba's own imports hide nothing; a verb that calls a kernel counts as one
+that imports numba.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from plumbob.cli.main import VERBS
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cannot fork")
+
+PACKAGES = ("h5py", "lz4", "matplotlib", "mcap", "numba", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
+            "serial", "zstandard")  # fmt: skip
+ROOMS = ("acquire.serial_line", "acquire.sockets", "benchmark", "calib", "cards.calibration", "certificate",
+         "clock.timebase", "datasheet", "evaluate", "filters", "noise", "page", "pipeline.line", "record", "rigs.rig",
+         "sensors", "sim")  # fmt: skip
+PARTS = ("scipy.fft", "scipy.interpolate", "scipy.io", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats",
+         "pyarrow.csv", "pyarrow.parquet")  # fmt: skip
+"""What is looked for: packages, parts of packages, and rooms of this one."""
+
+PROBE = """
+import gc, json, os, sys, traceback
+from plumbob.cli.main import main
+
+lines, packages, rooms, parts = json.load(sys.stdin)
+
+def found():
+    known = {m for m in sys.modules if m in packages or m in parts}
+    known |= {m.removeprefix("plumbob.") for m in sys.modules if m.removeprefix("plumbob.") in rooms}
+    jit = sys.modules.get("plumbob._jit")
+    called = jit and any(isinstance(k, jit.Kernel) and k._compiled for k in gc.get_objects())
+    return sorted(known | ({"numba"} if called else set()))
+
+def child(words, out):
+    with open("said.txt", "w") as said:
+        os.dup2(said.fileno(), 1)
+        os.dup2(said.fileno(), 2)
+        try:
+            code = main(words)
+        except BaseException:
+            code = traceback.format_exc()
+    os.write(out, json.dumps([code, found()]).encode())
+    os._exit(0)
+
+told = {}
+for name, words in lines.items():
+    back, out = os.pipe()
+    if os.fork() == 0:
+        child(words, out)
+    os.close(out)
+    told[name] = json.loads(open(back, "rb").read())
+    os.wait()
+print(json.dumps(told))
+"""
+
+SIM = ["--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module"]
+PARQUET = {"numpy", "pyarrow", "pyarrow.parquet"}
+READ = PARQUET | {"filters"}
+"""To open a recording, whose room imports what all filters share."""
+SIMULATED = PARQUET | {"cards.calibration", "sim"}
+RUN = READ | {"evaluate", "numba"}
+LIVE = {"calib", "cards.calibration", "clock.timebase", "filters", "mcap", "numba", "numpy", "pipeline.line", "record",
+        "sensors", "zstandard"}  # fmt: skip
+
+LINES = {
+    "sim": (["sim", "buoy", *SIM, "calibrated", "--duration", "12s", "--out", "sea.parquet"], SIMULATED),
+    "filters": (["filters"], {"numpy", "filters"}),
+    "info": (["info", "sea.parquet"], READ),
+    "run": (["run", "sea.parquet", "--filter", "mekf"], RUN),
+    "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),
+    "run, refused": (["run", "none.parquet", "--filter", "mekf"], {"numpy", "filters"}),
+    "eval": (["eval", "track.parquet", "sea.parquet"], READ | {"evaluate"}),
+    "rest": (["sim", "static", *SIM, "drawn", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
+    "allan": (
+        ["allan", "rest.parquet", "--triads", "gyr"],
+        READ | {"cards.calibration", "datasheet", "noise", "numba", "page", "scipy", "scipy.fft", "scipy.interpolate",
+                "scipy.optimize", "scipy.special"},
+    ),
+    "calibrate": (
+        ["calibrate", "gyro", "rest.parquet", "--method", "rest"],
+        READ | {"calib", "cards.calibration", "certificate", "numba", "page"},
+    ),
+    "emulate": (
+        ["emulate", "buoy", "--seed", "1", "--duration", "3s", "--write", "sea.bin"],
+        {"cards.calibration", "numpy", "rigs.rig", "sensors", "sim"},
+    ),
+    "decode": (["decode", "sea.bin", "--format", "buoy", "--out", "sea-decoded.csv"], {"numba", "numpy", "sensors"}),
+    "record": (["record", "--from", "sea.bin", "--format", "buoy", "--out", "sea.mcap"], LIVE),
+    "verify": (["verify", "sea.mcap"], {"mcap", "record", "zstandard"}),
+    "repair": (["repair", "sea.mcap", "--out", "repaired.mcap"], {"mcap", "record", "zstandard"}),
+    "replay": (["replay", "sea.mcap"], LIVE),
+    "export": (["export", "sea.mcap", "--out", "sea.csv"], LIVE | {"pyarrow", "pyarrow.csv"}),
+    "devices": (["devices"], {"numpy", "sensors"}),
+}  # fmt: skip
+"""By name: a command line, and what it may import. Each may read what those above it wrote."""
+
+EVERYTHING = {"benchmark", "demo", "warmup"}
+"""Verbs whose task is to try or to compile all there is."""
+
+
+@pytest.fixture(scope="module")
+def told(tmp_path_factory):
+    """Exit code, and what was found, of every line."""
+    given = json.dumps([{name: words for name, (words, _) in LINES.items()}, PACKAGES, ROOMS, PARTS])
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE], input=given, cwd=tmp_path_factory.mktemp("imports"), text=True,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("name", LINES)
+def test_a_verb_imports_only_what_it_uses(told, name):
+    code, found = told[name]
+    assert code == (1 if name.endswith("refused") else 0)
+    extra = sorted(set(found) - LINES[name][1])
+    assert not extra, (
+        f"'plumbob {' '.join(LINES[name][0])}' imports {', '.join(extra)}, which it did not before. Import it where it "
+        "is used; if the verb does need it, add it to what the verb may import."
+    )
+
+
+def test_every_verb_is_listed():
+    assert {words[0] for words, _ in LINES.values()} | EVERYTHING == set(VERBS)
