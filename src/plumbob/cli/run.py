@@ -51,7 +51,8 @@ def run(args: argparse.Namespace) -> int:
     frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
     card = CalibrationCard.load(args.calibration) if args.calibration else None
     imu = pipeline.calibrated(recording.imu, card)
-    found = io.found_in(recording.notes) if card is None else io.findings(imu)
+    doubt = io.inferred_in(recording.notes)
+    found = io.found_in(recording.notes) if card is None else (*doubt, *io.findings(imu))
     beyond = None if card is None else temperature_beyond(card, imu)
     if beyond is not None:
         found = (*found, f"temperature: {beyond}")
@@ -64,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     if (contradiction := bias_beyond(filter_, track)) is not None:
         common.note(contradiction)
     if args.out:
-        io.write(args.out, track, notes=(f"estimated from {args.file.name} by {track.source}",))
+        io.write(args.out, track, notes=(f"estimated from {args.file.name} by {track.source}", *doubt))
     report = _report(args, imu, track) | {"filter": filter_.describe(), "bias_beyond": contradiction}
     report |= {"temperature_beyond": beyond, "noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
     if recording.track is not None:

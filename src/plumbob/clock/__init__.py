@@ -1,5 +1,6 @@
 """Time: integer nanoseconds on the wire and on disk, float64 seconds since the start in mathematics."""
 
+from plumbob.clock.counted import CountedTime
 from plumbob.clock.hostfit import HostFit, HostReport
 from plumbob.clock.report import Delays, Stamps, TimeReport
 from plumbob.clock.seconds import to_ns, to_s
@@ -9,6 +10,7 @@ from plumbob.clock.timebase import TimeBase
 
 __all__ = [
     "GAP_FACTOR",
+    "CountedTime",
     "Counter",
     "Delays",
     "HostFit",

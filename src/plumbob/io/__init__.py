@@ -10,7 +10,7 @@ from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.io.broad import read_broad
 from plumbob.io.files import existing_file
-from plumbob.io.findings import findings, found_in
+from plumbob.io.findings import findings, found_in, inferred, inferred_in
 from plumbob.io.numbers import SUFFIXES, Numbers, open_numbers
 from plumbob.io.parquet import read_parquet, write_parquet
 from plumbob.io.profile import Profile
@@ -27,6 +27,8 @@ __all__ = [
     "Recording",
     "findings",
     "found_in",
+    "inferred",
+    "inferred_in",
     "load_profile",
     "open_numbers",
     "parse_profile",
