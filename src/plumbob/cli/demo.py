@@ -26,6 +26,8 @@ SETTLE: Final = 120.0
 """Left out of the errors, s: what a calibration by hand does not find (sensitivity to g) is learned as a bias first."""
 SETTLE_SHARE: Final = 0.2
 """Of a shorter sea."""
+DISK: Final = 120.0
+"""Longest wait for the disk of a busy machine at the end, s."""
 SESSION: Final = """\
 # The buoy on its serial line. For hardware: the real port and baud rate, and without 'speed' and 'time'. A line that
 # runs faster than time says nothing by when it is read: its time is counted from its frames.
@@ -130,9 +132,7 @@ def run(args: argparse.Namespace) -> int:
 @contextmanager
 def _rig(out: Path, duration: float) -> Iterator[str]:
     """Start the rig in a process of its own, and give the line that it is on."""
-    command = [sys.executable, "-m", "plumbob.cli.main", "emulate", "buoy", "--speed", str(SPEED), "--seed", str(SEED)]
-    command += ["--duration", f"{duration!r}s", "--truth", str(out / "truth.parquet")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
+    with subprocess.Popen(_command(out, duration), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:
         try:
             port = child.stdout.readline().strip() if child.stdout else ""
             if not port:
@@ -142,6 +142,11 @@ def _rig(out: Path, duration: float) -> Iterator[str]:
             yield port
         finally:
             child.terminate()
+
+
+def _command(out: Path, duration: float) -> list[str]:
+    rig = ["emulate", "buoy", "--speed", str(SPEED), "--seed", str(SEED), "--duration", f"{duration!r}s"]
+    return [sys.executable, "-m", "plumbob.cli.main", *rig, "--truth", str(out / "truth.parquet")]
 
 
 def _live(out: Path, port: str, device: str) -> "Line":
@@ -159,6 +164,7 @@ def _live(out: Path, port: str, device: str) -> "Line":
     keeper = Keeper(session, session.record)
     sink = TextSink(session.output.text, session.output.every)
     run_line(line, open_source(session.source), sinks=[found, sink], keeper=keeper, until_lost=True)
+    keeper.recorder.close(DISK)
     return line
 
 
