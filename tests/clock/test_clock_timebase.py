@@ -547,3 +547,40 @@ class TestAnEmulatedLineThatHurries:
     def test_an_impossible_speed_is_refused(self, speed):
         with pytest.raises(ParameterError, match="speed must be positive and finite"):
             TimeSpec(rate=self.RATE, speed=speed)
+
+
+class TestWhatOnlyTheHostSaid:
+    """Gaps that rest on a delay alone are counted apart from those that a count, a byte or an event shows."""
+
+    def report(self, spec, f, **more):
+        base, _ = stamp(spec, f, **more)
+        return base.report()
+
+    def test_frames_that_vanish_without_a_trace(self):
+        """700 frames of 10 ms; found to a frame, since the reads come with the frames."""
+        f = without(frames(6000), slice(3000, 3700))
+        told = self.report(TimeSpec(rate=100.0), f)
+        assert (told.inferred, told.gap_count) == (1, 1)
+        assert told.inferred_time == pytest.approx(7.0, abs=0.011)
+
+    @pytest.mark.parametrize("name", ["frames", "clock"])
+    def test_a_delay_that_stays_against_the_device_s_own_counts(self, name):
+        f = frames(6000)
+        told = self.report(SPECS[name], f._replace(t_ns=f.t_ns + (f.index >= 3000) * 5 * SECOND))
+        assert told.inferred == 1
+        assert told.inferred_time == pytest.approx(5.0, abs=0.01)
+
+    @pytest.mark.parametrize("name", ["frames", "clock"])
+    def test_what_a_count_shows_is_not_inferred(self, name):
+        told = self.report(SPECS[name], without(frames(6000), slice(3000, 3100)))
+        assert (told.gap_count, told.lost, told.inferred, told.inferred_time) == (1, 100, 0, 0.0)
+
+    def test_what_bytes_or_a_new_opening_show_is_not_inferred(self):
+        spec = TimeSpec(rate=100.0, frame_bytes=26)
+        f = frames(6000)
+        damaged = np.delete(f.index, slice(3000, 3004))  # their bytes came, but no frame could be made of them
+        base = TimeBase(spec)
+        base.stamp(f.t_ns[damaged], f.place[damaged])
+        base.reopened(int(f.t_ns[-1]) + 10 * SECOND)
+        base.stamp(f.t_ns[-1:] + 11 * SECOND, f.place[-1:] + 26)
+        assert (base.report().gap_count, base.report().inferred) == (2, 0)

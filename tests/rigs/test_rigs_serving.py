@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from plumbob.errors import ParameterError
-from plumbob.rigs import PLANS, FilePort, PtyPort, TcpPort, UdpPort, load, make_rig, serve
+from plumbob.rigs import PLANS, FilePort, PtyPort, TcpPort, UdpPort, load, make_rig, serve, terminal
 from plumbob.sensors.decode import decode
 
 LONG = 30.0
@@ -165,13 +165,18 @@ def test_what_nobody_hears_is_counted():
     port.close()
 
 
-def test_a_reader_that_empties_the_line_in_opening_it_misses_nothing():
-    """As pyserial does: what is sent between its opening and its emptying would be lost."""
+@pytest.mark.parametrize(("sets_up", "takes"), [(False, 0.2), (True, 0.8)])
+def test_a_reader_that_empties_the_line_in_opening_it_misses_nothing(sets_up, takes):
+    """As pyserial does: what is sent between the two would be lost; who has begun may be stalled for longer."""
     rig, port, stop = rig_of(2.0), PtyPort(), threading.Event()
     sender = threading.Thread(target=serve, args=(rig, port), kwargs={"speed": 20.0, "stop": stop})
     sender.start()
     fd = os.open(port.name, os.O_RDWR | os.O_NOCTTY)
-    time.sleep(0.2)
+    if sets_up:
+        modes = termios.tcgetattr(fd)
+        modes[6][termios.VMIN] = 0
+        termios.tcsetattr(fd, termios.TCSANOW, modes)
+    time.sleep(takes)
     termios.tcflush(fd, termios.TCIFLUSH)
     got = b""
     while len(got) < len(rig.stream()) and select.select([fd], [], [], LONG)[0]:
@@ -180,6 +185,25 @@ def test_a_reader_that_empties_the_line_in_opening_it_misses_nothing():
     os.close(fd)
     port.close()
     assert got == rig.stream()
+
+
+def test_a_slow_reader_gets_the_rest_as_long_as_it_reads(monkeypatch):
+    """It takes twice the patience for the whole, and an eighth of it for each piece."""
+    monkeypatch.setattr(terminal, "_PATIENTLY", 2.0)
+    port, data = PtyPort(), bytes(range(256)) * 12
+    fd = os.open(port.name, os.O_RDWR | os.O_NOCTTY)
+    termios.tcflush(fd, termios.TCIFLUSH)
+    assert port.heard()
+    assert port.send([data]) == 1
+    closing = threading.Thread(target=port.close)
+    closing.start()
+    got = b""
+    for _ in range(16):
+        time.sleep(0.25)
+        got += os.read(fd, len(data) // 16)
+    closing.join(LONG)
+    os.close(fd)
+    assert got == data
 
 
 def test_a_link_does_not_replace_a_file(tmp_path):

@@ -81,8 +81,7 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
     from plumbob.pipeline import read_any
 
     recording = read_any(path, profile=profile)
-    if recording.imu is not None:
-        note(*(f"{path.name}: {line}" for line in io.found_in(recording.notes)))
+    note(*(f"{path.name}: {line}" for line in io.found_in(recording.notes)))
     return recording
 
 

@@ -88,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
         if args.truth:  # before the port is named, so that who waits for it finds the truth and the card
             _write_truth(args.truth, rig)
         port = stack.enter_context(_port(args))
+        if speed != 1.0 and not (args.write or args.udp):
+            common.note('this line does not keep real time: record it with --time count, or time = "count" in [source]')
         log = stack.enter_context(_fault_log(args.fault_log))
         served = serve(rig, port, speed=speed, stop=stop, on_fault=log)
     _tell(served, len(rig))

@@ -116,10 +116,11 @@ def _timing(t: Any) -> dict[str, Any]:
 
 def _print(report: dict[str, Any]) -> None:
     from plumbob.data import calibration_told
-    from plumbob.io.findings import provenance
+    from plumbob.io import found_in
 
     print(report["file"])
-    for line in provenance(report["notes"]):  # findings stand on standard error already
+    told = found_in(report["notes"])  # on standard error already
+    for line in dict.fromkeys(note for note in report["notes"] if note not in told):
         print(f"{'note':12} {line}")
     if sensors := report.get("sensors"):
         print(f"device       {sensors['device']}, body axes '{sensors['axes']}' of the case")

@@ -141,10 +141,11 @@ def attitude_of(part: "Part | None") -> str:
 
 def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any]:
     """What a run gave, for JSON."""
+    from plumbob.io import inferred
+
     last = status.last
     return {
         "session": session.name,
-        "captured": session.source is not None and session.source.kind == "file",
         "format": session.form.name,
         "device": session.meta.device,
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
@@ -156,6 +157,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "samples": status.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **line.report(),
+        "inferred_gaps": next(iter(inferred(line.time.report())), None),
     }
 
 
@@ -175,8 +177,10 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
         print(
             f"lost         {told['lost']} frames in {told['gap_count']} gaps; {report['not_usable']} repeated or late"
         )
+    if report["inferred_gaps"]:
+        print(f"inferred     {report['inferred_gaps'].partition(': ')[2]}")
     long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift
-    if long_enough and told["drift_ppm"] is not None and told["mode"] == "clock" and not report["captured"]:
+    if long_enough and told["drift_ppm"] is not None and told["mode"] == "clock":
         print(f"device clock {told['drift_ppm']:+.1f} ppm against this host")
     print(f"calibration  {calibration_told(report['calibration'])}")
     if report["filter"]:

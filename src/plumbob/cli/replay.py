@@ -37,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from plumbob.errors import ParameterError
-    from plumbob.io import Recording
+    from plumbob.io import Recording, inferred
     from plumbob.pipeline.exports import export
     from plumbob.pipeline.replay import compare, open_recording, replay
 
@@ -61,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         if track is None:
             raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
-        notes = (f"replayed from {args.recording.name} by {track.source}",)
+        doubt = inferred(replayed.line.time.report())
+        notes = (f"replayed from {args.recording.name} by {track.source}", *doubt)
         export(args.out, Recording(track=track, name=args.out.stem, notes=notes))
     same = compare(replayed) if args.check else None
     if same is not None:

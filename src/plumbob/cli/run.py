@@ -47,7 +47,8 @@ def run(args: argparse.Namespace) -> int:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
     frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
     imu, beyond = _calibrated(recording.imu, args.calibration)
-    found = io.found_in(recording.notes) if args.calibration is None else io.findings(imu)
+    doubt = io.inferred_in(recording.notes)
+    found = io.found_in(recording.notes) if args.calibration is None else (*doubt, *io.findings(imu))
     if beyond is not None:
         found = (*found, f"temperature: {beyond}")
     common.note(*(f"{args.file.name}: {line}" for line in found))
@@ -59,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if (contradiction := bias_beyond(filter_, track)) is not None:
         common.note(contradiction)
     if args.out:
-        io.write(args.out, track, notes=(f"estimated from {args.file.name} by {track.source}",))
+        io.write(args.out, track, notes=(f"estimated from {args.file.name} by {track.source}", *doubt))
     report = _report(args, imu, track) | {"filter": filter_.describe(), "bias_beyond": contradiction}
     report |= {"temperature_beyond": beyond, "noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
     if recording.track is not None:

@@ -13,7 +13,14 @@ def add_line(p: argparse._ActionsContainer) -> None:
     """Options of a line, besides its session file and ``--from``."""
     p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
     p.add_argument(
-        "--rate", metavar="HZ", help="frames per second of --from, where its format has neither clock nor rate"
+        "--rate",
+        metavar="HZ",
+        help="frames per second of --port or --from, where the format has neither clock nor rate",
+    )
+    p.add_argument(
+        "--time",
+        choices=("host", "count"),
+        help="of --port; count: by the frames alone, for a line that loses nothing, such as one faster than real time",
     )
     p.add_argument("--iio", metavar="DEV", help="buffer of an IIO device (Linux), by its name or number")
     p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
@@ -66,6 +73,8 @@ def session_of(
 def _source(args: argparse.Namespace, capture: str | None) -> dict[str, str | int]:
     if args.iio is not None:
         return {"kind": "iio", "device": int(args.iio) if args.iio.isdecimal() else args.iio}
+    rate = {"rate": args.rate} if args.rate else {}
     if capture is not None:
-        return {"kind": "file", "path": capture} | ({"rate": args.rate} if args.rate else {})
-    return {"kind": "serial", "port": args.port, "baud": args.baud}
+        return {"kind": "file", "path": capture, **rate}
+    time = {"time": args.time} if args.time else {}
+    return {"kind": "serial", "port": args.port, "baud": args.baud, **rate, **time}

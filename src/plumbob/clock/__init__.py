@@ -7,6 +7,7 @@ from plumbob.clock.seconds import to_ns, to_s
 from plumbob.clock.steps import GAP_FACTOR, Timing, after_gap, timing
 
 if TYPE_CHECKING:
+    from plumbob.clock.counted import CountedTime
     from plumbob.clock.hostfit import HostFit, HostReport
     from plumbob.clock.report import Delays, Stamps, TimeReport
     from plumbob.clock.spec import Counter, TimeSpec
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "CountedTime": "counted",
         "Counter": "spec",
         "Delays": "report",
         "HostFit": "hostfit",
@@ -28,6 +30,7 @@ __getattr__, __dir__ = lazily(
 
 __all__ = [
     "GAP_FACTOR",
+    "CountedTime",
     "Counter",
     "Delays",
     "HostFit",

@@ -23,6 +23,8 @@ from plumbob.clock.layout import (
     DUPLICATE,
     EXTRA,
     HOST,
+    INFERRED,
+    INFERRED_NS,
     LATE,
     MODULUS,
     NOW,
@@ -138,7 +140,10 @@ def make_up(n: Ints, r: Floats, lasting: float) -> int:
     whole = turn(n, r)
     turns = math.floor(lasting / whole + 0.5)
     fits = abs(lasting - turns * whole) <= r[USUAL]
-    if turns > 0 and (fits or n[MODULUS] == 1):
+    by_turns = turns > 0 and (fits or n[MODULUS] == 1)
+    n[INFERRED] += 1
+    n[INFERRED_NS] += int(turns * whole if by_turns else lasting)
+    if by_turns:
         n[STEP] += turns * n[MODULUS]
         r[NOW] += turns * whole
         return WRAPPED

@@ -43,7 +43,9 @@ ODD: Final = 30  # steps in a row that do not fit the pace
 FRAMES: Final = 31  # how many there were, and how many of them are lost, and gaps
 LOST: Final = 32
 GAPS: Final = 33
-TALLY: Final = 34  # frames of each kind, in order of its bits
+INFERRED: Final = 34  # how often a delay alone was taken for time that had passed, and how much time, ns
+INFERRED_NS: Final = 35
+TALLY: Final = 36  # frames of each kind, in order of its bits
 WHOLES: Final = TALLY + 8
 
 # --- real numbers

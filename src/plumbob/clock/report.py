@@ -77,6 +77,10 @@ class TimeReport:
         How often the source was opened again, or the host's clock set back.
     unsure : int
         Frames stamped before the rate was known, that shared a read with others.
+    inferred : int
+        Gaps, or steps of time, that nothing but a lasting delay of the host spoke for: no count, no byte, no event.
+    inferred_time : float
+        Their length in all, s.
     gap_count : int
         How many gaps there were.
     gaps : tuple of (int, int, int)
@@ -98,6 +102,8 @@ class TimeReport:
     suspects: int
     reopened: int
     unsure: int
+    inferred: int
+    inferred_time: float
     gap_count: int
     gaps: tuple[tuple[int, int, int], ...]
 

@@ -17,6 +17,8 @@ from plumbob.clock.layout import (
     FRAME_SIGN,
     FRAMES,
     GAPS,
+    INFERRED,
+    INFERRED_NS,
     LATEST,
     LOST,
     MODULUS,
@@ -141,6 +143,8 @@ class TimeBase:
             suspects=suspects,
             reopened=broken,
             unsure=unsure,
+            inferred=int(n[INFERRED]),
+            inferred_time=int(n[INFERRED_NS]) / 1e9,
             gap_count=int(n[GAPS]),
             gaps=tuple(self._gaps),
         )

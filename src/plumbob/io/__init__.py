@@ -11,7 +11,7 @@ from plumbob._lazy import lazily
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.io.files import existing_file
-from plumbob.io.findings import findings, found_in
+from plumbob.io.findings import findings, found_in, inferred, inferred_in
 from plumbob.io.recording import Recording
 
 if TYPE_CHECKING:
@@ -38,6 +38,8 @@ __all__ = [
     "Recording",
     "findings",
     "found_in",
+    "inferred",
+    "inferred_in",
     "load_profile",
     "open_numbers",
     "parse_profile",

@@ -1,4 +1,7 @@
-"""What a user must know about a recording before trusting it, found in the data at each reading and never stored."""
+"""What a user must know about a recording before trusting it.
+
+Most of it is found in the data at each reading and never stored; what only the reading of a live line shows is stored.
+"""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -8,6 +11,7 @@ import numpy as np
 
 from plumbob import clock, flags
 from plumbob.check import Floats
+from plumbob.clock import TimeReport
 from plumbob.data import UNCALIBRATED, ImuData, calibration_told
 from plumbob.io.recording import Recording
 from plumbob.io.turning import turning
@@ -18,6 +22,9 @@ EARTH_FIELD: Final = (22.0, 67.0)
 
 TOPICS: Final = ("calibration: ", "magnetic field: ", "clipped: ", "invalid: ", "gaps: ", "stuck: ", "gyroscope: ")
 """How the lines of `findings` begin."""
+
+INFERRED: Final = "inferred gaps: "
+"""How the line of `inferred` begins, which goes from file to file: samples alone do not show it again."""
 
 STUCK_FOR: Final = 1.0
 """A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
@@ -32,9 +39,28 @@ def findings(imu: ImuData) -> tuple[str, ...]:
     return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *_gyroscope(imu))
 
 
+def inferred(report: TimeReport) -> tuple[str, ...]:
+    """Line about gaps that nothing but the host's delays spoke for; none where there are none."""
+    if not report.inferred:
+        return ()
+    gaps = "1 gap" if report.inferred == 1 else f"{report.inferred} gaps"
+    rate = "" if math.isfinite(report.drift_ppm) else ", declare its rate"
+    count = f"add a counter or a clock to the frame{rate}, or" if report.mode == "host" else "its frames' counts go on;"
+    return (
+        f"{INFERRED}{gaps}, {report.inferred_time:.3g} s in all, by the host's delays alone: a stall of the host looks "
+        f'the same, and times around them may be wrong; {count} where the line waits for its reader set time = "count" '
+        "(docs/time.md)",
+    )
+
+
+def inferred_in(notes: Iterable[str]) -> tuple[str, ...]:
+    """The line of `inferred` among notes, for what is made of the recording."""
+    return tuple(note for note in notes if note.startswith(INFERRED))
+
+
 def found_in(notes: Iterable[str]) -> tuple[str, ...]:
     """Findings among the notes of a recording that has been read, so that nobody looks for them twice."""
-    return tuple(note for note in notes if note.startswith(TOPICS))
+    return tuple(note for note in notes if note.startswith((INFERRED, *TOPICS)))
 
 
 def provenance(notes: Iterable[str]) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
 from plumbob.check import Floats
-from plumbob.clock import Counter, TimeBase, TimeSpec
+from plumbob.clock import CountedTime, Counter, TimeBase, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ParameterError
 from plumbob.filters import Filter
@@ -77,7 +77,9 @@ class Line:
         self.decoder = Decoder(session.form)
         message = session.form.message(session.message)
         self.time = TimeBase(_time_spec(session, message))
-        self._clock, self._frames = message.of_role("clock"), message.of_role("counter")
+        self._counted = CountedTime(self.time.spec) if session.timed_by == "count" else None
+        self._began_ns: int | None = None
+        self._latest_ns = 0
         self.filter = _filter(session)
         self.faults = 0
         self._t0: int | None = None
@@ -89,8 +91,8 @@ class Line:
         if isinstance(item, Received):
             return self._through(self.decoder.feed(item.data, item.t_ns))
         done = self._through(self.decoder.finish()) if item.kind in BROKEN else None
-        if item.kind == BACK:
-            self.time.reopened(item.t_ns)
+        if item.kind == BACK or (self._counted is not None and item.kind in BROKEN):
+            self.time.reopened(item.t_ns if self._counted is None else self._latest_ns)
         return done
 
     def finish(self) -> Part | None:
@@ -124,12 +126,7 @@ class Line:
         if frames is None:
             return None
         host, clock = self._clocks(frames)
-        stamps = self.time.stamp(
-            host,
-            frames.start,
-            clock=clock,
-            frames=frames.columns[self._frames.name] if self._frames else None,
-        )
+        stamps = self.time.stamp(host, frames.start, clock=clock, frames=counts_of(frames)["frames"])
         usable = (stamps.flags & np.uint32(flags.TIME_FAULT)) == 0
         if not usable.all():
             self.faults += int(np.count_nonzero(~usable))
@@ -146,14 +143,25 @@ class Line:
 
     def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
         """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""
-        device = frames.columns[self._clock.name] if self._clock else None
+        device = counts_of(frames)["clock"]
         match self.session.timed_by:
+            case "count":
+                return self._counted_ns(frames), device
             case "poll":
                 return frames.t_ns, frames.t_ns
             case "kernel":
                 stamps = np.asarray(device, dtype=np.int64)
                 return stamps, stamps
         return frames.t_ns, device
+
+    def _counted_ns(self, frames: Frames) -> NDArray[np.int64]:
+        """Times that the frames count from the first read on, which take the place of the host's."""
+        assert self._counted is not None
+        if self._began_ns is None:
+            self._began_ns = int(frames.t_ns[0])
+        t_ns = self._began_ns + self._counted.after_first(frames.start, **counts_of(frames))
+        self._latest_ns = int(t_ns[-1])
+        return t_ns
 
     @property
     def t0_ns(self) -> int | None:
@@ -195,9 +203,15 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
     )
 
 
+def counts_of(frames: Frames) -> dict[str, NDArray[Any] | None]:
+    """What the frames' own clock and counter say, by the names that a time base has for them."""
+    roles = {"clock": frames.message.of_role("clock"), "frames": frames.message.of_role("counter")}
+    return {name: None if field is None else frames.columns[field.name] for name, field in roles.items()}
+
+
 def _time_spec(session: Session, message: Message) -> TimeSpec:
     """The same for a session: whose samples are timed by the host has the host's clock for the device's."""
-    if session.timed_by == "frames":
+    if session.timed_by in {"frames", "count"}:
         speed = 1.0 if session.source is None else float(session.source.settings.get("speed", 1.0))
         return replace(time_spec(session.form, message), rate=session.meta.rate_nominal, speed=speed)
     return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)

@@ -58,6 +58,7 @@ def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
         f"decoded from {counts.received} raw bytes as {replayed.line.session.form.name}, {counts.junk} of them junk"
     ]
     notes += [f"damaged: {damage}" for damage in log.damage]
+    notes += io.inferred(replayed.line.time.report())
     track = replayed.found.track() if estimated else _reference(replayed)
     whole = Recording(imu=replace(imu, meta=meta), track=track, name=file.stem, notes=tuple(notes))
     return replace(whole, notes=(*whole.notes, *io.findings(whole.imu))) if whole.imu else whole

@@ -114,8 +114,9 @@ class Session:
     output : OutputSpec
         What is handed on.
     timed_by : str
-        What tells the time of a sample: ``"frames"``, as far as they bring something to tell it by; ``"poll"``, the
-        host, which asks for each; ``"kernel"``, time stamps of the host's own monotonic clock in the frames.
+        What tells the time of a sample: ``"frames"``, as far as they bring something to tell it by; ``"count"``, frames
+        alone, whenever they were read; ``"poll"``, the host, which asks for each; ``"kernel"``, time stamps of the
+        host's own monotonic clock in the frames.
     texts : mapping of str to str
         The session file and every file that it names, so that a recording can hold them and be replayed anywhere.
     """

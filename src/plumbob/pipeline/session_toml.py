@@ -99,7 +99,7 @@ def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = de
         message, unit = form.name, ""
     else:
         form, message, unit = _format(found, keep)
-        timed_by = _timed_by(source, form)
+        timed_by = _timed_by(source, form, form.message(message))
         if source is not None and source.kind == "file":
             source = replace(source, settings={**source.settings, "form": form, "message": message})
     imu = found.get("imu", {})
@@ -143,11 +143,17 @@ def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[So
     return replace(source, settings=settings), form, timed_by
 
 
-def _timed_by(source: SourceSpec | None, form: Format) -> str:
+def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
     """What tells the time of a source that is not the kernel's; a poll over SPI must give whole transfers."""
-    if source is None or source.kind != "spi":
+    if source is None:
         return "frames"
     settings = source.settings
+    if source.kind == "file" or settings.get("time") == "count":
+        if message.of_role("clock") is None and not (settings.get("rate") or form.framing.rate):
+            raise ParameterError(f"{form.name} has neither a clock nor a rate to count time by; give source.rate.")
+        return "count"
+    if source.kind != "spi":
+        return "frames"
     size, length = sum(map(len, settings["exchange"])) - settings.get("skip", 0), form.framing.length
     if form.framing.transfers and length and (size <= 0 or size % length):
         raise ParameterError(

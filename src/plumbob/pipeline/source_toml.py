@@ -64,7 +64,9 @@ def _step(where: str, text: str) -> bytes | float:
 
 _PORT: Final = forms.whole(1, 65535)
 _RATE: Final = forms.size(Quantity.FREQUENCY)
-_STREAM: Final[dict[str, Parse]] = {"gather": forms.size(Quantity.TIME), "speed": forms.positive}
+_STREAM: Final[dict[str, Parse]] = {"gather": forms.size(Quantity.TIME), "speed": forms.positive, "rate": _RATE}
+_PATIENT: Final[dict[str, Parse]] = {**_STREAM, "time": forms.one_of("host", "count")}
+"""Of streams whose sender waits for a reader that is late; datagrams are lost instead."""
 _IIO: Final[dict[str, Parse]] = {
     "device": _which,
     "channels": forms.texts,
@@ -74,12 +76,12 @@ _IIO: Final[dict[str, Parse]] = {
 }
 _SOURCES: Final[Mapping[str, tuple[dict[str, Parse], tuple[str, ...]]]] = {
     "serial": (
-        {"port": forms.text, "baud": forms.whole(1), "wait": forms.truth, **_STREAM},
+        {"port": forms.text, "baud": forms.whole(1), "wait": forms.truth, **_PATIENT},
         ("port", "baud"),
     ),
     "udp": ({"host": forms.text, "port": _PORT, **_STREAM}, ("port",)),
     "file": ({"path": forms.text, "rate": _RATE}, ("path",)),
-    "tcp": ({"host": forms.text, "port": _PORT, **_STREAM}, ("host", "port")),
+    "tcp": ({"host": forms.text, "port": _PORT, **_PATIENT}, ("host", "port")),
     "iio": (
         {
             **_IIO,

@@ -56,8 +56,8 @@ def make_source(spec: SourceSpec) -> Openable:
         return _iio_source(spec)
     if spec.kind == "file":
         return CaptureSource(**spec.settings)
-    settings = {"gather": GATHER, **spec.settings}
-    settings.pop("speed", None)
+    of_time = {"speed", "time", "rate"}
+    settings = {"gather": GATHER, **{key: value for key, value in spec.settings.items() if key not in of_time}}
     if spec.kind == "serial":
         return acquire.SerialSource(settings.pop("port"), settings.pop("baud"), **settings)
     if spec.kind == "udp":

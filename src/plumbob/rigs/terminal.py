@@ -17,9 +17,12 @@ from plumbob.rigs.port import TURN
 _OPENING: Final = 0.5
 """s; how long opening a line may take: programs set it up and then empty it, and what came before is gone."""
 
+_SETTING_UP: Final = 3.0
+"""s; the same for a program that has begun to set it up, however busy the host is."""
+
 _SHORTLY: Final = 1.0
-_PATIENTLY: Final = 2.0
-"""s; how long a terminal's reader may take for the rest, when the port vanishes and at the end."""
+_PATIENTLY: Final = 10.0
+"""s; how long a terminal's reader may stand still before the rest, when the port vanishes and at the end."""
 
 
 class PtyPort:
@@ -47,7 +50,7 @@ class PtyPort:
         ioctl(self._master, termios.TIOCPKT, (1).to_bytes(4, "little"))  # tells when a reader empties the line
         self._since: float | None = None
         self._ready = False
-        self._name = os.ttyname(slave)
+        self._name, self._plain = os.ttyname(slave), termios.tcgetattr(slave)
         os.close(slave)
         os.set_blocking(self._master, False)
         if self._link:
@@ -64,7 +67,11 @@ class PtyPort:
                 status = int.from_bytes(os.read(self._master, 4096)[:1], "little")
                 self._ready |= bool(status & termios.TIOCPKT_FLUSHREAD)
         self._since = monotonic() if self._since is None else self._since
-        self._ready |= monotonic() - self._since > _OPENING
+        return self._ready or self._has_had_time()
+
+    def _has_had_time(self) -> bool:
+        begun = termios.tcgetattr(self._master) != self._plain  # of a master, they are those of its terminal
+        self._ready = monotonic() - (self._since or 0.0) > (_SETTING_UP if begun else _OPENING)
         return self._ready
 
     def send(self, payloads: Sequence[bytes]) -> int:
@@ -117,13 +124,21 @@ class PtyPort:
             return
         slave = os.open(self._name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
-            end, quiet = monotonic() + most, 0
-            while quiet < 2 and monotonic() < end:
-                waiting = int.from_bytes(ioctl(slave, termios.FIONREAD, bytes(4)), "little")
-                quiet = 0 if waiting else quiet + 1
+            left, end = _unread(slave), monotonic() + most
+            while left and monotonic() < end:
                 sleep(0.01)
+                before, left = left, _unread(slave)
+                end = monotonic() + most if left < before else end
         finally:
             os.close(slave)
+
+
+def _unread(slave: int) -> int:
+    """Bytes that wait in a terminal; 1 where there are some on their way to where they can be counted."""
+    waiting = int.from_bytes(ioctl(slave, termios.FIONREAD, bytes(4)), "little")
+    poller = select.poll()
+    poller.register(slave, select.POLLIN)  # asking for them makes the kernel bring on what is under way
+    return waiting or len(poller.poll(0))
 
 
 def _lead(link: Path, target: str) -> None:

@@ -1,0 +1,173 @@
+"""The demo: a table and a page from bytes, and a sentence instead where the recording is not what was sent."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumbob import io
+from plumbob.cli import demo
+from plumbob.cli.demo_sent import require_as_sent
+from plumbob.errors import DecodeError
+from plumbob.link import Event, Received
+from plumbob.pipeline.line import Line
+from plumbob.pipeline.recorded import read_recorded
+from plumbob.pipeline.session_toml import parse_session
+from plumbob.pipeline.sinks import Collected
+from plumbob.rigs import PLANS, load, make_rig
+from tests.battery.commandline import call, ok
+
+SECONDS = 3.0
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return make_rig(PLANS["buoy"], load("buoy"), seed=demo.SEED, duration=SECONDS)
+
+
+@pytest.fixture(scope="module")
+def unit(rig):
+    """The emulated unit's perfect card, for the time that calibrating it by hand takes."""
+    return next(iter(rig.units.values())).calibration
+
+
+@pytest.fixture
+def small(unit, monkeypatch, tmp_path):
+    """Three seconds of sea: the emulated hardware in a process, its terminal, recording, replays and page."""
+
+    def calibrated(out, seed):
+        unit.save(out / demo.CARD)
+        return unit
+
+    def run(*more):
+        command = demo._command
+        monkeypatch.setattr(demo, "calibrate_unit", calibrated)
+        monkeypatch.setattr(demo, "stages", list)  # no other filters
+        monkeypatch.setattr(demo, "_command", lambda *asked: [*command(*asked), *more])
+        return call("demo", "--duration", f"{SECONDS}s", "--out", tmp_path)
+
+    return run
+
+
+def test_a_small_sea_is_recorded_as_it_was_sent(small, tmp_path):
+    done = small()
+    assert done.returncode == 0, done.stderr
+    assert "rms error, degrees" in done.stdout
+    assert str(tmp_path / "report.html") in done.stdout
+    assert "<svg" in (tmp_path / "report.html").read_text()
+    assert "300 live attitudes come out again, every bit" in done.stdout
+    recorded, sent = read_recorded(tmp_path / "buoy.mcap").imu, io.read(tmp_path / "truth.parquet").imu
+    np.testing.assert_array_equal(recorded.gyr, sent.gyr)
+    np.testing.assert_array_equal(recorded.t_ns, sent.t_ns)
+
+
+@pytest.mark.parametrize(
+    ("faults", "says"),
+    [
+        ("lose=3%", r"of \d+ bytes belong to no whole frame; recorded (2\d\d) of 300 samples; values differ in "),
+        ("unplug=0.5%", r"recorded \d+ of 300 samples; they last \d\.\d\d s instead of 2.99 s"),
+    ],
+)
+def test_what_was_lost_on_the_line_ends_the_demo_with_a_sentence(small, tmp_path, faults, says):
+    done = small("--faults", faults)
+    assert done.returncode == 1
+    assert re.search(f"the recording is not what was sent: .*{says}", done.stderr)
+    assert "No figure of this demo can be trusted. Run it again" in done.stderr
+    assert "rms error" not in done.stdout
+    assert not (tmp_path / "report.html").exists()
+
+
+# --- the comparison itself ----------------------------------------------------------------------------------
+
+
+def line_of(time="count"):
+    source = f'source = {{ kind = "serial", port = "x", baud = 115200, speed = 60, time = "{time}" }}'
+    return Line(
+        parse_session(f'kind = "plumbob session"\nversion = 1\n{source}\nformat = {{ name = "buoy" }}', str, name="x")
+    )
+
+
+def taken(items, line=None):
+    """What a line makes of its items, and what became of the bytes."""
+    line, found = line or line_of(), Collected()
+    for part in filter(None, [*map(line.take, items), line.finish()]):
+        found.on_part(part)
+    return found.imu(calibrated=False), line.decoder.counts
+
+
+@pytest.fixture(scope="module")
+def sent(rig):
+    return next(iter(rig.units.values())).imu
+
+
+def items_of(rig, leave=()):
+    return [
+        Received(int(t), bytes(frame))
+        for k, (t, frame) in enumerate(zip(rig.due_ns, rig.frames, strict=True))
+        if k not in leave
+    ]
+
+
+def refusal(sent, items, line=None):
+    with pytest.raises(DecodeError) as error:
+        imu, counts = taken(items, line)
+        require_as_sent(imu, sent, counts)
+    return str(error.value)
+
+
+def test_what_was_sent_passes(rig, sent):
+    imu, counts = taken(items_of(rig))
+    require_as_sent(imu, sent, counts)
+
+
+def test_a_sample_that_is_lost(rig, sent):
+    said = refusal(sent, items_of(rig, leave={100}))
+    assert "recorded 299 of 300 samples; values differ in 199 of 299, first at 1.00 s; times are wrong by up to" in said
+    assert "1 gap is flagged" in said
+
+
+def test_an_end_that_is_lost(rig, sent):
+    said = refusal(sent, items_of(rig)[:200])
+    assert "recorded 200 of 300 samples; they last 1.99 s instead of 2.99 s." in said
+
+
+def test_one_count_that_is_wrong(rig, sent):
+    gyr = np.array(sent.gyr)
+    gyr[100, 2] += np.radians(1.0 / 131.0)  # one count at ±250 °/s
+    assert "not what was sent: values differ in 1 of 300, first at 1.00 s." in refusal(
+        replace(sent, gyr=gyr), items_of(rig)
+    )
+
+
+def test_bytes_of_no_frame(rig, sent):
+    said = refusal(sent, [Received(0, b"\x00\xa5"), *items_of(rig)])
+    assert "not what was sent: 2 of 9302 bytes belong to no whole frame. No figure" in said
+
+
+def test_times_that_the_host_made_up(rig, sent):
+    """A stall of a second in the middle of a line at sixty times its speed, whose backlog never drains."""
+    items = items_of(rig)
+    items[150:] = [replace(item, t_ns=item.t_ns + 60 * 10**9 + 10**9 * k) for k, item in enumerate(items[150:])]
+    said = refusal(sent, items, line_of("host"))
+    assert re.search(r"times are wrong by up to \d+\.?\d* s; they last \d+\.\d\d s instead of 2\.99 s; \d+ gaps?", said)
+
+
+def test_nothing_at_all(sent):
+    assert "not what was sent: no sample was recorded." in refusal(sent, [Event(0, "lost", "gone")])
+
+
+# --- the whole of it ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.long(reason="ten minutes of sea through five filters")
+def test_demo_ends_in_a_table_and_a_page(tmp_path):
+    done = ok("demo", "--out", tmp_path / "demo")
+    assert "60000 live attitudes come out again, every bit" in done.stdout
+    assert "Magnetometer: good" in (tmp_path / "demo" / "certificate.html").read_text()
+    errors = {name: [float(number) for number in re.findall(r"[\d.]+(?=°)", row)]
+              for name in ("error-state EKF (live)", "the same, uncalibrated")
+              for row in done.stdout.splitlines() if row.startswith(name)}  # fmt: skip
+    calibrated, uncalibrated = errors.values()
+    assert max(calibrated) < 1.0  # three times the filter's largest error of 0.3° with a perfect card
+    assert all(before > 5.0 * after for before, after in zip(uncalibrated, calibrated, strict=True))
