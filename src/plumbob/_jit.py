@@ -30,7 +30,8 @@ _KERNEL_SOURCES = (
     "filters/*.py", "noise/*.py", "noise/static/*.py", "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py",
     "sensors/words.py",
 )  # fmt: skip
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
+# Where fastmath is not given, numba compiles a kernel with what its first caller has.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "fastmath": False}
 _REASSOCIATED = {"fastmath": {"reassoc", "nsz", "contract"}}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process
 
