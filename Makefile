@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint mutants bench noise endurance wire clean
+.PHONY: setup demo test test-long lint mutants bench noise endurance wire clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -66,3 +66,11 @@ wire: setup
 
 clean:
 	rm -rf $(VENV) .mutants demo-out bench-out build dist
+
+# The tests as a processor with SSE only would run them, which adds in another order, fuses no products and finds other last
+# digits of a sine. The variables are read by numpy, numba, OpenBLAS and glibc.
+other-processor: setup
+	NPY_DISABLE_CPU_FEATURES="$$($(BIN)/python -c \
+		'from numpy._core._multiarray_umath import __cpu_dispatch__ as names; print(*names)')" \
+	NUMBA_CPU_NAME=generic OPENBLAS_CORETYPE=Nehalem OMP_NUM_THREADS=1 \
+	GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F $(BIN)/python -m pytest -n 2 $(TESTS)

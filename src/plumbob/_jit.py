@@ -23,6 +23,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from importlib import import_module
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Generic, ParamSpec, TypeVar, cast
@@ -35,7 +36,8 @@ _KERNEL_SOURCES = (
     "filters/*.py", "noise/*.py", "noise/static/*.py", "sensors/checksum.py", "sensors/scan.py", "sensors/unpack.py",
     "sensors/words.py",
 )  # fmt: skip
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True}
+# Where fastmath is not given, numba compiles a kernel with what its first caller has.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "fastmath": False}
 _REASSOCIATED = {"fastmath": {"reassoc", "nsz", "contract"}}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process
 
@@ -239,7 +241,7 @@ _WAITING = _Waiting()
 @functools.cache
 def _listen() -> None:
     """Let numba report its compilations of this project's kernels."""
-    from numba.core import event
+    event: Any = import_module("numba.core.event")  # typed in some releases only
 
     class Listener(event.Listener):  # type: ignore[misc]
         def on_start(self, found: Any) -> None:

@@ -120,6 +120,19 @@ def both_sums(x):
     return in_order(x), in_any_order(x)
 
 
+@njit
+def rest_of_sum(a, b):
+    return (a + b) - a
+
+
+@njit_reassociated
+def sum_of_rests(x):
+    total = 0.0
+    for value in x:
+        total += rest_of_sum(1.0, value)
+    return total
+
+
 def code_of(kernel, *args):
     """What the compiler made of a kernel, without the wrappers that Python and C call."""
     kernel(*args)
@@ -150,3 +163,7 @@ class TestMachineCode:
         assert "fadd reassoc" in both
         assert re.search(r"fadd double", both)
         assert np.isnan(both_sums(x)).all()
+
+    def test_a_kernel_keeps_its_order_where_its_caller_does_not(self):
+        """1 + 2⁻⁶⁰ is 1 in float64, so nothing is left; in another order 2⁻⁶⁰ would be."""
+        assert sum_of_rests(np.full(8, 2.0**-60)) == 0.0

@@ -38,6 +38,19 @@ def drifting(count, seed=4):
     return white(count, seed) + np.linspace(0.0, 100.0, count)
 
 
+def whole_numbers(angle):
+    """θ in units of which its largest is less than 2⁵²: whole numbers, as far as float64 goes."""
+    return np.round(np.ldexp(angle, 52 - math.frexp(float(np.max(np.abs(angle))))[1]))
+
+
+def exact_squares(angle, n):
+    """Sum of squared second differences of whole numbers at spacing n, without any rounding: in digits of 18 bits."""
+    points = angle.astype(np.int64)
+    difference = points[2 * n :] - 2 * points[n:-n] + points[: -2 * n]
+    digits = (difference & (2**18 - 1), difference >> 18 & (2**18 - 1), difference >> 36)
+    return sum(int(np.dot(a, b)) << 18 * (i + j) for i, a in enumerate(digits) for j, b in enumerate(digits))
+
+
 def exactly(rate, n, kind="oadev"):
     """A deviation as the definitions write it, with exact sums: differences of averages, or of sums of θ."""
     theta = np.concatenate(([0.0], np.cumsum(np.asarray(rate) - np.mean(rate))))

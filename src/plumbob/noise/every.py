@@ -34,8 +34,14 @@ from plumbob.noise.kernels import add_triangles, second_squares, sum_accurately
 
 ACCURACY: Final = 1e-12
 """Bound of the relative error of σ against direct sums of the same θ."""
-_ROUNDING: Final = 64.0 * float(np.finfo(np.float64).eps)
-"""Of S(m) over r(0): ten times that of r, which stays below 5 eps for 10³ to 10⁶ points; 6 of A, and 8 of H and T."""
+_SHARE: Final = 1.5 * ACCURACY
+"""What the products may err by, of the 2e-12 in σ²; a quarter is for the 4096 + N / 2048 roundings of a direct sum."""
+_EPS: Final = float(np.finfo(np.float64).eps)
+_ROUNDING: Final = 64.0 * _EPS
+"""Of S(m) over r(0). If all roundings conspired, r could err by 6 eps at each of the log2 P levels of its transform
+[Percival2003], and S by ten times that. They do not, whatever order a processor adds in and whether or not it fuses:
+over 4000 records of 20 to 1e5 points on five kinds of processor, the rms error of S over a record's m stayed below
+14 eps, and the largest was 35."""
 _TRIANGLE: Final = 256  # at most so long are the edges of the triangles that are summed directly
 
 
@@ -76,7 +82,7 @@ def _every(angle: Floats) -> Floats:
     count = angle.size - 1
     n = np.arange(1, count // 2 + 1)
     sums, error = _sums_of_squares(angle, n)
-    doubtful = ~(error <= 2.0 * ACCURACY * sums)
+    doubtful = ~(error <= _SHARE * sums)
     direct = np.zeros(np.count_nonzero(doubtful))
     second_squares(angle, n[doubtful], direct)
     sums[doubtful] = direct
@@ -85,10 +91,7 @@ def _every(angle: Floats) -> Floats:
 
 def _sums_of_squares(angle: Floats, n: Factors) -> tuple[Floats, Floats]:
     """S at each n from 1 to the last, and a bound of its error."""
-    k = np.arange(angle.size, dtype=np.float64)
-    parabola = 0.5 * k * (k - k[-1])  # its second difference at spacing n is n²
-    bend = float(np.dot(parabola, angle) / np.dot(parabola, parabola))
-    x = angle - bend * parabola
+    x, bend = _without_parabola(angle)
     products = _autocorrelation(x)
     size = products[0]
     ends = _head_products(np.stack((x, x[::-1])), n.size + 1).sum(axis=0)
@@ -96,7 +99,29 @@ def _sums_of_squares(angle: Floats, n: Factors) -> tuple[Floats, Floats]:
     area, largest = _weighted(x, -2.0, n)
     ramp = bend * n.astype(np.float64) ** 2
     sums = straight + ramp * (2.0 * area + ramp * (angle.size - 2 * n))
-    return sums, _ROUNDING * (size + 2.0 * np.abs(ramp) * largest)
+    return sums, _ROUNDING * (size + 2.0 * np.abs(ramp) * largest) + 8.0 * _EPS * np.abs(sums)
+
+
+def _without_parabola(angle: Floats) -> tuple[Floats, float]:
+    """θ less its best multiple of a parabola whose second difference at spacing n is n²; and that multiple.
+
+    θ may be larger than what is left by many digits, so nothing may be rounded to its last one: the multiple is made of
+    two of so few bits that their products with the parabola are exact, and each difference rounds no more than itself.
+    """
+    k = np.arange(angle.size, dtype=np.float64)
+    parabola = 0.5 * k * (k - k[-1])
+    bits = max(1, 55 - 2 * angle.size.bit_length())
+    x, bend = angle, 0.0
+    for _ in range(2):
+        part = _rounded(float(np.dot(parabola, x) / np.dot(parabola, parabola)), bits)
+        x, bend = x - part * parabola, bend + part
+    return x, bend
+
+
+def _rounded(value: float, bits: int) -> float:
+    """About the same with so many significant bits: the upper part of [Dekker1971]."""
+    upper = value * (2.0 ** (53 - bits) + 1.0)
+    return upper - (upper - value)
 
 
 def _weighted(values: Floats, middle: float, n: Factors) -> tuple[Floats, float]:

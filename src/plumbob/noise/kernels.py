@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from plumbob._jit import njit, njit_reassociated
 from plumbob.check import Floats
 
-TILE = 32768
-"""Differences that are taken for all factors before the next are."""
-SHORT_TILE = 4096
-"""The same where each tile has a running sum of its own."""
+TILE = 4096
+"""Differences that are taken for all factors before the next are. Their sum passes no more than so many roundings,
+whatever order a processor adds in, and a tile of modified deviations has a running sum of its own."""
 
 
 @njit
@@ -37,13 +36,25 @@ def moments(values: Floats, origin: float) -> tuple[float, float]:
     return total, squares
 
 
+@njit
+def _second(first: float, middle: float, last: float) -> float:
+    """Second difference; each step is rounded to its own last digit, not to that of the points, and in this order."""
+    return (last - middle) - (middle - first)
+
+
+@njit
+def _third(first: float, second: float, third: float, last: float) -> float:
+    """Third difference, likewise."""
+    return _second(second, third, last) - _second(first, second, third)
+
+
 @njit_reassociated
 def _second_square(points: Floats, n: int, start: int, stop: int) -> float:
     """Sum of (x[k + 2n] − 2 x[k + n] + x[k])² over start ≤ k < stop."""
     first, middle, last = points[start:stop], points[start + n : stop + n], points[start + 2 * n : stop + 2 * n]
     total = 0.0
     for k in range(first.shape[0]):
-        difference = last[k] - 2.0 * middle[k] + first[k]
+        difference = _second(first[k], middle[k], last[k])
         total += difference * difference
     return total
 
@@ -55,7 +66,7 @@ def _third_square(points: Floats, n: int, start: int, stop: int) -> float:
     third, last = points[start + 2 * n : stop + 2 * n], points[start + 3 * n : stop + 3 * n]
     total = 0.0
     for k in range(first.shape[0]):
-        difference = last[k] - first[k] + 3.0 * (second[k] - third[k])
+        difference = _third(first[k], second[k], third[k], last[k])
         total += difference * difference
     return total
 
@@ -72,10 +83,10 @@ def _four_second_squares(
     middle3, last3 = points[start + n3 : stop + n3], points[start + 2 * n3 : stop + 2 * n3]
     total0 = total1 = total2 = total3 = 0.0
     for k in range(first.shape[0]):
-        difference0 = last0[k] - 2.0 * middle0[k] + first[k]
-        difference1 = last1[k] - 2.0 * middle1[k] + first[k]
-        difference2 = last2[k] - 2.0 * middle2[k] + first[k]
-        difference3 = last3[k] - 2.0 * middle3[k] + first[k]
+        difference0 = _second(first[k], middle0[k], last0[k])
+        difference1 = _second(first[k], middle1[k], last1[k])
+        difference2 = _second(first[k], middle2[k], last2[k])
+        difference3 = _second(first[k], middle3[k], last3[k])
         total0 += difference0 * difference0
         total1 += difference1 * difference1
         total2 += difference2 * difference2
@@ -130,13 +141,13 @@ def modified_squares(angle: Floats, n: NDArray[np.int64], sums: Floats) -> None:
     would show at small n, so these take a running sum of their own tile, about a line, which third differences do not
     see.
     """
-    whole, tile = np.zeros(angle.shape[0] + 1), np.zeros(2 * SHORT_TILE + 1)
+    whole, tile = np.zeros(angle.shape[0] + 1), np.zeros(2 * TILE + 1)
     accumulate(angle, float(np.mean(angle)), 0.0, whole[1:])
-    for start in range(0, angle.shape[0], SHORT_TILE):
-        _accumulate_about_line(angle[start : start + 2 * SHORT_TILE], tile)
+    for start in range(0, angle.shape[0], TILE):
+        _accumulate_about_line(angle[start : start + 2 * TILE], tile)
         for j in range(n.shape[0]):
-            terms, square = min(SHORT_TILE, whole.shape[0] - 3 * n[j] - start), float(n[j]) ** 2
-            if terms > 0 and 3 * n[j] <= SHORT_TILE:
+            terms, square = min(TILE, whole.shape[0] - 3 * n[j] - start), float(n[j]) ** 2
+            if terms > 0 and 3 * n[j] <= TILE:
                 sums[j] += _third_square(tile, n[j], 0, terms) / square
             elif terms > 0:
                 sums[j] += _third_square(whole, n[j], start, start + terms) / square

@@ -19,7 +19,7 @@ from plumbob.sim.gimbal import GimbalMotion
 from plumbob.sim.motion import Motion
 from plumbob.sim.poses import PoseMotion
 from plumbob.sim.scenario_base import Scenario, require_whole
-from plumbob.sim.signals import Moves, Polynomial, Signal, Sinusoids, constant, sinusoid
+from plumbob.sim.signals import Moves, Polynomial, Signal, Sinusoids, constant, random_phases, sinusoid
 from plumbob.units import Quantity, deg
 
 _TURN = math.pi
@@ -282,5 +282,5 @@ def _turning(turns: float, time: float, rng: np.random.Generator) -> Signal:
 
 def _tremble(limit: float, rng: np.random.Generator) -> Signal:
     """Three sinusoids of periods 2 to 8 s, whose sum stays within the limit."""
-    phasors = limit / 3.0 * np.exp(2j * np.pi * rng.random(3))
+    phasors = limit / 3.0 * random_phases(3, rng)
     return Sinusoids.from_phasors(2.0 * np.pi / rng.uniform(2.0, 8.0, 3), phasors)

@@ -30,6 +30,7 @@ from plumbob.sim.signals import (
     Windowed,
     constant,
     cycloid,
+    random_phases,
     sinusoid,
 )
 from plumbob.sim.waves import draw_sea, oscillator
@@ -201,7 +202,7 @@ class Buoy(Scenario):
     def _yaw(self, rng: np.random.Generator) -> Signal:
         """Yaw about the mean heading in five slow sinusoids of periods 40 to 200 s."""
         omega = 2.0 * np.pi / rng.uniform(40.0, 200.0, 5)
-        phasors = self.yaw_wander * math.sqrt(2.0 / 5.0) * np.exp(2j * np.pi * rng.random(5))
+        phasors = self.yaw_wander * math.sqrt(2.0 / 5.0) * random_phases(5, rng)
         wander = Sinusoids.from_phasors(omega, phasors[:, np.newaxis] * np.array([1.0, 0.0, 0.0]))
         return constant((self.heading, 0.0, 0.0)) + wander
 
@@ -254,7 +255,7 @@ class Rod(Scenario):
         edges = np.linspace(self.vibration_low, self.vibration_high, 41)
         omega = 2.0 * np.pi * rng.uniform(edges[:-1], edges[1:])
         way = self.vibration * math.sqrt(2.0 / omega.size) / omega**2
-        phasors = way[:, np.newaxis] * np.exp(2j * np.pi * rng.random((omega.size, 3)))
+        phasors = way[:, np.newaxis] * random_phases((omega.size, 3), rng)
         growth = Moves((self.vibration_start,), (2.0,), (1.0,))
         return Windowed(Sinusoids.from_phasors(omega, phasors), growth)
 

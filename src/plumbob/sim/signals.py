@@ -68,6 +68,11 @@ def constant(value: ArrayLike) -> Polynomial:
     return Polynomial(np.asarray(value, dtype=np.float64)[np.newaxis])
 
 
+def random_phases(shape: int | tuple[int, ...], rng: np.random.Generator) -> NDArray[np.complex128]:
+    """Phasors of size 1 at any phase."""
+    return np.asarray(np.exp(2j * np.pi * rng.random(shape)), dtype=np.complex128)
+
+
 @dataclass(frozen=True, eq=False)
 class Sinusoids(Signal):
     """Sum of sinusoids, ``Σ cosine[i] cos(omega[i] t) + sine[i] sin(omega[i] t)``.
