@@ -241,7 +241,7 @@ def _listen() -> None:
     """Let numba report its compilations of this project's kernels."""
     from numba.core import event
 
-    class Listener(event.Listener):  # type: ignore[misc]
+    class Listener(event.Listener):
         def on_start(self, found: Any) -> None:
             if found.data["dispatcher"].py_func.__module__.startswith("plumbob."):
                 _WAITING.begin()
@@ -250,7 +250,8 @@ def _listen() -> None:
             if found.data["dispatcher"].py_func.__module__.startswith("plumbob."):
                 _WAITING.end()
 
-    event.register("numba:compile", Listener())
+    register: Any = event.register
+    register("numba:compile", Listener())
 
 
 def _compile(kernel: Kernel[P, R]) -> Callable[P, R]:
