@@ -50,7 +50,7 @@ def every_adev(rate: ArrayLike) -> Floats:
 
     The time is that of some Fourier transforms where averages of many samples differ not much less than the record
     wanders, as in white noise, flicker and ramps. Each n of which this is not so costs as much as in `deviation`: in a
-    random walk those up to about N / 50.
+    random walk those up to about N / 40.
 
     Parameters
     ----------
