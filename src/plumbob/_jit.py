@@ -243,7 +243,7 @@ def _listen() -> None:
     """Let numba report its compilations of this project's kernels."""
     event: Any = import_module("numba.core.event")  # typed in some releases only
 
-    class Listener(event.Listener):
+    class Listener(event.Listener):  # type: ignore[misc]
         def on_start(self, found: Any) -> None:
             if found.data["dispatcher"].py_func.__module__.startswith("plumbob."):
                 _WAITING.begin()
@@ -252,8 +252,7 @@ def _listen() -> None:
             if found.data["dispatcher"].py_func.__module__.startswith("plumbob."):
                 _WAITING.end()
 
-    register: Any = event.register
-    register("numba:compile", Listener())
+    event.register("numba:compile", Listener())
 
 
 def _compile(kernel: Kernel[P, R]) -> Callable[P, R]:
