@@ -8,7 +8,7 @@ from scipy.fft import dct
 from scipy.signal import lfilter
 
 from plumbob.noise import likelihood, observe
-from plumbob.noise.densities import LETTERS, densities, markov_density
+from plumbob.noise.densities import LETTERS, MarkovDensity, densities
 from plumbob.noise.findings import Coefficient
 from plumbob.noise.spectrum import edges, ramp_coefficients, spectrum
 from plumbob.sim import noise
@@ -85,7 +85,7 @@ def test_flicker_noise_has_less_than_its_density_in_the_lowest_cosines():
 def test_a_gauss_markov_process_in_cosines_however_long_its_memory(time):
     records = markov(1024, time, np.random.default_rng(4), 3000)
     s = spectrum(records[0], 1.0)
-    ratio = mean_square(records)[1:33] / markov_density(s, time)[:32]
+    ratio = mean_square(records)[1:33] / MarkovDensity(s)(time)[:32]
     assert np.abs(ratio - 1.0).max() <= 4.5 * math.sqrt(2.0 / 3000)
 
 
@@ -93,7 +93,7 @@ def test_means_of_samples_have_the_folded_density():
     records = markov(4096, 20.0, np.random.default_rng(5), 1500).reshape(1500, -1, 8).mean(axis=2)
     s = spectrum(records[0], 1.0, 8)
     found = 8.0 * np.add.reduceat(mean_square(records), s.start[:-1])
-    ratio = found / s.terms / markov_density(s, 20.0)
+    ratio = found / s.terms / MarkovDensity(s)(20.0)
     assert np.abs(ratio - 1.0).max() <= 4.5 * math.sqrt(2.0 / 1500)
 
 

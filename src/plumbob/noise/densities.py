@@ -33,20 +33,45 @@ def densities(spectrum: Spectrum) -> Floats:
     return check.read_only(found)
 
 
-def markov_density(spectrum: Spectrum, time: float) -> Floats:
-    """Density (m,) of a first-order Gauss–Markov process of standard deviation 1 and correlation time `time`, s.
+class MarkovDensity:
+    """Density (m,) of a first-order Gauss–Markov process of standard deviation 1 by its correlation time, s.
 
     Means of d samples of it have the covariances r₀, r₁, r₁ ρ, r₁ ρ², … with ρ = exp(−d Δt / time), whose transform is
     in closed form.
     """
-    d, decay = spectrum.averaged, np.exp(-spectrum.dt / time)
-    powers = decay ** np.arange(d)
-    means = np.sum(powers) / d
-    r0 = (2.0 * np.sum((d - np.arange(d)) * powers) - d) / d**2
-    r1, rho = decay * means**2, decay**d
-    cosine = np.cos(2.0 * np.pi * spectrum.frequency * spectrum.step)
-    density = spectrum.step * (r0 + 2.0 * r1 * (cosine - rho) / (1.0 - 2.0 * rho * cosine + rho**2))
-    return np.asarray(density * _markov_in_cosines(spectrum, time))
+
+    def __init__(self, spectrum: Spectrum) -> None:
+        self._spectrum = spectrum
+        self._length = spectrum.count * spectrum.step
+        self._lags = np.arange(spectrum.averaged)
+        self._cosine = np.cos(2.0 * np.pi * spectrum.frequency * spectrum.step)
+        j = _middle(spectrum)
+        self._angle = np.pi * j
+        self._sign = np.cos(np.pi * np.rint(j))
+
+    def __call__(self, time: float) -> Floats:
+        """Density in each bin for one correlation time, s."""
+        d, step, cosine = self._spectrum.averaged, self._spectrum.step, self._cosine
+        decay = np.exp(-self._spectrum.dt / time)
+        powers = decay**self._lags
+        means = np.add.reduce(powers) / d
+        r0 = (2.0 * np.add.reduce((d - self._lags) * powers) - d) / d**2
+        r1, rho = decay * means**2, decay**d
+        density = step * (r0 + 2.0 * r1 * (cosine - rho) / (1.0 - 2.0 * rho * cosine + rho**2))
+        return np.asarray(density * self._in_cosines(time))
+
+    def _in_cosines(self, time: float) -> Floats:
+        """Variance of the cosine coefficient j over its density, as for flicker noise.
+
+        With the covariance exp(−|t|/t₀), in units of the record's length: ε = t₀/T, z = 1/ε − i jπ.
+        """
+        e, a = time / self._length, self._angle
+        z = 1.0 / e - 1j * a
+        end = np.exp(-1.0 / e) * self._sign  # e^{-z} at whole j
+        first = 1.0 / z - (1.0 - end) / z**2
+        second = (1.0 - end) / z
+        variance = 2.0 * first.real - 2.0 / a * second.imag
+        return np.asarray(variance * (1.0 + (a * e) ** 2) / (2.0 * e))
 
 
 def _averaged(sampled: Callable[[Floats], Floats], spectrum: Spectrum) -> Floats:
@@ -82,18 +107,3 @@ def _flicker_in_cosines(spectrum: Spectrum) -> Floats:
     whole = j == np.rint(j)
     odd = np.where(whole, 1.0 - np.cos(np.pi * j), 1.0)  # bins of several coefficients hold as many odd ones as even
     return np.asarray(2.0 / np.pi * (sici(np.pi * j)[0] - odd / (np.pi * j)))
-
-
-def _markov_in_cosines(spectrum: Spectrum, time: float) -> Floats:
-    """Variance of the cosine coefficient j of a Gauss–Markov process over its density, as for flicker noise.
-
-    With the covariance exp(−|t|/t₀), in units of the record's length: ε = t₀/T, z = 1/ε − i jπ.
-    """
-    j = _middle(spectrum)
-    e, a = time / (spectrum.count * spectrum.step), np.pi * j
-    z = 1.0 / e - 1j * a
-    end = np.exp(-1.0 / e) * np.cos(np.pi * np.rint(j))  # e^{-z} at whole j
-    first = 1.0 / z - (1.0 - end) / z**2
-    second = (1.0 - end) / z
-    variance = 2.0 * first.real - 2.0 / a * second.imag
-    return np.asarray(variance * (1.0 + (a * e) ** 2) / (2.0 * e))

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.check import Floats
-from plumbob.noise.densities import LETTERS, densities, markov_density
+from plumbob.noise.densities import LETTERS, MarkovDensity, densities
 from plumbob.noise.findings import Coefficient
 from plumbob.noise.spectrum import Spectrum
 
@@ -160,40 +160,41 @@ class _Model:
 
     def __init__(self, spectrum: Spectrum, markov: bool) -> None:
         self.spectrum = spectrum
-        self.markov = markov
         self.rows = densities(spectrum)
-        self.mean = spectrum.power / spectrum.terms
+        self.terms = spectrum.terms
+        self.mean = spectrum.power / self.terms
+        self.process = MarkovDensity(spectrum) if markov else None
 
     def begin(self, markov_time: float | None) -> Floats:
         """Terms that each touch the spectrum from below, as the tangents of a curve do."""
         smooth = _smoothed(self.spectrum, self.mean)
-        rows = self.rows if markov_time is None else [*self.rows, markov_density(self.spectrum, markov_time)]
+        rows = self.rows if markov_time is None else [*self.rows, MarkovDensity(self.spectrum)(markov_time)]
         logs = [0.5 * math.log(0.5 * np.min(smooth / row)) for row in rows]
         return np.array(logs if markov_time is None else [*logs, math.log(markov_time)])
 
     def density(self, logs: Floats) -> tuple[Floats, Floats]:
         """Density (m,) and its derivatives (p, m) by the logarithms."""
         parts = np.exp(2.0 * logs[: len(LETTERS), np.newaxis]) * self.rows
-        if not self.markov:
-            return np.sum(parts, axis=0), 2.0 * parts
+        if self.process is None:
+            return np.add.reduce(parts), 2.0 * parts
         power, time = math.exp(2.0 * logs[4]), math.exp(logs[5])
-        process = power * markov_density(self.spectrum, time)
+        process = power * self.process(time)
         step = 1e-4
-        ahead, behind = (power * markov_density(self.spectrum, time * math.exp(s)) for s in (step, -step))
+        ahead, behind = (power * self.process(time * math.exp(s)) for s in (step, -step))
         slope = (ahead - behind) / (2.0 * step)
-        return np.sum(parts, axis=0) + process, np.vstack((2.0 * parts, 2.0 * process, slope))
+        return np.add.reduce(parts) + process, np.vstack((2.0 * parts, 2.0 * process, slope))
 
     def evaluate(self, logs: Floats) -> tuple[float, Floats, Fit]:
         """Half the deviance, its gradient, and the fit that these values would be."""
-        s = self.spectrum
+        s, terms = self.spectrum, self.terms
         density, slopes = self.density(logs)
-        square = float(np.sum(s.ramp / density))
-        ramp = float(np.sum(s.cross / density)) / square
-        left = s.without_ramp(ramp)
-        half = 0.5 * float(np.sum(s.terms * np.log(density) + left / density)) + 0.5 * math.log(square)
-        gradient = 0.5 * slopes @ ((s.terms - left / density) / density - s.ramp / density**2 / square)
+        square = float(np.add.reduce(s.ramp / density))
+        ramp = float(np.add.reduce(s.cross / density)) / square
+        share = s.without_ramp(ramp) / density
+        half = 0.5 * float(np.add.reduce(terms * np.log(density) + share)) + 0.5 * math.log(square)
+        gradient = 0.5 * slopes @ ((terms - share) / density - s.ramp / density**2 / square)
         relative = slopes / density
-        information = 0.5 * (relative * s.terms) @ relative.T
+        information = 0.5 * (relative * terms) @ relative.T
         return half, gradient, Fit(logs, information, 2.0 * half, ramp, 1.0 / math.sqrt(square), density)
 
     def search(self, logs: Floats, held: Sequence[int] = ()) -> Fit:
@@ -221,7 +222,7 @@ class _Model:
 
     def _present(self, now: Fit) -> list[int]:
         """Parameters that the density still feels; the logarithm of a term that is not there runs away for ever."""
-        shares = np.max(now.squares[:, np.newaxis] * self.rows / now.density, axis=1)
+        shares = np.maximum.reduce(now.squares[:, np.newaxis] * self.rows / now.density, axis=1).tolist()
         return [k for k in range(now.logs.size) if k >= len(LETTERS) or shares[k] > _ABSENT]
 
     def interval(self, best: Fit, k: int) -> Coefficient:
@@ -280,12 +281,13 @@ class _Model:
 
 def _damped(information: Floats, gradient: Floats, free: list[int], damping: float) -> Floats:
     step = np.zeros(gradient.size)
-    matrix = information[np.ix_(free, free)]
-    diagonal = np.diag(matrix)
-    step[free] = -np.linalg.solve(
-        matrix + damping * np.diag(diagonal) + 1e-12 * np.max(diagonal) * np.eye(len(free)), gradient[free]
-    )
-    return np.clip(step, -1.0, 1.0)
+    matrix = information[free][:, free]
+    diagonal = matrix.diagonal()
+    added = damping * diagonal, 1e-12 * diagonal.max()
+    matrix.flat[:: len(free) + 1] += added[0]
+    matrix.flat[:: len(free) + 1] += added[1]
+    step[free] = -np.linalg.solve(matrix, gradient[free])
+    return np.minimum(np.maximum(step, -1.0), 1.0)
 
 
 def _sd_of_log(best: Fit, k: int) -> float:
