@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from plumbob.errors import ParameterError
-from plumbob.rigs import PLANS, FilePort, PtyPort, TcpPort, UdpPort, load, make_rig, serve, terminal
+from plumbob.rigs import PLANS, FilePort, PtyPort, TcpPort, UdpPort, load, make_rig, serve
 from plumbob.sensors.decode import decode
 
 LONG = 30.0
@@ -187,9 +187,8 @@ def test_a_reader_that_empties_the_line_in_opening_it_misses_nothing(sets_up, ta
     assert got == rig.stream()
 
 
-def test_a_slow_reader_gets_the_rest_as_long_as_it_reads(monkeypatch):
-    """It takes twice the patience for the whole, and an eighth of it for each piece."""
-    monkeypatch.setattr(terminal, "_PATIENTLY", 2.0)
+def test_a_reader_that_stalls_at_the_end_gets_the_rest():
+    """For longer than a line may take that vanishes, before and between its reads."""
     port, data = PtyPort(), bytes(range(256)) * 12
     fd = os.open(port.name, os.O_RDWR | os.O_NOCTTY)
     termios.tcflush(fd, termios.TCIFLUSH)
@@ -198,12 +197,31 @@ def test_a_slow_reader_gets_the_rest_as_long_as_it_reads(monkeypatch):
     closing = threading.Thread(target=port.close)
     closing.start()
     got = b""
-    for _ in range(16):
-        time.sleep(0.25)
-        got += os.read(fd, len(data) // 16)
+    for _ in range(2):
+        time.sleep(1.2)
+        got += os.read(fd, len(data) // 2)
     closing.join(LONG)
     os.close(fd)
     assert got == data
+
+
+@pytest.mark.parametrize("leaves", [True, False], ids=["leaves", "stays"])
+def test_nobody_waits_for_a_reader_that_leaves_or_once_stopped(leaves):
+    stop = threading.Event()
+    port = PtyPort(stop=stop)
+    fd = os.open(port.name, os.O_RDWR | os.O_NOCTTY)
+    termios.tcflush(fd, termios.TCIFLUSH)
+    assert port.send([bytes(100)]) == 1
+    closing = threading.Thread(target=port.close)
+    closing.start()
+    if leaves:
+        os.close(fd)
+    else:
+        stop.set()
+    closing.join(LONG)
+    assert not closing.is_alive()
+    if not leaves:
+        os.close(fd)
 
 
 def test_a_link_does_not_replace_a_file(tmp_path):

@@ -12,6 +12,7 @@ from plumbob.cli import common
 from plumbob.units import Quantity, parse
 
 if TYPE_CHECKING:
+    from plumbob.link import Stop
     from plumbob.rigs import Fault, Plan, Port, Rig, Served
     from plumbob.sensors.format import Format
 
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         )
         if args.truth:  # before the port is named, so that who waits for it finds the truth and the card
             _write_truth(args.truth, rig)
-        port = stack.enter_context(_port(args))
+        port = stack.enter_context(_port(args, stop))
         if speed != 1.0 and not (args.write or args.udp):
             common.note('this line does not keep real time: record it with --time count, or time = "count" in [source]')
         log = stack.enter_context(_fault_log(args.fault_log))
@@ -141,7 +142,7 @@ def _faults(text: str | None) -> dict[str, float]:
 
 
 @contextmanager
-def _port(args: argparse.Namespace) -> "Iterator[Port]":
+def _port(args: argparse.Namespace, stop: "Stop") -> "Iterator[Port]":
     """Open the port, and say its name before anything else."""
     from plumbob.rigs import FilePort, PtyPort, TcpPort, UdpPort
 
@@ -156,7 +157,7 @@ def _port(args: argparse.Namespace) -> "Iterator[Port]":
         elif args.udp:
             port = UdpPort(*_address(args.udp))
         else:
-            port = PtyPort(args.link)
+            port = PtyPort(args.link, stop)
         stack.callback(port.close)
         if not args.write:
             print(port.name, flush=True)

@@ -1,6 +1,7 @@
 """Pseudo-terminals: what looks like a serial line to whoever opens it."""
 
 import contextlib
+import math
 import os
 import select
 import termios
@@ -12,6 +13,7 @@ from time import monotonic, sleep
 from typing import Final
 
 from plumbob.errors import ParameterError
+from plumbob.link import Stopping
 from plumbob.rigs.port import TURN
 
 _OPENING: Final = 0.5
@@ -21,8 +23,9 @@ _SETTING_UP: Final = 3.0
 """s; the same for a program that has begun to set it up, however busy the host is."""
 
 _SHORTLY: Final = 1.0
-_PATIENTLY: Final = 10.0
-"""s; how long a terminal's reader may stand still before the rest, when the port vanishes and at the end."""
+"""s; how long a terminal's reader may take for the rest, when the port vanishes or is stopped."""
+_BARELY, _SURELY = 0.02, 0.2
+"""s; how long a terminal must be empty when it vanishes, and at the end: a busy kernel brings the rest late."""
 
 
 class PtyPort:
@@ -32,10 +35,12 @@ class PtyPort:
     ----------
     link : Path, optional
         Symbolic link that always leads to the present terminal.
+    stop : Stopping, optional
+        Ends the wait for a reader at the end early.
     """
 
-    def __init__(self, link: Path | None = None) -> None:
-        self._link = link
+    def __init__(self, link: Path | None = None, stop: Stopping | None = None) -> None:
+        self._link, self._stop = link, stop
         self._rest = b""
         self._open()
 
@@ -99,7 +104,7 @@ class PtyPort:
 
     def unplug(self) -> None:
         """Close the terminal: whoever reads it gets an error, once everything has been read."""
-        self._settle(_SHORTLY)
+        self._settle(_SHORTLY, _BARELY)
         self._shut()
         self._rest = b""
 
@@ -108,8 +113,8 @@ class PtyPort:
         self._open()
 
     def close(self) -> None:
-        """Close it, once everything has been read or nobody reads on."""
-        self._settle(_PATIENTLY)
+        """Close it, once everything has been read or nobody has it open: a reader may be stalled for any time."""
+        self._settle(math.inf, _SURELY)
         self._shut()
 
     def _shut(self) -> None:
@@ -118,27 +123,26 @@ class PtyPort:
             self._link.unlink()
         os.close(self._master)
 
-    def _settle(self, most: float) -> None:
+    def _settle(self, most: float, quiet: float) -> None:
         """Wait until a reader has read everything; closing this end throws away what it has not."""
-        if not self.heard():
-            return
+        end, empty = monotonic() + most, None
+        while self.heard() and (now := monotonic()) < end:
+            empty = None if self._unread() else empty or now
+            if empty is not None and now - empty >= quiet:
+                return
+            if self._stop is not None and self._stop.is_set():
+                end = min(end, now + _SHORTLY)
+            sleep(0.01)
+
+    def _unread(self) -> bool:
+        """Whether bytes wait in the terminal; it is not kept open, so that its reader's leaving shows."""
         slave = os.open(self._name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
-            left, end = _unread(slave), monotonic() + most
-            while left and monotonic() < end:
-                sleep(0.01)
-                before, left = left, _unread(slave)
-                end = monotonic() + most if left < before else end
+            poller = select.poll()
+            poller.register(slave, select.POLLIN)  # which also brings on what is on its way there
+            return bool(poller.poll(0))
         finally:
             os.close(slave)
-
-
-def _unread(slave: int) -> int:
-    """Bytes that wait in a terminal; 1 where there are some on their way to where they can be counted."""
-    waiting = int.from_bytes(ioctl(slave, termios.FIONREAD, bytes(4)), "little")
-    poller = select.poll()
-    poller.register(slave, select.POLLIN)  # asking for them makes the kernel bring on what is under way
-    return waiting or len(poller.poll(0))
 
 
 def _lead(link: Path, target: str) -> None:
