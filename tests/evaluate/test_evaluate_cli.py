@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from plumbob import ImuData, io
 from plumbob.cli.main import main
 from plumbob.io import Recording
+from plumbob.rotations import North, quat_from_euler_zyx, quat_multiply
 
 
 @pytest.fixture
@@ -85,6 +87,33 @@ def test_times_are_read_with_and_without_their_unit(files, capsys, settle, max_g
     assert summary["settings"]["settle_s"] == 10.0
     assert summary["settings"]["max_gap_s"] == 0.5
     assert summary["samples"]["left_out"] == {"settling": 1000}
+
+
+def turned(track, degrees, **changes):
+    """A track that is turned about the vertical, against the clock in ENU."""
+    q = quat_multiply(quat_from_euler_zyx(np.radians([degrees, 0.0, 0.0])), track.q_nb)
+    return replace(track, q_nb=q, **changes)
+
+
+def test_a_declination_bridges_magnetic_and_true_north(files, capsys, reference):
+    """10° east: magnetic north lies clockwise of true north, so true headings are 10° more, yaws in ENU 10° less."""
+    io.write("true.parquet", turned(reference, -10.0, north=North.TRUE))
+    words = ("estimate.parquet", "true.parquet", "--json")
+    for declination, error in (("10deg", 0.0), ("0 deg", 10.0), ("-10 deg", 20.0)):
+        summary = json.loads(run(capsys, *words, "--declination", declination)[1])
+        assert summary["heading_rmse_deg"] == pytest.approx(error, abs=1e-6)
+    assert "declination" in refused(capsys, *words[:2])
+
+
+def test_what_is_aligned_is_what_was_asked_for(files, capsys, reference):
+    """A reference turned by 20° about the vertical: an error of heading, unless that is aligned."""
+    io.write("turned.parquet", turned(reference, 20.0))
+    words = ("estimate.parquet", "turned.parquet", "--json")
+    for align, error in (((), 20.0), (("--align", "time"), 20.0), (("--align", " time, heading"), 0.0)):
+        summary = json.loads(run(capsys, *words, *align)[1])
+        assert summary["heading_rmse_deg"] == pytest.approx(error, abs=1e-3)
+        assert summary["inclination_rmse_deg"] == pytest.approx(0.0, abs=1e-3)
+    assert "north" in refused(capsys, *words[:2], "--align", "heading,north")
 
 
 def test_a_time_in_another_unit_is_refused(files, capsys):

@@ -8,6 +8,8 @@ import pytest
 from plumbob import Filter, Frame, ImuData, flags
 from plumbob._jit import jit_disabled
 from plumbob.constants import G0
+from plumbob.filters import vqf
+from plumbob.filters.layout import BIAS
 from plumbob.filters.vqf import FORGET, FORGET_RATE, REJECT_SLOW, Params
 from plumbob.rotations import (
     euler_zyx_from_quat,
@@ -171,6 +173,21 @@ class TestHorizon:
 
 
 class TestBias:
+    @pytest.mark.parametrize("residual", [0.001, -0.3, 0.5])
+    def test_a_look_is_the_textbook_s_with_limits_to_residual_and_bias(self, residual):
+        """Gain P h / (hᵀ P h + var), P − K hᵀ P; no look says more than the largest bias, and no bias is larger."""
+        a = np.random.default_rng(7).normal(size=(3, 3))
+        p, h, var, limit = a @ a.T, np.array([0.3, -0.8, 0.5]), 0.2, 0.02
+        x = np.zeros(Filter("vqf", frame=Frame.ENU)._x.size)
+        upper = np.triu_indices(3)
+        x[vqf.COV : vqf.COV + 6] = p[upper]
+        x[BIAS : BIAS + 3] = bias = np.array([0.019, -0.019, 0.0])
+        vqf.look(x, *h, residual, var, limit)
+        gain = p @ h / (h @ p @ h + var)
+        found = np.clip(bias + gain * np.clip(residual, -limit, limit), -limit, limit)
+        assert x[BIAS : BIAS + 3] == pytest.approx(found, rel=1e-12)
+        assert x[vqf.COV : vqf.COV + 6] == pytest.approx((p - np.outer(gain, h @ p))[upper], rel=1e-11)
+
     def learned(self, data, bias, **params):
         n = len(data)
         moved = ImuData(t=data.t, gyr=data.gyr + bias + alive(n), acc=data.acc + alive(n), mag=data.mag)

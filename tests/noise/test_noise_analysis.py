@@ -12,7 +12,7 @@ from plumbob.noise import analyse, compare, curve, edf
 from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.least_squares import least_squares
 from plumbob.noise.lines import lines
-from plumbob.noise.mask import find_mask
+from plumbob.noise.mask import find_mask, mask_first_order
 from plumbob.noise.sinusoids import find_sinusoids
 from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
@@ -156,6 +156,16 @@ def test_a_mask_leaves_a_low_pass_less_than_one_percent(corner):
     assert kept.frequency.max() < mask.frequency
     assert "falls" in mask.reason
     assert find_mask(expected_spectrum(lambda f: 1.0 + 0.0 * f), n)[0] == Mask()
+
+
+def test_the_mask_of_a_smoothed_record_that_is_too_short_ends_ten_time_constants_on():
+    """3 s of smoothing in 60 s: below 3 % of loss there is not a single coefficient, so the curve alone is masked."""
+    n = np.array([1, 10, 100, 1000, 2000, 2999, 3000, 3001, 5000])
+    mask, kept = mask_first_order(expected_spectrum(np.ones_like, count=6000), 3.0, n)
+    assert kept is None
+    assert mask.n == 3000
+    assert mask.frequency == pytest.approx(math.sqrt(0.03) / (2.0 * math.pi * 3.0))  # where (2πfτ)² is 3 %
+    assert "too short" in mask.reason
 
 
 @slow_without_jit
