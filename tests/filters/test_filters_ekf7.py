@@ -454,3 +454,23 @@ def test_a_reference_mounted_with_its_y_along_our_x_is_compared_as_a_rotation():
     _, pitch, roll = np.degrees(euler_zyx_from_quat(quat_multiply(q, q_sa)))
     assert dcm_from_quat(q_sa) == pytest.approx(to_ahrs.T, abs=1e-15)
     assert 0.5 < max(abs(abs(pitch) - 15.0), abs(180.0 - abs(roll) - 20.0)) < 1.0
+
+
+@pytest.mark.parametrize("quiet", [0.0, 0.25, 1.0])
+@pytest.mark.parametrize("excess", [0.01, -2.0])
+def test_the_noise_in_motion_falls_with_the_square_of_what_lacks_to_rest(quiet, excess):
+    """From that of motion to that of rest, per second; and never below the square of what the force is off g."""
+    f = Filter("ekf7", frame=Frame.ENU, params={"acc_rest": 0.03, "acc_motion": 0.1, "rest_time": 2.0})
+    x = np.zeros(f._x.size)
+    x[ekf7.QUIET] = 2.0 * quiet
+    expected = (0.03**2 + (0.1**2 - 0.03**2) * (1.0 - quiet) ** 2) / 0.01
+    assert ekf7.motion_var(f._c, x, 0.01, excess) == pytest.approx(max(expected, excess**2), rel=1e-12)
+
+
+@pytest.mark.parametrize(("size", "rests"), [(1.04, True), (1.06, False), (0.96, True), (0.94, False)])
+def test_rest_is_a_force_within_its_limit_of_g(size, rests):
+    """(|a|² − g²) / 2g is |a| − g but for half of its square over g: 2.5 % of it at 5 %."""
+    seen = seen_by(np.tile([1.0, 0.0, 0.0, 0.0], (100, 1)), Frame.ENU)
+    data = ImuData(t=np.arange(100) / 50.0, gyr=np.zeros((100, 3)), acc=size * seen["acc"], mag=seen["mag"])
+    track = Filter("ekf7", frame=Frame.ENU, params={"rest_force": "0.05 g"}).process(data)
+    assert bool(track.flags[-1] & flags.AT_REST) is rests
