@@ -40,8 +40,8 @@ _EPS: Final = float(np.finfo(np.float64).eps)
 _ROUNDING: Final = 64.0 * _EPS
 """Of S(m) over r(0). If all roundings conspired, r could err by 6 eps at each of the log2 P levels of its transform
 [Percival2003], and S by ten times that. They do not, whatever order a processor adds in and whether or not it fuses:
-over 4000 records of 20 to 1e5 points on five kinds of processor, the rms error of S over a record's m stayed below
-14 eps, and the largest was 35."""
+over 4000 records of 20 to 1e5 points, with the code of five kinds of processor, the rms error of S over a record's m
+stayed below 14 eps, and the largest was 35."""
 _TRIANGLE: Final = 256  # at most so long are the edges of the triangles that are summed directly
 
 
