@@ -13,7 +13,8 @@ from plumbob.cli.main import main
 from plumbob.pipeline.exports import export
 from plumbob.pipeline.keep import Keeper
 from plumbob.pipeline.line import Line
-from plumbob.pipeline.recorded import read_any, read_recorded
+from plumbob.pipeline.offline import read_any
+from plumbob.pipeline.recorded import read_recorded
 from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.session import RecordSpec
 
