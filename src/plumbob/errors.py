@@ -1,6 +1,6 @@
 """One tree of errors. Each message says the rule, what was expected, what came, where, and what to do."""
 
-from pathlib import Path
+import pathlib
 
 
 class PlumbobError(Exception):
@@ -55,5 +55,5 @@ def excerpt(text: str, size: int = 60) -> str:
 
 def guide(page: str) -> str:
     """Where a page of the documentation lies: beside an installed package, or in the checkout."""
-    installed = Path(__file__).parent / "docs" / page
+    installed = pathlib.Path(__file__).parent / "docs" / page
     return str(installed) if installed.is_file() else f"docs/{page}"

@@ -111,7 +111,8 @@ def run_report(**changes):
     time = {"rate": 199.99, "mode": "clock", "lost": 0, "gap_count": 0, "drift_ppm": -12.34} | changes.pop("time", {})
     counts = dict.fromkeys(("junk", "bad_checksum", "bad_content", "bad_length", "unknown"), 0)
     counts |= {"received": 6000, "framed": 6000} | changes.pop("bytes", {})
-    given = {"samples": 200, "duration_s": 60.0, "captured": False, "not_usable": 0, "calibration": None}
+    given = {"samples": 200, "duration_s": 60.0, "captured": False, "not_usable": 0, "calibration": None,
+             "inferred_gaps": None}  # fmt: skip
     return {"time": time, "bytes": counts, "filter": None, "frame": None, "north": None} | given | changes
 
 
@@ -124,6 +125,7 @@ def run_report(**changes):
         ({"bytes": {"bad_checksum": 2, "unknown": 1}}, "rejected     bad checksum 2, unknown 1"),
         ({"time": {"lost": 3, "gap_count": 2}}, "lost         3 frames in 2 gaps; 0 repeated or late"),
         ({"not_usable": 4}, "lost         0 frames in 0 gaps; 4 repeated or late"),
+        ({"inferred_gaps": "inferred gaps: 1 gap, 5 s in all"}, "inferred     1 gap, 5 s in all"),
         ({}, "device clock -12.3 ppm against this host"),
         ({"filter": "mahony(kp=1)"}, "filter       mahony(kp=1)"),
         ({"north": "free", "frame": "ENU"}, "frame        ENU, heading from an arbitrary zero"),
@@ -139,6 +141,7 @@ def test_every_line_of_a_report(capsys, changes, line):
     [
         ({}, "lost"),
         ({}, "rejected"),
+        ({}, "inferred"),
         ({}, "filter"),
         ({}, "frame "),
         ({"duration_s": 59.9}, "device clock"),
