@@ -111,7 +111,7 @@ def run_report(**changes):
     time = {"rate": 199.99, "mode": "clock", "lost": 0, "gap_count": 0, "drift_ppm": -12.34} | changes.pop("time", {})
     counts = dict.fromkeys(("junk", "bad_checksum", "bad_content", "bad_length", "unknown"), 0)
     counts |= {"received": 6000, "framed": 6000} | changes.pop("bytes", {})
-    given = {"samples": 200, "duration_s": 60.0, "captured": False, "not_usable": 0, "calibration": None,
+    given = {"samples": 200, "duration_s": 60.0, "not_usable": 0, "calibration": None,
              "inferred_gaps": None}  # fmt: skip
     return {"time": time, "bytes": counts, "filter": None, "frame": None, "north": None} | given | changes
 
@@ -145,7 +145,6 @@ def test_every_line_of_a_report(capsys, changes, line):
         ({}, "filter"),
         ({}, "frame "),
         ({"duration_s": 59.9}, "device clock"),
-        ({"captured": True}, "device clock"),
         ({"time": {"mode": "host"}}, "device clock"),
         ({"time": {"drift_ppm": None}}, "device clock"),
     ],
