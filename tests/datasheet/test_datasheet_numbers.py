@@ -14,6 +14,8 @@ from plumbob.units import to_si
     ("value", "lo", "hi", "text"),
     [
         (1.2345, 1.2, 1.27, "1.234 ± 0.036"),  # sides 0.0345 and 0.0355 are alike: the larger counts
+        (1.0, 0.9904, 1.0104, "1.000 ± 0.010"),  # the larger, 0.0104, says how many digits: 0.0096 would ask for more
+        (1.0, 0.99995, 1.00005, "1.000000 ± 0.000050"),  # the value says whether a power of ten is written
         (57.03, 54.6, 60.1, "57.0 +3.1 -2.4"),
         (10.0, 9.95, 11.5, "10.000 +1.500 -0.050"),  # no side is rounded to nothing
         (0.0126, 0.01248, 0.01272, "0.01260 ± 0.00012"),
