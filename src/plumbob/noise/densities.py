@@ -5,12 +5,15 @@ low frequencies these are the densities of `plumbob.noise.terms`, and the genera
 integration [Kasdin1995] and of random walks have exactly these.
 """
 
+import math
 from collections.abc import Callable
 from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
 from plumbob import check
+from plumbob._jit import njit_reassociated
 from plumbob.check import Floats
 from plumbob.noise.spectrum import Spectrum
 
@@ -33,45 +36,61 @@ def densities(spectrum: Spectrum) -> Floats:
     return check.read_only(found)
 
 
-class MarkovDensity:
+class MarkovBins(NamedTuple):
+    """What the density of a first-order Gauss–Markov process needs of a spectrum of m bins.
+
+    Attributes
+    ----------
+    cosine : ndarray (m,)
+        Of the middle frequencies, as angles from one transformed sample to the next.
+    angle : ndarray (m,)
+        π times the middle number j of the coefficients of each bin.
+    sign : ndarray (m,)
+        (−1)^j.
+    lags : ndarray (d,)
+        0, 1 … of the d samples that each transformed one is the mean of.
+    dt, step, length : float
+        Sampling time, time between the transformed samples, and length of the record, s.
+    """
+
+    cosine: Floats
+    angle: Floats
+    sign: Floats
+    lags: Floats
+    dt: float
+    step: float
+    length: float
+
+
+def markov_bins(spectrum: Spectrum) -> MarkovBins:
+    """Bins of a spectrum, for `markov_density`."""
+    j, step = _middle(spectrum), spectrum.step
+    cosine = np.cos(2.0 * np.pi * spectrum.frequency * step)
+    lags = np.arange(spectrum.averaged, dtype=np.float64)
+    sign = np.cos(np.pi * np.rint(j))
+    return MarkovBins(cosine, np.pi * j, sign, lags, float(spectrum.dt), float(step), float(spectrum.count * step))
+
+
+@njit_reassociated
+def markov_density(bins: MarkovBins, time: float) -> Floats:
     """Density (m,) of a first-order Gauss–Markov process of standard deviation 1 by its correlation time, s.
 
     Means of d samples of it have the covariances r₀, r₁, r₁ ρ, r₁ ρ², … with ρ = exp(−d Δt / time), whose transform is
     in closed form.
+
+    The variance of the cosine coefficient j is that density times 1 − 2 ε (1 − (−1)^j e^(−1/ε)) / (1 + (jπε)²), with
+    ε = t₀/T: the covariance exp(−|t|/t₀), integrated twice against cos(jπt/T).
     """
-
-    def __init__(self, spectrum: Spectrum) -> None:
-        self._spectrum = spectrum
-        self._length = spectrum.count * spectrum.step
-        self._lags = np.arange(spectrum.averaged)
-        self._cosine = np.cos(2.0 * np.pi * spectrum.frequency * spectrum.step)
-        j = _middle(spectrum)
-        self._angle = np.pi * j
-        self._sign = np.cos(np.pi * np.rint(j))
-
-    def __call__(self, time: float) -> Floats:
-        """Density in each bin for one correlation time, s."""
-        d, step, cosine = self._spectrum.averaged, self._spectrum.step, self._cosine
-        decay = np.exp(-self._spectrum.dt / time)
-        powers = decay**self._lags
-        means = np.add.reduce(powers) / d
-        r0 = (2.0 * np.add.reduce((d - self._lags) * powers) - d) / d**2
-        r1, rho = decay * means**2, decay**d
-        density = step * (r0 + 2.0 * r1 * (cosine - rho) / (1.0 - 2.0 * rho * cosine + rho**2))
-        return np.asarray(density * self._in_cosines(time))
-
-    def _in_cosines(self, time: float) -> Floats:
-        """Variance of the cosine coefficient j over its density, as for flicker noise.
-
-        With the covariance exp(−|t|/t₀), in units of the record's length: ε = t₀/T, z = 1/ε − i jπ.
-        """
-        e, a = time / self._length, self._angle
-        z = 1.0 / e - 1j * a
-        end = np.exp(-1.0 / e) * self._sign  # e^{-z} at whole j
-        first = 1.0 / z - (1.0 - end) / z**2
-        second = (1.0 - end) / z
-        variance = 2.0 * first.real - 2.0 / a * second.imag
-        return np.asarray(variance * (1.0 + (a * e) ** 2) / (2.0 * e))
+    d = bins.lags.shape[0]
+    decay = math.exp(-bins.dt / time)
+    powers = decay**bins.lags
+    means = np.sum(powers) / d
+    r0 = (2.0 * np.sum((d - bins.lags) * powers) - d) / d**2
+    r1, rho = decay * means**2, decay**d
+    e = time / bins.length
+    in_cosines = 1.0 - 2.0 * e * (1.0 - math.exp(-1.0 / e) * bins.sign) / (1.0 + (e * bins.angle) ** 2)
+    density = r0 + 2.0 * r1 * (bins.cosine - rho) / (1.0 - 2.0 * rho * bins.cosine + rho**2)
+    return bins.step * density * in_cosines
 
 
 def _averaged(sampled: Callable[[Floats], Floats], spectrum: Spectrum) -> Floats:

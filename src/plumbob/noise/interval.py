@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import toeplitz
 from scipy.special import gammaincinv
 
 from plumbob.check import Floats
@@ -74,6 +73,7 @@ def _share(kind: str, alpha: float, count: int, n: int) -> float:
     terms = min(shape.terms(count, n), _LONG * n // stride)
     size = min(terms, _SIZE)
     lag = np.round(np.linspace(0.0, terms - 1.0, size)) * stride
-    matrix = toeplitz(correlation(shape, alpha, n, lag))
+    place = np.arange(size)
+    matrix = correlation(shape, alpha, n, lag)[np.abs(place - place[:, np.newaxis])]
     squared = matrix @ matrix
     return float(np.trace(squared) ** 4 / (size * np.sum(squared * matrix)) ** 2)

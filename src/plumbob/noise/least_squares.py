@@ -7,6 +7,8 @@ of the whole curve under the fitted spectrum. For K and R the likelihood says mo
 
 import math
 from collections.abc import Callable, Sequence
+from functools import lru_cache
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,29 +80,52 @@ def _solve(
     The weights are those of the model, not of the measured values: a value that came out low would otherwise count
     more.
     """
-    from scipy.optimize import nnls
-
     model = measured
     for _ in range(_ROUNDS):
         weight = np.sqrt(0.5 * freedom) / model
         weighted = weight[:, np.newaxis] * columns
         scale = np.sqrt(np.sum(weighted**2, axis=0))
-        squares = nnls(weighted / scale, weight * (measured - known))[0] / scale
+        squares = _not_negative(weighted / scale, weight * (measured - known)) / scale
         model = np.maximum(columns @ squares + known, 1e-3 * measured)
         freedom = freedom_of(model)
     inverse = np.linalg.pinv(weighted / scale) / scale[:, np.newaxis] * weight
     return squares, np.asarray(inverse)
 
 
+def _not_negative(columns: Floats, wanted: Floats) -> Floats:
+    """Least squares without negative coefficients: the best of those sets of columns whose own solution has none.
+
+    Among the 31 sets of five columns is the one that an active-set search would end at, and SciPy's would import its
+    optimisation.
+    """
+    rotation, columns = np.linalg.qr(columns)
+    wanted = rotation.T @ wanted  # what lies outside the columns is left over by all sets
+    best, least = np.zeros(wanted.size), float(wanted @ wanted)
+    for size in range(wanted.size, 0, -1):
+        for chosen in map(list, combinations(range(wanted.size), size)):
+            found = np.linalg.lstsq(columns[:, chosen], wanted, rcond=None)[0]
+            left = wanted - columns[:, chosen] @ found
+            if (found > 0.0).all() and left @ left < least:
+                best, least = np.zeros(best.size), float(left @ left)
+                best[chosen] = found
+    return best
+
+
 def _covariance(curve: Curve, n: NDArray[np.int64], squares: Floats, model: Floats) -> Floats:
     """Covariance (m, m) of the Allan variances: variances by degrees of freedom, correlations by common frequencies."""
-    frequency, width = grid(curve.count, curve.dt)
-    density = squares[: len(LETTERS)] @ sampled_densities(frequency, curve.dt)
-    shares = allan_transfer(n, frequency, curve.dt) * density * np.sqrt(width)
+    density = squares[: len(LETTERS)] @ sampled_densities(grid(curve.count, curve.dt)[0], curve.dt)
+    shares = _transfer(tuple(n.tolist()), curve.count, curve.dt) * density
     product = shares @ shares.T
     norm = np.sqrt(np.maximum(np.diag(product), np.finfo(float).tiny))
     sd = model * np.sqrt(2.0 / _freedom(curve, n, model))
     return np.asarray(product / np.outer(norm, norm) * np.outer(sd, sd))
+
+
+@lru_cache(maxsize=2)
+def _transfer(n: tuple[int, ...], count: int, dt: float) -> Floats:
+    """What each frequency adds to each Allan variance, times the root of its width; the same for all channels."""
+    frequency, width = grid(count, dt)
+    return allan_transfer(np.array(n), frequency, dt) * np.sqrt(width)
 
 
 def _coefficient(square: float, sd: float) -> Coefficient:

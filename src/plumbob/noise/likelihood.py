@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.check import Floats
-from plumbob.noise.densities import LETTERS, MarkovDensity, densities
+from plumbob.noise.densities import LETTERS, densities, markov_bins, markov_density
 from plumbob.noise.findings import Coefficient
+from plumbob.noise.scoring import Bins, point, search
 from plumbob.noise.spectrum import Spectrum
 
 CLEAR: Final = 2.0
@@ -33,9 +34,6 @@ _WALK = LETTERS.index("K")
 _NOTHING = -300.0  # logarithm of a coefficient that is not there: its square is still a number
 _ONE_SIDED = 0.02275  # of a normal distribution beyond 2 sd
 _SHARP = 0.1  # relative standard deviation up to which a coefficient is taken for log-normal
-_ROUNDS = 100
-_SMALL_STEP = 1e-5
-_ABSENT = 1e-10  # share of the density below which a term counts as absent
 _QUANTILES = (0.158655, 0.5, 0.841345, 0.95)
 _GRID = 33
 
@@ -81,7 +79,7 @@ def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> Fit:
     markov_time : float, optional
         With a Gauss–Markov process, starting from this correlation time, s.
     """
-    model = _Model(spectrum, markov_time is not None)
+    model = _Model(spectrum)
     return model.search(model.begin(markov_time))
 
 
@@ -91,7 +89,7 @@ def coefficients(spectrum: Spectrum, best: Fit) -> tuple[dict[str, Coefficient],
     Where quantization is not observable it is taken out before the others are judged: what of it no record shows would
     be taken from white noise, always in the same direction.
     """
-    model = _Model(spectrum, best.logs.size > len(LETTERS))
+    model = _Model(spectrum)
     quantization = model.interval(best, 0)
     if not quantization.observable:
         best = model.without(best, 0)
@@ -138,7 +136,7 @@ def most_likely(best: Fit, ramp: Coefficient) -> dict[str, float]:
 
 def is_more_than(spectrum: Spectrum, best: Fit, shown: Sequence[str]) -> bool:
     """Whether the record holds more than the terms `shown`, though none of the others stands out by itself."""
-    model = _Model(spectrum, best.logs.size > len(LETTERS))
+    model = _Model(spectrum)
     bare = best
     for k, letter in enumerate(LETTERS):
         if letter not in shown:
@@ -150,80 +148,38 @@ def is_more_than(spectrum: Spectrum, best: Fit, shown: Sequence[str]) -> bool:
 
 def markov_coefficients(spectrum: Spectrum, best: Fit) -> tuple[Coefficient, Coefficient]:
     """Standard deviation and correlation time of the Gauss–Markov process of a fit, with intervals."""
-    model = _Model(spectrum, True)
+    model = _Model(spectrum)
     sd, time = (model.interval(best, len(LETTERS) + k) for k in range(2))
     return sd, time
 
 
-class _Model:
-    """Density and likelihood of one spectrum as functions of the logarithms of the coefficients."""
+def bins_of(s: Spectrum) -> Bins:
+    """Bins of a spectrum, for `plumbob.noise.scoring`."""
+    return Bins(densities(s), s.terms, s.power, s.cross, s.ramp, markov_bins(s))
 
-    def __init__(self, spectrum: Spectrum, markov: bool) -> None:
+
+class _Model:
+    """Likelihood of one spectrum as a function of the logarithms of the coefficients."""
+
+    def __init__(self, spectrum: Spectrum) -> None:
         self.spectrum = spectrum
-        self.rows = densities(spectrum)
-        self.terms = spectrum.terms
-        self.mean = spectrum.power / self.terms
-        self.process = MarkovDensity(spectrum) if markov else None
+        self.bins = bins_of(spectrum)
 
     def begin(self, markov_time: float | None) -> Floats:
         """Terms that each touch the spectrum from below, as the tangents of a curve do."""
-        smooth = _smoothed(self.spectrum, self.mean)
-        rows = self.rows if markov_time is None else [*self.rows, MarkovDensity(self.spectrum)(markov_time)]
-        logs = [0.5 * math.log(0.5 * np.min(smooth / row)) for row in rows]
+        smooth = _smoothed(self.spectrum, self.bins.power / self.bins.terms)
+        process = [] if markov_time is None else [markov_density(self.bins.process, markov_time)]
+        logs = [0.5 * math.log(0.5 * np.min(smooth / row)) for row in [*self.bins.rows, *process]]
         return np.array(logs if markov_time is None else [*logs, math.log(markov_time)])
-
-    def density(self, logs: Floats) -> tuple[Floats, Floats]:
-        """Density (m,) and its derivatives (p, m) by the logarithms."""
-        parts = np.exp(2.0 * logs[: len(LETTERS), np.newaxis]) * self.rows
-        if self.process is None:
-            return np.add.reduce(parts), 2.0 * parts
-        power, time = math.exp(2.0 * logs[4]), math.exp(logs[5])
-        process = power * self.process(time)
-        step = 1e-4
-        ahead, behind = (power * self.process(time * math.exp(s)) for s in (step, -step))
-        slope = (ahead - behind) / (2.0 * step)
-        return np.add.reduce(parts) + process, np.vstack((2.0 * parts, 2.0 * process, slope))
-
-    def evaluate(self, logs: Floats) -> tuple[float, Floats, Fit]:
-        """Half the deviance, its gradient, and the fit that these values would be."""
-        s, terms = self.spectrum, self.terms
-        density, slopes = self.density(logs)
-        square = float(np.add.reduce(s.ramp / density))
-        ramp = float(np.add.reduce(s.cross / density)) / square
-        share = s.without_ramp(ramp) / density
-        half = 0.5 * float(np.add.reduce(terms * np.log(density) + share)) + 0.5 * math.log(square)
-        gradient = 0.5 * slopes @ ((terms - share) / density - s.ramp / density**2 / square)
-        relative = slopes / density
-        information = 0.5 * (relative * terms) @ relative.T
-        return half, gradient, Fit(logs, information, 2.0 * half, ramp, 1.0 / math.sqrt(square), density)
 
     def search(self, logs: Floats, held: Sequence[int] = ()) -> Fit:
         """Fisher scoring with damping, from `logs`, with some of them held."""
-        half, gradient, now = self.evaluate(logs)
-        damping = 1e-3
-        for _ in range(_ROUNDS):
-            free = [k for k in self._present(now) if k not in held]
-            if not free:
-                break
-            now_at = half
-            while damping < 1e8:
-                step = _damped(now.information, gradient, free, damping)
-                trial = self.evaluate(now.logs + step)
-                if trial[0] <= half:
-                    break
-                damping *= 4.0
-            else:
-                break
-            half, gradient, now = trial
-            damping = max(damping / 10.0, 1e-9)
-            if np.abs(step).max() < _SMALL_STEP or now_at - half < 1e-9:
-                break
-        return now
-
-    def _present(self, now: Fit) -> list[int]:
-        """Parameters that the density still feels; the logarithm of a term that is not there runs away for ever."""
-        shares = np.maximum.reduce(now.squares[:, np.newaxis] * self.rows / now.density, axis=1).tolist()
-        return [k for k in range(now.logs.size) if k >= len(LETTERS) or shares[k] > _ABSENT]
+        stays = np.zeros(logs.size, dtype=bool)
+        stays[list(held)] = True
+        now, trial = (point(logs, self.bins.terms.size) for _ in range(2))
+        search(self.bins, stays, now, trial)
+        half, ramp, square = now.sums.tolist()
+        return Fit(now.logs, now.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), now.density)
 
     def interval(self, best: Fit, k: int) -> Coefficient:
         """Coefficient k with its interval."""
@@ -279,17 +235,6 @@ class _Model:
         return self.search(logs, held=(k,))
 
 
-def _damped(information: Floats, gradient: Floats, free: list[int], damping: float) -> Floats:
-    step = np.zeros(gradient.size)
-    matrix = information[free][:, free]
-    diagonal = matrix.diagonal()
-    added = damping * diagonal, 1e-12 * diagonal.max()
-    matrix.flat[:: len(free) + 1] += added[0]
-    matrix.flat[:: len(free) + 1] += added[1]
-    step[free] = -np.linalg.solve(matrix, gradient[free])
-    return np.minimum(np.maximum(step, -1.0), 1.0)
-
-
 def _sd_of_log(best: Fit, k: int) -> float:
     diagonal = np.sqrt(np.maximum(np.diag(best.information), 1e-12))
     inverse = np.linalg.pinv(best.information / np.outer(diagonal, diagonal), hermitian=True)
@@ -297,12 +242,36 @@ def _sd_of_log(best: Fit, k: int) -> float:
 
 
 def _quantiles(values: Floats, profile: Floats) -> list[float]:
-    from scipy.interpolate import PchipInterpolator
-
     fine = np.linspace(values[0], values[-1], 4001)
-    weight = np.exp(PchipInterpolator(values, profile)(fine))
+    weight = np.exp(_monotone(values, profile, fine))
     share = np.concatenate(([0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))))
     return [float(v) for v in np.interp(_QUANTILES, share / share[-1], fine)]
+
+
+def _monotone(x: Floats, y: Floats, at: Floats) -> Floats:
+    """Cubic interpolation between evenly spaced places that does not overshoot, as SciPy's pchip [Fritsch1984].
+
+    Written out, for SciPy's own would import its optimisation.
+    """
+    step = x[1] - x[0]
+    rise = np.diff(y) / step
+    before, after = rise[:-1], rise[1:]
+    slope = np.zeros(y.size)
+    same = before * after > 0.0
+    slope[1:-1][same] = 2.0 / (1.0 / before[same] + 1.0 / after[same])
+    slope[0], slope[-1] = (_end_slope(one, next_) for one, next_ in (rise[[0, 1]], rise[[-1, -2]]))
+    i = np.minimum(((at - x[0]) / step).astype(np.int64), rise.size - 1)
+    u = at - x[i]
+    bend = (slope[i] + slope[i + 1] - 2.0 * rise[i]) / step
+    return np.asarray(y[i] + u * (slope[i] + u * ((rise[i] - slope[i]) / step - bend + u * bend / step)))
+
+
+def _end_slope(rise: float, following: float) -> float:
+    """By a parabola through three points, held to the sign and to three times the rise."""
+    slope = 1.5 * rise - 0.5 * following
+    if slope * rise <= 0.0:
+        return 0.0
+    return 3.0 * rise if rise * following < 0.0 and abs(slope) > 3.0 * abs(rise) else slope
 
 
 def _smoothed(spectrum: Spectrum, mean: Floats) -> Floats:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -57,8 +58,8 @@ def _hours(letter: str, terms: Mapping[str, Coefficient], dt: float, duration: f
 def _sd(letter: str, squares: Floats, dt: float, duration: float) -> float:
     """Standard deviation of a coefficient that a record of this length will have."""
     count = max(round(duration / dt), 2)
-    thought = _imagined(count, dt)
-    parts = squares[:, np.newaxis] * densities(thought)
+    thought, rows = _imagined(count, dt)
+    parts = squares[:, np.newaxis] * rows
     density = np.sum(parts, axis=0)
     if letter == "R":
         return float(1.0 / math.sqrt(np.sum(thought.ramp / density)))
@@ -70,11 +71,13 @@ def _sd(letter: str, squares: Floats, dt: float, duration: float) -> float:
     return float(math.sqrt(squares[there[k]] * max(inverse[k, k], 0.0)))
 
 
-def _imagined(count: int, dt: float) -> Spectrum:
-    """Bins of a record of which nothing is known but its length."""
+@lru_cache(maxsize=_STEPS.size)
+def _imagined(count: int, dt: float) -> tuple[Spectrum, Floats]:
+    """Bins of a record of which nothing is known but its length, and their densities; as of the last channel."""
     start = edges(count)
     nothing = np.zeros(start.size - 1)
     ramp = nothing.copy()
     single = start[:-1] < min(_RAMP, count)
     ramp[single] = ramp_coefficients(start[:-1][single], count, dt) ** 2
-    return Spectrum(dt, count, 1, start, nothing, nothing, ramp)
+    thought = Spectrum(dt, count, 1, start, nothing, nothing, ramp)
+    return thought, densities(thought)

@@ -32,7 +32,8 @@ def allan_transfer(n: ArrayLike, frequency: ArrayLike, dt: float) -> Floats:
     """
     factor = np.asarray(n, dtype=np.float64)[:, np.newaxis]
     turn = np.pi * np.asarray(frequency, dtype=np.float64) * dt
-    return np.asarray(4.0 * np.sin(factor * turn) ** 4 / (factor * np.sin(turn)) ** 2)
+    square = np.sin(factor * turn) ** 2
+    return np.asarray(4.0 * square**2 / (factor * np.sin(turn)) ** 2)  # a fourth power would be ten times as slow
 
 
 def grid(count: int, dt: float, size: int = 1 << 14) -> tuple[Floats, Floats]:

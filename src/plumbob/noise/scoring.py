@@ -1,0 +1,202 @@
+"""The inner loop of `plumbob.noise.likelihood`: Fisher scoring, compiled, for one record asks for thousands of steps.
+
+Bins are taken as whole arrays and parameters one by one, so that it is fast enough as plain Python too.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob._jit import njit, njit_reassociated
+from plumbob.check import Floats
+from plumbob.noise.densities import MarkovBins, markov_density
+
+_ROUNDS: Final = 100
+_SMALL_STEP: Final = 1e-5
+_ABSENT: Final = 1e-10  # share of the density below which a term counts as absent
+_AHEAD: Final = 1e-4  # in the logarithm of a correlation time, for a slope by differences
+
+
+class Bins(NamedTuple):
+    """What a likelihood needs of a spectrum of m bins.
+
+    Attributes
+    ----------
+    rows : ndarray (r, m)
+        Densities of the random terms for coefficients of 1.
+    terms, power, cross, ramp : ndarray (m,)
+        As in `plumbob.noise.spectrum.Spectrum`.
+    process : MarkovBins
+        For the density of a Gauss–Markov process.
+    """
+
+    rows: Floats
+    terms: Floats
+    power: Floats
+    cross: Floats
+    ramp: Floats
+    process: MarkovBins
+
+
+class Point(NamedTuple):
+    """Logarithms of coefficients (p,), and what the likelihood is there; `evaluate` fills it in.
+
+    Attributes
+    ----------
+    logs, gradient : ndarray (p,)
+        The logarithms, and the gradient of half the deviance.
+    information : ndarray (p, p)
+        Fisher information.
+    density : ndarray (m,)
+        Of the model.
+    relative : ndarray (p, m)
+        Derivatives of its logarithm.
+    sums : ndarray (3,)
+        Half the deviance; the ramp R; 1 / variance of R.
+    """
+
+    logs: Floats
+    gradient: Floats
+    information: Floats
+    density: Floats
+    relative: Floats
+    sums: Floats
+
+
+def point(logs: Floats, bins: int) -> Point:
+    """Room for a point at `logs` (p,) in so many bins."""
+    p = logs.size
+    shapes = (p, (p, p), bins, (p, bins), 3)
+    return Point(np.array(logs, dtype=np.float64), *(np.zeros(shape) for shape in shapes))
+
+
+@njit_reassociated
+def evaluate(bins: Bins, at: Point) -> float:
+    """Fill in everything at `at.logs` but the information, and return half the deviance."""
+    _densities(bins, at)
+    density = at.density
+    square = np.sum(bins.ramp / density)
+    ramp = np.sum(bins.cross / density) / square
+    share = (bins.power - 2.0 * ramp * bins.cross + ramp**2 * bins.ramp) / density
+    half = 0.5 * np.sum(bins.terms * np.log(density) + share) + 0.5 * math.log(square)
+    slope = 0.5 * (bins.terms - share - bins.ramp / density / square)
+    for k in range(at.logs.shape[0]):
+        at.gradient[k] = np.sum(at.relative[k] * slope)
+    at.sums[0], at.sums[1], at.sums[2] = half, ramp, square
+    return float(half)
+
+
+@njit_reassociated
+def _densities(bins: Bins, at: Point) -> None:
+    """Density and its relative derivatives by the logarithms."""
+    rows, density, relative = bins.rows, at.density, at.relative
+    r = rows.shape[0]
+    density[:] = 0.0
+    for k in range(r):
+        relative[k] = math.exp(2.0 * at.logs[k]) * rows[k]
+        density[:] = density + relative[k]
+        relative[k] = 2.0 * relative[k]
+    if at.logs.shape[0] > r:
+        power, time = math.exp(2.0 * at.logs[r]), math.exp(at.logs[r + 1])
+        relative[r] = power * markov_density(bins.process, time)
+        density[:] = density + relative[r]
+        relative[r] = 2.0 * relative[r]
+        ahead = markov_density(bins.process, time * math.exp(_AHEAD))
+        behind = markov_density(bins.process, time * math.exp(-_AHEAD))
+        relative[r + 1] = (power * ahead - power * behind) / (2.0 * _AHEAD)
+    for k in range(relative.shape[0]):
+        relative[k] = relative[k] / density
+
+
+@njit_reassociated
+def inform(bins: Bins, at: Point) -> None:
+    """Fill in the information of a point that is otherwise complete."""
+    for i in range(at.logs.shape[0]):
+        weighted = 0.5 * at.relative[i] * bins.terms
+        for j in range(i + 1):
+            at.information[i, j] = at.information[j, i] = np.sum(weighted * at.relative[j])
+
+
+@njit
+def search(bins: Bins, held: NDArray[np.bool_], now: Point, trial: Point) -> None:
+    """Move `now` to the largest likelihood by Fisher scoring with damping, the `held` (p,) where they are.
+
+    `trial` is room for another point.
+    """
+    evaluate(bins, now)
+    inform(bins, now)
+    free, step = np.empty(held.shape[0], np.bool_), np.empty(held.shape[0])
+    damping = 1e-3
+    for _ in range(_ROUNDS):
+        _present(bins, now, held, free)
+        if not free.any():
+            break
+        before = now.sums[0]
+        damping = _descend(bins, now, trial, free, step, damping)
+        if not damping < 1e8:
+            break
+        _move(trial, now)
+        inform(bins, now)
+        damping = max(damping / 10.0, 1e-9)
+        if np.max(np.abs(step)) < _SMALL_STEP or before - now.sums[0] < 1e-9:
+            break
+
+
+@njit
+def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> None:
+    """Say which of those that are not held the density feels; the logarithm of a term that is not there runs away."""
+    for k in range(held.shape[0]):
+        free[k] = not held[k] and (k >= bins.rows.shape[0] or 0.5 * np.max(now.relative[k]) > _ABSENT)
+
+
+@njit
+def _descend(
+    bins: Bins, now: Point, trial: Point, free: NDArray[np.bool_], step: Floats, damping: float
+) -> float:
+    """Make `trial` a point that is no worse; returns the damping that this took, or 1e8 or more if there is none."""
+    while damping < 1e8:
+        _solve(now, free, damping, step)
+        trial.logs[:] = now.logs + step
+        if evaluate(bins, trial) <= now.sums[0]:
+            break
+        damping *= 4.0
+    return damping
+
+
+@njit
+def _move(source: Point, target: Point) -> None:
+    target.logs[:] = source.logs
+    target.gradient[:] = source.gradient
+    target.density[:] = source.density
+    target.relative[:] = source.relative
+    target.sums[:] = source.sums
+
+
+@njit
+def _solve(now: Point, free: NDArray[np.bool_], damping: float, step: Floats) -> None:
+    """Step of the free parameters, by elimination in the damped information; none is longer than 1."""
+    p = free.shape[0]
+    matrix = now.information.copy()
+    largest = 0.0
+    for k in range(p):
+        step[k] = -now.gradient[k] if free[k] else 0.0
+        largest = max(largest, matrix[k, k] if free[k] else 0.0)
+    for k in range(p):
+        matrix[k, k] += damping * matrix[k, k] + 1e-12 * largest
+    for k in range(p):
+        for i in range(k + 1, p):
+            if free[k] and free[i]:
+                factor = matrix[i, k] / matrix[k, k]
+                step[i] -= factor * step[k]
+                for j in range(k + 1, i + 1):
+                    matrix[i, j] -= factor * matrix[j, k]
+    for k in range(p - 1, -1, -1):
+        if free[k]:
+            for i in range(k + 1, p):
+                if free[i]:
+                    step[k] -= matrix[i, k] * step[i]
+            step[k] = step[k] / matrix[k, k]
+    for k in range(p):
+        step[k] = min(max(step[k], -1.0), 1.0)
