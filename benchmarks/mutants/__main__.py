@@ -1,9 +1,9 @@
 """Plant faults in the package, one at a time, and see whether the tests of `make test` find them.
 
 First the tests run once and it is noted which functions each of them runs; then, for each fault, those tests that run
-its function, the nearest and cheapest first, until one fails. A fault that none finds in 90 s of tests (``--budget``) is a
-survivor, so that what is printed as found is a lower bound of what `make test` finds. Those that
-`known.toml` calls equivalent (no input can tell them from the original) count neither way.
+its function, the nearest and cheapest first, until one fails. A fault that none finds in 90 s of tests (``--budget``)
+is a survivor, so that what is printed as found is a lower bound. Those that `known.toml` calls equivalent (no input can
+tell them from the original) count neither way.
 
 ``python benchmarks/mutants`` writes into ``.mutants`` and goes on where it was stopped.
 """
