@@ -1,7 +1,7 @@
 """Plant faults in the package, one at a time, and see whether the tests of `make test` find them.
 
 First the tests run once and it is noted which functions each of them runs; then, for each fault, those tests that run
-its function, the nearest and cheapest first, until one fails. A fault that none finds in 90 s of tests (``--budget``)
+its function, the nearest and cheapest first, until one fails. A fault that none finds in 60 s of tests (``--budget``)
 is a survivor, so that what is printed as found is a lower bound. Those that `known.toml` calls equivalent (no input can
 tell them from the original) count neither way.
 
@@ -21,7 +21,7 @@ import sys
 import time
 import tomllib
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from plant import Mutant, mutants_of
@@ -48,6 +48,7 @@ ROOMS = {  # by risk: how many faults each gets of 161, and which folders or fil
     "command line": (13, "cli"),
 }
 MINUTES = 15  # a fault that makes the tests hang is found
+NOBODY = "nothing runs it"
 
 
 def rooms(package: Path, seed: int, scale: float) -> dict[str, list[Mutant]]:
@@ -96,12 +97,15 @@ class Tree:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(TOP / name, folder / name)
         self.package = folder / "src" / "plumbob"
-        path = f"{folder / 'src'}{os.pathsep}{folder}"
-        self.environment = {**os.environ, "PLUMBOB_DATA": data, "OMP_NUM_THREADS": "1", "PYTHONPATH": path}
+        self.environment = {**os.environ, "PLUMBOB_DATA": data, "OMP_NUM_THREADS": "1"}
+
+    def path_with(self, *more: Path) -> str:
+        """Where Python looks first: in this copy."""
+        return os.pathsep.join(map(str, (*more, self.folder / "src", self.folder)))
 
     def pytest(self, *words: str, cache: Path, **environment: str) -> subprocess.CompletedProcess[str]:
         """Run tests of this copy."""
-        env = {**self.environment, "PLUMBOB_CACHE_DIR": str(cache), **environment}
+        env = {**self.environment, "PYTHONPATH": self.path_with(), "PLUMBOB_CACHE_DIR": str(cache), **environment}
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *words]
         return subprocess.run(
             command, cwd=self.folder, env=env, capture_output=True, text=True, check=False, timeout=60.0 * MINUTES
@@ -118,9 +122,8 @@ def trace(tree: Tree, work: Path, jobs: int) -> dict[str, dict[str, float]]:
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir()
     traced = {"PLUMBOB_TRACE": str(out), "PLUMBOB_TRACE_ROOT": str(tree.package)}
-    path = os.pathsep.join((str(HERE / "trace"), tree.environment["PYTHONPATH"]))
-    words = ("-p", "traced", "-n", str(jobs), "--dist", "loadfile", "--durations=0", "-vv")
-    done = tree.pytest(*words, cache=work / "cache", PYTHONPATH=path, **traced)
+    words = ("-p", "traced", "-n", str(jobs), "--dist", "loadfile", "--durations=0", "--durations-min=0.001", "-vv")
+    done = tree.pytest(*words, cache=work / "cache", PYTHONPATH=tree.path_with(HERE / "trace"), **traced)
     if done.returncode:
         sys.exit(f"The tests fail without any fault:\n{done.stdout[-4000:]}")
     seconds = _durations(done.stdout)
@@ -165,34 +168,27 @@ def order(tests: dict[str, float], mutant: Mutant, budget: float) -> list[str]:
     return [test for test, before in zip(nearest, spent, strict=False) if before < budget]
 
 
-def judge(tree: Tree, mutant: Mutant, tests: Iterable[str], work: Path) -> dict[str, object]:
+def judge(tree: Tree, mutant: Mutant, tests: list[str], work: Path) -> dict[str, object]:
     """Plant it, run the tests, take it away again."""
     path = tree.package / mutant.path
     source = path.read_text(encoding="utf-8")
     own = work / f"cache-{tree.folder.name}"
     listed = tree.folder / "tests.txt"
     listed.write_text("\n".join(tests), encoding="utf-8")
+    chosen = {"PLUMBOB_SELECTED": str(listed), "PYTHONPATH": tree.path_with(HERE / "trace")}
+    files = dict.fromkeys(test.partition("::")[0] for test in tests)
     started = time.monotonic()
     try:
         path.write_text(mutant.plant(source), encoding="utf-8")
-        kernel = "@njit" in source  # what is compiled of an edited kernel is of no use to the next
-        done = (
-            tree.pytest("-x", f"@{listed}", cache=own if kernel else work / "cache") if listed.stat().st_size else None
-        )
-        by = "nothing runs it" if done is None else _first_failure(done)
+        cache = own if "@njit" in source else work / "cache"  # what is compiled of an edited kernel is of no use later
+        by = _first_failure(tree.pytest("-x", "-p", "selected", *files, cache=cache, **chosen)) if files else NOBODY
     except subprocess.TimeoutExpired:
         by = "it never ends"
     finally:
         path.write_text(source, encoding="utf-8")
         shutil.rmtree(own, ignore_errors=True)
-    found = by not in {"", "nothing runs it"}
-    return {
-        "name": mutant.name,
-        "row": mutant.row,
-        "found": found,
-        "by": by,
-        "seconds": round(time.monotonic() - started, 1),
-    }
+    seconds = round(time.monotonic() - started, 1)
+    return {"name": mutant.name, "row": mutant.row, "found": by not in {"", NOBODY}, "by": by, "seconds": seconds}
 
 
 def _first_failure(done: subprocess.CompletedProcess[str]) -> str:
@@ -238,7 +234,7 @@ def main() -> int:
     parser.add_argument("--scale", type=float, default=1.0, help="share of the 161 faults of the table in this file")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--budget", type=float, default=90.0, metavar="S", help="seconds of tests for each fault")
+    parser.add_argument("--budget", type=float, default=60.0, metavar="S", help="seconds of tests for each fault")
     parser.add_argument("--work", type=Path, default=TOP / ".mutants", help="folder for copies, traces and results")
     parser.add_argument("--again", action="store_true", help="judge survivors once more, with fresh traces")
     parser.add_argument("--list", action="store_true", help="only print what would be planted")
@@ -273,7 +269,8 @@ def main() -> int:
 
     todo = [m for mutants in chosen.values() for m in mutants if m.name not in results]
     with concurrent.futures.ThreadPoolExecutor(args.jobs) as pool, kept.open("a", encoding="utf-8") as file:
-        for result in pool.map(one, todo):
+        for done in concurrent.futures.as_completed([pool.submit(one, mutant) for mutant in todo]):
+            result = done.result()
             results[str(result["name"])] = result
             file.write(json.dumps(result) + "\n")
             file.flush()
