@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 from scipy.fft import dct
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-from plumbob.noise import likelihood, observe
+from plumbob.noise import least_squares, likelihood, observe
 from plumbob.noise.densities import LETTERS, densities, markov_bins, markov_density
 from plumbob.noise.findings import Coefficient
 from plumbob.noise.scoring import evaluate, point
@@ -150,6 +152,24 @@ def test_white_noise_alone_shows_nothing_else(count, most):
         wrong += sum(terms[letter].observable for letter in "QBKR")
     # of 30 records 30 × (3 / 44 + 1 / 22) = 3.4 expected, 11 or more in one run of 1100; of 10 1.1, 6 or more in 1000
     assert wrong <= most
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_profiles_are_interpolated_as_scipy_does(seed):
+    """Two sums of four terms differ by some roundings; drifts of several sizes, so that some have turning points."""
+    x = np.linspace(0.0, 3.0e-6, 33)
+    y = np.cumsum(np.random.default_rng(seed).standard_normal(33) - seed)
+    fine = np.linspace(0.0, x[-1], 4001)
+    assert np.abs(likelihood._monotone(x, y, fine) - PchipInterpolator(x, y)(fine)).max() <= 64 * EPS * np.ptp(y)
+
+
+def test_least_squares_without_negatives_are_those_of_an_active_set():
+    """SciPy's nnls squares the condition of the columns, which is 10 here: 100 eps, times the 40 rows."""
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        columns, wanted = rng.uniform(size=(40, 5)), rng.standard_normal(40)
+        expected = nnls(columns, wanted)[0]
+        assert np.abs(least_squares._not_negative(columns, wanted) - expected).max() <= 4000 * EPS
 
 
 def evaluated(s, logs):

@@ -101,12 +101,24 @@ def _knots(shape: Kind, n: NDArray[np.int64]) -> NDArray[np.intp]:
 def _of_one(kind: str, alpha: float, count: int, n: int) -> float:
     shape = SHAPES[kind]
     terms = shape.terms(count, n)
-    lags = _lags(shape, n, terms - 1)
-    rho = correlation(shape, alpha, n, lags * (1 if shape.overlapping else n))
+    lags = _lags_of(kind, count, n)
+    rho = between_levels(shape, alpha, lambda level: _at_lags(kind, level, count, n))
     weighted = (1.0 - lags / terms) * rho**2
     # between neighbouring lags the summand is a straight line; a sum of its whole places is its trapezoid
     found = float(terms / (np.sum(np.diff(lags) * (weighted[1:] + weighted[:-1])) + weighted[-1]))
     return found * _gain_of_total(alpha, count, n) if kind == "totdev" and n >= _TOTAL_FROM else found
+
+
+@lru_cache(maxsize=1024)
+def _lags_of(kind: str, count: int, n: int) -> Floats:
+    shape = SHAPES[kind]
+    return check.read_only(_lags(shape, n, shape.terms(count, n) - 1))
+
+
+@lru_cache(maxsize=1024)  # channels of one record, and rounds of a fit, differ in α only
+def _at_lags(kind: str, level: int, count: int, n: int) -> Floats:
+    shape = SHAPES[kind]
+    return check.read_only(correlation(shape, level, n, _lags_of(kind, count, n) * (1 if shape.overlapping else n)))
 
 
 def _gain_of_total(alpha: float, count: int, n: int) -> float:
@@ -128,20 +140,23 @@ def _lags(shape: Kind, n: int, last: int) -> Floats:
     return np.unique(np.concatenate((beyond[beyond < last], [min(last, (shape.order + 1) * n)])))
 
 
-def correlation(shape: Kind, alpha: float, n: int, shift: Floats) -> Floats:
-    """ρ of two differences whose beginnings lie `shift` samples apart; shift[0] must be 0.
+def correlation(shape: Kind, level: int, n: int, shift: Floats) -> Floats:
+    """ρ of two differences whose beginnings lie `shift` samples apart, in noise of one level; shift[0] must be 0."""
+    found = _covariance(shape, level, n, shift)
+    return np.asarray(found / found[0])
 
-    Of noise between two levels: what they are together, the upper one making up as much of dev² as α is on its way.
+
+def between_levels(shape: Kind, alpha: float, of_level: Callable[[int], Floats]) -> Floats:
+    """ρ of noise that may lie between two levels, from ρ of a level.
+
+    Of both together: what they are, the upper one making up as much of dev² as α is on its way.
     """
     upper = next(level for level in shape.levels if level >= alpha)
-    found = _covariance(shape, upper, n, shift)
-    rho = found / found[0]
     if upper == alpha:
-        return np.asarray(rho)
+        return of_level(upper)
     lower = max(level for level in shape.levels if level < alpha)
-    found = _covariance(shape, lower, n, shift)
     share = (alpha - lower) / (upper - lower)
-    return np.asarray(share * rho + (1.0 - share) * found / found[0])
+    return np.asarray(share * of_level(upper) + (1.0 - share) * of_level(lower))
 
 
 def log_variance(shape: Kind, level: int, n: NDArray[np.int64]) -> Floats:

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaincinv
 
+from plumbob import check
 from plumbob.check import Floats
 from plumbob.errors import ParameterError
-from plumbob.noise.edf import along, correlation, edf
+from plumbob.noise.edf import along, between_levels, correlation, edf
 from plumbob.noise.kinds import SHAPES
 
 ONE_SIGMA: Final = 0.682689492137086
@@ -68,12 +69,18 @@ def skew_edf(kind: str, alpha: ArrayLike, count: int, n: ArrayLike) -> Floats:
 @lru_cache(maxsize=4096)
 def _share(kind: str, alpha: float, count: int, n: int) -> float:
     """(Σλ²)⁴ / ((Σλ)² (Σλ³)²) of evenly spaced differences: `skew_edf` over `edf`."""
+    rho = between_levels(SHAPES[kind], alpha, lambda level: _spaced(kind, level, count, n))
+    place = np.arange(rho.size)
+    matrix = rho[np.abs(place - place[:, np.newaxis])]
+    squared = matrix @ matrix
+    return float(np.trace(squared) ** 4 / (rho.size * np.sum(squared * matrix)) ** 2)
+
+
+@lru_cache(maxsize=1024)
+def _spaced(kind: str, level: int, count: int, n: int) -> Floats:
+    """ρ of evenly spaced differences in noise of one level."""
     shape = SHAPES[kind]
     stride = 1 if shape.overlapping else n
     terms = min(shape.terms(count, n), _LONG * n // stride)
-    size = min(terms, _SIZE)
-    lag = np.round(np.linspace(0.0, terms - 1.0, size)) * stride
-    place = np.arange(size)
-    matrix = correlation(shape, alpha, n, lag)[np.abs(place - place[:, np.newaxis])]
-    squared = matrix @ matrix
-    return float(np.trace(squared) ** 4 / (size * np.sum(squared * matrix)) ** 2)
+    lag = np.round(np.linspace(0.0, terms - 1.0, min(terms, _SIZE))) * stride
+    return check.read_only(correlation(shape, level, n, lag))

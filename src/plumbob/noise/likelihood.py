@@ -249,7 +249,7 @@ def _quantiles(values: Floats, profile: Floats) -> list[float]:
 
 
 def _monotone(x: Floats, y: Floats, at: Floats) -> Floats:
-    """Cubic interpolation between evenly spaced places that does not overshoot, as SciPy's pchip [Fritsch1984].
+    """Cubic interpolation between evenly spaced places that does not overshoot, as SciPy's pchip.
 
     Written out, for SciPy's own would import its optimisation.
     """

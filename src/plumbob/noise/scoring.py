@@ -100,12 +100,12 @@ def _densities(bins: Bins, at: Point) -> None:
         relative[k] = 2.0 * relative[k]
     if at.logs.shape[0] > r:
         power, time = math.exp(2.0 * at.logs[r]), math.exp(at.logs[r + 1])
-        relative[r] = power * markov_density(bins.process, time)
+        relative[r + 1] = 0.0
+        for side in (1.0, -1.0, 0.0):
+            relative[r] = power * markov_density(bins.process, time * math.exp(side * _AHEAD))
+            relative[r + 1] = relative[r + 1] + side / (2.0 * _AHEAD) * relative[r]
         density[:] = density + relative[r]
         relative[r] = 2.0 * relative[r]
-        ahead = markov_density(bins.process, time * math.exp(_AHEAD))
-        behind = markov_density(bins.process, time * math.exp(-_AHEAD))
-        relative[r + 1] = (power * ahead - power * behind) / (2.0 * _AHEAD)
     for k in range(relative.shape[0]):
         relative[k] = relative[k] / density
 
@@ -125,23 +125,23 @@ def search(bins: Bins, held: NDArray[np.bool_], now: Point, trial: Point) -> Non
 
     `trial` is room for another point.
     """
-    evaluate(bins, now)
-    inform(bins, now)
-    free, step = np.empty(held.shape[0], np.bool_), np.empty(held.shape[0])
-    damping = 1e-3
-    for _ in range(_ROUNDS):
-        _present(bins, now, held, free)
-        if not free.any():
-            break
+    free, step = np.zeros(held.shape[0], np.bool_), np.zeros(held.shape[0])
+    now.sums[0] = math.inf
+    damping, rounds = 1e-2, 0
+    while damping < 1e8 and rounds <= _ROUNDS:
+        trial.logs[:] = now.logs + step
         before = now.sums[0]
-        damping = _descend(bins, now, trial, free, step, damping)
-        if not damping < 1e8:
-            break
-        _move(trial, now)
-        inform(bins, now)
-        damping = max(damping / 10.0, 1e-9)
-        if np.max(np.abs(step)) < _SMALL_STEP or before - now.sums[0] < 1e-9:
-            break
+        if evaluate(bins, trial) <= before:  # at first where it stands
+            _move(trial, now)
+            inform(bins, now)
+            rounds += 1
+            damping = max(damping / 10.0, 1e-9)
+            _present(bins, now, held, free)
+            if before - now.sums[0] < 1e-9 or 0.0 < np.max(np.abs(step)) < _SMALL_STEP or not free.any():
+                break
+        else:
+            damping *= 4.0
+        _solve(now, free, damping, step)
 
 
 @njit
@@ -149,20 +149,6 @@ def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.b
     """Say which of those that are not held the density feels; the logarithm of a term that is not there runs away."""
     for k in range(held.shape[0]):
         free[k] = not held[k] and (k >= bins.rows.shape[0] or 0.5 * np.max(now.relative[k]) > _ABSENT)
-
-
-@njit
-def _descend(
-    bins: Bins, now: Point, trial: Point, free: NDArray[np.bool_], step: Floats, damping: float
-) -> float:
-    """Make `trial` a point that is no worse; returns the damping that this took, or 1e8 or more if there is none."""
-    while damping < 1e8:
-        _solve(now, free, damping, step)
-        trial.logs[:] = now.logs + step
-        if evaluate(bins, trial) <= now.sums[0]:
-            break
-        damping *= 4.0
-    return damping
 
 
 @njit

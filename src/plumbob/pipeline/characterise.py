@@ -125,7 +125,7 @@ def comparisons(
 
 
 def warm_up() -> None:
-    """Compile every kernel of an analysis: check, all deviations, every averaging factor, and streams."""
+    """Compile every kernel of an analysis: check, all deviations, every averaging factor, likelihood, and streams."""
     samples = np.random.default_rng(0).standard_normal((4096, 1))
     still = StaticCheck(("x",), 1.0)
     still.add(samples)
@@ -133,6 +133,7 @@ def warm_up() -> None:
     for kind in KINDS:
         deviation(samples, [2], kind)
     every_adev(samples[:, 0])
+    analyse(samples[:, 0], 1.0)
     stream = AllanStream([1, 2], channels=1)
     stream.feed(samples)
     stream.result()
