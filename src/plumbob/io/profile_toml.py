@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob import forms
+from plumbob._files import existing_file, reading
 from plumbob.data import TRIADS
 from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt, guide
 from plumbob.forms import Parse
-from plumbob.io.files import existing_file, reading
 from plumbob.io.profile import ColumnRef, GroupSource, Layout, Profile, ReferenceSource, TimeColumn, TimeRate
 from plumbob.rotations import Frame, North, body_axes
 from plumbob.units import Quantity

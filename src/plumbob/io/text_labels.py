@@ -4,8 +4,8 @@ import csv
 import math
 from pathlib import Path
 
+from plumbob._files import existing_file, reading
 from plumbob.errors import DecodeError, excerpt
-from plumbob.io.files import existing_file, reading
 from plumbob.io.profile import ColumnRef, Profile
 from plumbob.io.text import profile_of
 from plumbob.io.text_body import Body
