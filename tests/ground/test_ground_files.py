@@ -14,13 +14,20 @@ import numpy as np
 import pytest
 
 from plumbob import certificate, io
-from plumbob._files import replacing, write_text
-from plumbob.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise
+from plumbob._files import MAX_TEXT, replacing, write_text
+from plumbob.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
+from plumbob.cli import common
 from plumbob.cli.main import main
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import DecodeError, ParameterError
+from plumbob.io.profile_toml import load_profile
+from plumbob.io.text_labels import read_spans
 from plumbob.page.drawing import png
+from plumbob.pipeline.capture import CaptureSource
 from plumbob.pipeline.exports import export
+from plumbob.pipeline.rate_table import read_plan
+from plumbob.pipeline.session_toml import load_session
+from plumbob.rigs import find_format
 from plumbob.rotations import IDENTITY, Frame, North
 
 ROOM = 256  # bytes: less than any file below has
@@ -202,3 +209,33 @@ def test_allan_says_so_before_the_analysis(tmp_path, capsys):
     numbers = tmp_path / "absent.txt"  # refused before it is looked for
     assert main(["allan", str(numbers), "--card", str(tmp_path / "unit.json")]) == 1
     assert "is a calibration card, not a noise card" in capsys.readouterr().err
+
+
+READERS = {
+    "a calibration card": CalibrationCard.load,
+    "any card": open_card,
+    "a session": load_session,
+    "a format": lambda path: find_format(str(path)),
+    "a profile": load_profile,
+    "parameters": lambda path: dict(common.pairs(str(path))),
+    "a plan": read_plan,
+    "a table of spans": read_spans,
+    "a capture": lambda path: CaptureSource(str(path), find_format("fin"), "").open(),
+}
+
+
+@pytest.mark.parametrize("what", READERS)
+def test_only_regular_files_of_a_sane_size_are_read(tmp_path, what):
+    """A device without an end, a pipe that nobody writes to, a folder, a file of a terabyte: one sentence at once."""
+    device, pipe, folder, huge, gone = (tmp_path / f"{name}.toml" for name in ("zero", "pipe", "dir", "huge", "gone"))
+    device.symlink_to("/dev/zero")
+    os.mkfifo(pipe)
+    folder.mkdir()
+    huge.touch()
+    os.truncate(huge, MAX_TEXT + 1)
+    refusals = [(device, "not a regular file"), (pipe, "not a regular file"), (folder, "is a folder")]
+    refusals += [(gone, "does not exist")] + ([(huge, "such a file has")] if what != "a capture" else [])
+    for path, told in refusals:
+        with pytest.raises(DecodeError, match=rf"{path.name} .*{told}") as caught:
+            READERS[what](path)
+        assert str(caught.value).count(str(path)) == 1

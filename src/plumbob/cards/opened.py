@@ -17,8 +17,9 @@ def open_card(path: str | Path) -> CalibrationCard | NoiseCard:
     DecodeError
         If the file is neither, or of a newer version.
     """
+    text = text_of(path)
     try:
-        content = json.loads(text_of(path))
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"{path} is no card: {error}.") from error
     kind = content.get("kind") if isinstance(content, dict) else None
