@@ -6,6 +6,10 @@ not notice an edit in another file (so the cache folder carries a fingerprint of
 elsewhere is not cached); where that folder cannot be written it caches beside the sources, or raises (so here it falls
 back to no cache); and a damaged cache file or a full disk stops the call (here it costs a compilation).
 
+A cached kernel is unpickled, which runs whatever its file says. So the folder must be this user's, and nobody else may
+write in it: it is created with mode 0700, and one that is otherwise is not used; kernels are then compiled at each run,
+and one line on the logger says why.
+
 With ``NUMBA_DISABLE_JIT=1`` in the environment, kernels run as plain Python and give the same bits; only those marked
 by `njit_reassociated` may round their sums otherwise.
 
@@ -18,6 +22,7 @@ import contextlib
 import functools
 import hashlib
 import os
+import stat
 import sys
 import tempfile
 import threading
@@ -174,24 +179,61 @@ def is_cold(name: str) -> bool:
     if jit_disabled():
         return False
     folder = cache_folder()
-    return not (folder.is_dir() and any(folder.rglob(f"*.{name}-*.nbi")))
-
-
-def can_cache() -> bool:
-    """True where compiled kernels can be kept for the next process."""
     try:
-        folder = cache_folder().expanduser().absolute()
-        folder.mkdir(parents=True, exist_ok=True)
+        return not (folder.is_dir() and any(_trusted(folder).rglob(f"*.{name}-*.nbi")))
+    except _ForeignError:
+        return True
+
+
+def why_no_cache() -> str | None:
+    """Why compiled kernels cannot be kept for the next process; None where they can."""
+    try:
+        folder = _own_folder()
         with tempfile.TemporaryFile(dir=folder):
-            return True
+            return None
+    except _ForeignError as error:
+        return str(error)
     except (OSError, RuntimeError):
-        return False
+        return f"{cache_folder()} cannot be written"
+
+
+class _ForeignError(Exception):
+    """Another user could put code into the cache folder."""
+
+
+def _own_folder() -> Path:
+    """Cache folder, created where it is missing, in which nobody but this user can write."""
+    folder = cache_folder().expanduser().absolute()  # without a home this raises
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return _trusted(folder)
+
+
+def _trusted(folder: Path) -> Path:
+    """Return the folder; raises where another user could write in it, in a folder in it, or put one in its place."""
+    if not hasattr(os, "geteuid"):
+        return folder
+    user, above = os.geteuid(), folder.parent.stat()
+    if above.st_uid not in (0, user) or (above.st_mode & stat.S_IWOTH and not above.st_mode & stat.S_ISVTX):
+        raise _ForeignError(f"{folder.parent} is another user's, or others can write in it")
+    for one in (folder, *(path for path in folder.iterdir() if path.is_dir())):
+        found = one.stat()
+        if found.st_uid != user or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+            raise _ForeignError(f"{one} is another user's, or others can write in it")
+    return folder
+
+
+@functools.cache
+def _say_no_cache(why: str) -> None:
+    import logging
+
+    told = "note: compiled kernels are not kept: %s, so code that others put there would be run. chmod it to 0700, or "
+    logging.getLogger("plumbob").warning(told + "set PLUMBOB_CACHE_DIR to a folder of your own.", why)
 
 
 def compiling(what: str) -> str:
     """Say in words why the next call waits, after which a compilation says no more of itself in this process."""
     _WAITING.said = True
-    kept = f"once; it is kept in {cache_folder()}" if can_cache() else "at each run: no cache can be kept"
+    kept = f"once; it is kept in {cache_folder()}" if why_no_cache() is None else "at each run: no cache can be kept"
     return f"compiling {what} for this processor, which takes some seconds, {kept}"
 
 
@@ -267,15 +309,18 @@ def _compile(kernel: Kernel[P, R]) -> Callable[P, R]:
 
 
 def _cached(func: FunctionType, options: Mapping[str, Any]) -> Any:
-    """Dispatcher with a file cache, or None where no folder can be written."""
+    """Dispatcher with a file cache, or None where no folder can be written, or others could write in it."""
     import numba
 
     config: Any = numba.config
     outer = config.CACHE_DIR
     try:
-        folder = cache_folder().expanduser().absolute()  # without a home this raises
+        folder = _own_folder()
         config.CACHE_DIR = str(folder)
         dispatcher: Any = numba.njit(cache=True, **options)(func)
+    except _ForeignError as error:
+        _say_no_cache(str(error))
+        return None
     except (RuntimeError, OSError):
         return None
     finally:

@@ -7,7 +7,6 @@ raises. Profiles, sensor formats and sessions are read by it.
 import math
 import tomllib
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 from plumbob import units
@@ -31,22 +30,6 @@ def toml(text: str, guide: str) -> dict[str, Any]:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"not valid TOML ({one_line(error).rstrip('.')}); {guide} has examples.") from error
-
-
-def text_of(path: Path) -> str:
-    """Text of a file.
-
-    Raises
-    ------
-    DecodeError
-        If it does not exist, cannot be read, or is no UTF-8.
-    """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DecodeError(f"{path} is no UTF-8 text: byte {error.start + 1} is none; save it so.") from error
-    except OSError as error:
-        raise DecodeError(f"{path} cannot be read: {error.strerror}.") from error
 
 
 def absent(where: str, key: str) -> PlumbobError:

@@ -377,6 +377,7 @@ class TestFiles:
 
     def test_the_other_kind_of_card(self, path):
         self.refused(path, "is not a plumbob noise card: its 'kind' says otherwise", NoiseCard)
+        path.unlink()
         noise().save(path)
         self.refused(path, "is not a plumbob calibration card")
 
@@ -445,7 +446,7 @@ class TestFiles:
         self.refused(path, "a key stands twice among .*device")
 
     def test_no_file(self, path):
-        with pytest.raises(FileNotFoundError):
+        with pytest.raises(DecodeError, match=r"none\.json does not exist; check the path"):
             CalibrationCard.load(path.with_name("none.json"))
 
     @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import shutil
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -141,6 +142,49 @@ def test_a_folder_that_cannot_be_written_means_no_cache(tree, tmp_path):
     (tmp_path / "cache").touch()
     assert right(probe(tree, tmp_path / "cache"))
     assert not cached_files(tmp_path)
+
+
+def test_a_folder_that_others_can_write_is_not_unpickled(tree, tmp_path):
+    """What lies in a cache runs as code when it is read; and one line says that it was not."""
+    cache, ran = tmp_path / "cache", tmp_path / "ran"
+    probe(tree, cache)
+    folder = next(cache.iterdir())
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    code = f"import plumbob.filters.probe as probe\n{REPORT}"
+    for path in cached_files(cache):
+        path.write_bytes(f"cbuiltins\nopen\n(V{ran}\nVw\ntR.".encode())  # a pickle that opens a file for writing
+    folder.chmod(0o777)
+    done = process(code, tree=tree, PLUMBOB_CACHE_DIR=str(cache))
+    assert right(json.loads(done.stdout))
+    assert not ran.exists()
+    assert done.stderr.count(f"compiled kernels are not kept: {folder} is another user's") == 1
+    folder.chmod(0o755)
+    process(code, tree=tree, PLUMBOB_CACHE_DIR=str(cache))
+    assert ran.exists()  # so the file would have run
+
+
+def test_whoever_could_write_in_the_cache_or_replace_it_is_noticed(tmp_path, monkeypatch):
+    monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path / "cache"))
+    assert _jit.why_no_cache() is None
+    folder = _jit.cache_folder()
+    (folder / "filters_1").mkdir(mode=0o755)
+    for place in (folder.parent, folder, folder / "filters_1"):
+        before = stat.S_IMODE(place.stat().st_mode)
+        place.chmod(0o777)
+        assert str(place) in _jit.why_no_cache()
+        assert _jit.is_cold("anything")
+        place.chmod(before)
+        assert _jit.why_no_cache() is None
+    folder.parent.chmod(0o1777)  # as /tmp: others can write there, but not take away what is not theirs
+    assert _jit.why_no_cache() is None
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can give a folder away")
+def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path))
+    assert _jit.why_no_cache() is None
+    os.chown(_jit.cache_folder(), 65534, -1)
+    assert "another user's" in _jit.why_no_cache()
 
 
 def test_without_a_home_there_is_no_cache(tree, tmp_path):

@@ -97,7 +97,7 @@ def test_files_lie_beside_the_session(tmp_path):
     (tmp_path / "buoy.toml").write_text(SESSION)
     assert load_session(tmp_path / "buoy.toml").name == "buoy"
     (tmp_path / "imu9.toml").unlink()
-    with pytest.raises(DecodeError, match=r"buoy\.toml: .*imu9\.toml cannot be read"):
+    with pytest.raises(DecodeError, match=r"buoy\.toml: .*imu9\.toml does not exist"):
         load_session(tmp_path / "buoy.toml")
 
 

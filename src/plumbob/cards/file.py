@@ -10,8 +10,9 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from plumbob import check
+from plumbob._files import text_of, write_text
 from plumbob.check import Floats
-from plumbob.errors import CalibrationError, DecodeError
+from plumbob.errors import CalibrationError, DecodeError, ParameterError
 
 UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
 
@@ -25,8 +26,25 @@ class Card:
     """By key: the type of what stands under it, where that is no number and no text."""
 
     def save(self, path: str | Path) -> None:
-        """Write the card as JSON."""
-        Path(path).write_text(self.text(), encoding="utf-8")
+        """Write the card as JSON; errors as in `require_place`, or if the system refuses, as DecodeError."""
+        self.require_place(path)
+        write_text(path, self.text())
+
+    @classmethod
+    def require_place(cls, path: str | Path) -> None:
+        """Refuse a place where a file of another kind lies: a card replaces only a card of its own kind.
+
+        Raises
+        ------
+        ParameterError
+            If one lies there.
+        """
+        kind = kind_of(path)
+        if kind is not None and kind != cls.KIND:
+            found, own = kind.removeprefix("plumbob "), cls.KIND.removeprefix("plumbob ")
+            raise ParameterError(
+                f"{path} is a {found}, not a {own}; writing there would destroy it. Name another file."
+            )
 
     def text(self) -> str:
         """Text of the card's file."""
@@ -40,19 +58,25 @@ class Card:
         Raises
         ------
         DecodeError
-            If the file is no card of this kind, or of a newer version.
+            If the file is no card of this kind, of a newer version, larger than a card can be, or cannot be read.
         """
-        try:
-            text = Path(path).read_text(encoding="utf-8")
-        except UnicodeDecodeError as error:
-            raise DecodeError(f"{path} is not a {cls.KIND}: {error}.") from error
-        return cls.from_text(text, str(path))
+        return cls.from_text(text_of(path, cls.KIND), str(path))
 
     @classmethod
     def from_text(cls, text: str, name: str) -> Self:
         """Read a card from its text; errors as in `load`, in which `name` stands for the file."""
         card: Self = built(name, cls, _parse(name, cls.KIND, cls.VERSION, text), cls.PARTS)
         return card
+
+
+def kind_of(path: str | Path) -> str | None:
+    """Kind that the JSON of a file states; None where there is no such file or statement."""
+    try:
+        content = json.loads(text_of(path))
+    except (ValueError, RecursionError):  # no file, no text, no JSON: nothing that a card is
+        return None
+    kind = content.get("kind") if isinstance(content, dict) else None
+    return kind if isinstance(kind, str) else None
 
 
 def built(name: str, cls: type[Any], raw: Any, parts: Mapping[str, type] | None = None) -> Any:

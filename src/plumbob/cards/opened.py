@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from plumbob._files import text_of
 from plumbob.cards.calibration import CalibrationCard
 from plumbob.cards.noise import NoiseCard
 from plumbob.errors import DecodeError
@@ -16,8 +17,9 @@ def open_card(path: str | Path) -> CalibrationCard | NoiseCard:
     DecodeError
         If the file is neither, or of a newer version.
     """
+    text = text_of(path)
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"{path} is no card: {error}.") from error
     kind = content.get("kind") if isinstance(content, dict) else None

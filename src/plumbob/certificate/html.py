@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from plumbob._files import write_text
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.regions import names_of
 from plumbob.cards import CalibrationCard, TriadCalibration
@@ -62,9 +63,7 @@ def write_html(
     MissingExtraError
         If there are figures to draw and matplotlib is not installed.
     """
-    target = Path(path)
-    target.write_text(page(card, fits, title=title, facts=facts), encoding="utf-8")
-    return target
+    return write_text(path, page(card, fits, title=title, facts=facts))
 
 
 def page(

@@ -125,6 +125,7 @@ def _refuse_what_does_not_go_together(args: argparse.Namespace) -> None:
 
 def _check_outputs(args: argparse.Namespace) -> None:
     """Refuse, before a long analysis, what could not be written or would be lost."""
+    from plumbob.cards import NoiseCard
     from plumbob.errors import ParameterError
 
     outputs = {name: path for name in SUFFIXES if (path := getattr(args, name)) is not None}
@@ -137,6 +138,8 @@ def _check_outputs(args: argparse.Namespace) -> None:
             raise ParameterError(f"--{name} {path}: there is no folder {path.parent}; create it first.")
         if path.is_dir():
             raise ParameterError(f"--{name} {path} is a folder; name a file.")
+    if args.card is not None:
+        NoiseCard.require_place(args.card)
     for (name, path), (other, second) in combinations(outputs.items(), 2):
         if common.is_same_file(path, second):
             raise ParameterError(f"--{name} and --{other} are both {second}; give each a file of its own.")
@@ -225,6 +228,7 @@ def _print(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Ana
 def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Analysis]") -> None:
     """Write files after the figures, which need neither matplotlib nor a place to write."""
     from plumbob import __version__, datasheet
+    from plumbob._files import write_text
 
     device = args.device or record.path.stem
     source = f"Allan analysis of {record.path.name}, plumbob {__version__}"
@@ -238,9 +242,7 @@ def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Ana
     if args.card is not None:
         datasheet.noise_card(analyses, device=device, source=source).save(args.card)
     if args.kalibr is not None:
-        args.kalibr.write_text(
-            datasheet.kalibr_yaml(analyses, rostopic=args.topic or ROSTOPIC, source=source), encoding="utf-8"
-        )
+        write_text(args.kalibr, datasheet.kalibr_yaml(analyses, rostopic=args.topic or ROSTOPIC, source=source))
     _tell_written(args, "png", "html", "card", "kalibr")
 
 

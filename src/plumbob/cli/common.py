@@ -186,11 +186,13 @@ def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
 def _toml_pairs(path: Path) -> Iterator[tuple[str, Any]]:
     import tomllib
 
+    from plumbob._files import text_of
     from plumbob.errors import ParameterError
 
+    text = text_of(path)
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        content = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
         raise ParameterError(f"{path} is not TOML: {error}.") from error
     for key, value in content.items():
         if isinstance(value, dict):

@@ -115,10 +115,11 @@ class _Table:
 
     def write(self, path: Path, counts: "Counts") -> None:
         """Write all into a file whose suffix says the kind."""
+        from plumbob._files import replacing, write_text
         from plumbob.data import UNCALIBRATED
 
         if path.suffix == ".csv":
-            with path.open("w", encoding="utf-8") as file:
+            with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
                 file.writelines(self._csv())
             return
         columns: dict[str, list[Any]] = {}
@@ -130,12 +131,13 @@ class _Table:
 
             told = {"message": self.message, "calibration": UNCALIBRATED, "counts": counts.summary()}
             told |= {"columns": columns}
-            path.write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+            write_text(path, json.dumps(told, allow_nan=False))
             return
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        pq.write_table(pa.table(columns).replace_schema_metadata({"calibration": UNCALIBRATED}), path)
+        with replacing(path) as temporary:
+            pq.write_table(pa.table(columns).replace_schema_metadata({"calibration": UNCALIBRATED}), temporary)
 
     def _csv(self) -> Iterator[str]:
         for names, lists in self._blocks():

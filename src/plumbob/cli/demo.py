@@ -170,13 +170,14 @@ def _live(out: Path, port: str, device: str) -> "Line":
 
 def _session(out: Path, port: str, device: str) -> "Session":
     """Write the session file as a user would, for this unit's card, and load it."""
+    from plumbob._files import write_text
     from plumbob.pipeline.session_toml import load_session
 
     for name in ("buoy.mcap", "buoy.txt"):
         (out / name).unlink(missing_ok=True)
     file = out / "session.toml"
     paths = {"card": CARD, "recording": out / "buoy.mcap", "text": out / "buoy.txt"}
-    file.write_text(SESSION.format(port=port, speed=SPEED, device=device, **paths), encoding="utf-8")
+    write_text(file, SESSION.format(port=port, speed=SPEED, device=device, **paths))
     return load_session(file)
 
 

@@ -39,6 +39,7 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
 
 def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     """Samples of a capture, from the bytes that the unit says during a motion, in a file as a logger keeps them."""
+    from plumbob._files import replacing
     from plumbob.errors import DecodeError
     from plumbob.pipeline.line import Line
     from plumbob.pipeline.runner import run_line
@@ -48,7 +49,8 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     from plumbob.rigs import PLANS, load, make_rig
 
     rig = make_rig(replace(PLANS["buoy"], scenario=motion, duration=motion.duration), load("buoy"), seed=seed)
-    path.write_bytes(rig.stream())
+    with replacing(path) as temporary:
+        temporary.write_bytes(rig.stream())
     device = next(iter(rig.units.values())).imu.meta.device
     text = plain_session(
         form="buoy", source={"kind": "file", "path": str(path)}, imu={"device": device, "frame": "NED"}

@@ -144,6 +144,7 @@ def _faults(text: str | None) -> dict[str, float]:
 @contextmanager
 def _port(args: argparse.Namespace, stop: "Stop") -> "Iterator[Port]":
     """Open the port, and say its name before anything else."""
+    from plumbob._files import replacing
     from plumbob.rigs import FilePort, PtyPort, TcpPort, UdpPort
 
     with ExitStack() as stack:
@@ -151,7 +152,8 @@ def _port(args: argparse.Namespace, stop: "Stop") -> "Iterator[Port]":
         if args.write == "-":
             port = FilePort(sys.stdout.buffer, "-")
         elif args.write:
-            port = FilePort(stack.enter_context(Path(args.write).open("wb")), args.write)
+            temporary = stack.enter_context(replacing(Path(args.write)))
+            port = FilePort(stack.enter_context(temporary.open("wb")), args.write)
         elif args.tcp:
             port = TcpPort(*_address(args.tcp))
         elif args.udp:

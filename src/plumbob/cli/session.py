@@ -48,8 +48,8 @@ def session_of(
     PlumbobError
         If not exactly one line is named, the options do not fit it, or the file cannot be read.
     """
+    from plumbob._files import text_of
     from plumbob.errors import ParameterError
-    from plumbob.forms import text_of
     from plumbob.pipeline.session_toml import load_session, parse_session, plain_session
 
     if [file, args.port, capture, args.iio].count(None) != 3:

@@ -48,8 +48,8 @@ def run(args: argparse.Namespace) -> int:
         for part in (characterise, guided):
             part.warm_up()
             advance(1)
-    if not _jit.can_cache():
-        raise PlumbobError(f"{_jit.cache_folder()} cannot be written, so compiled kernels are lost when this ends.")
+    if (why := _jit.why_no_cache()) is not None:
+        raise PlumbobError(f"{why}, so compiled kernels are lost when this ends.")
     many = f"{len(names)} filters, {len(channels)} filters of a rate channel"
     ready = f"{many}, the decoder, the noise analysis and the fits are ready"
     print(f"{ready}; compiled kernels are kept in {_jit.cache_folder()}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob import digits
+from plumbob._files import write_text
 from plumbob.datasheet import figure, numbers
 from plumbob.datasheet.html import FOLDED
 from plumbob.datasheet.reading import rows
@@ -46,11 +47,9 @@ def compared_as_dict(found: Sequence[Compared]) -> dict[str, Any]:
 
 def write_comparison(path: str | Path, found: Sequence[Compared], *, title: str, facts: Mapping[str, str]) -> Path:
     """Write a self-contained page, as `plumbob.datasheet.write_html` does."""
-    target = Path(path)
     body = [_section(i, one) for i, one in enumerate(found)]
     page = document(title, facts, body, footer=_DEFINITIONS, style=_STYLE)
-    target.write_text(page, encoding="utf-8")
-    return target
+    return write_text(path, page)
 
 
 def write_comparison_png(path: str | Path, found: Sequence[Compared]) -> Path:

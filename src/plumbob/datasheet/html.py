@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from pathlib import Path
 
+from plumbob._files import write_text
 from plumbob.datasheet import figure, table
 from plumbob.datasheet.reading import rows
 from plumbob.datasheet.triads import Triad, triads
@@ -74,9 +75,7 @@ def write_html(
     MissingExtraError
         If matplotlib is not installed.
     """
-    target = Path(path)
-    target.write_text(page(analyses, title=title, facts=facts, sections=sections), encoding="utf-8")
-    return target
+    return write_text(path, page(analyses, title=title, facts=facts, sections=sections))
 
 
 def page(analyses: Sequence[Analysis], *, title: str, facts: Mapping[str, str], sections: Iterable[str] = ()) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumbob import flags
+from plumbob._files import write_text
 from plumbob.errors import ShapeError
 from plumbob.evaluate import figures
 from plumbob.evaluate.associate import Fate
@@ -59,9 +60,7 @@ def write_html(
     """
     if not evaluations:
         raise ShapeError("a report needs at least one evaluation, but evaluations is empty.")
-    target = Path(path)
-    target.write_text(page(evaluations, title=title, facts=facts), encoding="utf-8")
-    return target
+    return write_text(path, page(evaluations, title=title, facts=facts))
 
 
 def page(evaluations: Mapping[str, "Evaluation"], *, title: str, facts: Mapping[str, str]) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from plumbob._files import write_text
 from plumbob.evaluate.static_test import ANGLES, StaticTest
 from plumbob.page import SERIES, SOFT, document, figure, html_table, svg
 from plumbob.units import to_deg
@@ -45,7 +46,7 @@ def write_static_test(path: str | Path, test: StaticTest, *, title: str, facts: 
     keys = [("before", _BEFORE, "dashed"), ("after", _AFTER, "solid")]
     drawn = figure("Errors at rest over the heading of the reference", _drawing(test), keys)
     body = ["<section>", _summary(test), _remarks(test), drawn, _table(test), "</section>"]
-    Path(path).write_text(document(title, facts, body, footer=_DEFINITIONS, style=_STYLE), encoding="utf-8")
+    write_text(path, document(title, facts, body, footer=_DEFINITIONS, style=_STYLE))
 
 
 def _drawing(test: StaticTest) -> str:

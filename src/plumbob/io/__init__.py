@@ -7,10 +7,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from plumbob._files import existing_file
 from plumbob._lazy import lazily
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import DecodeError, ParameterError, ShapeError
-from plumbob.io.files import existing_file
 from plumbob.io.findings import findings, found_in, inferred, inferred_in
 from plumbob.io.recording import Recording
 

@@ -10,12 +10,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob._files import existing_file, reading
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError
 from plumbob.io.broad_hdf5 import load_hdf5
 from plumbob.io.broad_mat import load_mat
-from plumbob.io.files import existing_file, reading
 from plumbob.io.recording import Recording
 from plumbob.rotations import Frame, North
 

@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from plumbob._files import existing_file, reading
 from plumbob.check import Floats
 from plumbob.errors import DecodeError, ParameterError
-from plumbob.io.files import existing_file, reading
 from plumbob.io.numbers_binary import RAW, Binary, open_npy, open_raw
 from plumbob.io.numbers_text import Text, open_text
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob._files import existing_file, reading, replacing
 from plumbob.errors import DecodeError, guide, one_line
 from plumbob.io import header
 from plumbob.io.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
-from plumbob.io.files import existing_file, reading, replacing
 from plumbob.io.findings import read_notes
 from plumbob.io.recording import Recording
 

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob import forms
+from plumbob._files import MAX_TEXT, existing_file, reading
 from plumbob.data import TRIADS
 from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt, guide
 from plumbob.forms import Parse
-from plumbob.io.files import existing_file, reading
 from plumbob.io.profile import ColumnRef, GroupSource, Layout, Profile, ReferenceSource, TimeColumn, TimeRate
 from plumbob.rotations import Frame, North, body_axes
 from plumbob.units import Quantity
@@ -36,7 +36,7 @@ def load_profile(path: str | Path) -> Profile:
     FrameError
         If body axes, a navigation frame or a heading reference is missing or unknown.
     """
-    file = existing_file(path)
+    file = existing_file(path, MAX_TEXT)
     with reading(file):
         try:
             text = file.read_bytes().decode("utf-8-sig")

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from plumbob import units
+from plumbob._files import existing_file, reading
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError, excerpt
-from plumbob.io.files import existing_file, reading
 from plumbob.io.findings import read_notes
 from plumbob.io.profile import ColumnRef, GroupSource, Profile, ReferenceSource, TimeColumn, TimeRate
 from plumbob.io.profile_toml import GUIDE, load_profile

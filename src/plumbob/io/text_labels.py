@@ -4,8 +4,8 @@ import csv
 import math
 from pathlib import Path
 
+from plumbob._files import existing_file, reading, text_of
 from plumbob.errors import DecodeError, excerpt
-from plumbob.io.files import existing_file, reading
 from plumbob.io.profile import ColumnRef, Profile
 from plumbob.io.text import profile_of
 from plumbob.io.text_body import Body
@@ -53,10 +53,10 @@ def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
     DecodeError
         If it is no such table, a name comes twice or a span has no length.
     """
-    file = existing_file(path)
+    file, text = Path(path), text_of(path)
     found: dict[str, tuple[float, float]] = {}
     with reading(file):
-        rows = csv.reader(file.read_text(encoding="utf-8-sig").splitlines())
+        rows = csv.reader(text.splitlines())
         if tuple(cell.strip() for cell in next(rows, [])) != SPANS:
             raise DecodeError(f"the first line must be {','.join(SPANS)}.")
         for line, row in enumerate(rows, start=2):

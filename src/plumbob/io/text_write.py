@@ -8,11 +8,11 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob import clock
+from plumbob._files import replacing_all
 from plumbob.cards import UNITS
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError
 from plumbob.io.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
-from plumbob.io.files import replacing
 from plumbob.io.findings import stored_notes
 from plumbob.io.header import plain_meta
 from plumbob.io.recording import Recording
@@ -35,7 +35,7 @@ def write_csv(path: Path, recording: Recording) -> None:
     other, profile = sidecars(path)
     if other.exists():
         raise DecodeError(f"{path} would have two profiles, {other.name} and {profile.name}; choose another name.")
-    with replacing(path) as csv_file, replacing(profile) as profile_file:
+    with replacing_all(path, profile) as (csv_file, profile_file):
         profile_file.write_bytes(_encoded("\n".join(_profile(recording, columns)) + "\n"))
         with csv_file.open("wb") as stream:
             stream.write(_encoded("".join(f"{line}\n" for line in _head(path, recording, columns))))

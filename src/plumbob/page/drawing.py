@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from plumbob._files import replacing
 from plumbob.errors import MissingExtraError
 from plumbob.page.palette import GRID, INK, MUTED, VARIABLES
 
@@ -64,7 +65,8 @@ def svg(draw: Draw, *, height: float, salt: str) -> str:
 
 def png(path: Path, draw: Draw, *, height: float) -> None:
     """Run a drawing function on a new figure and write it as a picture on white."""
-    _save(draw, height, path, format="png", dpi=_DPI, facecolor="white")
+    with replacing(path) as temporary:
+        _save(draw, height, temporary, format="png", dpi=_DPI, facecolor="white")
 
 
 def _save(draw: Draw, height: float, target: Any, *, salt: str | None = None, **options: Any) -> None:

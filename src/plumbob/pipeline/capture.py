@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob._files import existing_file
 from plumbob.clock import CountedTime
 from plumbob.errors import DecodeError
 from plumbob.link import Event, Received
@@ -56,10 +57,10 @@ class CaptureSource:
         Raises
         ------
         DecodeError
-            If it cannot be read, or holds no frame of the message.
+            If it is no regular file, cannot be read, or holds no frame of the message.
         """
         try:
-            data = self._path.read_bytes()
+            data = existing_file(self._path).read_bytes()
         except OSError as error:
             raise DecodeError(f"{self._path} cannot be read: {error.strerror}.") from error
         found, counts = decode(self._form, data)

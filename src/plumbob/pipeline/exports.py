@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from plumbob import io
+from plumbob._files import replacing
 from plumbob.data import AttitudeTrack
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.io import Recording
@@ -84,12 +85,13 @@ def _write_tum(file: Path, recording: Recording) -> None:
     table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[known]
     source = " ".join(track.source.split())
     head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north; by {source}"
-    np.savetxt(file, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head, encoding="utf-8")
+    with replacing(file) as temporary:
+        np.savetxt(temporary, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head, encoding="utf-8")
 
 
 def _write_text(file: Path, recording: Recording) -> None:
     track = _attitude(file, recording)
-    with file.open("x", encoding="utf-8") as stream:
+    with replacing(file) as temporary, temporary.open("x", encoding="utf-8") as stream:
         stream.writelines(text_of(track, head=True))
 
 

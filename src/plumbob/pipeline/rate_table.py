@@ -3,11 +3,13 @@
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 
 from plumbob import flags
+from plumbob._files import text_of
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.gyr.plateaus import match_rates, plateaus
 from plumbob.calib.gyr.table import MOUNTING, fit_table
@@ -76,14 +78,14 @@ def read_plan(path: Path) -> list[Plateau]:
     DecodeError
         If a column is missing or unknown, or a line is no plateau; the line is named.
     """
+    lines = StringIO(text_of(path), newline="")
     try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            table = csv.DictReader(file, skipinitialspace=True, strict=True)
-            columns = [name.strip() for name in table.fieldnames or ()]
-            table.fieldnames = columns
-            _require_columns(path, columns)
-            return [_planned(row, f"{path}, line {table.line_num}") for row in table]
-    except (UnicodeDecodeError, csv.Error) as error:
+        table = csv.DictReader(lines, skipinitialspace=True, strict=True)
+        columns = [name.strip() for name in table.fieldnames or ()]
+        table.fieldnames = columns
+        _require_columns(path, columns)
+        return [_planned(row, f"{path}, line {table.line_num}") for row in table]
+    except csv.Error as error:
         raise DecodeError(f"{path} is no CSV file: {one_line(error)}.") from error
 
 

@@ -23,6 +23,7 @@ from plumbob.pipeline import rows
 from plumbob.pipeline.replay import Replayed, replay, utc_ns
 from plumbob.pipeline.session_toml import SESSION, recorded_session, reference_names
 from plumbob.record import Log, Recorder, open_log
+from plumbob.record.names import existing_parts
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 
 _META: Final = "recording"
@@ -88,11 +89,27 @@ def write_mcap(path: Path, recording: Recording) -> None:
     ------
     ParameterError
         If the file exists.
+    DecodeError
+        If the system refuses; then nothing is left there.
     """
-    imu, track = recording.imu, recording.track
-    offset = 0 if imu is None else imu.meta.t0_ns
+    offset = 0 if recording.imu is None else recording.imu.meta.t0_ns
     recorder = Recorder(path, epoch_offset_ns=offset)
     recorder.metadata[_META] = json.dumps(_about(recording))
+    recorder.start()
+    try:
+        _write_rows(recorder, recording)
+        if recorder.acknowledged < recorder.written:
+            missing = recorder.written - recorder.acknowledged
+            raise DecodeError(f"{path} cannot be written: {missing} of {recorder.written} rows did not reach the disk.")
+    except BaseException:  # Ctrl-C as well; a recorder keeps what it has, but a cut export looks whole
+        recorder.close()
+        for part in existing_parts(path):
+            part.unlink(missing_ok=True)
+        raise
+
+
+def _write_rows(recorder: Recorder, recording: Recording) -> None:
+    imu, track = recording.imu, recording.track
     imu_channel = rows.declare(recorder, rows.IMU) if imu else 0
     track_channel = rows.declare(recorder, rows.ATTITUDE) if track else 0
     streams: list[Iterable[tuple[int, int, bytes]]] = []
@@ -107,9 +124,6 @@ def write_mcap(path: Path, recording: Recording) -> None:
             recorder.write(channel, t_ns, row)
             if number % _PATIENCE == 0:
                 _wait_for(recorder)
-    if recorder.acknowledged < recorder.written:
-        missing = recorder.written - recorder.acknowledged
-        raise DecodeError(f"{path} cannot be written: {missing} of {recorder.written} rows did not reach the disk.")
 
 
 def _wait_for(recorder: Recorder) -> None:

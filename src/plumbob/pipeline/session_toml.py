@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob import forms
+from plumbob._files import text_of
 from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import ImuMeta
 from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError, guide
@@ -48,8 +49,9 @@ def load_session(path: str | Path) -> Session:
         If what it asks for does not exist or does not go together.
     """
     file = Path(path)
+    text = text_of(file)
     try:
-        return parse_session(forms.text_of(file), lambda name: forms.text_of(file.parent / name), name=file.stem)
+        return parse_session(text, lambda name: text_of(file.parent / name), name=file.stem)
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
 

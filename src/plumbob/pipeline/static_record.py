@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 
 from plumbob import io, units
+from plumbob._files import existing_file
 from plumbob.check import Floats
 from plumbob.data import TRIADS
 from plumbob.errors import ParameterError, UnitError
-from plumbob.io.files import existing_file
 from plumbob.io.numbers import SUFFIXES, TEXT_SUFFIXES, Numbers, open_numbers
 from plumbob.io.text import sidecars
 from plumbob.noise.static import StaticCheck, StaticReport, find_step, judge

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob import forms, units
+from plumbob._files import text_of
 from plumbob.errors import DecodeError, PlumbobError, UnitError, excerpt, guide
 from plumbob.forms import Parse
 from plumbob.sensors import checksum
@@ -39,7 +40,7 @@ def load_format(path: str | Path) -> Format:
         If a unit is missing or unknown.
     """
     file = Path(path)
-    text = forms.text_of(file)
+    text = text_of(file)
     try:
         return parse_format(text)
     except PlumbobError as error:
