@@ -215,7 +215,8 @@ def _trusted(folder: Path) -> Path:
     user, above = os.geteuid(), folder.parent.stat()
     if above.st_uid not in (0, user) or (above.st_mode & stat.S_IWOTH and not above.st_mode & stat.S_ISVTX):
         raise _ForeignError(f"{folder.parent} is another user's, or others can write in it")
-    for one in (folder, *(path for path in folder.iterdir() if path.is_dir())):
+    closed = not folder.stat().st_mode & 0o077  # then nobody comes to what is in it, whatever the umask made of that
+    for one in (folder, *(path for path in folder.iterdir() if path.is_dir() and not closed)):
         found = one.stat()
         if found.st_uid != user or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
             raise _ForeignError(f"{one} is another user's, or others can write in it")

@@ -167,7 +167,11 @@ def test_whoever_could_write_in_the_cache_or_replace_it_is_noticed(tmp_path, mon
     monkeypatch.setenv("PLUMBOB_CACHE_DIR", str(tmp_path / "cache"))
     assert _jit.why_no_cache() is None
     folder = _jit.cache_folder()
-    (folder / "filters_1").mkdir(mode=0o755)
+    (folder / "filters_1").mkdir()
+    (folder / "filters_1").chmod(0o775)  # as an umask of 002 leaves it, in a folder that is closed to others
+    assert _jit.why_no_cache() is None
+    (folder / "filters_1").chmod(0o755)
+    folder.chmod(0o755)
     for place in (folder.parent, folder, folder / "filters_1"):
         before = stat.S_IMODE(place.stat().st_mode)
         place.chmod(0o777)
