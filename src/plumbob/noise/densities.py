@@ -90,8 +90,7 @@ def markov_density(bins: MarkovBins, time: float) -> Floats:
     e = time / bins.length
     in_cosines = 1.0 - 2.0 * e * (1.0 - math.exp(-1.0 / e) * bins.sign) / (1.0 + (e * bins.angle) ** 2)
     density = r0 + 2.0 * r1 * (bins.cosine - rho) / (1.0 - 2.0 * rho * bins.cosine + rho**2)
-    found: Floats = bins.step * density * in_cosines
-    return found
+    return np.asarray(bins.step * density * in_cosines)
 
 
 def _averaged(sampled: Callable[[Floats], Floats], spectrum: Spectrum) -> Floats:
