@@ -1,10 +1,27 @@
 """Plain text for a terminal: tables, remarks, names with their values."""
 
+import re
 import textwrap
 from collections.abc import Iterable, Sequence
 
 WIDTH = 80
+_STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 _LABEL, _CELL, _NAME = 26, 17, 12
+
+
+def visible(text: str, keep: str = "") -> str:
+    """Text of a file as it may be shown: what would steer a terminal, or turn the reading, is written as an escape.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    keep : str
+        Control characters that stay, as line breaks where the text has several lines.
+    """
+    if text.isprintable():
+        return text
+    return _STEERING.sub(lambda c: c[0] if c[0] in keep else c[0].encode("unicode_escape").decode("ascii"), text)
 
 
 def aligned(*lines: Sequence[str]) -> list[str]:

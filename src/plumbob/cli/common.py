@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from plumbob.plain import visible
+
 if TYPE_CHECKING:
     from plumbob.io import Recording
     from plumbob.link import Stop
@@ -104,7 +106,7 @@ def is_same_file(one: Path, other: Path) -> bool:
 def note(*lines: str) -> None:
     """Tell the user something on standard error, out of the way of pipes."""
     for line in lines:
-        print(f"note: {line}", file=sys.stderr)
+        print(f"note: {visible(line)}", file=sys.stderr)
 
 
 def zero_of(north: str) -> str:

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from plumbob.cli import common
+from plumbob.plain import visible
 
 if TYPE_CHECKING:
     from plumbob.sensors.format import Format
@@ -74,7 +75,7 @@ def _print_one(form: "Format", args: argparse.Namespace) -> None:
     elif args.markdown:
         print(_markdown(form, 1), end="")
     else:
-        print(f"{form.name}: {form.title}\n")
+        print(f"{form.name}: {visible(form.title)}\n")
         print(as_text(tables(form)), end="")
 
 

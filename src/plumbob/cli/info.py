@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from plumbob.cli import common
+from plumbob.plain import visible
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -121,10 +122,10 @@ def _print(report: dict[str, Any]) -> None:
     print(report["file"])
     told = found_in(report["notes"])  # on standard error already
     for line in dict.fromkeys(note for note in report["notes"] if note not in told):
-        print(f"{'note':12} {line}")
+        print(f"{'note':12} {visible(line)}")
     if sensors := report.get("sensors"):
-        print(f"device       {sensors['device']}, body axes '{sensors['axes']}' of the case")
-        print(f"calibration  {calibration_told(sensors['calibration'])}")
+        print(f"device       {visible(sensors['device'])}, body axes '{sensors['axes']}' of the case")
+        print(f"calibration  {visible(calibration_told(sensors['calibration']))}")
         print(f"frame        {sensors['frame'] or 'not named; filters need --frame'}")
         if sensors["declination_deg"] is not None:
             print(f"declination  {sensors['declination_deg']:+.4g}°, east positive")
@@ -134,7 +135,7 @@ def _print(report: dict[str, Any]) -> None:
         for name, count in sensors["flags"].items():
             print(f"flag         {name}: {count} samples")
     if attitude := report.get("attitude"):
-        print(f"attitude     {attitude['source'] or 'source not named'}")
+        print(f"attitude     {visible(attitude['source']) or 'source not named'}")
         print(f"frame        {attitude['frame']}, heading from {common.zero_of(attitude['north'])}")
         _print_timing(attitude["time"])
         print(f"known        {attitude['known_samples']} samples, scored {attitude['scored_samples'] or 'all'}")

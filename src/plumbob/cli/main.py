@@ -6,13 +6,17 @@ import gc
 import io
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TextIO, cast
 
 from plumbob import __version__
 from plumbob.errors import PlumbobError
+from plumbob.plain import visible
+
+_LAYOUT: Final = "\n\t"
 
 VERBS = (
     "demo",
@@ -75,11 +79,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if argv is None else list(argv)
     args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(words)
     try:
-        code: int = args.run(args)
+        with _visible_output():
+            code: int = args.run(args)
         if sys.stdout:
             sys.stdout.flush()
     except PlumbobError as error:
-        print(f"plumbob {args.verb}: {error}", file=sys.stderr)
+        print(f"plumbob {args.verb}: {visible(str(error), _LAYOUT)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return 130
@@ -87,7 +92,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        print(f"plumbob {args.verb}: {_words(error)}", file=sys.stderr)
+        print(f"plumbob {args.verb}: {visible(_words(error), _LAYOUT)}", file=sys.stderr)
         return 1
     except Exception:
         import traceback
@@ -96,6 +101,32 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"plumbob {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
         return 70
     return code
+
+
+class _Visible:
+    """Standard output on which nothing that a file says can steer the terminal; reports have lines, and no more."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+    def write(self, text: str) -> int:
+        return self._stream.write(visible(text, _LAYOUT))
+
+    def writelines(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            self.write(line)
+
+
+@contextmanager
+def _visible_output() -> Iterator[None]:
+    if not sys.stdout:
+        yield
+        return
+    with redirect_stdout(cast(TextIO, _Visible(sys.stdout))):
+        yield
 
 
 def _words(error: OSError) -> str:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumbob.cli import common
+from plumbob.plain import visible
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -47,13 +48,13 @@ def print_verdict(verdict: "Verdict") -> None:
     names = ", ".join(path.name for path in verdict.paths)
     print(f"{names}: {sum(verdict.rows.values())} rows in {verdict.duration:.3f} s")
     for topic, count in verdict.rows.items():
-        print(f"rows         {topic}: {count}")
+        print(f"rows         {visible(topic)}: {count}")
     if verdict.recording is None:
         print("written by   another program, so nobody knows how many rows there were")
     if verdict.unchecked:
         print(f"unchecked    {verdict.unchecked} chunks or messages have no CRC; damage to them cannot be seen")
     for damage in verdict.damage:
-        print(f"damage       {damage}")
+        print(f"damage       {visible(str(damage))}")
     print(f"ended        {_end(verdict)}")
     _print_missing("dropped", verdict.dropped, "given up while recording, or lost before a repair")
     _print_missing("lost", verdict.lost, "missing")
@@ -68,7 +69,7 @@ def _end(verdict: "Verdict") -> str:
 
 def _print_missing(title: str, rows: "Mapping[str, int]", how: str) -> None:
     for topic, count in rows.items():
-        print(f"{title:12} {topic}: {count} rows {how}")
+        print(f"{title:12} {visible(topic)}: {count} rows {how}")
 
 
 def _in_words(verdict: "Verdict") -> str:

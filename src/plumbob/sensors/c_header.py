@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from typing import Final
 
+from plumbob.plain import visible
 from plumbob.sensors.checksum import (
     CRC,
     FLETCHER16,
@@ -87,7 +88,7 @@ def c_header(form: Format) -> str:
     """
     guard = f"PLUMBOB_{_name(form.name).upper()}_H"
     parts = [
-        f"/* {form.title}",
+        f"/* {_comment(form.title)}",
         " * Made by plumbob from its description; any change belongs there. Counts are what goes over the wire:",
         " * value = count * scale + zero, in the unit given beside each member. */",
         f"#ifndef {guard}",
@@ -186,7 +187,7 @@ def _members(form: Format, message: Message) -> Iterator[str]:
         if begin > at:
             yield f"    uint8_t spare_{at}[{begin - at}];"
         for meaning in meanings:
-            yield f"    /* {meaning} */"
+            yield f"    /* {_comment(meaning)} */"
         yield f"    uint8_t {name}[{size}];"
         at = begin + size
     if at < message.length:
@@ -286,6 +287,11 @@ def _put_check(check: Checksum, begin: int, length: int) -> str:
     at = begin + check.at + (length if check.at < 0 else 0)
     value = f"{_check_name(check.kind)}(at + {begin + check.start}, {stop - check.start})"
     return f"    plumbob_put(at + {at}, {size}, {int(check.order == 'big')}, {8 * size - 1}, 0, {value});"
+
+
+def _comment(text: str) -> str:
+    """Text inside a comment, which it cannot end: it comes from a file that anybody may have written."""
+    return visible(text).replace("*/", "* /").replace("/*", "/ *")
 
 
 def _name(text: str) -> str:

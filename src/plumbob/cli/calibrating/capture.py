@@ -96,11 +96,13 @@ def refused(args: argparse.Namespace, why: "CaptureRefusedError") -> int:
     import sys
 
     from plumbob import certificate
+    from plumbob.plain import visible
 
     if args.json:
         common.print_json(_read(args) | {"out": None, "html": None} | certificate.refusal_as_dict(why))
     else:
-        print(f"plumbob calibrate {args.kind}: {certificate.refusal_text(why)}", file=sys.stderr)
+        told = visible(certificate.refusal_text(why), keep="\n")
+        print(f"plumbob calibrate {args.kind}: {told}", file=sys.stderr)
     return 1
 
 

@@ -1,0 +1,69 @@
+"""What a file says cannot steer the terminal that shows it, nor leave the comment that quotes it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+
+from plumbob import io
+from plumbob.cards import NoiseCard, TriadNoise
+from plumbob.cli.main import main
+from plumbob.data import ImuData, ImuMeta
+from plumbob.plain import visible
+from plumbob.record import Recorder
+from plumbob.rigs import load
+from plumbob.sensors.c_header import c_header
+
+STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
+SHOWN = "unit\\x1b]0;owned\\x07\\x1b[2J\\x9b31m\\u202edoog\\nverdict      whole"
+
+
+def test_every_control_character_is_written_as_an_escape():
+    assert visible(STEER) == SHOWN
+    controls = [chr(i) for i in range(0x20)] + [chr(i) for i in range(0x7F, 0xA0)]  # C0, DEL and C1 of Unicode
+    assert all(visible(c).isascii() and visible(c).isprintable() for c in controls)
+    assert visible("a\tb\nµ °", keep="\n\t") == "a\tb\nµ °"
+
+
+def test_info_shows_the_device_of_a_recording(tmp_path, capsys):
+    t = np.arange(100) * 0.01
+    imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
+    io.write(tmp_path / "a.parquet", io.Recording(imu=imu, name="a", notes=(STEER,)))
+    assert main(["info", str(tmp_path / "a.parquet")]) == 0
+    shown = capsys.readouterr()
+    assert f"device       {SHOWN}, body axes" in shown.out
+    assert "note         unit\\x1b]0;owned" in shown.out
+    assert (shown.out + shown.err).replace("\n", "").isprintable()
+    assert main(["info", str(tmp_path / "a.parquet"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["sensors"]["device"] == STEER
+
+
+def test_verify_shows_the_topics_of_a_recording(tmp_path, capsys):
+    recorder = Recorder(tmp_path / "a.mcap", epoch_offset_ns=0)
+    number = recorder.channel(STEER, "json")
+    with recorder:
+        recorder.write(number, 1, b"{}")
+    assert main(["verify", str(tmp_path / "a.mcap")]) == 0
+    assert f"rows         {SHOWN}: 1" in capsys.readouterr().out
+
+
+def test_a_card_and_an_error_are_shown_so_too(tmp_path, capsys, monkeypatch):
+    """Wherever a verb prints: output and messages go through one door."""
+    monkeypatch.chdir(tmp_path)
+    noise = TriadNoise([1e-4] * 3, [1e-5] * 3, [0.0] * 3)
+    NoiseCard("unit\x1b[2J", "data\x1b[1m sheet", gyr=noise).save("card.json")
+    main(["info", "card.json"])
+    text = (tmp_path / "card.json").read_text().replace("format_version", "\\u001b[2J")
+    (tmp_path / "card.json").write_text(text)
+    main(["run", "x.parquet", "--noise", "card.json", "--filter", "mekf\x1b[2J"])
+    shown = capsys.readouterr()
+    assert "\\x1b[2J" in shown.out
+    assert "\\x1b[2J" in shown.err
+    assert "\x1b" not in shown.out + shown.err
+
+
+def test_a_title_does_not_end_the_comment_of_a_header():
+    form = replace(load("fin"), title="fin */ int owned; /* \n#include <evil.h>")
+    text = c_header(form)
+    assert text.startswith("/* fin * / int owned; / * \\n#include <evil.h>\n")
+    assert text.count("/*") == text.count("*/") == c_header(load("fin")).count("/*")
