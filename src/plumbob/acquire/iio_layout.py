@@ -168,7 +168,7 @@ class IioLayout:
             channels = tuple(IioChannel(**{**entry, "type": parse_type(entry["type"])}) for entry in raw["channels"])
             mounts = {triad: tuple(map(tuple, matrix)) for triad, matrix in raw["mounts"].items()}
             return cls(raw["device"], channels, mounts, raw["clock"])
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
             raise DecodeError(f"This is no layout of IIO scans, or a damaged one: {error!r}.") from error
 
     def decode(self, data: bytes) -> "tuple[NDArray[np.int64] | None, dict[str, Column]]":
