@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike
 
 from plumbob import check
 from plumbob.check import Floats
-from plumbob.errors import ClockError, ShapeError
+from plumbob.errors import ClockError, ParameterError, ShapeError
+
+_HALF = 1 << 63
 
 
 class ImuSample:
@@ -36,9 +38,11 @@ class ImuSample:
     Raises
     ------
     ClockError
-        If the time is no whole number of ns.
+        If the time is no whole number of ns, or beyond 64 bits.
     ShapeError
         If a triad is not three numbers.
+    ParameterError
+        If the flags are no word of 32 bits.
     """
 
     __slots__ = ("flags", "t_ns", "temp_c", "values")
@@ -57,7 +61,7 @@ class ImuSample:
         _fill(values[3:6], "acc", acc)
         _fill(values[6:9], "mag", mag)
         values.flags.writeable = False
-        self.t_ns, self.values, self.temp_c, self.flags = _whole(t_ns), values, temp_c, flags
+        self.t_ns, self.values, self.temp_c, self.flags = _time(t_ns), values, temp_c, _word(flags)
 
     @classmethod
     def packed(cls, t_ns: int, values: ArrayLike, temp_c: float | None = None, flags: int = 0) -> Self:
@@ -73,7 +77,7 @@ class ImuSample:
             raise ShapeError(f"values of a sample must have shape (9,), but their shape is {nine.shape}.")
         nine.flags.writeable = False
         sample = cls.__new__(cls)
-        sample.t_ns, sample.values, sample.temp_c, sample.flags = _whole(t_ns), nine, temp_c, flags
+        sample.t_ns, sample.values, sample.temp_c, sample.flags = _time(t_ns), nine, temp_c, _word(flags)
         return sample
 
     @property
@@ -107,8 +111,21 @@ def _fill(place: Floats, name: str, triad: ArrayLike | None) -> None:
     place[:] = triad
 
 
-def _whole(t_ns: Any) -> int:
+def _time(t_ns: Any) -> int:
     try:
-        return operator.index(t_ns)
+        time = operator.index(t_ns)
     except TypeError:
         raise ClockError(f"t_ns must be a whole number of nanoseconds, but it is {t_ns!r}.") from None
+    if not -_HALF <= time < _HALF:
+        raise ClockError(f"t_ns must lie within ±2^63 ns, ±292 years, but it is {time}.")
+    return time
+
+
+def _word(flags: Any) -> int:
+    try:
+        word = operator.index(flags)
+    except TypeError:
+        raise ParameterError(f"flags must be a whole number, bits of plumbob.flags, but it is {flags!r}.") from None
+    if not 0 <= word < 1 << 32:
+        raise ParameterError(f"flags must be a word of 32 bits, from plumbob.flags, but it is {word}.")
+    return word

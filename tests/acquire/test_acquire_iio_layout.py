@@ -157,3 +157,19 @@ def test_a_layout_goes_into_a_recording_and_comes_back():
 def test_a_damaged_layout_is_told(text):
     with pytest.raises(DecodeError):
         IioLayout.from_json(text)
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        ('"scale": 1.0', '"scale": "x"'), ('"scale": 1.0', f'"scale": {"9" * 400}'), ('"scale": 1.0', '"scale": NaN'),
+        ('"index": 0', '"index": "0"'), ('"clock": ""', '"clock": 5'), ('"device": "x"', '"device": 5'),
+        ('"mounts": {}', '"mounts": {"gyr": [["a"]]}'), ('"mounts": {}', '"mounts": {"gyr": [[1, 0], [0, 1]]}'),
+        ('"mounts": {}', '"mounts": {"gyr": ' + "[" * 200_000),
+    ],
+)  # fmt: skip
+def test_a_layout_with_something_else_in_it_is_told(good, bad):
+    text = IioLayout("x", (IioChannel("temp", 0, S16),)).to_json()
+    assert good in text
+    with pytest.raises(DecodeError, match="layout of IIO scans"):
+        IioLayout.from_json(text.replace(good, bad))

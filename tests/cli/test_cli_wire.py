@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plumbob.cli import emulate
 from plumbob.io import read
 from plumbob.rigs import PLANS, load, make_rig
 from plumbob.sensors import catalog
@@ -156,6 +157,11 @@ def test_mistakes_get_one_line(args, words, tmp_path):
     assert words in err
     assert len(err.splitlines()) == 1
     assert out == "" or out.startswith("/dev/")
+
+
+def test_a_port_without_a_host_is_heard_on_this_machine_alone():
+    assert emulate._address(":4000") == ("127.0.0.1", 4000)
+    assert emulate._address("0.0.0.0:4000") == ("0.0.0.0", 4000)
 
 
 def test_an_option_changes_the_numbers():

@@ -5,7 +5,7 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData, ImuSample, flags
 from plumbob.data import ImuMeta
-from plumbob.errors import ClockError, ShapeError
+from plumbob.errors import ClockError, ParameterError, ShapeError
 from tests.battery.motion import noisy
 
 TRIADS = ("gyr", "acc", "mag")
@@ -17,6 +17,17 @@ def same(a, b):
 
 
 class TestImuSample:
+    @pytest.mark.parametrize("make", [ImuSample, lambda t_ns, **k: ImuSample.packed(t_ns, NINE, **k)])
+    def test_what_is_no_word_and_no_time_of_64_bits_is_refused(self, make):
+        for word in (1.5, "1", None, -1, 2**32, 2**70):
+            with pytest.raises(ParameterError, match="flags must be"):
+                make(0, flags=word)
+        for t_ns in (2**63, -(2**63) - 1, 2**70):
+            with pytest.raises(ClockError, match="t_ns must lie within"):
+                make(t_ns)
+        found = make(np.int64(2**63 - 1), flags=np.uint32(2**32 - 1))
+        assert (found.t_ns, found.flags) == (2**63 - 1, 2**32 - 1)
+
     def test_triads_stand_in_order_and_absent_ones_are_nan(self):
         s = ImuSample(5, gyr=[1.0, 2.0, 3.0], mag=(7, 8, 9))
         assert same(s.values, [1, 2, 3, np.nan, np.nan, np.nan, 7, 8, 9])

@@ -89,6 +89,22 @@ def test_a_damaged_saved_state_is_refused(damage):
         Filter.restore({"kind": "something else"})
 
 
+@pytest.mark.parametrize(("at", "value"), [(0, 1e300), (0, 0.0), (4, 1e300), (-1, -1e300), (1, 0.1)])
+def test_a_saved_state_that_no_filter_can_come_to_is_refused(at, value):
+    """Finite, and yet a quaternion without length or a bias beyond every number: it would go on with nonsense."""
+    saved = Filter("mahony", frame=Frame.ENU).save()
+    assert Filter.restore(saved).save() == saved
+    saved["state"][at] = value
+    with pytest.raises(DecodeError, match="it is damaged"):
+        Filter.restore(saved)
+
+
+@pytest.mark.parametrize("sample", [None, 5, [0.0] * 9])
+def test_what_is_no_sample_is_refused_by_name(sample):
+    with pytest.raises(ShapeError, match=f"update takes an ImuSample, but got {type(sample).__name__}"):
+        Filter("mahony", frame=Frame.ENU).update(sample)
+
+
 def test_what_is_no_recording_is_refused_by_name():
     with pytest.raises(ShapeError, match="process takes an ImuData, but got dict"):
         Filter("mahony", frame=Frame.ENU).process({})

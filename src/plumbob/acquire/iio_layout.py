@@ -5,10 +5,11 @@ Sources: Linux, Documentation/ABI/testing/sysfs-bus-iio (types, units, mount mat
 """
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from plumbob.acquire.iio_type import IioType, parse_type
 from plumbob.errors import DecodeError, ParameterError, ShapeError, UnitError
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     Column = NDArray[np.float64]
 
 TIMESTAMP: Final = "timestamp"
+_CLOCKS: Final = ("", "monotonic", "realtime")
 
 _NAME = re.compile(r"([a-z]+)(.*)")
 _KINDS: Final = {
@@ -98,6 +100,27 @@ def _split(name: str) -> tuple[str, str]:
     return (match[1], match[2]) if match else (name, "")
 
 
+def _channel_words(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a channel of a text says that is not text, each as its type."""
+    if type(entry["index"]) is not int:
+        raise TypeError(f"index {entry['index']!r}")
+    words = {key: _number(entry[key]) for key in ("scale", "offset")}
+    return {"type": parse_type(entry["type"]), **words}
+
+
+def _matrix(rows: Any) -> Any:
+    matrix = tuple(tuple(map(_number, row)) for row in rows)
+    if [len(row) for row in matrix] != [3, 3, 3]:
+        raise ValueError(f"a matrix of {len(matrix)} rows")
+    return matrix
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
+
+
 @dataclass(frozen=True)
 class IioLayout:
     """What the bytes of a device's scans mean.
@@ -165,10 +188,12 @@ class IioLayout:
         """Layout from the text of `to_json`; DecodeError where it is none."""
         try:
             raw = json.loads(text)
-            channels = tuple(IioChannel(**{**entry, "type": parse_type(entry["type"])}) for entry in raw["channels"])
-            mounts = {triad: tuple(map(tuple, matrix)) for triad, matrix in raw["mounts"].items()}
+            channels = tuple(IioChannel(**{**entry, **_channel_words(entry)}) for entry in raw["channels"])
+            mounts = {triad: _matrix(rows) for triad, rows in raw["mounts"].items()}
+            if not isinstance(raw["device"], str) or raw["clock"] not in _CLOCKS:
+                raise ValueError(f"device {raw['device']!r}, clock {raw['clock']!r}")
             return cls(raw["device"], channels, mounts, raw["clock"])
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
             raise DecodeError(f"This is no layout of IIO scans, or a damaged one: {error!r}.") from error
 
     def decode(self, data: bytes) -> "tuple[NDArray[np.int64] | None, dict[str, Column]]":

@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from plumbob.sensors.format import Format
 
 
+LOOPBACK = "127.0.0.1"
+"""Where no host is named: to be heard by other machines is asked for, as 0.0.0.0."""
+
+
 def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
@@ -50,7 +54,9 @@ def _add_content(p: argparse.ArgumentParser) -> None:
 def _add_port(p: argparse.ArgumentParser) -> None:
     where = p.add_mutually_exclusive_group()
     where.add_argument("--link", type=Path, metavar="PATH", help="symbolic link that leads to the pseudo-terminal")
-    where.add_argument("--tcp", metavar="HOST:PORT", help="listen there; port 0 takes a free one")
+    where.add_argument(
+        "--tcp", metavar="HOST:PORT", help="listen there; :PORT is for this machine alone, port 0 a free one"
+    )
     where.add_argument("--udp", metavar="HOST:PORT", help="send there, a frame in a datagram")
     where.add_argument("--write", metavar="FILE", help="only the bytes, into a file, '-' for a pipe; as fast as can be")
     p.add_argument("--speed", metavar="K", help="times real time, or max (default 1; max with --write)")
@@ -172,7 +178,7 @@ def _address(text: str) -> tuple[str, int]:
     host, colon, number = text.rpartition(":")
     if not colon or not number.isdecimal() or int(number) > 65535:
         raise ParameterError(f"an address is HOST:PORT, as 127.0.0.1:4000, but got '{text}'.")
-    return host, int(number)
+    return host or LOOPBACK, int(number)
 
 
 @contextmanager

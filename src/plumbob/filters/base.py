@@ -20,7 +20,7 @@ from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSI
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.admission import judge
-from plumbob.filters.layout import BIAS, HEADED, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.layout import BIAS, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
 from plumbob.filters.timing import tick
 from plumbob.filters.watch import watch
 from plumbob.params import Spec, build, describe, shown
@@ -31,6 +31,8 @@ from plumbob.units import Quantity
 if TYPE_CHECKING:
     from plumbob.cards import NoiseCard
 
+_UNIT = 1e-6  # a step renormalises to rounding
+_LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
 STATE_VERSION = 2
 
 
@@ -327,9 +329,19 @@ class Filter:
         """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
 
         What `ImuData` finds in a recording is found here too, absent and impossible values; what only the source knows,
-        the ends of ranges and lost packets, are the flags of the sample.
+        the ends of ranges and lost packets, are the flags of the sample. One filter serves one thread.
+
+        Raises
+        ------
+        ShapeError
+            If it is no sample.
         """
-        return self._single(self._s, sample.t_ns, sample.flags, sample.values)
+        try:
+            return self._single(self._s, sample.t_ns, sample.flags, sample.values)
+        except AttributeError:
+            if isinstance(sample, ImuSample):
+                raise
+            raise ShapeError(f"update takes an ImuSample, but got {type(sample).__name__}.") from None
 
     def _compile_single(self, *args: Any) -> int:
         self._single = self._loops.single.compiled
@@ -362,7 +374,7 @@ class Filter:
         Raises
         ------
         DecodeError
-            If the mapping is no saved state, or of another version.
+            If the mapping is no saved state, of another version, or one that no filter can come to.
         """
         if not isinstance(saved, Mapping) or saved.get("kind") != "plumbob filter state":
             raise DecodeError("this is no saved filter state; give what Filter.save() returned.")
@@ -375,6 +387,7 @@ class Filter:
         state = check.column("state", saved["state"])
         if state.shape != filter_._x.shape or not np.isfinite(state).all():
             raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")
+        _require_plausible(state)
         filter_._x[:] = state
         return filter_
 
@@ -452,3 +465,13 @@ def _attitude(init: ArrayLike) -> Floats:
     if q.shape != (4,) or not np.isfinite(q).all():
         raise ShapeError(f"init must be one finite quaternion of shape (4,), but its shape is {q.shape}.")
     return quat_normalize(q)
+
+
+def _require_plausible(state: Floats) -> None:
+    """Refuse numbers that are finite and yet no state: from them a filter would go on with nonsense."""
+    largest = float(np.abs(np.delete(state, slice(LAST, LAST + 3))).max())  # what a sensor said may be anything
+    if largest > _LARGEST:
+        raise DecodeError(f"the saved state holds {largest:g}, more than any state; it is damaged.")
+    size = float(np.linalg.norm(state[Q : Q + 4]))
+    if not abs(size - 1.0) < _UNIT:
+        raise DecodeError(f"the saved attitude must be a unit quaternion, but its norm is {size:g}; it is damaged.")

@@ -126,7 +126,10 @@ def _text(value: Any) -> str:
 def _number(value: Any) -> float:
     if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
         raise TypeError("must be a number")
-    return float(value)
+    try:
+        return float(value)
+    except OverflowError:
+        raise TypeError("is beyond every number that a recording needs") from None
 
 
 def _whole(value: Any) -> int:

@@ -112,7 +112,9 @@ def open_npy(file: Path, columns: int | None) -> Binary:
     """
     try:
         array = np.load(file, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError) as error:  # what NumPy raises for foreign, cut and pickled files
+    except OSError:
+        raise
+    except Exception as error:  # NumPy has a dozen types for foreign, cut and pickled files, and for damaged headers
         raise DecodeError(f"it is no .npy file of numbers, or it is cut ({one_line(error)[:120]}).") from error
     if not isinstance(array, np.memmap) or array.dtype.kind not in "fiu" or array.ndim not in {1, 2}:
         raise DecodeError(

@@ -12,19 +12,20 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob import io
-from plumbob.check import Floats
+from plumbob._files import reading
 from plumbob.clock import to_ns
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
 from plumbob.errors import DecodeError
+from plumbob.forms import texts
 from plumbob.io import Recording
 from plumbob.io.findings import read_notes, stored_notes
-from plumbob.io.header import meta_from, plain_meta
+from plumbob.io.header import meta_from, plain_meta, track_meta_from
 from plumbob.pipeline import rows
 from plumbob.pipeline.replay import Replayed, replay, utc_ns
 from plumbob.pipeline.session_toml import SESSION, recorded_session, reference_names
 from plumbob.record import Log, Recorder, open_log
 from plumbob.record.names import existing_parts
-from plumbob.rotations import Frame, North, quat_from_euler_zyx
+from plumbob.rotations import Frame, quat_from_euler_zyx
 
 _META: Final = "recording"
 _PATIENCE: Final = 20_000
@@ -142,42 +143,40 @@ def _about(recording: Recording) -> dict[str, Any]:
 def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
     """Recording of decoded rows only, as `write_mcap` makes one."""
     found: dict[str, list[dict[str, Any]]] = {rows.IMU: [], rows.ATTITUDE: []}
-    for message in log:
-        if message.topic in found:
-            found[message.topic].append(json.loads(message.data))
-    about = json.loads(log.metadata.get(_META, "{}"))
-    if not found[rows.IMU] and not found[rows.ATTITUDE]:
-        raise DecodeError(f"{file} has neither a session nor decoded samples; it was not made by Plumbob.")
-    imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
-    wanted = found[rows.ATTITUDE] and (estimated or imu is None)
-    track = _track(found[rows.ATTITUDE], about["track"]) if wanted else None
-    return Recording(imu=imu, track=track, name=file.stem, notes=read_notes(about.get("notes", ()), imu))
+    with reading(file):
+        for message in log:
+            if message.topic in found:
+                found[message.topic].append(rows.parsed(message.topic, message.data))
+        about = rows.parsed_object(f"the metadata '{_META}'", log.metadata.get(_META, "{}"))
+        if not found[rows.IMU] and not found[rows.ATTITUDE]:
+            raise DecodeError("it has neither a session nor decoded samples; it was not made by Plumbob.")
+        imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
+        wanted = found[rows.ATTITUDE] and (estimated or imu is None)
+        track = _track(found[rows.ATTITUDE], about.get("track")) if wanted else None
+        notes = read_notes(texts("notes", about.get("notes", [])), imu)
+        return Recording(imu=imu, track=track, name=file.stem, notes=notes)
 
 
-def _imu(found: Sequence[Mapping[str, Any]], meta: Mapping[str, Any]) -> ImuData:
-    triads = {name: _table([row[name] for row in found], 3) for name in TRIADS if found[0][name] is not None}
-    temps = [row["temp_c"] for row in found]
+def _imu(found: Sequence[Mapping[str, Any]], meta: Any) -> ImuData:
+    triads = {name: rows.table(name, found, 3) for name in TRIADS if found[0][name] is not None}
+    temps = rows.table("temp_c", found)
     return ImuData(
-        t=np.array([row["t_ns"] for row in found]) / 1e9,
-        temp_c=None if all(t is None for t in temps) else np.array(temps, dtype=np.float64),
-        flags=np.array([row["flags"] for row in found], dtype=np.uint32),
+        t=rows.whole("t_ns", found, np.int64) / 1e9,
+        temp_c=None if np.isnan(temps).all() else temps,
+        flags=rows.whole("flags", found, np.uint32),
         meta=meta_from(meta),
         **triads,
     )
 
 
-def _track(found: Sequence[Mapping[str, Any]], told: Mapping[str, str]) -> AttitudeTrack:
-    biased = found[0]["bias_b"] is not None
+def _track(found: Sequence[Mapping[str, Any]], told: Any) -> AttitudeTrack:
+    frame, north, source = track_meta_from(told)
     return AttitudeTrack(
-        t=np.array([row["t_ns"] for row in found]) / 1e9,
-        q_nb=_table([row["q_nb"] for row in found], 4),
-        frame=Frame.parse(told["frame"]),
-        north=North.parse(told["north"]),
-        bias_b=_table([row["bias_b"] for row in found], 3) if biased else None,
-        flags=np.array([row["flags"] for row in found], dtype=np.uint32),
-        source=told["source"],
+        t=rows.whole("t_ns", found, np.int64) / 1e9,
+        q_nb=rows.table("q_nb", found, 4),
+        frame=frame,
+        north=north,
+        bias_b=rows.table("bias_b", found, 3) if found[0]["bias_b"] is not None else None,
+        flags=rows.whole("flags", found, np.uint32),
+        source=source,
     )
-
-
-def _table(values: Sequence[Sequence[float | None] | None], width: int) -> Floats:
-    return np.array([[np.nan] * width if row is None else row for row in values], dtype=np.float64)

@@ -2,13 +2,17 @@
 
 import json
 import math
-from collections.abc import Iterator
-from typing import Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from types import NoneType
+from typing import Any, Final, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.check import Floats
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
+from plumbob.errors import DecodeError, one_line
 from plumbob.link import Event
 from plumbob.record import Recorder, Schema
 
@@ -56,6 +60,13 @@ EVENT_SCHEMA: Final = _schema(
 )
 
 
+_KEYS: Final = {
+    IMU: {"t_ns", *TRIADS, "temp_c", "flags"},
+    ATTITUDE: {"t_ns", "q_nb", "bias_b", "flags"},
+    EVENTS: {"t_ns", "kind", "text", "count"},
+}
+_ADVICE: Final = "the file is damaged, or was not made by Plumbob."
+Whole = TypeVar("Whole", np.int64, np.uint32)
 _SCHEMAS: Final = {
     EVENTS: ("plumbob.Event", EVENT_SCHEMA),
     RECORDER: ("plumbob.Event", EVENT_SCHEMA),
@@ -77,8 +88,68 @@ def event_row(event: Event) -> bytes:
 
 
 def event_of(row: bytes) -> Event:
-    """Event of a row."""
-    return Event(**json.loads(row))
+    """Event of a row; DecodeError where it is none."""
+    event = Event(**parsed(EVENTS, row))
+    if [type(value) for value in (event.t_ns, event.kind, event.text, event.count)] != [int, str, str, int]:
+        raise DecodeError(f"a row of '{EVENTS}' is no event, with a time, two texts and a count; {_ADVICE}")
+    return event
+
+
+def parsed(topic: str, row: bytes) -> dict[str, Any]:
+    """Row of a topic as its schema says it; what stands under the keys is judged by `table` and `whole`.
+
+    Raises
+    ------
+    DecodeError
+        If it is cut, is no JSON object, or has not the keys of the schema.
+    """
+    where = f"a row of '{topic}'"
+    content = parsed_object(where, row)
+    keys = _KEYS[topic]
+    if not keys <= content.keys():
+        raise DecodeError(f"{where} lacks {', '.join(sorted(keys - content.keys()))}; {_ADVICE}")
+    return {key: content[key] for key in keys}
+
+
+def parsed_object(where: str, text: str | bytes) -> dict[str, Any]:
+    """Object that a text in JSON says; DecodeError where it is none."""
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DecodeError(f"{where} is no JSON ({one_line(error)[:80]}); {_ADVICE}") from error
+    if not isinstance(content, dict):
+        raise DecodeError(f"{where} is no JSON object; {_ADVICE}")
+    return content
+
+
+def table(key: str, found: Sequence[Mapping[str, Any]], width: int | None = None) -> Floats:
+    """Numbers of a column, (N,) or (N, width); null is NaN.
+
+    Raises
+    ------
+    DecodeError
+        If something else stands there.
+    """
+    values = [row[key] for row in found]
+    if width is not None:
+        absent = [None] * width
+        values = [absent if value is None else value for value in values]
+        if set(map(type, values)) != {list} or set(map(len, values)) != {width}:
+            raise DecodeError(f"'{key}' must hold {width} numbers in each row; {_ADVICE}")
+    if not set(map(type, values if width is None else chain.from_iterable(values))) <= {int, float, NoneType}:
+        raise DecodeError(f"'{key}' must hold numbers or null; {_ADVICE}")
+    try:
+        return np.array(values, dtype=np.float64)
+    except OverflowError as error:  # an integer of hundreds of digits
+        raise DecodeError(f"'{key}' holds a number beyond every sensor; {_ADVICE}") from error
+
+
+def whole(key: str, found: Sequence[Mapping[str, Any]], dtype: type[Whole]) -> NDArray[Whole]:
+    """Whole numbers of a column, (N,); DecodeError where one is none, or beyond the type."""
+    values, limits = [row[key] for row in found], np.iinfo(dtype)
+    if set(map(type, values)) != {int} or not limits.min <= min(values) <= max(values) <= limits.max:
+        raise DecodeError(f"'{key}' must hold whole numbers from {limits.min} to {limits.max}; {_ADVICE}")
+    return np.array(values, dtype=dtype)
 
 
 def imu_rows(t_ns: list[int], imu: ImuData) -> Iterator[bytes]:

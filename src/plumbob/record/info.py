@@ -92,7 +92,10 @@ def _text(numbers: Mapping[str, int] | None) -> str:
 
 
 def _numbers(text: str) -> dict[str, int]:
-    found = json.loads(text)
+    try:
+        found = json.loads(text)
+    except RecursionError as error:
+        raise ValueError from error
     if not isinstance(found, dict) or not all(type(value) is int and value >= 0 for value in found.values()):
         raise ValueError
     return found
