@@ -27,6 +27,7 @@ def run(*words):
     return done.stdout
 
 
+@pytest.mark.long(reason="a process that loads every filter")
 def test_it_prints_ratios_for_every_filter():
     result = json.loads(run("--json"))
     for table in ("batch", "stream"):

@@ -14,7 +14,7 @@ from plumbob.rotations import quat_conjugate, quat_rotate
 from tests.calib.capture_samples import slow_without_jit
 from tests.calib.mag_scene import FIELD_N, STRENGTH, attitudes, field, force, heading_rms, rates, tumbling, unit_of
 
-CAPTURES = 24
+CAPTURES = 16
 ONE_VISIT = np.zeros(1, dtype=np.intp)
 
 
