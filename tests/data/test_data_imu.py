@@ -257,6 +257,13 @@ class TestRanges:
         with pytest.raises(UnitError, match=f"{name}_range must be a positive full scale"):
             ImuMeta(**{f"{name}_range": bad})
 
+    @pytest.mark.parametrize(("name", "largest"), [("gyr", 100.0), ("acc", 2e4), ("mag", 1e5)])
+    def test_a_range_up_to_what_parts_measure(self, name, largest):
+        """5730 °/s, 2000 g and 100 mT: the bounds that plumbob.constants gives with their parts."""
+        assert getattr(ImuMeta(**{f"{name}_range": largest}), f"{name}_range") == largest
+        with pytest.raises(UnitError, match="no MEMS part measures beyond"):
+            ImuMeta(**{f"{name}_range": 1.001 * largest})
+
     def test_a_range_in_another_unit(self):
         with pytest.raises(UnitError, match=r"gyr_range = 2000 rad/s, but no MEMS part.*units\.dps"):
             ImuMeta(gyr_range=2000)

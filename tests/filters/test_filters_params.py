@@ -66,6 +66,8 @@ def test_unknown_filter_and_missing_frame():
         Filter("mahony", frame="ENU")
     with pytest.raises(ShapeError, match="init must be one finite quaternion"):
         Filter("mahony", frame=Frame.ENU, init=[[1, 0, 0, 0]])
+    with pytest.raises(ShapeError, match="init must be one finite quaternion"):
+        Filter("mahony", frame=Frame.ENU, init=[1.0, 0.0, float("nan"), 0.0])
 
 
 @pytest.mark.parametrize("name", filter_names())

@@ -51,6 +51,16 @@ class TestHeading:
         data = at_pose(t, **({} if mag is None else {"mag": mag}))
         return heading_errors(Filter("vqf", frame=Frame.ENU, init=start, params=params).process(data), POSE)
 
+    def test_a_vertical_field_says_nothing_of_the_heading(self):
+        """From a start that is given, without waiting: each sample is flagged, and the heading stays where it was."""
+        t = np.arange(400) / 100.0
+        up_b = quat_rotate(quat_conjugate(POSE), np.array([0.0, 0.0, 1.0]))
+        mag = np.tile(-40.0 * up_b, (t.size, 1))
+        data = at_pose(t, mag=mag)
+        track = Filter("vqf", frame=Frame.ENU, init=POSE, params={"mag_reject": 0.0}).process(data)
+        assert (np.asarray(track.flags) & flags.MAG_GATED != 0).all()
+        assert np.abs(heading_errors(track, POSE)).max() < DIGITS
+
     @pytest.mark.parametrize("tau", [2.0, 9.0, 60.0])
     @pytest.mark.parametrize("rate", [20.0, 100.0, 400.0])
     def test_an_error_decays_with_its_time_constant_at_any_rate(self, tau, rate):
