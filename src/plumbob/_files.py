@@ -1,7 +1,7 @@
 """Files: what may be opened, how an error names its file, and how a file appears whole or not at all.
 
-`replacing` is the one door by which a file of this package comes to be. What is no file on a disk (a pipe, a terminal,
-the standard output by any of its names) is written as it comes. Recordings and logs that grow while a line is read are
+Every file of this package is written by `replacing`. What is not a file on a disk (a pipe, a terminal, the standard
+output by any of its names) is written as it comes. Recordings and logs that grow while a line is read are
 made to be cut anywhere, and have their own writers.
 """
 
@@ -58,7 +58,7 @@ def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
     Raises
     ------
     DecodeError
-        If it is no regular file, is larger, cannot be read, or is no UTF-8.
+        If it is not a regular file, is larger, cannot be read, or is not UTF-8.
     """
     file = existing_file(path, MAX_TEXT)
     try:
@@ -94,7 +94,7 @@ def write_text(path: str | os.PathLike[str], text: str) -> Path:
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path in the same folder that takes the final name only once it is complete and on disk.
 
-    What is no regular file is given itself. After an error, Ctrl-C or SIGTERM nothing is left behind.
+    What is not a regular file is given itself. After an error, Ctrl-C or SIGTERM nothing is left behind.
 
     Raises
     ------

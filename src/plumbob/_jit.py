@@ -43,7 +43,7 @@ _KERNEL_SOURCES = (
 )  # fmt: skip
 # Where fastmath is not given, numba compiles a kernel with what its first caller has.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "fastmath": False}
-# Long sums are called, not taken in: their loops would be compiled anew in each caller, which takes seconds.
+# Long sums are not inlined: every caller would compile their loops again, which takes seconds.
 _REASSOCIATED: dict[str, Any] = {"fastmath": {"reassoc", "nsz", "contract"}, "forceinline": False}
 _COMPILING = threading.RLock()  # numba's cache folder is a global of the process
 
