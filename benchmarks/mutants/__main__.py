@@ -10,11 +10,11 @@ tell them from the original) count neither way.
 
 import argparse
 import concurrent.futures
+import hashlib
 import itertools
 import json
 import os
 import queue
-import random
 import shutil
 import subprocess
 import sys
@@ -52,7 +52,11 @@ NOBODY = "nothing runs it"
 
 
 def rooms(package: Path, seed: int, scale: float) -> dict[str, list[Mutant]]:
-    """Faults of each room: kinds in turn, each function once, chosen by the seed."""
+    """Faults of each room: kinds in turn, each function once. An edit elsewhere leaves the choice as it was."""
+
+    def drawn(mutant: Mutant) -> bytes:
+        return hashlib.sha256(f"{seed} {mutant.name}".encode()).digest()
+
     chosen: dict[str, list[Mutant]] = {}
     for room, (count, places) in ROOMS.items():
         files = [file for place in places.split() for file in _files(package / place)]
@@ -60,10 +64,8 @@ def rooms(package: Path, seed: int, scale: float) -> dict[str, list[Mutant]]:
         for file in files:
             for mutant in mutants_of(package, file):
                 by_kind[mutant.kind].append(mutant)
-        draw = random.Random(f"{seed} {room}")
-        for kind in sorted(by_kind):
-            draw.shuffle(by_kind[kind])
-        chosen[room] = list(_in_turn([by_kind[kind] for kind in sorted(by_kind)], max(1, round(count * scale))))
+        heaps = [sorted(by_kind[kind], key=drawn) for kind in sorted(by_kind)]
+        chosen[room] = list(_in_turn(heaps, max(1, round(count * scale))))
     return chosen
 
 
