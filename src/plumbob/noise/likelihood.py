@@ -176,10 +176,9 @@ class _Model:
         """Fisher scoring with damping, from `logs`, with some of them held."""
         stays = np.zeros(logs.size, dtype=bool)
         stays[list(held)] = True
-        now, trial = (point(logs, self.bins.terms.size) for _ in range(2))
-        search(self.bins, stays, now, trial)
-        half, ramp, square = now.sums.tolist()
-        return Fit(now.logs, now.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), now.density)
+        best = search(self.bins, stays, *(point(logs, self.bins.terms.size) for _ in range(2)))
+        half, ramp, square = best.sums.tolist()
+        return Fit(best.logs, best.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), best.density)
 
     def interval(self, best: Fit, k: int) -> Coefficient:
         """Coefficient k with its interval."""

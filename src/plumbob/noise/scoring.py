@@ -120,49 +120,48 @@ def inform(bins: Bins, at: Point) -> None:
 
 
 @njit
-def search(bins: Bins, held: NDArray[np.bool_], now: Point, trial: Point) -> None:
-    """Move `now` to the largest likelihood by Fisher scoring with damping, the `held` (p,) where they are.
+def search(bins: Bins, held: NDArray[np.bool_], start: Point, room: Point) -> Point:
+    """Point of the largest likelihood by Fisher scoring with damping from `start`, the `held` (p,) where they are.
 
-    `trial` is room for another point.
+    Both points are written to, and one of them is returned.
     """
+    now, trial = room, start
     free, step = np.zeros(held.shape[0], np.bool_), np.zeros(held.shape[0])
-    now.sums[0] = math.inf
+    half, moved = math.inf, 0.0
     damping, rounds = 1e-2, 0
     while damping < 1e8 and rounds <= _ROUNDS:
-        trial.logs[:] = now.logs + step
-        before = now.sums[0]
-        if evaluate(bins, trial) <= before:  # at first where it stands
-            _move(trial, now)
+        if evaluate(bins, trial) <= half:  # at first where it stands
+            now, trial = trial, now
             inform(bins, now)
             rounds += 1
             damping = max(damping / 10.0, 1e-9)
-            _present(bins, now, held, free)
-            if before - now.sums[0] < 1e-9 or 0.0 < np.max(np.abs(step)) < _SMALL_STEP or not free.any():
+            gain, half = half - now.sums[0], now.sums[0]
+            if not _present(bins, now, held, free) or gain < 1e-9 or 0.0 < moved < _SMALL_STEP:
                 break
         else:
             damping *= 4.0
-        _solve(now, free, damping, step)
+        moved = _solve(now, free, damping, step)
+        for k in range(step.shape[0]):
+            trial.logs[k] = now.logs[k] + step[k]
+    return now
 
 
 @njit
-def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> None:
-    """Say which of those that are not held the density feels; the logarithm of a term that is not there runs away."""
+def _present(bins: Bins, now: Point, held: NDArray[np.bool_], free: NDArray[np.bool_]) -> bool:
+    """Say which of those that are not held the density feels, and whether any does.
+
+    The logarithm of a term that is not there runs away.
+    """
+    some = False
     for k in range(held.shape[0]):
         free[k] = not held[k] and (k >= bins.rows.shape[0] or 0.5 * np.max(now.relative[k]) > _ABSENT)
+        some = some or free[k]
+    return some
 
 
 @njit
-def _move(source: Point, target: Point) -> None:
-    target.logs[:] = source.logs
-    target.gradient[:] = source.gradient
-    target.density[:] = source.density
-    target.relative[:] = source.relative
-    target.sums[:] = source.sums
-
-
-@njit
-def _solve(now: Point, free: NDArray[np.bool_], damping: float, step: Floats) -> None:
-    """Step of the free parameters, by elimination in the damped information; none is longer than 1."""
+def _solve(now: Point, free: NDArray[np.bool_], damping: float, step: Floats) -> float:
+    """Step of the free parameters, by elimination in the damped information, and its largest part; none is above 1."""
     p = free.shape[0]
     matrix = now.information.copy()
     largest = 0.0
@@ -184,5 +183,8 @@ def _solve(now: Point, free: NDArray[np.bool_], damping: float, step: Floats) ->
                 if free[i]:
                     step[k] -= matrix[i, k] * step[i]
             step[k] = step[k] / matrix[k, k]
+    longest = 0.0
     for k in range(p):
         step[k] = min(max(step[k], -1.0), 1.0)
+        longest = max(longest, abs(step[k]))
+    return longest
