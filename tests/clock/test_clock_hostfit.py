@@ -9,7 +9,7 @@ from plumbob.clock.jitter import BINS, bin_of, middle_of, quantile
 from plumbob.clock.layout import DRIFT, REALS, ROUGH
 from plumbob.errors import ClockError, ShapeError
 
-DEVICE_0, HOST_0 = 777_000_000_000, 5_000_000_000_000
+DEVICE_0, HOST_0 = 777_000_000_000, 1_790_000_000_000_000_000  # since a start; since 1970, beyond float64's 2**53
 LEAST_NS = 250_000
 
 
