@@ -235,6 +235,14 @@ class TestLost:
         assert base.report().wraps_by_host == 1
         assert base.report().suspects > 0
 
+    def test_a_lasting_delay_of_less_than_half_a_turn_is_a_delay(self):
+        """A counter of 1 bit turns in 20 ms: 9 ms more from now on are no turn, 12 ms are nearer to one."""
+        for more_ms, suspects in ((9, False), (12, True)):
+            f = frames(4000, 100.0, 50.0)
+            f = f._replace(t_ns=f.t_ns + (f.index >= 2000) * more_ms * 1_000_000)
+            report = stamp(TimeSpec(frames=Counter(1), rate=100.0), f)[0].report()
+            assert (report.suspects > 0, report.gap_count > 0) == (suspects, suspects)
+
     @pytest.mark.parametrize("name", ["frames", "clock", "short"])
     def test_single_ones_all_over(self, name):
         gone = np.random.default_rng(5).random(6000) < 0.02
