@@ -88,6 +88,16 @@ def test_a_tilt_of_the_mounting_moves_neither_bias_nor_noise():
     np.testing.assert_allclose(tilted.bias, BIAS, rtol=0, atol=4.0 * NOISE / np.sqrt(42))
 
 
+def test_a_slow_table_tells_as_much_of_matrix_and_tilt_as_a_fast_one():
+    """All rates of 1/50, with noise to match, up to 4 °/s: the regression is linear in the rates."""
+    nominal, measured, force = session(SIX, tilt=deg(0.2), seed=3)
+    fast = fit_table(nominal, measured, force=force).calibration
+    slow = fit_table(nominal / 50.0, measured / 50.0, force=force).calibration
+    np.testing.assert_allclose(slow.matrix, fast.matrix, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(slow.matrix_sd, fast.matrix_sd, rtol=1e-6)
+    assert slow.residual_rms == pytest.approx(fast.residual_rms / 50.0, rel=1e-6)
+
+
 def test_a_tilt_that_is_larger_than_assumed_is_told_and_taken_into_the_covariance():
     poor = fit(SIX, tilt=deg(1.0), seed=1)
     assert any("opposite mountings differ" in remark for remark in poor.remarks)
