@@ -44,6 +44,7 @@ def with_nan(samples):
         ("gyr", {"gyr": with_nan(MAG)}, r"gyr must be finite"),
         ("gyr", {"acc": ACC[1:]}, r"acc must have one row per time stamp"),
         ("gyr", {"acc": np.nan * ACC}, r"acc must have a finite sample"),
+        ("gyr", {"acc": ACC * [np.nan, 1.0, 1.0]}, r"acc must have a finite sample"),
     ],
 )
 def test_samples_that_do_not_match_or_are_not_finite_are_refused(way, samples, told):

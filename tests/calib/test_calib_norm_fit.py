@@ -5,6 +5,7 @@ import pytest
 
 from plumbob.calib.ellipsoid.norm_fit import Shape, accumulate, fit_norm, linearised
 from plumbob.calib.ellipsoid.quadric import Ellipsoid, fit_axes, fit_quadric
+from plumbob.calib.ellipsoid.shape_choice import start_of
 from tests.calib.capture_samples import FIELD_N, any_attitudes, in_body, measured, slow_without_jit, soft_iron, tilted
 
 LENGTH = np.array([0.0, 0.0, 500.0])
@@ -32,6 +33,14 @@ def test_along_the_axes_six_parameters_are_enough():
     found = fit_axes(capture(rng, 18, response, bias, 0.0, 0.0))
     np.testing.assert_allclose(found.centre, bias, atol=1e-8)
     np.testing.assert_allclose(found.shape, np.linalg.inv(response) / 500.0, rtol=1e-9, atol=1e-14)
+
+
+def test_where_no_closed_form_gives_one_a_sphere_is_the_start():
+    """Four corners of a cube about a centre, each half a space diagonal away, are too few for six parameters."""
+    corners = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
+    found = start_of(100.0 + 50.0 * corners)
+    np.testing.assert_allclose(found.centre, 100.0, rtol=1e-12)
+    np.testing.assert_allclose(found.shape, np.eye(3) / (50.0 * np.sqrt(3.0)), rtol=1e-12)
 
 
 def test_a_hyperboloid_is_no_ellipsoid():
