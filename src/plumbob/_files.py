@@ -17,8 +17,6 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
-import numpy as np
-
 from plumbob.errors import DecodeError, ParameterError, PlumbobError, one_line
 
 if sys.platform != "win32":
@@ -77,6 +75,8 @@ def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Put the file's name before every error of its content, and make one line of it."""
+    import numpy as np  # what only writes needs no arrays
+
     try:
         # A damaged file may hold any number; the validators judge it, so NumPy need not warn of it as well.
         with np.errstate(over="ignore", invalid="ignore"):

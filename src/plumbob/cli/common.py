@@ -116,6 +116,7 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
             raise ParameterError(f"{path} is an input; writing there would destroy it. Name another file.")
         if any(is_same_file(other, path) for other in wanted[:number]):
             raise ParameterError(f"{path} is named for two outputs; give each a file of its own.")
+    for path in wanted:
         require_place(path, overwrite=args.force)
     args.outputs = {path: _stamp(path) for path in wanted}
 
