@@ -40,7 +40,7 @@ DONE = (0, 3)
 """Exit codes of work that was done; 3 is that of a repair whose recording lacks rows."""
 STOPPED = {
     "SIGKILL": {-signal.SIGKILL},
-    "SIGTERM": {128 + signal.SIGTERM},
+    "SIGTERM": {128 + signal.SIGTERM, -signal.SIGTERM},  # the latter before the verb began; a shell sees one number
     "SIGINT": {128 + signal.SIGINT},
     "full disk": {1},
 }
@@ -213,9 +213,11 @@ class Child:
 
     def __init__(self, folder: Path, words: list[str], limit: int | None = None) -> None:
         self.started = time.monotonic()
+        signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS.values())  # none may reach a fork before it is one
         self.pid = os.fork()
         if self.pid == 0:
             self._run(folder, words, limit)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS.values())
 
     @staticmethod
     def _run(folder: Path, words: list[str], limit: int | None) -> None:
@@ -227,7 +229,10 @@ class Child:
                 os.dup2(null, stream)
             if limit is not None:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS.values())
             code = plumbob(words)
+        except KeyboardInterrupt:  # before the verb began, as in the start of any program
+            code = 128 + signal.SIGINT
         finally:
             os._exit(code)
 

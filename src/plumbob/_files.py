@@ -187,9 +187,10 @@ class _Target:
         """Create the temporary, and remove what a killed process left of such a file."""
         if self._is_stream:
             return
-        for other in self._final.parent.iterdir():
-            if other.name.startswith(self._start) and other.suffix == ".tmp":
-                _remove_abandoned(other)
+        with suppress(OSError):  # a folder that may be written to but not be read
+            for other in self._final.parent.iterdir():
+                if other.name.startswith(self._start) and other.suffix == ".tmp":
+                    _remove_abandoned(other)
         self._lock = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         with suppress(OSError):  # a disk without locks
             _lock(self._lock)
@@ -282,14 +283,14 @@ def _refusal(what: str, error: OSError) -> str:
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Hold back Ctrl-C, and SIGTERM where it is handled, until all names are changed, or none.
+    """Hold back Ctrl-C, and every other signal that this program handles, until all names are changed, or none.
 
     Signals are handled in the main thread; in another one there is nothing to hold back.
     """
     came: list[tuple[int, FrameType | None]] = []
     before: dict[int, Callable[[int, FrameType | None], Any]] = {}
     if threading.current_thread() is threading.main_thread():
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in signal.valid_signals():
             if callable(handler := signal.getsignal(number)):
                 before[number] = handler
                 signal.signal(number, lambda *what: came.append(what))

@@ -1,4 +1,4 @@
-"""Verbs that are killed while they write, in a short form; `make wire` has every verb and twenty trials of each kind."""
+"""Verbs that are killed while they write, in a short form; `make wire` has all verbs and twenty trials of each kind."""
 
 import json
 import subprocess
