@@ -20,7 +20,7 @@ $(VENV)/.bench: $(VENV)/.installed
 	@touch $@
 
 demo: setup
-	$(BIN)/plumbob demo --out demo-out
+	$(BIN)/plumbob demo --out demo-out --force
 
 # Two processes whose linear algebra takes two threads each wait for each other.
 lint test test-long: export OMP_NUM_THREADS := 1
@@ -54,13 +54,15 @@ noise: $(VENV)/.bench
 endurance: setup
 	$(BIN)/python benchmarks/endurance.py
 
-# Damaged streams, mutated bytes, decoding speed; recordings killed, damaged and full; ten minutes of a live line.
+# Damaged streams, mutated bytes, decoding speed; recordings killed, damaged and full; verbs killed while they write; ten
+# minutes of a live line.
 wire: setup
 	$(BIN)/python benchmarks/decoder_faults.py
 	$(BIN)/python benchmarks/decode_speed.py
 	$(BIN)/python benchmarks/recorder_kill.py
 	$(BIN)/python benchmarks/recorder_damage.py
 	$(BIN)/python benchmarks/recorder_cost.py
+	$(BIN)/python benchmarks/interrupted.py
 	$(BIN)/python benchmarks/acquire_latency.py
 	$(BIN)/python benchmarks/live.py --duration 600
 

@@ -9,16 +9,18 @@ import os
 import secrets
 import shutil
 import signal
+import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
-import numpy as np
+from plumbob.errors import DecodeError, ParameterError, PlumbobError, one_line
 
-from plumbob.errors import DecodeError, PlumbobError, one_line
+if sys.platform != "win32":
+    import fcntl
 
 MAX_TEXT: Final = 16 * 1024 * 1024
 """Bytes of a file that a person writes, or that is kept as text in memory: cards, sessions, formats, profiles."""
@@ -73,6 +75,8 @@ def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Put the file's name before every error of its content, and make one line of it."""
+    import numpy as np  # what only writes needs no arrays
+
     try:
         # A damaged file may hold any number; the validators judge it, so NumPy need not warn of it as well.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -83,63 +87,117 @@ def reading(path: Path) -> Iterator[None]:
         raise DecodeError(f"{path} cannot be read: {error.strerror or one_line(error)}.") from error
 
 
-def write_text(path: str | os.PathLike[str], text: str) -> Path:
+def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
     """Write a whole file of UTF-8 text, or nothing; errors as in `replacing`."""
-    with replacing(Path(path)) as temporary:
+    with replacing(Path(path), overwrite=overwrite) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return Path(path)
 
 
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Give a temporary path in the same folder that takes the final name only once it is complete and on disk.
+def require_place(path: Path, *, overwrite: bool = False) -> None:
+    """Refuse a place where no file can be written, or where one lies that is not to be replaced.
 
-    What is not a regular file is given itself. After an error, Ctrl-C or SIGTERM nothing is left behind.
+    What is not a regular file, as a pipe, is always a place: bytes go through it.
 
     Raises
     ------
+    ParameterError
+        If a file lies there and `overwrite` is false.
+    DecodeError
+        If there is no such folder, it is a folder itself, or the file there is write-protected.
+    """
+    if not path.parent.is_dir():
+        raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
+    if path.is_dir():
+        raise DecodeError(f"{path} cannot be written: it is a folder; name a file.")
+    if not path.exists() or _is_stream(path):
+        return
+    if not overwrite:
+        raise _exists(path)
+    if not os.access(path, os.W_OK):  # a rename would not ask
+        raise DecodeError(f"{path} cannot be written: it is write-protected. Nothing was changed there.")
+
+
+def _exists(path: Path) -> ParameterError:
+    return ParameterError(
+        f"{path} exists already and is not replaced. Name another file, or add --force (in Python, overwrite=True)."
+    )
+
+
+@contextmanager
+def replacing(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Give an empty temporary file in the same folder that takes the final name only once it is complete and on disk.
+
+    What is not a regular file is given itself. After an error or Ctrl-C nothing is left behind; a temporary of a
+    process that was killed is removed when a file of that name is written again.
+
+    Raises
+    ------
+    ParameterError
+        If a file lies there and `overwrite` is false, also where it has come into being meanwhile.
     DecodeError
         If the system refuses; then whatever was at `path` before is still there, untouched.
     """
-    with replacing_all(path) as (temporary,):
+    with replacing_all(path, overwrite=overwrite) as (temporary,):
         yield temporary
 
 
 @contextmanager
-def replacing_all(*paths: Path) -> Iterator[tuple[Path, ...]]:
+def replacing_all(*paths: Path, overwrite: bool = False) -> Iterator[tuple[Path, ...]]:
     """As `replacing`, for files that belong together: all are on disk before the first takes its name."""
-    targets = [_Target(path) for path in paths]
-    with _removed_after(target.temporary for target in targets if not target.is_stream):
-        try:
-            yield tuple(target.temporary for target in targets)
-            for target in targets:
-                target.sync()
+    targets = [_Target(path, overwrite) for path in paths]
+    try:
+        for target in targets:
+            target.create()
+        yield tuple(target.temporary for target in targets)
+        for target in targets:
+            target.sync()
+        with _uninterrupted():
+            for path in paths:  # none is renamed where one cannot be
+                require_place(path, overwrite=overwrite)
             for target in targets:
                 target.rename()
-        except (PlumbobError, BrokenPipeError):
-            raise
-        except OSError as error:
-            raise DecodeError(_refusal(" and ".join(map(str, paths)), error)) from error
+    except (PlumbobError, BrokenPipeError):
+        raise
+    except OSError as error:
+        raise DecodeError(_refusal(" and ".join(map(str, paths)), error)) from error
+    finally:
+        with _uninterrupted():
+            for target in targets:
+                target.remove()
 
 
 class _Target:
-    """A file to write: where its bytes go until they are complete, and where it lies then."""
+    """A file to write: where its bytes go until they are complete, and where it lies then.
 
-    def __init__(self, path: Path) -> None:
-        if not path.parent.is_dir():
-            raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
-        if path.is_dir():
-            raise DecodeError(f"{path} cannot be written: it is a folder; name a file.")
-        self.is_stream = _is_stream(path)
-        self._final = path if self.is_stream else Path(os.path.realpath(path))  # a link stays one
-        name = f".{self._final.name[:40]}.{secrets.token_hex(4)}.tmp"  # cut: a name may be as long as names may be
-        self.temporary = path if self.is_stream else self._final.with_name(name)
-        if self._final.exists() and not os.access(self._final, os.W_OK):  # a rename would not ask
-            raise DecodeError(f"{path} cannot be written: it is write-protected. Nothing was changed there.")
+    The temporary is locked as long as its writer lives, so that nobody takes it for one that was left behind.
+    """
+
+    def __init__(self, path: Path, overwrite: bool) -> None:
+        require_place(path, overwrite=overwrite)
+        self._path, self._overwrite = path, overwrite
+        self._is_stream = _is_stream(path)
+        self._final = path if self._is_stream else Path(os.path.realpath(path))  # a link stays one
+        self._start = f".{self._final.name[:40]}.plumbob-"  # cut: a name may be as long as names may be
+        name = f"{self._start}{secrets.token_hex(4)}.tmp"
+        self.temporary = path if self._is_stream else self._final.with_name(name)
+        self._lock = -1
+
+    def create(self) -> None:
+        """Create the temporary, and remove what a killed process left of such a file."""
+        if self._is_stream:
+            return
+        with suppress(OSError):  # a folder that may be written to but not be read
+            for other in self._final.parent.iterdir():
+                if other.name.startswith(self._start) and other.suffix == ".tmp":
+                    _remove_abandoned(other)
+        self._lock = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        with suppress(OSError):  # a disk without locks
+            _lock(self._lock)
 
     def sync(self) -> None:
         """Wait until the disk has it, with the rights of what it replaces."""
-        if self.is_stream:
+        if self._is_stream:
             return
         if self._final.exists():
             shutil.copymode(self._final, self.temporary)
@@ -148,8 +206,60 @@ class _Target:
 
     def rename(self) -> None:
         """Give it its name."""
-        if not self.is_stream:
+        if self._is_stream:
+            return
+        if self._overwrite:
             self.temporary.replace(self._final)
+        else:
+            self._rename_to_new()
+        with suppress(OSError):  # the file is whole and has its name; some disks refuse to sync folders
+            sync_folder(self._final.parent)
+
+    def _rename_to_new(self) -> None:
+        """Give it its name unless a file has taken that meanwhile: a link is refused then, where a rename is not."""
+        try:
+            os.link(self.temporary, self._final)
+        except FileExistsError:
+            raise _exists(self._path) from None
+        except OSError:  # a disk without links
+            if self._final.exists():
+                raise _exists(self._path) from None
+            self.temporary.rename(self._final)
+
+    def remove(self) -> None:
+        """Remove the temporary, if it has not taken its name."""
+        if self._lock >= 0:
+            self.temporary.unlink(missing_ok=True)
+            os.close(self._lock)
+            self._lock = -1
+
+
+def _remove_abandoned(temporary: Path) -> None:
+    """Remove a temporary file whose writer does not live any more: then nobody has it locked."""
+    with suppress(OSError):  # locked, gone, or another user's
+        descriptor = os.open(temporary, os.O_RDWR)
+        try:
+            _lock(descriptor)
+            temporary.unlink()
+        finally:
+            os.close(descriptor)
+
+
+def _lock(descriptor: int) -> None:
+    """Lock a file for as long as it is open, or raise OSError where somebody else has; Windows does so by itself."""
+    if sys.platform != "win32":
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the disk knows the names in a folder; where folders cannot be synced, do nothing."""
+    if sys.platform == "win32":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _is_stream(path: Path) -> bool:
@@ -172,36 +282,22 @@ def _refusal(what: str, error: OSError) -> str:
 
 
 @contextmanager
-def _removed_after(paths: Iterable[Path]) -> Iterator[None]:
-    """Remove temporary files at the end, and where SIGTERM would end the process without a word."""
-    files = list(paths)
+def _uninterrupted() -> Iterator[None]:
+    """Hold back Ctrl-C, and every other signal that this program handles, until all names are changed, or none.
 
-    def end(number: int, _frame: FrameType | None) -> None:
-        _remove(files)
-        signal.signal(number, signal.SIG_DFL)
-        os.kill(os.getpid(), number)
-
-    with _on_sigterm(end):
-        try:
-            yield
-        finally:
-            _remove(files)
-
-
-def _remove(files: Iterable[Path]) -> None:
-    for file in files:
-        file.unlink(missing_ok=True)
-
-
-@contextmanager
-def _on_sigterm(end: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Call `end` where the signal had its default meaning; signals belong to the main thread."""
-    ours = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-    if not ours:
-        yield
-        return
-    signal.signal(signal.SIGTERM, end)
+    Signals are handled in the main thread; in another one there is nothing to hold back.
+    """
+    came: list[tuple[int, FrameType | None]] = []
+    before: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in signal.valid_signals():
+            if callable(handler := signal.getsignal(number)):
+                before[number] = handler
+                signal.signal(number, lambda *what: came.append(what))
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for which, handler in before.items():
+            signal.signal(which, handler)
+        for which, frame in came:
+            before[which](which, frame)

@@ -442,9 +442,11 @@ def test_heading_is_clockwise_from_north_in_every_frame(tmp_path):
             "--duration",
             "1s",
             "--out",
-            tmp_path / "s.parquet",
+            tmp_path / f"{frame}.parquet",
         )
-        last = json.loads(ok("run", tmp_path / "s.parquet", "--filter", "mahony", "--json").stdout)["last_attitude_deg"]
+        last = json.loads(ok("run", tmp_path / f"{frame}.parquet", "--filter", "mahony", "--json").stdout)[
+            "last_attitude_deg"
+        ]
         assert last["heading"] == pytest.approx(60.0, abs=1e-6)
         assert last["yaw"] == pytest.approx(yaw, abs=1e-6)
 

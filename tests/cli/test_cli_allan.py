@@ -148,7 +148,7 @@ def test_cards_pages_and_imu_yaml(files):
         ("--html x.png", "--html needs a name that ends in .html or .htm"),
         ("--card none/x.json", "there is no folder none"),
         ("--kalibr .", "is a folder"),
-        ("--card x.json --kalibr ./x.json", "--card and --kalibr are both x.json"),
+        ("--card x.json --kalibr ./x.json", "x.json is named for two outputs"),
     ],
 )
 def test_what_would_be_ignored_or_lost_is_refused(files, words, told):

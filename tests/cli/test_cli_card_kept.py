@@ -34,11 +34,20 @@ def calibrate(*words):
     return main(["calibrate", "gyro", "rest.parquet", "--out", "card.json", *words])
 
 
+def test_a_card_is_replaced_only_where_that_is_asked_for(folder, capsys):
+    before = saved(folder / "card.json", "gyr")
+    assert calibrate() == 1
+    assert "card.json exists already and is not replaced" in capsys.readouterr().err
+    assert (folder / "card.json").read_bytes() == before
+    assert calibrate("--force") == 0
+    assert CalibrationCard.load(folder / "card.json").gyr.method.startswith("gyr at rest")
+
+
 @pytest.mark.parametrize("words", [(), ("--calibration", "acc.json")])
 def test_a_fuller_card_is_not_replaced(folder, capsys, words):
     before = saved(folder / "card.json", "gyr", "acc", "mag")
     saved(folder / "acc.json", "acc")
-    assert calibrate(*words) == 1
+    assert calibrate(*words, "--force") == 1
     lost = "mag" if words else "acc and mag"
     says = f"card.json has {lost}, which this would lose; complete it with --calibration card.json, or name another"
     assert says in " ".join(capsys.readouterr().err.split())
@@ -47,30 +56,32 @@ def test_a_fuller_card_is_not_replaced(folder, capsys, words):
 
 def test_nor_is_the_card_of_another_unit(folder, capsys):
     before = saved(folder / "card.json", "gyr", device="SN8")
-    assert calibrate() == 1
+    assert calibrate("--force") == 1
     assert "card.json is the card of 'SN8', not of 'SN7'; name another file" in capsys.readouterr().err
     assert (folder / "card.json").read_bytes() == before
 
 
-def test_completed_or_replaced_as_a_whole_it_is_written(folder):
+def test_a_card_is_completed_in_place_and_a_part_of_it_replaced_only_where_that_is_asked_for(folder, capsys):
     saved(folder / "card.json", "acc", "mag")
     assert calibrate("--calibration", "card.json") == 0
     assert list(CalibrationCard.load(folder / "card.json").parts) == ["gyr", "acc", "mag"]
-    saved(folder / "card.json", "gyr")
-    assert calibrate() == 0
-    assert CalibrationCard.load(folder / "card.json").gyr.method.startswith("gyr at rest")
+    assert calibrate("--calibration", "card.json") == 1
+    assert "card.json has gyr already. Name another file, or replace it with --force" in capsys.readouterr().err
+    assert calibrate("--calibration", "card.json", "--force") == 0
 
 
 @pytest.mark.parametrize("content", ["", "{}", "notes"])
-def test_a_file_that_is_no_card_is_written_over(folder, content):
+def test_a_file_that_is_no_card_is_replaced_as_any_other(folder, content):
     (folder / "card.json").write_text(content)
-    assert calibrate() == 0
+    assert calibrate() == 1
+    assert (folder / "card.json").read_text() == content
+    assert calibrate("--force") == 0
     assert CalibrationCard.load(folder / "card.json").device == "SN7"
 
 
 def test_live_it_is_refused_before_the_line_is_opened(folder, capsys):
     before = saved(folder / "card.json", "acc")
-    words = "calibrate gyro --live --port /dev/none --format buoy --device SN7 --out card.json"
+    words = "calibrate gyro --live --port /dev/none --format buoy --device SN7 --out card.json --force"
     assert main(words.split()) == 1
     assert "card.json has acc, which this would lose" in capsys.readouterr().err
     assert (folder / "card.json").read_bytes() == before

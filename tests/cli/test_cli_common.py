@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from plumbob import Filter, Frame
+from plumbob._files import write_text
 from plumbob.cli import common
 from plumbob.errors import FrameError, ParameterError, PlumbobError
 
@@ -119,13 +120,31 @@ def test_an_input_is_kept_by_whatever_name_it_is_reached(tmp_path, monkeypatch):
         Path(name).write_text(name, encoding="utf-8")
     Path("soft.csv").symlink_to("in.csv")
     Path("hard.csv").hardlink_to("in.csv")
+    ours = argparse.Namespace(force=True)  # which is of no use here
     for out in ("in.csv", "./in.csv", "soft.csv", "hard.csv", str(tmp_path / "in.csv")):
         with pytest.raises(ParameterError, match="is an input"):
-            common.keep_inputs(None, Path("other.csv"), Path("in.csv"), out=Path(out))
+            common.check_outputs(ours, Path(out), inputs=(None, Path("other.csv"), Path("in.csv")))
     for out in (None, Path("new.csv"), Path("other.csv")):
-        common.keep_inputs(Path("in.csv"), None, out=out)
+        common.check_outputs(ours, out, inputs=(Path("in.csv"), None))
     with pytest.raises(ParameterError, match="is an input"):  # neither is there yet
-        common.keep_inputs(Path("made/../new.csv"), out=Path("new.csv"))
+        common.check_outputs(ours, Path("new.csv"), inputs=(Path("made/../new.csv"),))
+    Path("in.profile.toml").touch()
+    with pytest.raises(ParameterError, match=r"in\.profile\.toml is an input"):  # it says what in.csv means
+        common.check_outputs(ours, Path("in.profile.toml"), inputs=(Path("in.csv"),))
+    with pytest.raises(ParameterError, match="named for two outputs"):
+        common.check_outputs(ours, Path("new.csv"), Path("./new.csv"))
+
+
+def test_what_is_not_written_is_known_at_the_end(tmp_path):
+    """By the file itself: one that is replaced, and one that is there as it was."""
+    kept, replaced, absent, made = (tmp_path / name for name in ("kept", "replaced", "absent", "made"))
+    for path in (kept, replaced):
+        path.write_text("before")
+    args = argparse.Namespace(force=True)
+    common.check_outputs(args, kept, replaced, absent, made)
+    for path in (replaced, made):
+        write_text(path, "after", overwrite=True)
+    assert common.unwritten(args) == [kept, absent]
 
 
 def test_notes_are_on_standard_error_each_on_its_line(capsys):

@@ -56,7 +56,19 @@ def folder(tmp_path_factory):
 
 
 def live(kind, *words):
-    return ("calibrate", kind, "--live", "--format", "buoy", "--device", "buoy 7", "--out", f"{kind}.json", *words)
+    return (
+        "calibrate",
+        kind,
+        "--live",
+        "--format",
+        "buoy",
+        "--device",
+        "buoy 7",
+        "--out",
+        f"{kind}.json",
+        "--force",
+        *words,
+    )
 
 
 @pytest.mark.parametrize(("kind", "capture"), [("mag", "tumble"), ("accel", "faces"), ("gyro", "rest")])

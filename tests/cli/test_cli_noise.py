@@ -28,7 +28,7 @@ def test_run_takes_the_card_and_tells_what_the_filter_claims(unit, tmp_path):
     assert report["noise_card"].startswith("mpu6000+hmc5983 #0 (simulated")
     assert set(report["claimed_sd_deg"]) == {"inclination", "heading"}
     assert all(0.0 < sd < 30.0 for sd in report["claimed_sd_deg"].values())
-    text = ok(*words).stdout
+    text = ok(*words, "--force").stdout
     assert "noise card   mpu6000+hmc5983 #0" in text
     sd = report["claimed_sd_deg"]
     assert f"inclination {sd['inclination']:.3f}°, heading {sd['heading']:.3f}° (standard dev" in text

@@ -90,7 +90,7 @@ def test_what_cannot_be_read_is_one_line_and_exit_1(whole, tmp_path):
     for words, told in (
         (("verify", tmp_path / "text.mcap"), "is not an MCAP file"),
         (("verify", tmp_path / "none.mcap"), "no such file"),
-        (("repair", whole, "--out", whole), "exists already"),
+        (("repair", whole, "--out", whole), "is an input"),
         (("repair", tmp_path / "none.mcap", "--out", tmp_path / "b.mcap"), "no such file"),
     ):
         done = plumbob(*words)

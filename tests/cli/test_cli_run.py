@@ -26,7 +26,7 @@ def run(capsys, tmp_path):
     """Run a filter on a recording; what it printed, and its notes."""
 
     def call(recording, *words, code=0):
-        file = io.write(tmp_path / "a.parquet", recording)
+        file = io.write(tmp_path / "a.parquet", recording, overwrite=True)
         capsys.readouterr()
         assert main(["run", str(file), *map(str, words)]) == code
         said = capsys.readouterr()

@@ -1,5 +1,6 @@
 """Files that are written appear whole or not at all, whatever ends the writing; pipes are written through."""
 
+import errno
 import os
 import re
 import resource
@@ -27,6 +28,8 @@ from plumbob.pipeline.capture import CaptureSource
 from plumbob.pipeline.exports import export
 from plumbob.pipeline.rate_table import read_plan
 from plumbob.pipeline.session_toml import load_session
+from plumbob.record import whole
+from plumbob.record.chunk import pack
 from plumbob.rigs import find_format
 from plumbob.rotations import IDENTITY, Frame, North
 
@@ -68,15 +71,26 @@ def track():
     return AttitudeTrack(t=np.arange(200) * 0.01, q_nb=np.tile(IDENTITY, (200, 1)), frame=Frame.NED, north=North.TRUE)
 
 
+def written(path, **how):
+    """Write what the file's name asks for."""
+    return WRITERS[path.name](path, **how)
+
+
+def both():
+    return io.Recording(imu=imu(), track=track(), name="a")
+
+
 WRITERS = {
-    "card.json": lambda path: card().save(path),
-    "noise.json": lambda path: noise_card().save(path),
-    "a.parquet": lambda path: io.write(path, imu()),
-    "a.csv": lambda path: io.write(path, imu()),
-    "page.html": lambda path: certificate.write_html(path, card(), {}, title="unit 7", facts={}),
-    "a.png": lambda path: png(path, lambda figure: None, height=1.0),
+    "card.json": lambda path, **how: card().save(path, **how),
+    "noise.json": lambda path, **how: noise_card().save(path, **how),
+    "a.parquet": lambda path, **how: io.write(path, imu(), **how),
+    "a.csv": lambda path, **how: io.write(path, imu(), **how),
+    "page.html": lambda path, **how: certificate.write_html(path, card(), {}, title="unit 7", facts={}, **how),
+    "a.png": lambda path, **how: png(path, lambda figure: None, height=1.0, **how),
+    "a.tum": lambda path, **how: export(path, both(), **how),
+    "a.txt": lambda path, **how: export(path, both(), **how),
+    "a.mcap": lambda path, **how: export(path, both(), **how),
 }
-EXPORTS = ("a.tum", "a.txt", "a.mcap")
 
 
 @pytest.mark.parametrize("name", WRITERS)
@@ -84,19 +98,50 @@ def test_a_full_disk_leaves_what_was_there(tmp_path, name):
     path = tmp_path / name
     path.write_bytes(BEFORE)
     with full_disk(), pytest.raises(DecodeError, match=rf"{name}.* cannot be written: .*Nothing was changed"):
-        WRITERS[name](path)
+        written(path, overwrite=True)
     assert path.read_bytes() == BEFORE
     assert left(tmp_path) == [name]
-    WRITERS[name](path)
+    written(path, overwrite=True)
     assert path.stat().st_size > ROOM
 
 
-@pytest.mark.parametrize("name", EXPORTS)
-def test_a_full_disk_leaves_no_part_of_an_export(tmp_path, name):
-    recording = io.Recording(imu=imu(), track=track(), name="a")
-    with full_disk(), pytest.raises(DecodeError, match=rf"{name} cannot be written"):
-        export(tmp_path / name, recording)
-    assert left(tmp_path) == []
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_file_is_replaced_only_where_that_is_asked_for(tmp_path, name):
+    """One rule, and one sentence from every writer."""
+    path = tmp_path / name
+    path.write_bytes(BEFORE)
+    with pytest.raises(ParameterError, match=rf"{name} exists already and is not replaced\. Name another .*--force"):
+        written(path)
+    assert (path.read_bytes(), left(tmp_path)) == (BEFORE, [name])
+
+
+def test_nor_is_one_that_came_into_being_meanwhile(tmp_path):
+    path = tmp_path / "a.txt"
+    with pytest.raises(ParameterError, match="exists already"), replacing(path) as temporary:
+        temporary.write_bytes(b"ours")
+        path.write_bytes(BEFORE)
+    assert (path.read_bytes(), left(tmp_path)) == (BEFORE, ["a.txt"])
+
+
+def test_nor_by_a_rename_where_the_disk_has_no_links(tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "link", lambda *_: (_ for _ in ()).throw(OSError(errno.EPERM, "no links here")))
+    assert write_text(tmp_path / "a.txt", "ours").read_text() == "ours"
+    assert left(tmp_path) == ["a.txt"]
+
+
+def test_what_a_killed_process_left_is_removed_and_what_a_living_one_writes_is_not(tmp_path):
+    path = tmp_path / "a.txt"
+    with subprocess.Popen([sys.executable, "-c", WAITS, path, tmp_path / "b.txt"], stdout=subprocess.PIPE) as child:
+        assert child.stdout.readline() == b"writing\n"
+        (temporary,) = (one for one in left(tmp_path) if one.startswith(".a.txt"))
+        assert re.fullmatch(r"\.a\.txt\.plumbob-[0-9a-f]{8}\.tmp", temporary)  # whose it is, and of which file
+        write_text(path, "ours")
+        assert temporary in left(tmp_path)
+        child.kill()
+    write_text(path, "ours again", overwrite=True)
+    assert path.read_text() == "ours again"
+    assert temporary not in left(tmp_path)
+    assert [one for one in left(tmp_path) if one.startswith(".b.txt")]  # until a b.txt is written
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +172,7 @@ def test_a_full_disk_leaves_no_cut_stream(tmp_path, capsys):
 def test_ctrl_c_leaves_what_was_there(tmp_path):
     path = tmp_path / "a.txt"
     path.write_bytes(BEFORE)
-    with pytest.raises(KeyboardInterrupt), replacing(path) as temporary:
+    with pytest.raises(KeyboardInterrupt), replacing(path, overwrite=True) as temporary:
         temporary.write_bytes(b"half of")
         raise KeyboardInterrupt
     assert (path.read_bytes(), left(tmp_path)) == (BEFORE, ["a.txt"])
@@ -144,14 +189,33 @@ with replacing_all(Path(sys.argv[1]), Path(sys.argv[2])) as (one, other):
 """
 
 
-def test_sigterm_ends_the_process_and_leaves_what_was_there(tmp_path):
-    paths = [tmp_path / "a.txt", tmp_path / "b.txt"]
-    paths[0].write_bytes(BEFORE)
-    with subprocess.Popen([sys.executable, "-c", WAITS, *map(str, paths)], stdout=subprocess.PIPE) as child:
-        assert child.stdout.readline() == b"writing\n"
-        child.terminate()
-        assert child.wait(30) == -signal.SIGTERM
-    assert (paths[0].read_bytes(), left(tmp_path)) == (BEFORE, ["a.txt"])
+@pytest.mark.parametrize(
+    ("number", "name"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")]
+)
+def test_a_signal_in_the_middle_leaves_what_was_there_and_a_sentence(tmp_path, monkeypatch, capsys, number, name):
+    """After the first chunk of an export; the exit code is what a shell says of a process that a signal ended."""
+    io.write(tmp_path / "a.parquet", imu())
+    out = tmp_path / "a.mcap"
+    out.write_bytes(BEFORE)
+    monkeypatch.setattr(whole, "pack", lambda *what: (pack(*what), os.kill(os.getpid(), number))[0])
+    assert main(["export", str(tmp_path / "a.parquet"), "--out", str(out), "--force"]) == 128 + number
+    assert capsys.readouterr().err == f"plumbob export: ended by {name}; not written: {out}.\n"
+    assert (out.read_bytes(), left(tmp_path)) == (BEFORE, ["a.mcap", "a.parquet"])
+    assert signal.getsignal(number) == (signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
+
+
+def test_a_signal_between_two_names_waits_for_the_second(tmp_path, monkeypatch):
+    """A table and its profile: Ctrl-C once the first has its name."""
+    rename = os.link
+
+    def interrupted(*names):
+        rename(*names)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(os, "link", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        io.write(tmp_path / "a.csv", imu())
+    assert left(tmp_path) == ["a.csv", "a.profile.toml"]
 
 
 def test_files_that_belong_together_change_together(tmp_path):
@@ -159,7 +223,7 @@ def test_files_that_belong_together_change_together(tmp_path):
     io.write(tmp_path / "a.csv", imu())
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     with full_disk(), pytest.raises(DecodeError):
-        io.write(tmp_path / "a.csv", track())
+        io.write(tmp_path / "a.csv", track(), overwrite=True)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
@@ -169,7 +233,7 @@ def test_a_link_a_mode_and_a_long_name_are_kept(tmp_path):
     own.chmod(0o600)
     link = tmp_path / "link"
     link.symlink_to(own.name)
-    write_text(link, "two")
+    write_text(link, "two", overwrite=True)
     assert link.is_symlink()
     assert own.read_text() == "two"
     assert stat.S_IMODE(own.stat().st_mode) == 0o600
@@ -195,13 +259,13 @@ def test_a_card_replaces_only_a_card_of_its_kind(tmp_path):
     card().save(path)
     before = path.read_bytes()
     with pytest.raises(ParameterError, match=r"unit\.json is a calibration card, not a noise card"):
-        noise_card().save(path)
+        noise_card().save(path, overwrite=True)
     assert path.read_bytes() == before
-    card().save(path)
+    card().save(path, overwrite=True)
     path.write_text("{")  # torn: nothing to keep
-    noise_card().save(path)
+    noise_card().save(path, overwrite=True)
     with pytest.raises(ParameterError, match="is a noise card, not a calibration card"):
-        card().save(path)
+        card().save(path, overwrite=True)
 
 
 def test_allan_says_so_before_the_analysis(tmp_path, capsys):

@@ -97,7 +97,7 @@ def test_a_part_that_cannot_be_read_back_is_not_written(tmp_path, suffix):
 @every_format
 def test_overwriting_replaces_the_whole_file(tmp_path, suffix):
     write(tmp_path / f"a{suffix}", CASES["both"])
-    back = read(write(tmp_path / f"a{suffix}", CASES["track"]))
+    back = read(write(tmp_path / f"a{suffix}", CASES["track"], overwrite=True))
     assert_same(CASES["track"], back, **FORMATS_WRITTEN[suffix])
 
 
@@ -112,7 +112,7 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, suffix, limi
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, hard))
         with pytest.raises(DecodeError, match=r"a\..*cannot be written.*Nothing was changed"):
-            write(path, make_imu(rows=500))
+            write(path, make_imu(rows=500), overwrite=True)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         signal.signal(signal.SIGXFSZ, old)

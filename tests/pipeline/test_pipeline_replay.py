@@ -125,7 +125,7 @@ def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_
         only(samples, "attitude")
     for name in ("b.tum", "b.csv", "b.parquet"):
         (tmp_path / name).write_text("precious")
-        with pytest.raises(ParameterError, match="does not overwrite"):
+        with pytest.raises(ParameterError, match="exists already and is not replaced"):
             export(tmp_path / name, read_recorded(recording[0], estimated=True))
     with pytest.raises(ParameterError, match=r"an export writes .*, not '\.json'"):
         export(tmp_path / "b.json", read_recorded(recording[0], estimated=True))

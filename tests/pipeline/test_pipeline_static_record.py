@@ -35,7 +35,7 @@ def make(rows=ROWS, **changes):
 @pytest.fixture
 def recording(tmp_path):
     def written(**content):
-        return io.write(tmp_path / "a.parquet", ImuData(**content))
+        return io.write(tmp_path / "a.parquet", ImuData(**content), overwrite=True)
 
     return written
 

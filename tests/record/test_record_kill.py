@@ -9,9 +9,9 @@ import sys
 import time
 
 import pytest
-from record_samples import read
+from record_samples import library_rows, read
 
-from plumbob.record import verify
+from plumbob.record import repair, verify
 
 CHILD = """
 import sys, time
@@ -51,6 +51,8 @@ def test_a_killed_recorder_keeps_what_it_acknowledged(child, tmp_path, seed):
     assert all(row[3] == b"%d" % row[2] for row in rows)
     assert not log.clean
     assert not verify(tmp_path / "a.mcap").open
+    assert repair(tmp_path / "a.mcap", tmp_path / "b.mcap").lost == {}
+    assert library_rows(tmp_path / "b.mcap", offset=0) == rows
 
 
 def test_a_stopped_recorder_goes_on_where_it_was(child, tmp_path):

@@ -3,18 +3,23 @@
 import random
 
 import pytest
-from mcap.reader import make_reader
 from mcap.writer import Writer
-from record_samples import DECODED, OFFSET, RAW, channels, chunks_of, fill, read, record, recorder, records_of, rows_of
+from record_samples import (
+    DECODED,
+    RAW,
+    channels,
+    chunks_of,
+    fill,
+    library_rows,
+    read,
+    record,
+    recorder,
+    records_of,
+    rows_of,
+)
 
 from plumbob.errors import DecodeError, ParameterError
 from plumbob.record import layout, open_log, repair, verify
-
-
-def library_rows(path):
-    with path.open("rb") as file:
-        messages = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
-        return [(c.topic, m.sequence, m.log_time - OFFSET, m.data) for _, c, m in messages]
 
 
 def check(path, out, rows):
@@ -66,6 +71,21 @@ def test_flips(tmp_path):
         verdict, got = check(bad, tmp_path / "out.mcap", rows)
         assert verdict.lossy == (len(got) < len(rows)) or any(not d.certain for d in verdict.damage)
         assert sum(verdict.lost.values()) == len(rows) - len(got)
+
+
+def test_zeroed_ranges(tmp_path):
+    """From a byte to most of the file, as a disk that lost its cache leaves them."""
+    rows = record(tmp_path / "a.mcap", count=40)
+    raw = (tmp_path / "a.mcap").read_bytes()
+    bad = tmp_path / "c" / "a.mcap"
+    bad.parent.mkdir()
+    rng = random.Random(3)
+    for _ in range(60):
+        at = rng.randrange(len(raw))
+        size = min(len(raw) - at, int(len(raw) ** rng.random()))
+        bad.write_bytes(raw[:at] + bytes(size) + raw[at + size :])
+        verdict, got = check(bad, tmp_path / "out.mcap", rows)
+        assert verdict.lossy >= (len(got) < len(rows))
 
 
 def test_a_crash_between_chunks_loses_nothing(tmp_path):

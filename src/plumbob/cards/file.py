@@ -25,10 +25,25 @@ class Card:
     PARTS: ClassVar[Mapping[str, type]]
     """By key: the type of what stands under it, where that is no number and no text."""
 
-    def save(self, path: str | Path) -> None:
-        """Write the card as JSON; errors as in `require_place`, or if the system refuses, as DecodeError."""
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the card as JSON.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        overwrite : bool
+            Whether a card of its kind that lies there may be replaced.
+
+        Raises
+        ------
+        ParameterError
+            If a file lies there and `overwrite` is false, or it is of another kind.
+        DecodeError
+            If the system refuses.
+        """
         self.require_place(path)
-        write_text(path, self.text())
+        write_text(path, self.text(), overwrite=overwrite)
 
     @classmethod
     def require_place(cls, path: str | Path) -> None:

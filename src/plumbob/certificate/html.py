@@ -37,6 +37,7 @@ def write_html(
     *,
     title: str,
     facts: Mapping[str, str],
+    overwrite: bool = False,
 ) -> Path:
     """Write a self-contained page with tables and figures.
 
@@ -52,6 +53,8 @@ def write_html(
         Of the page.
     facts : mapping of str to str
         Provenance as name and value. Any text is safe.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
 
     Returns
     -------
@@ -63,7 +66,7 @@ def write_html(
     MissingExtraError
         If there are figures to draw and matplotlib is not installed.
     """
-    return write_text(path, page(card, fits, title=title, facts=facts))
+    return write_text(path, page(card, fits, title=title, facts=facts), overwrite=overwrite)
 
 
 def page(

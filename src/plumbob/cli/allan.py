@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -74,6 +73,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--kalibr", type=Path, metavar="YAML", help="also write Kalibr's imu.yaml")
     p.add_argument("--topic", metavar="NAME", help=f"rostopic of imu.yaml (default {ROSTOPIC})")
     p.add_argument("--device", metavar="NAME", help="the unit's name on card and page (default: the file's)")
+    common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
@@ -129,20 +129,13 @@ def _check_outputs(args: argparse.Namespace) -> None:
     from plumbob.errors import ParameterError
 
     outputs = {name: path for name in SUFFIXES if (path := getattr(args, name)) is not None}
+    if args.card is not None:
+        NoiseCard.require_place(args.card)
+    common.check_outputs(args, *outputs.values(), inputs=(args.file, args.after, args.profile))
     for name, path in outputs.items():
-        common.keep_inputs(args.file, args.after, args.profile, out=path)
         endings = SUFFIXES[name]
         if endings and path.suffix.lower() not in endings:
             raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
-        if not path.parent.is_dir():
-            raise ParameterError(f"--{name} {path}: there is no folder {path.parent}; create it first.")
-        if path.is_dir():
-            raise ParameterError(f"--{name} {path} is a folder; name a file.")
-    if args.card is not None:
-        NoiseCard.require_place(args.card)
-    for (name, path), (other, second) in combinations(outputs.items(), 2):
-        if common.is_same_file(path, second):
-            raise ParameterError(f"--{name} and --{other} are both {second}; give each a file of its own.")
 
 
 def _opened(args: argparse.Namespace, path: Path) -> "tuple[StaticRecord, StaticReport]":
@@ -233,16 +226,18 @@ def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Ana
     device = args.device or record.path.stem
     source = f"Allan analysis of {record.path.name}, plumbob {__version__}"
     if args.png is not None:
-        datasheet.write_png(args.png, analyses)
+        datasheet.write_png(args.png, analyses, overwrite=args.force)
     if args.html is not None:
         facts = {"record": record.path.name, "device": device, "made by": f"plumbob {__version__}"}
         sections = (datasheet.fin_section(analyses),) if args.paper == "fin" else ()
-        title = f"Noise of {device}"
-        datasheet.write_html(args.html, analyses, title=title, facts=facts, sections=sections)
+        datasheet.write_html(
+            args.html, analyses, title=f"Noise of {device}", facts=facts, sections=sections, overwrite=args.force
+        )
     if args.card is not None:
-        datasheet.noise_card(analyses, device=device, source=source).save(args.card)
+        datasheet.noise_card(analyses, device=device, source=source).save(args.card, overwrite=args.force)
     if args.kalibr is not None:
-        write_text(args.kalibr, datasheet.kalibr_yaml(analyses, rostopic=args.topic or ROSTOPIC, source=source))
+        text = datasheet.kalibr_yaml(analyses, rostopic=args.topic or ROSTOPIC, source=source)
+        write_text(args.kalibr, text, overwrite=args.force)
     _tell_written(args, "png", "html", "card", "kalibr")
 
 
@@ -269,11 +264,11 @@ def _compare(args: argparse.Namespace, record: "StaticRecord", report: "StaticRe
     else:
         print(datasheet.compared_text(found))
     if args.png is not None:
-        datasheet.write_comparison_png(args.png, found)
+        datasheet.write_comparison_png(args.png, found, overwrite=args.force)
     if args.html is not None:
         facts = {"before": record.path.name, "after": after.path.name, "made by": f"plumbob {__version__}"}
         title = f"{record.path.stem} before and after"
-        datasheet.write_comparison(args.html, found, title=title, facts=facts)
+        datasheet.write_comparison(args.html, found, title=title, facts=facts, overwrite=args.force)
     _tell_written(args, "png", "html")
     return 0
 

@@ -87,13 +87,67 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
     return recording
 
 
-def keep_inputs(*inputs: Path | None, out: Path | None) -> None:
-    """Refuse an output that would replace an input."""
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """Option --force."""
+    parser.add_argument("--force", action="store_true", help="replace files that exist already; never an input")
+
+
+def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:
+    """Refuse, before any work, files that could not be written or whose writing would lose something.
+
+    Parameters
+    ----------
+    args : Namespace
+        With `force`; it keeps the outputs, so that the end of the program knows which are not there.
+    outputs : path or None
+        Files that will be written.
+    inputs : sequence of path or None
+        Files that are read; none of them is ever an output.
+    """
+    from plumbob._files import require_place
     from plumbob.errors import ParameterError
 
-    for path in inputs:
-        if path is not None and out is not None and is_same_file(path, out):
-            raise ParameterError(f"{out} is an input; writing there would destroy it. Name another file.")
+    read = [
+        path for given in inputs if given is not None for path in (given, *(_profiles(given) if args.force else ()))
+    ]
+    wanted = [path for path in outputs if path is not None]
+    for number, path in enumerate(wanted):
+        if any(is_same_file(given, path) for given in read):
+            raise ParameterError(f"{path} is an input; writing there would destroy it. Name another file.")
+        if any(is_same_file(other, path) for other in wanted[:number]):
+            raise ParameterError(f"{path} is named for two outputs; give each a file of its own.")
+    for path in wanted:
+        require_place(path, overwrite=args.force)
+    args.outputs = {path: _stamp(path) for path in wanted}
+
+
+def _profiles(path: Path) -> list[Path]:
+    """Profiles that are read with a table."""
+    from plumbob.io import FORMATS
+    from plumbob.io.text import sidecars
+
+    described = any(kind.takes_profile and path.suffix.lower() in kind.suffixes for kind in FORMATS)
+    return [beside for beside in sidecars(path) if beside.is_file()] if described else []
+
+
+def unwritten(args: argparse.Namespace) -> list[Path]:
+    """Outputs of `check_outputs` that are as they were then."""
+    return [path for path, before in getattr(args, "outputs", {}).items() if _stamp(path) == before]
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """What tells a file from the one that replaces it; None where there is none."""
+    if not path.exists():
+        return None
+    found = path.stat()
+    return found.st_ino, found.st_mtime_ns
+
+
+def with_profile(path: Path | None) -> tuple[Path | None, ...]:
+    """A recording or track to write, and the profile that a table gets beside it."""
+    if path is None or path.suffix.lower() != ".csv":
+        return (path,)
+    return path, path.with_name(f"{path.stem}.profile.toml")
 
 
 def is_same_file(one: Path, other: Path) -> bool:

@@ -35,6 +35,7 @@ def add_parser(verbs: common.Adder) -> None:
         "--rate", metavar="HZ", help="frames per second: adds a column of time, counted from the first frame"
     )
     p.add_argument("--out", type=Path, metavar="FILE", help="write .csv, .parquet or .json instead of printing CSV")
+    common.add_force(p)
     p.set_defaults(run=run)
 
 
@@ -50,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
         form.message(args.message)
     if args.out and args.out.suffix not in (".csv", ".parquet", ".json"):
         raise ParameterError(f"{args.out} must end in .csv, .parquet or .json, so that its kind is known.")
-    common.keep_inputs(Path(args.file), out=args.out)
+    common.check_outputs(args, args.out, inputs=(Path(args.file),))
     table = _Table(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
     decoder, head = Decoder(form), b""
     for data in _chunks(args.file):
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None:
         table.print_new()
     else:
-        table.write(args.out, decoder.counts)
+        table.write(args.out, decoder.counts, overwrite=args.force)
     _tell(form, decoder.counts, table.message, head)
     if table.skipped:
         rows = "; t [s] counts rows, and is early by as many behind each gap" if args.rate else ""
@@ -113,13 +114,13 @@ class _Table:
             sys.stdout.write(line)
         sys.stdout.flush()
 
-    def write(self, path: Path, counts: "Counts") -> None:
+    def write(self, path: Path, counts: "Counts", *, overwrite: bool) -> None:
         """Write all into a file whose suffix says the kind."""
         from plumbob._files import replacing, write_text
         from plumbob.data import UNCALIBRATED
 
         if path.suffix == ".csv":
-            with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+            with replacing(path, overwrite=overwrite) as temporary, temporary.open("w", encoding="utf-8") as file:
                 file.writelines(self._csv())
             return
         columns: dict[str, list[Any]] = {}
@@ -131,12 +132,12 @@ class _Table:
 
             told = {"message": self.message, "calibration": UNCALIBRATED, "counts": counts.summary()}
             told |= {"columns": columns}
-            write_text(path, json.dumps(told, allow_nan=False))
+            write_text(path, json.dumps(told, allow_nan=False), overwrite=overwrite)
             return
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        with replacing(path) as temporary:
+        with replacing(path, overwrite=overwrite) as temporary:
             pq.write_table(pa.table(columns).replace_schema_metadata({"calibration": UNCALIBRATED}), temporary)
 
     def _csv(self) -> Iterator[str]:

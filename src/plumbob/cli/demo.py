@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from plumbob.cli import common
-from plumbob.cli.demo_unit import CARD, CERTIFICATE, calibrate_unit
+from plumbob.cli.demo_unit import CARD, CERTIFICATE, HAND, MOUNTING, calibrate_unit
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack, ImuData
@@ -19,6 +19,14 @@ if TYPE_CHECKING:
     from plumbob.pipeline.line import Line
     from plumbob.pipeline.session import Session
 
+TRUTH: Final = "truth.parquet"
+SESSION_FILE: Final = "session.toml"
+RECORDING: Final = "buoy.mcap"
+TEXT: Final = "buoy.txt"
+PAGE: Final = "report.html"
+FILES: Final = (
+    CARD, CERTIFICATE, HAND, MOUNTING, TRUTH, "truth.card.json", SESSION_FILE, RECORDING, TEXT, PAGE,
+)  # fmt: skip
 SEED: Final = 1
 SPEED: Final = 60
 DURATION: Final = "600s"
@@ -76,6 +84,7 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("--out", type=Path, default=Path("demo-out"), metavar="DIR", help="folder to write (demo-out)")
     p.add_argument("--duration", default=DURATION, metavar="TIME", help=f"of the sea ({DURATION})")
+    common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
@@ -102,6 +111,7 @@ def run(args: argparse.Namespace) -> int:
     settle = min(SETTLE, SETTLE_SHARE * duration)
     started = time.perf_counter()
     args.out.mkdir(parents=True, exist_ok=True)
+    common.check_outputs(args, *(args.out / name for name in FILES))  # from here on, they may be replaced
     common.warn_of_compiling(["mekf", *(stage.filter for stage in stages())])
     card = calibrate_unit(args.out, seed=SEED)
     _say(args, f"1 calibrated  by 40 poses by hand and a raised nose: {args.out / CARD}, {args.out / CERTIFICATE}")
@@ -109,7 +119,7 @@ def run(args: argparse.Namespace) -> int:
         _say(args, f"2 emulated    the buoy's hardware on {port}, {duration:g} s of sea at {SPEED} times its speed")
         line = _live(args.out, port, card.device)
     counts = line.decoder.counts
-    _say(args, f"3 recorded    {args.out / 'buoy.mcap'}: {counts.received} bytes, {counts.junk} of them junk")
+    _say(args, f"3 recorded    {args.out / RECORDING}: {counts.received} bytes, {counts.junk} of them junk")
     sent, truth = _truth(args.out)
     tracks, same = _replayed(args.out, sent)
     others = f"with {len(stages())} other filters, and uncalibrated"
@@ -120,7 +130,8 @@ def run(args: argparse.Namespace) -> int:
         print(_table(results))
     facts = {"scenario": truth.source, "sensors": card.device, "calibration": calibration_told(card.name)}
     title = "A buoy in waves, five ways to its attitude, and one without calibration"
-    page, certificate = write_html(args.out / "report.html", results, title=title, facts=facts), args.out / CERTIFICATE
+    page = write_html(args.out / PAGE, results, title=title, facts=facts, overwrite=True)
+    certificate = args.out / CERTIFICATE
     if args.json:
         found = {name: result.summary() for name, result in results.items()}
         common.print_json({"report": str(page), "certificate": str(certificate), "filters": found})
@@ -146,7 +157,7 @@ def _rig(out: Path, duration: float) -> Iterator[str]:
 
 def _command(out: Path, duration: float) -> list[str]:
     rig = ["emulate", "buoy", "--speed", str(SPEED), "--seed", str(SEED), "--duration", f"{duration!r}s"]
-    return [sys.executable, "-m", "plumbob.cli.main", *rig, "--truth", str(out / "truth.parquet")]
+    return [sys.executable, "-m", "plumbob.cli.main", *rig, "--truth", str(out / TRUTH), "--force"]
 
 
 def _live(out: Path, port: str, device: str) -> "Line":
@@ -173,11 +184,11 @@ def _session(out: Path, port: str, device: str) -> "Session":
     from plumbob._files import write_text
     from plumbob.pipeline.session_toml import load_session
 
-    for name in ("buoy.mcap", "buoy.txt"):
+    for name in (RECORDING, TEXT):
         (out / name).unlink(missing_ok=True)
-    file = out / "session.toml"
-    paths = {"card": CARD, "recording": out / "buoy.mcap", "text": out / "buoy.txt"}
-    write_text(file, SESSION.format(port=port, speed=SPEED, device=device, **paths))
+    file = out / SESSION_FILE
+    paths = {"card": CARD, "recording": out / RECORDING, "text": out / TEXT}
+    write_text(file, SESSION.format(port=port, speed=SPEED, device=device, **paths), overwrite=True)
     return load_session(file)
 
 
@@ -189,7 +200,7 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     from plumbob.errors import PlumbobError
     from plumbob.pipeline.replay import compare, open_recording, replay
 
-    log, session = open_recording(out / "buoy.mcap")
+    log, session = open_recording(out / RECORDING)
     first = replay(log, session)
     require_as_sent(first.found.imu(calibrated=False), sent, first.line.decoder.counts)
     same = compare(first)
@@ -210,9 +221,9 @@ def _truth(out: Path) -> "tuple[ImuData, AttitudeTrack]":
     from plumbob import io
     from plumbob.errors import DecodeError
 
-    recording = io.read(out / "truth.parquet")
+    recording = io.read(out / TRUTH)
     if recording.imu is None or recording.track is None:
-        raise DecodeError(f"{out / 'truth.parquet'} lacks samples or attitude.")
+        raise DecodeError(f"{out / TRUTH} lacks samples or attitude.")
     return recording.imu, recording.track
 
 

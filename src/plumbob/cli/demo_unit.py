@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
 CARD: Final = "card.json"
 CERTIFICATE: Final = "certificate.html"
+HAND: Final = "hand.bin"
+MOUNTING: Final = "mounting.bin"
 
 
 def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
@@ -25,15 +27,16 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
     from plumbob.rotations import Frame
     from plumbob.sim import scenario
 
-    poses = _decoded(out / "hand.bin", scenario("poses", move=2.0), seed)
-    raised = _decoded(out / "mounting.bin", scenario("raise"), seed)
+    poses = _decoded(out / HAND, scenario("poses", move=2.0), seed)
+    raised = _decoded(out / MOUNTING, scenario("raise"), seed)
     whole = capture(poses, triads=("acc",), if_present=("gyr", "mag"))
     fits = calibrate_by_hand(whole)
     mounted = mount_by_poses(capture(raised, triads=(), base=card_of(whole, fits)), frame=Frame.NED)
     card = card_of(whole, fits, mounted=mounted)
-    card.save(out / CARD)
-    facts = {"recording": "hand.bin and mounting.bin, emulated"}
-    certificate.write_html(out / CERTIFICATE, card, fits, title=f"Calibration of {card.device}", facts=facts)
+    card.save(out / CARD, overwrite=True)
+    facts = {"recording": f"{HAND} and {MOUNTING}, emulated"}
+    title = f"Calibration of {card.device}"
+    certificate.write_html(out / CERTIFICATE, card, fits, title=title, facts=facts, overwrite=True)
     return card
 
 
@@ -49,7 +52,7 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     from plumbob.rigs import PLANS, load, make_rig
 
     rig = make_rig(replace(PLANS["buoy"], scenario=motion, duration=motion.duration), load("buoy"), seed=seed)
-    with replacing(path) as temporary:
+    with replacing(path, overwrite=True) as temporary:
         temporary.write_bytes(rig.stream())
     device = next(iter(rig.units.values())).imu.meta.device
     text = plain_session(

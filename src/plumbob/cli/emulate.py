@@ -60,6 +60,7 @@ def _add_port(p: argparse.ArgumentParser) -> None:
     where.add_argument("--udp", metavar="HOST:PORT", help="send there, a frame in a datagram")
     where.add_argument("--write", metavar="FILE", help="only the bytes, into a file, '-' for a pipe; as fast as can be")
     p.add_argument("--speed", metavar="K", help="times real time, or max (default 1; max with --write)")
+    common.add_force(p)
 
 
 def _add_faults(p: argparse.ArgumentParser) -> None:
@@ -70,6 +71,7 @@ def _add_faults(p: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.errors import ParameterError
+    from plumbob.link import Stop
     from plumbob.rigs import make_rig, serve
 
     if args.list:
@@ -81,19 +83,21 @@ def run(args: argparse.Namespace) -> int:
     duration = None if args.duration is None else parse(args.duration, Quantity.TIME)
     clock_error = parse(args.clock_error or "0", Quantity.RATIO)
     form, plan = _plan(args)
+    common.check_outputs(args, *_outputs(args, plan))
+    rig = make_rig(
+        plan,
+        form,
+        seed=args.seed,
+        duration=duration,
+        module=args.module,
+        clock_error=clock_error,
+        faults=faults,
+    )
+    if args.truth:  # before the port is named, so that who waits for it finds the truth and the card
+        _write_truth(args.truth, rig, overwrite=args.force)
     with ExitStack() as stack:
-        stop = stack.enter_context(common.stopped_by_signals())
-        rig = make_rig(
-            plan,
-            form,
-            seed=args.seed,
-            duration=duration,
-            module=args.module,
-            clock_error=clock_error,
-            faults=faults,
-        )
-        if args.truth:  # before the port is named, so that who waits for it finds the truth and the card
-            _write_truth(args.truth, rig)
+        # A line may end at any time; a file that is cut looks like one that is not, so that a signal removes it.
+        stop = Stop() if args.write else stack.enter_context(common.stopped_by_signals())
         port = stack.enter_context(_port(args, stop))
         if speed != 1.0 and not (args.write or args.udp):
             common.note('this line does not keep real time: record it with --time count, or time = "count" in [source]')
@@ -158,7 +162,7 @@ def _port(args: argparse.Namespace, stop: "Stop") -> "Iterator[Port]":
         if args.write == "-":
             port = FilePort(sys.stdout.buffer, "-")
         elif args.write:
-            temporary = stack.enter_context(replacing(Path(args.write)))
+            temporary = stack.enter_context(replacing(Path(args.write), overwrite=args.force))
             port = FilePort(stack.enter_context(temporary.open("wb")), args.write)
         elif args.tcp:
             port = TcpPort(*_address(args.tcp))
@@ -190,14 +194,27 @@ def _fault_log(path: Path | None) -> "Iterator[Callable[[Fault], None]]":
         yield lambda fault: print(json.dumps(fault.told()), file=file, flush=True)
 
 
-def _write_truth(path: Path, rig: "Rig") -> None:
+def _outputs(args: argparse.Namespace, plan: "Plan") -> "Iterator[Path | None]":
+    """Files that the options name, and those beside them."""
+    yield from (None if args.write in (None, "-") else Path(args.write), args.fault_log)
+    for unit in plan.units if args.truth else ():
+        own = _truth_of(args.truth, unit.prefix)
+        yield from (*common.with_profile(own), own.with_suffix(".card.json"))
+
+
+def _truth_of(path: Path, prefix: str) -> Path:
+    """Where the truth of one of several units lies."""
+    return path.with_stem(f"{path.stem}-{prefix}") if prefix else path
+
+
+def _write_truth(path: Path, rig: "Rig", *, overwrite: bool) -> None:
     from plumbob import io
 
     for prefix, unit in rig.units.items():
-        own = path.with_stem(f"{path.stem}-{prefix}") if prefix else path
+        own = _truth_of(path, prefix)
         recording = io.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=(unit.truth.source,))
-        io.write(own, recording)
-        unit.calibration.save(own.with_suffix(".card.json"))
+        io.write(own, recording, overwrite=overwrite)
+        unit.calibration.save(own.with_suffix(".card.json"), overwrite=overwrite)
 
 
 def _tell(served: "Served", count: int) -> None:

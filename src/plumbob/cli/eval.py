@@ -32,6 +32,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--declination", metavar="ANGLE", help="magnetic declination with unit, east positive, as in 3.2deg")
     common.add_profile(p)
     p.add_argument("--html", type=Path, metavar="FILE", help="write a page with plots that opens offline")
+    common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
@@ -67,7 +68,7 @@ def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
 
     if args.estimate.resolve() == args.reference.resolve():
         raise ParameterError(f"{args.estimate} is both estimate and reference; name the track of 'plumbob run' first.")
-    common.keep_inputs(args.estimate, args.reference, args.profile, out=args.html)
+    common.check_outputs(args, args.html, inputs=(args.estimate, args.reference, args.profile))
     if args.html and args.html.suffix.lower() not in PAGE_SUFFIXES:
         raise ParameterError(f"--html writes a page, so its name must end in .html or .htm, but it is {args.html}.")
 
@@ -79,7 +80,8 @@ def _write_page(args: argparse.Namespace, result: "Evaluation") -> None:
     if sys.stdout:
         sys.stdout.flush()
     facts = {"estimate": f"{args.estimate.name}: {result.estimate.source}", "reference": args.reference.name}
-    write_html(args.html, {args.estimate.stem: result}, title=f"{args.estimate.name} against a reference", facts=facts)
+    title = f"{args.estimate.name} against a reference"
+    write_html(args.html, {args.estimate.stem: result}, title=title, facts=facts, overwrite=args.force)
 
 
 def _track(path: Path, profile: Path | None, *, estimated: bool = False) -> "AttitudeTrack":

@@ -18,6 +18,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write; its suffix says the format")
     p.add_argument("--what", choices=("all", "samples", "attitude"), default="all", help="leave the rest out")
     common.add_profile(p)
+    common.add_force(p)
     p.set_defaults(run=run)
 
 
@@ -27,12 +28,12 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.pipeline.exports import export, only
     from plumbob.pipeline.recorded import read_recorded
 
-    common.keep_inputs(args.file, args.profile, out=args.out)
+    common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile))
     if args.file.suffix == SUFFIX:
         recording = read_recorded(args.file, estimated=True)
     else:
         recording = read_any(args.file, profile=args.profile)
-    written = export(args.out, only(recording, args.what))
+    written = export(args.out, only(recording, args.what), overwrite=args.force)
     parts = [("samples", recording.imu), ("attitudes", recording.track)]
     told = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
     print(f"{written}: of {args.file.name}, {told}")

@@ -5,14 +5,18 @@ import atexit
 import gc
 import io
 import os
+import signal
 import sys
+import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, TextIO, cast
+from types import FrameType
+from typing import Any, Final, NoReturn, TextIO, cast
 
 from plumbob import __version__
+from plumbob.cli import common
 from plumbob.errors import PlumbobError
 from plumbob.plain import visible
 
@@ -41,7 +45,8 @@ VERBS = (
 
 EPILOG = """\
 exit codes: 0 done, 1 an error that the message explains, 2 wrong usage, 3 done, but a recording is damaged (verify),
-            rows of it are lost (record, repair) or attitudes differ (replay --check), 70 a defect of this program
+            rows of it are lost (record, repair) or attitudes differ (replay --check), 70 a defect of this program,
+            130 ended by Ctrl-C, 143 by SIGTERM: a file that is written is there as a whole, or as it was before
 units: SI and radians inside; every other unit is written, as in --params gate=0.08g
 """
 
@@ -77,17 +82,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:  # the process ends with this: to look for cycles in all that it imported takes as long as a run
         atexit.register(gc.freeze)
     words = sys.argv[1:] if argv is None else list(argv)
-    args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(words)
+    args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
-        with _visible_output():
-            code: int = args.run(args)
+        with _ending_by_signal():
+            args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(words)
+            with _visible_output():
+                code: int = args.run(args)
         if sys.stdout:
             sys.stdout.flush()
     except PlumbobError as error:
         print(f"plumbob {args.verb}: {visible(str(error), _LAYOUT)}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        return 130
+    except (KeyboardInterrupt, _SignalledError) as ended:
+        return _ended(args, getattr(ended, "number", signal.SIGINT))
     except BrokenPipeError:  # the reader of a pipe went away; that is its right
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
@@ -101,6 +108,41 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"plumbob {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
         return 70
     return code
+
+
+class _SignalledError(BaseException):
+    """A signal asked this process to end: raised like Ctrl-C, so that what is half done is removed on the way."""
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+
+@contextmanager
+def _ending_by_signal() -> Iterator[None]:
+    """End in order at the signals of a system or a terminal that ends; not where they are ignored."""
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    ours = threading.current_thread() is threading.main_thread()
+    taken = [number for number in numbers if ours and signal.getsignal(number) == signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, _raise)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _raise(number: int, _frame: FrameType | None) -> NoReturn:
+    raise _SignalledError(number)
+
+
+def _ended(args: argparse.Namespace, number: int) -> int:
+    """Say by what the verb was ended, and which of its files it had not written; its exit code is the shell's."""
+    how = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+    lacking = ", ".join(map(str, common.unwritten(args)))
+    told = f"; not written: {lacking}" if lacking else ""
+    print(f"plumbob {args.verb}: ended by {how}{visible(told)}.", file=sys.stderr)
+    return 128 + number
 
 
 class _Visible:

@@ -16,7 +16,8 @@ def add_parser(verbs: common.Adder) -> None:
         epilog="exit codes: 0 nothing was lost, 3 repaired, but rows are lost, 1 it cannot be read or written",
     )
     p.add_argument("files", type=Path, nargs="+", metavar="FILE", help=PATH_HELP)
-    p.add_argument("--out", type=Path, metavar="FILE", required=True, help="new file; an existing one is refused")
+    p.add_argument("--out", type=Path, metavar="FILE", required=True, help="file to write")
+    common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
@@ -25,7 +26,8 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.record import repair
 
-    verdict = repair(args.files[0] if len(args.files) == 1 else args.files, args.out)
+    common.check_outputs(args, args.out, inputs=args.files)
+    verdict = repair(args.files[0] if len(args.files) == 1 else args.files, args.out, overwrite=args.force)
     if args.json:
         common.print_json(verdict.as_dict() | {"out": str(args.out), "lossy": verdict.lossy})
     else:

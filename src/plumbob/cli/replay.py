@@ -26,6 +26,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--session", type=Path, metavar="TOML", help="session to use instead of the recording's own")
     told.add_estimate(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet, .csv or .tum)")
+    common.add_force(p)
     p.add_argument("--speed", type=float, metavar="K", help="K times as fast as it was; without it, as fast as it goes")
     p.add_argument("--check", action="store_true", help="compare with the live attitude that the recording holds")
     common.add_json(p)
@@ -43,7 +44,8 @@ def run(args: argparse.Namespace) -> int:
 
     if args.speed is not None and not args.speed > 0.0:
         raise ParameterError(f"--speed must be above 0, but it is {args.speed:g}.")
-    common.keep_inputs(args.recording, args.session, args.calibration, args.noise, out=args.out)
+    inputs = (args.recording, args.session, args.calibration, args.noise)
+    common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)
     log, session = open_recording(args.recording)
     session = _changed(args, session)
     if session.stage is not None:
@@ -63,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
             raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
         doubt = inferred(replayed.line.time.report())
         notes = (f"replayed from {args.recording.name} by {track.source}", *doubt)
-        export(args.out, Recording(track=track, name=args.out.stem, notes=notes))
+        export(args.out, Recording(track=track, name=args.out.stem, notes=notes), overwrite=args.force)
     same = compare(replayed) if args.check else None
     if same is not None:
         report["check"] = {**asdict(same), "equal": same.equal}

@@ -27,6 +27,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply first")
     common.add_noise(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
+    common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
@@ -40,7 +41,8 @@ def run(args: argparse.Namespace) -> int:
     chosen = common.stages(args.filter, args.params)
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
-    common.keep_inputs(args.file, args.profile, args.calibration, args.noise, out=args.out)
+    inputs = (args.file, args.profile, args.calibration, args.noise)
+    common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)
     stage = common.given_noise(chosen, args.noise)[0]
     recording = pipeline.read_any(args.file, profile=args.profile)
     if recording.imu is None:
@@ -60,7 +62,8 @@ def run(args: argparse.Namespace) -> int:
     if (contradiction := bias_beyond(filter_, track)) is not None:
         common.note(contradiction)
     if args.out:
-        io.write(args.out, track, notes=(f"estimated from {args.file.name} by {track.source}", *doubt))
+        notes = (f"estimated from {args.file.name} by {track.source}", *doubt)
+        io.write(args.out, track, notes=notes, overwrite=args.force)
     report = _report(args, imu, track) | {"filter": filter_.describe(), "bias_beyond": contradiction}
     report |= {"temperature_beyond": beyond, "noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
     if recording.track is not None:

@@ -35,6 +35,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--out", type=Path, metavar="FILE", help="recording to write (.parquet or .csv)")
     p.add_argument("--card", type=Path, metavar="JSON", help="write the unit's calibration card too")
     p.add_argument("--noise-card", type=Path, metavar="JSON", help="write the unit's noise card too")
+    common.add_force(p)
     p.add_argument("--list", action="store_true", help="list scenarios, their parameters and the sensors, and stop")
     p.set_defaults(run=run)
 
@@ -92,19 +93,17 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.scenario is None or args.out is None:
         raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
-    common.keep_inputs(args.card, args.noise_card, out=args.out)
-    for out in (args.out, args.card, args.noise_card):
-        common.keep_inputs(args.noise, out=out)
+    common.check_outputs(args, *common.with_profile(args.out), args.card, args.noise_card, inputs=(args.noise,))
     frame, given = scenario_settings(args)
     noise = None if args.noise is None else NoiseCard.load(args.noise)
     choice = {"sensors": args.sensors, "module": args.module, "seed": args.seed, "noise": noise}
     result = simulate(args.scenario, frame=frame, **choice, **given)
     notes = (result.truth.source, *(() if noise is None else (f"noise {result.noise.source}",)))
     recording = io.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
-    io.write(args.out, recording)
+    io.write(args.out, recording, overwrite=args.force)
     for path, card in ((args.card, result.calibration), (args.noise_card, result.noise)):
         if path:
-            card.save(path)
+            card.save(path, overwrite=args.force)
     print(f"{args.out}: {len(result.imu)} samples, {result.imu.t[-1]:.3f} s, {result.imu.meta.device}")
     print(f"truth        {result.truth.source}, frame {frame}, heading from true north")
     if noise is not None:

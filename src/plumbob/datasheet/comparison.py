@@ -45,16 +45,18 @@ def compared_as_dict(found: Sequence[Compared]) -> dict[str, Any]:
     return {one.name: _as_dict(one) for one in found}
 
 
-def write_comparison(path: str | Path, found: Sequence[Compared], *, title: str, facts: Mapping[str, str]) -> Path:
+def write_comparison(
+    path: str | Path, found: Sequence[Compared], *, title: str, facts: Mapping[str, str], overwrite: bool = False
+) -> Path:
     """Write a self-contained page, as `plumbob.datasheet.write_html` does."""
     body = [_section(i, one) for i, one in enumerate(found)]
     page = document(title, facts, body, footer=_DEFINITIONS, style=_STYLE)
-    return write_text(path, page)
+    return write_text(path, page, overwrite=overwrite)
 
 
-def write_comparison_png(path: str | Path, found: Sequence[Compared]) -> Path:
+def write_comparison_png(path: str | Path, found: Sequence[Compared], *, overwrite: bool = False) -> Path:
     """Write the plots alone as a picture, one panel for each channel."""
-    return figure.write_panels(path, [partial(_draw_panel, one=one) for one in found])
+    return figure.write_panels(path, [partial(_draw_panel, one=one) for one in found], overwrite=overwrite)
 
 
 def _draw_panel(ax: "Axes", one: Compared) -> None:

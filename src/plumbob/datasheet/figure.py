@@ -55,7 +55,7 @@ def channel_key(analysis: Analysis) -> Key:
     return keys + ([("masked", SHADE, "block")] if analysis.mask.n > 1 else [])
 
 
-def write_png(path: str | Path, analyses: Sequence[Analysis]) -> Path:
+def write_png(path: str | Path, analyses: Sequence[Analysis], *, overwrite: bool = False) -> Path:
     """Write the plot alone as a picture: the curves of each triad in a panel, or all about a channel that stands alone.
 
     Parameters
@@ -64,6 +64,8 @@ def write_png(path: str | Path, analyses: Sequence[Analysis]) -> Path:
         File to write.
     analyses : sequence of Analysis
         Channels.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
 
     Returns
     -------
@@ -77,10 +79,10 @@ def write_png(path: str | Path, analyses: Sequence[Analysis]) -> Path:
     MissingExtraError
         If matplotlib is not installed.
     """
-    return write_panels(path, [partial(_draw_panel, triad=triad) for triad in triads(analyses)])
+    return write_panels(path, [partial(_draw_panel, triad=triad) for triad in triads(analyses)], overwrite=overwrite)
 
 
-def write_panels(path: str | Path, panels: Sequence[Callable[["Axes"], None]]) -> Path:
+def write_panels(path: str | Path, panels: Sequence[Callable[["Axes"], None]], *, overwrite: bool = False) -> Path:
     """Write a picture of panels one below the other, each drawn by a function of its axes."""
     target = Path(path)
 
@@ -88,7 +90,7 @@ def write_panels(path: str | Path, panels: Sequence[Callable[["Axes"], None]]) -
         for ax, panel in zip(figure.subplots(len(panels), 1, squeeze=False)[:, 0], panels, strict=True):
             panel(ax)
 
-    png(target, draw, height=HEIGHT * len(panels))
+    png(target, draw, height=HEIGHT * len(panels), overwrite=overwrite)
     return target
 
 

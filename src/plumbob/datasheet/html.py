@@ -47,6 +47,7 @@ def write_html(
     title: str,
     facts: Mapping[str, str],
     sections: Iterable[str] = (),
+    overwrite: bool = False,
 ) -> Path:
     """Write a self-contained page with tables and figures.
 
@@ -62,6 +63,8 @@ def write_html(
         Provenance as name and value: device, recording, versions, date. Any text is safe.
     sections : iterable of str
         Further sections, as HTML, such as `fin_section` gives.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
 
     Returns
     -------
@@ -75,7 +78,7 @@ def write_html(
     MissingExtraError
         If matplotlib is not installed.
     """
-    return write_text(path, page(analyses, title=title, facts=facts, sections=sections))
+    return write_text(path, page(analyses, title=title, facts=facts, sections=sections), overwrite=overwrite)
 
 
 def page(analyses: Sequence[Analysis], *, title: str, facts: Mapping[str, str], sections: Iterable[str] = ()) -> str:

@@ -31,7 +31,12 @@ _DEFINITIONS = (
 
 
 def write_html(
-    path: str | Path, evaluations: Mapping[str, "Evaluation"], *, title: str, facts: Mapping[str, str]
+    path: str | Path,
+    evaluations: Mapping[str, "Evaluation"],
+    *,
+    title: str,
+    facts: Mapping[str, str],
+    overwrite: bool = False,
 ) -> Path:
     """Write a self-contained page with tables and figures.
 
@@ -45,6 +50,8 @@ def write_html(
         Of the page.
     facts : mapping of str to str
         Provenance as name and value: device, recording, calibration, versions, date. Any text is safe.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
 
     Returns
     -------
@@ -60,7 +67,7 @@ def write_html(
     """
     if not evaluations:
         raise ShapeError("a report needs at least one evaluation, but evaluations is empty.")
-    return write_text(path, page(evaluations, title=title, facts=facts))
+    return write_text(path, page(evaluations, title=title, facts=facts), overwrite=overwrite)
 
 
 def page(evaluations: Mapping[str, "Evaluation"], *, title: str, facts: Mapping[str, str]) -> str:

@@ -24,7 +24,9 @@ _DEFINITIONS = (
 )
 
 
-def write_static_test(path: str | Path, test: StaticTest, *, title: str, facts: Mapping[str, str]) -> None:
+def write_static_test(
+    path: str | Path, test: StaticTest, *, title: str, facts: Mapping[str, str], overwrite: bool = False
+) -> None:
     """Write a self-contained page.
 
     Parameters
@@ -37,6 +39,8 @@ def write_static_test(path: str | Path, test: StaticTest, *, title: str, facts: 
         Of the page.
     facts : mapping of str to str
         Provenance as name and value; any text is safe.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
 
     Raises
     ------
@@ -46,7 +50,7 @@ def write_static_test(path: str | Path, test: StaticTest, *, title: str, facts: 
     keys = [("before", _BEFORE, "dashed"), ("after", _AFTER, "solid")]
     drawn = figure("Errors at rest over the heading of the reference", _drawing(test), keys)
     body = ["<section>", _summary(test), _remarks(test), drawn, _table(test), "</section>"]
-    write_text(path, document(title, facts, body, footer=_DEFINITIONS, style=_STYLE))
+    write_text(path, document(title, facts, body, footer=_DEFINITIONS, style=_STYLE), overwrite=overwrite)
 
 
 def _drawing(test: StaticTest) -> str:

@@ -65,7 +65,7 @@ class Format:
     takes_profile : bool
         Whether a profile describes such files.
     writers : tuple of (str, callable)
-        Suffixes that can be written, with their writers.
+        Suffixes that can be written, with their writers, which are also told whether a file may be replaced.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Format:
     what: str
     read: Callable[..., Recording]
     takes_profile: bool = False
-    writers: tuple[tuple[str, Callable[[Path, Recording], None]], ...] = ()
+    writers: tuple[tuple[str, Callable[[Path, Recording, bool], None]], ...] = ()
 
 
 def _late(module: str, name: str) -> Callable[..., Any]:
@@ -139,7 +139,11 @@ def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None"
 
 
 def write(
-    path: str | os.PathLike[str], what: Recording | ImuData | AttitudeTrack, *, notes: Iterable[str] = ()
+    path: str | os.PathLike[str],
+    what: Recording | ImuData | AttitudeTrack,
+    *,
+    notes: Iterable[str] = (),
+    overwrite: bool = False,
 ) -> Path:
     """Write a recording, samples alone, or an attitude alone; the file appears whole or not at all.
 
@@ -151,6 +155,8 @@ def write(
         The content.
     notes : iterable of str
         Lines of provenance to add.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
 
     Returns
     -------
@@ -159,6 +165,8 @@ def write(
 
     Raises
     ------
+    ParameterError
+        If a file lies there and `overwrite` is false.
     DecodeError
         If the suffix is unknown or cannot be written, or the system refuses.
     ClockError
@@ -173,7 +181,7 @@ def write(
     if file.suffix.lower() not in writers:
         raise DecodeError(f"{file}: {file.suffix} is read only; write {' or '.join(_writable())} instead.")
     recording = _recording(what, file.stem)
-    writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *notes)))
+    writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *notes)), overwrite)
     return file
 
 

@@ -33,13 +33,15 @@ _FREE_BYTES: Final = 16 * 1024 * 1024
 _THRIFT_BYTES: Final = 16 * 1024 * 1024
 
 
-def write_parquet(path: Path, recording: Recording) -> None:
+def write_parquet(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write a native recording; the final name appears only when the file is complete.
 
     Raises
     ------
     ClockError
         If imu and track have different time stamps.
+    ParameterError
+        If the file exists and `overwrite` is false.
     DecodeError
         If the system refuses to write.
     """
@@ -47,7 +49,7 @@ def write_parquet(path: Path, recording: Recording) -> None:
 
     columns = to_columns(recording)
     table = _table(columns, header.header_of(recording, list(columns)))
-    with replacing(path) as temporary:
+    with replacing(path, overwrite=overwrite) as temporary:
         pq.write_table(
             table,
             temporary,

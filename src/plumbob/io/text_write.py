@@ -21,7 +21,7 @@ from plumbob.io.text import sidecars
 _FORMULA: Final = ("=", "+", "-", "@")
 
 
-def write_csv(path: Path, recording: Recording) -> None:
+def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write ``NAME.csv`` and ``NAME.profile.toml``.
 
     Raises
@@ -30,12 +30,15 @@ def write_csv(path: Path, recording: Recording) -> None:
         If imu and track have different time stamps.
     DecodeError
         If a profile of another name lies beside the file, or the system refuses to write.
+    ParameterError
+        If one of the two exists and `overwrite` is false.
     """
     columns = to_columns(recording)
     other, profile = sidecars(path)
     if other.exists():
         raise DecodeError(f"{path} would have two profiles, {other.name} and {profile.name}; choose another name.")
-    with replacing_all(path, profile) as (csv_file, profile_file):
+    # The profile takes its name first: alone it reads nothing, where a table alone would be read by guess.
+    with replacing_all(profile, path, overwrite=overwrite) as (profile_file, csv_file):
         profile_file.write_bytes(_encoded("\n".join(_profile(recording, columns)) + "\n"))
         with csv_file.open("wb") as stream:
             stream.write(_encoded("".join(f"{line}\n" for line in _head(path, recording, columns))))

@@ -63,9 +63,9 @@ def svg(draw: Draw, *, height: float, salt: str) -> str:
     return _for_page(buffer.getvalue())
 
 
-def png(path: Path, draw: Draw, *, height: float) -> None:
+def png(path: Path, draw: Draw, *, height: float, overwrite: bool = False) -> None:
     """Run a drawing function on a new figure and write it as a picture on white."""
-    with replacing(path) as temporary:
+    with replacing(path, overwrite=overwrite) as temporary:
         _save(draw, height, temporary, format="png", dpi=_DPI, facecolor="white")
 
 

@@ -16,31 +16,29 @@ from plumbob.pipeline.recorded import write_mcap
 from plumbob.pipeline.sinks import text_of
 
 
-def export(path: str | Path, recording: Recording) -> Path:
+def export(path: str | Path, recording: Recording, *, overwrite: bool = False) -> Path:
     """Write a recording in the format that the file's suffix names.
 
     ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.txt`` roll, pitch and yaw
     in degrees, as the papers' hosts kept them; ``.mcap`` samples and attitude for viewers; others are those of
-    `plumbob.io.write`.
+    `plumbob.io.write`. A file that lies there is replaced only where `overwrite` says so.
 
     Raises
     ------
     ShapeError
         If the format holds attitudes and there is none.
     ParameterError, DecodeError
-        If the suffix is unknown, or the file exists or cannot be written.
+        If the suffix is unknown, or the file exists and is not to be replaced, or cannot be written.
     """
     file = Path(path)
     if file.suffix not in SUFFIXES:
         raise ParameterError(f"{file}: an export writes {', '.join(SUFFIXES)}, not '{file.suffix}'.")
-    if file.exists():
-        raise ParameterError(f"{file} exists; an export does not overwrite. Name another file.")
     if file.suffix in _OWN:
-        _OWN[file.suffix](file, recording)
+        _OWN[file.suffix](file, recording, overwrite)
         return file
     if recording.imu is not None and recording.track is not None and not _on_one_clock(recording):
         raise ShapeError(f"{file}: samples and attitude have different times; export one of them with --what.")
-    return io.write(file, recording)
+    return io.write(file, recording, overwrite=overwrite)
 
 
 def only(recording: Recording, what: str) -> Recording:
@@ -79,23 +77,23 @@ def _attitude(file: Path, recording: Recording) -> AttitudeTrack:
     return recording.track
 
 
-def _write_tum(file: Path, recording: Recording) -> None:
+def _write_tum(file: Path, recording: Recording, overwrite: bool) -> None:
     track = _attitude(file, recording)
     known = track.known
     table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[known]
     source = " ".join(track.source.split())
     head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north; by {source}"
-    with replacing(file) as temporary:
+    with replacing(file, overwrite=overwrite) as temporary:
         np.savetxt(temporary, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head, encoding="utf-8")
 
 
-def _write_text(file: Path, recording: Recording) -> None:
+def _write_text(file: Path, recording: Recording, overwrite: bool) -> None:
     track = _attitude(file, recording)
-    with replacing(file) as temporary, temporary.open("x", encoding="utf-8") as stream:
+    with replacing(file, overwrite=overwrite) as temporary, temporary.open("w", encoding="utf-8") as stream:
         stream.writelines(text_of(track, head=True))
 
 
-_OWN: Final[dict[str, Callable[[Path, Recording], None]]] = {
+_OWN: Final[dict[str, Callable[[Path, Recording, bool], None]]] = {
     ".tum": _write_tum,
     ".txt": _write_text,
     ".mcap": write_mcap,

@@ -2,7 +2,6 @@
 
 import heapq
 import json
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from itertools import repeat
@@ -23,12 +22,11 @@ from plumbob.io.header import meta_from, plain_meta, track_meta_from
 from plumbob.pipeline import rows
 from plumbob.pipeline.replay import Replayed, replay, utc_ns
 from plumbob.pipeline.session_toml import SESSION, recorded_session, reference_names
-from plumbob.record import Log, Recorder, open_log
-from plumbob.record.names import existing_parts
+from plumbob.record import Log, open_log
+from plumbob.record.whole import write_rows
 from plumbob.rotations import Frame, quat_from_euler_zyx
 
 _META: Final = "recording"
-_PATIENCE: Final = 20_000
 
 
 def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
@@ -83,54 +81,31 @@ def _reference(replayed: Replayed) -> AttitudeTrack | None:
     )
 
 
-def write_mcap(path: Path, recording: Recording) -> None:
+def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> None:
     """Write samples and attitude as a recording that viewers such as Foxglove and Lichtblick open.
 
     Raises
     ------
     ParameterError
-        If the file exists.
+        If the file exists and `overwrite` is false.
     DecodeError
         If the system refuses; then nothing is left there.
     """
-    offset = 0 if recording.imu is None else recording.imu.meta.t0_ns
-    recorder = Recorder(path, epoch_offset_ns=offset)
-    recorder.metadata[_META] = json.dumps(_about(recording))
-    recorder.start()
-    try:
-        _write_rows(recorder, recording)
-        if recorder.acknowledged < recorder.written:
-            missing = recorder.written - recorder.acknowledged
-            raise DecodeError(f"{path} cannot be written: {missing} of {recorder.written} rows did not reach the disk.")
-    except BaseException:  # Ctrl-C as well; a recorder keeps what it has, but a cut export looks whole
-        recorder.close()
-        for part in existing_parts(path):
-            part.unlink(missing_ok=True)
-        raise
-
-
-def _write_rows(recorder: Recorder, recording: Recording) -> None:
-    imu, track = recording.imu, recording.track
-    imu_channel = rows.declare(recorder, rows.IMU) if imu else 0
-    track_channel = rows.declare(recorder, rows.ATTITUDE) if track else 0
-    streams: list[Iterable[tuple[int, int, bytes]]] = []
-    if imu is not None:
+    streams: dict[str, Iterable[tuple[int, str, bytes]]] = {}
+    if (imu := recording.imu) is not None:
         stamps = to_ns(imu.t).tolist()
-        streams.append(zip(stamps, repeat(imu_channel), rows.imu_rows(stamps, imu)))
-    if track is not None:
+        streams[rows.IMU] = zip(stamps, repeat(rows.IMU), rows.imu_rows(stamps, imu))
+    if (track := recording.track) is not None:
         stamps = to_ns(track.t).tolist()
-        streams.append(zip(stamps, repeat(track_channel), rows.attitude_rows(stamps, track)))
-    with recorder:
-        for number, (t_ns, channel, row) in enumerate(heapq.merge(*streams, key=lambda one: one[:2])):
-            recorder.write(channel, t_ns, row)
-            if number % _PATIENCE == 0:
-                _wait_for(recorder)
-
-
-def _wait_for(recorder: Recorder) -> None:
-    """Let the disk catch up: a recorder never waits by itself, for a line cannot."""
-    while recorder.state == "recording" and recorder.written - recorder.acknowledged > 2 * _PATIENCE:
-        time.sleep(0.01)
+        streams[rows.ATTITUDE] = zip(stamps, repeat(rows.ATTITUDE), rows.attitude_rows(stamps, track))
+    write_rows(
+        path,
+        {topic: rows.kind_of(topic) for topic in streams},
+        heapq.merge(*streams.values(), key=lambda row: row[0]),
+        epoch_offset_ns=0 if imu is None else imu.meta.t0_ns,
+        metadata={_META: json.dumps(_about(recording))},
+        overwrite=overwrite,
+    )
 
 
 def _about(recording: Recording) -> dict[str, Any]:

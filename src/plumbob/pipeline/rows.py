@@ -77,8 +77,13 @@ _SCHEMAS: Final = {
 
 def declare(recorder: Recorder, topic: str) -> int:
     """Declare a channel of rows, and return its number."""
+    return recorder.channel(topic, *kind_of(topic))
+
+
+def kind_of(topic: str) -> tuple[str, Schema]:
+    """Encoding and schema of the rows of a topic."""
     name, schema = _SCHEMAS[topic]
-    return recorder.channel(topic, "json", Schema(name, "jsonschema", schema))
+    return "json", Schema(name, "jsonschema", schema)
 
 
 def event_row(event: Event) -> bytes:

@@ -6,6 +6,8 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from plumbob._files import sync_folder
+
 if sys.platform != "win32":
     import fcntl
 
@@ -26,6 +28,11 @@ def create(path: Path) -> int:
     return fd
 
 
+def open_empty(path: Path) -> int:
+    """Open a file that is there and empty, as `plumbob._files.replacing` gives it; return its descriptor."""
+    return os.open(path, os.O_RDWR | getattr(os, "O_CLOEXEC", 0))
+
+
 def write_all(fd: int, data: bytes, offset: int) -> None:
     """Write all of `data` at `offset`, in as many calls as the system needs."""
     os.lseek(fd, offset, os.SEEK_SET)
@@ -37,17 +44,6 @@ def write_all(fd: int, data: bytes, offset: int) -> None:
 def sync(fd: int) -> None:
     """Wait until the disk has what was written."""
     os.fsync(fd)
-
-
-def sync_folder(folder: Path) -> None:
-    """Wait until the disk knows the names in a folder; where folders cannot be synced, do nothing."""
-    if sys.platform == "win32":
-        return
-    fd = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(fd)
-    finally:
-        os.close(fd)
 
 
 def lock(fd: int) -> None:

@@ -2,7 +2,7 @@
 
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,11 +23,14 @@ class Part:
         Where; there must be nothing yet.
     info : PartInfo
         What the part says of itself at its beginning.
+    create : callable
+        Makes the file, and returns its descriptor.
     """
 
-    def __init__(self, path: Path, info: PartInfo) -> None:
+    def __init__(self, path: Path, info: PartInfo, create: Callable[[Path], int] = disk.create) -> None:
         self.path = path
         self.info = info
+        self._create = create
         self.contents = Contents()
         self.size = 0
         self._fd = -1
@@ -44,7 +47,7 @@ class Part:
         """
         from mcap.records import Header
 
-        self._fd = disk.create(self.path)
+        self._fd = self._create(self.path)
         header = layout.MAGIC + layout.encode(Header(profile="", library=LIBRARY))
         try:
             self._append(header)

@@ -1,21 +1,23 @@
 """Write what is whole of a damaged recording to a new file that is complete."""
 
-import secrets
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
 
-from plumbob.errors import DecodeError, ParameterError
+from plumbob._files import replacing, require_place
+from plumbob.errors import ParameterError
 from plumbob.record import disk
 from plumbob.record.channels import Channel
-from plumbob.record.chunk import OpenChunk, compressor, pack
+from plumbob.record.chunk import OpenChunk
 from plumbob.record.info import PartInfo
 from plumbob.record.log import Log, LogMessage, open_log
-from plumbob.record.part import Part
 from plumbob.record.verdict import Verdict
+from plumbob.record.whole import whole_part
 
 
-def repair(path: str | PathLike[str] | Sequence[str | PathLike[str]], out: str | PathLike[str]) -> Verdict:
+def repair(
+    path: str | PathLike[str] | Sequence[str | PathLike[str]], out: str | PathLike[str], *, overwrite: bool = False
+) -> Verdict:
     """Write every whole row of a recording to one new file with index and end; repairing that gives the same bytes.
 
     Rows that are missing stay missing: their sequence numbers are left out, and the file says how many there were.
@@ -25,7 +27,9 @@ def repair(path: str | PathLike[str] | Sequence[str | PathLike[str]], out: str |
     path : path or sequence of path
         As in `open_log`.
     out : path
-        The new file, which must not exist.
+        The new file, which appears whole or not at all.
+    overwrite : bool
+        Whether a file that lies there, and is not of the recording, may be replaced.
 
     Returns
     -------
@@ -35,31 +39,23 @@ def repair(path: str | PathLike[str] | Sequence[str | PathLike[str]], out: str |
     Raises
     ------
     ParameterError
-        If `out` exists, or the recording is another program's or is still being written.
+        If `out` exists and is not to be replaced, or the recording is another program's or is still being written.
     DecodeError
         If the recording cannot be opened or `out` cannot be written; then there is no new file.
     """
     target = Path(out)
-    if target.exists():
-        raise ParameterError(f"{target} exists already, and a repair never overwrites; name another file.")
+    require_place(target, overwrite=overwrite)
     log = open_log(path)
-    _refuse(log)
+    _refuse(log, target)
     verdict = Verdict(log.paths, log.recording)
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(4)}.tmp")
-    try:
+    with replacing(target, overwrite=overwrite) as temporary:
         _rewrite(log, temporary, verdict)
-        if target.exists():
-            raise ParameterError(f"{target} has come into being meanwhile; name another file.")
-        temporary.rename(target)
-        disk.sync_folder(target.parent)
-    except OSError as error:
-        raise DecodeError(f"{target} cannot be written: {error.strerror}.") from error
-    finally:
-        temporary.unlink(missing_ok=True)
     return verdict
 
 
-def _refuse(log: Log) -> None:
+def _refuse(log: Log, target: Path) -> None:
+    if any(target.exists() and target.samefile(file) for file in log.paths):
+        raise ParameterError(f"{target} is an input; writing there would destroy it. Name another file.")
     if log.recording is None:
         raise ParameterError(
             f"{log.paths[0]} was written by another program, so nobody here knows what is missing; use 'mcap recover'."
@@ -79,19 +75,13 @@ def _rewrite(log: Log, target: Path, verdict: Verdict) -> None:
         {} if known is None else known.starts,
         metadata=log.metadata,
     )
-    part, numbers = Part(target, first), _Numbers()
-    compression, compress = compressor("zstd")
-    part.begin()
-    try:
+    numbers = _Numbers()
+    with whole_part(target, first) as (part, write):
         for rows in log.blocks():
             verdict.count(rows)
-            chunk = _chunk(rows, numbers)
-            part.write(chunk, pack(chunk, compression, compress))
+            write(_chunk(rows, numbers))
         verdict.conclude(log)
         part.finish(dict(numbers.records), log.ends, log.missing)
-        part.sync()
-    finally:
-        part.close(keep=True)
 
 
 class _Numbers:

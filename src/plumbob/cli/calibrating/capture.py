@@ -26,24 +26,30 @@ def add_options(
     p.add_argument("--to", dest="stop", metavar="TIME", help="leave out what comes after")
     p.add_argument("--device", metavar="ID", help="the unit, where the recording does not name it")
     p.add_argument("--calibration", type=Path, metavar="JSON", help="card so far: used for other triads, and kept")
-    p.add_argument("--out", type=Path, metavar="JSON", help="card to write")
+    p.add_argument("--out", type=Path, metavar="JSON", help="card to write; that of --calibration is completed")
     p.add_argument("--html", type=Path, metavar="FILE", help="also write a page with figures that opens offline")
+    common.add_force(p)
     common.add_json(p)
     p.set_defaults(told={}, live=False, guided=guide)
     if guide:
         live.add_options(p)
 
 
-def opened(args: argparse.Namespace, *triads: str, if_present: tuple[str, ...] = ()) -> "Capture":
+def opened(
+    args: argparse.Namespace,
+    *triads: str,
+    if_present: tuple[str, ...] = (),
+    inputs: tuple[Path | None, ...] = (),
+) -> "Capture":
     """Capture that the options name, for the triads that are calibrated, some of them only where it has them.
 
-    Without a triad it is the mounting that is found.
+    Without a triad it is the mounting that is found. What else is read is among `inputs`.
     """
     from plumbob.cards import CalibrationCard
     from plumbob.pipeline.calibration import capture_of
 
-    common.keep_inputs(args.file, args.profile, out=args.out)
-    common.keep_inputs(args.file, args.profile, args.calibration, args.out, out=args.html)
+    out = None if room.completes(args) else args.out
+    common.check_outputs(args, out, args.html, inputs=(args.file, args.profile, args.calibration, *inputs))
     base = None if args.calibration is None else CalibrationCard.load(args.calibration)
     if args.live:
         return live.live_capture(args, triads, base)
@@ -60,7 +66,7 @@ def opened(args: argparse.Namespace, *triads: str, if_present: tuple[str, ...] =
     )
     common.note(*(f"{args.file.name}: {line}" for line in found.found))
     made = {*triads, *(name for name in if_present if name in found.imu.triads)} or {"mount"}
-    room.require_room(args.out, found.device, {*made, *(base.parts if base else ())})
+    room.require_room(args, found.device, made, base)
     if args.guided and args.guide:
         live.tell(args, found.imu)
     return found
@@ -75,11 +81,11 @@ def finish(
 
     card = card_of(capture, fits, mounted=mounted)
     if args.out is not None:
-        card.save(args.out)
+        card.save(args.out, overwrite=args.force or room.completes(args))
     if args.html is not None:
         title = f"Calibration of {card.device}"
         facts = {"recording": args.file.name if args.file else "live"}
-        certificate.write_html(args.html, card, fits, title=title, facts=facts)
+        certificate.write_html(args.html, card, fits, title=title, facts=facts, overwrite=args.force)
     if args.json:
         written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
         common.print_json(_read(args) | written | certificate.as_dict(card, fits))

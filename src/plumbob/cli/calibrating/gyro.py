@@ -49,7 +49,7 @@ def find(args: argparse.Namespace) -> int:
     _refuse_idle(args)
     if args.method == "ferraris":
         return _ferraris(args)
-    capture = opened(args, "gyr")
+    capture = opened(args, "gyr", inputs=(args.parts,))
     if args.preset:
         return finish(args, capture, gyro.gyro_of_trackball(capture))
     fits = {"auto": gyro.gyro_by_choice, "rest": gyro.gyro_at_rest, "hand": gyro.gyro_by_hand}
@@ -79,7 +79,7 @@ def _ferraris(args: argparse.Namespace) -> int:
     from plumbob.pipeline.calibrate_gyro import ferraris_session
     from plumbob.units import Quantity, parse
 
-    capture = opened(args, "acc", "gyr")
+    capture = opened(args, "acc", "gyr", inputs=(args.parts,))
     angle = parse(args.angle or "360 deg", Quantity.ANGLE)
     return finish(args, capture, ferraris_session(capture, _parts(args, capture), angle=angle))
 

@@ -37,7 +37,7 @@ def live_capture(args: argparse.Namespace, triads: tuple[str, ...], base: "Calib
     session = _session(args)
     card = base or session.card
     unit = unit_of(session.meta.device, args.device, card)
-    room.require_room(args.out, unit, {*triads, *(card.parts if card else ())})
+    room.require_room(args, unit, triads, card)
     _require_triads(session, triads)
     imu = _run(args, session)
     if imu is None:

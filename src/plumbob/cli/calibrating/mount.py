@@ -43,8 +43,7 @@ def find(args: argparse.Namespace) -> int:
         raise ParameterError("--reference and --estimate belong together: attitudes of the body and of the unit.")
     if args.reference is not None and (args.level or args.raised or args.level_only or args.frame):
         raise ParameterError("--reference needs no poses: leave out --level, --raised, --level-only and --frame.")
-    common.keep_inputs(args.reference, args.estimate, out=args.out)
-    unit = capture.opened(args)
+    unit = capture.opened(args, inputs=(args.reference, args.estimate))
     found = _by_poses(args, unit) if args.reference is None else _by_reference(args)
     return capture.finish(args, unit, {}, mounted=found)
 

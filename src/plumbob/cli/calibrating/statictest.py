@@ -29,6 +29,7 @@ def add_parser(kinds: common.Adder) -> None:
     p.add_argument("--declination", metavar="ANGLE", help="magnetic declination with unit, east positive, as 3.2deg")
     common.add_profile(p)
     p.add_argument("--html", type=Path, metavar="FILE", help="write a page with plots that opens offline")
+    common.add_force(p)
     common.add_json(p)
     p.set_defaults(find=find)
 
@@ -42,7 +43,8 @@ def find(args: argparse.Namespace) -> int:
     from plumbob.pipeline.static_test import static_test
     from plumbob.units import Quantity, parse
 
-    common.keep_inputs(args.file, args.reference, args.calibration, args.profile, out=args.html)
+    inputs = (args.file, args.reference, args.calibration, args.profile)
+    common.check_outputs(args, args.html, inputs=inputs)
     recording = common.read(args.file, args.profile)
     if recording.imu is None:
         raise CalibrationError(f"{args.file} holds an attitude but no sensor data, so there is nothing to test.")
@@ -77,6 +79,7 @@ def _write_page(args: argparse.Namespace, result: "StaticTest") -> None:
         "reference": f"{(args.reference or args.file).name}: {result.before.reference.source}",
         "calibration": args.calibration.name,
     }
-    write_static_test(args.html, result, title=f"Static test of {args.file.name}", facts=facts)
+    title = f"Static test of {args.file.name}"
+    write_static_test(args.html, result, title=title, facts=facts, overwrite=args.force)
     if not args.json:
         print(f"page         {args.html}")

@@ -34,8 +34,7 @@ def find(args: argparse.Namespace) -> int:
     mounting = parse(args.mounting, Quantity.ANGLE)
     latitude = None if args.latitude is None else parse(args.latitude, Quantity.ANGLE)
     nominal = _rates(args.rates) if args.plan is None else []
-    common.keep_inputs(args.plan, out=args.out)
-    session = capture.opened(args, "gyr")
+    session = capture.opened(args, "gyr", inputs=(args.plan,))
     planned, remarks = (read_plan(args.plan), []) if args.plan else found_plateaus(session.imu, nominal)
     fitted = calibrate_table(session, planned, model=args.model, mounting=mounting, latitude=latitude)
     return capture.finish(args, session, {"gyr": replace(fitted, remarks=(*fitted.remarks, *remarks))})
