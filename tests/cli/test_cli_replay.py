@@ -1,6 +1,7 @@
 """plumbob replay in this process, and how a line's run is told."""
 
 import json
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -42,6 +43,21 @@ def test_the_same_filter_gives_the_same_bits_and_exits_0(replay, recording, tmp_
     yaw, pitch, roll = np.degrees(euler_zyx_from_quat(live.q_nb[-1]))
     assert f"at the end   roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°\n" in out
     assert "frame        NED, heading from magnetic north\n" in out
+
+
+def test_the_memory_of_a_check_does_not_grow_with_the_recording(replay, recording, tmp_path):
+    """Ten times the samples: 1800 parts are two megabytes more; two windows of the file, of a MiB at most, are not."""
+    record(tmp_path / "short.mcap", reads(stream()[: 200 * 30]))
+    replay("--check", path=tmp_path / "short.mcap")  # what is loaded once
+
+    def peak(path):
+        tracemalloc.start()
+        replay("--check", path=path)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    assert peak(recording[0]) - peak(tmp_path / "short.mcap") < 2 * recording[0].stat().st_size + 200_000
 
 
 def test_another_filter_frame_or_parameter_goes_before_the_session_s(replay, recording):

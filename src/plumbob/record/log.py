@@ -68,6 +68,10 @@ class Log:
         self._infos: dict[Path, PartInfo] = {part.path: part.info for part in parts if part.info is not None}
         self._start()
 
+    def again(self) -> "Log":
+        """The same recording, to be read beside this one."""
+        return Log(self._parts)
+
     @property
     def paths(self) -> tuple[Path, ...]:
         """The files."""
