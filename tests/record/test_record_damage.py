@@ -251,7 +251,7 @@ def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp
 # --- lies -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("claimed", [2**20, 2**28 + 1, 2**40, 2**63])
+@pytest.mark.parametrize("claimed", [2**20, 2**26, 2**28 + 1, 2**40, 2**63])
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     """A gigabyte of zeros in a few kilobytes, whatever size it states."""
@@ -277,6 +277,28 @@ def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     assert got == []
     assert log.damage
     assert peak < 16 << 20
+
+
+def test_schemas_and_channels_that_nobody_uses_take_bounded_memory(tmp_path):
+    """Thirty chunks of a new schema of 4 MiB each, in 20 kB: 120 MiB where all are kept."""
+    import tracemalloc
+
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    writer.start()
+    chunks = []
+    for number in range(30):
+        body = struct.pack("<HI", number + 1, 1) + b"s" + struct.pack("<II", 0, 4 << 20) + bytes(4 << 20)
+        record = struct.pack("<BQ", layout.SCHEMA, len(body)) + body
+        chunks.append(layout.chunk_record(record, zstandard.compress(record), "zstd", 0, 0))
+    (tmp_path / "a.mcap").write_bytes(buffer.getvalue() + b"".join(chunks))
+    tracemalloc.start()
+    log, got = read(tmp_path / "a.mcap")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert got == []
+    assert any("schemas and channels" in str(damage) for damage in log.damage)
+    assert peak < 100 << 20
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,16 @@ from dataclasses import dataclass
 from plumbob.record import layout
 from plumbob.record.channels import Channel
 from plumbob.record.chunk import PLAIN_BYTES
-from plumbob.record.content import FOREIGN_BYTES, BrokenRecordError, Content, Parser, Row, inflate
+from plumbob.record.content import (
+    FOREIGN_BYTES,
+    FREE_BYTES,
+    MAX_RATIO,
+    BrokenRecordError,
+    Content,
+    Parser,
+    Row,
+    inflate,
+)
 from plumbob.record.damage import Damage
 from plumbob.record.info import PartInfo
 from plumbob.record.landmark import footer_after, next_landmark
@@ -213,7 +222,7 @@ class Scan:
         after = at + layout.RECORD_HEAD.size + length
         if opcode != layout.CHUNK:
             raise BrokenRecordError("this is no chunk")
-        if size > (PLAIN_BYTES if self._ours else FOREIGN_BYTES):
+        if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
             raise BrokenRecordError(f"a chunk claims {size} bytes, more than can be believed")
         if after > self._source.size:
             raise BrokenRecordError("a chunk reaches beyond the end of the file")
