@@ -13,6 +13,7 @@ from record_samples import DECODED, OFFSET, RAW, channels, chunks_of, fill, read
 
 from plumbob.errors import DecodeError
 from plumbob.record import layout, open_log, verify
+from plumbob.record.source import Source
 
 CHUNK_ROWS = 20  # 0.1 s of two channels at 100 Hz
 
@@ -299,6 +300,57 @@ def test_schemas_and_channels_that_nobody_uses_take_bounded_memory(tmp_path):
     assert got == []
     assert any("schemas and channels" in str(damage) for damage in log.damage)
     assert peak < 100 << 20
+
+
+def whole_chunk(path):
+    """A part's beginning, and its first chunk."""
+    record(path, count=10)
+    raw = path.read_bytes()
+    at, size = chunks_of(raw)[0]
+    return raw[:at], raw[at : at + size]
+
+
+FALSE = {
+    "footers whose summary is all before them": lambda rest: (
+        layout.RECORD_HEAD.pack(layout.FOOTER, 20) + layout.FOOTER_BODY.pack(8, 0, 1) + layout.MAGIC
+    ),
+    "ends of the data": lambda rest: layout.RECORD_HEAD.pack(layout.DATA_END, 4) + layout.CRC.pack(1),
+    "chunks up to the end of the file": lambda rest: (
+        layout.CHUNK_HEAD.pack(layout.CHUNK, layout.chunk_length(0, rest - 48), 0, 0, 1 << 20, 1, 0)
+        + layout.SIZE.pack(rest - 48)
+    ),
+    "words of the part up to the end of the file": lambda rest: (
+        layout.RECORD_HEAD.pack(layout.METADATA, rest - 9) + struct.pack("<I", 7) + b"plumbob"
+    ),
+}
+
+
+@pytest.mark.parametrize("between", [False, True])
+@pytest.mark.parametrize("false", FALSE.values(), ids=FALSE)
+def test_the_work_grows_with_the_file_and_not_with_its_square(tmp_path, monkeypatch, false, between):
+    """Bytes read of a file of nothing but false records, chunks between them or not, and of a longer one."""
+    begin, chunk = whole_chunk(tmp_path / "a.mcap")
+    work = []
+
+    def counted(source, offset, count, at=Source.at):
+        found = at(source, offset, count)
+        work.append(len(found))
+        return found
+
+    def bytes_read(count):
+        tail = b""
+        for _ in range(count):
+            tail = chunk * between + tail
+            tail = false(len(false(100)) + len(tail)) + tail
+        (tmp_path / "b.mcap").write_bytes(begin + tail)
+        work.clear()
+        for _ in open_log(tmp_path / "b.mcap").blocks():
+            continue
+        return sum(work) / (tmp_path / "b.mcap").stat().st_size
+
+    monkeypatch.setattr(Source, "at", counted)
+    assert bytes_read(900) < 1.5 * bytes_read(300)
+    assert bytes_read(900) < 2 * 40  # 32 times, for its name and for its rows
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ FOREIGN_BYTES: Final = 256 << 20
 """Larger chunks of other programs are not inflated."""
 FREE_BYTES: Final = 16 << 20
 MAX_RATIO: Final = 16
-"""A chunk of another program may state `FREE_BYTES` and so many times what it stores; short rows take ten times more."""
+"""A chunk of another program may state `FREE_BYTES` and this many times its size; short rows take ten times that."""
 _KEPT_BYTES: Final = 64 << 20
 """Schemas and channels that are kept of one file, in bytes."""
 _STEP: Final = 1 << 20
