@@ -12,6 +12,7 @@ from plumbob.cli import line as told
 from plumbob.cli.main import main
 from plumbob.pipeline import sources
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
+from plumbob.sensors.page import UNCHECKED
 from tests.pipeline.live_samples import FORMAT, SESSION, reads, record, stream
 
 
@@ -128,7 +129,7 @@ def run_report(**changes):
     counts = dict.fromkeys(("junk", "bad_checksum", "bad_content", "bad_length", "unknown"), 0)
     counts |= {"received": 6000, "framed": 6000} | changes.pop("bytes", {})
     given = {"samples": 200, "duration_s": 60.0, "not_usable": 0, "calibration": None,
-             "inferred_gaps": None}  # fmt: skip
+             "inferred_gaps": None, "unchecked_bytes": None}  # fmt: skip
     return {"time": time, "bytes": counts, "filter": None, "frame": None, "north": None} | given | changes
 
 
@@ -143,6 +144,7 @@ def run_report(**changes):
         ({"not_usable": 4}, "lost         0 frames in 0 gaps; 4 repeated or late"),
         ({"inferred_gaps": "inferred gaps: 1 gap, 5 s in all"}, "inferred     1 gap, 5 s in all"),
         ({}, "device clock -12.3 ppm against this host"),
+        ({"unchecked_bytes": 6}, f"checks       {UNCHECKED.format(6)}"),
         ({"filter": "mahony(kp=1)"}, "filter       mahony(kp=1)"),
         ({"north": "free", "frame": "ENU"}, "frame        ENU, heading from an arbitrary zero"),
     ],
@@ -157,6 +159,7 @@ def test_every_line_of_a_report(capsys, changes, line):
     [
         ({}, "lost"),
         ({}, "rejected"),
+        ({}, "checks"),
         ({}, "inferred"),
         ({}, "filter"),
         ({}, "frame "),
