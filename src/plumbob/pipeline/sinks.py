@@ -13,6 +13,7 @@ from plumbob.errors import ParameterError
 from plumbob.flags import names
 from plumbob.link import Event
 from plumbob.pipeline.line import Part
+from plumbob.plain import visible
 from plumbob.rotations import North, euler_zyx_from_quat
 from plumbob.units import to_deg
 
@@ -125,7 +126,7 @@ def text_of(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head
     if head:
         zero = "an arbitrary zero" if track.north is North.FREE else f"{track.north} north"
         yield f"# roll about x, pitch about y, yaw about z, turned yaw first; body axes to {track.frame}, "
-        yield f"heading from {zero}; by {' '.join(track.source.split())}\n"
+        yield f"heading from {zero}; by {visible(' '.join(track.source.split()))}\n"
         yield "t [s]\troll [deg]\tpitch [deg]\tyaw [deg]\tflags\n"
     angles = to_deg(euler_zyx_from_quat(track.q_nb[rows]))
     words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]
