@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint mutants bench noise endurance wire clean other-processor
+.PHONY: setup demo test test-long lint mutants bench noise endurance wire fuzz clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -65,6 +65,10 @@ wire: setup
 	$(BIN)/python benchmarks/interrupted.py
 	$(BIN)/python benchmarks/acquire_latency.py
 	$(BIN)/python benchmarks/live.py --duration 600
+
+# Files of every format mutated, 5000 of each: exit codes, time and memory.
+fuzz: setup
+	$(BIN)/python benchmarks/fuzz.py
 
 clean:
 	rm -rf $(VENV) .mutants demo-out bench-out build dist

@@ -6,6 +6,7 @@ made to be cut anywhere, and have their own writers.
 """
 
 import os
+import re
 import secrets
 import shutil
 import signal
@@ -24,6 +25,44 @@ if sys.platform != "win32":
 
 MAX_TEXT: Final = 16 * 1024 * 1024
 """Bytes of a file that a person writes, or that is kept as text in memory: cards, sessions, formats, profiles."""
+
+_FREE_BYTES: Final = 64 << 20
+_MAX_RATIO: Final = 128
+_MEMORY: Final = "PLUMBOB_MEMORY"
+
+
+def require_room(unpacked: int, stored: int) -> None:
+    """Refuse what a file unpacks to by its own word, before any of it is unpacked.
+
+    Sensors that rest and hardly stir pack to a seventieth of their size (measured; to a fifth with their usual noise),
+    and numbers that never change to a fifteen-hundredth. Where `PLUMBOB_MEMORY` says so, as in ``4GiB``, a file may
+    unpack to more.
+
+    Parameters
+    ----------
+    unpacked, stored : int
+        Bytes in memory, and in the file.
+
+    Raises
+    ------
+    DecodeError
+        If that is more than 64 MiB and 128 times the file's size, or the environment says no size.
+    """
+    allowed = max(_FREE_BYTES + _MAX_RATIO * stored, _given_memory())
+    if unpacked > allowed:
+        raise DecodeError(
+            f"its {stored} bytes unpack to {unpacked}, but {allowed} are allowed: 64 MiB and {_MAX_RATIO} times the "
+            f"file. If you trust the file, allow more, for example {_MEMORY}={1 + (unpacked >> 30)}GiB."
+        )
+
+
+def _given_memory() -> int:
+    """Bytes that the environment allows."""
+    text = os.environ.get(_MEMORY, "0")
+    found = re.fullmatch(r"(\d{1,9}) ?(|B|KiB|MiB|GiB)", text)
+    if found is None:
+        raise DecodeError(f"{_MEMORY} must be a size, for example 4GiB, but it is {text!r}.")
+    return int(found[1]) << {"": 0, "B": 0, "KiB": 10, "MiB": 20, "GiB": 30}[found[2]]
 
 
 def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path:

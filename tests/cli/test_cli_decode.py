@@ -2,6 +2,7 @@
 
 import binascii
 import json
+import random
 import struct
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from plumbob.cli import decode
 from plumbob.cli.main import main
 from plumbob.constants import G0
+from tests.battery.commandline import ok
 
 FORMAT = """
 kind = "plumbob format"
@@ -71,6 +73,19 @@ def call(tmp_path, monkeypatch, capsys):
         return out.splitlines(), notes
 
     return run
+
+
+@pytest.mark.parametrize(("name", "size"), [("adxrs290", 6), ("adis16355", 20)])
+def test_a_device_without_any_check_is_said_to_have_none(tmp_path, name, size):
+    """Random bytes are rows, for nothing tells them from the sensor's: each output says so."""
+    (tmp_path / "in.bin").write_bytes(random.Random(1).randbytes(100 * size))
+    says = f"NONE: no sync, checksum or constant, so any {size} bytes pass for a sample, even noise"
+    assert f"checks of {name}: {says}" in ok("decode", tmp_path / "in.bin", "--format", name).stderr
+    capture = ("record", "--from", tmp_path / "in.bin", "--format", name, "--rate", "50 Hz")
+    assert f"checks       {says}\n" in ok(*capture).stdout
+    assert json.loads(ok(*capture, "--json").stdout)["unchecked_bytes"] == size
+    assert says in ok("devices", name).stdout
+    assert f"{size} bytes, NO CHECK" in ok("devices").stdout
 
 
 def test_a_row_is_what_the_bytes_say(call):

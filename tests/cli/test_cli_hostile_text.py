@@ -8,10 +8,12 @@ import numpy as np
 from plumbob import io
 from plumbob.cards import NoiseCard, TriadNoise
 from plumbob.cli.main import main
-from plumbob.data import ImuData, ImuMeta
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.pipeline.exports import export
 from plumbob.plain import visible
 from plumbob.record import Recorder
 from plumbob.rigs import load
+from plumbob.rotations import Frame, North
 from plumbob.sensors.c_header import c_header
 
 STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
@@ -67,3 +69,15 @@ def test_a_title_does_not_end_the_comment_of_a_header():
     text = c_header(form)
     assert text.startswith("/* fin * / int owned; / * \\n#include <evil.h>\n")
     assert text.count("/*") == text.count("*/") == c_header(load("fin")).count("/*")
+
+
+def test_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path):
+    """Head of CSV, TUM and text: what somebody looks at with `cat`."""
+    t = np.arange(100) * 0.01
+    imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
+    track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0, 0, 0], (100, 1)), frame=Frame.ENU, north=North.FREE, source=STEER)
+    whole = io.Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
+    for suffix in (".csv", ".tum", ".txt"):
+        text = export(tmp_path / f"a{suffix}", whole).read_text(encoding="utf-8")
+        assert text.replace("\n", "").replace("\t", "").isprintable()
+    assert io.read(tmp_path / "a.csv").imu.meta.device == STEER  # its profile has it as it was

@@ -1,6 +1,7 @@
 """plumbob replay in this process, and how a line's run is told."""
 
 import json
+import tracemalloc
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from plumbob.cli import line as told
 from plumbob.cli.main import main
 from plumbob.pipeline import sources
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
+from plumbob.sensors.page import UNCHECKED
 from tests.pipeline.live_samples import FORMAT, SESSION, reads, record, stream
 
 
@@ -42,6 +44,21 @@ def test_the_same_filter_gives_the_same_bits_and_exits_0(replay, recording, tmp_
     yaw, pitch, roll = np.degrees(euler_zyx_from_quat(live.q_nb[-1]))
     assert f"at the end   roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°\n" in out
     assert "frame        NED, heading from magnetic north\n" in out
+
+
+def test_the_memory_of_a_check_does_not_grow_with_the_recording(replay, recording, tmp_path):
+    """Ten times the samples: 1800 parts are two megabytes more; two windows of the file, of a MiB at most, are not."""
+    record(tmp_path / "short.mcap", reads(stream()[: 200 * 30]))
+    replay("--check", path=tmp_path / "short.mcap")  # what is loaded once
+
+    def peak(path):
+        tracemalloc.start()
+        replay("--check", path=path)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return most
+
+    assert peak(recording[0]) - peak(tmp_path / "short.mcap") < 2 * recording[0].stat().st_size + 200_000
 
 
 def test_another_filter_frame_or_parameter_goes_before_the_session_s(replay, recording):
@@ -112,7 +129,7 @@ def run_report(**changes):
     counts = dict.fromkeys(("junk", "bad_checksum", "bad_content", "bad_length", "unknown"), 0)
     counts |= {"received": 6000, "framed": 6000} | changes.pop("bytes", {})
     given = {"samples": 200, "duration_s": 60.0, "not_usable": 0, "calibration": None,
-             "inferred_gaps": None}  # fmt: skip
+             "inferred_gaps": None, "unchecked_bytes": None}  # fmt: skip
     return {"time": time, "bytes": counts, "filter": None, "frame": None, "north": None} | given | changes
 
 
@@ -127,6 +144,7 @@ def run_report(**changes):
         ({"not_usable": 4}, "lost         0 frames in 0 gaps; 4 repeated or late"),
         ({"inferred_gaps": "inferred gaps: 1 gap, 5 s in all"}, "inferred     1 gap, 5 s in all"),
         ({}, "device clock -12.3 ppm against this host"),
+        ({"unchecked_bytes": 6}, f"checks       {UNCHECKED.format(6)}"),
         ({"filter": "mahony(kp=1)"}, "filter       mahony(kp=1)"),
         ({"north": "free", "frame": "ENU"}, "frame        ENU, heading from an arbitrary zero"),
     ],
@@ -141,6 +159,7 @@ def test_every_line_of_a_report(capsys, changes, line):
     [
         ({}, "lost"),
         ({}, "rejected"),
+        ({}, "checks"),
         ({}, "inferred"),
         ({}, "filter"),
         ({}, "frame "),

@@ -304,6 +304,46 @@ def test_claims_of_size_are_refused_before_reading(tmp_path):
     refused(hostile(tmp_path / "b.hdf5", chunky), "claims chunks")
 
 
+def test_values_that_were_never_written_take_no_memory(tmp_path):
+    path = write_hdf5(tmp_path / "a.hdf5", content(), rate_as_attribute=False)
+    with h5py.File(path, "r+") as hdf5:
+        del hdf5["sampling_rate"]
+        hdf5.create_dataset("sampling_rate", (2**30,), "u8")  # 8 GiB of a fill value
+    refused(path, r"unpack to 8589\d{6}, but")
+
+
+def chunk_of(packed, **how):
+    def make(hdf5):
+        dataset = hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", chunks=(ROWS, 3), **how)
+        dataset.id.write_direct_chunk((0, 0), packed)
+
+    return make
+
+
+def test_a_chunk_that_unpacks_to_more_than_it_states_is_refused(tmp_path):
+    """The library inflates a chunk to its end, whatever its size: here 64 MiB where 0.5 kB belong."""
+    bomb = zlib.compress(bytes(64 << 20))
+    refused(hostile(tmp_path / "a.hdf5", chunk_of(bomb, compression="gzip")), "a chunk of imu_acc unpacks to more than")
+    right = zlib.compress(np.tile([0.0, 0.0, 9.8], (ROWS, 1)).tobytes())
+    assert len(read(hostile(tmp_path / "b.hdf5", chunk_of(right, compression="gzip"))).imu) == ROWS
+
+
+@pytest.mark.parametrize("how", [{"compression": "lzf"}, {"scaleoffset": 3}])
+def test_other_filters_are_refused(tmp_path, how):
+    def make(hdf5):
+        hdf5.create_dataset("imu_acc", data=np.tile([0.0, 0.0, 9.8], (ROWS, 1)), chunks=True, **how)
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is packed by a filter other than gzip")
+
+
+@pytest.mark.parametrize("how", [{"shuffle": True}, {"fletcher32": True}, {"shuffle": True, "fletcher32": True}])
+def test_filters_beside_gzip_are_read(tmp_path, how):
+    def make(hdf5):
+        hdf5.create_dataset("imu_acc", data=np.tile([0.0, 0.0, 9.8], (ROWS, 1)), compression="gzip", **how)
+
+    assert len(read(hostile(tmp_path / "a.hdf5", make)).imu) == ROWS
+
+
 # Hostile MATLAB -------------------------------------------------------------------------------------------------------
 
 
@@ -326,6 +366,12 @@ def test_a_bomb_is_refused_without_unpacking_it_whole(tmp_path, monkeypatch):
     packed = zlib.compress(bytes(64 * 1024 * 1024), 1)
     path.write_bytes(path.read_bytes() + struct.pack("<II", 15, len(packed)) + packed)
     refused(path, "unpacks to more than 2 MiB")
+
+
+def test_a_file_beyond_the_budget_is_not_read(tmp_path):
+    with write_mat(tmp_path / "a.mat", content()).open("r+b") as stream:
+        stream.truncate(2 << 40)  # of holes
+    refused(tmp_path / "a.mat", "unpacks to more than 256 MiB")
 
 
 def test_a_trial_of_the_largest_size_fits_the_budget():

@@ -213,6 +213,18 @@ def test_npy_that_is_none(tmp_path):
         open_numbers(path)
 
 
+@pytest.mark.parametrize("value", [1e300, -2e30])
+def test_numbers_that_no_sensor_gives_are_refused_with_their_place(tmp_path, value):
+    """Squares of them overflow, and LAPACK says so on standard output; NaN and infinity are others' business."""
+    table = np.zeros((2000, 3))
+    table[1500, 1], table[3, 0], table[4, 0] = value, np.inf, np.nan
+    np.save(tmp_path / "a.npy", table)
+    with pytest.raises(
+        DecodeError, match=rf"a\.npy: row 1501, column 2 is {value:g}, but no sensor".replace("+", r"\+")
+    ):
+        open_numbers(tmp_path / "a.npy").read()
+
+
 def test_a_file_that_shrinks_is_noticed(tmp_path):
     path = tmp_path / "a.f64"
     np.zeros(10).tofile(path)

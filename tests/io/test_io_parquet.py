@@ -7,14 +7,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from io_samples import CASES, assert_same, make_imu, make_track
 
+from plumbob import _files
 from plumbob.data import ImuData, ImuMeta
 from plumbob.errors import ClockError, DecodeError, FrameError, ParameterError
-from plumbob.io import Recording, header, parquet
+from plumbob.io import Recording, header, parquet, parquet_pages
 from plumbob.io.columns import COLUMNS, to_columns
 from plumbob.io.parquet import read_parquet, write_parquet
 from tests.battery import examples
@@ -154,8 +156,21 @@ def test_a_recording_of_constants_is_not_taken_for_a_lie(folder):
     path = folder / "constant.parquet"
     imu = ImuData(t=np.arange(1_000_000) * 0.01, acc=np.tile([0.0, 0.0, 9.8], (1_000_000, 1)))
     write_parquet(path, Recording(imu=imu))
-    assert imu.acc.nbytes / path.stat().st_size < parquet._MAX_RATIO / 2
     assert len(read_parquet(path).imu) == 1_000_000
+
+
+def test_a_day_of_a_unit_at_rest_is_not_taken_for_a_bomb(folder):
+    """Nine channels that stir by a count in a hundred samples, and a constant temperature: a day is 1.6 GB unpacked."""
+    rows, counts = 100_000, np.random.default_rng(0)
+    still = [np.where(counts.random((rows, 3)) < 0.01, 1.0, 0.0) for _ in range(3)]
+    imu = ImuData(
+        t=np.arange(rows) / 200.0, gyr=1e-3 * still[0], acc=1e-3 * still[1] + [0.0, 0.0, 9.8],
+        mag=0.1 * still[2] + [20.0, 0.0, 40.0], temp_c=np.full(rows, 25.0),
+    )  # fmt: skip
+    write_parquet(folder / "rest.parquet", Recording(imu=imu))
+    unpacked = rows * (8 + 4 + 10 * 8)
+    assert 24 * 3600 * 200 / rows * unpacked > 1.5e9
+    assert unpacked / (folder / "rest.parquet").stat().st_size < _files._MAX_RATIO
 
 
 def test_a_foreign_parquet_is_named_so(folder):
@@ -298,12 +313,74 @@ def test_no_rows_are_refused(folder):
     refused(forged(folder / "empty.parquet", table=whole_table().slice(0, 0)), "claims 0 rows")
 
 
-def test_a_claim_of_more_than_the_file_can_hold_is_refused(folder, monkeypatch):
+def test_more_rows_than_a_file_of_its_size_may_hold_are_refused(folder, monkeypatch):
     path = folder / "claim.parquet"
-    write_parquet(path, CASES["both"])
-    monkeypatch.setattr(parquet, "_FREE_BYTES", 0)
-    monkeypatch.setattr(parquet, "_MAX_RATIO", 0)
-    refused(path, "claims 12 rows")
+    imu = ImuData(t=np.arange(1_000_000) * 0.01, acc=np.tile([0.0, 0.0, 9.8], (1_000_000, 1)))
+    write_parquet(path, Recording(imu=imu))
+    monkeypatch.setattr(_files, "_FREE_BYTES", 16 << 20)  # a test need not unpack 64 MiB
+    refused(path, r"unpack to 360\d{5}, but .* are allowed: .* allow more, for example PLUMBOB_MEMORY=1GiB")
+    monkeypatch.setenv("PLUMBOB_MEMORY", "40MiB")
+    assert len(read_parquet(path).imu) == 1_000_000
+    monkeypatch.setenv("PLUMBOB_MEMORY", "much")
+    refused(path, "PLUMBOB_MEMORY must be a size, for example 4GiB, but it is 'much'")
+
+
+def integer(value):
+    """Zigzag and variable length, as Thrift's compact protocol writes an i32."""
+    value, out = value << 1, b""
+    while value > 0x7F:
+        out, value = out + bytes([value & 0x7F | 0x80]), value >> 7
+    return out + bytes([value])
+
+
+def page(unpacked, stored, values=0):
+    """Header of a data page: type, sizes, and the values, encodings and statistics of DataPageHeader."""
+    inner = b"\x15" + integer(values) + b"\x15\x12\x15\x06\x15\x06\x1c\x18\x02ab\x16\x02\x00\x00"
+    return b"\x15\x00\x15" + integer(unpacked) + b"\x15" + integer(stored) + b"\x2c" + inner + b"\x00"
+
+
+def test_pages_that_unpack_to_more_than_their_table_of_contents_says_are_refused(folder):
+    """A page says itself what it unpacks to, and Arrow believes it: here one says a gigabyte, and holds it."""
+    path = folder / "bomb.parquet"
+    write_parquet(path, Recording(imu=make_imu(rows=50_000)))
+    column = pq.ParquetFile(path).metadata.row_group(0).column(1)
+    bomb = zstandard.compress(bytes(64 << 20)) * 16  # frames after one another are one
+    content = page(1 << 30, len(bomb), 1 << 27) + bomb
+    rest = column.total_compressed_size - len(content) - len(page(0, 1 << 17))
+    content += page(0, rest)
+    content += bytes(column.total_compressed_size - len(content))
+    data = bytearray(path.read_bytes())
+    data[column.data_page_offset : column.data_page_offset + len(content)] = content
+    path.write_bytes(data)
+    refused(path, r"bytes unpack to 10\d{8}, but")
+
+
+@pytest.mark.parametrize(
+    ("header", "says"),
+    [
+        (page(8, 9) + bytes(8), "a page of it is damaged"),  # beyond the chunk
+        (page(8, 8)[:-3], "the header of a page is cut"),
+        (b"\x15\x00\x15\x02\x00", "a page of it is damaged"),  # without a stored size
+        (b"\x15\x00\x15\x01\x15\x02\x00", "a page of it is damaged"),  # -1 bytes
+        (b"\x19\x15\x00", "a field of type 9"),
+        (b"\x1c" * 100, "a field of type 12"),
+        (b"\x18" + b"\xff" * 70, "the header of a page is cut"),
+        (b"\x18\xff\xff\xff\x7f", "the header of a page is cut"),  # a text beyond the end
+    ],
+)
+def test_headers_of_pages_are_believed_only_where_they_are_whole(header, says):
+    with pytest.raises(DecodeError, match=says):
+        parquet_pages._of_pages(header)
+
+
+def test_headers_of_pages_are_read_to_their_end():
+    assert parquet_pages._of_pages(page(700, 3) + b"abc" + page(1 << 20, 0)) == 700 + (1 << 20)
+
+
+def test_a_table_of_contents_that_is_too_large_is_not_read(folder):
+    path = folder / "contents.parquet"
+    path.write_bytes(b"PAR1" + bytes(2 << 20) + (2 << 20).to_bytes(4, "little") + b"PAR1")
+    refused(path, "its table of contents has 2097152 bytes")
 
 
 @pytest.mark.parametrize("meta", [ImuMeta(device=None), ImuMeta(unit_check="no")])

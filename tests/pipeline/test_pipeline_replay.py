@@ -7,7 +7,7 @@ from live_samples import OFFSET, SESSION, motion, reads, record, session, stream
 from plumbob import flags, io
 from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.link import Event, Received
-from plumbob.pipeline import read_any
+from plumbob.pipeline import read_any, rows
 from plumbob.pipeline.exports import export, only
 from plumbob.pipeline.line import Line
 from plumbob.pipeline.offline import Stage
@@ -16,7 +16,7 @@ from plumbob.pipeline.replay import compare, open_recording, replay
 from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.sinks import Collected, TextSink
 from plumbob.pipeline.sources import open_source
-from plumbob.record import open_log
+from plumbob.record import Recorder, open_log
 from plumbob.rigs import PLANS, make_rig
 from plumbob.rigs import load as load_rig
 from plumbob.rotations import North, quat_conjugate, quat_multiply
@@ -58,6 +58,51 @@ def test_comparison_notices_another_filter(recording):
     result = compare(replay(log, other))
     assert not result.equal
     assert result.different > 0
+
+
+def rewritten(path, out, change):
+    """A recording whose attitudes are those that `change` makes of them, all else as it was."""
+    log = open_log(path)
+    first = log.first_info
+    recorder = Recorder(out, epoch_offset_ns=first.epoch_offset_ns, reserve=0)
+    recorder.metadata.update(first.metadata)
+    with recorder:
+        channel = {topic: rows.declare(recorder, topic) for topic in ("events", "imu", "attitude")}
+        channel["raw"] = recorder.channel("raw", "application/octet-stream")
+        kept = list(log)
+        for m in kept:
+            if m.topic not in ("attitude", "recorder"):
+                recorder.write(channel[m.topic], m.t_ns, m.data)
+        for row in change([m.data for m in kept if m.topic == "attitude"]):
+            recorder.write(channel["attitude"], kept[-1].t_ns, row)
+    return replay(*open_recording(out))
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        (lambda live: live, (2000, 0, 0, 0)),
+        # the false rows meet the replay's, and the true ones are what nobody made
+        (lambda live: [row.replace(b"[0.", b"[0.9") for row in live] + live, (2000, 2000, 2000, 0)),
+        (lambda live: [r for row in live for r in (row.replace(b"[0.", b"[0.9"), row)], (2000, 2000, 2000, 0)),
+        (lambda live: live + live[-3:], (2000, 0, 3, 0)),
+        (lambda live: live[:5] + live[8:], (1997, 0, 0, 3)),
+        (lambda live: live[5:], (1995, 0, 0, 5)),
+        (lambda live: live[:-5], (1995, 0, 0, 5)),
+        (lambda live: [row.replace(b'"t_ns":', b'"t_ns":-') for row in live], (0, 0, 2000, 2000)),
+    ],
+)
+def test_rows_are_compared_in_their_order_and_none_is_left_out(recording, tmp_path, change, found):
+    result = compare(rewritten(recording[0], tmp_path / "a.mcap", change))
+    counts = (result.compared, result.different, result.only_live, result.only_replayed)
+    assert counts == found
+    assert result.equal == (found == (2000, 0, 0, 0))
+
+
+def test_attitudes_without_a_time_are_refused(recording, tmp_path):
+    false = rewritten(recording[0], tmp_path / "a.mcap", lambda live: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
+    with pytest.raises(DecodeError, match="no whole number of nanoseconds"):
+        compare(false)
 
 
 def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path):

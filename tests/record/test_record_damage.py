@@ -13,6 +13,7 @@ from record_samples import DECODED, OFFSET, RAW, channels, chunks_of, fill, read
 
 from plumbob.errors import DecodeError
 from plumbob.record import layout, open_log, verify
+from plumbob.record.source import Source
 
 CHUNK_ROWS = 20  # 0.1 s of two channels at 100 Hz
 
@@ -251,7 +252,7 @@ def test_lost_rows_of_a_rare_channel_are_counted_though_it_never_comes_again(tmp
 # --- lies -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("claimed", [2**20, 2**28 + 1, 2**40, 2**63])
+@pytest.mark.parametrize("claimed", [2**20, 2**26, 2**28 + 1, 2**40, 2**63])
 @pytest.mark.parametrize("compression", ["zstd", "lz4"])
 def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     """A gigabyte of zeros in a few kilobytes, whatever size it states."""
@@ -277,6 +278,79 @@ def test_a_bomb_is_not_inflated(tmp_path, compression, claimed):
     assert got == []
     assert log.damage
     assert peak < 16 << 20
+
+
+def test_schemas_and_channels_that_nobody_uses_take_bounded_memory(tmp_path):
+    """Thirty chunks of a new schema of 4 MiB each, in 20 kB: 120 MiB where all are kept."""
+    import tracemalloc
+
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    writer.start()
+    chunks = []
+    for number in range(30):
+        body = struct.pack("<HI", number + 1, 1) + b"s" + struct.pack("<II", 0, 4 << 20) + bytes(4 << 20)
+        record = struct.pack("<BQ", layout.SCHEMA, len(body)) + body
+        chunks.append(layout.chunk_record(record, zstandard.compress(record), "zstd", 0, 0))
+    (tmp_path / "a.mcap").write_bytes(buffer.getvalue() + b"".join(chunks))
+    tracemalloc.start()
+    log, got = read(tmp_path / "a.mcap")
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert got == []
+    assert any("schemas and channels" in str(damage) for damage in log.damage)
+    assert peak < 100 << 20
+
+
+def whole_chunk(path):
+    """A part's beginning, and its first chunk."""
+    record(path, count=10)
+    raw = path.read_bytes()
+    at, size = chunks_of(raw)[0]
+    return raw[:at], raw[at : at + size]
+
+
+FALSE = {
+    "footers whose summary is all before them": lambda rest: (
+        layout.RECORD_HEAD.pack(layout.FOOTER, 20) + layout.FOOTER_BODY.pack(8, 0, 1) + layout.MAGIC
+    ),
+    "ends of the data": lambda rest: layout.RECORD_HEAD.pack(layout.DATA_END, 4) + layout.CRC.pack(1),
+    "chunks up to the end of the file": lambda rest: (
+        layout.CHUNK_HEAD.pack(layout.CHUNK, layout.chunk_length(0, rest - 48), 0, 0, 1 << 20, 1, 0)
+        + layout.SIZE.pack(rest - 48)
+    ),
+    "words of the part up to the end of the file": lambda rest: (
+        layout.RECORD_HEAD.pack(layout.METADATA, rest - 9) + struct.pack("<I", 7) + b"plumbob"
+    ),
+}
+
+
+@pytest.mark.parametrize("between", [False, True])
+@pytest.mark.parametrize("false", FALSE.values(), ids=FALSE)
+def test_the_work_grows_with_the_file_and_not_with_its_square(tmp_path, monkeypatch, false, between):
+    """Bytes read of a file of nothing but false records, chunks between them or not, and of a longer one."""
+    begin, chunk = whole_chunk(tmp_path / "a.mcap")
+    work = []
+
+    def counted(source, offset, count, at=Source.at):
+        found = at(source, offset, count)
+        work.append(len(found))
+        return found
+
+    def bytes_read(count):
+        tail = b""
+        for _ in range(count):
+            tail = chunk * between + tail
+            tail = false(len(false(100)) + len(tail)) + tail
+        (tmp_path / "b.mcap").write_bytes(begin + tail)
+        work.clear()
+        for _ in open_log(tmp_path / "b.mcap").blocks():
+            continue
+        return sum(work) / (tmp_path / "b.mcap").stat().st_size
+
+    monkeypatch.setattr(Source, "at", counted)
+    assert bytes_read(900) < 1.5 * bytes_read(300)
+    assert bytes_read(900) < 2 * 40  # 32 times, for its name and for its rows
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,8 @@ import pytest
 from plumbob._jit import jit_disabled
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import decode
-from plumbob.sensors.odds import false_accepts
+from plumbob.sensors.odds import false_accepts, passes_anything
+from plumbob.sensors.page import framing_of
 
 STREAMS = [name for name in catalog.names() if not catalog.load(name).framing.transfers]
 
@@ -17,6 +18,16 @@ def settled(name):
     """A device with options that are not known given some number: they do not change what passes."""
     form = catalog.load(name)
     return form.bind({key: "1" for key, option in form.options.items() if option.default is None})
+
+
+@pytest.mark.parametrize("name", catalog.names())
+def test_a_format_that_takes_anything_is_one_that_every_random_transfer_passes(name):
+    form = settled(name)
+    assert passes_anything(form) == (form.framing.transfers and false_accepts(form) == 1.0)
+    rows = np.random.default_rng(1).integers(0, 256, 2000 * form.framing.most, dtype=np.uint8)
+    taken = sum(decode(form, rows.tobytes())[1].frames.values())
+    assert (taken == 2000) == passes_anything(form)
+    assert passes_anything(form) == (", NO CHECK" in framing_of(form))
 
 
 @pytest.mark.parametrize("name", STREAMS)

@@ -194,7 +194,12 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
 
 
 def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
-    """Say on standard error what was not decoded, and why."""
+    """Say on standard error what was not decoded, and why, and what could not be checked."""
+    from plumbob.sensors.odds import passes_anything
+    from plumbob.sensors.page import UNCHECKED
+
+    if passes_anything(form):
+        common.note(f"checks of {form.name}: {UNCHECKED.format(form.framing.length)}")
     others = [f"{count} of {name}" for name, count in counts.frames.items() if count and name != message]
     if others:
         common.note(f"{counts.frames[message]} frames of {message}; also {', '.join(others)}: ask with --message")

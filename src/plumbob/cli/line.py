@@ -142,11 +142,15 @@ def attitude_of(part: "Part | None") -> str:
 def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any]:
     """What a run gave, for JSON."""
     from plumbob.io import inferred
+    from plumbob.pipeline.sources import KERNEL
+    from plumbob.sensors.odds import passes_anything
 
     last = status.last
+    by_kernel = session.source is not None and session.source.kind in KERNEL
     return {
         "session": session.name,
         "format": session.form.name,
+        "unchecked_bytes": session.form.framing.length if passes_anything(session.form) and not by_kernel else None,
         "device": session.meta.device,
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
         "temperature_beyond": status.temperature_beyond,
@@ -164,11 +168,14 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
 def print_report(report: Mapping[str, Any], last: str) -> None:
     """Print what a run gave, as text."""
     from plumbob.data import calibration_told
+    from plumbob.sensors.page import UNCHECKED
 
     told, counts = report["time"], report["bytes"]
     rate = "unknown" if told["rate"] is None else f"{told['rate']:.6g} Hz"
     print(f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}")
     print(f"bytes        {counts['received']}, of frames {counts['framed']}, junk {counts['junk']}")
+    if report["unchecked_bytes"]:
+        print(f"checks       {UNCHECKED.format(report['unchecked_bytes'])}")
     rejected = {k: counts[k] for k in ("bad_checksum", "bad_content", "bad_length", "unknown") if counts[k]}
     if rejected:
         words = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in rejected.items())

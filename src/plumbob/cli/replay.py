@@ -8,9 +8,18 @@ from plumbob.cli import common
 from plumbob.cli import line as told
 
 if TYPE_CHECKING:
+    from plumbob.link import Event
     from plumbob.pipeline.session import Session
+    from plumbob.pipeline.sinks import Sink
 
 DIFFERENT = 3
+
+
+class _Past(told.Status):
+    """What is told of a run, without its events: they were told when they happened."""
+
+    def on_event(self, event: "Event") -> None:
+        """Leave it to the recording."""
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -40,7 +49,11 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.errors import ParameterError
     from plumbob.io import Recording, inferred
     from plumbob.pipeline.exports import export
-    from plumbob.pipeline.replay import compare, open_recording, replay
+    from plumbob.pipeline.line import Line
+    from plumbob.pipeline.replay import Check, open_recording
+    from plumbob.pipeline.runner import run_line
+    from plumbob.pipeline.sinks import Tracks
+    from plumbob.pipeline.sources import ReplaySource
 
     if args.speed is not None and not args.speed > 0.0:
         raise ParameterError(f"--speed must be above 0, but it is {args.speed:g}.")
@@ -50,23 +63,24 @@ def run(args: argparse.Namespace) -> int:
     session = _changed(args, session)
     if session.stage is not None:
         common.warn_of_compiling([session.stage.filter])
-    replayed = replay(log, session, speed=args.speed)
+    line, kept = Line(session), Tracks()
+    status = _Past(line, quiet=True)
+    check = Check(log) if args.check else None
+    sinks: list[Sink | None] = [status, kept if args.out else None, check]
+    run_line(line, ReplaySource(log, args.speed), sinks=[sink for sink in sinks if sink])
     for topic, count in log.missing.items():
         common.note(f"{args.recording.name}: {count} rows of {topic} are missing")
     for damage in log.damage:
         common.note(f"{args.recording.name}: {damage}")
-    status = told.Status(replayed.line, quiet=True)
-    for part in replayed.found.parts:
-        status.on_part(part)
-    report = told.report_of(session, replayed.line, status)
-    track = replayed.found.track()
+    report = told.report_of(session, line, status)
+    track = kept.track()
     if args.out:
         if track is None:
             raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
-        doubt = inferred(replayed.line.time.report())
+        doubt = inferred(line.time.report())
         notes = (f"replayed from {args.recording.name} by {track.source}", *doubt)
         export(args.out, Recording(track=track, name=args.out.stem, notes=notes), overwrite=args.force)
-    same = compare(replayed) if args.check else None
+    same = check.comparison if check else None
     if same is not None:
         report["check"] = {**asdict(same), "equal": same.equal}
     if args.json:

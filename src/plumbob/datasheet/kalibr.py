@@ -15,6 +15,7 @@ from plumbob.datasheet.triads import Triad, triads
 from plumbob.errors import ParameterError, ShapeError, UnitError
 from plumbob.noise.findings import Analysis, Coefficient
 from plumbob.noise.terms import DATASHEET
+from plumbob.plain import visible
 from plumbob.units import Quantity
 
 _SENSORS = (("acc", "accelerometer", Quantity.ACCELERATION), ("gyr", "gyroscope", Quantity.RATE))
@@ -92,4 +93,4 @@ def _rate(found: dict[str, Triad]) -> float:
 
 def _ascii(text: str) -> str:
     """One line without letters that a reader of another locale could choke on."""
-    return " ".join(text.replace("±", "+/-").encode("ascii", "replace").decode().split())
+    return visible(" ".join(text.replace("±", "+/-").encode("ascii", "replace").decode().split()))

@@ -1,12 +1,14 @@
 """Arrays of a BROAD trial in HDF5, refusing every way in which such a file can point at another one."""
 
 import math
+import zlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob._files import require_room
 from plumbob.errors import DecodeError, MissingExtraError, PlumbobError, one_line
 from plumbob.io.broad_keys import RATE, SHAPES, require_keys, require_shapes
 
@@ -29,21 +31,44 @@ def load_hdf5(file: Path) -> dict[str, NDArray[Any]]:
         raise MissingExtraError('HDF5 files need h5py; install it with: pip install "plumbob[hdf5]".') from error
     try:
         with h5py.File(file, "r") as hdf5:
-            return _arrays(h5py, hdf5)
+            return _arrays(h5py, hdf5, file.stat().st_size)
     except PlumbobError:
         raise
     except Exception as error:  # h5py raises many types for damaged input
         raise DecodeError(f"it is cut or damaged ({one_line(error)[:160]}); take a copy that is whole.") from error
 
 
-def _arrays(h5py: Any, hdf5: Any) -> dict[str, NDArray[Any]]:
+def _arrays(h5py: Any, hdf5: Any, size: int) -> dict[str, NDArray[Any]]:
     require_keys([*hdf5.keys(), *(key for key in hdf5.attrs if key == RATE)])
     sets = {key: _own_dataset(h5py, hdf5, key) for key in SHAPES}
     require_shapes({key: tuple(dataset.shape) for key, dataset in sets.items()})
-    rate = np.asarray(hdf5.attrs[RATE]) if RATE in hdf5.attrs else np.asarray(_own_dataset(h5py, hdf5, RATE)[()])
+    if RATE not in hdf5.attrs:
+        sets[RATE] = _own_dataset(h5py, hdf5, RATE)
+    require_room(sum(dataset.size * dataset.dtype.itemsize for dataset in sets.values()), size)
+    for key, dataset in sets.items():
+        _require_whole_chunks(h5py, key, dataset)
+    content = {key: dataset[()] for key, dataset in sets.items()}
+    rate = np.asarray(content[RATE] if RATE in content else hdf5.attrs[RATE])
     if rate.dtype.kind not in "fiu":
         raise DecodeError(f"{RATE} must be a number, but its type is {rate.dtype}.")
-    return {RATE: rate} | {key: dataset[()] for key, dataset in sets.items()}
+    return content | {RATE: rate}
+
+
+def _require_whole_chunks(h5py: Any, key: str, dataset: Any) -> None:
+    """Refuse chunks that unpack to more than they state: the library would follow them as far as memory goes."""
+    properties = dataset.id.get_create_plist()
+    filters = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
+    if not set(filters) <= {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}:
+        raise DecodeError(f"{key} is packed by a filter other than gzip; write it with gzip or unpacked.")
+    if filters.count(h5py.h5z.FILTER_DEFLATE) > 1:
+        raise DecodeError(f"{key} is packed twice; write it with gzip once.")
+    if h5py.h5z.FILTER_DEFLATE not in filters:
+        return
+    most = math.prod(dataset.chunks) * dataset.dtype.itemsize + 4  # of a checksum
+    for i in range(dataset.id.get_num_chunks()):
+        skipped, packed = dataset.id.read_direct_chunk(dataset.id.get_chunk_info(i).chunk_offset)
+        if not skipped and len(zlib.decompressobj().decompress(packed, most + 1)) > most:
+            raise DecodeError(f"a chunk of {key} unpacks to more than the {most} bytes that it states.")
 
 
 def _own_dataset(h5py: Any, hdf5: Any, key: str) -> Any:

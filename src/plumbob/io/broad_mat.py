@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob._files import require_room
 from plumbob.errors import DecodeError, PlumbobError, one_line
 from plumbob.io.broad_keys import RATE, SHAPES, require_keys, require_shapes
 
@@ -32,7 +33,7 @@ def load_mat(file: Path) -> dict[str, NDArray[Any]]:
     from scipy.io import loadmat, whosmat
 
     try:
-        _refuse_bomb(file.read_bytes())
+        require_room(_unpacked_bytes(file), file.stat().st_size)
         found = {name: (shape, kind) for name, shape, kind in whosmat(str(file))}
         _require(found)
         content = loadmat(str(file), variable_names=[*SHAPES, RATE])
@@ -59,17 +60,24 @@ def _array(key: str, value: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(value).reshape(rows)
 
 
-def _refuse_bomb(raw: bytes) -> None:
+def _unpacked_bytes(file: Path) -> int:
     """Unpack every element in steps and throw it away, to know the size before anything is kept."""
+    _require_budget(file.stat().st_size)
+    raw = file.read_bytes()
     order = "<" if raw[126:128] == b"IM" else ">"
     place, total = _HEADER_BYTES, 0
     while place + 8 <= len(raw):
         kind, size = struct.unpack_from(f"{order}II", raw, place)
         element = memoryview(raw)[place + 8 : place + 8 + size]
         total += _unpacked(element, MAX_UNPACKED - total) if kind == _COMPRESSED else len(element)
-        if total > MAX_UNPACKED:
-            raise DecodeError(f"it unpacks to more than {MAX_UNPACKED >> 20} MiB, which no trial does.")
+        _require_budget(total)
         place += 8 + size
+    return total
+
+
+def _require_budget(size: int) -> None:
+    if size > MAX_UNPACKED:
+        raise DecodeError(f"it unpacks to more than {MAX_UNPACKED >> 20} MiB, which no trial does.")
 
 
 def _unpacked(element: memoryview, budget: int) -> int:

@@ -25,6 +25,7 @@ SUFFIXES: Final[dict[str, str]] = {
     **dict.fromkeys(TEXT_SUFFIXES, "text"),
 }
 """What kind of file of numbers a suffix tells; any other needs its kind declared."""
+_LARGEST: Final = 1e30
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Numbers:
         Raises
         ------
         DecodeError
-            If something is no number, or a row has another number of them.
+            If something is no number, or beyond every sensor, or a row has another number of them.
         """
         found, rows = self.source.blocks(), 0
         while True:
@@ -86,9 +87,20 @@ class Numbers:
                 progress(done)
             if block is None:
                 return
+            self._require_measured(block, rows)
             rows += len(block)
             if len(block):
                 yield block
+
+    def _require_measured(self, block: Floats, rows: int) -> None:
+        """Refuse numbers whose squares and their sums would overflow; NaN and infinity are judged by who knows them."""
+        beyond = np.isfinite(block) & (np.abs(block) > _LARGEST)
+        if beyond.any():
+            row, column = (int(place[0]) for place in np.nonzero(beyond))
+            raise DecodeError(
+                f"{self.path}: row {rows + row + 1}, column {column + 1} is {block[row, column]:g}, but no sensor "
+                f"gives more than {_LARGEST:g}; are the type, its byte order and the columns right?"
+            )
 
     def __iter__(self) -> Iterator[Floats]:
         """Blocks from the start, as `blocks` gives them."""

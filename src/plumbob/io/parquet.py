@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob._files import existing_file, reading, replacing
+from plumbob._files import existing_file, reading, replacing, require_room
 from plumbob.errors import DecodeError, guide, one_line
 from plumbob.io import header
 from plumbob.io.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
 from plumbob.io.findings import read_notes
+from plumbob.io.parquet_pages import unpacked_bytes
 from plumbob.io.recording import Recording
 
 if TYPE_CHECKING:
@@ -25,12 +26,10 @@ if TYPE_CHECKING:
 KEY: Final = b"plumbob"
 _UNIT: Final = b"unit"
 _CRC: Final = "crc32"
-# Pages this small keep a recording of constants below 1400 decoded bytes per byte of file (measured), so that a file
-# that claims more than this ratio lies.
 _PAGE_BYTES: Final = 64 * 1024
-_MAX_RATIO: Final = 4096
-_FREE_BYTES: Final = 16 * 1024 * 1024
-_THRIFT_BYTES: Final = 16 * 1024 * 1024
+# A table of contents lists 15 columns for each million rows in less than 3 kB; Arrow takes a hundred times its size.
+_CONTENTS_BYTES: Final = 1024 * 1024
+_THRIFT_ITEMS: Final = 10_000
 
 
 def write_parquet(path: Path, recording: Recording, overwrite: bool = False) -> None:
@@ -90,7 +89,7 @@ def _load(file: Path) -> tuple[dict[str, Any], Columns]:
         content = header.load(_raw_header(parquet))
         crc = content.pop(_CRC, None)
         _check_schema(parquet, content.get("units"))
-        _check_size(parquet, file.stat().st_size)
+        _check_size(file, parquet)
         columns = _columns(parquet)
     if crc != _checksum(content, columns):
         raise DecodeError("its content does not fit its checksum: the file is damaged; take a copy that is whole.")
@@ -100,8 +99,9 @@ def _load(file: Path) -> tuple[dict[str, Any], Columns]:
 def _open(file: Path) -> "pq.ParquetFile":
     import pyarrow.parquet as pq
 
+    _check_contents(file)
     try:
-        return pq.ParquetFile(file, thrift_string_size_limit=_THRIFT_BYTES, thrift_container_size_limit=_THRIFT_BYTES)
+        return pq.ParquetFile(file, thrift_string_size_limit=_CONTENTS_BYTES, thrift_container_size_limit=_THRIFT_ITEMS)
     except Exception as error:  # Arrow has a dozen types for damaged input
         raise DecodeError(
             f"it is not a Parquet file, or it is cut or damaged ({_short(error)}); take a copy that is whole."
@@ -142,19 +142,36 @@ def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
             )
 
 
-def _check_size(parquet: "pq.ParquetFile", size: int) -> None:
-    rows = parquet.metadata.num_rows
-    claimed = rows * sum(np.dtype(COLUMNS[name].dtype).itemsize for name in parquet.schema_arrow.names)
-    if rows < 1 or claimed > _FREE_BYTES + _MAX_RATIO * size:
-        raise DecodeError(f"it claims {rows} rows in {size} bytes, which cannot be; take a copy that is whole.")
+def _check_contents(file: Path) -> None:
+    """Refuse a table of contents that is larger than that of a year: its size stands before the last four bytes."""
+    size = file.stat().st_size
+    with file.open("rb") as stream:
+        stream.seek(max(0, size - 8))
+        stated = int.from_bytes(stream.read(4), "little")
+    if _CONTENTS_BYTES < stated < size:
+        raise DecodeError(
+            f"its table of contents has {stated} bytes, but {_CONTENTS_BYTES} are allowed; write it with fewer row "
+            "groups."
+        )
+
+
+def _check_size(file: Path, parquet: "pq.ParquetFile") -> None:
+    """Refuse what needs more memory than a file of this size may, by its table of contents and by every page."""
+    rows, stored = parquet.metadata.num_rows, file.stat().st_size
+    if rows < 1:
+        raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; take a copy that is whole.")
+    row = sum(np.dtype(COLUMNS[name].dtype).itemsize for name in parquet.schema_arrow.names)
+    require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)
 
 
 def _columns(parquet: "pq.ParquetFile") -> Columns:
+    """Columns one after the other, so that only one of them is in memory twice."""
     try:
-        table = parquet.read()
+        return {name: _array(name, parquet.read([name]).column(0)) for name in parquet.schema_arrow.names}
+    except DecodeError:
+        raise
     except Exception as error:  # as in _open
         raise DecodeError(f"its data are damaged ({_short(error)}); take a copy that is whole.") from error
-    return {name: _array(name, table.column(name)) for name in table.column_names}
 
 
 def _array(name: str, column: "pa.ChunkedArray[Any]") -> NDArray[Any]:

@@ -17,6 +17,7 @@ from plumbob.io.findings import stored_notes
 from plumbob.io.header import plain_meta
 from plumbob.io.recording import Recording
 from plumbob.io.text import sidecars
+from plumbob.plain import visible
 
 _FORMULA: Final = ("=", "+", "-", "@")
 
@@ -46,8 +47,8 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
 
 
 def text_cell(text: str) -> str:
-    """Cell that no spreadsheet takes for a formula, on one line, quoted where it must be."""
-    words = " ".join(text.split())
+    """Cell that neither a spreadsheet nor a terminal takes for a command, on one line, quoted where it must be."""
+    words = visible(" ".join(text.split()))
     cell = f"'{words}" if words.startswith(_FORMULA) else words
     return '"' + cell.replace('"', '""') + '"' if any(sign in cell for sign in ',;\t"') else cell
 

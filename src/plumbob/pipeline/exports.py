@@ -14,6 +14,7 @@ from plumbob.errors import ParameterError, ShapeError
 from plumbob.io import Recording
 from plumbob.pipeline.recorded import write_mcap
 from plumbob.pipeline.sinks import text_of
+from plumbob.plain import visible
 
 
 def export(path: str | Path, recording: Recording, *, overwrite: bool = False) -> Path:
@@ -81,7 +82,7 @@ def _write_tum(file: Path, recording: Recording, overwrite: bool) -> None:
     track = _attitude(file, recording)
     known = track.known
     table = np.column_stack([track.t, np.zeros((len(track), 3)), track.q_nb[:, [1, 2, 3, 0]]])[known]
-    source = " ".join(track.source.split())
+    source = visible(" ".join(track.source.split()))
     head = f"timestamp tx ty tz qx qy qz qw; body to {track.frame}, heading from {track.north} north; by {source}"
     with replacing(file, overwrite=overwrite) as temporary:
         np.savetxt(temporary, table, fmt=["%.9f", *["%d"] * 3, *["%.17g"] * 4], header=head, encoding="utf-8")

@@ -1,13 +1,13 @@
 """Go through a recording again: the same line, the same items, the same bits."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from plumbob.errors import DecodeError
+from plumbob.link import Event
 from plumbob.pipeline import rows
-from plumbob.pipeline.line import Line
+from plumbob.pipeline.line import Line, Part
 from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.session import Session
 from plumbob.pipeline.session_toml import recorded_session
@@ -77,11 +77,11 @@ class Comparison:
     Attributes
     ----------
     compared : int
-        Attitudes that are in both.
+        Attitudes that both have at the same place in time.
     different : int
-        Those of them of which a bit differs, in time, attitude, bias or flags.
+        Those of them of which a bit differs, in attitude, bias or flags.
     only_live, only_replayed : int
-        Attitudes that only one of the two has.
+        Attitudes that only one of the two has at that place.
     """
 
     compared: int
@@ -95,30 +95,83 @@ class Comparison:
         return self.compared > 0 and not (self.different or self.only_live or self.only_replayed)
 
 
+class Check:
+    """Sink that compares attitudes, as they come, with those that a recording holds: row by row, bit for bit.
+
+    Both are read in their order, and of each no more than a chunk is held. Where two rows differ in time, the earlier
+    one is left over.
+
+    Parameters
+    ----------
+    log : Log
+        The recording.
+
+    Raises
+    ------
+    DecodeError
+        If it holds no attitudes.
+    """
+
+    def __init__(self, log: Log) -> None:
+        self._live = (message.data for message in log.again() if message.topic == rows.ATTITUDE)
+        self._next = next(self._live, None)
+        self._compared = self._different = self._only_live = self._only_replayed = 0
+        if self._next is None:
+            raise DecodeError(
+                "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."
+            )
+
+    def on_part(self, part: Part) -> None:
+        """Compare its attitudes with the next ones of the recording."""
+        if part.track is not None:
+            for row in rows.attitude_rows(part.t_ns.tolist(), part.track):
+                self._take(row)
+
+    def on_event(self, event: Event) -> None:
+        """No attitude comes with it."""
+
+    def close(self) -> None:
+        """Count what the recording holds beyond the last attitude."""
+        if self._next is not None:
+            self._only_live += 1 + sum(1 for _ in self._live)
+            self._next = None
+
+    @property
+    def comparison(self) -> Comparison:
+        """What was found so far."""
+        return Comparison(self._compared, self._different, self._only_live, self._only_replayed)
+
+    def _take(self, row: bytes) -> None:
+        while (ahead := self._ahead(row)) < 0:
+            self._only_live += 1
+            self._next = next(self._live, None)
+        if ahead > 0:
+            self._only_replayed += 1
+            return
+        self._compared += 1
+        self._different += self._next != row
+        self._next = next(self._live, None)
+
+    def _ahead(self, row: bytes) -> int:
+        """By how much the recording's next row is later than another; it is after its end, too."""
+        if self._next is None:
+            return 1
+        return 0 if self._next == row else rows.time_of(self._next) - rows.time_of(row)
+
+
 def compare(replayed: Replayed) -> Comparison:
-    """Compare a replay with the attitudes that the recording holds, bit for bit.
+    """Compare a replay with the attitudes that the recording holds, in their order, bit for bit.
 
     Raises
     ------
     DecodeError
         If the recording holds no attitudes.
     """
-    live = [message.data for message in replayed.log if message.topic == rows.ATTITUDE]
-    if not live:
-        raise DecodeError(
-            "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."
-        )
-    again = [
-        row
-        for part in replayed.found.parts
-        if part.track is not None
-        for row in rows.attitude_rows(part.t_ns.tolist(), part.track)
-    ]
-    by_time = {json.loads(row)["t_ns"]: row for row in live}
-    mine = {json.loads(row)["t_ns"]: row for row in again}
-    both = by_time.keys() & mine.keys()
-    different = sum(by_time[t] != mine[t] for t in both)
-    return Comparison(len(both), different, len(by_time) - len(both), len(mine) - len(both))
+    check = Check(replayed.log)
+    for part in replayed.found.parts:
+        check.on_part(part)
+    check.close()
+    return check.comparison
 
 
 def utc_ns(replayed: Replayed) -> int:

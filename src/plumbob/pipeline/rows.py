@@ -116,6 +116,14 @@ def parsed(topic: str, row: bytes) -> dict[str, Any]:
     return {key: content[key] for key in keys}
 
 
+def time_of(row: bytes) -> int:
+    """Time of an attitude's row, ns; DecodeError where it has none."""
+    t_ns = parsed(ATTITUDE, row)["t_ns"]
+    if type(t_ns) is not int:
+        raise DecodeError(f"a row of '{ATTITUDE}' has no whole number of nanoseconds as its time; {_ADVICE}")
+    return t_ns
+
+
 def parsed_object(where: str, text: str | bytes) -> dict[str, Any]:
     """Object that a text in JSON says; DecodeError where it is none."""
     try:

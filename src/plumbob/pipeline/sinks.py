@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import Final, Protocol, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,11 @@ from plumbob.errors import ParameterError
 from plumbob.flags import names
 from plumbob.link import Event
 from plumbob.pipeline.line import Part
+from plumbob.plain import visible
 from plumbob.rotations import North, euler_zyx_from_quat
 from plumbob.units import to_deg
+
+_LOOSE: Final = 1024
 
 
 class Sink(Protocol):
@@ -90,12 +93,40 @@ class Collected:
         )
 
 
+class Tracks:
+    """Keeps attitudes alone, packed: a few parts of a few rows each take more memory than all their numbers."""
+
+    def __init__(self) -> None:
+        self._tracks: list[AttitudeTrack] = []
+        self._loose = 0
+
+    def on_part(self, part: Part) -> None:
+        """Keep its attitude."""
+        if part.track is None:
+            return
+        self._tracks.append(part.track)
+        self._loose += 1
+        if self._loose == _LOOSE:
+            self._tracks[-_LOOSE:] = [AttitudeTrack.joined(self._tracks[-_LOOSE:])]
+            self._loose = 0
+
+    def on_event(self, event: Event) -> None:
+        """No attitude comes with it."""
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+    def track(self) -> AttitudeTrack | None:
+        """Attitude of the whole; None where nothing was estimated."""
+        return AttitudeTrack.joined(self._tracks) if self._tracks else None
+
+
 def text_of(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head: bool) -> Iterator[str]:
     """Lines of a track's rows as text; with what its angles mean before them, where `head` is asked for."""
     if head:
         zero = "an arbitrary zero" if track.north is North.FREE else f"{track.north} north"
         yield f"# roll about x, pitch about y, yaw about z, turned yaw first; body axes to {track.frame}, "
-        yield f"heading from {zero}; by {' '.join(track.source.split())}\n"
+        yield f"heading from {zero}; by {visible(' '.join(track.source.split()))}\n"
         yield "t [s]\troll [deg]\tpitch [deg]\tyaw [deg]\tflags\n"
     angles = to_deg(euler_zyx_from_quat(track.q_nb[rows]))
     words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]

@@ -9,6 +9,11 @@ from plumbob.record.channels import Channel, Schema, parse_schema
 
 FOREIGN_BYTES: Final = 256 << 20
 """Larger chunks of other programs are not inflated."""
+FREE_BYTES: Final = 16 << 20
+MAX_RATIO: Final = 16
+"""A chunk of another program may state `FREE_BYTES` and this many times its size; short rows take ten times that."""
+_KEPT_BYTES: Final = 64 << 20
+"""Schemas and channels that are kept of one file, in bytes."""
 _STEP: Final = 1 << 20
 _KINDS: Final = 4096
 
@@ -44,6 +49,7 @@ class Parser:
 
     def __init__(self) -> None:
         self._known: dict[tuple[bytes, bytes], Channel] = {}
+        self._kept = 0
 
     def parse(self, content: bytes, schemas: dict[int, bytes] | None = None) -> Content:
         """Schemas, channels and messages of a stretch of records; other records are passed over.
@@ -60,6 +66,7 @@ class Parser:
         BrokenRecordError
             If a record reaches beyond the end, or cannot be read.
         """
+        stay = schemas is not None
         found, schemas, at, end = Content(), {} if schemas is None else schemas, 0, len(content)
         head, message = layout.RECORD_HEAD.unpack_from, layout.MESSAGE_HEAD.unpack_from
         try:
@@ -75,7 +82,10 @@ class Parser:
                     found.rows.append((channel, sequence, log_time, content[at + 31 : after]))
                     found.entries.setdefault(channel, []).extend((log_time, at))
                 elif opcode == layout.SCHEMA:
-                    schemas[_number(content, at)] = content[at + 9 : after]
+                    number, body = _number(content, at), content[at + 9 : after]
+                    if stay and schemas.get(number) != body:
+                        self._keep(len(body))
+                    schemas[number] = body
                 elif opcode == layout.CHANNEL:
                     found.channels[_number(content, at)] = self._channel(content[at + 9 : after], schemas)
                 at = after
@@ -83,12 +93,18 @@ class Parser:
             raise BrokenRecordError("a record in it is cut off") from error
         return found
 
+    def _keep(self, size: int) -> None:
+        self._kept += size
+        if self._kept > _KEPT_BYTES:
+            raise BrokenRecordError(f"the schemas and channels before it have more than {_KEPT_BYTES >> 20} MiB")
+
     def _channel(self, body: bytes, schemas: dict[int, bytes]) -> Channel:
         from mcap.exceptions import McapError
 
         schema = schemas.get(int.from_bytes(body[2:4], "little"), b"")
         known = self._known.get((schema, body))
         if known is None:
+            self._keep(len(schema) + len(body))
             try:
                 known = Channel.parse(body, _schema(schema))
             except (McapError, ValueError, struct.error) as error:

@@ -13,19 +13,19 @@ from plumbob.record.source import Source
 _LARGEST = 1 << 24
 
 
-def rows_by_topic(source: Source, summary: int) -> dict[str, int]:
-    """Rows per topic by the statistics of a summary whose CRC holds; empty where it has none."""
+def rows_by_topic(source: Source, summary: int, end: int) -> dict[str, int]:
+    """Rows per topic by the statistics of a summary whose CRC holds, up to its end; empty where it has none."""
     try:
-        return _read(source, summary)
+        return _read(source, summary, end)
     except (McapError, ValueError, struct.error):  # its CRC holds, but no recorder wrote that
         return {}
 
 
-def _read(source: Source, at: int) -> dict[str, int]:
+def _read(source: Source, at: int, end: int) -> dict[str, int]:
     topics: dict[int, str] = {}
     while True:
         opcode, length = layout.RECORD_HEAD.unpack(source.at(at, layout.RECORD_HEAD.size))
-        if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > _LARGEST:
+        if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > min(_LARGEST, end - at):
             return {}
         body = ReadDataStream(BytesIO(source.at(at + layout.RECORD_HEAD.size, length)))
         if opcode == layout.CHANNEL:

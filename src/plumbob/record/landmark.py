@@ -13,6 +13,7 @@ _FOOTER: Final = rb"\x02\x14\x00{7}[\s\S]{20}\x89MCAP0\r\n"
 _INFO: Final = rb"\x0c[\s\S]{4}\x00{4}\x07\x00{3}plumbob"
 _LANDMARK: Final = re.compile(b"|".join((_CHUNK, _FOOTER, _INFO)))
 _ONLY_FOOTER: Final = re.compile(_FOOTER)
+_STEP: Final = 512
 _OVERLAP: Final = 63  # no landmark is longer than one byte more
 
 
@@ -50,7 +51,7 @@ def summary_start(source: Source, footer: int, checked: bool) -> int | None:
     """Where the summary begins that a footer speaks of; None if its CRC does not hold."""
     body = source.at(footer + layout.RECORD_HEAD.size, layout.FOOTER_BODY.size)
     start, _, crc = layout.FOOTER_BODY.unpack(body)
-    if start > footer:
+    if start > footer or not source.may_search(footer - start):
         return None
     if crc == 0 and not checked:
         return start or footer
@@ -61,9 +62,11 @@ def summary_start(source: Source, footer: int, checked: bool) -> int | None:
 
 
 def _candidates(source: Source, start: int, pattern: re.Pattern[bytes]) -> Iterator[tuple[int, int]]:
-    """Offsets and opcodes of what looks like a landmark."""
-    for offset, window in source.windows(start, source.size, _OVERLAP):
-        i = 0
-        while (found := pattern.search(window, i)) and found.start() < WINDOW:
-            yield offset + found.start(), window[found.start()]
+    """Offsets and opcodes of what looks like a landmark; the next one is near in most files."""
+    step = _STEP
+    while start < source.size and source.may_search(step):
+        window, i = source.at(start, step + _OVERLAP), 0
+        while (found := pattern.search(window, i)) and found.start() < step:
+            yield start + found.start(), window[found.start()]
             i = found.start() + 1  # the next may begin within this one
+        start, step = start + step, min(2 * step, WINDOW)

@@ -68,6 +68,10 @@ class Log:
         self._infos: dict[Path, PartInfo] = {part.path: part.info for part in parts if part.info is not None}
         self._start()
 
+    def again(self) -> "Log":
+        """The same recording, to be read beside this one."""
+        return Log(self._parts)
+
     @property
     def paths(self) -> tuple[Path, ...]:
         """The files."""
@@ -213,11 +217,13 @@ class Log:
         """Rows that are newly known to be missing belong to the last damage that may have held rows."""
         new = {topic: count - before.get(topic, 0) for topic, count in self.missing.items()}
         new = {topic: count for topic, count in new.items() if count > 0}
-        places = [i for i, damage in enumerate(self.damage) if not damage.certain]
-        if new and places:
-            damage = self.damage[places[-1]]
+        place = (
+            next((i for i in reversed(range(len(self.damage))) if not self.damage[i].certain), None) if new else None
+        )
+        if place is not None:
+            damage = self.damage[place]
             lost = {topic: damage.lost.get(topic, 0) + new.get(topic, 0) for topic in {**damage.lost, **new}}
-            self.damage[places[-1]] = replace(damage, lost=lost)
+            self.damage[place] = replace(damage, lost=lost)
 
 
 def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:

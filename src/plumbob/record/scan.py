@@ -7,7 +7,16 @@ from dataclasses import dataclass
 from plumbob.record import layout
 from plumbob.record.channels import Channel
 from plumbob.record.chunk import PLAIN_BYTES
-from plumbob.record.content import FOREIGN_BYTES, BrokenRecordError, Content, Parser, Row, inflate
+from plumbob.record.content import (
+    FOREIGN_BYTES,
+    FREE_BYTES,
+    MAX_RATIO,
+    BrokenRecordError,
+    Content,
+    Parser,
+    Row,
+    inflate,
+)
 from plumbob.record.damage import Damage
 from plumbob.record.info import PartInfo
 from plumbob.record.landmark import footer_after, next_landmark
@@ -72,6 +81,7 @@ class Scan:
         self._schemas: dict[int, bytes] = {}
         self._damaged = False
         self._summary_at: int | None = None
+        self._crc, self._crc_end = 0, 0
 
     def items(self) -> Iterator[Block | Damage]:
         """Blocks and damages in the order of the file."""
@@ -135,7 +145,7 @@ class Scan:
 
     def _info_at(self, at: int) -> PartInfo | None:
         opcode, length = layout.RECORD_HEAD.unpack(self._source.at(at, 9).ljust(9, b"\0"))
-        whole = opcode == layout.METADATA and length <= self._source.size - at
+        whole = opcode == layout.METADATA and length <= self._source.size - at and self._source.may_search(length)
         info = PartInfo.parse(self._source.at(at + 9, length)) if whole else None
         return None if info is None or (self._recording and info.recording != self._recording) else info
 
@@ -213,10 +223,12 @@ class Scan:
         after = at + layout.RECORD_HEAD.size + length
         if opcode != layout.CHUNK:
             raise BrokenRecordError("this is no chunk")
-        if size > (PLAIN_BYTES if self._ours else FOREIGN_BYTES):
+        if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
             raise BrokenRecordError(f"a chunk claims {size} bytes, more than can be believed")
         if after > self._source.size:
             raise BrokenRecordError("a chunk reaches beyond the end of the file")
+        if not self._source.may_search(length):
+            raise BrokenRecordError("it is not searched any further, for most that looks like records is none")
         rest = self._source.at(at + layout.CHUNK_HEAD.size, min(name_size, 16) + 8)
         if name_size > 16 or len(rest) < name_size + 8:
             raise BrokenRecordError("a chunk's compression has no name")
@@ -254,12 +266,16 @@ class Scan:
         self._summary_at = at + layout.DATA_END_SIZE
         if crc == 0 and not self._ours:
             return []
-        found = 0
-        for _, window in self._source.windows(0, at):
-            found = zlib.crc32(window, found)
-        if found != crc and not self._damaged:
+        if self._crc_until(at) != crc and not self._damaged:
             return [self._damage(0, at, "the CRC of all data does not hold, though that of every chunk does")]
         return []
+
+    def _crc_until(self, end: int) -> int:
+        """CRC of everything before an offset that is never less than the last one."""
+        for _, window in self._source.windows(self._crc_end, end):
+            self._crc = zlib.crc32(window, self._crc)
+        self._crc_end = end
+        return self._crc
 
     def _summary(self, at: int) -> int:
         """Offset behind the end of the file proper, whose summary begins here."""
@@ -269,5 +285,5 @@ class Scan:
         if footer is None:
             raise BrokenRecordError("the summary is damaged, or bytes follow the end")
         self.clean = True
-        self.counts = rows_by_topic(self._source, at) if self._ours else {}
+        self.counts = rows_by_topic(self._source, at, footer) if self._ours else {}
         return footer + layout.FOOTER_SIZE + len(layout.MAGIC)

@@ -9,6 +9,7 @@ from typing import BinaryIO, Final, Self
 from plumbob.errors import DecodeError
 
 WINDOW: Final = 1 << 20
+_SEARCHES: Final = 32
 
 
 class Source:
@@ -24,6 +25,7 @@ class Source:
         self.path = path
         self._file = _open(path)
         self.size = os.fstat(self._file.fileno()).st_size
+        self._left = _SEARCHES * self.size + WINDOW
 
     def at(self, offset: int, count: int) -> bytes:
         """`count` bytes from `offset` on, fewer at the end of the file."""
@@ -34,6 +36,15 @@ class Source:
             return self._file.read(min(count, self.size - offset))
         except OSError as error:
             raise DecodeError(f"{self.path} cannot be read at byte {offset}: {error.strerror}.") from error
+
+    def may_search(self, count: int) -> bool:
+        """Whether `count` more bytes may be searched for records, or read to judge one: 32 times the file in all.
+
+        A whole file is read thrice at most. One that holds thousands of false records, each with much to check, must
+        not be read for as many times.
+        """
+        self._left -= count
+        return self._left >= 0
 
     def windows(self, start: int, end: int, overlap: int = 0) -> Iterator[tuple[int, bytes]]:
         """Offset and bytes of pieces from `start` to `end`; each goes on `overlap` bytes into the next."""

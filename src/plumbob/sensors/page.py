@@ -3,10 +3,15 @@
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from plumbob.sensors.field import MARKS, Field, Provenance
 from plumbob.sensors.format import Format, Message
+from plumbob.sensors.odds import passes_anything
 from plumbob.units import unit
+
+UNCHECKED: Final = "NONE: no sync, checksum or constant, so any {} bytes pass for a sample, even noise"
+"""What is said of a format without any check, of its length."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +67,7 @@ def framing_of(form: Format) -> str:
     framing = form.framing
     size = f"{framing.length} bytes" if framing.length else f"up to {framing.most} bytes"
     if framing.transfers:
-        return f"bus transfer, {size}"
+        return f"bus transfer, {size}{', NO CHECK' if passes_anything(form) else ''}"
     checked = f", {_check(form)}" if framing.checksum else ""
     return f"{_sync(form)}, {size}{checked}"
 
@@ -93,6 +98,8 @@ def _framing(form: Format) -> list[tuple[str, str]]:
     if check := framing.checksum:
         where = f"{_place(check.at)}, over bytes {check.start} to {_place(check.stop)}, which it leaves out"
         rows.append(("check", f"{_check(form)} at {where}; {check.order}-endian"))
+    if passes_anything(form):
+        rows.append(("check", UNCHECKED.format(form.framing.length)))
     rows += [("odd parity", f"bytes {start} to {stop - 1}, by bit {bit}") for start, stop, bit in framing.parity]
     if framing.end:
         rows.append(("ends with", framing.end.hex(" ").upper()))
