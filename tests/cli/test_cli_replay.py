@@ -113,7 +113,16 @@ def run_report(**changes):
     counts |= {"received": 6000, "framed": 6000} | changes.pop("bytes", {})
     given = {"samples": 200, "duration_s": 60.0, "not_usable": 0, "calibration": None,
              "inferred_gaps": None}  # fmt: skip
-    return {"time": time, "bytes": counts, "filter": None, "frame": None, "north": None} | given | changes
+    return {
+        "time": time,
+        "bytes": counts,
+        "filter": None,
+        "frame": None,
+        "north": None,
+        "declination_deg": None,
+        **given,
+        **changes,
+    }
 
 
 @pytest.mark.parametrize(
@@ -129,6 +138,10 @@ def run_report(**changes):
         ({}, "device clock -12.3 ppm against this host"),
         ({"filter": "mahony(kp=1)"}, "filter       mahony(kp=1)"),
         ({"north": "free", "frame": "ENU"}, "frame        ENU, heading from an arbitrary zero"),
+        (
+            {"north": "true", "frame": "NED", "declination_deg": -4.1239},
+            "frame        NED, heading from true north (declination -4.124°)",
+        ),
     ],
 )
 def test_every_line_of_a_report(capsys, changes, line):

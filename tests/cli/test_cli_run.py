@@ -168,3 +168,33 @@ def test_the_frame_that_is_asked_for_goes_before_the_recording_s(report):
     assert found["frame"] == "NWU"
     assert found["last_attitude_deg"]["yaw"] == pytest.approx(-100.0)
     assert found["last_attitude_deg"]["heading"] == pytest.approx(100.0)
+
+
+NATICK = "42.283,-71.35,1000"
+"""Declination −13.6891° on 2028-07-04 by MATLAB's example of wrldmagm, good to half of its last digit."""
+
+
+def test_a_place_makes_headings_true(run, report):
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
+    found = report(imu, "--filter", "tilt_compass", "--place", NATICK, "--date", "2028-07-04")
+    assert found["declination_deg"] == pytest.approx(-13.6891, abs=0.0055)
+    assert found["last_attitude_deg"]["heading"] == pytest.approx(20.0 - 13.6891, abs=0.0055)
+    out, notes = run(imu, "--filter", "tilt_compass", "--place", NATICK, "--date", "2028-07-04")
+    assert "frame        NED, heading from true north (declination -13.6" in out
+    assert any("declination -13.69 deg, by WMM-2025" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--place", NATICK), "does not say when it was made"),
+        (("--date", "2028-07-04"), "--date says nothing without --place"),
+        (("--place", NATICK, "--date", "2035-07-04"), "no World Magnetic Model is installed for 2035-07-04"),
+        (("--place", NATICK, "--date", "2028-07-04", "--params", "declination=1deg"), "both say the declination"),
+    ],
+)
+def test_a_place_that_tells_nothing_is_refused(run, words, told):
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
+    assert told in " ".join(run(imu, "--filter", "tilt_compass", *words, code=1)[1])

@@ -1,14 +1,18 @@
 """Parameters: units in text, SI in Python, and no typo that passes."""
 
+import json
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame
+from plumbob import Filter, Frame, ImuData, ImuMeta
 from plumbob.constants import G0
 from plumbob.errors import FrameError, ParameterError, ShapeError
 from plumbob.filters import CommonParams, filter_names, load
 from plumbob.params import describe
+from plumbob.rotations import North, euler_zyx_from_quat
 
 
 def mahony(**params):
@@ -85,3 +89,51 @@ def test_no_text_ends_in_anything_but_a_number_or_a_clear_error(text):
         assert "\n" not in str(error).replace(text, "")
     else:
         assert value is None or 0.0 <= value <= 1e3
+
+
+def facing_north(seconds=1.0, **meta):
+    """A body that stands level and faces magnetic north, in NED."""
+    n = round(100 * seconds)
+    still = {"gyr": np.zeros((n, 3)), "acc": np.tile([0.0, 0.0, -9.81], (n, 1)), "mag": np.tile([20.0, 0, 40], (n, 1))}
+    return ImuData(t=np.arange(n) / 100.0, **still, meta=ImuMeta(**meta))
+
+
+def yaw(f):
+    return float(euler_zyx_from_quat(f.q_nb)[0])
+
+
+@pytest.mark.parametrize(
+    ("params", "known", "north", "expected"),
+    [  # true where a declination is known, whoever knows it; the parameter has the last word
+        ({}, None, North.MAGNETIC, 0.0),
+        ({}, 0.1, North.TRUE, 0.1),
+        ({"declination": 0.2}, None, North.TRUE, 0.2),
+        ({"declination": 0.2}, 0.1, North.TRUE, 0.2),
+        ({"declination": "off"}, 0.1, North.MAGNETIC, 0.0),
+        ({"mag": False}, 0.1, North.FREE, 0.0),
+    ],
+)
+def test_headings_are_true_where_a_declination_is_known(params, known, north, expected):
+    data = facing_north(declination=known)
+    whole = Filter("tilt_compass", frame=Frame.NED, params=params)
+    assert whole.process(data).north is north
+    stream = Filter("tilt_compass", frame=Frame.NED, params=params, meta=data.meta)
+    for sample in data.samples():
+        stream.update(sample)
+    again = Filter.restore(json.loads(json.dumps(whole.save())))
+    track = again.process(facing_north(declination=known)[99:])
+    assert [yaw(f) for f in (whole, stream, again)] == pytest.approx([expected] * 3, abs=1e-12)
+    assert (track.north, again.describe()) == (north, whole.describe())
+
+
+def test_a_filter_takes_the_declination_of_each_recording_but_never_changes_it_on_the_way():
+    f = Filter("tilt_compass", frame=Frame.NED)
+    f.process(facing_north(declination=0.1))
+    with pytest.raises(FrameError, match=r"began with 5\.72958° of declination, but the recording has 11\.4592°"):
+        f.process(facing_north(declination=0.2))
+    f.reset()
+    assert f.process(facing_north(declination=0.2)).north is North.TRUE
+    f.reset()
+    assert f.process(facing_north()).north is North.MAGNETIC
+    with pytest.raises(FrameError, match="began without a declination"):
+        f.process(facing_north(declination=0.2))

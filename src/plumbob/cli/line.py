@@ -144,6 +144,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
     from plumbob.io import inferred
 
     last = status.last
+    track = None if last is None else last.track
     return {
         "session": session.name,
         "format": session.form.name,
@@ -153,7 +154,8 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "bias_beyond": status.bias_beyond,
         "filter": None if line.filter is None else line.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
-        "north": None if last is None or last.track is None else str(last.track.north),
+        "north": None if track is None else str(track.north),
+        "declination_deg": None if track is None or line.filter is None else common.declination_deg(line.filter, track),
         "samples": status.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **line.report(),
@@ -186,5 +188,5 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
     if report["filter"]:
         print(f"filter       {report['filter']}")
     if report["north"]:
-        print(f"frame        {report['frame']}, heading from {common.zero_of(report['north'])}")
+        print(f"frame        {report['frame']}, heading from {common.heading_of(report)}")
         print(f"at the end   {last}")

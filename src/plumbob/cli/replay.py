@@ -9,6 +9,7 @@ from plumbob.cli import line as told
 
 if TYPE_CHECKING:
     from plumbob.pipeline.session import Session
+    from plumbob.record import Log
 
 DIFFERENT = 3
 
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(f"--speed must be above 0, but it is {args.speed:g}.")
     common.keep_inputs(args.recording, args.session, args.calibration, args.noise, out=args.out)
     log, session = open_recording(args.recording)
-    session = _changed(args, session)
+    session = _changed(args, log, session)
     if session.stage is not None:
         common.warn_of_compiling([session.stage.filter])
     replayed = replay(log, session, speed=args.speed)
@@ -80,7 +81,15 @@ def run(args: argparse.Namespace) -> int:
     return 0 if same is None or same.equal else DIFFERENT
 
 
-def _changed(args: argparse.Namespace, session: "Session") -> "Session":
+def _day(log: "Log") -> str | None:
+    """Day of the first row, ISO 8601; None where it is not known."""
+    from plumbob.earth_field import day_of
+
+    info, first = log.first_info, next(iter(log), None)
+    return None if info is None or first is None else day_of(info.epoch_offset_ns + first.t_ns)
+
+
+def _changed(args: argparse.Namespace, log: "Log", session: "Session") -> "Session":
     """The recording's session, or what the options make of it."""
     from dataclasses import replace
 
@@ -89,7 +98,7 @@ def _changed(args: argparse.Namespace, session: "Session") -> "Session":
     from plumbob.pipeline.session_toml import load_session
 
     if args.session is not None:
-        session = load_session(args.session)
+        session = load_session(args.session, date=_day(log))
     if args.calibration is not None:
         card = CalibrationCard.load(args.calibration)
         if card.device != session.meta.device:

@@ -17,30 +17,33 @@ from plumbob import check, flags
 from plumbob._jit import Kernel, bare, njit, specialise
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.admission import judge
-from plumbob.filters.layout import BIAS, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.layout import BIAS, COUNT, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
 from plumbob.filters.timing import tick
 from plumbob.filters.watch import watch
 from plumbob.params import Spec, build, describe, shown
 from plumbob.rotations import Frame, North, quat_normalize
 from plumbob.sample import ImuSample
-from plumbob.units import Quantity
+from plumbob.units import Quantity, to_deg
 
 if TYPE_CHECKING:
     from plumbob.cards import NoiseCard
 
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
-STATE_VERSION = 2
+STATE_VERSION = 3
 
 
 class CommonParams(NamedTuple):
     """What every filter takes besides its own parameters."""
 
     declination: Annotated[
-        float | None, Spec(Quantity.ANGLE, "magnetic declination, east positive; off: headings are magnetic", -4, 4)
+        float | None,
+        Spec(
+            Quantity.ANGLE, "magnetic declination, east positive; unless given, the recording's; off: magnetic", -4, 4
+        ),
     ] = None
     max_gap: Annotated[float, Spec(Quantity.TIME, "a longer step is not integrated: the filter starts again", 0)] = 1.0
     mag: Annotated[bool, Spec(Quantity.RATIO, "use the magnetometer; off: headings count from a free zero")] = True
@@ -182,6 +185,11 @@ class Filter:
         Noise of the unit, for filters that take their noise parameters from it; `params` has the last word.
     init : array_like (4,), optional
         Attitude q_nb to start from; without it the first samples give tilt and heading.
+    meta : ImuMeta, optional
+        What is known about the samples that `update` will take; a recording that `process` takes brings its own.
+
+    Headings are true where the declination is known, from `params` or else from the meta, and magnetic where it is not;
+    the track's ``north`` says which.
 
     Attributes
     ----------
@@ -190,7 +198,7 @@ class Filter:
     params : NamedTuple
         The filter's own parameters, SI.
     common : CommonParams
-        Declination, gap limit, use of the magnetometer.
+        Declination in use, gap limit, use of the magnetometer.
 
     Raises
     ------
@@ -214,6 +222,7 @@ class Filter:
         params: Mapping[str, Any] | None = None,
         noise: "NoiseCard | None" = None,
         init: ArrayLike | None = None,
+        meta: ImuMeta | None = None,
     ) -> None:
         from plumbob.filters import load
 
@@ -223,7 +232,10 @@ class Filter:
         self.frame = frame
         self.module = load(name)
         from_card = _from_noise(name, self.module, noise)
-        self.params, self.common = _split_params(name, self.module, {**from_card, **(params or {})})
+        given = {**from_card, **(params or {})}
+        self.params, self.common = _split_params(name, self.module, given)
+        self._decided = "declination" in given
+        self._meta = meta
         self._loops = _cached_loops(name, self.module)
         c = _coefficients(self.module, self.params, self.common, frame)
         self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
@@ -240,6 +252,26 @@ class Filter:
         if self._init is not None:
             self._x[Q : Q + 4] = self._init
             self._x[STAGE] = HEADED
+        self._count_from(None if self._meta is None else self._meta.declination)
+
+    def _heed(self, meta: ImuMeta) -> None:
+        """Take over what a recording knows, unless `params` have decided; headings never change zero on the way."""
+        if meta.declination is None or meta.declination == self.common.declination:
+            return
+        if self._x[COUNT] > 0.0 and not self._decided:
+            used = self.common.declination
+            began = "without a" if used is None else f"with {to_deg(used):.6g}° of"
+            raise FrameError(
+                f"this filter began {began} declination, but the recording has {to_deg(meta.declination):.6g}°; call "
+                "reset() before another recording."
+            )
+        self._count_from(meta.declination)
+
+    def _count_from(self, declination: float | None) -> None:
+        """Let headings count from the north that a declination, rad, tells, unless `params` have decided."""
+        if not self._decided:
+            self.common = self.common._replace(declination=declination)
+            self._c[:] = _coefficients(self.module, self.params, self.common, self.frame)
 
     @property
     def q_nb(self) -> Floats:
@@ -289,6 +321,7 @@ class Filter:
         if not isinstance(data, ImuData):
             raise ShapeError(f"process takes an ImuData, but got {type(data).__name__}; of a Recording take its .imu.")
         self._require(data.triads)
+        self._heed(data.meta)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
         place = self._covariance if covariance else slice(0, 0)
         q_nb, bias_b, found, cov = self._batch(
@@ -362,7 +395,8 @@ class Filter:
             "version": STATE_VERSION,
             "filter": self.name,
             "frame": str(self.frame),
-            "params": {**self.params._asdict(), **self.common._asdict()},
+            "params": {**self.params._asdict(), **self._fixed()},
+            "declination": self.common.declination,
             "init": None if self._init is None else self._init.tolist(),
             "state": self._x.tolist(),
         }
@@ -380,7 +414,7 @@ class Filter:
             raise DecodeError("this is no saved filter state; give what Filter.save() returned.")
         if saved.get("version") != STATE_VERSION:
             raise DecodeError(f"the saved state has version {saved.get('version')}, but this is {STATE_VERSION}.")
-        missing = {"filter", "frame", "params", "init", "state"} - set(saved)
+        missing = {"filter", "frame", "params", "declination", "init", "state"} - set(saved)
         if missing:
             raise DecodeError(f"the saved state lacks {', '.join(sorted(missing))}.")
         filter_ = cls(saved["filter"], frame=Frame.parse(saved["frame"]), params=saved["params"], init=saved["init"])
@@ -388,6 +422,7 @@ class Filter:
         if state.shape != filter_._x.shape or not np.isfinite(state).all():
             raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")
         _require_plausible(state)
+        filter_._count_from(ImuMeta(declination=saved["declination"]).declination)
         filter_._x[:] = state
         return filter_
 
@@ -397,6 +432,10 @@ class Filter:
 
     def __repr__(self) -> str:
         return f"<Filter {self.describe()} in {self.frame}>"
+
+    def _fixed(self) -> dict[str, Any]:
+        """Common parameters that were given, whatever a recording says."""
+        return {k: v for k, v in self.common._asdict().items() if k != "declination" or self._decided}
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""

@@ -236,7 +236,7 @@ def _filter(session: Session) -> Filter | None:
         return None
     if session.frame is None:
         raise ParameterError("a session that estimates needs a frame.")
-    return filter_of(session.stage, session.frame, session.meta.declination)
+    return filter_of(session.stage, session.frame, session.meta)
 
 
 def _require_triads(message: Message, unit: str) -> None:

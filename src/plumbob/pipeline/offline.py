@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError, FrameError
 from plumbob.filters import Filter, takes_noise
 from plumbob.rotations import Frame
@@ -109,16 +109,15 @@ def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = Fal
     return apply_card(card, imu, live=live)
 
 
-def filter_of(stage: Stage, frame: Frame, declination: float | None) -> Filter:
-    """Filter of a stage; its headings are true where the declination is known, rad."""
-    known = {} if declination is None else {"declination": declination}
-    return Filter(stage.filter, frame=frame, params={**known, **stage.params}, noise=stage.noise)
+def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Filter:
+    """Filter of a stage for samples with this meta; `Filter` has the rule of its headings."""
+    return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, meta=meta)
 
 
 def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | None = None) -> AttitudeTrack:
     """Attitude at every sample of a recording, with its covariance where the filter claims one.
 
-    Headings are true where the recording knows its declination.
+    Headings are true where the recording knows its declination, and magnetic where it does not; see `located`.
 
     Parameters
     ----------
@@ -131,7 +130,7 @@ def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | N
     progress : callable, optional
         Called with the number of samples done since the last call.
     """
-    filter_ = filter_of(stage, frame, imu.meta.declination)
+    filter_ = filter_of(stage, frame, imu.meta)
     parts = []
     for chunk in imu.chunks(CHUNK):
         parts.append(filter_.process(chunk, covariance=True))
