@@ -198,3 +198,34 @@ def test_a_place_that_tells_nothing_is_refused(run, words, told):
     pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
     imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
     assert told in " ".join(run(imu, "--filter", "tilt_compass", *words, code=1)[1])
+
+
+def spun(first_known=0):
+    """A gyroscope alone that turns at 0.5 rad/s about its z axis, up, from a heading of 30°, with its truth in ENU."""
+    t = np.arange(200) / 100.0
+    q = quat_from_euler_zyx(np.stack([math.radians(60.0) + 0.5 * t, 0.0 * t, 0.0 * t], axis=1))
+    q[:first_known] = np.nan
+    imu = ImuData(t=t, gyr=np.tile([0.0, 0.0, 0.5], (200, 1)), meta=ImuMeta(frame=Frame.NED))
+    return io.Recording(imu=imu, track=AttitudeTrack(t=t, q_nb=q, frame=Frame.ENU, north=North.TRUE))
+
+
+@pytest.mark.parametrize("unknown", [0, 40])
+def test_a_gyroscope_alone_started_from_the_truth_is_scored(run, tmp_path, unknown):
+    """Exact rates of a steady turn: what is left is rounding, in a file of seven digits."""
+    found = run(spun(unknown), "--filter", "integrate", "--init", "truth", "--out", tmp_path / "a.csv", "--json")[0]
+    report = json.loads(found)
+    assert (report["samples"], report["north"]) == (200 - unknown, "true")
+    assert report["errors"]["total_rmse_deg"] < 1e-6
+
+
+def test_the_start_may_be_level_or_said(report):
+    free = report(spun(), "--filter", "integrate", "--init", "level")
+    assert (free["north"], free["errors"]["not_scored"].keys()) == ("free", {"heading", "total", "yaw"})
+    said = report(spun(), "--filter", "integrate", "--init", "0deg,0deg,30deg", "--params", "declination=0deg")
+    assert said["north"] == "true"
+    assert said["last_attitude_deg"]["heading"] == pytest.approx(30.0 + math.degrees(0.5 * 1.99))
+
+
+def test_a_truth_that_is_not_there_is_refused(run):
+    imu = spun().imu
+    assert "it has none" in run(imu, "--filter", "integrate", "--init", "truth", code=1)[1][-1]

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData, ImuMeta
+from plumbob import Filter, Frame, ImuData, ImuMeta, flags
 from plumbob.constants import G0
 from plumbob.errors import FrameError, ParameterError, ShapeError
-from plumbob.filters import CommonParams, filter_names, load
+from plumbob.filters import CommonParams, Start, filter_names, load
 from plumbob.params import describe
 from plumbob.rotations import North, euler_zyx_from_quat
 
@@ -137,3 +137,56 @@ def test_a_filter_takes_the_declination_of_each_recording_but_never_changes_it_o
     assert f.process(facing_north()).north is North.MAGNETIC
     with pytest.raises(FrameError, match="began without a declination"):
         f.process(facing_north(declination=0.2))
+
+
+@pytest.mark.parametrize(
+    ("frame", "yaw"),
+    [(Frame.NED, 70.0), (Frame.ENU, 20.0), (Frame.NWU, -70.0)],  # a heading goes clockwise from north
+)
+def test_a_start_in_words_is_roll_pitch_and_heading(frame, yaw):
+    f = Filter("integrate", frame=frame, init="10deg, -5 deg, 70deg")
+    assert np.degrees(euler_zyx_from_quat(f.q_nb)) == pytest.approx([yaw, -5.0, 10.0])
+    again = Filter.restore(json.loads(json.dumps(f.save())))
+    again.reset()
+    assert again.q_nb.tobytes() == f.q_nb.tobytes()
+
+
+@pytest.mark.parametrize("name", filter_names())
+def test_a_level_start_leaves_the_heading_to_the_field(name):
+    """90° east of north. Madgwick's gradient never rests: two of its steps of 2βΔt are 0.094°."""
+    data = facing_north(0.2)  # longer, and the same bits again and again would be those of stuck sensors
+    turned = ImuData(t=data.t, gyr=data.gyr, acc=data.acc, mag=np.tile([0.0, -20.0, 40.0], (20, 1)))
+    f = Filter(name, frame=Frame.NED, init="level")
+    track = f.process(turned)
+    assert np.degrees(yaw(f)) == pytest.approx(90.0, abs=0.1 if name == "madgwick" else 1e-3)
+    assert not (track.flags & flags.NOT_CONVERGED).any()
+
+
+@pytest.mark.parametrize(
+    ("init", "known", "north"),
+    [
+        (None, None, North.FREE),
+        ("level", 0.1, North.FREE),
+        ("0deg,0deg,0deg", None, North.MAGNETIC),  # the rule of headings
+        ("0deg,0deg,0deg", 0.1, North.TRUE),
+        (Start(np.array([1.0, 0, 0, 0]), North.TRUE), None, North.TRUE),
+    ],
+)
+def test_a_gyroscope_alone_keeps_the_north_of_its_start(init, known, north):
+    data = ImuData(t=np.arange(5) / 100.0, gyr=np.ones((5, 3)), meta=ImuMeta(declination=known))
+    f = Filter("integrate", frame=Frame.NED, init=init)
+    again = Filter.restore(json.loads(json.dumps(f.save())))
+    assert (f.process(data).north, again.process(data).north) == (north, north)
+
+
+@pytest.mark.parametrize(
+    ("init", "told"),
+    [
+        ("upright", "level, truth or ROLL,PITCH,HEADING"),
+        ("1deg,2deg", "ROLL,PITCH"),
+        ("truth", "needs the recording's"),
+    ],
+)
+def test_a_start_that_says_nothing_is_refused(init, told):
+    with pytest.raises(ParameterError, match=told):
+        Filter("integrate", frame=Frame.NED, init=init)

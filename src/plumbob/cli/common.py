@@ -34,6 +34,15 @@ def add_frame(parser: argparse.ArgumentParser, help_: str) -> None:
     parser.add_argument("--frame", metavar="ENU|NED|NWU", help=help_)
 
 
+def add_init(parser: argparse._ActionsContainer) -> None:
+    """Option --init."""
+    parser.add_argument(
+        "--init",
+        metavar="level|truth|ROLL,PITCH,HEADING",
+        help="attitude to start from, as 10deg,0deg,90deg; truth: the reference's first; without it the first samples",
+    )
+
+
 def add_place(parser: argparse._ActionsContainer) -> None:
     """Options --place and --date."""
     parser.add_argument(

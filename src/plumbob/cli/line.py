@@ -28,6 +28,7 @@ def add_estimate(p: argparse.ArgumentParser) -> None:
     common.add_frame(p, "navigation frame; needed with --filter")
     p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply")
     common.add_noise(p)
+    common.add_init(p)
 
 
 def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
@@ -38,14 +39,16 @@ def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
     if args.calibration:
         tables["calibration"] = {"card": str(args.calibration)}
     if args.filter is None:
-        if args.params or args.noise:
-            raise ParameterError("--params and --noise belong to a filter; name one with --filter.")
+        if args.params or args.noise or args.init:
+            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
         return tables
     estimate: dict[str, Any] = {"filter": args.filter}
     if given := dict(common.pairs(args.params)):
         estimate["params"] = {key.removeprefix(f"{args.filter}."): value for key, value in given.items()}
     if args.noise:
         estimate["noise"] = str(args.noise)
+    if args.init:
+        estimate["init"] = args.init
     return tables | {"estimate": estimate}
 
 

@@ -105,8 +105,8 @@ def _changed(args: argparse.Namespace, log: "Log", session: "Session") -> "Sessi
             raise ParameterError(f"the card is for '{card.device}', but the recording is of '{session.meta.device}'.")
         session = replace(session, card=card)
     if args.filter is None:
-        if args.params or args.noise:
-            raise ParameterError("--params and --noise belong to a filter; name one with --filter.")
+        if args.params or args.noise or args.init:
+            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
         return session
     frame = common.frame_of(args) or session.frame
     if frame is None:
@@ -114,4 +114,8 @@ def _changed(args: argparse.Namespace, log: "Log", session: "Session") -> "Sessi
     chosen = common.given_noise(common.stages(args.filter, args.params), args.noise)
     if len(chosen) != 1:
         raise ParameterError("replay takes one filter; run it again for another.")
-    return replace(session, stage=chosen[0], frame=frame, meta=replace(session.meta, frame=frame))
+    if args.init == "truth" and session.reference is None:
+        raise ParameterError("--init truth takes the reference of the recording's session, which names none.")
+    return replace(
+        session, stage=replace(chosen[0], init=args.init), frame=frame, meta=replace(session.meta, frame=frame)
+    )

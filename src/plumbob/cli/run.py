@@ -23,6 +23,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--filter", required=True, metavar="NAME", help="see 'plumbob filters'")
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
+    common.add_init(p)
     common.add_place(p)
     common.add_profile(p)
     p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply first")
@@ -34,6 +35,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from dataclasses import replace
+
     from plumbob import io, pipeline
     from plumbob.errors import ParameterError, ShapeError
     from plumbob.pipeline.bias_prior import bias_beyond
@@ -42,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     common.keep_inputs(args.file, args.profile, args.calibration, args.noise, out=args.out)
-    stage = common.given_noise(chosen, args.noise)[0]
+    stage = replace(common.given_noise(chosen, args.noise)[0], init=args.init)
     recording = pipeline.read_any(args.file, profile=args.profile)
     if recording.imu is None:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
@@ -55,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     common.note(*(f"{args.file.name}: {line}" for line in found))
     common.warn_of_compiling([stage.filter])
     with common.progress(f"{stage.name}", len(imu)) as advance:
-        track = pipeline.estimate(imu, stage, frame=frame, progress=advance)
+        track = pipeline.estimate(imu, stage, frame=frame, reference=recording.track, progress=advance)
     _warn_of_restarts(imu, track)
     filter_ = pipeline.filter_of(stage, frame, imu.meta)
     if (contradiction := bias_beyond(filter_, track)) is not None:

@@ -20,11 +20,12 @@ from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSI
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.admission import judge
-from plumbob.filters.layout import BIAS, COUNT, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.layout import BIAS, COUNT, HEADED, LAST, LEVEL, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.start import Start, start_of
 from plumbob.filters.timing import tick
 from plumbob.filters.watch import watch
 from plumbob.params import Spec, build, describe, shown
-from plumbob.rotations import Frame, North, quat_normalize
+from plumbob.rotations import Frame, North
 from plumbob.sample import ImuSample
 from plumbob.units import Quantity, to_deg
 
@@ -183,8 +184,9 @@ class Filter:
         Parameters by name; numbers in SI, text with its unit. Unknown names are refused.
     noise : NoiseCard, optional
         Noise of the unit, for filters that take their noise parameters from it; `params` has the last word.
-    init : array_like (4,), optional
-        Attitude q_nb to start from; without it the first samples give tilt and heading.
+    init : array_like (4,), str or Start, optional
+        Attitude q_nb to start from, ``"level"``, or ``"ROLL,PITCH,HEADING"`` with units, as ``"10deg,0deg,90deg"``;
+        without it the first samples give tilt and heading.
     meta : ImuMeta, optional
         What is known about the samples that `update` will take; a recording that `process` takes brings its own.
 
@@ -221,7 +223,7 @@ class Filter:
         frame: Frame,
         params: Mapping[str, Any] | None = None,
         noise: "NoiseCard | None" = None,
-        init: ArrayLike | None = None,
+        init: Start | ArrayLike | str | None = None,
         meta: ImuMeta | None = None,
     ) -> None:
         from plumbob.filters import load
@@ -242,7 +244,7 @@ class Filter:
         self._c, self._x = self._s[: c.size], self._s[c.size :]
         self._q = self._x[Q : Q + 4]
         self._single: Callable[..., int] = self._compile_single  # numba is imported when it is needed, and not here
-        self._init = None if init is None else _attitude(init)
+        self._init = None if init is None else start_of(init, frame)
         self.reset()
 
     def reset(self) -> None:
@@ -250,8 +252,8 @@ class Filter:
         self._x[:] = 0.0
         self._x[Q] = 1.0
         if self._init is not None:
-            self._x[Q : Q + 4] = self._init
-            self._x[STAGE] = HEADED
+            self._x[Q : Q + 4] = self._init.q_nb
+            self._x[STAGE] = LEVEL if self._init.north is North.FREE else HEADED
         self._count_from(None if self._meta is None else self._meta.declination)
 
     def _heed(self, meta: ImuMeta) -> None:
@@ -331,7 +333,7 @@ class Filter:
             t=data.t,
             q_nb=q_nb,
             frame=self.frame,
-            north=self._north("mag" in data.triads),
+            north=self.north("mag" in data.triads),
             bias_b=bias_b,
             cov_b=self._claimed(q_nb, cov) if cov.size else None,
             flags=found,
@@ -397,7 +399,9 @@ class Filter:
             "frame": str(self.frame),
             "params": {**self.params._asdict(), **self._fixed()},
             "declination": self.common.declination,
-            "init": None if self._init is None else self._init.tolist(),
+            "init": None
+            if self._init is None
+            else [self._init.q_nb.tolist(), self._init.north and str(self._init.north)],
             "state": self._x.tolist(),
         }
 
@@ -417,7 +421,8 @@ class Filter:
         missing = {"filter", "frame", "params", "declination", "init", "state"} - set(saved)
         if missing:
             raise DecodeError(f"the saved state lacks {', '.join(sorted(missing))}.")
-        filter_ = cls(saved["filter"], frame=Frame.parse(saved["frame"]), params=saved["params"], init=saved["init"])
+        frame, init = Frame.parse(saved["frame"]), _saved_start(saved["init"])
+        filter_ = cls(saved["filter"], frame=frame, params=saved["params"], init=init)
         state = check.column("state", saved["state"])
         if state.shape != filter_._x.shape or not np.isfinite(state).all():
             raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")
@@ -448,9 +453,13 @@ class Filter:
                 f"{self.name} needs {', '.join(self.module.NEEDS)}, but the recording has no {', '.join(missing)}."
             )
 
-    def _north(self, has_mag: bool) -> North:
+    def north(self, has_mag: bool) -> North:
+        """What headings count from, of samples with or without a magnetometer."""
         if not (has_mag and self.common.mag):
-            return North.FREE
+            if self._init is None:
+                return North.FREE
+            if self._init.north is not None:
+                return self._init.north
         return North.MAGNETIC if self.common.declination is None else North.TRUE
 
 
@@ -499,11 +508,12 @@ def _from_noise(name: str, module: FilterModule, noise: "NoiseCard | None") -> M
     return found
 
 
-def _attitude(init: ArrayLike) -> Floats:
-    q = check.last_axis("init", init, 4)
-    if q.shape != (4,) or not np.isfinite(q).all():
-        raise ShapeError(f"init must be one finite quaternion of shape (4,), but its shape is {q.shape}.")
-    return quat_normalize(q)
+def _saved_start(saved: Any) -> Start | None:
+    if saved is None:
+        return None
+    if not isinstance(saved, list) or len(saved) != 2:
+        raise DecodeError("'init' of the saved state must be an attitude and its north; it is damaged.")
+    return Start(saved[0], None if saved[1] is None else North.parse(saved[1]))
 
 
 def _require_plausible(state: Floats) -> None:

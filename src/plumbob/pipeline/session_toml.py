@@ -13,10 +13,11 @@ from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import ImuMeta
 from plumbob.earth_field import earth_field_at, parse_place
 from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError, guide
+from plumbob.filters.start import TRUTH_WORD
 from plumbob.forms import Parse
 from plumbob.pipeline.iio_format import iio_format
 from plumbob.pipeline.offline import Stage, filter_of
-from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec
+from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec, reference_names
 from plumbob.pipeline.source_toml import parse_source
 from plumbob.pipeline.sources import KERNEL, described
 from plumbob.rigs import find_format
@@ -270,11 +271,6 @@ def _reference(found: Mapping[str, Any], message: Message) -> ReferenceSpec | No
     return asked
 
 
-def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
-    """Names of the fields that a reference has: heading, pitch, roll."""
-    return tuple(f"{spec.unit}.{name}" if spec.unit else name for name in ("heading", "pitch", "roll"))
-
-
 def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
     if "estimate" not in found:
         return None
@@ -282,7 +278,9 @@ def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage 
     if frame is None:
         raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
     noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
-    stage = Stage(asked["filter"], asked.get("params", {}), noise=noise)
+    stage = Stage(asked["filter"], asked.get("params", {}), noise=noise, init=asked.get("init"))
+    if stage.init == TRUTH_WORD and "reference" not in found:
+        raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
     filter_of(stage, frame)  # refuses what it cannot take, before the start
     return stage
 
@@ -342,7 +340,12 @@ _IMU: Final[dict[str, Parse]] = {
     "place": forms.text,
     "date": forms.text,
 }
-_ESTIMATE: Final[dict[str, Parse]] = {"filter": forms.text, "params": forms.mapping(_param), "noise": forms.text}
+_ESTIMATE: Final[dict[str, Parse]] = {
+    "filter": forms.text,
+    "params": forms.mapping(_param),
+    "noise": forms.text,
+    "init": forms.text,
+}
 _REFERENCE: Final[dict[str, Parse]] = {"unit": forms.text, "north": _north}
 _RECORD: Final[dict[str, Parse]] = {
     "path": forms.text,
