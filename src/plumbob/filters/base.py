@@ -19,13 +19,30 @@ from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
-from plumbob.filters.admission import judge
-from plumbob.filters.layout import BIAS, COUNT, HEADED, LAST, LEVEL, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.admission import judge, usable
+from plumbob.filters.consider import considered
+from plumbob.filters.layout import (
+    BIAS,
+    COUNT,
+    HEADED,
+    LAST,
+    LEVEL,
+    NORTH_X,
+    NORTH_Y,
+    OWN,
+    SEEN,
+    SIZE,
+    STAGE,
+    UP,
+    USE_MAG,
+    Q,
+)
 from plumbob.filters.start import Start, start_of
 from plumbob.filters.timing import tick
 from plumbob.filters.watch import watch
 from plumbob.params import Spec, build, describe, shown
 from plumbob.rotations import Frame, North
+from plumbob.rotations.kernels import rotate
 from plumbob.sample import ImuSample
 from plumbob.units import Quantity, to_deg
 
@@ -35,6 +52,8 @@ if TYPE_CHECKING:
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
 STATE_VERSION = 3
+SEEN_TAU = 30.0
+"""The field is taken for its mean over this, s, when errors of its calibration are weighed."""
 
 
 class CommonParams(NamedTuple):
@@ -90,6 +109,23 @@ def step(
 
 
 @njit
+def look(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
+    """Stand in for `see_field`, where a covariance asks for it."""
+
+
+@njit
+def see_field(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
+    """Mean level and vertical part of the field over `SEEN_TAU`, against which errors of its calibration weigh."""
+    if not usable(mx, my, mz):
+        return
+    hx, hy, hz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+    x[SEEN + 2] += 1.0
+    weight = max(1.0 / x[SEEN + 2], dt / (dt + SEEN_TAU))
+    x[SEEN] += weight * (math.sqrt(hx * hx + hy * hy) - x[SEEN])
+    x[SEEN + 1] += weight * (hz - x[SEEN + 1])
+
+
+@njit
 def _take(
     c: Floats, x: Floats, t_ns: int, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -98,7 +134,9 @@ def _take(
     if dt < 0.0:
         return seen | flags.TIME_FAULT
     seen |= watch(x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
-    return seen | step(c, x, dt, seen, gx, gy, gz, ax, ay, az, mx, my, mz)
+    found = seen | step(c, x, dt, seen, gx, gy, gz, ax, ay, az, mx, my, mz)
+    look(x, dt, mx, my, mz)
+    return found
 
 
 @njit
@@ -137,8 +175,10 @@ def _claiming(
             i, bare(c), bare(x), bare(t_ns), bare(seen), bare(gyr), bare(acc), bare(mag),
             bare(q_nb), bare(bias_b), bare(found),
         )  # fmt: skip
-        for k in range(cov.shape[1]):
+        last = cov.shape[1] - 2
+        for k in range(last):
             cov[i, k] = x[first + k]
+        cov[i, last], cov[i, last + 1] = x[SEEN], x[SEEN + 1]
 
 
 @njit
@@ -162,7 +202,8 @@ def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
 
 def loops_of(name: str, module: FilterModule) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
-    take = specialise(_take, f"take_{name}", step=module.step)
+    looks = {"look": see_field} if hasattr(module, "COVARIANCE") else {}
+    take = specialise(_take, f"take_{name}", step=module.step, **looks)
     row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
         batch=specialise(_batch, f"batch_{name}", _row=row),
@@ -254,10 +295,13 @@ class Filter:
         if self._init is not None:
             self._x[Q : Q + 4] = self._init.q_nb
             self._x[STAGE] = LEVEL if self._init.north is North.FREE else HEADED
-        self._count_from(None if self._meta is None else self._meta.declination)
+        meta = ImuMeta() if self._meta is None else self._meta
+        self._count_from(meta.declination)
+        self._left = meta.left
 
     def _heed(self, meta: ImuMeta) -> None:
         """Take over what a recording knows, unless `params` have decided; headings never change zero on the way."""
+        self._left = meta.left
         if meta.declination is None or meta.declination == self.common.declination:
             return
         if self._x[COUNT] > 0.0 and not self._decided:
@@ -293,17 +337,24 @@ class Filter:
 
     @property
     def cov_b(self) -> Floats | None:
-        """Covariance of the attitude error in body axes now, rad², (3, 3); None for a filter that claims none."""
+        """Covariance of the attitude error in body axes now, rad², (3, 3); None for a filter that claims none.
+
+        It counts what the calibration leaves, as the meta of the recording or of the filter says; see
+        `plumbob.filters.consider`.
+        """
         place = self._covariance
         if place.start == place.stop:
             return None
-        one: Floats = self._claimed(self._x[np.newaxis, Q : Q + 4], self._x[np.newaxis, place])[0]
+        entries = np.concatenate((self._x[place], self._x[SEEN : SEEN + 2]))
+        one: Floats = self._claimed(self._q[np.newaxis], entries[np.newaxis])[0]
         return one
 
     def _claimed(self, q_nb: Floats, entries: Floats) -> Floats:
+        """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen."""
         module: Any = self.module
-        covariance: Floats = module.covariance(q_nb, entries)
-        return covariance
+        own: Floats = module.covariance(q_nb, entries[:, :-2])
+        north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
+        return own + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
 
     def process(self, data: ImuData, *, covariance: bool = False) -> AttitudeTrack:
         """Take a recording, or its next chunk, and return the attitude at each of its samples.
@@ -350,7 +401,8 @@ class Filter:
     ) -> tuple[Floats, Floats, NDArray[np.uint32], Floats]:
         n = t_ns.size
         q_nb, bias_b, found = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
-        cov = np.empty((n, place.stop - place.start))
+        size = place.stop - place.start
+        cov = np.empty((n, size + 2 if size else 0))
         args = (
             self._c, self._x, t_ns, seen, gyr.ravel(), acc.ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), found
         )  # fmt: skip
@@ -399,6 +451,7 @@ class Filter:
             "frame": str(self.frame),
             "params": {**self.params._asdict(), **self._fixed()},
             "declination": self.common.declination,
+            "left": [list(half) for half in self._left],
             "init": None
             if self._init is None
             else [self._init.q_nb.tolist(), self._init.north and str(self._init.north)],
@@ -418,7 +471,7 @@ class Filter:
             raise DecodeError("this is no saved filter state; give what Filter.save() returned.")
         if saved.get("version") != STATE_VERSION:
             raise DecodeError(f"the saved state has version {saved.get('version')}, but this is {STATE_VERSION}.")
-        missing = {"filter", "frame", "params", "declination", "init", "state"} - set(saved)
+        missing = {"filter", "frame", "params", "declination", "left", "init", "state"} - set(saved)
         if missing:
             raise DecodeError(f"the saved state lacks {', '.join(sorted(missing))}.")
         frame, init = Frame.parse(saved["frame"]), _saved_start(saved["init"])
@@ -427,7 +480,9 @@ class Filter:
         if state.shape != filter_._x.shape or not np.isfinite(state).all():
             raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")
         _require_plausible(state)
-        filter_._count_from(ImuMeta(declination=saved["declination"]).declination)
+        meta = ImuMeta(declination=saved["declination"], acc_left=saved["left"][0], mag_left=saved["left"][1])
+        filter_._count_from(meta.declination)
+        filter_._left = meta.left
         filter_._x[:] = state
         return filter_
 
