@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob import check, clock, flags
+from plumbob.cards.left import NOTHING, SIZE, Half, uncalibrated
 from plumbob.check import Floats
 from plumbob.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.errors import ClockError, FrameError, ShapeError, UnitError
@@ -62,6 +63,9 @@ class ImuMeta:
         Magnetic declination at the place, east positive, rad, from −π to π, where known.
     calibration : str or None
         Name of the calibration card that has been applied; None says uncalibrated.
+    acc_left, mag_left : tuple of 78 floats or None
+        What errors the calibration leaves, as `plumbob.cards.left` has it; None: nothing of a calibrated recording, and
+        of an uncalibrated one all that the data sheet of a common part allows.
     unit_check : bool
         Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower.
     """
@@ -77,6 +81,8 @@ class ImuMeta:
     north: North | None = None
     declination: float | None = None
     calibration: str | None = None
+    acc_left: Half | None = field(default=None, repr=False)
+    mag_left: Half | None = field(default=None, repr=False)
     unit_check: bool = True
 
     def __post_init__(self) -> None:
@@ -93,6 +99,14 @@ class ImuMeta:
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
+        for name in ("acc_left", "mag_left"):
+            object.__setattr__(self, name, _half(name, getattr(self, name)))
+
+    @property
+    def left(self) -> tuple[Half, Half]:
+        """What errors are left of accelerometer and magnetometer, as far as is known."""
+        acc, mag = (uncalibrated("acc"), uncalibrated("mag")) if self.calibration is None else (NOTHING, NOTHING)
+        return acc if self.acc_left is None else self.acc_left, mag if self.mag_left is None else self.mag_left
 
 
 def calibration_told(calibration: str | None) -> str:
@@ -482,6 +496,15 @@ def _whole_ns(t0_ns: Any) -> int:
     if not isinstance(t0_ns, Integral) or isinstance(t0_ns, bool):
         raise ShapeError(f"t0_ns must be an int, UTC in ns since 1970, but it is {t0_ns!r}.")
     return int(t0_ns)
+
+
+def _half(name: str, value: Any) -> Half | None:
+    if value is None:
+        return None
+    half = check.column(name, value, SIZE)
+    if not np.isfinite(half).all():
+        raise ShapeError(f"{name} must hold finite numbers, but it does not.")
+    return tuple(half.tolist())
 
 
 def _declination(angle: Any) -> float | None:

@@ -130,7 +130,8 @@ def run_report(**changes):
     counts |= {"received": 6000, "framed": 6000} | changes.pop("bytes", {})
     given = {"samples": 200, "duration_s": 60.0, "not_usable": 0, "calibration": None,
              "inferred_gaps": None, "unchecked_bytes": None}  # fmt: skip
-    return {"time": time, "bytes": counts, "filter": None, "frame": None, "north": None} | given | changes
+    stage = dict.fromkeys(("filter", "frame", "north", "declination_deg"))
+    return {"time": time, "bytes": counts} | stage | given | changes
 
 
 @pytest.mark.parametrize(
@@ -147,6 +148,10 @@ def run_report(**changes):
         ({"unchecked_bytes": 6}, f"checks       {UNCHECKED.format(6)}"),
         ({"filter": "mahony(kp=1)"}, "filter       mahony(kp=1)"),
         ({"north": "free", "frame": "ENU"}, "frame        ENU, heading from an arbitrary zero"),
+        (
+            {"north": "true", "frame": "NED", "declination_deg": -4.1239},
+            "frame        NED, heading from true north (declination -4.124°)",
+        ),
     ],
 )
 def test_every_line_of_a_report(capsys, changes, line):

@@ -168,3 +168,64 @@ def test_the_frame_that_is_asked_for_goes_before_the_recording_s(report):
     assert found["frame"] == "NWU"
     assert found["last_attitude_deg"]["yaw"] == pytest.approx(-100.0)
     assert found["last_attitude_deg"]["heading"] == pytest.approx(100.0)
+
+
+NATICK = "42.283,-71.35,1000"
+"""Declination −13.6891° on 2028-07-04 by MATLAB's example of wrldmagm, good to half of its last digit."""
+
+
+def test_a_place_makes_headings_true(run, report):
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
+    found = report(imu, "--filter", "tilt_compass", "--place", NATICK, "--date", "2028-07-04")
+    assert found["declination_deg"] == pytest.approx(-13.6891, abs=0.0055)
+    assert found["last_attitude_deg"]["heading"] == pytest.approx(20.0 - 13.6891, abs=0.0055)
+    out, notes = run(imu, "--filter", "tilt_compass", "--place", NATICK, "--date", "2028-07-04")
+    assert "frame        NED, heading from true north (declination -13.6" in out
+    assert any("declination -13.69 deg, by WMM-2025" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--place", NATICK), "does not say when it was made"),
+        (("--date", "2028-07-04"), "--date says nothing without --place"),
+        (("--place", NATICK, "--date", "2035-07-04"), "no World Magnetic Model is installed for 2035-07-04"),
+        (("--place", NATICK, "--date", "2028-07-04", "--params", "declination=1deg"), "both say the declination"),
+    ],
+)
+def test_a_place_that_tells_nothing_is_refused(run, words, told):
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    imu = posed((20.0, 0.0, 0.0), (20.0, 0.0, 0.0), frame=Frame.NED)[0]
+    assert told in " ".join(run(imu, "--filter", "tilt_compass", *words, code=1)[1])
+
+
+def spun(first_known=0):
+    """A gyroscope alone that turns at 0.5 rad/s about its z axis, up, from a heading of 30°, with its truth in ENU."""
+    t = np.arange(200) / 100.0
+    q = quat_from_euler_zyx(np.stack([math.radians(60.0) + 0.5 * t, 0.0 * t, 0.0 * t], axis=1))
+    q[:first_known] = np.nan
+    imu = ImuData(t=t, gyr=np.tile([0.0, 0.0, 0.5], (200, 1)), meta=ImuMeta(frame=Frame.NED))
+    return io.Recording(imu=imu, track=AttitudeTrack(t=t, q_nb=q, frame=Frame.ENU, north=North.TRUE))
+
+
+@pytest.mark.parametrize("unknown", [0, 40])
+def test_a_gyroscope_alone_started_from_the_truth_is_scored(run, tmp_path, unknown):
+    """Exact rates of a steady turn: what is left is rounding, in a file of seven digits."""
+    found = run(spun(unknown), "--filter", "integrate", "--init", "truth", "--out", tmp_path / "a.csv", "--json")[0]
+    report = json.loads(found)
+    assert (report["samples"], report["north"]) == (200 - unknown, "true")
+    assert report["errors"]["total_rmse_deg"] < 1e-6
+
+
+def test_the_start_may_be_level_or_said(report):
+    free = report(spun(), "--filter", "integrate", "--init", "level")
+    assert (free["north"], free["errors"]["not_scored"].keys()) == ("free", {"heading", "total", "yaw"})
+    said = report(spun(), "--filter", "integrate", "--init", "0deg,0deg,30deg", "--params", "declination=0deg")
+    assert said["north"] == "true"
+    assert said["last_attitude_deg"]["heading"] == pytest.approx(30.0 + math.degrees(0.5 * 1.99))
+
+
+def test_a_truth_that_is_not_there_is_refused(run):
+    imu = spun().imu
+    assert "it has none" in run(imu, "--filter", "integrate", "--init", "truth", code=1)[1][-1]

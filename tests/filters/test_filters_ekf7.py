@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from plumbob import Filter, Frame, ImuData, NoiseCard, flags, simulate
+from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, flags, simulate
 from plumbob._jit import jit_disabled, njit, specialise
 from plumbob.cards import TriadNoise
 from plumbob.constants import G0
@@ -274,7 +274,7 @@ def matched(seed, n=400, dt=0.01):
     bias = START_BIAS * rng.normal(size=3) + K * math.sqrt(dt) * rng.normal(size=(n, 3)).cumsum(axis=0)
     gyr = rate + bias + N / math.sqrt(dt) * rng.normal(size=(n, 3))
     acc = seen_by(q, Frame.ENU)["acc"] + ACC / math.sqrt(dt) * rng.normal(size=(n, 3))
-    return ImuData(t=t, gyr=gyr, acc=acc), q[-1], bias[-1]
+    return ImuData(t=t, gyr=gyr, acc=acc, meta=ImuMeta(calibration="perfect")), q[-1], bias[-1]
 
 
 def test_errors_of_tilt_and_bias_are_what_the_filter_claims():
@@ -383,7 +383,8 @@ def test_the_hard_switch_takes_the_means_of_a_second():
 
 @pytest.mark.parametrize("reset", [False, True])
 def test_the_hard_switch_leaves_the_covariance_or_sets_it(reset):
-    data = ImuData(t=np.arange(300) / 100.0, gyr=np.zeros((300, 3)), acc=np.tile([0.0, 0.0, G0], (300, 1)))
+    still = {"gyr": np.zeros((300, 3)), "acc": np.tile([0.0, 0.0, G0], (300, 1))}
+    data = ImuData(t=np.arange(300) / 100.0, **still, meta=ImuMeta(calibration="perfect"))
     f = Filter("ekf7", frame=Frame.ENU, params={"hard_switch": True, "reset": reset})
     f.process(data[:200])
     before = f._x[P_QQ : P_BB + 6].copy()

@@ -4,9 +4,10 @@ import math
 
 import pytest
 
+from plumbob import io
 from plumbob.constants import G0
 from plumbob.data import ImuMeta
-from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError
+from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError, UnitError
 from plumbob.io import Profile, load_profile, parse_profile
 from plumbob.io.profile import TimeColumn, TimeRate
 from plumbob.rotations import Frame, North
@@ -133,7 +134,33 @@ def test_every_key_of_the_full_profile_is_every_key_there_is():
     ]
     words = FULL.replace("=", " ").replace("[", " ").replace("]", " ").replace(".", " ").split()
     missing = {key for table in tables for key in table} - set(words)
-    assert missing == {"rate", "epoch"}  # exclude t0_ns and the column, and have tests of their own
+    # exclude t0_ns, the column and the declination, and have tests of their own
+    assert missing == {"rate", "epoch", "place", "date"}
+
+
+def test_a_place_tells_the_declination(tmp_path):
+    """MATLAB's example of wrldmagm: −13.6891° at 1000 m over Natick on 2028-07-04."""
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    (tmp_path / "a.csv").write_text("t,x,y,z\n" + "".join(f"{i / 10},0.1,0.2,0.{i}\n" for i in range(1, 9)))
+    place = 'place = "42.283,-71.35,1000"'
+    for day in ('date = "2028-07-04"', "t0_ns = 1846281600000000000"):
+        (tmp_path / "a.toml").write_text(MINIMAL.replace("[header]", f"{place}\n{day}\n[header]", 1))
+        meta = io.read(tmp_path / "a.csv").imu.meta
+        assert math.degrees(meta.declination) == pytest.approx(-13.6891, abs=0.0055)
+    (tmp_path / "a.toml").write_text(MINIMAL.replace("[header]", f"{place}\n[header]", 1))
+    with pytest.raises(ParameterError, match="does not say when it was made"):
+        io.read(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    ("line", "told"),
+    [
+        ('date = "2028-07-04"', "date is the day of a place, which is missing"),
+        ('place = "42,-71"\ndeclination = "1 deg"', "keep one of place and declination"),
+    ],
+)
+def test_a_place_stands_alone(line, told):
+    refused(MINIMAL.replace("[header]", f"{line}\n[header]", 1), told)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from plumbob.pipeline.sources import open_source
 from plumbob.record import Recorder, open_log
 from plumbob.rigs import PLANS, make_rig
 from plumbob.rigs import load as load_rig
-from plumbob.rotations import North, quat_conjugate, quat_multiply
+from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
 
 
 @pytest.fixture(scope="module")
@@ -273,3 +273,20 @@ def test_capture_that_cannot_be_timed_or_decoded_is_refused(tmp_path):
     timed = session(text.replace("[format]", 'rate = "50 Hz"\n[format]'))
     items = open_source(timed.source)
     assert items.read(0.0)[0].t_ns == round(63 * 1e9 / 50)  # 64 frames, the last of them 63 periods after the first
+
+
+def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path):
+    """The rod's rig without its accelerometer's help: the start is the AHRS's first frame, headings from its north."""
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, module="calibrated")
+    text = (
+        'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
+        '[estimate]\nfilter = "integrate"\ninit = "truth"\n[reference]\nunit = "ref"\nnorth = "magnetic"\n'
+    )
+    items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
+    record(tmp_path / "rod.mcap", items, text)
+    log, session = open_recording(tmp_path / "rod.mcap")
+    replayed = replay(log, session)
+    assert compare(replayed).equal
+    first, reference = replayed.found.track(), read_recorded(tmp_path / "rod.mcap").track
+    assert first.north is North.MAGNETIC
+    assert quat_angle(first.q_nb[0], reference.q_nb[0]) < 1e-12

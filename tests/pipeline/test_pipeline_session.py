@@ -1,6 +1,8 @@
 """Sessions: what they say, and what they refuse before anything is opened."""
 
 import json
+import sys
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
@@ -113,3 +115,42 @@ def test_session_from_options_reads_back():
     assert made.form.chosen["gyr_range"] == "500 deg/s"
     assert made.meta.device == 'a "b"'
     assert json.dumps(made.stage.params["kp"]) == '"0.5"'
+
+
+def placed(day='date = "2028-07-04"', source=""):
+    return SESSION.replace('frame = "NED"', f'frame = "NED"\nplace = "42.283,-71.35,1000"\n{day}') + source
+
+
+def test_the_place_of_a_line_is_looked_up_once_and_kept_with_its_recording(monkeypatch):
+    """MATLAB's example of wrldmagm has −13.6891° there on that day."""
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    made = session(placed())
+    assert np.degrees(made.meta.declination) == pytest.approx(-13.6891, abs=0.0055)
+    monkeypatch.setitem(sys.modules, "pygeomag", None)  # a replay elsewhere, later, without the model
+    assert recorded_session(made.texts, "bench").meta == made.meta
+
+
+def test_only_a_line_that_is_yet_to_run_is_of_today():
+    pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
+    live = '[source]\nkind = "serial"\nport = "/dev/ttyUSB0"\nbaud = 9600\n'
+    assert datetime.now(UTC).date().isoformat() in session(placed("", live)).texts["earth_field.json"]
+    with pytest.raises(ParameterError, match=r"imu\.place needs a day"):
+        session(placed("", '[source]\nkind = "file"\npath = "a.bin"\n'))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (placed('declination = "1 deg"'), "says the declination too"),
+        (SESSION.replace('frame = "NED"', 'frame = "NED"\ndate = "2028-07-04"'), "imu.place, which is missing"),
+    ],
+)
+def test_a_place_stands_alone(text, told):
+    with pytest.raises(DecodeError, match=told):
+        session(text)
+
+
+def test_a_damaged_field_of_a_recording_is_refused():
+    made = {**session(SESSION).texts, "session.toml": placed(), "earth_field.json": "[1"}
+    with pytest.raises(DecodeError, match="holds no declination"):
+        recorded_session(made, "bench")

@@ -151,7 +151,7 @@ def measure_scenario(
         for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = estimate(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
-            told = bias_beyond(filter_of(stage, frame, run.imu.meta.declination), track)
+            told = bias_beyond(filter_of(stage, frame, run.imu.meta), track)
             warnings.setdefault(stage.name, []).extend([told] if told else [])
             figures = evaluate(track, run.truth, settle=settle).summary()
             _append(values.setdefault(stage.name, {}), figures)

@@ -7,6 +7,7 @@ import numpy as np
 
 from plumbob import flags
 from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
+from plumbob.cards.left import left_by
 from plumbob.check import Floats
 from plumbob.data import TRIADS, ImuData
 from plumbob.errors import CalibrationError
@@ -56,7 +57,9 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if card.mount is not None:
         dcm_bs = dcm_from_quat(card.mount.q_bs)
         changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
-    return data.corrected(**changed, meta=replace(data.meta, calibration=_told(card, data)))
+    acc_left, mag_left = left_by("acc", card.acc, card.mount), left_by("mag", card.mag, card.mount)
+    meta = replace(data.meta, calibration=_told(card, data), acc_left=acc_left, mag_left=mag_left)
+    return data.corrected(**changed, meta=meta)
 
 
 def temperature_beyond(card: CalibrationCard, data: ImuData) -> str | None:

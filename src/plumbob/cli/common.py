@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 from plumbob.plain import visible
 
 if TYPE_CHECKING:
+    from plumbob.data import AttitudeTrack
+    from plumbob.filters import Filter
     from plumbob.io import Recording
     from plumbob.link import Stop
     from plumbob.pipeline import Stage
@@ -30,6 +32,26 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 def add_frame(parser: argparse.ArgumentParser, help_: str) -> None:
     """Option --frame."""
     parser.add_argument("--frame", metavar="ENU|NED|NWU", help=help_)
+
+
+def add_init(parser: argparse._ActionsContainer) -> None:
+    """Option --init."""
+    parser.add_argument(
+        "--init",
+        metavar="level|truth|ROLL,PITCH,HEADING",
+        help="attitude to start from, as 10deg,0deg,90deg; truth: the reference's first; without it the first samples",
+    )
+
+
+def add_place(parser: argparse._ActionsContainer) -> None:
+    """Options --place and --date."""
+    parser.add_argument(
+        "--place",
+        metavar="LAT,LON[,HEIGHT]",
+        help="where it was recorded, degrees and metres: the declination is that of the World Magnetic Model, and "
+        "headings are true",
+    )
+    parser.add_argument("--date", metavar="YYYY-MM-DD", help="day of --place, where the recording does not know it")
 
 
 def add_profile(parser: argparse.ArgumentParser) -> None:
@@ -166,6 +188,21 @@ def note(*lines: str) -> None:
 def zero_of(north: str) -> str:
     """What a heading counts from, in words."""
     return "an arbitrary zero" if north == "free" else f"{north} north"
+
+
+def declination_deg(filter_: "Filter", track: "AttitudeTrack") -> float | None:
+    """Declination that makes a track's headings true, degrees; None where they are not."""
+    from plumbob.rotations import North
+    from plumbob.units import to_deg
+
+    angle = filter_.common.declination
+    return None if track.north is not North.TRUE or angle is None else to_deg(angle)
+
+
+def heading_of(report: Mapping[str, Any]) -> str:
+    """What the headings of a report count from, with the declination that makes them true."""
+    declination = report["declination_deg"]
+    return zero_of(report["north"]) + ("" if declination is None else f" (declination {declination:+.3f}°)")
 
 
 def print_json(value: Any) -> None:

@@ -28,6 +28,7 @@ def add_estimate(p: argparse.ArgumentParser) -> None:
     common.add_frame(p, "navigation frame; needed with --filter")
     p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply")
     common.add_noise(p)
+    common.add_init(p)
 
 
 def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
@@ -38,14 +39,16 @@ def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
     if args.calibration:
         tables["calibration"] = {"card": str(args.calibration)}
     if args.filter is None:
-        if args.params or args.noise:
-            raise ParameterError("--params and --noise belong to a filter; name one with --filter.")
+        if args.params or args.noise or args.init:
+            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
         return tables
     estimate: dict[str, Any] = {"filter": args.filter}
     if given := dict(common.pairs(args.params)):
         estimate["params"] = {key.removeprefix(f"{args.filter}."): value for key, value in given.items()}
     if args.noise:
         estimate["noise"] = str(args.noise)
+    if args.init:
+        estimate["init"] = args.init
     return tables | {"estimate": estimate}
 
 
@@ -147,6 +150,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
 
     last = status.last
     by_kernel = session.source is not None and session.source.kind in KERNEL
+    track = None if last is None else last.track
     return {
         "session": session.name,
         "format": session.form.name,
@@ -157,7 +161,8 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "bias_beyond": status.bias_beyond,
         "filter": None if line.filter is None else line.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
-        "north": None if last is None or last.track is None else str(last.track.north),
+        "north": None if track is None else str(track.north),
+        "declination_deg": None if track is None or line.filter is None else common.declination_deg(line.filter, track),
         "samples": status.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **line.report(),
@@ -193,5 +198,5 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
     if report["filter"]:
         print(f"filter       {report['filter']}")
     if report["north"]:
-        print(f"frame        {report['frame']}, heading from {common.zero_of(report['north'])}")
+        print(f"frame        {report['frame']}, heading from {common.heading_of(report)}")
         print(f"at the end   {last}")

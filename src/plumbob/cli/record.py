@@ -29,6 +29,7 @@ def add_parser(verbs: common.Adder) -> None:
     lines.add_line(p)
     p.add_argument("--device", metavar="ID", help="name of this very unit, to which its calibration card belongs")
     told.add_estimate(p)
+    common.add_place(p)
     p.add_argument("--out", type=Path, metavar="MCAP", help="recording to write")
     p.add_argument("--text", type=Path, metavar="TXT", help="text file that gets a line of attitude now and then")
     p.add_argument("--duration", metavar="TIME", help="stop after this time, such as 10s or 0.5h")
@@ -87,7 +88,7 @@ def session_of(args: argparse.Namespace) -> "Session":
 
     from plumbob.pipeline.session import RecordSpec
 
-    imu = {key: value for key, value in (("device", args.device), ("frame", args.frame)) if value}
+    imu = {key: value for key in ("device", "frame", "place", "date") if (value := getattr(args, key))}
     tables = told.estimate_tables(args) | ({"imu": imu} if imu else {})
     session = lines.session_of(args, args.session, args.capture, tables)
     if args.out:

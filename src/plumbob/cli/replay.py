@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from plumbob.link import Event
     from plumbob.pipeline.session import Session
     from plumbob.pipeline.sinks import Sink
+    from plumbob.record import Log
 
 DIFFERENT = 3
 
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     inputs = (args.recording, args.session, args.calibration, args.noise)
     common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)
     log, session = open_recording(args.recording)
-    session = _changed(args, session)
+    session = _changed(args, log, session)
     if session.stage is not None:
         common.warn_of_compiling([session.stage.filter])
     line, kept = Line(session), Tracks()
@@ -96,7 +97,15 @@ def run(args: argparse.Namespace) -> int:
     return 0 if same is None or same.equal else DIFFERENT
 
 
-def _changed(args: argparse.Namespace, session: "Session") -> "Session":
+def _day(log: "Log") -> str | None:
+    """Day of the first row, ISO 8601; None where it is not known."""
+    from plumbob.earth_field import day_of
+
+    info, first = log.first_info, next(iter(log), None)
+    return None if info is None or first is None else day_of(info.epoch_offset_ns + first.t_ns)
+
+
+def _changed(args: argparse.Namespace, log: "Log", session: "Session") -> "Session":
     """The recording's session, or what the options make of it."""
     from dataclasses import replace
 
@@ -105,15 +114,15 @@ def _changed(args: argparse.Namespace, session: "Session") -> "Session":
     from plumbob.pipeline.session_toml import load_session
 
     if args.session is not None:
-        session = load_session(args.session)
+        session = load_session(args.session, date=_day(log))
     if args.calibration is not None:
         card = CalibrationCard.load(args.calibration)
         if card.device != session.meta.device:
             raise ParameterError(f"the card is for '{card.device}', but the recording is of '{session.meta.device}'.")
         session = replace(session, card=card)
     if args.filter is None:
-        if args.params or args.noise:
-            raise ParameterError("--params and --noise belong to a filter; name one with --filter.")
+        if args.params or args.noise or args.init:
+            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
         return session
     frame = common.frame_of(args) or session.frame
     if frame is None:
@@ -121,4 +130,8 @@ def _changed(args: argparse.Namespace, session: "Session") -> "Session":
     chosen = common.given_noise(common.stages(args.filter, args.params), args.noise)
     if len(chosen) != 1:
         raise ParameterError("replay takes one filter; run it again for another.")
-    return replace(session, stage=chosen[0], frame=frame, meta=replace(session.meta, frame=frame))
+    if args.init == "truth" and session.reference is None:
+        raise ParameterError("--init truth takes the reference of the recording's session, which names none.")
+    return replace(
+        session, stage=replace(chosen[0], init=args.init), frame=frame, meta=replace(session.meta, frame=frame)
+    )

@@ -23,6 +23,8 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--filter", required=True, metavar="NAME", help="see 'plumbob filters'")
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
+    common.add_init(p)
+    common.add_place(p)
     common.add_profile(p)
     p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply first")
     common.add_noise(p)
@@ -34,6 +36,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from dataclasses import replace
+
     from plumbob import io, pipeline
     from plumbob.errors import ParameterError, ShapeError
     from plumbob.pipeline.bias_prior import bias_beyond
@@ -43,12 +47,12 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     inputs = (args.file, args.profile, args.calibration, args.noise)
     common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)
-    stage = common.given_noise(chosen, args.noise)[0]
+    stage = replace(common.given_noise(chosen, args.noise)[0], init=args.init)
     recording = pipeline.read_any(args.file, profile=args.profile)
     if recording.imu is None:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
     frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
-    imu, beyond = _calibrated(recording.imu, args.calibration)
+    imu, beyond = _calibrated(_placed(args, recording.imu, stage), args.calibration)
     doubt = io.inferred_in(recording.notes)
     found = io.found_in(recording.notes) if args.calibration is None else (*doubt, *io.findings(imu))
     if beyond is not None:
@@ -56,20 +60,37 @@ def run(args: argparse.Namespace) -> int:
     common.note(*(f"{args.file.name}: {line}" for line in found))
     common.warn_of_compiling([stage.filter])
     with common.progress(f"{stage.name}", len(imu)) as advance:
-        track = pipeline.estimate(imu, stage, frame=frame, progress=advance)
+        track = pipeline.estimate(imu, stage, frame=frame, reference=recording.track, progress=advance)
     _warn_of_restarts(imu, track)
-    filter_ = pipeline.filter_of(stage, frame, imu.meta.declination)
+    filter_ = pipeline.filter_of(stage, frame, imu.meta)
     if (contradiction := bias_beyond(filter_, track)) is not None:
         common.note(contradiction)
     if args.out:
         notes = (f"estimated from {args.file.name} by {track.source}", *doubt)
         io.write(args.out, track, notes=notes, overwrite=args.force)
     report = _report(args, imu, track) | {"filter": filter_.describe(), "bias_beyond": contradiction}
+    report["declination_deg"] = common.declination_deg(filter_, track)
     report |= {"temperature_beyond": beyond, "noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
     if recording.track is not None:
         report["errors"] = _errors(track, recording.track)
     common.print_json(report) if args.json else _print(report)
     return 0
+
+
+def _placed(args: argparse.Namespace, imu: "ImuData", stage: "Stage") -> "ImuData":
+    """Samples with the declination of --place, and a note of the field there."""
+    from plumbob.earth_field import located
+    from plumbob.errors import ParameterError
+
+    if args.place is None:
+        if args.date is not None:
+            raise ParameterError("--date says nothing without --place; give both.")
+        return imu
+    if "declination" in stage.params:
+        raise ParameterError("--place and the parameter declination both say the declination; give one.")
+    imu, field = located(imu, args.place, date=args.date)
+    common.note(f"field at the place: {field.told}")
+    return imu
 
 
 def _calibrated(imu: "ImuData", path: Path | None) -> "tuple[ImuData, str | None]":
@@ -159,7 +180,7 @@ def _print(report: dict[str, Any]) -> None:
     last = report["last_attitude_deg"]
     print(f"{report['file']}: {report['samples']} samples, {report['duration_s']:.3f} s")
     print(f"filter       {report['filter']}")
-    print(f"frame        {report['frame']}, heading from {common.zero_of(report['north'])}")
+    print(f"frame        {report['frame']}, heading from {common.heading_of(report)}")
     print(f"calibration  {calibration_told(report['calibration'])}")
     if report["noise_card"]:
         print(f"noise card   {report['noise_card']}")

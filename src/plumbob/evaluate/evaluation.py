@@ -226,7 +226,7 @@ def _refuse_empty(estimate: AttitudeTrack, match: Match) -> None:
     if not_started(estimate).all():
         raise ShapeError(
             f"no sample is left to score: the filter never took up an attitude in {len(estimate)} samples. Give it one "
-            "with Filter(..., init=...), or use a recording with an accelerometer."
+            "(--init, Filter(..., init=...)), or use a recording with an accelerometer."
         )
     why = "; ".join(f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not Fate.SCORED)
     raise ShapeError(f"no sample is left to score. Of {match.fate.size} samples of the estimate: {why}.")

@@ -5,6 +5,7 @@ from typing import cast
 
 from plumbob.errors import ParameterError
 from plumbob.filters.base import CommonParams, Filter, FilterModule
+from plumbob.filters.start import Start
 
 _MODULES = (
     "complementary",
@@ -20,7 +21,16 @@ _MODULES = (
     "vqf",
 )
 
-__all__ = ["CommonParams", "Filter", "FilterModule", "claims_covariance", "filter_names", "load", "takes_noise"]
+__all__ = [
+    "CommonParams",
+    "Filter",
+    "FilterModule",
+    "Start",
+    "claims_covariance",
+    "filter_names",
+    "load",
+    "takes_noise",
+]
 
 
 def filter_names() -> tuple[str, ...]:

@@ -17,30 +17,53 @@ from plumbob import check, flags
 from plumbob._jit import Kernel, bare, njit, specialise
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
-from plumbob.filters.admission import judge
-from plumbob.filters.layout import BIAS, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.admission import judge, usable
+from plumbob.filters.consider import considered
+from plumbob.filters.layout import (
+    BIAS,
+    COUNT,
+    HEADED,
+    LAST,
+    LEVEL,
+    NORTH_X,
+    NORTH_Y,
+    OWN,
+    SEEN,
+    SIZE,
+    STAGE,
+    UP,
+    USE_MAG,
+    Q,
+)
+from plumbob.filters.start import Start, start_of
 from plumbob.filters.timing import tick
 from plumbob.filters.watch import watch
 from plumbob.params import Spec, build, describe, shown
-from plumbob.rotations import Frame, North, quat_normalize
+from plumbob.rotations import Frame, North
+from plumbob.rotations.kernels import rotate
 from plumbob.sample import ImuSample
-from plumbob.units import Quantity
+from plumbob.units import Quantity, to_deg
 
 if TYPE_CHECKING:
     from plumbob.cards import NoiseCard
 
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
-STATE_VERSION = 2
+STATE_VERSION = 3
+SEEN_TAU = 30.0
+"""The field is taken for its mean over this, s, when errors of its calibration are weighed."""
 
 
 class CommonParams(NamedTuple):
     """What every filter takes besides its own parameters."""
 
     declination: Annotated[
-        float | None, Spec(Quantity.ANGLE, "magnetic declination, east positive; off: headings are magnetic", -4, 4)
+        float | None,
+        Spec(
+            Quantity.ANGLE, "magnetic declination, east positive; unless given, the recording's; off: magnetic", -4, 4
+        ),
     ] = None
     max_gap: Annotated[float, Spec(Quantity.TIME, "a longer step is not integrated: the filter starts again", 0)] = 1.0
     mag: Annotated[bool, Spec(Quantity.RATIO, "use the magnetometer; off: headings count from a free zero")] = True
@@ -86,6 +109,23 @@ def step(
 
 
 @njit
+def look(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
+    """Stand in for `see_field`, where a covariance asks for it."""
+
+
+@njit
+def see_field(x: Floats, dt: float, mx: float, my: float, mz: float) -> None:
+    """Mean level and vertical part of the field over `SEEN_TAU`, against which errors of its calibration weigh."""
+    if not usable(mx, my, mz):
+        return
+    hx, hy, hz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+    x[SEEN + 2] += 1.0
+    weight = max(1.0 / x[SEEN + 2], dt / (dt + SEEN_TAU))
+    x[SEEN] += weight * (math.sqrt(hx * hx + hy * hy) - x[SEEN])
+    x[SEEN + 1] += weight * (hz - x[SEEN + 1])
+
+
+@njit
 def _take(
     c: Floats, x: Floats, t_ns: int, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
@@ -94,7 +134,9 @@ def _take(
     if dt < 0.0:
         return seen | flags.TIME_FAULT
     seen |= watch(x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
-    return seen | step(c, x, dt, seen, gx, gy, gz, ax, ay, az, mx, my, mz)
+    found = seen | step(c, x, dt, seen, gx, gy, gz, ax, ay, az, mx, my, mz)
+    look(x, dt, mx, my, mz)
+    return found
 
 
 @njit
@@ -133,8 +175,10 @@ def _claiming(
             i, bare(c), bare(x), bare(t_ns), bare(seen), bare(gyr), bare(acc), bare(mag),
             bare(q_nb), bare(bias_b), bare(found),
         )  # fmt: skip
-        for k in range(cov.shape[1]):
+        last = cov.shape[1] - 2
+        for k in range(last):
             cov[i, k] = x[first + k]
+        cov[i, last], cov[i, last + 1] = x[SEEN], x[SEEN + 1]
 
 
 @njit
@@ -158,7 +202,8 @@ def _single(s: Floats, t_ns: int, seen: int, values: Floats) -> int:
 
 def loops_of(name: str, module: FilterModule) -> Loops:
     """Batch and single-sample entries of a filter, compiled around its step."""
-    take = specialise(_take, f"take_{name}", step=module.step)
+    looks = {"look": see_field} if hasattr(module, "COVARIANCE") else {}
+    take = specialise(_take, f"take_{name}", step=module.step, **looks)
     row = specialise(_row, f"row_{name}", _take=take)
     return Loops(
         batch=specialise(_batch, f"batch_{name}", _row=row),
@@ -180,8 +225,14 @@ class Filter:
         Parameters by name; numbers in SI, text with its unit. Unknown names are refused.
     noise : NoiseCard, optional
         Noise of the unit, for filters that take their noise parameters from it; `params` has the last word.
-    init : array_like (4,), optional
-        Attitude q_nb to start from; without it the first samples give tilt and heading.
+    init : array_like (4,), str or Start, optional
+        Attitude q_nb to start from, ``"level"``, or ``"ROLL,PITCH,HEADING"`` with units, as ``"10deg,0deg,90deg"``;
+        without it the first samples give tilt and heading.
+    meta : ImuMeta, optional
+        What is known about the samples that `update` will take; a recording that `process` takes brings its own.
+
+    Headings are true where the declination is known, from `params` or else from the meta, and magnetic where it is not;
+    the track's ``north`` says which.
 
     Attributes
     ----------
@@ -190,7 +241,7 @@ class Filter:
     params : NamedTuple
         The filter's own parameters, SI.
     common : CommonParams
-        Declination, gap limit, use of the magnetometer.
+        Declination in use, gap limit, use of the magnetometer.
 
     Raises
     ------
@@ -213,7 +264,8 @@ class Filter:
         frame: Frame,
         params: Mapping[str, Any] | None = None,
         noise: "NoiseCard | None" = None,
-        init: ArrayLike | None = None,
+        init: Start | ArrayLike | str | None = None,
+        meta: ImuMeta | None = None,
     ) -> None:
         from plumbob.filters import load
 
@@ -223,14 +275,17 @@ class Filter:
         self.frame = frame
         self.module = load(name)
         from_card = _from_noise(name, self.module, noise)
-        self.params, self.common = _split_params(name, self.module, {**from_card, **(params or {})})
+        given = {**from_card, **(params or {})}
+        self.params, self.common = _split_params(name, self.module, given)
+        self._decided = "declination" in given
+        self._meta = meta
         self._loops = _cached_loops(name, self.module)
         c = _coefficients(self.module, self.params, self.common, frame)
         self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
         self._c, self._x = self._s[: c.size], self._s[c.size :]
         self._q = self._x[Q : Q + 4]
         self._single: Callable[..., int] = self._compile_single  # numba is imported when it is needed, and not here
-        self._init = None if init is None else _attitude(init)
+        self._init = None if init is None else start_of(init, frame)
         self.reset()
 
     def reset(self) -> None:
@@ -238,8 +293,31 @@ class Filter:
         self._x[:] = 0.0
         self._x[Q] = 1.0
         if self._init is not None:
-            self._x[Q : Q + 4] = self._init
-            self._x[STAGE] = HEADED
+            self._x[Q : Q + 4] = self._init.q_nb
+            self._x[STAGE] = LEVEL if self._init.north is North.FREE else HEADED
+        meta = ImuMeta() if self._meta is None else self._meta
+        self._count_from(meta.declination)
+        self._left = meta.left
+
+    def _heed(self, meta: ImuMeta) -> None:
+        """Take over what a recording knows, unless `params` have decided; headings never change zero on the way."""
+        self._left = meta.left
+        if meta.declination is None or meta.declination == self.common.declination:
+            return
+        if self._x[COUNT] > 0.0 and not self._decided:
+            used = self.common.declination
+            began = "without a" if used is None else f"with {to_deg(used):.6g}° of"
+            raise FrameError(
+                f"this filter began {began} declination, but the recording has {to_deg(meta.declination):.6g}°; call "
+                "reset() before another recording."
+            )
+        self._count_from(meta.declination)
+
+    def _count_from(self, declination: float | None) -> None:
+        """Let headings count from the north that a declination, rad, tells, unless `params` have decided."""
+        if not self._decided:
+            self.common = self.common._replace(declination=declination)
+            self._c[:] = _coefficients(self.module, self.params, self.common, self.frame)
 
     @property
     def q_nb(self) -> Floats:
@@ -259,17 +337,24 @@ class Filter:
 
     @property
     def cov_b(self) -> Floats | None:
-        """Covariance of the attitude error in body axes now, rad², (3, 3); None for a filter that claims none."""
+        """Covariance of the attitude error in body axes now, rad², (3, 3); None for a filter that claims none.
+
+        It counts what the calibration leaves, as the meta of the recording or of the filter says; see
+        `plumbob.filters.consider`.
+        """
         place = self._covariance
         if place.start == place.stop:
             return None
-        one: Floats = self._claimed(self._x[np.newaxis, Q : Q + 4], self._x[np.newaxis, place])[0]
+        entries = np.concatenate((self._x[place], self._x[SEEN : SEEN + 2]))
+        one: Floats = self._claimed(self._q[np.newaxis], entries[np.newaxis])[0]
         return one
 
     def _claimed(self, q_nb: Floats, entries: Floats) -> Floats:
+        """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen."""
         module: Any = self.module
-        covariance: Floats = module.covariance(q_nb, entries)
-        return covariance
+        own: Floats = module.covariance(q_nb, entries[:, :-2])
+        north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
+        return own + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
 
     def process(self, data: ImuData, *, covariance: bool = False) -> AttitudeTrack:
         """Take a recording, or its next chunk, and return the attitude at each of its samples.
@@ -289,6 +374,7 @@ class Filter:
         if not isinstance(data, ImuData):
             raise ShapeError(f"process takes an ImuData, but got {type(data).__name__}; of a Recording take its .imu.")
         self._require(data.triads)
+        self._heed(data.meta)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
         place = self._covariance if covariance else slice(0, 0)
         q_nb, bias_b, found, cov = self._batch(
@@ -298,7 +384,7 @@ class Filter:
             t=data.t,
             q_nb=q_nb,
             frame=self.frame,
-            north=self._north("mag" in data.triads),
+            north=self.north("mag" in data.triads),
             bias_b=bias_b,
             cov_b=self._claimed(q_nb, cov) if cov.size else None,
             flags=found,
@@ -315,7 +401,8 @@ class Filter:
     ) -> tuple[Floats, Floats, NDArray[np.uint32], Floats]:
         n = t_ns.size
         q_nb, bias_b, found = np.empty((n, 4)), np.empty((n, 3)), np.empty(n, dtype=np.uint32)
-        cov = np.empty((n, place.stop - place.start))
+        size = place.stop - place.start
+        cov = np.empty((n, size + 2 if size else 0))
         args = (
             self._c, self._x, t_ns, seen, gyr.ravel(), acc.ravel(), mag.ravel(), q_nb.ravel(), bias_b.ravel(), found
         )  # fmt: skip
@@ -362,8 +449,12 @@ class Filter:
             "version": STATE_VERSION,
             "filter": self.name,
             "frame": str(self.frame),
-            "params": {**self.params._asdict(), **self.common._asdict()},
-            "init": None if self._init is None else self._init.tolist(),
+            "params": {**self.params._asdict(), **self._fixed()},
+            "declination": self.common.declination,
+            "left": [list(half) for half in self._left],
+            "init": None
+            if self._init is None
+            else [self._init.q_nb.tolist(), self._init.north and str(self._init.north)],
             "state": self._x.tolist(),
         }
 
@@ -380,14 +471,18 @@ class Filter:
             raise DecodeError("this is no saved filter state; give what Filter.save() returned.")
         if saved.get("version") != STATE_VERSION:
             raise DecodeError(f"the saved state has version {saved.get('version')}, but this is {STATE_VERSION}.")
-        missing = {"filter", "frame", "params", "init", "state"} - set(saved)
+        missing = {"filter", "frame", "params", "declination", "left", "init", "state"} - set(saved)
         if missing:
             raise DecodeError(f"the saved state lacks {', '.join(sorted(missing))}.")
-        filter_ = cls(saved["filter"], frame=Frame.parse(saved["frame"]), params=saved["params"], init=saved["init"])
+        frame, init = Frame.parse(saved["frame"]), _saved_start(saved["init"])
+        filter_ = cls(saved["filter"], frame=frame, params=saved["params"], init=init)
         state = check.column("state", saved["state"])
         if state.shape != filter_._x.shape or not np.isfinite(state).all():
             raise DecodeError(f"the saved state must be {filter_._x.size} finite numbers, but has {state.size}.")
         _require_plausible(state)
+        meta = ImuMeta(declination=saved["declination"], acc_left=saved["left"][0], mag_left=saved["left"][1])
+        filter_._count_from(meta.declination)
+        filter_._left = meta.left
         filter_._x[:] = state
         return filter_
 
@@ -397,6 +492,10 @@ class Filter:
 
     def __repr__(self) -> str:
         return f"<Filter {self.describe()} in {self.frame}>"
+
+    def _fixed(self) -> dict[str, Any]:
+        """Common parameters that were given, whatever a recording says."""
+        return {k: v for k, v in self.common._asdict().items() if k != "declination" or self._decided}
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
@@ -409,9 +508,13 @@ class Filter:
                 f"{self.name} needs {', '.join(self.module.NEEDS)}, but the recording has no {', '.join(missing)}."
             )
 
-    def _north(self, has_mag: bool) -> North:
+    def north(self, has_mag: bool) -> North:
+        """What headings count from, of samples with or without a magnetometer."""
         if not (has_mag and self.common.mag):
-            return North.FREE
+            if self._init is None:
+                return North.FREE
+            if self._init.north is not None:
+                return self._init.north
         return North.MAGNETIC if self.common.declination is None else North.TRUE
 
 
@@ -460,11 +563,12 @@ def _from_noise(name: str, module: FilterModule, noise: "NoiseCard | None") -> M
     return found
 
 
-def _attitude(init: ArrayLike) -> Floats:
-    q = check.last_axis("init", init, 4)
-    if q.shape != (4,) or not np.isfinite(q).all():
-        raise ShapeError(f"init must be one finite quaternion of shape (4,), but its shape is {q.shape}.")
-    return quat_normalize(q)
+def _saved_start(saved: Any) -> Start | None:
+    if saved is None:
+        return None
+    if not isinstance(saved, list) or len(saved) != 2:
+        raise DecodeError("'init' of the saved state must be an attitude and its north; it is damaged.")
+    return Start(saved[0], None if saved[1] is None else North.parse(saved[1]))
 
 
 def _require_plausible(state: Floats) -> None:

@@ -24,7 +24,8 @@ COUNT: Final = 12  # samples taken
 LAST: Final = 13  # what each triad said last, as one number, 3
 SAME: Final = 16  # for how long it has said the same, s, 3
 CLOCK: Final = 19  # see timing.py, 5
-OWN: Final = 24
+SEEN: Final = 24  # mean level and vertical part of the field, µT, and of how many; of filters with a covariance, 3
+OWN: Final = 27
 
 # Stages
 BLIND: Final = 0.0

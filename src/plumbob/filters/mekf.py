@@ -546,9 +546,9 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
 def begin(c: Floats, x: Floats) -> None:
     """Covariance before the first sample."""
     know_bias(x, c[BIAS_START])
-    if x[STAGE] == HEADED:  # an attitude that was given
+    if x[STAGE] >= LEVEL:  # an attitude that was given
         know_tilt(x, START_TILT)
-        know(x, TH + 2, START_HEADING)
+        know(x, TH + 2, START_HEADING if x[STAGE] == HEADED else math.sqrt(FREE))
         x[FORCE + 2], x[SPEED2] = c[UP] * G0, START_SPEED * START_SPEED
 
 

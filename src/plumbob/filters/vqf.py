@@ -411,12 +411,12 @@ def compose(c: Floats, x: Floats, q0: float, q1: float, q2: float, q3: float) ->
 
 @njit
 def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
-    """Begin with the first specific force that may be gravity."""
-    if x[STAGE] >= LEVEL:  # an attitude that was given
+    """Begin with the first specific force that may be gravity, or with an attitude that was given."""
+    if x[STAGE] == HEADED:
         begin(c, x)
         x[FIRST_GAIN] = 0.0
         return 0
-    if not may_be_gravity(ax, ay, az):
+    if x[STAGE] < LEVEL and not may_be_gravity(ax, ay, az):
         return flags.NOT_CONVERGED | flags.HEADING_FREE
     found = initialise(c, x, ax, ay, az, mx, my, mz)
     begin(c, x)

@@ -91,7 +91,8 @@ def check_header(content: dict[str, Any]) -> None:
 
 def meta_from(content: Any) -> ImuMeta:
     """Meta of the samples."""
-    found = require_keys("'imu' in its header", content, tuple(_META))
+    told = dict.fromkeys(_LATER) | content if isinstance(content, dict) else content
+    found = require_keys("'imu' in its header", told, tuple(_META))
     return ImuMeta(**{key: _typed(f"imu.{key}", found[key], convert) for key, convert in _META.items()})
 
 
@@ -130,6 +131,12 @@ def _number(value: Any) -> float:
         return float(value)
     except OverflowError:
         raise TypeError("is beyond every number that a recording needs") from None
+
+
+def _numbers(value: Any) -> tuple[float, ...]:
+    if not isinstance(value, list | tuple):
+        raise TypeError("must be a list of numbers")
+    return tuple(_number(one) for one in value)
 
 
 def _whole(value: Any) -> int:
@@ -172,8 +179,12 @@ _META: Final[dict[str, Callable[[Any], Any]]] = {
     "north": _optional(_north),
     "declination": _optional(_number),
     "calibration": _optional(_text),
+    "acc_left": _optional(_numbers),
+    "mag_left": _optional(_numbers),
     "unit_check": _truth,
 }
+_LATER: Final = ("acc_left", "mag_left")
+"""Keys that older recordings do not have."""
 _TRACK: Final[dict[str, Callable[[Any], Any]]] = {"frame": _frame, "north": _north, "source": _text}
 
 

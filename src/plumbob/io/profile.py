@@ -176,6 +176,9 @@ class Profile:
         Provenance.
     axes_applied : bool
         Whether the columns are in body axes already, and the axes are only kept.
+    place, date : str or None
+        Where it was recorded, as `plumbob.earth_field.parse_place` reads it, and on which day, ISO 8601, where the file
+        does not tell.
     origin : str
         Name of the profile's file, for messages.
     """
@@ -189,6 +192,8 @@ class Profile:
     meta: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     axes_applied: bool = False
+    place: str | None = None
+    date: str | None = None
     origin: str = "profile"
 
     @property

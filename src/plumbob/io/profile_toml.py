@@ -62,6 +62,8 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
         | {f"{name}_range": found[name].full_scale for name in TRIADS if name in found},
         notes=found.get("notes", ()),
         axes_applied=found.get("axes_applied", False),
+        place=found.get("place"),
+        date=found.get("date"),
         origin=origin,
     )
     _require_sense(profile)
@@ -83,6 +85,10 @@ def _require_sense(profile: Profile) -> None:
             f"axes = '{profile.turn}' turns the sensor axes, so reference needs 'of': \"case\" if its attitude is the "
             "sensor case's, \"body\" if it is already the body's."
         )
+    if profile.place is None and profile.date is not None:
+        raise DecodeError("date is the day of a place, which is missing; add place, or leave date out.")
+    if profile.place is not None and "declination" in profile.meta:
+        raise DecodeError("place says the declination too; keep one of place and declination.")
     repeated = [ref for i, ref in enumerate(profile.used) if ref in profile.used[:i]]
     if repeated:
         raise DecodeError(f"column {excerpt(str(repeated[0]))} is declared twice; each column has one meaning.")
@@ -278,6 +284,8 @@ _PROFILE: Final[dict[str, Parse]] = {
     "frame": _frame,
     "north": _north,
     "declination": forms.quantity(Quantity.ANGLE),
+    "place": forms.text,
+    "date": forms.text,
     "rate_nominal": forms.size(Quantity.FREQUENCY),
     "t0_ns": forms.whole(None),
     "calibration": forms.text,

@@ -107,13 +107,18 @@ def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
     temperature = profile.temperature
     time = profile.time
     implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns} if time.unix else {}
-    return ImuData(
+    imu = ImuData(
         t=t,
         temp_c=None if temperature is None else _inside(table.columns[temperature.columns[0]], temperature.unit),
         flags=_optional(table, profile.flags),  # type: ignore[arg-type]
         meta=ImuMeta(**{**implied, **profile.meta}),
         **triads,
     )
+    if profile.place is None:
+        return imu
+    from plumbob.earth_field import located
+
+    return located(imu, profile.place, date=profile.date)[0]
 
 
 def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -> AttitudeTrack:

@@ -18,10 +18,11 @@ from plumbob.clock import CountedTime, Counter, TimeBase, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ParameterError
 from plumbob.filters import Filter
+from plumbob.filters.start import TRUTH_WORD
 from plumbob.link import Event, Received
 from plumbob.pipeline.offline import calibrated, filter_of
-from plumbob.pipeline.session import Session
-from plumbob.rotations import in_body_axes
+from plumbob.pipeline.session import Session, reference_names
+from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
 from plumbob.sensors.decode import Decoder, Frames
 from plumbob.sensors.field import Field
 from plumbob.sensors.format import Format, Message
@@ -81,6 +82,7 @@ class Line:
         self._began_ns: int | None = None
         self._latest_ns = 0
         self.filter = _filter(session)
+        self._started = False
         self.faults = 0
         self._t0: int | None = None
         self._temp_c = math.nan
@@ -138,8 +140,24 @@ class Line:
             self._t0 = int(t_ns[0])
         sensed = self._sensed(frames, t_ns - self._t0, told)
         imu = calibrated(sensed, self.session.card, live=True)
+        if not self._started:
+            self._start(frames, imu)
         track = None if self.filter is None else self.filter.process(imu)
         return Part(t_ns, frames, sensed, imu, track)
+
+    def _start(self, frames: Frames, imu: ImuData) -> None:
+        """Start the filter from the reference's attitude in the first frame, where the session asks for it."""
+        self._started = True
+        session = self.session
+        if self.filter is None or session.stage is None or session.reference is None:
+            return
+        angles = np.array([frames.columns[name][0] for name in reference_names(session.reference)])
+        if session.stage.init == TRUTH_WORD and np.isfinite(angles).all():
+            from plumbob.pipeline.starts import start_at
+
+            q_nb = quat_from_euler_zyx(angles)
+            start = start_at(q_nb, Frame.NED, session.reference.north, self.filter, "mag" in imu.triads)
+            self.filter = filter_of(session.stage, self.filter.frame, session.meta, start=start)
 
     def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
         """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""
@@ -236,7 +254,7 @@ def _filter(session: Session) -> Filter | None:
         return None
     if session.frame is None:
         raise ParameterError("a session that estimates needs a frame.")
-    return filter_of(session.stage, session.frame, session.meta.declination)
+    return filter_of(session.stage, session.frame, session.meta)
 
 
 def _require_triads(message: Message, unit: str) -> None:

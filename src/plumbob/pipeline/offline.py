@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError, FrameError
-from plumbob.filters import Filter, takes_noise
+from plumbob.filters import Filter, Start, takes_noise
+from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -37,12 +38,16 @@ class Stage:
         How results are called; the filter's name where empty.
     noise : NoiseCard or None
         Noise of the unit, for a filter that takes its parameters from it; `params` has the last word.
+    init : str or None
+        What it starts from: "level", "ROLL,PITCH,HEADING" with units, or "truth", the reference's first attitude;
+        None: its first samples.
     """
 
     filter: str
     params: Mapping[str, Any]
     label: str = ""
     noise: "NoiseCard | None" = None
+    init: str | None = None
 
     @property
     def name(self) -> str:
@@ -109,16 +114,35 @@ def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = Fal
     return apply_card(card, imu, live=live)
 
 
-def filter_of(stage: Stage, frame: Frame, declination: float | None) -> Filter:
-    """Filter of a stage; its headings are true where the declination is known, rad."""
-    known = {} if declination is None else {"declination": declination}
-    return Filter(stage.filter, frame=frame, params={**known, **stage.params}, noise=stage.noise)
+def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None) -> Filter:
+    """Filter of a stage for samples with this meta; `Filter` has the rule of its headings.
+
+    Parameters
+    ----------
+    stage : Stage
+        Filter, parameters, noise card and start.
+    frame : Frame
+        Navigation frame of the result.
+    meta : ImuMeta, optional
+        What is known about the samples.
+    start : Start, optional
+        The start, where the stage leaves it to the truth.
+    """
+    init = None if stage.init == TRUTH_WORD else stage.init
+    return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, init=start or init, meta=meta)
 
 
-def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | None = None) -> AttitudeTrack:
+def estimate(
+    imu: ImuData,
+    stage: Stage,
+    *,
+    frame: Frame,
+    reference: AttitudeTrack | None = None,
+    progress: Progress | None = None,
+) -> AttitudeTrack:
     """Attitude at every sample of a recording, with its covariance where the filter claims one.
 
-    Headings are true where the recording knows its declination.
+    Headings are true where the recording knows its declination, and magnetic where it does not; see `located`.
 
     Parameters
     ----------
@@ -128,10 +152,17 @@ def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | N
         Filter, parameters and noise card.
     frame : Frame
         Navigation frame of the result.
+    reference : AttitudeTrack, optional
+        What a stage with init "truth" starts from; the track then begins with the first sample whose attitude it knows.
     progress : callable, optional
         Called with the number of samples done since the last call.
     """
-    filter_ = filter_of(stage, frame, imu.meta.declination)
+    start = None
+    if stage.init == TRUTH_WORD:
+        from plumbob.pipeline.starts import start_from
+
+        imu, start = start_from(reference, imu, filter_of(stage, frame, imu.meta))
+    filter_ = filter_of(stage, frame, imu.meta, start=start)
     parts = []
     for chunk in imu.chunks(CHUNK):
         parts.append(filter_.process(chunk, covariance=True))

@@ -21,7 +21,8 @@ from plumbob.io.findings import read_notes, stored_notes
 from plumbob.io.header import meta_from, plain_meta, track_meta_from
 from plumbob.pipeline import rows
 from plumbob.pipeline.replay import Replayed, replay, utc_ns
-from plumbob.pipeline.session_toml import SESSION, recorded_session, reference_names
+from plumbob.pipeline.session import reference_names
+from plumbob.pipeline.session_toml import SESSION, recorded_session
 from plumbob.record import Log, open_log
 from plumbob.record.whole import write_rows
 from plumbob.rotations import Frame, quat_from_euler_zyx

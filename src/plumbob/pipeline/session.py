@@ -69,6 +69,11 @@ class ReferenceSpec:
     north: North
 
 
+def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
+    """Names of the fields that a reference has: heading, pitch, roll."""
+    return tuple(f"{spec.unit}.{name}" if spec.unit else name for name in ("heading", "pitch", "roll"))
+
+
 @dataclass(frozen=True, slots=True)
 class OutputSpec:
     """What is handed on while the line runs.

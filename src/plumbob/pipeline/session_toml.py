@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -10,11 +11,13 @@ from plumbob import forms
 from plumbob._files import text_of
 from plumbob.cards import CalibrationCard, NoiseCard
 from plumbob.data import ImuMeta
+from plumbob.earth_field import earth_field_at, parse_place
 from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError, guide
+from plumbob.filters.start import TRUTH_WORD
 from plumbob.forms import Parse
 from plumbob.pipeline.iio_format import iio_format
 from plumbob.pipeline.offline import Stage, filter_of
-from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec
+from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec, reference_names
 from plumbob.pipeline.source_toml import parse_source
 from plumbob.pipeline.sources import KERNEL, described
 from plumbob.rigs import find_format
@@ -31,15 +34,26 @@ SESSION: Final = "session.toml"
 """Under this name a recording keeps the session itself."""
 IIO: Final = "iio.json"
 """Under this name it keeps what the kernel said of a device, so that a replay needs none."""
+PLACE: Final = "earth_field.json"
+"""And under this one the field at the session's place, so that a replay needs neither model nor date."""
 
 Fetch = Callable[[str], str]
 """Gives the text of a file that the session names."""
 Describe = Callable[[SourceSpec], str]
 """Gives what the kernel says of a source, in JSON."""
+Locate = Callable[[str, str], str]
+"""Gives the Earth's field at a place on a day, in JSON."""
 
 
-def load_session(path: str | Path) -> Session:
+def load_session(path: str | Path, *, date: str | None = None) -> Session:
     """Read a session; files that it names lie beside it, unless their paths are absolute.
+
+    Parameters
+    ----------
+    path : path
+        The session file.
+    date : str, optional
+        Day on which its bytes came, ISO 8601, for a place without a date; today for a line that is yet to run.
 
     Raises
     ------
@@ -51,7 +65,7 @@ def load_session(path: str | Path) -> Session:
     file = Path(path)
     text = text_of(file)
     try:
-        return parse_session(text, lambda name: text_of(file.parent / name), name=file.stem)
+        return parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date)
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
 
@@ -70,10 +84,24 @@ def recorded_session(texts: Mapping[str, str], name: str) -> Session:
             raise DecodeError(f"the recording does not hold {wanted}; it was not made by 'plumbob record'.")
         return texts[wanted]
 
-    return parse_session(fetch(SESSION), fetch, name=name, describe=lambda _: fetch(IIO))
+    return parse_session(
+        fetch(SESSION), fetch, name=name, describe=lambda _: fetch(IIO), locate=lambda *_: fetch(PLACE), date=""
+    )
 
 
-def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = described) -> Session:
+def _field_at(place: str, date: str) -> str:
+    return json.dumps(earth_field_at(*parse_place(place), date)._asdict())
+
+
+def parse_session(
+    text: str,
+    fetch: Fetch,
+    *,
+    name: str,
+    describe: Describe = described,
+    locate: Locate = _field_at,
+    date: str | None = None,
+) -> Session:
     """Session from TOML text; errors as in `load_session`.
 
     Parameters
@@ -86,6 +114,10 @@ def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = de
         Short name.
     describe : callable
         Gives what the kernel says of a source; asked only where it is an IIO device.
+    locate : callable
+        Gives the field at a place; asked only where the session names one.
+    date : str, optional
+        As in `load_session`.
     """
     texts = {SESSION: text}
 
@@ -104,7 +136,10 @@ def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = de
         timed_by = _timed_by(source, form, form.message(message))
         if source is not None and source.kind == "file":
             source = replace(source, settings={**source.settings, "form": form, "message": message})
-    imu = found.get("imu", {})
+    imu = dict(found.get("imu", {}))
+    if "place" in imu or "date" in imu:
+        texts[PLACE] = locate(*_place_and_day(imu, source, date))
+        imu["declination"] = _declination(texts[PLACE])
     frame = imu.get("frame")
     meta = _meta(imu, source, form, message, unit)
     card = _card(found, keep)
@@ -130,6 +165,33 @@ def parse_session(text: str, fetch: Fetch, *, name: str, describe: Describe = de
         timed_by=timed_by,
         texts=texts,
     )
+
+
+def _declination(field: str) -> float:
+    """Declination, rad, that the text of a field says; a recording's may be damaged."""
+    try:
+        return float(json.loads(field)["declination"])
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise DecodeError(f"{PLACE} of the recording holds no declination; the file is damaged.") from error
+
+
+def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str | None) -> tuple[str, str]:
+    """Where the line is, and on which day; only bytes that are yet to come are of today."""
+    if "place" not in imu or "declination" in imu:
+        raise DecodeError(
+            "imu.place says the declination too, so imu.declination must not stand beside it; keep one of them."
+            if "place" in imu
+            else "imu.date is the day of imu.place, which is missing; add it, or leave imu.date out."
+        )
+    live = source is not None and source.kind != "file"
+    today = datetime.now(UTC).date().isoformat() if live else None
+    day = imu.get("date", today if date is None else date)
+    if day is None:
+        raise ParameterError(
+            "imu.place needs a day, because the Earth's field changes from year to year and bytes in a file do not "
+            "say when they came; give imu.date (--date) as YYYY-MM-DD."
+        )
+    return imu["place"], day
 
 
 def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[SourceSpec, Format, str]:
@@ -209,11 +271,6 @@ def _reference(found: Mapping[str, Any], message: Message) -> ReferenceSpec | No
     return asked
 
 
-def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
-    """Names of the fields that a reference has: heading, pitch, roll."""
-    return tuple(f"{spec.unit}.{name}" if spec.unit else name for name in ("heading", "pitch", "roll"))
-
-
 def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
     if "estimate" not in found:
         return None
@@ -221,8 +278,10 @@ def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage 
     if frame is None:
         raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
     noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
-    stage = Stage(asked["filter"], asked.get("params", {}), noise=noise)
-    filter_of(stage, frame, None)  # refuses what it cannot take, before the start
+    stage = Stage(asked["filter"], asked.get("params", {}), noise=noise, init=asked.get("init"))
+    if stage.init == TRUTH_WORD and "reference" not in found:
+        raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
+    filter_of(stage, frame)  # refuses what it cannot take, before the start
     return stage
 
 
@@ -278,8 +337,15 @@ _IMU: Final[dict[str, Parse]] = {
     "axes": _axes,
     "frame": _frame,
     "declination": forms.quantity(Quantity.ANGLE),
+    "place": forms.text,
+    "date": forms.text,
 }
-_ESTIMATE: Final[dict[str, Parse]] = {"filter": forms.text, "params": forms.mapping(_param), "noise": forms.text}
+_ESTIMATE: Final[dict[str, Parse]] = {
+    "filter": forms.text,
+    "params": forms.mapping(_param),
+    "noise": forms.text,
+    "init": forms.text,
+}
 _REFERENCE: Final[dict[str, Parse]] = {"unit": forms.text, "north": _north}
 _RECORD: Final[dict[str, Parse]] = {
     "path": forms.text,

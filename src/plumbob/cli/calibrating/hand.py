@@ -39,5 +39,6 @@ def find(args: argparse.Namespace) -> int:
     lacking = [title for name, title in TITLES.items() if name not in opened.imu.triads]
     if lacking:
         common.note(f"the recording has no {' and no '.join(lacking)}, which {'are' if lacking[1:] else 'is'} left out")
-    strength, dip = place.field_of(args, opened)
-    return capture.finish(args, opened, calibrate_by_hand(opened, gravity=gravity, strength=strength, dip=dip))
+    strength, dip, told = place.field_of(args, opened)
+    fits = calibrate_by_hand(opened, gravity=gravity, strength=strength, dip=dip)
+    return capture.finish(args, opened, place.kept(fits, told))

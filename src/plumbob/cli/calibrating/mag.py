@@ -40,7 +40,7 @@ def find(args: argparse.Namespace) -> int:
         raise ParameterError("--shape level finds headings while level only, so --tilt says nothing; leave one out.")
     tilt_range = TILT_RANGE if args.tilt is None else parse(args.tilt, Quantity.ANGLE)
     opened = capture.opened(args, "mag")
-    strength, dip = place.field_of(args, opened)
+    strength, dip, told = place.field_of(args, opened)
     fit = calibrate_mag(
         opened.imu,
         with_=args.helper,
@@ -51,4 +51,4 @@ def find(args: argparse.Namespace) -> int:
         acc_calibrated=opened.acc_calibrated,
         gyr_calibrated=opened.gyr_calibrated,
     )
-    return capture.finish(args, opened, {"mag": fit})
+    return capture.finish(args, opened, place.kept({"mag": fit}, told))

@@ -1,11 +1,13 @@
 """What the place of a capture tells: its gravity, and its magnetic field."""
 
 import argparse
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 
 if TYPE_CHECKING:
+    from plumbob.calib.fitted import Fitted
     from plumbob.pipeline.calibration import Capture
 
 
@@ -31,8 +33,8 @@ def gravity_of(args: argparse.Namespace) -> float:
     """Gravity that the options tell, m/s²: its value, else the latitude, else the place."""
     from plumbob.calib.acc.gravity import normal_gravity
     from plumbob.constants import G0
+    from plumbob.earth_field import parse_place
     from plumbob.errors import ParameterError
-    from plumbob.pipeline.earth_field import parse_place
     from plumbob.units import Quantity, parse
 
     place = getattr(args, "place", None)
@@ -53,18 +55,25 @@ def gravity_of(args: argparse.Namespace) -> float:
     return G0
 
 
-def field_of(args: argparse.Namespace, capture: "Capture") -> tuple[float | None, float | None]:
-    """Strength, µT, and dip, rad, of the field on the day of a capture, as far as the options tell them."""
-    from plumbob.pipeline.earth_field import earth_field_at, parse_place
-    from plumbob.units import Quantity, parse, to_deg
+def field_of(args: argparse.Namespace, capture: "Capture") -> tuple[float | None, float | None, tuple[str, ...]]:
+    """Strength, µT, and dip, rad, of the field on the day of a capture, as far as the options tell them; and a remark.
+
+    The remark keeps the declination in the card. No verb takes it from there: a unit is used elsewhere too.
+    """
+    from plumbob.earth_field import earth_field_at, parse_place
+    from plumbob.units import Quantity, parse
 
     if args.place is None:
-        return None if args.strength is None else parse(args.strength, Quantity.FIELD), None
+        return None if args.strength is None else parse(args.strength, Quantity.FIELD), None, ()
     if not capture.dated:
         common.note(f"the recording does not tell its date; the field is that of today, {capture.date}")
     field = earth_field_at(*parse_place(args.place), capture.date)
-    common.note(
-        f"field of {field.model} on {capture.date}: {field.strength:.2f} uT, dip {to_deg(field.dip):.2f} deg, "
-        f"declination {to_deg(field.declination):.2f} deg"
-    )
-    return field.strength, field.dip
+    common.note(f"field at the place: {field.told}")
+    return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
+
+
+def kept(fits: "Mapping[str, Fitted]", told: tuple[str, ...]) -> "dict[str, Fitted]":
+    """Fits with what the place told as a remark of the magnetometer."""
+    from dataclasses import replace
+
+    return {n: replace(fit, remarks=(*fit.remarks, *told)) if n == "mag" else fit for n, fit in fits.items()}

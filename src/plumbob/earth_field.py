@@ -3,8 +3,10 @@
 import calendar
 import datetime
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
+from plumbob.data import ImuData
 from plumbob.errors import MissingExtraError, ParameterError
 from plumbob.units import deg, to_deg
 
@@ -24,13 +26,21 @@ class EarthField(NamedTuple):
     declination : float
         Angle of magnetic north from true north, east positive, rad.
     model : str
-        Name of the model.
+        Name of the model, and the day that it was asked for.
     """
 
     strength: float
     dip: float
     declination: float
     model: str
+
+    @property
+    def told(self) -> str:
+        """The field in words."""
+        return (
+            f"{self.strength:.2f} uT, dip {to_deg(self.dip):.2f} deg, declination {to_deg(self.declination):.2f} deg, "
+            f"by {self.model}"
+        )
 
 
 def earth_field_at(latitude: float, longitude: float, height: float, date: str) -> EarthField:
@@ -63,10 +73,49 @@ def earth_field_at(latitude: float, longitude: float, height: float, date: str) 
     try:
         model = GeoMag(base_year=int(year))
         found = model.calculate(to_deg(latitude), to_deg(longitude), height / 1e3, year)
-        name = f"{model.model} of {model.release_date}"
+        name = f"{model.model} of {model.release_date} for {date}"
     except ValueError as error:
         raise ParameterError(f"no World Magnetic Model is installed for {date}: {error}. Update pygeomag.") from error
     return EarthField(found.f / 1e3, deg(found.i), deg(found.d), name)
+
+
+def located(imu: ImuData, place: str, *, date: str | None = None) -> tuple[ImuData, EarthField]:
+    """Return the recording with the declination of its place, and the field there: its headings can then be true.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording; a declination that it has is replaced.
+    place : str
+        ``LAT,LON[,HEIGHT]`` in degrees and metres.
+    date : str, optional
+        Day of the recording, ISO 8601, where it does not know it.
+
+    Raises
+    ------
+    ParameterError
+        If the day is not known, or as in `earth_field_at`.
+    MissingExtraError
+        As in `earth_field_at`.
+    """
+    field = earth_field_at(*parse_place(place), day_of(imu.meta.t0_ns) if date is None else date)
+    return imu.corrected(meta=replace(imu.meta, declination=field.declination)), field
+
+
+def day_of(t0_ns: int) -> str:
+    """Day, ISO 8601, of a time in ns since 1970.
+
+    Raises
+    ------
+    ParameterError
+        If it is 0, which says that it is not known.
+    """
+    if t0_ns == 0:
+        raise ParameterError(
+            "the recording does not say when it was made, and the Earth's field changes from year to year; give the "
+            "day as YYYY-MM-DD: --date, or 'date' beside 'place'."
+        )
+    return datetime.datetime.fromtimestamp(t0_ns // 10**9, datetime.UTC).date().isoformat()
 
 
 def parse_place(text: str) -> tuple[float, float, float]:
