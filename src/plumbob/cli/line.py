@@ -157,7 +157,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "samples": status.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **line.report(),
-        "inferred_gaps": next(iter(inferred(line.time.report())), None),
+        "inferred_gaps": next(iter(inferred(line.time_report())), None),
     }
 
 

@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         if track is None:
             raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
-        doubt = inferred(replayed.line.time.report())
+        doubt = inferred(replayed.line.time_report())
         notes = (f"replayed from {args.recording.name} by {track.source}", *doubt)
         export(args.out, Recording(track=track, name=args.out.stem, notes=notes))
     same = compare(replayed) if args.check else None

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
 from plumbob.check import Floats
-from plumbob.clock import CountedTime, Counter, TimeBase, TimeSpec
+from plumbob.clock import CountedTime, Counter, TimeBase, TimeReport, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ParameterError
 from plumbob.filters import Filter
@@ -31,6 +31,8 @@ BROKEN: Final = ("lost", "dropped")
 """Events after which what is pending belongs to nothing that will come."""
 BACK: Final = "reopened"
 """Event after which time starts anew behind a gap."""
+STARTED_AGAIN: Final = "restarted"
+"""Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,22 +77,34 @@ class Line:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.decoder = Decoder(session.form)
-        message = session.form.message(session.message)
-        self.time = TimeBase(_time_spec(session, message))
-        self._counted = CountedTime(self.time.spec) if session.timed_by == "count" else None
-        self._began_ns: int | None = None
-        self._latest_ns = 0
-        self.filter = _filter(session)
+        self._spec = _time_spec(session, session.form.message(session.message))
         self.faults = 0
         self._t0: int | None = None
+        self._earlier: list[TimeReport] = []
+        self._again = False
+        self._begin()
+        _require_triads(session.form.message(session.message), session.unit)
+
+    def _begin(self) -> None:
+        """Know nothing yet."""
+        self.time = TimeBase(self._spec)
+        self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
+        self._began_ns: int | None = None
+        self._latest_ns = 0
         self._temp_c = math.nan
-        _require_triads(message, session.unit)
+        self.filter = _filter(self.session)
 
     def take(self, item: Received | Event) -> Part | None:
         """Take what has come, and return what it completes; None where that is nothing."""
         if isinstance(item, Received):
             return self._through(self.decoder.feed(item.data, item.t_ns))
-        done = self._through(self.decoder.finish()) if item.kind in BROKEN else None
+        done = self._through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
+        if item.kind == STARTED_AGAIN:
+            if self.time.report().frames:
+                self._earlier.append(self.time.report())
+            self._begin()
+            self._again = True
+            return done
         if item.kind == BACK or (self._counted is not None and item.kind in BROKEN):
             self.time.reopened(item.t_ns if self._counted is None else self._latest_ns)
         return done
@@ -112,7 +126,7 @@ class Line:
 
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
-        told = asdict(self.time.report())
+        told = asdict(self.time_report())
         if self.session.timed_by != "frames":  # the host's clock beside itself
             told |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
         return {
@@ -120,6 +134,11 @@ class Line:
             "time": _without_nan(told),
             "not_usable": self.faults,
         }
+
+    def time_report(self) -> TimeReport:
+        """What the stamps have shown, of all starts; each after the first is a gap."""
+        whole = TimeReport.joined([*self._earlier, self.time.report()])
+        return replace(whole, gap_count=whole.gap_count + len(self._earlier))
 
     def _through(self, found: dict[str, Frames]) -> Part | None:
         frames = found.get(self.session.message)
@@ -134,6 +153,9 @@ class Line:
                 return None
             frames = _only(frames, usable)
         t_ns, told = stamps.t_ns[usable], stamps.flags[usable]
+        if self._again:
+            self._again = False
+            told[0] |= flags.GAP
         if self._t0 is None:
             self._t0 = int(t_ns[0])
         sensed = self._sensed(frames, t_ns - self._t0, told)

@@ -103,7 +103,8 @@ def compare(replayed: Replayed) -> Comparison:
     DecodeError
         If the recording holds no attitudes.
     """
-    live = [message.data for message in replayed.log if message.topic == rows.ATTITUDE]
+    log = replayed.log
+    live = [rows.shifted(message.data, log.shift_ns) for message in log if message.topic == rows.ATTITUDE]
     if not live:
         raise DecodeError(
             "the recording holds no attitudes to compare with: no filter ran, or no frame could be decoded."

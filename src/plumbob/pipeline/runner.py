@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 from plumbob.link import Event, Received, Source, Stopping
@@ -52,10 +53,11 @@ def run_line(
     """
     end = None if duration is None else clock() + round(duration * 1e9)
     try:
-        if keeper:
-            keeper.recorder.start()
+        behind = keeper.start() if keeper else None
         while not source.finished and not (stop and stop.is_set()) and (end is None or clock() < end):
             items = source.read(_WAIT)
+            if behind and items:
+                items, behind = [replace(behind, t_ns=items[0].t_ns), *items], None
             for item in items:
                 _take(line, item, sinks, keeper)
             if each:

@@ -287,6 +287,7 @@ _RECORD: Final[dict[str, Parse]] = {
     "rotate_bytes": forms.whole(1),
     "reserve": forms.whole(0),
     "samples": forms.truth,
+    "next_part": forms.truth,
 }
 _OUTPUT: Final[dict[str, Parse]] = {"every": forms.size(Quantity.TIME), "text": forms.text}
 _SESSION: Final[dict[str, Parse]] = {

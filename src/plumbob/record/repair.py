@@ -78,6 +78,8 @@ def _rewrite(log: Log, target: Path, verdict: Verdict) -> None:
         0 if known is None else known.epoch_offset_ns,
         {} if known is None else known.starts,
         metadata=log.metadata,
+        follows=None if known is None else known.follows,
+        boot="" if known is None else known.boot,
     )
     part, numbers = Part(target, first), _Numbers()
     compression, compress = compressor("zstd")
