@@ -103,7 +103,8 @@ def test_other_verbs_take_a_recording(recorded):
     assert plumbob("verify", "a.mcap", cwd=folder).returncode == 0
 
 
-def test_interrupted_recording_ends_whole(tmp_path):
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_interrupted_recording_ends_whole(tmp_path, how):
     with rig(tmp_path) as link:
         words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap"]
         with subprocess.Popen([*PLUMBOB, *words], cwd=tmp_path,
@@ -111,7 +112,7 @@ def test_interrupted_recording_ends_whole(tmp_path):
             deadline = time.monotonic() + TIMEOUT
             while not _holds(tmp_path / "a.mcap", 2000) and time.monotonic() < deadline:
                 time.sleep(0.05)
-            os.kill(child.pid, signal.SIGINT)
+            os.kill(child.pid, how)
             out, _ = child.communicate(timeout=TIMEOUT)
             assert child.returncode == 0
     assert "NONE: these sensor values are uncalibrated" in out
@@ -193,3 +194,14 @@ def test_signals_say_stop_and_are_given_back():
         signal.raise_signal(signal.SIGINT)  # the second of two in a hurry, too
         assert stop.is_set()
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_lost_terminal_says_stop_unless_it_is_to_be_survived():
+    with common.stopped_by_signals() as stop:
+        signal.raise_signal(signal.SIGHUP)
+        assert stop.is_set()
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    with common.stopped_by_signals() as stop:
+        signal.raise_signal(signal.SIGHUP)
+        assert not stop.is_set()
+    signal.signal(signal.SIGHUP, before)

@@ -210,13 +210,16 @@ def _as_text(value: Any) -> Any:
 
 @contextmanager
 def stopped_by_signals() -> "Iterator[Stop]":
-    """What SIGTERM and Ctrl-C set: ending is how a live line is used, no mishap."""
+    """What SIGTERM, Ctrl-C and the loss of the terminal set: ending is how a live line is used, no mishap."""
     import signal
 
     from plumbob.link import Stop
 
     stop = Stop()
-    before = {which: signal.signal(which, lambda *_: stop.set()) for which in (signal.SIGTERM, signal.SIGINT)}
+    names = [name for name in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)]
+    asked = [getattr(signal, name) for name in names]
+    kept = [which for which in asked if signal.getsignal(which) != signal.SIG_IGN]  # nohup wants to go on
+    before = {which: signal.signal(which, lambda *_: stop.set()) for which in kept}
     try:
         yield stop
     finally:

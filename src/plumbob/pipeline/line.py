@@ -33,6 +33,8 @@ BACK: Final = "reopened"
 """Event after which time starts anew behind a gap."""
 STARTED_AGAIN: Final = "restarted"
 """Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
+_APART_NS: Final = 1_000_000
+"""Least step between samples of two starts, ns; less only where a line ran ahead of the host's time."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -82,6 +84,8 @@ class Line:
         self._t0: int | None = None
         self._earlier: list[TimeReport] = []
         self._again = False
+        self._last_ns: int | None = None
+        self._shift_ns = 0
         self._begin()
         _require_triads(session.form.message(session.message), session.unit)
 
@@ -156,6 +160,10 @@ class Line:
         if self._again:
             self._again = False
             told[0] |= flags.GAP
+            if self._last_ns is not None:
+                self._shift_ns = max(0, self._last_ns + _APART_NS - int(t_ns[0]))
+        t_ns += self._shift_ns
+        self._last_ns = int(t_ns[-1])
         if self._t0 is None:
             self._t0 = int(t_ns[0])
         sensed = self._sensed(frames, t_ns - self._t0, told)

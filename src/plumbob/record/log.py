@@ -263,7 +263,7 @@ class Log:
         return found
 
     def _offset_of(self, block: Block) -> int:
-        """What is taken from the times of a block, ns; by a clock that was set back, a start comes `UNKNOWN_NS` behind."""
+        """What is taken from the times of a block, ns; by a clock set back, a start comes `UNKNOWN_NS` later."""
         number, _, log_time, _ = block.rows[0]
         offset, run = block.channels[number].epoch_offset_ns, self._run
         if self._origin_ns is None:
