@@ -25,6 +25,9 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("recording", type=Path, help="recording made by 'plumbob record' (.mcap)")
     p.add_argument("--session", type=Path, metavar="TOML", help="session to use instead of the recording's own")
     told.add_estimate(p)
+    p.add_argument(
+        "--unit", metavar="NAME|N", help="another unit of the same frames, as one of the six of the rig 'arm'"
+    )
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet, .csv or .tum)")
     p.add_argument("--speed", type=float, metavar="K", help="K times as fast as it was; without it, as fast as it goes")
     p.add_argument("--check", action="store_true", help="compare with the live attitude that the recording holds")
@@ -86,10 +89,12 @@ def _changed(args: argparse.Namespace, session: "Session") -> "Session":
 
     from plumbob.cards import CalibrationCard
     from plumbob.errors import FrameError, ParameterError
-    from plumbob.pipeline.session_toml import load_session
+    from plumbob.pipeline.session_toml import load_session, of_unit
 
     if args.session is not None:
         session = load_session(args.session)
+    if args.unit is not None:
+        session = of_unit(session, args.unit)
     if args.calibration is not None:
         card = CalibrationCard.load(args.calibration)
         if card.device != session.meta.device:

@@ -25,7 +25,7 @@ from plumbob.rotations import in_body_axes
 from plumbob.sensors.decode import Decoder, Frames
 from plumbob.sensors.field import Field
 from plumbob.sensors.format import Format, Message
-from plumbob.sensors.triads import temperature_of, triads_of
+from plumbob.sensors.triads import temperature_of, triads_of, unit_of
 
 BROKEN: Final = ("lost", "dropped")
 """Events after which what is pending belongs to nothing that will come."""
@@ -73,13 +73,15 @@ class Line:
     Raises
     ------
     ParameterError
-        If the message has no triad for the unit.
+        If the message does not have the unit.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.decoder = Decoder(session.form)
-        self._spec = _time_spec(session, session.form.message(session.message))
+        message = session.form.message(session.message)
+        unit_of(message, session.unit)
+        self._spec = _time_spec(session, message)
         self.faults = 0
         self._t0: int | None = None
         self._earlier: list[TimeReport] = []
@@ -87,7 +89,6 @@ class Line:
         self._last_ns: int | None = None
         self._shift_ns = 0
         self._begin()
-        _require_triads(session.form.message(session.message), session.unit)
 
     def _begin(self) -> None:
         """Know nothing yet."""
@@ -267,13 +268,6 @@ def _filter(session: Session) -> Filter | None:
     if session.frame is None:
         raise ParameterError("a session that estimates needs a frame.")
     return filter_of(session.stage, session.frame, session.meta.declination)
-
-
-def _require_triads(message: Message, unit: str) -> None:
-    units = list(dict.fromkeys(f.triad.rpartition(".")[0] for f in message.fields if f.triad))
-    if unit not in units:
-        known = ", ".join(repr(name) for name in units) or "none: it carries no gyr, acc or mag"
-        raise ParameterError(f"message {message.name} has no triad of unit '{unit}'; its units are {known}.")
 
 
 def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:
