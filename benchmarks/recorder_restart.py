@@ -153,7 +153,7 @@ def record_once(folder: Path, until: float, last: bool) -> dict[str, Any]:
             [sys.executable, "-c", CHILD, str(counters)], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
         )
         deadline = time.monotonic() + 120.0
-        while not COUNTERS.unpack(shared[:])[0] and time.monotonic() < deadline and child.poll() is None:
+        while COUNTERS.unpack(shared[:])[0] < RATE and time.monotonic() < deadline and child.poll() is None:
             time.sleep(0.001)  # a busy machine may start slowly; what is killed is a recorder that records
         time.sleep(max(0.0, until - time.monotonic()))
         ended_ns = time.monotonic_ns()

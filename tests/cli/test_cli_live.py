@@ -122,8 +122,9 @@ def test_interrupted_recording_ends_whole(tmp_path, how):
 def test_a_line_of_another_format_is_noticed_while_there_is_time(tmp_path):
     with rig(tmp_path, "--speed", "20") as link:
         words = ("record", "--port", str(link), "--format", "trackball", "--duration", "1s")
-        done = plumbob(*words, cwd=tmp_path)
-    assert "bytes is a frame of trackball: is it the right format" in done.stderr
+        done = plumbob(*words, cwd=tmp_path, code=1)
+    assert "bytes is a frame of trackball" in done.stderr
+    assert ": is it the right format, and baud?" in done.stderr
     assert "recorded     NOTHING" in done.stdout
     assert "ppm" not in done.stdout  # nothing is known of a clock that was never read
 

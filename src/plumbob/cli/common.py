@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from plumbob.link import Stop
     from plumbob.pipeline import Stage
     from plumbob.rotations import Frame
+    from plumbob.sensors.decode import Counts
+    from plumbob.sensors.format import Format, Message
 
 Adder = Any  # argparse's sub-parser action, whose type is private
 
@@ -107,6 +109,26 @@ def note(*lines: str) -> None:
     """Tell the user something on standard error, out of the way of pipes."""
     for line in lines:
         print(f"note: {visible(line)}", file=sys.stderr)
+
+
+def why_rejected(counts: "Counts") -> str:
+    """Which checks candidates for a frame failed, to stand behind a sentence; empty where there was none."""
+    reasons = {"checksum": counts.bad_checksum, "content": counts.bad_content, "length": counts.bad_length}
+    told = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
+    return f"; candidates rejected: {told}" if told else ""
+
+
+def note_unassigned(form: "Format", message: "Message") -> None:
+    """Say which bytes of a message the user's own format leaves out; of a known device they are known to be spare."""
+    from plumbob.rigs import names
+    from plumbob.sensors import catalog
+    from plumbob.sensors.places import unassigned
+
+    if form.name in {*catalog.names(), *names()}:
+        return
+    if places := unassigned(form, message):
+        told = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
+        note(f"no field of message {message.name} takes its bytes {told} of {message.length}; nothing is made of them")
 
 
 def zero_of(north: str) -> str:

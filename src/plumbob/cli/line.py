@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from plumbob.link import Event
     from plumbob.pipeline.line import Line, Part
     from plumbob.pipeline.session import Session
+    from plumbob.sensors.decode import Counts
 
 
 LONG = 60.0
@@ -111,9 +112,8 @@ class Status:
         if self._doubted or counts.framed or counts.received < max(_DOUBT_BYTES, _DOUBT_FRAMES * form.framing.most):
             return
         self._doubted = True
-        common.note(
-            f"none of the first {counts.received} bytes is a frame of {form.name}: is it the right format, and baud?"
-        )
+        none = f"none of the first {counts.received} bytes is a frame of {form.name}{common.why_rejected(counts)}"
+        common.note(f"{none}: is it the right format, and baud?")
 
     def on_event(self, event: "Event") -> None:
         """Say it."""
@@ -126,6 +126,35 @@ class Status:
         if self._shown:
             sys.stderr.write("\r\033[K")
             self._shown = False
+
+
+def nothing_of(line: "Line") -> str:
+    """Why a line gave no sample, and where to look."""
+    counts, session = line.decoder.counts, line.session
+    if not counts.received:
+        return "not a byte has come: is the device on, is it the right port, does it send by itself?"
+    if counts.frames[session.message]:
+        return (
+            f"none of {counts.frames[session.message]} frames could be used: their times repeat or contradict others."
+        )
+    if others := ", ".join(f"{count} of {name}" for name, count in counts.frames.items() if count):
+        return f"no frame of message {session.message} has come, but {others}; name that in [format] message."
+    none = f"none of {counts.received} bytes is a frame of {session.form.name}{common.why_rejected(counts)}"
+    return f"{none}. {_look_at(counts)}"
+
+
+def _look_at(counts: "Counts") -> str:
+    """What to look at first, by what most candidates failed."""
+    advice = (
+        (counts.bad_checksum, "Frames begin as they should, but their check does not hold: look at [frame] length and "
+         "at kind, at, from and to of its checksum."),
+        (counts.bad_content, "Frames begin as they should, but constants, digits or parity differ: look at those."),
+        (counts.bad_length, "Look at [frame] length_field, or at the speed of the line."),
+        (counts.unknown, "Frames pass their check, but no message is like them: look at the constants of each."),
+    )  # fmt: skip
+    most, told = max(advice, key=lambda one: one[0])
+    told = told if most else "Nothing begins as a frame should: look at the speed of the line and at [frame] sync."
+    return f"{told} 'plumbob decode' tries other formats on a file of raw bytes."
 
 
 def attitude_of(part: "Part | None") -> str:

@@ -24,8 +24,8 @@ def add_parser(verbs: common.Adder) -> None:
         description="Read a live line as a session file says, or as the options say, keep its raw bytes and what they "
         "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C or SIGTERM. For a recorder that "
         "nobody attends, see 'Unattended' in docs/sessions.md.",
-        epilog="exit codes: 0 ended as asked, 1 an error that the message explains, 3 rows of the recording are lost, "
-        "as on a full disk",
+        epilog="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, "
+        "3 rows of the recording are lost, as on a full disk",
     )
     p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port, --from or --iio")
     p.add_argument("--from", dest="capture", metavar="FILE", help="raw bytes in a file, as a logger keeps them")
@@ -46,6 +46,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob.errors import DecodeError
     from plumbob.pipeline.keep import Keeper, named_at
     from plumbob.pipeline.line import Line
     from plumbob.pipeline.runner import run_line
@@ -56,6 +57,7 @@ def run(args: argparse.Namespace) -> int:
     session = named_at(session_of(args), time.time_ns())
     duration = None if args.duration is None else parse(args.duration, Quantity.TIME)
     line = Line(session)
+    common.note_unassigned(session.form, session.form.message(session.message))
     if session.stage is not None:
         common.warn_of_compiling([session.stage.filter])
     line.warm_up()
@@ -86,6 +88,8 @@ def run(args: argparse.Namespace) -> int:
             if kept
             else "recorded     NOTHING: neither --out nor [record] names a file"
         )
+    if not status.samples:
+        raise DecodeError(told.nothing_of(line))
     return LOSSY if kept and kept["acknowledged"] < kept["rows"] else 0
 
 
