@@ -119,6 +119,22 @@ def test_interrupted_recording_ends_whole(tmp_path, how):
     plumbob("verify", "a.mcap", cwd=tmp_path)
 
 
+def test_a_recording_outlives_those_who_read_its_notes(tmp_path):
+    """As when a pager or a remote shell is gone: the note cannot be written, the recording goes on."""
+    with rig(tmp_path) as link:
+        words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap", "--duration", "2s"]
+        read, write = os.pipe()
+        os.close(read)
+        done = subprocess.run([*PLUMBOB, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=write, text=True,
+                              check=False, timeout=TIMEOUT)  # fmt: skip
+        os.close(write)
+    assert done.returncode == 0
+    assert "samples" in done.stdout
+    log = open_log(tmp_path / "a.mcap")
+    assert sum(row.topic == "raw" for row in log) > 20  # of some 280, one each 7 ms: it ended at its first note before
+    assert log.clean
+
+
 def test_a_line_of_another_format_is_noticed_while_there_is_time(tmp_path):
     with rig(tmp_path, "--speed", "20") as link:
         words = ("record", "--port", str(link), "--format", "trackball", "--duration", "1s")

@@ -1,5 +1,8 @@
 """A line whose recorder was killed and started again: parts together, bits as live, a gap where it was away."""
 
+import errno
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from live_samples import OFFSET, Handed, reads, session, stream
@@ -14,7 +17,7 @@ from plumbob.pipeline.replay import compare, open_recording, replay
 from plumbob.pipeline.runner import run_line
 from plumbob.pipeline.session import OutputSpec, RecordSpec
 from plumbob.pipeline.sinks import Collected
-from plumbob.record import disk, repair
+from plumbob.record import disk, open_log, repair
 
 HOUR = 3600 * 10**9
 UTC = 1_773_500_966_123_456_789  # date -u -d @1773500966 is 2026-03-14 15:09:26
@@ -78,8 +81,6 @@ def test_verbs_take_the_parts_together_and_say_so(tmp_path, monkeypatch):
 
 
 def test_outputs_get_the_names_of_a_start(tmp_path):
-    from dataclasses import replace
-
     chosen = replace(
         session(),
         record=RecordSpec(str(tmp_path / "a-{utc}.mcap")),
@@ -93,8 +94,6 @@ def test_outputs_get_the_names_of_a_start(tmp_path):
 
 
 def test_a_text_goes_on_as_the_recording_does(tmp_path):
-    from dataclasses import replace
-
     (tmp_path / "a.txt").touch()
     asked = replace(session(), record=RecordSpec("a.mcap", next_part=True), output=OutputSpec(text=f"{tmp_path}/a.txt"))
     assert named_at(asked, UTC).output.text == f"{tmp_path}/a.0002.txt"
@@ -122,3 +121,40 @@ def test_a_wall_clock_that_is_set_is_told_once(tmp_path):
     keeper.close()
     assert [(event.t_ns, event.kind) for event in told] == [(10**9, "wall-clock")]
     assert "set by +1773500966.123 s" in told[0].text
+
+
+class Full:
+    """A sink whose disk is full after the third part."""
+
+    def __init__(self):
+        self.parts = 0
+
+    def __str__(self):
+        return "a.txt"
+
+    def on_part(self, part):
+        self.parts += 1
+        if self.parts > 3:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    def on_event(self, event):
+        pass
+
+    def close(self):
+        pass
+
+
+def test_a_sink_that_fails_does_not_end_the_recording(tmp_path):
+    chosen, items, full, found = session(), reads(stream()), Full(), Collected()
+    keeper = Keeper(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
+    run_line(Line(chosen), Handed(items), sinks=[full, found], keeper=keeper)
+    assert full.parts == 4
+    assert [(e.kind, e.text) for e in found.events] == [
+        ("failed", "a.txt cannot be written any more: No space left on device.")
+    ]
+    assert [e.kind for e in keeper.failures] == ["failed"]
+    log = open_log(tmp_path / "a.mcap")
+    topics = [row.topic for row in log]
+    assert (topics.count("raw"), topics.count("recorder")) == (len(items), 1)
+    with pytest.raises(OSError, match="No space"):  # without a recording nothing goes on
+        run_line(Line(chosen), Handed(items), sinks=[Full()])

@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -76,10 +77,9 @@ class Status:
         if self._shown and t >= self._next:
             self._next = t + 1.0
             counts = self._line.decoder.counts
-            sys.stderr.write(
+            self._draw(
                 f"\r{t:9.1f} s  {self.samples} samples{self._bare}  {counts.junk} junk bytes  {attitude_of(part)}\033[K"
             )
-            sys.stderr.flush()
 
     @property
     def _bare(self) -> str:
@@ -102,9 +102,19 @@ class Status:
 
     def _tell(self, at: str, what: str | None) -> None:
         if what is not None:
-            if self._shown:
-                sys.stderr.write("\r\033[K")
-            common.note(f"{at}: {what}")
+            self._note(f"{at}: {what}")
+
+    def _note(self, text: str) -> None:
+        """Tell the user, and never mind if nobody reads it any more: a recording outlives its terminal."""
+        self._draw("\r\033[K")
+        with suppress(OSError):
+            common.note(text)
+
+    def _draw(self, text: str) -> None:
+        if self._shown:
+            with suppress(OSError):
+                sys.stderr.write(text)
+                sys.stderr.flush()
 
     def look(self) -> None:
         """Say once that bytes come and none of them is a frame, while there is time to do something about it."""
@@ -113,19 +123,16 @@ class Status:
             return
         self._doubted = True
         none = f"none of the first {counts.received} bytes is a frame of {form.name}{common.why_rejected(counts)}"
-        common.note(f"{none}: is it the right format, and baud?")
+        self._note(f"{none}: is it the right format, and baud?")
 
     def on_event(self, event: "Event") -> None:
         """Say it."""
-        if self._shown:
-            sys.stderr.write("\r\033[K")
-        common.note(f"{event.kind}: {event.text}")
+        self._note(f"{event.kind}: {event.text}")
 
     def close(self) -> None:
         """End the line on the terminal."""
-        if self._shown:
-            sys.stderr.write("\r\033[K")
-            self._shown = False
+        self._draw("\r\033[K")
+        self._shown = False
 
 
 def nothing_of(line: "Line") -> str:

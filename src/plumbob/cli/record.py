@@ -25,7 +25,7 @@ def add_parser(verbs: common.Adder) -> None:
         "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C or SIGTERM. For a recorder that "
         "nobody attends, see 'Unattended' in docs/sessions.md.",
         epilog="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, "
-        "3 rows of the recording are lost, as on a full disk",
+        "3 rows of the recording are lost or its text is cut short, as on a full disk",
     )
     p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port, --from or --iio")
     p.add_argument("--from", dest="capture", metavar="FILE", help="raw bytes in a file, as a logger keeps them")
@@ -90,7 +90,8 @@ def run(args: argparse.Namespace) -> int:
         )
     if not status.samples:
         raise DecodeError(told.nothing_of(line))
-    return LOSSY if kept and kept["acknowledged"] < kept["rows"] else 0
+    failed = keeper is not None and bool(keeper.failures)
+    return LOSSY if failed or (kept and kept["acknowledged"] < kept["rows"]) else 0
 
 
 def session_of(args: argparse.Namespace) -> "Session":

@@ -64,6 +64,11 @@ class Keeper:
         Where to.
     offset : callable
         Gives the difference between UTC and the monotonic clock, ns.
+
+    Attributes
+    ----------
+    failures : list of Event
+        Outputs beside the recording that have failed, by whoever writes them; the recording keeps that too.
     """
 
     def __init__(self, session: Session, spec: RecordSpec, offset: Callable[[], int] = epoch_offset_ns) -> None:
@@ -77,6 +82,8 @@ class Keeper:
             reserve=spec.reserve,
             next_part=spec.next_part,
         )
+        self.failures: list[Event] = []
+        self._failures_told = 0
         self.recorder.metadata.update(session.texts)
         self.recorder.metadata[VERSION_KEY] = __version__
         self.recorder.metadata["calibration"] = calibration_told(session.card.name if session.card else None)
@@ -122,7 +129,8 @@ class Keeper:
     def tick(self, now_ns: int) -> list[Event]:
         """Send off what is due, and return what happened to the recording; the recording keeps that too."""
         self.recorder.tick(now_ns)
-        events = [*self.recorder.take_events(), *self._clock_set(now_ns)]
+        events = [*self.recorder.take_events(), *self._clock_set(now_ns), *self.failures[self._failures_told :]]
+        self._failures_told = len(self.failures)
         for event in events:
             self.recorder.write(self._own, now_ns, rows.event_row(event))
         return events
