@@ -55,11 +55,12 @@ endurance: setup
 	$(BIN)/python benchmarks/endurance.py
 
 # Damaged streams, mutated bytes, decoding speed; recordings killed, damaged and full; verbs killed while they write; ten
-# minutes of a live line.
+# minutes of a recorder that is killed and started again, and ten of a live line.
 wire: setup
 	$(BIN)/python benchmarks/decoder_faults.py
 	$(BIN)/python benchmarks/decode_speed.py
 	$(BIN)/python benchmarks/recorder_kill.py
+	$(BIN)/python benchmarks/recorder_restart.py
 	$(BIN)/python benchmarks/recorder_damage.py
 	$(BIN)/python benchmarks/recorder_cost.py
 	$(BIN)/python benchmarks/interrupted.py

@@ -5,6 +5,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 SCRIPTS = Path(__file__).parents[2] / "benchmarks"
 
 
@@ -27,6 +29,14 @@ def test_cost(tmp_path):
 def test_kill(tmp_path):
     _, found = run("recorder_kill.py", "--kills", "2", "--folder", str(tmp_path))
     assert (found["acknowledged_lost"], found["wrong_rows"], found["repaired"]) == (0, 0, 2)
+
+
+@pytest.mark.long("starts the command line four times")
+def test_restart(tmp_path):
+    code, found = run("recorder_restart.py", "--seconds", "12", "--kills", "3", "--folder", str(tmp_path))
+    assert (found["starts"], found["acknowledged_lost"], found["frames_twice_or_back"]) == (4, 0, 0)
+    assert found["rows_acknowledged"] > 0
+    assert (code, found["met"]) == (0, True)
 
 
 def test_damage():

@@ -103,7 +103,8 @@ def test_other_verbs_take_a_recording(recorded):
     assert plumbob("verify", "a.mcap", cwd=folder).returncode == 0
 
 
-def test_interrupted_recording_ends_whole(tmp_path):
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_interrupted_recording_ends_whole(tmp_path, how):
     with rig(tmp_path) as link:
         words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap"]
         with subprocess.Popen([*PLUMBOB, *words], cwd=tmp_path,
@@ -111,18 +112,35 @@ def test_interrupted_recording_ends_whole(tmp_path):
             deadline = time.monotonic() + TIMEOUT
             while not _holds(tmp_path / "a.mcap", 2000) and time.monotonic() < deadline:
                 time.sleep(0.05)
-            os.kill(child.pid, signal.SIGINT)
+            os.kill(child.pid, how)
             out, _ = child.communicate(timeout=TIMEOUT)
             assert child.returncode == 0
     assert "NONE: these sensor values are uncalibrated" in out
     plumbob("verify", "a.mcap", cwd=tmp_path)
 
 
+def test_a_recording_outlives_those_who_read_its_notes(tmp_path):
+    """As when a pager or a remote shell is gone: the note cannot be written, the recording goes on."""
+    with rig(tmp_path) as link:
+        words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap", "--duration", "2s"]
+        read, write = os.pipe()
+        os.close(read)
+        done = subprocess.run([*PLUMBOB, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=write, text=True,
+                              check=False, timeout=TIMEOUT)  # fmt: skip
+        os.close(write)
+    assert done.returncode == 0
+    assert "samples" in done.stdout
+    log = open_log(tmp_path / "a.mcap")
+    assert sum(row.topic == "raw" for row in log) > 20  # of some 280, one each 7 ms: it ended at its first note before
+    assert log.clean
+
+
 def test_a_line_of_another_format_is_noticed_while_there_is_time(tmp_path):
     with rig(tmp_path, "--speed", "20") as link:
         words = ("record", "--port", str(link), "--format", "trackball", "--duration", "1s")
-        done = plumbob(*words, cwd=tmp_path)
-    assert "bytes is a frame of trackball: is it the right format" in done.stderr
+        done = plumbob(*words, cwd=tmp_path, code=1)
+    assert "bytes is a frame of trackball" in done.stderr
+    assert ": is it the right format, and baud?" in done.stderr
     assert "recorded     NOTHING" in done.stdout
     assert "ppm" not in done.stdout  # nothing is known of a clock that was never read
 
@@ -193,3 +211,14 @@ def test_signals_say_stop_and_are_given_back():
         signal.raise_signal(signal.SIGINT)  # the second of two in a hurry, too
         assert stop.is_set()
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_lost_terminal_says_stop_unless_it_is_to_be_survived():
+    with common.stopped_by_signals() as stop:
+        signal.raise_signal(signal.SIGHUP)
+        assert stop.is_set()
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    with common.stopped_by_signals() as stop:
+        signal.raise_signal(signal.SIGHUP)
+        assert not stop.is_set()
+    signal.signal(signal.SIGHUP, before)

@@ -93,9 +93,9 @@ def test_junk_is_counted_and_never_becomes_a_sample():
     assert line.report()["bytes"]["junk"] == 20_000
 
 
-def test_unit_without_a_triad_is_refused():
+def test_a_unit_that_is_not_there_is_refused():
     text = 'kind = "plumbob session"\nversion = 1\n[format]\nfile = "imu9.toml"\nunit = "u2"\n'
-    with pytest.raises(ParameterError, match="no triad of unit 'u2'; its units are ''"):
+    with pytest.raises(ParameterError, match="one unit without a name, but 'u2' was asked for"):
         Line(session(text))
 
 

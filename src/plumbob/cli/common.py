@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from plumbob.link import Stop
     from plumbob.pipeline import Stage
     from plumbob.rotations import Frame
+    from plumbob.sensors.decode import Counts
+    from plumbob.sensors.format import Format, Message
 
 Adder = Any  # argparse's sub-parser action, whose type is private
 
@@ -185,6 +187,26 @@ def note(*lines: str) -> None:
         print(f"note: {visible(line)}", file=sys.stderr)
 
 
+def why_rejected(counts: "Counts") -> str:
+    """Which checks candidates for a frame failed, to stand behind a sentence; empty where there was none."""
+    reasons = {"checksum": counts.bad_checksum, "content": counts.bad_content, "length": counts.bad_length}
+    told = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
+    return f"; candidates rejected: {told}" if told else ""
+
+
+def note_unassigned(form: "Format", message: "Message") -> None:
+    """Say which bytes of a message the user's own format leaves out; of a known device they are known to be spare."""
+    from plumbob.rigs import names
+    from plumbob.sensors import catalog
+    from plumbob.sensors.places import unassigned
+
+    if form.name in {*catalog.names(), *names()}:
+        return
+    if places := unassigned(form, message):
+        told = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
+        note(f"no field of message {message.name} takes its bytes {told} of {message.length}; nothing is made of them")
+
+
 def zero_of(north: str) -> str:
     """What a heading counts from, in words."""
     return "an arbitrary zero" if north == "free" else f"{north} north"
@@ -301,13 +323,16 @@ def _as_text(value: Any) -> Any:
 
 @contextmanager
 def stopped_by_signals() -> "Iterator[Stop]":
-    """What SIGTERM and Ctrl-C set: ending is how a live line is used, no mishap."""
+    """What SIGTERM, Ctrl-C and the loss of the terminal set: ending is how a live line is used, no mishap."""
     import signal
 
     from plumbob.link import Stop
 
     stop = Stop()
-    before = {which: signal.signal(which, lambda *_: stop.set()) for which in (signal.SIGTERM, signal.SIGINT)}
+    names = [name for name in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)]
+    asked = [getattr(signal, name) for name in names]
+    kept = [which for which in asked if signal.getsignal(which) != signal.SIG_IGN]  # nohup wants to go on
+    before = {which: signal.signal(which, lambda *_: stop.set()) for which in kept}
     try:
         yield stop
     finally:

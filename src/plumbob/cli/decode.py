@@ -47,8 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.sensors.decode import Decoder
 
     form = find_format(args.format).bind(common.options_of(args))
-    if args.message:
-        form.message(args.message)
+    common.note_unassigned(form, form.message(args.message))
     if args.out and args.out.suffix not in (".csv", ".parquet", ".json"):
         raise ParameterError(f"{args.out} must end in .csv, .parquet or .json, so that its kind is known.")
     common.check_outputs(args, args.out, inputs=(Path(args.file),))
@@ -63,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if not decoder.counts.received:
         raise DecodeError(f"{args.file} is empty; there is nothing to decode.")
     if not sum(decoder.counts.frames.values()):
-        none = f"none of its {_bytes(decoder.counts.received)} is {_a(form)}{_why(decoder.counts)}"
+        none = f"none of its {_bytes(decoder.counts.received)} is {_a(form)}{common.why_rejected(decoder.counts)}"
         raise DecodeError(f"{args.file}: {none}.{_hint(form, head)}")
     if args.out is None:
         table.print_new()
@@ -206,7 +205,7 @@ def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
     if counts.unknown:
         common.note(f"{counts.unknown} frames pass their check, but are of no message that {form.name} describes")
     if counts.junk:
-        common.note(f"{_bytes(counts.junk)} of {counts.received} belong to no frame{_why(counts)}")
+        common.note(f"{_bytes(counts.junk)} of {counts.received} belong to no frame{common.why_rejected(counts)}")
     if form.framing.transfers and (over := counts.received % form.framing.length):
         common.note(
             f"{_bytes(counts.received)} are no multiple of the {form.framing.length} that a transfer of {form.name} "
@@ -215,12 +214,6 @@ def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
     doubtful = form.framing.transfers or 2 * counts.framed < counts.received
     if doubtful and (hint := _hint(form, head)):
         common.note(f"this may not be {form.name} at all.{hint}")
-
-
-def _why(counts: "Counts") -> str:
-    reasons = {"checksum": counts.bad_checksum, "content": counts.bad_content, "length": counts.bad_length}
-    told = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
-    return f"; candidates rejected: {told}" if told else ""
 
 
 def _hint(form: "Format", head: bytes) -> str:

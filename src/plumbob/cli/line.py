@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from plumbob.link import Event
     from plumbob.pipeline.line import Line, Part
     from plumbob.pipeline.session import Session
+    from plumbob.sensors.decode import Counts
 
 
 LONG = 60.0
@@ -78,10 +80,9 @@ class Status:
         if self._shown and t >= self._next:
             self._next = t + 1.0
             counts = self._line.decoder.counts
-            sys.stderr.write(
+            self._draw(
                 f"\r{t:9.1f} s  {self.samples} samples{self._bare}  {counts.junk} junk bytes  {attitude_of(part)}\033[K"
             )
-            sys.stderr.flush()
 
     @property
     def _bare(self) -> str:
@@ -104,9 +105,19 @@ class Status:
 
     def _tell(self, at: str, what: str | None) -> None:
         if what is not None:
-            if self._shown:
-                sys.stderr.write("\r\033[K")
-            common.note(f"{at}: {what}")
+            self._note(f"{at}: {what}")
+
+    def _note(self, text: str) -> None:
+        """Tell the user, and never mind if nobody reads it any more: a recording outlives its terminal."""
+        self._draw("\r\033[K")
+        with suppress(OSError):
+            common.note(text)
+
+    def _draw(self, text: str) -> None:
+        if self._shown:
+            with suppress(OSError):
+                sys.stderr.write(text)
+                sys.stderr.flush()
 
     def look(self) -> None:
         """Say once that bytes come and none of them is a frame, while there is time to do something about it."""
@@ -114,21 +125,46 @@ class Status:
         if self._doubted or counts.framed or counts.received < max(_DOUBT_BYTES, _DOUBT_FRAMES * form.framing.most):
             return
         self._doubted = True
-        common.note(
-            f"none of the first {counts.received} bytes is a frame of {form.name}: is it the right format, and baud?"
-        )
+        none = f"none of the first {counts.received} bytes is a frame of {form.name}{common.why_rejected(counts)}"
+        self._note(f"{none}: is it the right format, and baud?")
 
     def on_event(self, event: "Event") -> None:
         """Say it."""
-        if self._shown:
-            sys.stderr.write("\r\033[K")
-        common.note(f"{event.kind}: {event.text}")
+        self._note(f"{event.kind}: {event.text}")
 
     def close(self) -> None:
         """End the line on the terminal."""
-        if self._shown:
-            sys.stderr.write("\r\033[K")
-            self._shown = False
+        self._draw("\r\033[K")
+        self._shown = False
+
+
+def nothing_of(line: "Line") -> str:
+    """Why a line gave no sample, and where to look."""
+    counts, session = line.decoder.counts, line.session
+    if not counts.received:
+        return "not a byte has come: is the device on, is it the right port, does it send by itself?"
+    if counts.frames[session.message]:
+        return (
+            f"none of {counts.frames[session.message]} frames could be used: their times repeat or contradict others."
+        )
+    if others := ", ".join(f"{count} of {name}" for name, count in counts.frames.items() if count):
+        return f"no frame of message {session.message} has come, but {others}; name that in [format] message."
+    none = f"none of {counts.received} bytes is a frame of {session.form.name}{common.why_rejected(counts)}"
+    return f"{none}. {_look_at(counts)}"
+
+
+def _look_at(counts: "Counts") -> str:
+    """What to look at first, by what most candidates failed."""
+    advice = (
+        (counts.bad_checksum, "Frames begin as they should, but their check does not hold: look at [frame] length and "
+         "at kind, at, from and to of its checksum."),
+        (counts.bad_content, "Frames begin as they should, but constants, digits or parity differ: look at those."),
+        (counts.bad_length, "Look at [frame] length_field, or at the speed of the line."),
+        (counts.unknown, "Frames pass their check, but no message is like them: look at the constants of each."),
+    )  # fmt: skip
+    most, told = max(advice, key=lambda one: one[0])
+    told = told if most else "Nothing begins as a frame should: look at the speed of the line and at [frame] sync."
+    return f"{told} 'plumbob decode' tries other formats on a file of raw bytes."
 
 
 def attitude_of(part: "Part | None") -> str:
@@ -166,7 +202,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "samples": status.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **line.report(),
-        "inferred_gaps": next(iter(inferred(line.time.report())), None),
+        "inferred_gaps": next(iter(inferred(line.time_report())), None),
     }
 
 

@@ -1,6 +1,7 @@
 """plumbob record: from a live line to a recording, with the attitude as it comes."""
 
 import argparse
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,8 +22,10 @@ def add_parser(verbs: common.Adder) -> None:
         "record",
         help="record a live line, and estimate its attitude as it comes",
         description="Read a live line as a session file says, or as the options say, keep its raw bytes and what they "
-        "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C. Exit code 3 "
-        "where rows of the recording are lost, as on a full disk.",
+        "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C or SIGTERM. For a recorder that "
+        "nobody attends, see 'Unattended' in docs/sessions.md.",
+        epilog="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, "
+        "3 rows of the recording are lost or its text is cut short, as on a full disk",
     )
     p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port, --from or --iio")
     p.add_argument("--from", dest="capture", metavar="FILE", help="raw bytes in a file, as a logger keeps them")
@@ -30,8 +33,13 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--device", metavar="ID", help="name of this very unit, to which its calibration card belongs")
     told.add_estimate(p)
     common.add_place(p)
-    p.add_argument("--out", type=Path, metavar="MCAP", help="recording to write")
-    p.add_argument("--text", type=Path, metavar="TXT", help="text file that gets a line of attitude now and then")
+    p.add_argument("--out", metavar="MCAP", help="recording to write; {utc} in its name is the time of the start")
+    p.add_argument(
+        "--next-part",
+        action="store_true",
+        help="where the recording exists, as after a crash, go on with its next part instead of refusing",
+    )
+    p.add_argument("--text", metavar="TXT", help="text file that gets a line of attitude now and then; {utc} as above")
     p.add_argument("--duration", metavar="TIME", help="stop after this time, such as 10s or 0.5h")
     common.add_json(p)
     p.set_defaults(run=run)
@@ -39,16 +47,18 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.pipeline.keep import Keeper
+    from plumbob.errors import DecodeError
+    from plumbob.pipeline.keep import Keeper, named_at
     from plumbob.pipeline.line import Line
     from plumbob.pipeline.runner import run_line
     from plumbob.pipeline.sinks import Sink, TextSink
     from plumbob.pipeline.sources import open_source
     from plumbob.units import Quantity, parse
 
-    session = session_of(args)
+    session = named_at(session_of(args), time.time_ns())
     duration = None if args.duration is None else parse(args.duration, Quantity.TIME)
     line = Line(session)
+    common.note_unassigned(session.form, session.form.message(session.message))
     if session.stage is not None:
         common.warn_of_compiling([session.stage.filter])
     line.warm_up()
@@ -64,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     if keeper is not None and session.record is not None:
         recorder = keeper.recorder
         report["recording"] = {
-            "path": session.record.path,
+            "path": str(recorder.path),
             "rows": recorder.written,
             "acknowledged": recorder.acknowledged,
             "dropped": recorder.dropped,
@@ -79,21 +89,29 @@ def run(args: argparse.Namespace) -> int:
             if kept
             else "recorded     NOTHING: neither --out nor [record] names a file"
         )
-    return LOSSY if kept and kept["acknowledged"] < kept["rows"] else 0
+    if not status.samples:
+        raise DecodeError(told.nothing_of(line))
+    failed = keeper is not None and bool(keeper.failures)
+    return LOSSY if failed or (kept and kept["acknowledged"] < kept["rows"]) else 0
 
 
 def session_of(args: argparse.Namespace) -> "Session":
     """Session from the file, or from the options; --out and --text go before what the file says."""
     from dataclasses import replace
 
+    from plumbob.errors import ParameterError
     from plumbob.pipeline.session import RecordSpec
 
     imu = {key: value for key in ("device", "frame", "place", "date") if (value := getattr(args, key))}
     tables = told.estimate_tables(args) | ({"imu": imu} if imu else {})
     session = lines.session_of(args, args.session, args.capture, tables)
     if args.out:
-        spec = session.record or RecordSpec(str(args.out))
-        session = replace(session, record=replace(spec, path=str(args.out)))
+        spec = session.record or RecordSpec(args.out)
+        session = replace(session, record=replace(spec, path=args.out))
+    if args.next_part:
+        if session.record is None:
+            raise ParameterError("--next-part belongs to a recording; name one with --out.")
+        session = replace(session, record=replace(session.record, next_part=True))
     if args.text:
-        session = replace(session, output=replace(session.output, text=str(args.text)))
+        session = replace(session, output=replace(session.output, text=args.text))
     return session

@@ -35,6 +35,9 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("recording", type=Path, help="recording made by 'plumbob record' (.mcap)")
     p.add_argument("--session", type=Path, metavar="TOML", help="session to use instead of the recording's own")
     told.add_estimate(p)
+    p.add_argument(
+        "--unit", metavar="NAME|N", help="another unit of the same frames, as one of the six of the rig 'arm'"
+    )
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet, .csv or .tum)")
     common.add_force(p)
     p.add_argument("--speed", type=float, metavar="K", help="K times as fast as it was; without it, as fast as it goes")
@@ -78,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         if track is None:
             raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
-        doubt = inferred(line.time.report())
+        doubt = inferred(line.time_report())
         notes = (f"replayed from {args.recording.name} by {track.source}", *doubt)
         export(args.out, Recording(track=track, name=args.out.stem, notes=notes), overwrite=args.force)
     same = check.comparison if check else None
@@ -111,10 +114,12 @@ def _changed(args: argparse.Namespace, log: "Log", session: "Session") -> "Sessi
 
     from plumbob.cards import CalibrationCard
     from plumbob.errors import FrameError, ParameterError
-    from plumbob.pipeline.session_toml import load_session
+    from plumbob.pipeline.session_toml import load_session, of_unit
 
     if args.session is not None:
         session = load_session(args.session, date=_day(log))
+    if args.unit is not None:
+        session = of_unit(session, args.unit)
     if args.calibration is not None:
         card = CalibrationCard.load(args.calibration)
         if card.device != session.meta.device:

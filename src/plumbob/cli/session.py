@@ -25,6 +25,9 @@ def add_line(p: argparse._ActionsContainer) -> None:
     p.add_argument("--iio", metavar="DEV", help="buffer of an IIO device (Linux), by its name or number")
     p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
     p.add_argument("--format", metavar="NAME|TOML", help="known device, see 'plumbob devices', or a format file")
+    p.add_argument(
+        "--unit", metavar="NAME|N", help="which unit, where a frame has several, as the six of the rig 'arm'"
+    )
 
 
 def session_of(
@@ -54,14 +57,16 @@ def session_of(
 
     if [file, args.port, capture, args.iio].count(None) != 3:
         raise ParameterError("give either a session file, or --port or --from with --format, or --iio.")
+    if args.unit:
+        tables = {**tables, "format": {"unit": args.unit}}
     if file is not None:
         if args.format or tables:
             raise ParameterError(
-                "the session file says format, device, frame, calibration and filter; leave the options out."
+                "the session file says format, unit, device, frame, calibration and filter; leave the options out."
             )
         return load_session(file)
-    if args.iio is not None and args.format:
-        raise ParameterError("--iio takes no --format: the kernel says what the bytes mean.")
+    if args.iio is not None and (args.format or args.unit):
+        raise ParameterError("--iio takes no --format and no --unit: the kernel says what the bytes mean.")
     if args.iio is None and args.format is None:
         raise ParameterError(
             "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob devices'."

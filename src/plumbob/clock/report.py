@@ -1,6 +1,8 @@
 """What a time base gives, and what it has to say about the clocks behind it."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,6 +108,19 @@ class TimeReport:
     inferred_time: float
     gap_count: int
     gaps: tuple[tuple[int, int, int], ...]
+
+    @classmethod
+    def joined(cls, reports: Sequence["TimeReport"]) -> "TimeReport":
+        """One report of a source that was started again and again: counts in all, the rest as the last has it."""
+        counts: dict[str, Any] = {name: sum(getattr(one, name) for one in reports) for name in _COUNTS}
+        gaps = tuple(gap for one in reports for gap in one.gaps)
+        return replace(reports[-1], **counts, gaps=gaps)
+
+
+_COUNTS: Final = (
+    "frames", "lost", "duplicates", "late", "ahead", "resets", "wraps_by_host", "suspects", "reopened", "unsure",
+    "inferred", "inferred_time", "gap_count",
+)  # fmt: skip
 
 
 def delays(histogram: NDArray[np.int64], worst: float) -> Delays:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob import flags
 from plumbob.check import Floats
-from plumbob.clock import CountedTime, Counter, TimeBase, TimeSpec
+from plumbob.clock import CountedTime, Counter, TimeBase, TimeReport, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ParameterError
 from plumbob.filters import Filter
@@ -26,12 +26,16 @@ from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
 from plumbob.sensors.decode import Decoder, Frames
 from plumbob.sensors.field import Field
 from plumbob.sensors.format import Format, Message
-from plumbob.sensors.triads import temperature_of, triads_of
+from plumbob.sensors.triads import temperature_of, triads_of, unit_of
 
 BROKEN: Final = ("lost", "dropped")
 """Events after which what is pending belongs to nothing that will come."""
 BACK: Final = "reopened"
 """Event after which time starts anew behind a gap."""
+STARTED_AGAIN: Final = "restarted"
+"""Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
+_APART_NS: Final = 1_000_000
+"""Least step between samples of two starts, ns; less only where a line ran ahead of the host's time."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,29 +74,44 @@ class Line:
     Raises
     ------
     ParameterError
-        If the message has no triad for the unit.
+        If the message does not have the unit.
     """
 
     def __init__(self, session: Session) -> None:
         self.session = session
         self.decoder = Decoder(session.form)
         message = session.form.message(session.message)
-        self.time = TimeBase(_time_spec(session, message))
-        self._counted = CountedTime(self.time.spec) if session.timed_by == "count" else None
-        self._began_ns: int | None = None
-        self._latest_ns = 0
-        self.filter = _filter(session)
-        self._started = False
+        unit_of(message, session.unit)
+        self._spec = _time_spec(session, message)
         self.faults = 0
         self._t0: int | None = None
+        self._earlier: list[TimeReport] = []
+        self._again = False
+        self._last_ns: int | None = None
+        self._shift_ns = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Know nothing yet."""
+        self.time = TimeBase(self._spec)
+        self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
+        self._began_ns: int | None = None
+        self._latest_ns = 0
         self._temp_c = math.nan
-        _require_triads(message, session.unit)
+        self.filter = _filter(self.session)
+        self._started = False
 
     def take(self, item: Received | Event) -> Part | None:
         """Take what has come, and return what it completes; None where that is nothing."""
         if isinstance(item, Received):
             return self._through(self.decoder.feed(item.data, item.t_ns))
-        done = self._through(self.decoder.finish()) if item.kind in BROKEN else None
+        done = self._through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
+        if item.kind == STARTED_AGAIN:
+            if self.time.report().frames:
+                self._earlier.append(self.time.report())
+            self._begin()
+            self._again = True
+            return done
         if item.kind == BACK or (self._counted is not None and item.kind in BROKEN):
             self.time.reopened(item.t_ns if self._counted is None else self._latest_ns)
         return done
@@ -114,7 +133,7 @@ class Line:
 
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
-        told = asdict(self.time.report())
+        told = asdict(self.time_report())
         if self.session.timed_by != "frames":  # the host's clock beside itself
             told |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
         return {
@@ -122,6 +141,11 @@ class Line:
             "time": _without_nan(told),
             "not_usable": self.faults,
         }
+
+    def time_report(self) -> TimeReport:
+        """What the stamps have shown, of all starts; each after the first is a gap."""
+        whole = TimeReport.joined([*self._earlier, self.time.report()])
+        return replace(whole, gap_count=whole.gap_count + len(self._earlier))
 
     def _through(self, found: dict[str, Frames]) -> Part | None:
         frames = found.get(self.session.message)
@@ -136,6 +160,13 @@ class Line:
                 return None
             frames = _only(frames, usable)
         t_ns, told = stamps.t_ns[usable], stamps.flags[usable]
+        if self._again:
+            self._again = False
+            told[0] |= flags.GAP
+            if self._last_ns is not None:
+                self._shift_ns = max(0, self._last_ns + _APART_NS - int(t_ns[0]))
+        t_ns += self._shift_ns
+        self._last_ns = int(t_ns[-1])
         if self._t0 is None:
             self._t0 = int(t_ns[0])
         sensed = self._sensed(frames, t_ns - self._t0, told)
@@ -255,13 +286,6 @@ def _filter(session: Session) -> Filter | None:
     if session.frame is None:
         raise ParameterError("a session that estimates needs a frame.")
     return filter_of(session.stage, session.frame, session.meta)
-
-
-def _require_triads(message: Message, unit: str) -> None:
-    units = list(dict.fromkeys(f.triad.rpartition(".")[0] for f in message.fields if f.triad))
-    if unit not in units:
-        known = ", ".join(repr(name) for name in units) or "none: it carries no gyr, acc or mag"
-        raise ParameterError(f"message {message.name} has no triad of unit '{unit}'; its units are {known}.")
 
 
 def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:

@@ -58,8 +58,10 @@ def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
     notes = [
         f"decoded from {counts.received} raw bytes as {replayed.line.session.form.name}, {counts.junk} of them junk"
     ]
+    if log.starts > 1:
+        notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
     notes += [f"damaged: {damage}" for damage in log.damage]
-    notes += io.inferred(replayed.line.time.report())
+    notes += io.inferred(replayed.line.time_report())
     track = replayed.found.track() if estimated else _reference(replayed)
     whole = Recording(imu=replace(imu, meta=meta), track=track, name=file.stem, notes=tuple(notes))
     return replace(whole, notes=(*whole.notes, *io.findings(whole.imu))) if whole.imu else whole

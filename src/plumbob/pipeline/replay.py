@@ -113,7 +113,8 @@ class Check:
     """
 
     def __init__(self, log: Log) -> None:
-        self._live = (message.data for message in log.again() if message.topic == rows.ATTITUDE)
+        again = log.again()
+        self._live = (rows.shifted(one.data, again.shift_ns) for one in again if one.topic == rows.ATTITUDE)
         self._next = next(self._live, None)
         self._compared = self._different = self._only_live = self._only_replayed = 0
         if self._next is None:

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 from plumbob.link import Event, Received, Source, Stopping
@@ -27,7 +28,8 @@ def run_line(
 ) -> None:
     """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
 
-    Bytes are handed to the recording before anything else is done with them.
+    Bytes are handed to the recording before anything else is done with them. A sink that the system refuses, as
+    on a full disk, does not end a recording: it gets no more, and the recording and the other sinks are told.
 
     Parameters
     ----------
@@ -51,11 +53,14 @@ def run_line(
         Monotonic clock, ns.
     """
     end = None if duration is None else clock() + round(duration * 1e9)
+    if keeper:
+        sinks = [_Kept(sink, keeper, clock) for sink in sinks]
     try:
-        if keeper:
-            keeper.recorder.start()
+        behind = keeper.start() if keeper else None
         while not source.finished and not (stop and stop.is_set()) and (end is None or clock() < end):
             items = source.read(_WAIT)
+            if behind and items:
+                items, behind = [replace(behind, t_ns=items[0].t_ns), *items], None
             for item in items:
                 _take(line, item, sinks, keeper)
             if each:
@@ -71,6 +76,33 @@ def run_line(
             _tell(keeper.close(), sinks)
         for sink in sinks:
             sink.close()
+
+
+class _Kept:
+    """A sink beside a recording, which goes on when the sink fails."""
+
+    def __init__(self, sink: Sink, keeper: Keeper, clock: Callable[[], int]) -> None:
+        self._sink: Sink | None = sink
+        self._keeper, self._clock = keeper, clock
+
+    def on_part(self, part: Part) -> None:
+        self._do(lambda sink: sink.on_part(part))
+
+    def on_event(self, event: Event) -> None:
+        self._do(lambda sink: sink.on_event(event))
+
+    def close(self) -> None:
+        self._do(lambda sink: sink.close())
+
+    def _do(self, action: Callable[[Sink], None]) -> None:
+        if self._sink is None:
+            return
+        try:
+            action(self._sink)
+        except OSError as error:
+            what = f"{self._sink} cannot be written any more: {error.strerror or error}."
+            self._sink = None
+            self._keeper.failures.append(Event(self._clock(), "failed", what))
 
 
 def _take(line: Line, item: Received | Event, sinks: Sequence[Sink], keeper: Keeper | None) -> None:

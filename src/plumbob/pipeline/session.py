@@ -35,7 +35,7 @@ class RecordSpec:
     Attributes
     ----------
     path : str
-        Name of the recording, ``.mcap``.
+        Name of the recording, ``.mcap``; ``{utc}`` in it stands for the time of the start.
     rotate : float or None
         Time after which a new part begins, s.
     rotate_bytes : int or None
@@ -44,6 +44,8 @@ class RecordSpec:
         Bytes of the disk that stay free; by default the smaller of 1 GiB and 5 % of it.
     samples : bool
         Whether decoded samples and attitudes stand beside the raw bytes, for viewers.
+    next_part : bool
+        Whether a start goes on with the next part where the name exists, as after a crash, instead of refusing.
     """
 
     path: str
@@ -51,6 +53,7 @@ class RecordSpec:
     rotate_bytes: int | None = None
     reserve: int | None = None
     samples: bool = True
+    next_part: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +86,7 @@ class OutputSpec:
     every : float
         Least time between two outputs, s.
     text : str or None
-        Text file that gets a line for each, as the hosts of the papers wrote it.
+        Text file that gets a line for each, as the hosts of the papers wrote it; ``{utc}`` as in the recording.
     """
 
     every: float = 0.05

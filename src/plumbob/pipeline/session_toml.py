@@ -24,7 +24,7 @@ from plumbob.rigs import find_format
 from plumbob.rotations import Frame, North, body_axes
 from plumbob.sensors.format import Format, Message
 from plumbob.sensors.format_toml import parse_format
-from plumbob.sensors.triads import ranges_of
+from plumbob.sensors.triads import ranges_of, unit_of
 from plumbob.units import Quantity
 
 GUIDE: Final = guide("sessions.md")
@@ -194,6 +194,24 @@ def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str 
     return imu["place"], day
 
 
+def of_unit(session: Session, asked: str) -> Session:
+    """Session of another unit in the same frames, by its name or its number from 1.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit.
+    """
+    message = session.form.message(session.message)
+    unit = unit_of(message, asked)
+    return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit)))
+
+
+def _ranges(message: Message, unit: str) -> dict[str, Any]:
+    """Full scales of a unit's triads, by the names that the data have for them."""
+    return {f"{name}_range": full for name, full in ranges_of(message, unit).items()}
+
+
 def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[SourceSpec, Format, str]:
     """Source that insists on what the kernel said, its format, and what tells its time."""
     from plumbob.acquire import IioLayout
@@ -235,12 +253,12 @@ def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str]:
         raise DecodeError('format needs either the name of a known device or file = "my.toml".')
     form = find_format(found["name"]) if "name" in found else parse_format(keep(found["file"]))
     form = form.bind(found.get("options", {}))
-    return form, form.message(found.get("message", "")).name, found.get("unit", "")
+    message = form.message(found.get("message", ""))
+    return form, message.name, unit_of(message, found.get("unit", ""))
 
 
 def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
-    told = {} if source is not None and source.kind in KERNEL else ranges_of(form.message(message), unit)
-    ranges: dict[str, Any] = {f"{name}_range": full for name, full in told.items()}
+    ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit)
     asked = None if source is None else source.settings.get("rate")
     return ImuMeta(
         device=imu.get("device", form.name),
@@ -320,6 +338,11 @@ def _axes(where: str, value: Any) -> str:
     return str(value)
 
 
+def _unit(where: str, value: Any) -> str:
+    """Name of a unit, or its number from 1."""
+    return str(forms.whole(1)(where, value)) if isinstance(value, int) else forms.text(where, value)
+
+
 def _param(where: str, value: Any) -> Any:
     """Numbers follow the rule for text: where two units are usual, one must stand there."""
     return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
@@ -329,7 +352,7 @@ _FORMAT: Final[dict[str, Parse]] = {
     "name": forms.text,
     "file": forms.text,
     "message": forms.text,
-    "unit": forms.text,
+    "unit": _unit,
     "options": forms.mapping(forms.text),
 }
 _IMU: Final[dict[str, Parse]] = {
@@ -353,6 +376,7 @@ _RECORD: Final[dict[str, Parse]] = {
     "rotate_bytes": forms.whole(1),
     "reserve": forms.whole(0),
     "samples": forms.truth,
+    "next_part": forms.truth,
 }
 _OUTPUT: Final[dict[str, Parse]] = {"every": forms.size(Quantity.TIME), "text": forms.text}
 _SESSION: Final[dict[str, Parse]] = {

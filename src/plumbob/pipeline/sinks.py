@@ -159,6 +159,9 @@ class TextSink:
         self._file: TextIO | None = None
         self._schedule = Schedule([Task("output", round(every * 1e9))])
 
+    def __str__(self) -> str:
+        return str(self._path)
+
     def on_part(self, part: Part) -> None:
         """Write what is due, and hand it to the system at once."""
         track = part.track

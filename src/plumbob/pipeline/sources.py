@@ -207,7 +207,7 @@ class ReplaySource:
         expected = 0
         for message in log:
             if message.topic == rows.EVENTS:
-                yield rows.event_of(message.data)
+                yield replace(rows.event_of(message.data), t_ns=message.t_ns)
             if message.topic != rows.RAW:
                 continue
             if message.sequence > expected:

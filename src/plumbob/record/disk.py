@@ -75,6 +75,14 @@ def free(folder: Path) -> int:
     return found.f_bavail * found.f_frsize
 
 
+def boot() -> str:
+    """Which start of this machine it is, a random word that the kernel made; empty where it makes none."""
+    try:
+        return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()
+    except OSError:
+        return ""
+
+
 def default_reserve(folder: Path) -> int:
     """The smaller of 1 GiB and 5 % of the disk, bytes."""
     found = os.statvfs(folder)

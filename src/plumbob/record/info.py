@@ -35,6 +35,10 @@ class PartInfo:
         Per topic, rows that the recorder itself gave up while it wrote this part.
     metadata : mapping of str to str
         What the recording's owner says of the whole recording.
+    follows : str or None
+        Name of the recording that this one goes on from, after a restart; None where it stands alone.
+    boot : str
+        Which start of the host this was, whose monotonic clock counts from it; empty where that is not known.
     """
 
     recording: str
@@ -44,6 +48,8 @@ class PartInfo:
     ends: Mapping[str, int] | None = None
     dropped: Mapping[str, int] = field(default_factory=dict)
     metadata: Mapping[str, str] = field(default_factory=dict)
+    follows: str | None = None
+    boot: str = ""
 
     def record(self) -> bytes:
         """Bytes of the metadata record."""
@@ -56,6 +62,8 @@ class PartInfo:
             "starts": _text(self.starts),
             "ends": _text(self.ends),
             "dropped": _text(self.dropped),
+            **({} if self.follows is None else {"follows": self.follows}),
+            **({"boot": self.boot} if self.boot else {}),
         }
         entries = {**self.metadata, **{RESERVED + key: value for key, value in own.items()}}
         crc = _checksum(entries)
@@ -70,6 +78,7 @@ class PartInfo:
         own = {key: entries.pop(RESERVED + key) for key in _KEYS if RESERVED + key in entries}
         if len(own) != len(_KEYS):
             return None
+        follows, boot = entries.pop(f"{RESERVED}follows", None), entries.pop(f"{RESERVED}boot", "")
         try:
             return cls(
                 recording=own["recording"],
@@ -79,6 +88,8 @@ class PartInfo:
                 ends=None if own["ends"] == "null" else _numbers(own["ends"]),
                 dropped=_numbers(own["dropped"]),
                 metadata=entries,
+                follows=follows,
+                boot=boot,
             )
         except ValueError:
             return None

@@ -1,10 +1,10 @@
 """Read a recording: every row that is whole, in the order of the files, and a list of what is not."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from plumbob.errors import DecodeError
 from plumbob.record import layout, names
@@ -15,6 +15,9 @@ from plumbob.record.info import PartInfo
 from plumbob.record.ledger import Ledger
 from plumbob.record.scan import Block, Scan
 from plumbob.record.source import Source
+
+UNKNOWN_NS: Final = 10_000_000_000
+"""Distance of two starts of which no clock tells it, ns."""
 
 
 class LogMessage(NamedTuple):
@@ -43,6 +46,31 @@ class LogMessage(NamedTuple):
         return self.channel.topic
 
 
+@dataclass(slots=True)
+class _Run:
+    """What a recorder wrote from one start to its end.
+
+    Attributes
+    ----------
+    recording : str or None
+        Its name.
+    same_boot : bool
+        Whether its monotonic clock is that of the first start.
+    base : dict of str to int
+        Rows per topic that the starts before it wrote.
+    damages : int
+        How many damages belong to them.
+    shift_ns : int or None
+        What is added to its times; known with its first row.
+    """
+
+    recording: str | None
+    same_boot: bool = True
+    base: dict[str, int] = field(default_factory=dict)
+    damages: int = 0
+    shift_ns: int | None = None
+
+
 class Log:
     """A recording to be read, as `open_log` returns it. Each iteration reads it anew, holding one chunk at a time.
 
@@ -61,6 +89,10 @@ class Log:
         Chunks, and messages outside chunks, that came without a CRC; only in files of other programs.
     clean : bool
         Whether every part has its end; known once all has been read. A crash leaves none.
+
+    Notes
+    -----
+    Where a recorder was started again and went on with the next part, sequence numbers and times go on too.
     """
 
     def __init__(self, parts: Sequence[Identity]) -> None:
@@ -81,6 +113,11 @@ class Log:
     def recording(self) -> str | None:
         """Name of the recording; empty where it cannot be told any more, None in files of other programs."""
         return next((part.recording for part in self._parts if part.recording), self._parts[0].recording)
+
+    @property
+    def starts(self) -> int:
+        """How often a recorder was started to write it."""
+        return max(1, len({part.recording for part in self._parts if part.recording}))
 
     @property
     def first_info(self) -> PartInfo | None:
@@ -118,7 +155,7 @@ class Log:
         for part in self._parts:
             self._begin_part(part)
             with Source(part.path) as source:
-                scan = Scan(source, self.recording)
+                scan = Scan(source, self._run.recording or self.recording)
                 for item in scan.items():
                     if isinstance(item, Damage):
                         self.damage.append(item)
@@ -135,17 +172,35 @@ class Log:
         self.clean = True
         self._ledgers: dict[str, Ledger] = {}
         self._last_part: int | None = None
+        self._run = _Run(self.recording)
+        self._channels: dict[str, Channel] = {}
+        self._origin_ns: int | None = None
+        self._latest_ns: int | None = None
+
+    @property
+    def shift_ns(self) -> int:
+        """What was added to the times of the latest rows, ns.
+
+        After a restart of the host its monotonic clock counts from another moment, and rows go on by the wall clock.
+        """
+        return self._run.shift_ns or 0
 
     # --- parts --------------------------------------------------------------------------------------------------
 
     def _begin_part(self, part: Identity) -> None:
-        if part.info is None:
-            return
-        if self._last_part is not None and part.info.part > self._last_part + 1:
-            absent = f"parts {self._last_part + 1} to {part.info.part - 1} of the recording are not here"
-            self.damage.append(Damage(part.path, 0, 0, absent))
-        self._last_part = part.info.part
-        self._settle(part.info.starts)
+        goes_on = not part.recording or part.recording == self._run.recording
+        if part.info is not None and self._last_part is not None and part.info.part > self._last_part + 1:
+            absent = f"parts {self._last_part + 1} to {part.info.part - 1} of the recording are not here, or are empty"
+            self.damage.append(Damage(part.path, 0, 0, absent, certain=goes_on))
+        if not goes_on:
+            self._run = _Run(part.recording, self._is_same_boot(part.info), dict(self.ends), len(self.damage))
+        if part.info is not None:
+            self._last_part = part.info.part
+            self._settle(part.info.starts)
+
+    def _is_same_boot(self, later: PartInfo | None) -> bool:
+        first = self.first_info
+        return first is not None and later is not None and later.boot == first.boot != ""
 
     def _end_part(self, part: Identity, scan: Scan) -> None:
         self.clean &= scan.clean
@@ -163,11 +218,11 @@ class Log:
 
     def _settle(self, reached: Mapping[str, int]) -> None:
         """All rows before these numbers should have come: what is missing belongs to the damages so far."""
-        before = self.missing
+        before, since = self.missing, self._run.damages
         for topic, end in reached.items():
-            self._ledger(topic).reach(end)
+            self._ledger(topic).reach(self._run.base.get(topic, 0) + end)
         self._attribute(before)
-        self.damage = [replace(damage, certain=True) for damage in self.damage]
+        self.damage[since:] = [replace(damage, certain=True) for damage in self.damage[since:]]
 
     # --- rows ---------------------------------------------------------------------------------------------------
 
@@ -185,8 +240,11 @@ class Log:
         for number, sequence, _, _ in block.rows:
             lows.setdefault(number, sequence)
             counts[number] = counts.get(number, 0) + 1
-        ledgers = {number: self._ledger(block.channels[number].topic) for number in lows}
-        places = {number: ledgers[number].place(low) for number, low in lows.items()}
+        offset = self._offset_of(block)
+        channels = {number: self._joined(block.channels[number]) for number in lows}
+        ledgers = {number: self._ledger(channels[number].topic) for number in lows}
+        base = {number: self._run.base.get(channel.topic, 0) for number, channel in channels.items()}
+        places = {number: ledgers[number].place(base[number] + low) for number, low in lows.items()}
         if not all(ledgers[number].is_new(places[number], count) for number, count in counts.items()):
             self.damage.append(Damage(path, block.offset, 0, "a chunk stands here once more; its rows are left out"))
             return []
@@ -196,15 +254,40 @@ class Log:
         for number, count in counts.items():
             ledgers[number].take(places[number], count)
         self._attribute(before)
-        return [
+        found = [
             LogMessage(
-                block.channels[number],
+                channels[number],
                 places[number] + (sequence - lows[number]) % layout.SEQUENCES,
-                log_time - block.channels[number].epoch_offset_ns,
+                log_time - offset,
                 data,
             )
             for number, sequence, log_time, data in block.rows
         ]
+        self._latest_ns = max(row.t_ns for row in found)
+        return found
+
+    def _offset_of(self, block: Block) -> int:
+        """What is taken from the times of a block, ns; by a clock set back, a start comes `UNKNOWN_NS` later."""
+        number, _, log_time, _ = block.rows[0]
+        offset, run = block.channels[number].epoch_offset_ns, self._run
+        if self._origin_ns is None:
+            self._origin_ns = offset
+        if run.shift_ns is None:
+            run.shift_ns = 0 if run.same_boot else offset - self._origin_ns
+            first_ns = log_time - offset + run.shift_ns
+            if self._latest_ns is not None and first_ns <= self._latest_ns:
+                run.shift_ns += self._latest_ns + UNKNOWN_NS - first_ns
+        return offset - run.shift_ns
+
+    def _joined(self, channel: Channel) -> Channel:
+        """Channel as the first start wrote it."""
+        if self._run.recording == self.recording or self._origin_ns is None:
+            return channel
+        known = self._channels.get(channel.topic)
+        if known is None:
+            known = replace(channel, recording=self.recording or "", epoch_offset_ns=self._origin_ns)
+            self._channels[channel.topic] = known
+        return known
 
     def _ledger(self, topic: str) -> Ledger:
         ledger = self._ledgers.get(topic)
@@ -218,7 +301,9 @@ class Log:
         new = {topic: count - before.get(topic, 0) for topic, count in self.missing.items()}
         new = {topic: count for topic, count in new.items() if count > 0}
         place = (
-            next((i for i in reversed(range(len(self.damage))) if not self.damage[i].certain), None) if new else None
+            next((i for i in reversed(range(self._run.damages, len(self.damage))) if not self.damage[i].certain), None)
+            if new
+            else None
         )
         if place is not None:
             damage = self.damage[place]
@@ -242,15 +327,36 @@ def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
     """
     files = _files(path)
     found = _identified(files, strict=not isinstance(path, str | PathLike))
-    names_of = {part.recording for part in found if part.recording != ""}
-    if len(names_of) > 1 or (None in names_of and len(found) > 1):
-        raise DecodeError(
-            f"{files[0].parent} holds parts of several recordings ({', '.join(file.name for file in files[:6])}); name "
-            "the parts of one."
-        )
     if all(part.info is not None for part in found):
         found.sort(key=lambda part: part.info.part if part.info else 0)
+    if other := _other_recording(found):
+        raise DecodeError(
+            f"{files[0].parent} holds parts of several recordings ({', '.join(file.name for file in files[:6])}): "
+            f"{other.path.name} does not go on from the part before it. Name the parts of one."
+        )
     return Log(found)
+
+
+def _other_recording(parts: Sequence[Identity]) -> Identity | None:
+    """First part that belongs neither to the recording of those before it nor to one that goes on from it."""
+    known: list[Identity] = []
+    for part in parts:
+        if known and (part.recording is None or known[-1].recording is None):
+            return part
+        if known and part.recording not in {"", known[-1].recording} and not _goes_on(known, part):
+            return part
+        if part.recording != "":
+            known.append(part)
+    return None
+
+
+def _goes_on(known: Sequence[Identity], part: Identity) -> bool:
+    """Whether a part of another name goes on from those before it; one whose beginning is damaged cannot tell."""
+    before, info = known[-1].info, part.info
+    if part.recording in {other.recording for other in known}:
+        return False
+    later = info is None or before is None or info.part > before.part
+    return later and (info is None or info.follows is not None)
 
 
 def _identified(files: Sequence[Path], strict: bool) -> list[Identity]:

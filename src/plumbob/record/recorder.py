@@ -4,7 +4,9 @@ import secrets
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
 from operator import index
 from os import PathLike
 from pathlib import Path
@@ -17,11 +19,14 @@ from plumbob.record import disk, info, names
 from plumbob.record.backlog import Backlog
 from plumbob.record.channels import Channel, Schema
 from plumbob.record.chunk import CHUNK_BYTES, MESSAGE_BYTES, OpenChunk
+from plumbob.record.identity import identify
 from plumbob.record.rules import Rules, State
 from plumbob.record.scribe import Scribe
 
 BACKLOG: Final = 64 << 20
 """Bytes of rows that may wait for a slow or full disk."""
+VERSION_KEY: Final = "plumbob"
+"""Under this name the metadata have the version of the program, which may change from a part to the next."""
 COMPRESSIONS: Final = ("zstd", "none")
 _TIMES: Final = 1 << 64
 
@@ -35,7 +40,7 @@ class Recorder:
     Parameters
     ----------
     path : path
-        First part; neither it nor a later part may exist.
+        First part; neither it nor a later part may exist, unless `next_part`.
     epoch_offset_ns : int
         What is added to the host's monotonic clock to get UTC, ns; fixed for the recording.
     every : float
@@ -50,10 +55,19 @@ class Recorder:
         Of chunks.
     backlog : int
         Bytes of rows that may wait for the disk; rows beyond are dropped and counted.
+    next_part : bool
+        Where parts of this name exist already, as after a crash, go on with a new part behind them. They are left as
+        they are, and `open_log` reads them and the new ones as one recording, if the metadata are the same.
 
     Attributes
     ----------
-    metadata : dict of str to str
+    path : Path
+        First part that this recorder writes; known once it has started.
+    follows : Path or None
+        Part behind which it goes on; None where it begins.
+    alone : bool
+        Whether the parts before it are of another kind, so that they are not read together with its own.
+        metadata : dict of str to str
         What is to be said of the whole recording; fixed once it has started.
     written, dropped : int
         Rows taken by `write`, and those of them that no disk will ever have.
@@ -76,10 +90,14 @@ class Recorder:
         fsync: float | None = 1.0,
         compression: str = "zstd",
         backlog: int = BACKLOG,
+        next_part: bool = False,
     ) -> None:
         self.metadata: dict[str, str] = {}
         self.written = 0
-        self._path = Path(path)
+        self.path = self._path = Path(path)
+        self.follows: Path | None = None
+        self.alone = False
+        self._next_part = next_part
         self._offset = epoch_offset_ns
         self._every_ns = round(every * 1e9)
         self._options = (rotate, rotate_bytes, reserve, fsync, compression)
@@ -119,20 +137,29 @@ class Recorder:
         Raises
         ------
         ParameterError
-            If an option has no meaning, or a part of this name exists already.
+            If an option has no meaning, or a part of this name exists already and is not to be followed by the next, or
+            is being written.
         DecodeError
             If the system does not let the file be created.
         """
         if self._scribe is not None:
             raise ParameterError(f"the recording {self._path.name} has been started before; make another Recorder.")
         rules = self._rules()
-        self._refuse_existing()
-        own = info.PartInfo(self._recording, 1, self._offset, metadata=dict(self.metadata))
+        existing = names.existing_parts(self._path)
+        self._refuse(existing)
+        if existing:
+            self.follows, self.path = existing[-1], names.next_path(self._path)
+            rules = replace(rules, first=names.number_of(self._path, self.path))
+        before = self._recording_before(existing)
+        self.alone = bool(existing) and before is None
+        own = info.PartInfo(
+            self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before, boot=disk.boot()
+        )
         scribe = Scribe(rules, own, self._backlog, self._channels, self._take_drops, self._tell)
         try:
             scribe.start()
         except FileExistsError:
-            self._refuse_existing()
+            self._refuse(names.existing_parts(self._path))
             raise
         except OSError as error:
             raise DecodeError(f"{self._path} cannot be written: {error.strerror}. Choose another place.") from error
@@ -248,11 +275,29 @@ class Recorder:
         reserve = disk.default_reserve(folder) if reserve is None else reserve
         return Rules(self._path, rotate, rotate_bytes, reserve, fsync, compression)
 
-    def _refuse_existing(self) -> None:
-        for part in names.existing_parts(self._path):
+    def _refuse(self, existing: Sequence[Path]) -> None:
+        for part in existing:
             if disk.is_locked(part):
                 raise ParameterError(f"{part} is being recorded by another process or recorder; name another file.")
-            raise ParameterError(f"{part} exists already, and a recording never overwrites; name another file.")
+        if existing and not self._next_part:
+            raise ParameterError(
+                f"{existing[0]} exists already, and a recording never overwrites; name another file, one with "
+                f"{names.UTC_FIELD} for the time of the start, or ask for the next part."
+            )
+
+    def _recording_before(self, existing: Sequence[Path]) -> str | None:
+        """Recording that this one goes on from: that of the last part that can be read, if it is of the same kind."""
+        for part in reversed(existing):
+            with suppress(DecodeError):
+                before = identify(part)
+                if before.info is not None:
+                    return before.recording if self._is_like(before.info.metadata) else None
+        return "" if existing else None
+
+    def _is_like(self, metadata: Mapping[str, str]) -> bool:
+        """Whether the owner says the same of both; only the version of the program may differ."""
+        mine, other = ({k: v for k, v in all_.items() if k != VERSION_KEY} for all_ in (self.metadata, metadata))
+        return mine == other
 
     def _next_chunk(self, t_ns: int) -> OpenChunk:
         self._hand_over()

@@ -74,6 +74,8 @@ def _rewrite(log: Log, target: Path, verdict: Verdict) -> None:
         0 if known is None else known.epoch_offset_ns,
         {} if known is None else known.starts,
         metadata=log.metadata,
+        follows=None if known is None else known.follows,
+        boot="" if known is None else known.boot,
     )
     numbers = _Numbers()
     with whole_part(target, first) as (part, write):

@@ -17,3 +17,5 @@ class Rules:
     reserve: int
     fsync: float | None
     compression: str
+    first: int = 1
+    """Number of the first part."""

@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 from plumbob.record import disk, names
@@ -60,7 +61,7 @@ class Scribe:
         self._thread = threading.Thread(target=self._run, name="plumbob recorder", daemon=True)
         self._compression, self._compress = compressor(rules.compression)
         self._part: Part | None = None
-        self._number = 0
+        self._number = rules.first - 1
         self._part_t_ns: int | None = None
         self._next: dict[int, int] = {}
         self._unsynced: list[OpenChunk] = []
@@ -174,7 +175,7 @@ class Scribe:
         while names.part_path(self._rules.path, number).exists():
             number += 1
         starts = {self._channels[channel][0]: count for channel, count in self._next.items()}
-        info = PartInfo(self._info.recording, number, self._info.epoch_offset_ns, starts, metadata=self._info.metadata)
+        info = replace(self._info, part=number, starts=starts)
         part = Part(names.part_path(self._rules.path, number), info)
         part.begin()
         self._part, self._number, self._part_t_ns = part, number, None

@@ -43,6 +43,17 @@ def require_places(form: Format, message: Message) -> None:
             )
 
 
+def unassigned(form: Format, message: Message) -> list[tuple[int, int]]:
+    """First byte and end of each stretch of a message that neither frame, check nor field takes."""
+    taken = [*_frame(form.framing, _check_kinds(form), message), *_fields(message, skip_sync=False)]
+    found, at = [], len(form.framing.sync[0]) if form.framing.sync else 0
+    for place in sorted([*taken, _Place(message.length, message.length, "end")]):
+        if place.at > at:
+            found.append((at, place.at))
+        at = max(at, place.end)
+    return found
+
+
 def _require_bits(one: Field) -> None:
     if one.bits is None or one.derived:
         return

@@ -7,6 +7,7 @@ import numpy as np
 
 from plumbob.check import Floats
 from plumbob.data import TRIADS, ImuData
+from plumbob.errors import ParameterError
 from plumbob.sensors.decode import Frames
 from plumbob.sensors.format import Message
 
@@ -36,6 +37,33 @@ def triads_of(frames: Frames, unit: str = "") -> dict[str, Floats]:
 @cache  # for every part of a stream
 def _axes_of(unit: str, triad: str) -> tuple[str, ...]:
     return tuple(_name(unit, triad, axis) for axis in _AXES)
+
+
+def unit_of(message: Message, asked: str) -> str:
+    """Prefix of the fields of one of a message's units, by its name or its number from 1.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit, or none is asked for where there are several.
+    """
+    names = list(dict.fromkeys(f.triad.rpartition(".")[0] for f in message.fields if f.triad))
+    if asked in names:
+        return asked
+    if asked.isdecimal() and 1 <= int(asked) <= len(names):
+        return names[int(asked) - 1]
+    if not names:
+        raise ParameterError(
+            f"message {message.name} carries no gyr, acc or mag, so there is nothing to estimate from."
+        )
+    if names == [""]:
+        raise ParameterError(
+            f"message {message.name} has one unit without a name, but '{asked}' was asked for; leave it out."
+        )
+    known = ", ".join(f"{name} ({number})" for number, name in enumerate(names, 1))
+    got = f"but '{asked}' was asked for" if asked else "and none was named"
+    how = f'name one, as --unit {names[0]} or unit = "{names[0]}" in [format]'
+    raise ParameterError(f"message {message.name} has the units {known}, {got}; {how}.")
 
 
 def temperature_of(frames: Frames, unit: str = "") -> Floats | None:

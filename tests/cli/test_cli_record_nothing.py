@@ -1,0 +1,118 @@
+"""A recording without a sample: exit code 1, which check failed, and what to look at."""
+
+import socket
+import threading
+
+import pytest
+
+from plumbob.record import verify
+from plumbob.rigs import find_format
+from plumbob.sensors.encode import encode
+from plumbob.sensors.format_toml import parse_format
+from plumbob.sensors.places import unassigned
+from tests.battery.commandline import call
+
+FORMAT = """
+kind = "plumbob format"
+version = 1
+name = "unit"
+title = "made-up unit"
+byte_order = "little"
+
+[frame]
+sync = "A5 5A"
+length = 16
+rate = "100 Hz"
+checksum = { kind = "crc16-ccitt-false", at = -2, from = 2 }
+
+[[field]]
+name = "kind"
+type = "u8"
+role = "constant"
+value = 1
+
+[[field]]
+name = "gyr"
+axes = "xyz"
+at = 4
+type = "s16"
+counts = 65.5
+unit = "deg/s"
+"""
+SESSION = """
+kind = "plumbob session"
+version = 1
+source = {{ kind = "tcp", host = "127.0.0.1", port = {port} }}
+format = {{ file = "unit.toml" }}
+record = {{ path = "a.mcap", reserve = 0 }}
+"""
+COUNT = 60
+
+
+def frames():
+    columns = {f"gyr.{axis}": [0.0] * COUNT for axis in "xyz"}
+    return encode(parse_format(FORMAT), columns).tobytes()
+
+
+def record(folder, form, data, *words):
+    """Record what a server sends for half a second."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(10.0)  # where the recorder refuses to start
+
+        def serve():
+            client, _ = server.accept()
+            with client:
+                client.sendall(data)
+                ended.wait(10.0)
+
+        ended, thread = threading.Event(), threading.Thread(target=serve)
+        thread.start()
+        (folder / "unit.toml").write_text(form)
+        (folder / "s.toml").write_text(SESSION.format(port=server.getsockname()[1]))
+        try:
+            return call("record", "s.toml", "--duration", "0.5s", *words, cwd=folder)
+        finally:
+            ended.set()
+            thread.join()
+
+
+WRONG = {
+    "check": (
+        '"crc16-ccitt-false"',
+        '"crc16-xmodem"',
+        f"rejected: {COUNT} for their checksum",
+        "kind, at, from and to",
+    ),
+    "constant": ("value = 1", "value = 2", "rejected: ", "look at"),
+    "sync": ("A5 5A", "A5 5B", "is a frame of unit. ", "the speed of the line and at [frame] sync"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_frames_that_all_fail_are_an_error_that_names_the_check(tmp_path, case):
+    right, wrong, why, advice = WRONG[case]
+    assert right in FORMAT
+    done = record(tmp_path, FORMAT.replace(right, wrong), frames())
+    assert done.returncode == 1
+    told = done.stderr.splitlines()[-1]
+    assert told.startswith(f"plumbob record: none of {16 * COUNT} bytes is a frame of unit")
+    assert (why in told, advice in told) == (True, True), told
+    assert f"bytes        {16 * COUNT}" in done.stdout
+    assert verify(tmp_path / "a.mcap").whole  # the bytes are kept, for a format that is right
+
+
+def test_a_line_on_which_nothing_comes_is_an_error_too(tmp_path):
+    done = record(tmp_path, FORMAT, b"", "--json")
+    assert done.returncode == 1
+    assert '"samples": 0' in done.stdout
+    assert "not a byte has come: is the device on" in done.stderr
+
+
+def test_bytes_that_no_field_takes_are_told(tmp_path):
+    done = record(tmp_path, FORMAT, frames())
+    assert done.returncode == 0, done.stderr
+    assert "no field of message unit takes its bytes 3, 10 to 13 of 16; nothing is made of them" in done.stderr
+    (tmp_path / "b.bin").write_bytes(frames())
+    assert "bytes 3, 10 to 13 of 16" in call("decode", "b.bin", "--format", "unit.toml", cwd=tmp_path).stderr
+    form = find_format("buoy")
+    assert unassigned(form, form.message()) == []
