@@ -90,7 +90,7 @@ def test_the_speed_is_a_multiple_of_the_recording_s(replay, recording, monkeypat
         (("--speed", "0"), "--speed must be above 0, but it is 0"),
         (("--speed", "-2"), "--speed must be above 0, but it is -2"),
         (("--speed", "nan"), "--speed must be above 0, but it is nan"),
-        (("--params", "kp=1"), "--params and --noise belong to a filter"),
+        (("--params", "kp=1"), "--params, --noise and --init belong to a filter"),
         (("--filter", "mahony,vqf"), "replay takes one filter"),
         (("--filter", "mahony", "--frame", "NEU"), "NEU"),
     ],
