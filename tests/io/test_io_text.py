@@ -492,8 +492,9 @@ def test_the_slow_path_reads_what_the_fast_path_reads(cells):
     raw = ("a,b,c\n" + "".join(",".join(row) + "\n" for row in cells)).encode()
     body = text_table.Body(raw, raw.decode(), 6, len(raw), 2)
     places = {"a": 0, "b": 1, "c": 2}
-    fast = text_table._fast(body, layout, 3, places, None)
-    slow = text_table._slow(body, layout, 3, places, None)
+    wanted = text_table._Wanted(places, None, ())
+    fast = text_table._fast(body, layout, 3, wanted)
+    slow = text_table._slow(body, layout, 3, wanted)
     assert fast is not None
     for name in places:
         assert np.array_equal(fast[0][name], slow[0][name], equal_nan=True)

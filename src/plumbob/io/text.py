@@ -12,10 +12,20 @@ from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError, excerpt
 from plumbob.io.findings import read_notes
-from plumbob.io.profile import ColumnRef, GroupSource, Profile, ReferenceSource, TimeColumn, TimeRate
+from plumbob.io.profile import (
+    AS_MOUNTED,
+    ColumnRef,
+    GroupSource,
+    Profile,
+    ReferenceSource,
+    TimeColumn,
+    TimeRate,
+    TimeStamps,
+)
 from plumbob.io.profile_toml import GUIDE, load_profile
 from plumbob.io.recording import Recording
 from plumbob.io.text_table import Table, read_table
+from plumbob.io.timestamps import StampError, stamps_ns
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -55,11 +65,11 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
     with reading(file):
         time = declared.time
         exact = time.column if isinstance(time, TimeColumn) and time.unix else None
-        table = read_table(file.read_bytes(), declared.layout, declared.used, exact)
+        table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.stamps)
         t, t0_ns = _time(declared, table)
         imu = _imu(declared, table, t, t0_ns) if declared.triads else None
         track = None if declared.reference is None else _track(declared.reference, table, t, declared.turn)
-        notes = (*read_notes(declared.notes, imu), note, *table.notes, *_changes(declared))
+        notes = (*read_notes(declared.notes, imu), note, *table.notes, *_changes(declared, t0_ns))
         return Recording(imu=imu, track=track, name=file.stem, notes=notes)
 
 
@@ -97,16 +107,28 @@ def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
     source = profile.time
     if isinstance(source, TimeRate):
         return np.arange(table.rows) / source.rate, 0
+    if isinstance(source, TimeStamps):
+        return _of_stamps(source, table)
     nanoseconds = Fraction(units.unit(source.unit).factor).limit_denominator(10**9) * 10**9
     t0_ns = round(Fraction(table.zero) * nanoseconds)
     return _inside(table.columns[source.column], source.unit), t0_ns
+
+
+def _of_stamps(source: TimeStamps, table: Table) -> tuple[Floats, int]:
+    parts = [table.texts[ref] for ref in source.columns]
+    cells = parts[0] if len(parts) == 1 else [" ".join(cell) for cell in zip(*parts, strict=True)]
+    try:
+        times, absolute = stamps_ns(cells, source.zone)
+    except StampError as error:
+        raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
+    return np.array([ns - times[0] for ns in times]) / 1e9, times[0] if absolute else 0
 
 
 def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
     triads: dict[str, Any] = {name: _vector(group, table, profile.turn) for name, group in profile.triads.items()}
     temperature = profile.temperature
     time = profile.time
-    implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns} if time.unix else {}
+    implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
     return ImuData(
         t=t,
         temp_c=None if temperature is None else _inside(table.columns[temperature.columns[0]], temperature.unit),
@@ -150,8 +172,12 @@ def _stacked(columns: tuple[ColumnRef, ...], table: Table) -> Floats:
 
 def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
     counts = _stacked(group.columns, table)
+    if group.zero is not None:
+        counts = counts - group.zero
     values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
     values = -values if group.gravity else values
+    if group.axes != AS_MOUNTED:
+        values = in_body_axes(group.axes, values)
     return values if turn is None else in_body_axes(turn, values)
 
 
@@ -177,8 +203,13 @@ def _attitude(source: ReferenceSource, table: Table) -> Floats:
     return quat_from_xyzw(values) if source.order == "xyzw" else values
 
 
-def _changes(profile: Profile) -> tuple[str, ...]:
+def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
     notes = []
+    if profile.stamps and not t0_ns and "t0_ns" not in profile.meta:
+        notes.append("the time stamps name no date or no zone (see time.zone), so the start in UTC is not known")
+    for name, group in profile.triads.items():
+        if group.axes != AS_MOUNTED:
+            notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
     if any(group.gravity for group in profile.triads.values()):
         notes.append("acc was negated: the profile says that it points down at rest, as gravity does")
     if profile.turn is not None:
