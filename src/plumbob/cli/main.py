@@ -28,6 +28,7 @@ VERBS = (
     "verify",
     "repair",
     "export",
+    "profile",
     "sim",
     "run",
     "eval",

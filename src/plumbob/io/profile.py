@@ -9,6 +9,9 @@ from plumbob.rotations import Frame, North
 ColumnRef = int | str
 """A column by its number, counted from 1, or by its name."""
 
+NO_COLUMN: Final = "none"
+"""Stands for the column of an axis that the sensor does not have."""
+
 AS_MOUNTED: Final = "x y z"
 """Axes that change nothing."""
 
@@ -194,6 +197,8 @@ class Profile:
         Temperature, one column.
     flags : int, str or None
         Column of flags in Plumbob's own meaning.
+    flag_words : bool
+        Whether their names stand there, joined by ``+``, instead of their bits.
     reference : ReferenceSource or None
         Attitude.
     meta : mapping
@@ -211,6 +216,7 @@ class Profile:
     triads: Mapping[str, GroupSource] = field(default_factory=dict)
     temperature: GroupSource | None = None
     flags: ColumnRef | None = None
+    flag_words: bool = False
     reference: ReferenceSource | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -221,6 +227,11 @@ class Profile:
     def stamps(self) -> tuple[ColumnRef, ...]:
         """Columns of dates and clock times."""
         return self.time.columns if isinstance(self.time, TimeStamps) else ()
+
+    @property
+    def texts(self) -> tuple[ColumnRef, ...]:
+        """Columns that are no numbers."""
+        return self.stamps if self.flags is None or not self.flag_words else (*self.stamps, self.flags)
 
     @property
     def turn(self) -> str | None:
@@ -235,4 +246,4 @@ class Profile:
         single = time if self.flags is None else (*time, self.flags)
         groups = [*self.triads.values(), *([self.temperature] if self.temperature else [])]
         reference = self.reference.used if self.reference else ()
-        return (*single, *(ref for group in groups for ref in group.columns), *reference)
+        return (*single, *(ref for group in groups for ref in group.columns if ref != NO_COLUMN), *reference)

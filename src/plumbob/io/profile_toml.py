@@ -64,13 +64,15 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     raw = forms.toml(text, GUIDE)
     if isinstance(raw.get("kind"), str):
         raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
+    _refuse_questions(raw)
     found = _section("profile", raw, _PROFILE, ("separator", "header", "time"))
     profile = Profile(
         layout=Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),
         time=found["time"],
         triads={name: found[name] for name in TRIADS if name in found},
         temperature=found.get("temperature"),
-        flags=found.get("flags"),
+        flags=found.get("flags", {}).get("column"),
+        flag_words=found.get("flags", {}).get("words", False),
         reference=found.get("reference"),
         meta={key: found[key] for key in _META if key in found}
         | {f"{name}_range": found[name].full_scale for name in TRIADS if name in found},
@@ -80,6 +82,27 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     )
     _require_sense(profile)
     return profile
+
+
+def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
+    """Keys whose value is still a question: a text that begins with ``?``, or a list that begins with one."""
+    found = []
+    for key, value in raw.items():
+        first = value[0] if isinstance(value, list) and value else value
+        if isinstance(value, dict):
+            found += questions(value, f"{where}{key}.")
+        elif isinstance(first, str) and first.lstrip().startswith("?"):
+            found.append(f"{where}{key}")
+    return found
+
+
+def _refuse_questions(raw: Mapping[str, Any]) -> None:
+    if open_ := questions(raw):
+        many = "1 question is" if len(open_) == 1 else f"{len(open_)} questions are"
+        raise DecodeError(
+            f"{many} not answered: {', '.join(open_)}. Open the file, and behind each '?' correct what is wrong and "
+            "delete the '?'; a number or true loses its quotes."
+        )
 
 
 def _require_sense(profile: Profile) -> None:
@@ -277,9 +300,8 @@ def _temperature(where: str, value: Any) -> GroupSource:
     return GroupSource(columns=(found["column"],), unit=found["unit"])
 
 
-def _flags(where: str, value: Any) -> ColumnRef:
-    column: ColumnRef = _section(where, value, {"column": _column}, ("column",))["column"]
-    return column
+def _flags(where: str, value: Any) -> dict[str, Any]:
+    return _section(where, value, {"column": _column, "words": forms.truth}, ("column",))
 
 
 def _covariance(where: str, value: Any) -> GroupSource:

@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plumbob import units
+from plumbob import flags, units
 from plumbob._files import existing_file, reading
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -14,6 +15,7 @@ from plumbob.errors import DecodeError, excerpt
 from plumbob.io.findings import read_notes
 from plumbob.io.profile import (
     AS_MOUNTED,
+    NO_COLUMN,
     ColumnRef,
     GroupSource,
     Profile,
@@ -22,7 +24,7 @@ from plumbob.io.profile import (
     TimeRate,
     TimeStamps,
 )
-from plumbob.io.profile_toml import GUIDE, load_profile
+from plumbob.io.profile_toml import load_profile
 from plumbob.io.recording import Recording
 from plumbob.io.text_table import Table, read_table
 from plumbob.io.timestamps import StampError, stamps_ns
@@ -65,12 +67,17 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
     with reading(file):
         time = declared.time
         exact = time.column if isinstance(time, TimeColumn) and time.unix else None
-        table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.stamps)
-        t, t0_ns = _time(declared, table)
-        imu = _imu(declared, table, t, t0_ns) if declared.triads else None
-        track = None if declared.reference is None else _track(declared.reference, table, t, declared.turn)
-        notes = (*read_notes(declared.notes, imu), note, *table.notes, *_changes(declared, t0_ns))
-        return Recording(imu=imu, track=track, name=file.stem, notes=notes)
+        table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.texts)
+        return recording_of(declared, table, file.stem, note)
+
+
+def recording_of(profile: Profile, table: Table, name: str, note: str) -> Recording:
+    """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
+    t, t0_ns = _time(profile, table)
+    imu = _imu(profile, table, t, t0_ns) if profile.triads else None
+    track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
+    notes = (*read_notes(profile.notes, imu), note, *table.notes, *_changes(profile, t0_ns))
+    return Recording(imu=imu, track=track, name=name, notes=notes)
 
 
 def sidecars(path: Path) -> tuple[Path, Path]:
@@ -92,7 +99,7 @@ def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile,
     if not found:
         raise DecodeError(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
-            f"it); its first line is {_first_line(file)}; {GUIDE} shows how to write one. Bare numbers "
+            f"it); its first line is {_first_line(file)}. 'plumbob profile {file.name}' drafts one. Bare numbers "
             "of a unit at rest are for 'plumbob allan', with --rate and --scale."
         )
     return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
@@ -132,7 +139,7 @@ def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
     return ImuData(
         t=t,
         temp_c=None if temperature is None else _inside(table.columns[temperature.columns[0]], temperature.unit),
-        flags=_optional(table, profile.flags),  # type: ignore[arg-type]
+        flags=_flags(profile, table),  # type: ignore[arg-type]
         meta=ImuMeta(**{**implied, **profile.meta}),
         **triads,
     )
@@ -156,6 +163,18 @@ def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -
     )
 
 
+def _flags(profile: Profile, table: Table) -> Floats | NDArray[np.uint32] | None:
+    if profile.flags is None or not profile.flag_words:
+        return _optional(table, profile.flags)
+    cells = table.texts[profile.flags]
+    try:
+        bits = {cell: flags.of_names(cell.split("+") if cell else ()) for cell in dict.fromkeys(cells)}
+    except KeyError as error:
+        row = next(i for i, cell in enumerate(cells) if error.args[0] in cell.split("+"))
+        raise DecodeError(f"line {table.line_of(row)}: {excerpt(error.args[0])} is not the name of a flag.") from error
+    return np.array([bits[cell] for cell in cells], dtype=np.uint32)
+
+
 def _optional(table: Table, ref: ColumnRef | None) -> Floats | None:
     return None if ref is None else table.columns[ref]
 
@@ -167,7 +186,8 @@ def _inside(values: Floats, unit: str) -> Floats:
 
 
 def _stacked(columns: tuple[ColumnRef, ...], table: Table) -> Floats:
-    return np.stack([table.columns[ref] for ref in columns], axis=1)
+    none = np.full(table.rows, np.nan) if NO_COLUMN in columns else None
+    return np.stack([none if ref == NO_COLUMN else table.columns[ref] for ref in columns], axis=1)  # type: ignore[misc]
 
 
 def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:

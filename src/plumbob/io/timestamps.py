@@ -32,6 +32,12 @@ def is_stamp(cell: str) -> bool:
     return _STAMP.fullmatch(cell.strip()) is not None
 
 
+def has_zone(cell: str) -> bool:
+    """Tell whether a time that can be read here names its zone."""
+    match = _STAMP.fullmatch(cell.strip())
+    return match is not None and match[9] is not None
+
+
 def zone_ns(text: str) -> int:
     """What a zone is ahead of UTC, ns, from ``"UTC"``, ``"Z"`` or ``"+08:00"``.
 
