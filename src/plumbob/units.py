@@ -243,6 +243,14 @@ def canonical_name(name: str, quantity: Quantity | None = None) -> str:
     return canonical
 
 
+def is_name(name: str, quantity: Quantity | None = None) -> bool:
+    """Tell whether a text names a unit; arguments as for `unit`."""
+    try:
+        return bool(canonical_name(name, quantity))
+    except UnitError:
+        return False
+
+
 def _meant(name: str) -> str:
     """What was perhaps meant by an unknown unit; a person decides."""
     if name in _TWO_MEANINGS:

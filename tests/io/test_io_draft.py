@@ -88,6 +88,9 @@ def loggers(folder, moved):
                   [f"Gyr{a}_mdps" for a in "XYZ"]) + "\n",
                   [[s.strftime("%Y/%m/%d") for s in stamps], [s.strftime("%H:%M:%S.%f") for s in stamps],
                    *(force * 1e3).T, *(rate * 1e3).T]), {}),
+        "a row of units without brackets": (
+            table(folder / "k.csv", "Logger V2;fw 3.1\nts;gyro.x;gyro.y;gyro.z;accel.x;accel.y;accel.z\n" +
+                  "ms;mdps;mdps;mdps;mg;mg;mg\n", [T * 1e3, *(rate * 1e3).T, *(force * 1e3).T], ";"), {}),
         "LabVIEW": (
             table(folder / "i.lvm", "LabVIEW Measurement\n***End_of_Header***\n" + "\t".join(["时间",
                   *(f"角速度{a}" for a in "XYZ"), *(f"加速度{a}" for a in "XYZ"), "备注"]) +
@@ -105,7 +108,7 @@ def files(tmp_path_factory, moved):
 
 NAMES = ("semicolons and decimal commas", "tabs, milliseconds, lines before", "phyphox", "names in a comment",
          "no header", "seconds since 1970, mg, mdps, mG", "counts", "date and clock", "LabVIEW",
-         "runs of blanks, microseconds")  # fmt: skip
+         "runs of blanks, microseconds", "a row of units without brackets")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

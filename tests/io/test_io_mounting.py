@@ -204,3 +204,17 @@ def test_a_left_handed_case_is_advised_to_name_the_sensor():
         parse_profile('axes = "x y -z"\n' + HEAD + '[time]\nrate = "100 Hz"\n' + GYR)
     with pytest.raises(DecodeError, match="remove the axes of the sensors"):
         parse_profile("axes_applied = true\n" + HEAD + '[time]\nrate = "100 Hz"\n' + GYR + 'axes = "y -x z"\n')
+
+
+@pytest.mark.parametrize(("hand", "own"), [(1.0, 'axes = "z -x y"\nmirrored = true'), (-1.0, 'axes = "-z x -y"')])
+def test_a_device_that_is_left_handed_throughout(parse, hand, own):
+    """The table of docs/own-csv.md: x right, y up, z ahead; forward-left-up is its z, −x, y, worked out by hand."""
+    body = np.array([[0.1, 0.2, 0.3], [0.2, 0.1, -0.3]])  # forward, left, up
+    device = np.stack([-body[:, 1], body[:, 2], body[:, 0]], axis=1)  # right, up, ahead
+    columns = np.hstack([hand * device, device * G0])
+    table = "".join(",".join(map(repr, row)) + "\n" for row in columns.tolist())
+    acc = '[acc]\ncolumns = ["ax", "ay", "az"]\nunit = "m/s2"\nsign = "specific-force"\n'
+    profile = HEAD + '[time]\nrate = "100 Hz"\n' + GYR + own + "\n" + acc + 'axes = "z -x y"\nmirrored = true\n'
+    imu = parse("gx,gy,gz,ax,ay,az\n" + table, profile).imu
+    assert imu.gyr.tolist() == body.tolist()
+    assert imu.acc == pytest.approx(body * G0, rel=1e-15)

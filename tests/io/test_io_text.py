@@ -402,7 +402,7 @@ def test_our_own_csv_knows_its_rows(tmp_path):
 def test_without_a_profile_the_first_line_and_the_way_out_are_shown(tmp_path):
     (tmp_path / "a.csv").write_text(ROWS)
     with pytest.raises(
-        DecodeError, match=r"--profile FILE\.toml.*'t,gx,gy,gz'.*'plumbob profile a\.csv' drafts one"
+        DecodeError, match=r"--profile FILE\.toml.*'t,gx,gy,gz'.*plumbob profile .*a\.csv drafts one"
     ) as caught:
         read(tmp_path / "a.csv")
     in_one_line(caught)

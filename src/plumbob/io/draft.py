@@ -21,14 +21,14 @@ from plumbob._files import existing_file, reading, write_text
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
-from plumbob.errors import DecodeError, ParameterError, UnitError
+from plumbob.errors import DecodeError, ParameterError
 from plumbob.io.profile import AS_MOUNTED
 from plumbob.io.profile_toml import GUIDE
 from plumbob.io.sniff import Sample, sample_of
 from plumbob.io.timestamps import FORM, has_zone, is_stamp, stamps_ns
 from plumbob.io.turning import Turning, turning
 from plumbob.rotations import in_body_axes, signed_axes
-from plumbob.units import UNITS, Quantity, canonical_name, to_si
+from plumbob.units import UNITS, Quantity, canonical_name, is_name, to_si
 
 _KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
 _WORDS: Final = {
@@ -260,7 +260,9 @@ class _Writer:
         if layout.missing != type(layout)(separator=",").missing:
             self._set("missing", layout.missing, "cells without a value")
         self._set("frame", "", "ENU, NED or NWU: in which an attitude shall be given", ask=True)
-        self._set("axes", AS_MOUNTED, "body x, y, z in the axes of the sensor case, as 'x -y -z'", ask=True)
+        self._set(
+            "axes", AS_MOUNTED, "body x, y, z in the axes of the sensor case; left-handed ones: own-csv.md", ask=True
+        )
         if unused := [self._names[i] or f"column {i + 1}" for i in self._free() if i != self._temperature]:
             self._lines.append(f"# Not used: {_one_line(', '.join(unused))}")
         self._open("header")
@@ -439,10 +441,7 @@ def _unit_word(word: str) -> str:
 
 
 def _known(name: str, kind: Quantity) -> str:
-    try:
-        return canonical_name(name, kind) if name else ""
-    except UnitError:
-        return ""
+    return canonical_name(name, kind) if is_name(name, kind) else ""
 
 
 def _dates(cells: Sequence[str]) -> bool:

@@ -18,7 +18,7 @@ from plumbob.errors import DecodeError
 from plumbob.io.profile import Layout
 from plumbob.io.text_head import split_row
 from plumbob.io.timestamps import is_clocklike
-from plumbob.units import UNITS
+from plumbob.units import Quantity, is_name
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""
@@ -198,7 +198,11 @@ def _names(line: str, separator: str, width: int) -> tuple[str, ...]:
 
 def _all_units(cells: Sequence[str]) -> bool:
     said = [cell.strip() for cell in cells if cell.strip()]
-    return len(said) > 1 and all(_UNIT_CELL.fullmatch(cell) or cell in UNITS for cell in said)
+    return len(said) > 1 and all(_UNIT_CELL.fullmatch(cell) or _is_unit(cell) for cell in said)
+
+
+def _is_unit(cell: str) -> bool:
+    return any(is_name(cell, kind) for kind in (None, Quantity.FIELD, Quantity.TEMPERATURE))
 
 
 def _comment(lines: Sequence[str]) -> str:

@@ -1,5 +1,6 @@
 """Read text files as their profile declares them: units to SI, signs, body axes, references."""
 
+import shlex
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -99,8 +100,8 @@ def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile,
     if not found:
         raise DecodeError(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
-            f"it); its first line is {_first_line(file)}. 'plumbob profile {file.name}' drafts one. Bare numbers "
-            "of a unit at rest are for 'plumbob allan', with --rate and --scale."
+            f"it); its first line is {_first_line(file)}. plumbob profile {shlex.quote(str(file))} drafts one. "
+            "Bare numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
         )
     return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
 
