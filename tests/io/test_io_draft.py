@@ -181,6 +181,7 @@ def test_columns_of_other_meanings_are_named_and_left_alone(tmp_path):
         ("1.5\n" * 20, "plumbob allan"),
         ("t,speed\n" + "".join(f"{i},{i}\n" for i in range(9)), "no three columns look like"),
         ("\0" * 5000, "no separator"),
+        ("t,ax,ay,az\n" + "2024-02-30 10:00:00,0,0,1\n" * 9, r"a\.csv: .*no such day"),
         ('"' * 5000 + "\n", "no separator"),
     ],
 )

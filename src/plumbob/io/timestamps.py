@@ -54,7 +54,7 @@ def zone_ns(text: str) -> int:
 class StampError(DecodeError):
     """A cell that cannot be read; `row` counts from 0."""
 
-    def __init__(self, row: int, what: str) -> None:
+    def __init__(self, what: str, row: int = 0) -> None:
         super().__init__(what)
         self.row = row
 
@@ -87,11 +87,11 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
         ns, has = _parsed(row, cell)
         first = first or has
         if has != first:
-            raise StampError(row, f"{excerpt(cell)} has a date or a zone and the first time has none, or the reverse.")
+            raise StampError(f"{excerpt(cell)} has a date or a zone and the first time has none, or the reverse.", row)
         times.append(ns)
     dated, zoned = first or (False, False)
     if zoned and zone is not None:
-        raise StampError(0, f"{excerpt(cells[0])} names its zone itself; remove time.zone.")
+        raise StampError(f"{excerpt(cells[0])} names its zone itself; remove time.zone.", 0)
     absolute = dated and (zoned or zone is not None)
     return [ns - (zone or 0) for ns in times], absolute
 
@@ -99,14 +99,14 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
 def _parsed(row: int, cell: str) -> tuple[int, tuple[bool, bool]]:
     match = _STAMP.fullmatch(cell.strip())
     if match is None:
-        raise StampError(row, f"{excerpt(cell)} is not a time in the form of {FORM}, as 2024-05-01T12:30:05.120Z.")
+        raise StampError(f"{excerpt(cell)} is not a time in the form of {FORM}, as 2024-05-01T12:30:05.120Z.", row)
     year, _, month, day, hour, minute, second, fraction, zone = match.groups()
     try:
         days = _days(year, month, day) if year else 0
     except ValueError:
-        raise StampError(row, f"{excerpt(cell)} has no such day.") from None
+        raise StampError(f"{excerpt(cell)} has no such day.", row) from None
     if int(hour) > 23 or int(minute) > 59 or int(second) > 59:
-        raise StampError(row, f"{excerpt(cell)} has no such hour, minute or second.")
+        raise StampError(f"{excerpt(cell)} has no such hour, minute or second.", row)
     seconds = int(hour) * 3600 + int(minute) * 60 + int(second)
     ns = days * _DAY_NS + seconds * 10**9 + (int(f"{fraction:0<9.9}") if fraction else 0)
     return ns - (_ahead(zone) if zone else 0), (year is not None, zone is not None)
