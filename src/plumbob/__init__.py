@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from plumbob.evaluate import Evaluation
     from plumbob.filters import Filter, filter_names
     from plumbob.io import Recording, read, write
+    from plumbob.io.draft import profile
     from plumbob.pipeline.line import Line
     from plumbob.pipeline.session import Session
     from plumbob.pipeline.session_toml import load_session
@@ -89,6 +90,7 @@ _HOME = {
     "filter_names": "filters",
     "find_format": "rigs",
     "load_session": "pipeline.session_toml",
+    "profile": "io.draft",
     "read": "io",
     "simulate": "sim",
     "write": "io",
@@ -114,6 +116,7 @@ __all__ = [
     "filter_names",
     "find_format",
     "load_session",
+    "profile",
     "read",
     "simulate",
     "write",

@@ -8,6 +8,8 @@ import typing
 from typing import Final
 
 if typing.TYPE_CHECKING:
+    from collections.abc import Iterable
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -61,6 +63,12 @@ MEANING: Final[dict[int, tuple[str, str]]] = {
 def names(flags: int) -> tuple[str, ...]:
     """Names of the flags that are set, in order of their bits."""
     return tuple(name for bit, (name, _) in MEANING.items() if flags & bit)
+
+
+def of_names(names: "Iterable[str]") -> int:
+    """Flags with these names set; KeyError, of the name, where one is unknown."""
+    bits = {name: bit for bit, (name, _) in MEANING.items()}
+    return sum(bits[name] for name in dict.fromkeys(names))
 
 
 def counts(words: "NDArray[np.uint32]") -> dict[str, int]:

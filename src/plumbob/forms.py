@@ -180,14 +180,13 @@ def positive(where: str, value: Any) -> float:
 
 
 def unit_of(kind: Quantity) -> Parse:
-    """Name of a unit of a quantity."""
+    """Name of a unit of a quantity, as `plumbob.units.UNITS` has it."""
 
     def parse(where: str, value: Any) -> str:
         try:
-            units.unit(text(where, value), kind)
+            return units.canonical_name(text(where, value), kind)
         except UnitError as error:
             raise UnitError(f"{where}: {error}") from error
-        return str(value)
 
     return parse
 

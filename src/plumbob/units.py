@@ -90,6 +90,7 @@ UNITS: dict[str, Unit] = {
     "rad/s": Unit(Quantity.RATE, 1.0),
     "deg/s": Unit(Quantity.RATE, _DEG),
     "mrad/s": Unit(Quantity.RATE, 1e-3),
+    "mdeg/s": Unit(Quantity.RATE, 1e-3 * _DEG),
     "deg/h": Unit(Quantity.RATE, _DEG / 3600.0),
     "rpm": Unit(Quantity.RATE, 2.0 * math.pi / 60.0),
     "rad/s2": Unit(Quantity.ANGULAR_ACCELERATION, 1.0),
@@ -157,22 +158,57 @@ UNITS: dict[str, Unit] = {
 _ALIASES = {
     "dps": "deg/s",
     "°/s": "deg/s",
+    "°/sec": "deg/s",
+    "deg/sec": "deg/s",
+    "degrees/s": "deg/s",
+    "degree/s": "deg/s",
+    "mdps": "mdeg/s",
+    "m°/s": "mdeg/s",
+    "rad/sec": "rad/s",
+    "rad s^-1": "rad/s",
     "°/h": "deg/h",
+    "°/hr": "deg/h",
+    "deg/hr": "deg/h",
     "r/min": "rpm",
     "m/s^2": "m/s2",
     "m/s²": "m/s2",
+    "m/s/s": "m/s2",
+    "m s^-2": "m/s2",
     "Gs": "gauss",
     "Ga": "gauss",
+    "Gauss": "gauss",
     "mGs": "mgauss",
     "mGa": "mgauss",
+    "mGauss": "mgauss",
+    "milligauss": "mgauss",
+    "uTesla": "uT",
+    "microtesla": "uT",
     "°": "deg",
+    "degrees": "deg",
     "°C": "degC",
+    "℃": "degC",
+    "deg C": "degC",
+    "Celsius": "degC",
+    "celsius": "degC",
+    "sec": "s",
+    "seconds": "s",
+    "msec": "ms",
+    "milliseconds": "ms",
+    "usec": "us",
+    "microseconds": "us",
     "1/s²": "1/s2",
     "1/s^2": "1/s2",
 }
+_SYMBOLS = {
+    ("G", Quantity.FIELD): "gauss",
+    ("mG", Quantity.FIELD): "mgauss",
+    ("C", Quantity.TEMPERATURE): "degC",
+}
+"""Letters that name a unit only where it is known what is measured."""
+_TWO_MEANINGS = {"G": "'gauss' for a magnetic field, 'g' for an acceleration"}
+_TWO_MEANINGS |= {"mG": "'mgauss' for a magnetic field, 'mg' for an acceleration"}
 
 
-@cache
 def unit(name: str, quantity: Quantity | None = None) -> Unit:
     """Look a unit up by name.
 
@@ -188,15 +224,41 @@ def unit(name: str, quantity: Quantity | None = None) -> Unit:
     UnitError
         If the name is unknown or measures something else.
     """
+    return UNITS[canonical_name(name, quantity)]
+
+
+@cache
+def canonical_name(name: str, quantity: Quantity | None = None) -> str:
+    """Name of a unit as `UNITS` has it; parameters and errors as for `unit`."""
     canonical = name.strip()
     for sign in _MICRO:
         canonical = canonical.replace(sign, "u")
     canonical = _ALIASES.get(canonical, canonical)
+    if quantity is not None:
+        canonical = _SYMBOLS.get((canonical, quantity), canonical)
     fitting = [k for k, u in UNITS.items() if quantity is None or u.quantity is quantity]
     if canonical not in fitting:
         what = "a unit" if quantity is None else f"a unit of {quantity.name.lower()}"
-        raise UnitError(f"{name!r} is not {what}; known are {', '.join(fitting)}.")
-    return UNITS[canonical]
+        raise UnitError(f"{name!r} is not {what}; {_meant(canonical)}known are {', '.join(fitting)}.")
+    return canonical
+
+
+def is_name(name: str, quantity: Quantity | None = None) -> bool:
+    """Tell whether a text names a unit; arguments as for `unit`."""
+    try:
+        return bool(canonical_name(name, quantity))
+    except UnitError:
+        return False
+
+
+def _meant(name: str) -> str:
+    """What was perhaps meant by an unknown unit; a person decides."""
+    if name in _TWO_MEANINGS:
+        return f"write {_TWO_MEANINGS[name]}; "
+    if name.lower() in {"counts", "count", "lsb", "raw"}:
+        return "for counts, name the unit that counts_per_unit counts; "
+    other = next((known for known in (*UNITS, *_ALIASES) if known.lower() == name.lower() and known != name), "")
+    return f"if {other!r} was meant, write it so, since case matters; " if other else ""
 
 
 def to_si(value: Number, name: str, quantity: Quantity | None = None) -> Number:

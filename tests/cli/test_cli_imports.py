@@ -97,6 +97,7 @@ LINES = {
     "repair": (["repair", "sea.mcap", "--out", "repaired.mcap"], {"mcap", "record", "zstandard"}),
     "replay": (["replay", "sea.mcap"], LIVE),
     "export": (["export", "sea.mcap", "--out", "sea.csv"], LIVE | {"pyarrow", "pyarrow.csv"}),
+    "profile": (["profile", "sea.csv", "--out", "draft.toml"], {"numpy"}),
     "devices": (["devices"], {"numpy", "sensors"}),
 }  # fmt: skip
 """By name: a command line, and what it may import. Each may read what those above it wrote."""

@@ -134,7 +134,7 @@ def test_bytes_of_a_bus_that_are_no_multiple_or_another_format_are_noticed(buoy)
         (("decode", os.devnull, "--format", "buoy"), "is empty"),
         (("decode", os.devnull, "--format", "bouy"), "'bouy' is no known device"),
         (("decode", os.devnull, "--format", "buoy", "--message", "x"), "no message 'x'"),
-        (("decode", os.devnull, "--format", "buoy", "--out", "x.xls"), ".csv, .parquet or .json"),
+        (("decode", os.devnull, "--format", "buoy", "--out", "x.xls"), ".csv, .txt, .parquet or .json"),
         (("decode", os.devnull, "--format", "mpu6000", "--option", "gyr_range"), "NAME=VALUE"),
         (("decode", os.devnull, "--format", "mpu6000", "--option", "gyr_range=300 deg/s"), "must be one of"),
         (("decode", "nowhere.bin", "--format", "buoy"), "nowhere.bin does not exist; check the path."),

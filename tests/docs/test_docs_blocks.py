@@ -7,9 +7,11 @@ import shlex
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from plumbob import errors
+from plumbob import errors, profile, read
+from plumbob.constants import G0
 from tests.battery.commandline import call
 
 ROOT = Path(__file__).parents[2]
@@ -24,10 +26,10 @@ def blocks(page):
 
 
 def write_named_files(page, folder):
-    """A toml block whose first line is a comment with a file's name is that file."""
+    """A block whose first line is a comment with a file's name is that file; a table has no such line in it."""
     for kind, text in blocks(page):
-        if kind == "toml" and (name := re.match(r"# (\w+\.toml)\n", text)):
-            (folder / name[1]).write_text(text, encoding="utf-8")
+        if kind in {"toml", "csv"} and (name := re.match(rf"# (\w+\.{kind})\n", text)):
+            (folder / name[1]).write_text(text if kind == "toml" else text[name.end() :], encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
@@ -56,6 +58,15 @@ def test_console_blocks_run(page, tmp_path):
             assert done.returncode == 0, (line, done.stderr)
         else:
             assert words[0] in {"git", "make", "pip"}, line
+
+
+def test_the_drafted_profile_is_the_one_that_is_shown(tmp_path):
+    page = ROOT / "docs" / "own-csv.md"
+    write_named_files(page, tmp_path)
+    shown = next(text for kind, text in blocks(page) if kind == "text")
+    assert profile(tmp_path / "log.csv").text == shown
+    imu = read(tmp_path / "log.csv", profile=tmp_path / "logger.toml").imu
+    assert np.mean(imu.acc[:10], axis=0) == pytest.approx([0.0, 0.0, G0], abs=0.02)  # level at first, noise of 1 mg
 
 
 def test_the_first_page_shows_python_and_its_output():

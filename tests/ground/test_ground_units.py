@@ -21,6 +21,7 @@ DEFINITIONS = {
     "rad/s": 1.0,
     "deg/s": TURN / 360,
     "mrad/s": 1e-3,
+    "mdeg/s": TURN / 360 / 1000,
     "deg/h": TURN / 360 / 3600,
     "rpm": TURN / 60,
     "rad/s2": 1.0,
@@ -89,6 +90,11 @@ DEFINITIONS = {
 ALIASES = {
     "dps": "deg/s", "°/s": "deg/s", "°/h": "deg/h", "r/min": "rpm", "m/s^2": "m/s2", "m/s²": "m/s2", "Gs": "gauss",
     "Ga": "gauss", "mGs": "mgauss", "mGa": "mgauss", "°": "deg", "°C": "degC", "1/s²": "1/s2", "1/s^2": "1/s2",
+    "°/sec": "deg/s", "deg/sec": "deg/s", "degrees/s": "deg/s", "degree/s": "deg/s", "mdps": "mdeg/s",
+    "m°/s": "mdeg/s", "rad/sec": "rad/s", "rad s^-1": "rad/s", "°/hr": "deg/h", "deg/hr": "deg/h", "m/s/s": "m/s2",
+    "m s^-2": "m/s2", "Gauss": "gauss", "mGauss": "mgauss", "milligauss": "mgauss", "uTesla": "uT",
+    "microtesla": "uT", "degrees": "deg", "℃": "degC", "deg C": "degC", "Celsius": "degC", "celsius": "degC",
+    "sec": "s", "seconds": "s", "msec": "ms", "milliseconds": "ms", "usec": "us", "microseconds": "us",
 }  # fmt: skip
 
 
@@ -134,11 +140,29 @@ def test_micro_in_all_its_signs(name):
 def test_micro_is_not_milli_or_mega():
     assert unit("µs") is UNITS["us"]
     for name in ("MT", "mt", "UT", "Mg", "G", "RAD", "Dps"):
-        with pytest.raises(UnitError, match="is not a unit; known are"):
+        with pytest.raises(UnitError, match=r"is not a unit; .*known are"):
             unit(name)
 
 
-@pytest.mark.parametrize("name", ["", "parsec", "deg / s", "m/s/s", "None", "µgal"])
+def test_letters_with_two_meanings_need_to_know_what_is_measured():
+    assert unit("G", Quantity.FIELD) is UNITS["gauss"]
+    assert unit("mG", Quantity.FIELD) is UNITS["mgauss"]
+    assert unit("C", Quantity.TEMPERATURE) is UNITS["degC"]
+    for name, field, acceleration in (("G", "gauss", "g"), ("mG", "mgauss", "mg")):
+        for quantity in (None, Quantity.ACCELERATION, Quantity.RATE):
+            with pytest.raises(UnitError, match=f"'{field}' for a magnetic field, '{acceleration}' for an acceler"):
+                unit(name, quantity)
+    with pytest.raises(UnitError, match="'C' is not a unit;"):
+        unit("C")
+
+
+@pytest.mark.parametrize(("name", "advice"), [("DPS", "if 'dps' was meant"), ("LSB", "counts_per_unit counts")])
+def test_an_unknown_unit_says_what_may_be_meant(name, advice):
+    with pytest.raises(UnitError, match=advice):
+        unit(name, Quantity.RATE)
+
+
+@pytest.mark.parametrize("name", ["", "parsec", "deg / s", "m//s", "None", "µgal"])
 def test_unknown_names_are_refused_with_the_known_ones(name):
     with pytest.raises(UnitError) as error:
         unit(name)

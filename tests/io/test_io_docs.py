@@ -39,6 +39,15 @@ def test_the_logger_example(tmp_path):
     assert track.q_nb.tolist() == [[1.0, 0.0, 0.0, 0.0]] * 2
 
 
+def test_the_example_of_dates_counts_and_axes(tmp_path):
+    imu = example("Dates", tmp_path, "utf-8").imu
+    assert imu.t.tolist() == [0.0, 0.01]
+    assert imu.meta.t0_ns == 1_714_566_605_120_000_000  # date -u -d 2024-05-01T12:30:05Z +%s (GNU coreutils 9.1)
+    assert imu.acc[0] == pytest.approx([0.0, -4 / 4096 * G0, 4098 / 4096 * G0], rel=1e-14)
+    assert imu.gyr[0] == pytest.approx(np.radians([0.003, 0.012, 0.110]), rel=1e-14)
+    assert imu.mag[0] == pytest.approx([21.2, 1.1, -38.8], rel=1e-14)  # 1 G = 100 µT
+
+
 def test_every_suffix_column_and_key_is_documented():
     for kind in FORMATS:
         for suffix in kind.suffixes:
@@ -46,5 +55,6 @@ def test_every_suffix_column_and_key_is_documented():
     for column in COLUMNS:
         assert column.startswith("cov_") or f"`{column}`" in PAGE
     tables = (profile_toml._PROFILE, profile_toml._HEADER, profile_toml._TIME, profile_toml._REFERENCE)
+    tables += (profile_toml._COUNTS, profile_toml._MOUNT)
     for key in (key for table in tables for key in table):
         assert re.search(rf"[`\[.]{key}[`\] ]", PAGE), key

@@ -31,7 +31,7 @@ def require_matrix(matrix: Floats) -> None:
     if np.linalg.det(matrix) < 0.0:
         raise CalibrationError(
             "matrix is left-handed: its determinant is negative, as where an axis has the wrong sign or two are "
-            "exchanged. Declare the axes in the profile (axes, sign) and calibrate again."
+            "exchanged. Declare the axes in the profile (axes, mirrored) and calibrate again."
         )
 
 

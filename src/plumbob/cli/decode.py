@@ -12,9 +12,11 @@ from plumbob.units import Quantity, parse, unit
 
 if TYPE_CHECKING:
     from plumbob.sensors.decode import Counts, Frames
+    from plumbob.sensors.field import Field
     from plumbob.sensors.format import Format
 
 _READ = 1 << 20
+_TEXT = (".csv", ".txt")
 _HINT = 1 << 18
 """Bytes of a file of which other formats are tried."""
 
@@ -34,8 +36,13 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument(
         "--rate", metavar="HZ", help="frames per second: adds a column of time, counted from the first frame"
     )
-    p.add_argument("--out", type=Path, metavar="FILE", help="write .csv, .parquet or .json instead of printing CSV")
+    p.add_argument(
+        "--out", type=Path, metavar="FILE", help="write .csv, .txt, .parquet or .json instead of printing CSV"
+    )
     common.add_force(p)
+    p.add_argument(
+        "--unit", metavar="U", help="which of several units in a frame the file is read as (default the first)"
+    )
     p.set_defaults(run=run)
 
 
@@ -48,9 +55,9 @@ def run(args: argparse.Namespace) -> int:
 
     form = find_format(args.format).bind(common.options_of(args))
     common.note_unassigned(form, form.message(args.message))
-    if args.out and args.out.suffix not in (".csv", ".parquet", ".json"):
-        raise ParameterError(f"{args.out} must end in .csv, .parquet or .json, so that its kind is known.")
-    common.check_outputs(args, args.out, inputs=(Path(args.file),))
+    if args.out and args.out.suffix not in (*_TEXT, ".parquet", ".json"):
+        raise ParameterError(f"{args.out} must end in .csv, .txt, .parquet or .json, so that its kind is known.")
+    common.check_outputs(args, args.out, *_beside(args.out), inputs=(Path(args.file),))
     table = _Table(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
     decoder, head = Decoder(form), b""
     for data in _chunks(args.file):
@@ -67,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is None:
         table.print_new()
     else:
-        table.write(args.out, decoder.counts, overwrite=args.force)
+        table.write(args.out, decoder.counts, _profile(form, table, args.unit), overwrite=args.force)
     _tell(form, decoder.counts, table.message, head)
     if table.skipped:
         rows = "; t [s] counts rows, and is early by as many behind each gap" if args.rate else ""
@@ -76,12 +83,33 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _beside(path: Path | None) -> tuple[Path, ...]:
+    """Where the profile of a text lies."""
+    return () if path is None or path.suffix not in _TEXT else (path.with_name(f"{path.stem}.profile.toml"),)
+
+
+def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
+    """Profile that reads the table as a recording; empty where the message has no triad."""
+    from plumbob.io.decoded import profile_text, units_of
+
+    message = form.message(table.message)
+    units = units_of(message)
+    if not units:
+        return ""
+    if len(units) > 1 and unit is None:
+        common.note(f"the file is read as unit {units[0]} of {', '.join(units)}; ask for another with --unit")
+    titles = {one.name: _title(one) for one in message.fields}
+    titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
+    return profile_text(form, message, units[0] if unit is None else unit, titles, table.time)
+
+
 class _Table:
     """Rows of one message, as they come."""
 
     def __init__(self, message: str, rate: float | None) -> None:
         self.message = message
         self._rate = rate
+        self.time = "t [s]" if rate else ""
         self._parts: list[Frames] = []
         self._printed = 0
         self._rows = 0
@@ -113,14 +141,13 @@ class _Table:
             sys.stdout.write(line)
         sys.stdout.flush()
 
-    def write(self, path: Path, counts: "Counts", *, overwrite: bool) -> None:
-        """Write all into a file whose suffix says the kind."""
+    def write(self, path: Path, counts: "Counts", profile: str, *, overwrite: bool) -> None:
+        """Write all into a file whose suffix says the kind; text gets its profile beside it, Parquet inside."""
         from plumbob._files import replacing, write_text
         from plumbob.data import UNCALIBRATED
 
-        if path.suffix == ".csv":
-            with replacing(path, overwrite=overwrite) as temporary, temporary.open("w", encoding="utf-8") as file:
-                file.writelines(self._csv())
+        if path.suffix in _TEXT:
+            self._write_text(path, profile, overwrite)
             return
         columns: dict[str, list[Any]] = {}
         for names, lists in self._blocks():
@@ -137,7 +164,17 @@ class _Table:
         import pyarrow.parquet as pq
 
         with replacing(path, overwrite=overwrite) as temporary:
-            pq.write_table(pa.table(columns).replace_schema_metadata({"calibration": UNCALIBRATED}), temporary)
+            metadata = {"calibration": UNCALIBRATED} | ({"plumbob profile": profile} if profile else {})
+            pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
+
+    def _write_text(self, path: Path, profile: str, overwrite: bool) -> None:
+        from plumbob._files import replacing_all
+
+        with replacing_all(path, *(_beside(path) if profile else ()), overwrite=overwrite) as (temporary, *described):
+            for file in described:
+                file.write_text(profile, encoding="utf-8")
+            with temporary.open("w", encoding="utf-8") as stream:
+                stream.writelines(self._csv())
 
     def _csv(self) -> Iterator[str]:
         for names, lists in self._blocks():
@@ -152,7 +189,7 @@ class _Table:
         for frames in parts:
             columns = _columns(frames)
             if self._rate:
-                columns = {"t [s]": [(self._rows + i) / self._rate for i in range(len(frames))]} | columns
+                columns = {self.time: [(self._rows + i) / self._rate for i in range(len(frames))]} | columns
             self._rows += len(frames)
             yield list(columns), list(columns.values())
 
@@ -164,12 +201,15 @@ def _columns(frames: "Frames") -> dict[str, list[Any]]:
     found: dict[str, list[Any]] = {"byte": frames.start.tolist()}
     for one in (f for f in frames.message.fields if f.name in frames.columns):
         values = frames.columns[one.name].tolist()
-        name = unit(one.unit).quantity.value if one.physical else one.unit
-        header = one.name if name in ("", "1") else f"{one.name} [{name}]"
-        found[header] = [None if isinstance(value, float) and math.isnan(value) else value for value in values]
+        found[_title(one)] = [None if isinstance(value, float) and math.isnan(value) else value for value in values]
     for prefix, words in frames.flags.items():
         found[f"{prefix}.flags" if prefix else "flags"] = ["+".join(flags.names(word)) for word in words.tolist()]
     return found
+
+
+def _title(one: "Field") -> str:
+    name = unit(one.unit).quantity.value if one.physical else one.unit
+    return one.name if name in ("", "1") else f"{one.name} [{name}]"
 
 
 def _cell(value: Any) -> str:

@@ -32,6 +32,7 @@ VERBS = (
     "verify",
     "repair",
     "export",
+    "profile",
     "sim",
     "run",
     "eval",

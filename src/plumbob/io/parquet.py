@@ -15,6 +15,8 @@ from plumbob._files import existing_file, reading, replacing, require_room
 from plumbob.errors import DecodeError, guide, one_line
 from plumbob.io import header
 from plumbob.io.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
+from plumbob.io.decoded import KEY as PROFILE
+from plumbob.io.decoded import read_described
 from plumbob.io.findings import read_notes
 from plumbob.io.parquet_pages import unpacked_bytes
 from plumbob.io.recording import Recording
@@ -70,6 +72,9 @@ def read_parquet(path: str | Path) -> Recording:
     """
     file = existing_file(path)
     with reading(file):
+        with _open(file) as parquet:
+            if _is_described(parquet):
+                return read_described(parquet, file)
         content, columns = _load(file)
         header.check_header(content)
         meta, track = content["imu"], content["track"]
@@ -81,6 +86,11 @@ def read_parquet(path: str | Path) -> Recording:
             name=file.stem,
             notes=read_notes(content["notes"], imu),
         )
+
+
+def _is_described(parquet: "pq.ParquetFile") -> bool:
+    metadata = parquet.metadata.metadata or {}
+    return KEY not in metadata and PROFILE in metadata
 
 
 def _load(file: Path) -> tuple[dict[str, Any], Columns]:
@@ -112,8 +122,8 @@ def _raw_header(parquet: "pq.ParquetFile") -> bytes:
     metadata = parquet.metadata.metadata or {}
     if KEY not in metadata:
         raise DecodeError(
-            "it is no recording, but a Parquet file of another program or a table of 'plumbob decode' (no 'plumbob' in "
-            f"its metadata); export it as CSV and describe that with a profile, see {guide('file-formats.md')}."
+            "it is no recording, but a Parquet file of another program (no 'plumbob' in its metadata); "
+            f"export it as CSV and describe that with a profile, see {guide('file-formats.md')}."
         )
     return metadata[KEY]
 

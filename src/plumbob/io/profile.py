@@ -2,12 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from plumbob.rotations import Frame, North
 
 ColumnRef = int | str
 """A column by its number, counted from 1, or by its name."""
+
+NO_COLUMN: Final = "none"
+"""Stands for the column of an axis that the sensor does not have."""
+
+AS_MOUNTED: Final = "x y z"
+"""Axes that change nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +79,22 @@ class TimeColumn:
 
 
 @dataclass(frozen=True, slots=True)
+class TimeStamps:
+    """Time from dates and clock times (ISO 8601).
+
+    Attributes
+    ----------
+    columns : tuple of int or str
+        One column, or two: dates, and clock times.
+    zone : int or None
+        What the clock is ahead of UTC, ns, where the cells do not say so.
+    """
+
+    columns: tuple[ColumnRef, ...]
+    zone: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class TimeRate:
     """Time of a file that has none, from its declared rate, Hz."""
 
@@ -91,6 +113,11 @@ class GroupSource:
         Their unit.
     unit_per_count : float
         What one count is worth in that unit; 1 where the file holds the unit itself.
+    zero : tuple of float or None
+        Counts that mean zero, one for each component; None for 0.
+    axes : str
+        Where the vector's own axes are not those of the sensor case: which of them the case's x, y and z are. They may
+        be left-handed.
     gravity : bool
         Whether the columns point down at rest, as gravity does, instead of up.
     full_scale : float or None
@@ -100,6 +127,8 @@ class GroupSource:
     columns: tuple[ColumnRef, ...]
     unit: str
     unit_per_count: float = 1.0
+    zero: tuple[float, ...] | None = None
+    axes: str = AS_MOUNTED
     gravity: bool = False
     full_scale: float | None = None
 
@@ -160,7 +189,7 @@ class Profile:
     ----------
     layout : Layout
         How the text is laid out.
-    time : TimeColumn or TimeRate
+    time : TimeColumn, TimeStamps or TimeRate
         Where time comes from.
     triads : mapping of str to GroupSource
         ``gyr``, ``acc``, ``mag``, as far as the file has them.
@@ -168,6 +197,8 @@ class Profile:
         Temperature, one column.
     flags : int, str or None
         Column of flags in Plumbob's own meaning.
+    flag_words : bool
+        Whether their names stand there, joined by ``+``, instead of their bits.
     reference : ReferenceSource or None
         Attitude.
     meta : mapping
@@ -184,10 +215,11 @@ class Profile:
     """
 
     layout: Layout
-    time: TimeColumn | TimeRate
+    time: TimeColumn | TimeStamps | TimeRate
     triads: Mapping[str, GroupSource] = field(default_factory=dict)
     temperature: GroupSource | None = None
     flags: ColumnRef | None = None
+    flag_words: bool = False
     reference: ReferenceSource | None = None
     meta: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -197,16 +229,26 @@ class Profile:
     origin: str = "profile"
 
     @property
+    def stamps(self) -> tuple[ColumnRef, ...]:
+        """Columns of dates and clock times."""
+        return self.time.columns if isinstance(self.time, TimeStamps) else ()
+
+    @property
+    def texts(self) -> tuple[ColumnRef, ...]:
+        """Columns that are no numbers."""
+        return self.stamps if self.flags is None or not self.flag_words else (*self.stamps, self.flags)
+
+    @property
     def turn(self) -> str | None:
         """Body axes that the columns must be turned to; None where they are in them."""
-        axes = str(self.meta.get("axes", "x y z"))
-        return None if self.axes_applied or axes.split() == ["x", "y", "z"] else axes
+        axes = str(self.meta.get("axes", AS_MOUNTED))
+        return None if self.axes_applied or axes.split() == AS_MOUNTED.split() else axes
 
     @property
     def used(self) -> tuple[ColumnRef, ...]:
         """Every column that it uses, time included."""
-        time = [self.time.column] if isinstance(self.time, TimeColumn) else []
-        single = time if self.flags is None else [*time, self.flags]
+        time = (self.time.column,) if isinstance(self.time, TimeColumn) else self.stamps
+        single = time if self.flags is None else (*time, self.flags)
         groups = [*self.triads.values(), *([self.temperature] if self.temperature else [])]
         reference = self.reference.used if self.reference else ()
-        return (*single, *(ref for group in groups for ref in group.columns), *reference)
+        return (*single, *(ref for group in groups for ref in group.columns if ref != NO_COLUMN), *reference)

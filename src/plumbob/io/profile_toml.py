@@ -5,15 +5,29 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from plumbob import forms
 from plumbob._files import MAX_TEXT, existing_file, reading
 from plumbob.data import TRIADS
 from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt, guide
 from plumbob.forms import Parse
-from plumbob.io.profile import ColumnRef, GroupSource, Layout, Profile, ReferenceSource, TimeColumn, TimeRate
-from plumbob.rotations import Frame, North, body_axes
+from plumbob.io.profile import (
+    AS_MOUNTED,
+    ColumnRef,
+    GroupSource,
+    Layout,
+    Profile,
+    ReferenceSource,
+    TimeColumn,
+    TimeRate,
+    TimeStamps,
+)
+from plumbob.io.timestamps import FORM, zone_ns
+from plumbob.rotations import Frame, North, body_axes, signed_axes
 from plumbob.units import Quantity
 
+_MIRRORED: Final = 'axes and mirrored = true in its own table, as in [mag] axes = "x y -z"'
 GUIDE: Final = guide("file-formats.md")
 VERSION: Final = 1
 
@@ -50,13 +64,15 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     raw = forms.toml(text, GUIDE)
     if isinstance(raw.get("kind"), str):
         raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
+    _refuse_questions(raw)
     found = _section("profile", raw, _PROFILE, ("separator", "header", "time"))
     profile = Profile(
         layout=Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),
         time=found["time"],
         triads={name: found[name] for name in TRIADS if name in found},
         temperature=found.get("temperature"),
-        flags=found.get("flags"),
+        flags=found.get("flags", {}).get("column"),
+        flag_words=found.get("flags", {}).get("words", False),
         reference=found.get("reference"),
         meta={key: found[key] for key in _META if key in found}
         | {f"{name}_range": found[name].full_scale for name in TRIADS if name in found},
@@ -70,6 +86,27 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
     return profile
 
 
+def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
+    """Keys whose value is still a question: a text that begins with ``?``, or a list that begins with one."""
+    found = []
+    for key, value in raw.items():
+        first = value[0] if isinstance(value, list) and value else value
+        if isinstance(value, dict):
+            found += questions(value, f"{where}{key}.")
+        elif isinstance(first, str) and first.lstrip().startswith("?"):
+            found.append(f"{where}{key}")
+    return found
+
+
+def _refuse_questions(raw: Mapping[str, Any]) -> None:
+    if open_ := questions(raw):
+        many = "1 question is" if len(open_) == 1 else f"{len(open_)} questions are"
+        raise DecodeError(
+            f"{many} not answered: {', '.join(open_)}. Open the file, and behind each '?' correct what is wrong and "
+            "delete the '?'; a number or true loses its quotes."
+        )
+
+
 def _require_sense(profile: Profile) -> None:
     layout, reference = profile.layout, profile.reference
     if layout.separator == layout.decimal:
@@ -78,8 +115,12 @@ def _require_sense(profile: Profile) -> None:
         raise DecodeError("it declares no data; add at least one of [gyr], [acc], [mag] and [reference].")
     if not profile.triads and (profile.temperature is not None or profile.flags is not None):
         raise DecodeError("[temperature] and [flags] belong to a triad; add [gyr], [acc] or [mag].")
-    if isinstance(profile.time, TimeColumn) and profile.time.unix and "t0_ns" in profile.meta:
-        raise DecodeError('time.epoch = "unix" already says when the recording starts; remove t0_ns.')
+    absolute = 'time.epoch = "unix"' if isinstance(profile.time, TimeColumn) and profile.time.unix else ""
+    absolute = f'time.format = "{FORM}"' if profile.stamps else absolute
+    if absolute and "t0_ns" in profile.meta:
+        raise DecodeError(f"{absolute} already says when the recording starts; remove t0_ns.")
+    if profile.axes_applied and any(group.axes != AS_MOUNTED for group in profile.triads.values()):
+        raise DecodeError("axes_applied = true says that the columns are in body axes; remove the axes of the sensors.")
     if reference is not None and reference.of is None and profile.turn is not None:
         raise FrameError(
             f"axes = '{profile.turn}' turns the sensor axes, so reference needs 'of': \"case\" if its attitude is the "
@@ -145,8 +186,21 @@ def _axes(where: str, value: Any) -> str:
     try:
         body_axes(forms.text(where, value))
     except FrameError as error:
-        raise FrameError(f"{where}: {error}") from error
+        raise FrameError(f"{where}: {error} One sensor whose own axes are left-handed: {_MIRRORED}.") from error
     return str(value)
+
+
+def _own_axes(where: str, found: Mapping[str, Any]) -> str:
+    """Axes of one sensor; a left-handed set is said twice, so that no slip of a sign makes one."""
+    words = " ".join(found.get("axes", AS_MOUNTED).replace(",", " ").split())
+    try:
+        left_handed = np.linalg.det(signed_axes(words)) < 0.0
+    except FrameError as error:
+        raise FrameError(f"{where}.axes: {error}") from error
+    if left_handed != found.get("mirrored", False):
+        which = "left-handed; if the sensor's own axes are, say" if left_handed else "right-handed; remove"
+        raise FrameError(f"{where}.axes = '{words}' are {which} {where}.mirrored = true.")
+    return words
 
 
 def _frame(where: str, value: Any) -> Frame:
@@ -166,10 +220,17 @@ def _header(where: str, value: Any) -> dict[str, Any]:
     return found
 
 
-def _time(where: str, value: Any) -> TimeColumn | TimeRate:
+def _time(where: str, value: Any) -> TimeColumn | TimeStamps | TimeRate:
     found = _section(where, value, _TIME)
+    if "format" in found:
+        return _time_stamps(where, found)
+    if alone := [key for key in ("columns", "zone") if key in found]:
+        raise DecodeError(f'{where}.{alone[0]} is for dates and clock times; add {where}.format = "{FORM}".')
     if ("column" in found) == ("rate" in found):
-        raise DecodeError(f'{where} needs either column and unit, or a declared rate such as rate = "100 Hz".')
+        raise DecodeError(
+            f'{where} needs either column and unit (or format = "{FORM}" for dates and clock times), '
+            'or a declared rate such as rate = "100 Hz".'
+        )
     if "rate" in found:
         if len(found) > 1:
             raise DecodeError(
@@ -181,8 +242,23 @@ def _time(where: str, value: Any) -> TimeColumn | TimeRate:
     return TimeColumn(column=found["column"], unit=found["unit"], unix="epoch" in found)
 
 
+def _time_stamps(where: str, found: Mapping[str, Any]) -> TimeStamps:
+    if other := [key for key in ("unit", "epoch", "rate") if key in found]:
+        raise DecodeError(f"{where} has a format, so it can have no {' and no '.join(other)}; remove it.")
+    if ("column" in found) == ("columns" in found):
+        raise DecodeError(f"{where} needs column, or columns = [date, time] where these are two.")
+    return TimeStamps(columns=found.get("columns") or (found["column"],), zone=found.get("zone"))
+
+
+def _zone(where: str, value: Any) -> int:
+    try:
+        return zone_ns(forms.text(where, value))
+    except DecodeError as error:
+        raise DecodeError(f"{where}: {error}") from error
+
+
 def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...] = ()) -> Parse:
-    known = {"columns": _columns(3), "unit": forms.unit_of(kind), **_COUNTS, **extra}
+    known = {"columns": _columns(3), "unit": forms.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
 
     def parse(where: str, value: Any) -> GroupSource:
         found = _section(where, value, known, ("columns", "unit", *required))
@@ -190,6 +266,8 @@ def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...]
             columns=found["columns"],
             unit=found["unit"],
             unit_per_count=_per_count(where, found),
+            zero=_zero_counts(where, found),
+            axes=_own_axes(where, found),
             gravity=found.get("sign") == "gravity",
             full_scale=found.get("range"),
         )
@@ -203,14 +281,33 @@ def _per_count(where: str, found: Mapping[str, Any]) -> float:
     return float(found.get("unit_per_count", 1.0 / found.get("counts_per_unit", 1.0)))
 
 
+def _zero_counts(where: str, found: Mapping[str, Any]) -> tuple[float, ...] | None:
+    zero: tuple[float, ...] | None = found.get("zero")
+    if zero is not None and not {"counts_per_unit", "unit_per_count"} & set(found):
+        raise DecodeError(f"{where}.zero is in counts; add {where}.counts_per_unit or {where}.unit_per_count.")
+    return zero
+
+
+def _three_or_one(where: str, value: Any) -> tuple[float, ...]:
+    if isinstance(value, list) and len(value) == 3:
+        return tuple(forms.number(f"{where}[{i}]", item) for i, item in enumerate(value, 1))
+    return (forms.number(where, value),) * 3
+
+
+def _scale(where: str, value: Any) -> float:
+    found = forms.number(where, value)
+    if found == 0.0:
+        raise DecodeError(f"{where} must not be 0; a negative number turns the sign.")
+    return found
+
+
 def _temperature(where: str, value: Any) -> GroupSource:
     found = _section(where, value, {"column": _column, "unit": forms.unit_of(Quantity.TEMPERATURE)}, ("column", "unit"))
     return GroupSource(columns=(found["column"],), unit=found["unit"])
 
 
-def _flags(where: str, value: Any) -> ColumnRef:
-    column: ColumnRef = _section(where, value, {"column": _column}, ("column",))["column"]
-    return column
+def _flags(where: str, value: Any) -> dict[str, Any]:
+    return _section(where, value, {"column": _column, "words": forms.truth}, ("column",))
 
 
 def _covariance(where: str, value: Any) -> GroupSource:
@@ -231,7 +328,12 @@ def _reference(where: str, value: Any) -> ReferenceSource:
     return ReferenceSource(**found)
 
 
-_COUNTS: Final[dict[str, Parse]] = {"counts_per_unit": forms.positive, "unit_per_count": forms.positive}
+_COUNTS: Final[dict[str, Parse]] = {
+    "counts_per_unit": _scale,
+    "unit_per_count": _scale,
+    "zero": _three_or_one,
+}
+_MOUNT: Final[dict[str, Parse]] = {"axes": forms.text, "mirrored": forms.truth}
 _HEADER: Final[dict[str, Parse]] = {
     "marker": forms.text,
     "occurrence": forms.whole(1),
@@ -244,6 +346,9 @@ _TIME: Final[dict[str, Parse]] = {
     "unit": forms.unit_of(Quantity.TIME),
     "epoch": forms.one_of("unix"),
     "rate": forms.size(Quantity.FREQUENCY),
+    "format": forms.one_of(FORM),
+    "columns": _columns(2),
+    "zone": _zone,
 }
 _REFERENCE: Final[dict[str, Parse]] = {
     "columns": _columns(3, 4),

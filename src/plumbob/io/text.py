@@ -1,21 +1,34 @@
 """Read text files as their profile declares them: units to SI, signs, body axes, references."""
 
+import shlex
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plumbob import units
+from plumbob import flags, units
 from plumbob._files import existing_file, reading
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError, excerpt
 from plumbob.io.findings import read_notes
-from plumbob.io.profile import ColumnRef, GroupSource, Profile, ReferenceSource, TimeColumn, TimeRate
-from plumbob.io.profile_toml import GUIDE, load_profile
+from plumbob.io.profile import (
+    AS_MOUNTED,
+    NO_COLUMN,
+    ColumnRef,
+    GroupSource,
+    Profile,
+    ReferenceSource,
+    TimeColumn,
+    TimeRate,
+    TimeStamps,
+)
+from plumbob.io.profile_toml import load_profile
 from plumbob.io.recording import Recording
 from plumbob.io.text_table import Table, read_table
+from plumbob.io.timestamps import StampError, stamps_ns
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -55,12 +68,17 @@ def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> 
     with reading(file):
         time = declared.time
         exact = time.column if isinstance(time, TimeColumn) and time.unix else None
-        table = read_table(file.read_bytes(), declared.layout, declared.used, exact)
-        t, t0_ns = _time(declared, table)
-        imu = _imu(declared, table, t, t0_ns) if declared.triads else None
-        track = None if declared.reference is None else _track(declared.reference, table, t, declared.turn)
-        notes = (*read_notes(declared.notes, imu), note, *table.notes, *_changes(declared))
-        return Recording(imu=imu, track=track, name=file.stem, notes=notes)
+        table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.texts)
+        return recording_of(declared, table, file.stem, note)
+
+
+def recording_of(profile: Profile, table: Table, name: str, note: str) -> Recording:
+    """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
+    t, t0_ns = _time(profile, table)
+    imu = _imu(profile, table, t, t0_ns) if profile.triads else None
+    track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
+    notes = (*read_notes(profile.notes, imu), note, *table.notes, *_changes(profile, t0_ns))
+    return Recording(imu=imu, track=track, name=name, notes=notes)
 
 
 def sidecars(path: Path) -> tuple[Path, Path]:
@@ -82,8 +100,8 @@ def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile,
     if not found:
         raise DecodeError(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
-            f"it); its first line is {_first_line(file)}; {GUIDE} shows how to write one. Bare numbers "
-            "of a unit at rest are for 'plumbob allan', with --rate and --scale."
+            f"it); its first line is {_first_line(file)}. plumbob profile {shlex.quote(str(file))} drafts one. "
+            "Bare numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
         )
     return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
 
@@ -97,20 +115,32 @@ def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
     source = profile.time
     if isinstance(source, TimeRate):
         return np.arange(table.rows) / source.rate, 0
+    if isinstance(source, TimeStamps):
+        return _of_stamps(source, table)
     nanoseconds = Fraction(units.unit(source.unit).factor).limit_denominator(10**9) * 10**9
     t0_ns = round(Fraction(table.zero) * nanoseconds)
     return _inside(table.columns[source.column], source.unit), t0_ns
+
+
+def _of_stamps(source: TimeStamps, table: Table) -> tuple[Floats, int]:
+    parts = [table.texts[ref] for ref in source.columns]
+    cells = parts[0] if len(parts) == 1 else [" ".join(cell) for cell in zip(*parts, strict=True)]
+    try:
+        times, absolute = stamps_ns(cells, source.zone)
+    except StampError as error:
+        raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
+    return np.array([ns - times[0] for ns in times]) / 1e9, times[0] if absolute else 0
 
 
 def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
     triads: dict[str, Any] = {name: _vector(group, table, profile.turn) for name, group in profile.triads.items()}
     temperature = profile.temperature
     time = profile.time
-    implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns} if time.unix else {}
+    implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
     imu = ImuData(
         t=t,
         temp_c=None if temperature is None else _inside(table.columns[temperature.columns[0]], temperature.unit),
-        flags=_optional(table, profile.flags),  # type: ignore[arg-type]
+        flags=_flags(profile, table),  # type: ignore[arg-type]
         meta=ImuMeta(**{**implied, **profile.meta}),
         **triads,
     )
@@ -139,6 +169,18 @@ def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -
     )
 
 
+def _flags(profile: Profile, table: Table) -> Floats | NDArray[np.uint32] | None:
+    if profile.flags is None or not profile.flag_words:
+        return _optional(table, profile.flags)
+    cells = table.texts[profile.flags]
+    try:
+        bits = {cell: flags.of_names(cell.split("+") if cell else ()) for cell in dict.fromkeys(cells)}
+    except KeyError as error:
+        row = next(i for i, cell in enumerate(cells) if error.args[0] in cell.split("+"))
+        raise DecodeError(f"line {table.line_of(row)}: {excerpt(error.args[0])} is not the name of a flag.") from error
+    return np.array([bits[cell] for cell in cells], dtype=np.uint32)
+
+
 def _optional(table: Table, ref: ColumnRef | None) -> Floats | None:
     return None if ref is None else table.columns[ref]
 
@@ -150,13 +192,18 @@ def _inside(values: Floats, unit: str) -> Floats:
 
 
 def _stacked(columns: tuple[ColumnRef, ...], table: Table) -> Floats:
-    return np.stack([table.columns[ref] for ref in columns], axis=1)
+    none = np.full(table.rows, np.nan) if NO_COLUMN in columns else None
+    return np.stack([none if ref == NO_COLUMN else table.columns[ref] for ref in columns], axis=1)  # type: ignore[misc]
 
 
 def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
     counts = _stacked(group.columns, table)
+    if group.zero is not None:
+        counts = counts - group.zero
     values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
     values = -values if group.gravity else values
+    if group.axes != AS_MOUNTED:
+        values = in_body_axes(group.axes, values)
     return values if turn is None else in_body_axes(turn, values)
 
 
@@ -182,8 +229,13 @@ def _attitude(source: ReferenceSource, table: Table) -> Floats:
     return quat_from_xyzw(values) if source.order == "xyzw" else values
 
 
-def _changes(profile: Profile) -> tuple[str, ...]:
+def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
     notes = []
+    if profile.stamps and not t0_ns and "t0_ns" not in profile.meta:
+        notes.append("the time stamps name no date or no zone (see time.zone), so the start in UTC is not known")
+    for name, group in profile.triads.items():
+        if group.axes != AS_MOUNTED:
+            notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
     if any(group.gravity for group in profile.triads.values()):
         notes.append("acc was negated: the profile says that it points down at rest, as gravity does")
     if profile.turn is not None:

@@ -1,8 +1,9 @@
 """Numbers of a text file: fast with Arrow, and line by line where Arrow refuses, so that an error names its cell."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from itertools import islice
 from typing import Any, Final
 
 import numpy as np
@@ -12,9 +13,11 @@ from plumbob.errors import DecodeError, excerpt
 from plumbob.io.profile import ColumnRef, Layout
 from plumbob.io.text_body import Body
 from plumbob.io.text_head import decode, find_head, is_idle, split_row
+from plumbob.io.timestamps import FORM, is_clocklike
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
 _LARGEST: Final = Decimal(10) ** 20
+_Read = tuple[dict[ColumnRef, Floats], dict[ColumnRef, list[str]], Decimal]
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,15 +34,36 @@ class Table:
         N.
     notes : tuple of str
         What was left out.
+    texts : dict
+        Cells of the columns that are no numbers.
+    line_of : callable
+        Number of the line of a row that counts from 0.
     """
 
     columns: dict[ColumnRef, Floats]
     zero: Decimal
     rows: int
     notes: tuple[str, ...]
+    texts: dict[ColumnRef, list[str]]
+    line_of: Callable[[int], int]
 
 
-def read_table(raw: bytes, layout: Layout, refs: Sequence[ColumnRef], exact: ColumnRef | None = None) -> Table:
+@dataclass(frozen=True, slots=True)
+class _Wanted:
+    """Places of the columns among the cells of a row, and how they are read."""
+
+    places: dict[ColumnRef, int]
+    exact: ColumnRef | None
+    texts: Sequence[ColumnRef]
+
+
+def read_table(
+    raw: bytes,
+    layout: Layout,
+    refs: Sequence[ColumnRef],
+    exact: ColumnRef | None = None,
+    texts: Sequence[ColumnRef] = (),
+) -> Table:
     """Read columns of a text file.
 
     Parameters
@@ -52,6 +76,8 @@ def read_table(raw: bytes, layout: Layout, refs: Sequence[ColumnRef], exact: Col
         The columns.
     exact : int or str, optional
         One of them that is read as decimal numbers and returned less its first value.
+    texts : sequence of int or str
+        Those of them that are no numbers.
 
     Raises
     ------
@@ -67,10 +93,15 @@ def read_table(raw: bytes, layout: Layout, refs: Sequence[ColumnRef], exact: Col
     width = len(split_row(first, layout.separator, line))
     places = {ref: place_of(ref, head.names, width, layout) for ref in refs}
     _refuse_shared(places)
-    columns, zero = _fast(body, layout, width, places, exact) or _slow(body, layout, width, places, exact)
-    rows = next(iter(columns.values())).size
+    wanted = _Wanted(places, exact, texts)
+    columns, words, zero = _fast(body, layout, width, wanted) or _slow(body, layout, width, wanted)
+    rows = len(next(iter((columns | words).values())))
     _refuse_rows(rows, layout.rows)
-    return Table(columns, zero, rows, body.remark())
+    return Table(columns, zero, rows, body.remark(), words, lambda row: _line_of(body, layout, row))
+
+
+def _line_of(body: Body, layout: Layout, row: int) -> int:
+    return next(islice((line for line, text in body.rows() if not is_idle(text, layout.comment)), row, None))
 
 
 def _refuse_rows(found: int, declared: int | None) -> None:
@@ -104,14 +135,15 @@ def _refuse_shared(places: dict[ColumnRef, int]) -> None:
             raise DecodeError(f"{other!r} and {ref!r} are the same column; each column has one meaning.")
 
 
-def _fast(
-    body: Body, layout: Layout, width: int, places: dict[ColumnRef, int], exact: ColumnRef | None
-) -> tuple[dict[ColumnRef, Floats], Decimal] | None:
+def _fast(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read | None:
     import pyarrow as pa
     from pyarrow import csv
 
     names = [str(i) for i in range(width)]
-    types = {str(p): pa.decimal128(*_EXACT) if ref == exact else pa.float64() for ref, p in places.items()}
+    types: dict[str, Any] = {str(p): pa.float64() for p in wanted.places.values()}
+    types |= {str(wanted.places[ref]): pa.string() for ref in wanted.texts}
+    if wanted.exact is not None:
+        types[str(wanted.places[wanted.exact])] = pa.decimal128(*_EXACT)
     try:
         source: Any = pa.BufferReader(pa.py_buffer(body.packed(layout)))
         table = csv.read_csv(
@@ -127,7 +159,10 @@ def _fast(
         )
     except (pa.ArrowException, OSError, ValueError):
         return None
-    return _collected({ref: table.column(str(p)) for ref, p in places.items()}, exact)
+    found: dict[ColumnRef, Any] = {ref: table.column(str(p)) for ref, p in wanted.places.items()}
+    texts = {ref: found.pop(ref).to_pylist() for ref in wanted.texts}
+    numbers = _collected(found, wanted.exact)
+    return None if numbers is None else (numbers[0], texts, numbers[1])
 
 
 def _collected(found: dict[ColumnRef, Any], exact: ColumnRef | None) -> tuple[dict[ColumnRef, Floats], Decimal] | None:
@@ -144,10 +179,9 @@ def _collected(found: dict[ColumnRef, Any], exact: ColumnRef | None) -> tuple[di
     return {ref: np.asarray(column.to_numpy(), dtype=np.float64) for ref, column in found.items()}, zero
 
 
-def _slow(
-    body: Body, layout: Layout, width: int, places: dict[ColumnRef, int], exact: ColumnRef | None
-) -> tuple[dict[ColumnRef, Floats], Decimal]:
-    cells: dict[ColumnRef, list[float]] = {ref: [] for ref in places}
+def _slow(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read:
+    cells: dict[ColumnRef, list[float]] = {ref: [] for ref in wanted.places if ref not in wanted.texts}
+    texts: dict[ColumnRef, list[str]] = {ref: [] for ref in wanted.texts}
     stamps: list[Decimal] = []
     for line, row in body.rows():
         if is_idle(row, layout.comment):
@@ -158,15 +192,17 @@ def _slow(
                 f"line {line} has {len(found)} cells, but the first row of numbers has {width}: {excerpt(row)}; "
                 "correct the line, or the separator in the profile."
             )
-        for ref, place in places.items():
-            if ref == exact:
+        for ref, place in wanted.places.items():
+            if ref in texts:
+                texts[ref].append(found[place])
+            elif ref == wanted.exact:
                 stamps.append(_decimal(found[place], line, ref, layout))
             else:
                 cells[ref].append(_number(found[place], line, ref, layout))
     zero = stamps[0] if stamps else Decimal(0)
-    if exact is not None:
-        cells[exact] = [float(stamp - zero) for stamp in stamps]
-    return {ref: np.array(values, dtype=np.float64) for ref, values in cells.items()}, zero
+    if wanted.exact is not None:
+        cells[wanted.exact] = [float(stamp - zero) for stamp in stamps]
+    return {ref: np.array(values, dtype=np.float64) for ref, values in cells.items()}, texts, zero
 
 
 def _number(cell: str, line: int, ref: ColumnRef, layout: Layout) -> float:
@@ -197,7 +233,12 @@ def _plain(cell: str, layout: Layout) -> str:
 
 def _no_number(cell: str, line: int, ref: ColumnRef, layout: Layout) -> DecodeError:
     other = "," if layout.decimal == "." else "."
-    advice = f"declare decimal = '{other}'" if other in cell else "correct it, or add it to 'missing' in the profile"
+    if is_clocklike(cell):
+        advice = f'it looks like a date or clock time: declare [time] format = "{FORM}" for the column of time'
+    else:
+        advice = (
+            f"declare decimal = '{other}'" if other in cell else "correct it, or add it to 'missing' in the profile"
+        )
     return DecodeError(
         f"line {line}, column {ref!r}: {excerpt(cell)} is not a number with decimal '{layout.decimal}'; {advice}."
     )

@@ -26,7 +26,10 @@ WRONG_DIP: Final = deg(15.0)
 DOUBTFUL_DIP: Final = deg(3.0)
 """The same, to be told, rad: buildings bend the field by as much."""
 
-_AXES: Final = "Correct the magnetometer's 'axes' and 'sign' in the profile of the device, by its data sheet"
+_AXES: Final = (
+    "Correct the magnetometer's axes by its data sheet: of a text file in its profile, as [mag] axes = 'x y -z' with "
+    "mirrored = true"
+)
 
 
 def told_by_others(
@@ -117,7 +120,7 @@ def _of_turn(found: float | None, turned: float, dip: float | None, by: str) -> 
     if turned > TURNED:
         return (
             f"TURNED BY {to_deg(turned):.0f}°: the magnetometer's axes are not those of the {by}. "
-            "If the device does not mount it so, 'axes' or 'sign' in the profile are wrong.",
+            "If the device does not mount it so, correct 'axes' of [mag] in the profile.",
         )
     if upward:
         return (

@@ -3,7 +3,16 @@
 from plumbob.rotations.average import quat_mean
 from plumbob.rotations.dcm import dcm_from_quat, quat_from_dcm
 from plumbob.rotations.euler import body_rate_from_euler_zyx, euler_zyx_from_quat, near_gimbal, quat_from_euler_zyx
-from plumbob.rotations.frames import Frame, North, assert_same, body_axes, change_frame, frame_rotation, in_body_axes
+from plumbob.rotations.frames import (
+    Frame,
+    North,
+    assert_same,
+    body_axes,
+    change_frame,
+    frame_rotation,
+    in_body_axes,
+    signed_axes,
+)
 from plumbob.rotations.quat import (
     IDENTITY,
     quat_angle,
@@ -60,5 +69,6 @@ __all__ = [
     "right_jacobian_inverse",
     "rotation_from_quat",
     "rotvec_from_quat",
+    "signed_axes",
     "skew",
 ]

@@ -108,11 +108,11 @@ def in_body_axes(spec: str, vectors: Floats) -> Floats:
     Parameters
     ----------
     spec : str
-        As `body_axes` takes it.
+        As `signed_axes` takes it.
     vectors : ndarray (..., 3)
         In sensor-case axes.
     """
-    c_bs = body_axes(spec)
+    c_bs = signed_axes(spec)
     return np.asarray(vectors[..., np.abs(c_bs).argmax(axis=1)] * c_bs.sum(axis=1))
 
 
@@ -135,6 +135,20 @@ def body_axes(spec: str) -> Floats:
     FrameError
         If the letters are not three different axes, or the set is left-handed.
     """
+    c = signed_axes(spec)
+    if np.linalg.det(c) < 0.0:
+        raise FrameError(f"body axes {spec!r} are left-handed; no turning of a case gives them. Check one sign.")
+    return c
+
+
+def signed_axes(spec: str) -> Floats:
+    """Matrix (3, 3) of three signed letters as `body_axes` takes them, left-handed sets too.
+
+    Raises
+    ------
+    FrameError
+        If the letters are not three different axes.
+    """
     words = spec.replace(",", " ").split()
     letters = [w.lstrip("+-") for w in words]
     if sorted(letters) != ["x", "y", "z"] or any(len(w) - len(v) > 1 for w, v in zip(words, letters, strict=True)):
@@ -142,8 +156,6 @@ def body_axes(spec: str) -> Floats:
     c = np.zeros((3, 3))
     for row, (word, letter) in enumerate(zip(words, letters, strict=True)):
         c[row, "xyz".index(letter)] = -1.0 if word.startswith("-") else 1.0
-    if np.linalg.det(c) < 0.0:
-        raise FrameError(f"body axes {spec!r} are left-handed; no turning of a case gives them. Check one sign.")
     return c
 
 
