@@ -37,6 +37,9 @@ TRIAD_FLAGS = {
 _IMPOSSIBLE = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
 _SI = {"gyr": "rad/s", "acc": "m/s²", "mag": "µT"}
 
+Range = float | tuple[float, float, float] | None
+"""Full scale of a triad: one number for all its axes, one for each, or not known."""
+
 
 @dataclass(frozen=True, slots=True)
 class ImuMeta:
@@ -46,8 +49,9 @@ class ImuMeta:
     ----------
     device : str
         Name of the sensor unit.
-    gyr_range, acc_range, mag_range : float or None
-        Full scale of each triad, rad/s, m/s², µT. Values at it are flagged as clipped.
+    gyr_range, acc_range, mag_range : float or tuple of 3 floats or None
+        Full scale of each triad, rad/s, m/s², µT; of each body axis where they differ. Values at it are flagged as
+        clipped.
     rate_nominal : float or None
         Sampling rate as configured, Hz; for display only, mathematics uses the measured steps.
     t0_ns : int
@@ -63,13 +67,14 @@ class ImuMeta:
     calibration : str or None
         Name of the calibration card that has been applied; None says uncalibrated.
     unit_check : bool
-        Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower.
+        Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower; it is
+        off where a format said the units.
     """
 
     device: str = "unknown"
-    gyr_range: float | None = None
-    acc_range: float | None = None
-    mag_range: float | None = None
+    gyr_range: Range = None
+    acc_range: Range = None
+    mag_range: Range = None
     rate_nominal: float | None = None
     t0_ns: int = 0
     axes: str = "x y z"
@@ -82,7 +87,7 @@ class ImuMeta:
     def __post_init__(self) -> None:
         """Validate ranges and names."""
         for name in TRIADS:
-            _check_range(name, getattr(self, f"{name}_range"))
+            object.__setattr__(self, f"{name}_range", _checked_range(name, getattr(self, f"{name}_range")))
         if self.rate_nominal is not None and not 0.0 < self.rate_nominal < np.inf:
             raise ShapeError(f"rate_nominal must be a positive number of Hz, or None, but it is {self.rate_nominal}.")
         if not isinstance(self.frame, Frame | None) or not isinstance(self.north, North | None):
@@ -93,6 +98,32 @@ class ImuMeta:
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
+
+    def full_scale(self, name: str) -> Floats | None:
+        """Full scale of the three axes of a triad (3,), in the unit of its values; None where it is not known.
+
+        Parameters
+        ----------
+        name : {"gyr", "acc", "mag"}
+            Which triad.
+        """
+        told: Range = getattr(self, f"{name}_range")
+        return None if told is None else np.broadcast_to(np.asarray(told, dtype=np.float64), 3)
+
+    def turned(self, dcm: Floats) -> Self:
+        """Return the meta of a recording whose triads are turned: each range is the greatest value of the turned axis.
+
+        Parameters
+        ----------
+        dcm : ndarray (3, 3)
+            Rotation matrix that the triads are multiplied by.
+        """
+        ranges: dict[str, Any] = {}
+        for name in TRIADS:
+            full_scale = self.full_scale(name)
+            if full_scale is not None:
+                ranges[f"{name}_range"] = np.minimum(np.abs(dcm) @ full_scale, _IMPOSSIBLE[name])
+        return replace(self, **ranges)
 
 
 def calibration_told(calibration: str | None) -> str:
@@ -161,7 +192,7 @@ class ImuData:
                 continue
             triad = check.rows(name, value, 3, t.size)
             found &= ~np.uint32(TRIAD_FLAGS[name][0])
-            found |= _judge(name, triad, getattr(self.meta, f"{name}_range"), self.meta.unit_check)
+            found |= _judge(name, triad, self.meta.full_scale(name), self.meta.unit_check)
             self._set(name, triad)
         if all(getattr(self, name) is None for name in TRIADS):
             raise ShapeError("a recording needs at least one of gyr, acc and mag, but none was given.")
@@ -206,7 +237,7 @@ class ImuData:
                 found |= np.uint32(TRIAD_FLAGS[name][0])
                 continue
             found &= ~np.uint32(TRIAD_FLAGS[name][0])
-            found |= _marks(name, triads[name], getattr(meta, f"{name}_range"))
+            found |= _marks(name, triads[name], meta.full_scale(name))
         part = object.__new__(cls)
         values = {name: triads.get(name) for name in TRIADS}
         _refreeze(part, {"t": clock.to_s(t_ns), **values, "temp_c": temp_c, "flags": found, "meta": meta})
@@ -282,6 +313,15 @@ class ImuData:
         if not out.any() or np.isnan(value[out]).all():
             return value
         return check.read_only(np.where(out[:, np.newaxis], np.nan, value))
+
+    def unit_doubts(self) -> tuple[str, ...]:
+        """Why triads are hardly in their units, in words: what `unit_check` refuses, where it is switched off."""
+        found = []
+        for name in self.triads:
+            invalid = (self.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
+            if doubt := _unit_doubt(name, getattr(self, name), invalid, self.meta.full_scale(name)):
+                found.append(doubt[0])
+        return tuple(found)
 
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
@@ -495,9 +535,23 @@ def _declination(angle: Any) -> float | None:
     return declination
 
 
-def _check_range(name: str, full_scale: float | None) -> None:
-    if full_scale is None:
-        return
+def _checked_range(name: str, told: Any) -> Range:
+    """Range of a triad; one number where all axes have the same."""
+    if told is None:
+        return None
+    axes = check.floats(f"{name}_range", told)
+    if axes.shape not in {(), (3,)}:
+        raise ShapeError(
+            f"{name}_range must be one number for all axes, three for x, y and z, or None, but its shape is "
+            f"{axes.shape}."
+        )
+    for full_scale in axes.ravel().tolist():
+        _check_range(name, full_scale)
+    x, y, z = np.broadcast_to(axes, 3).tolist()
+    return float(x) if x == y == z else (x, y, z)
+
+
+def _check_range(name: str, full_scale: float) -> None:
     if not full_scale > 0.0:
         raise UnitError(f"{name}_range must be a positive full scale in {_SI[name]}, or None, but it is {full_scale}.")
     if full_scale > _IMPOSSIBLE[name]:
@@ -507,7 +561,7 @@ def _check_range(name: str, full_scale: float | None) -> None:
         )
 
 
-def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool) -> NDArray[np.uint32]:
+def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool) -> NDArray[np.uint32]:
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
     _, _, invalid = TRIAD_FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
@@ -515,28 +569,30 @@ def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool)
         what = "is NaN" if missing.all() else "has no finite number"
         raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
     found = _marks(name, triad, full_scale)
-    if unit_check:
-        _refuse_wrong_unit(name, triad, (found & np.uint32(invalid)) != 0, full_scale, _limit(name, full_scale))
+    if unit_check and (doubt := _unit_doubt(name, triad, (found & np.uint32(invalid)) != 0, full_scale)):
+        raise UnitError(". ".join(doubt))
     return found
 
 
-def _limit(name: str, full_scale: float | None) -> float:
-    return _IMPOSSIBLE[name] if full_scale is None else min(_IMPOSSIBLE[name], 1.05 * full_scale)
+def _limit(name: str, full_scale: Floats | None) -> Floats:
+    """Largest value of each axis that can be true, (3,)."""
+    reach = np.inf if full_scale is None else 1.05 * full_scale
+    return np.broadcast_to(np.minimum(_IMPOSSIBLE[name], reach), 3)
 
 
-def _marks(name: str, triad: Floats, full_scale: float | None) -> NDArray[np.uint32]:
-    """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of its range."""
-    usual = min(_limit(name, full_scale), np.inf if full_scale is None else 0.999 * full_scale)
-    if (np.abs(triad) < usual).all():  # nearly every part of a stream; a missing value is not below anything
+def _marks(name: str, triad: Floats, full_scale: Floats | None) -> NDArray[np.uint32]:
+    """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of the range of an axis."""
+    limit = _limit(name, full_scale)
+    end = np.inf if full_scale is None else 0.999 * full_scale  # the last code below full scale is already the end
+    if (np.abs(triad) < np.minimum(limit, end)).all():  # nearly every part of a stream; a missing value is not below
         return np.zeros(len(triad), dtype=np.uint32)
     absent, clipped, invalid = TRIAD_FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
-    size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
-    too_big: NDArray[np.bool_] = np.asarray(size > _limit(name, full_scale))
+    size = np.abs(np.where(missing[:, np.newaxis], 0.0, triad))
+    too_big = (size > limit).any(axis=1)
     found: NDArray[np.uint32] = np.where(missing, np.uint32(absent), np.uint32(0))
     found[too_big] |= invalid
-    if full_scale is not None:  # the last code below full scale is already the end of the range
-        found[(size >= 0.999 * full_scale) & ~too_big] |= clipped
+    found[(size >= end).any(axis=1) & ~too_big] |= clipped
     return found
 
 
@@ -544,37 +600,43 @@ def _finite(triad: Floats) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(triad).all(axis=1))
 
 
-def _refuse_wrong_unit(
-    name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: float | None, limit: float
-) -> None:
+def _unit_doubt(
+    name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: Floats | None
+) -> tuple[str, str] | None:
+    """Why a triad is hardly in its unit, and what to do; None where it may well be."""
     wrong = too_big & _finite(triad)  # infinity has no unit
     if np.count_nonzero(wrong) > max(1, 0.01 * wrong.size):
         i = int(np.argmax(wrong))
-        axis = int(np.nanargmax(np.abs(triad[i])))
-        what = f"range is ±{full_scale:.6g} {_SI[name]}" if full_scale else f"limit is {limit:g} {_SI[name]}"
-        raise UnitError(
-            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {what}{_in_degrees(name, full_scale)}, "
-            f"and {np.count_nonzero(wrong)} of {wrong.size} samples exceed it. {_ADVICE[name]}"
+        axis = int(np.argmax(np.abs(triad[i]) / _limit(name, full_scale)))
+        return (
+            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {_bound(name, full_scale, axis)}, "
+            f"and {np.count_nonzero(wrong)} of {wrong.size} samples exceed it",
+            _ADVICE[name],
         )
-    possible = triad[~too_big]
+    return None if name == "gyr" else _unusual_size(name, triad[~too_big])
+
+
+def _unusual_size(name: str, possible: Floats) -> tuple[str, str] | None:
     norm = np.sqrt(np.sum(possible * possible, axis=1))
     norm = norm[np.isfinite(norm)]
-    if name == "gyr" or norm.size < ENOUGH:
-        return
+    if norm.size < ENOUGH:
+        return None
     typical = float(np.median(norm))
     low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
-    if not low <= typical <= high:
-        usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
-        zeros = int(np.count_nonzero(norm == 0.0))
-        if 2 * zeros > norm.size:
-            raise UnitError(
-                f"|{name}| is exactly zero in {zeros} of {norm.size} samples, but on Earth it lies in {usual}. The "
-                f"sensor was off or its columns were never filled: make those samples NaN, or leave {name} out."
-            )
-        raise UnitError(
-            f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
-            f"{usual}{_guess(name, typical)}. {_ADVICE[name]}"
+    if low <= typical <= high:
+        return None
+    usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
+    zeros = int(np.count_nonzero(norm == 0.0))
+    if 2 * zeros > norm.size:
+        return (
+            f"|{name}| is exactly zero in {zeros} of {norm.size} samples, but on Earth it lies in {usual}",
+            f"The sensor was off or its columns were never filled: make those samples NaN, or leave {name} out.",
         )
+    return (
+        f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
+        f"{usual}{_guess(name, typical)}",
+        _ADVICE[name],
+    )
 
 
 _CONVERTER = {"gyr": "dps", "acc": "g", "mag": "gauss"}
@@ -587,8 +649,12 @@ _ADVICE = {
 }
 
 
-def _in_degrees(name: str, full_scale: float | None) -> str:
-    return f" ({to_deg(full_scale):.6g} °/s)" if name == "gyr" and full_scale else ""
+def _bound(name: str, full_scale: Floats | None, axis: int) -> str:
+    if full_scale is None:
+        return f"limit is {_IMPOSSIBLE[name]:g} {_SI[name]}"
+    end = float(full_scale[axis])
+    degrees = f" ({to_deg(end):.6g} °/s)" if name == "gyr" else ""
+    return f"range is ±{end:.6g} {_SI[name]}{degrees}"
 
 
 def _guess(name: str, typical: float) -> str:

@@ -45,7 +45,7 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if data.meta.calibration is not None:
         raise CalibrationError(f"the recording is already calibrated, with {data.meta.calibration}.")
     _require_units(card)
-    changed: dict[str, Any] = {}
+    meta, changed = data.meta, dict[str, Any]()
     for name in ("acc", "gyr", "mag"):  # the gyroscope's g-sensitivity asks for the calibrated specific force
         model: TriadCalibration | None = getattr(card, name)
         measured: Floats | None = getattr(data, name)
@@ -56,7 +56,8 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if card.mount is not None:
         dcm_bs = dcm_from_quat(card.mount.q_bs)
         changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
-    return data.corrected(**changed, meta=replace(data.meta, calibration=_told(card, data)))
+        meta = meta.turned(dcm_bs)
+    return data.corrected(**changed, meta=replace(meta, calibration=_told(card, data)))
 
 
 def temperature_beyond(card: CalibrationCard, data: ImuData) -> str | None:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from plumbob.data import Range
 from plumbob.rotations import Frame, North
 
 ColumnRef = int | str
@@ -93,15 +94,15 @@ class GroupSource:
         What one count is worth in that unit; 1 where the file holds the unit itself.
     gravity : bool
         Whether the columns point down at rest, as gravity does, instead of up.
-    full_scale : float or None
-        Measuring range, in the unit used inside.
+    full_scale : float or tuple of 3 floats or None
+        Measuring range, in the unit used inside; of each column where they differ.
     """
 
     columns: tuple[ColumnRef, ...]
     unit: str
     unit_per_count: float = 1.0
     gravity: bool = False
-    full_scale: float | None = None
+    full_scale: Range = None
 
 
 @dataclass(frozen=True, slots=True)

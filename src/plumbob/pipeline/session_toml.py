@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from plumbob import forms
 from plumbob._files import text_of
 from plumbob.cards import CalibrationCard, NoiseCard
@@ -18,7 +20,7 @@ from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Sess
 from plumbob.pipeline.source_toml import parse_source
 from plumbob.pipeline.sources import KERNEL, described
 from plumbob.rigs import find_format
-from plumbob.rotations import Frame, North, body_axes
+from plumbob.rotations import Frame, North, body_axes, in_body_axes
 from plumbob.sensors.format import Format, Message
 from plumbob.sensors.format_toml import parse_format
 from plumbob.sensors.triads import ranges_of
@@ -178,14 +180,16 @@ def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str]:
 
 def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
     told = {} if source is not None and source.kind in KERNEL else ranges_of(form.message(message), unit)
-    ranges: dict[str, Any] = {f"{name}_range": full for name, full in told.items()}
+    axes = imu.get("axes", "x y z")
+    ranges: dict[str, Any] = {f"{name}_range": np.abs(in_body_axes(axes, case)) for name, case in told.items()}
     asked = None if source is None else source.settings.get("rate")
     return ImuMeta(
         device=imu.get("device", form.name),
-        axes=imu.get("axes", "x y z"),
+        axes=axes,
         frame=imu.get("frame"),
         declination=imu.get("declination"),
         rate_nominal=asked or form.framing.rate,
+        unit_check=False,  # the format says the units
         **ranges,
     )
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plumbob import flags
 from plumbob.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.check import Floats
-from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
 from plumbob.errors import FrameError, ParameterError
 from plumbob.rotations import Frame, North
 from plumbob.sim.errors import Measured, TriadErrors, measure
@@ -230,7 +230,7 @@ def _spread(found: Measured, rows: NDArray[np.int64], count: int) -> Measured:
 def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> ImuData:
     kept = world.line.kept
     found = np.zeros(kept.size, dtype=np.uint32)
-    for name, triad in measured.items():  # a recording knows one range per triad, but its axes may have several
+    for name, triad in measured.items():  # before the sensor's errors, a value at the end may look smaller
         found[triad.clipped.any(axis=1)] |= np.uint32(_CLIPPED[name])
     return ImuData(
         t=world.line.stamps[kept],
@@ -241,9 +241,11 @@ def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> I
     )
 
 
-def _range(errors: TriadErrors | None) -> float | None:
-    largest = np.inf if errors is None else float(errors.full_scale.max())
-    return largest if np.isfinite(largest) else None
+def _range(errors: TriadErrors | None) -> Range:
+    if errors is None or not np.isfinite(errors.full_scale).all():
+        return None
+    x, y, z = errors.full_scale.tolist()
+    return (x, y, z)
 
 
 def _track(body: Truth, measured: dict[str, Measured], line: TimeLine, source: str) -> AttitudeTrack:
