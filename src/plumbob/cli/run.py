@@ -34,6 +34,7 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import io, pipeline
+    from plumbob.doubts import upside_down
     from plumbob.errors import ParameterError, ShapeError
     from plumbob.pipeline.bias_prior import bias_beyond
 
@@ -51,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     found = io.found_in(recording.notes) if args.calibration is None else (*doubt, *io.findings(imu))
     if beyond is not None:
         found = (*found, f"temperature: {beyond}")
-    common.note(*(f"{args.file.name}: {line}" for line in found))
+    common.note(*(f"{args.file.name}: {line}" for line in (*found, *upside_down(imu, frame))))
     common.warn_of_compiling([stage.filter])
     with common.progress(f"{stage.name}", len(imu)) as advance:
         track = pipeline.estimate(imu, stage, frame=frame, progress=advance)

@@ -5,6 +5,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 """
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -18,9 +19,10 @@ from plumbob._jit import Kernel, bare, njit, specialise
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
-from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
+from plumbob.doubts import doubts, upside_down
+from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.filters.admission import judge
-from plumbob.filters.layout import BIAS, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
+from plumbob.filters.layout import BIAS, COUNT, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
 from plumbob.filters.timing import tick
 from plumbob.filters.watch import watch
 from plumbob.params import Spec, build, describe, shown
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
 STATE_VERSION = 2
+_LOOKED_AT = 10_000
+"""Samples from whose first ones a caller is warned of a wrong unit or sign; more would cost as much as a filter."""
 
 
 class CommonParams(NamedTuple):
@@ -271,7 +275,7 @@ class Filter:
         covariance: Floats = module.covariance(q_nb, entries)
         return covariance
 
-    def process(self, data: ImuData, *, covariance: bool = False) -> AttitudeTrack:
+    def process(self, data: ImuData, *, covariance: bool = False, look: bool = True) -> AttitudeTrack:
         """Take a recording, or its next chunk, and return the attitude at each of its samples.
 
         Parameters
@@ -280,6 +284,8 @@ class Filter:
             The recording, or its next chunk.
         covariance : bool
             Keep the covariance of the attitude in the track, where the filter claims one.
+        look : bool
+            Look at the first recording for times, rates and signs that seem to be declared wrongly, and warn.
 
         Raises
         ------
@@ -289,6 +295,8 @@ class Filter:
         if not isinstance(data, ImuData):
             raise ShapeError(f"process takes an ImuData, but got {type(data).__name__}; of a Recording take its .imu.")
         self._require(data.triads)
+        if look and self._x[COUNT] == 0.0:
+            _warn_of_doubts(data, self.frame)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
         place = self._covariance if covariance else slice(0, 0)
         q_nb, bias_b, found, cov = self._batch(
@@ -458,6 +466,12 @@ def _from_noise(name: str, module: FilterModule, noise: "NoiseCard | None") -> M
     if found is None:
         raise ParameterError(f"{name} has no parameter that a noise card could give; leave the card out.")
     return found
+
+
+def _warn_of_doubts(data: ImuData, frame: Frame) -> None:
+    first = data[:_LOOKED_AT]
+    for doubt in (*doubts(first), *upside_down(first, frame)):
+        warnings.warn(f"{doubt}.".replace("?.", "?"), PlumbobWarning, stacklevel=3)
 
 
 def _attitude(init: ArrayLike) -> Floats:

@@ -138,7 +138,7 @@ class Line:
             self._t0 = int(t_ns[0])
         sensed = self._sensed(frames, t_ns - self._t0, told)
         imu = calibrated(sensed, self.session.card, live=True)
-        track = None if self.filter is None else self.filter.process(imu)
+        track = None if self.filter is None else self.filter.process(imu, look=False)
         return Part(t_ns, frames, sensed, imu, track)
 
     def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:

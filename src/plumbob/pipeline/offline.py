@@ -134,7 +134,7 @@ def estimate(imu: ImuData, stage: Stage, *, frame: Frame, progress: Progress | N
     filter_ = filter_of(stage, frame, imu.meta.declination)
     parts = []
     for chunk in imu.chunks(CHUNK):
-        parts.append(filter_.process(chunk, covariance=True))
+        parts.append(filter_.process(chunk, covariance=True, look=False))  # the findings have been told
         if progress:
             progress(len(chunk))
     return AttitudeTrack.joined(parts)
