@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from plumbob import check
 from plumbob.errors import DecodeError, PlumbobError, one_line
 
 MAX_TEXT: Final = 16 * 1024 * 1024
@@ -39,7 +40,7 @@ def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path
     DecodeError
         If there is none, it is a folder, a pipe or a device, or it is larger.
     """
-    file = Path(path)
+    file = check.path("path", path)
     if file.is_dir():
         raise DecodeError(f"{file} is a folder; name one file in it.")
     if not file.exists():

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from plumbob import check, clock, flags
 from plumbob.check import Floats
 from plumbob.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.errors import ClockError, FrameError, ShapeError, UnitError
+from plumbob.errors import ClockError, ShapeError, UnitError
 from plumbob.rotations import Frame, North, body_axes, quat_normalize
 from plumbob.sample import ImuSample
 from plumbob.units import to_deg
@@ -88,13 +88,11 @@ class ImuMeta:
         """Validate ranges and names."""
         for name in TRIADS:
             object.__setattr__(self, f"{name}_range", _checked_range(name, getattr(self, f"{name}_range")))
-        if self.rate_nominal is not None and not 0.0 < self.rate_nominal < np.inf:
+        if self.rate_nominal is not None and not 0.0 < check.number("rate_nominal", self.rate_nominal, "Hz") < np.inf:
             raise ShapeError(f"rate_nominal must be a positive number of Hz, or None, but it is {self.rate_nominal}.")
-        if not isinstance(self.frame, Frame | None) or not isinstance(self.north, North | None):
-            raise FrameError(
-                f"frame and north must be a Frame and a North, or None, but they are {self.frame!r} and {self.north!r}."
-                " Names become them with Frame.parse and North.parse."
-            )
+        for name, known in (("frame", Frame), ("north", North)):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, known.parse(getattr(self, name)))
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
@@ -177,6 +175,7 @@ class ImuData:
 
     def __post_init__(self) -> None:
         """Validate everything, once."""
+        check.kind("meta", self.meta, ImuMeta)
         t = check.column("t", self.t)
         check.increasing_time("t", t)
         t = clock.to_s(clock.to_ns(t))
@@ -280,10 +279,10 @@ class ImuData:
 
     def chunks(self, size: int) -> Iterator[Self]:
         """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
-        if size < 1:
-            raise ShapeError(f"size must be at least 1, but it is {size}.")
-        for start in range(0, len(self), size):
-            yield self[start : start + size]
+        if not isinstance(size, Integral) or size < 1:
+            raise ShapeError(f"size must be a whole number from 1 on, but it is {check.said(size)}.")
+        for start in range(0, len(self), int(size)):
+            yield self[start : start + int(size)]
 
     def samples(self) -> Iterator[ImuSample]:
         """Yield the samples one by one, as a live source would."""
@@ -305,7 +304,7 @@ class ImuData:
         name : {"gyr", "acc", "mag"}
             Which triad.
         """
-        value = self._triad(name)
+        value = self._triad(check.one_of("name", name, TRIADS))
         if value is None:
             return check.read_only(np.full((len(self), 3), np.nan))
         absent, _, invalid = TRIAD_FLAGS[name]
@@ -394,7 +393,7 @@ class ImuData:
             )
         joined = np.full((inertial.size, 3), np.nan)
         joined[place[inside]] = values[inside]
-        return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=meta or ImuMeta())
+        return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=ImuMeta() if meta is None else meta)
 
 
 @dataclass(frozen=True, eq=False)
@@ -444,8 +443,8 @@ class AttitudeTrack:
 
     def __post_init__(self) -> None:
         """Validate everything, once."""
-        if not isinstance(self.frame, Frame) or not isinstance(self.north, North):
-            raise FrameError(f"a track needs a Frame and a North, but got frame={self.frame!r}, north={self.north!r}.")
+        object.__setattr__(self, "frame", Frame.parse(self.frame))
+        object.__setattr__(self, "north", North.parse(self.north))
         t = check.column("t", self.t)
         check.increasing_time("t", t)
         t = clock.to_s(clock.to_ns(t))

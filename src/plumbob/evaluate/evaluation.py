@@ -6,12 +6,12 @@ declination, time, mounting or heading, is done to the reference, and the result
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from plumbob import flags
-from plumbob.check import Floats
+from plumbob.check import Floats, number, said
 from plumbob.data import AttitudeTrack
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.evaluate import report
@@ -112,9 +112,17 @@ class Evaluation:
         return report.text(self)
 
 
+class Tracked(Protocol):
+    """What holds an attitude, such as a `plumbob.Recording` with its reference."""
+
+    @property
+    def track(self) -> AttitudeTrack | None:
+        """The attitude."""
+
+
 def evaluate(
-    estimate: AttitudeTrack,
-    reference: AttitudeTrack,
+    estimate: AttitudeTrack | Tracked,
+    reference: AttitudeTrack | Tracked,
     *,
     align: Collection[str] = (),
     max_gap: float | None = None,
@@ -126,11 +134,11 @@ def evaluate(
 
     Parameters
     ----------
-    estimate : AttitudeTrack
+    estimate : AttitudeTrack or Recording
         Judged at its own times, in its own frame; not where it carries `plumbob.flags.NOT_CONVERGED`, because what it
         holds there is no estimate yet.
-    reference : AttitudeTrack
-        The truth; where it has a ``score``, only those samples count.
+    reference : AttitudeTrack or Recording
+        The truth; where it has a ``score``, only those samples count. Of a recording, its ``track``.
     align : collection of {"time", "mounting", "heading"}
         Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
         time also removes the delay of a filter.
@@ -156,8 +164,14 @@ def evaluate(
     FrameError
         If one heading is true, the other magnetic, and neither declination nor alignment bridges them.
     ShapeError
-        If no sample is left to score.
+        If no sample is left to score, or one of the two is not an attitude and holds none.
     """
+    estimate, reference = _attitude("estimate", estimate), _attitude("reference", reference)
+    for name, value in (("max_gap", max_gap), ("max_offset", max_offset), ("settle", settle)):
+        if value is not None or name != "max_gap":
+            number(name, value, "s")
+    if declination is not None:
+        number("declination", declination, "rad")
     settings = Settings(_asked(align), max_gap, max_offset, declination, settle)
     policy = heading_policy(
         estimate.north, reference.north, aligned="heading" in settings.align, declination=declination
@@ -174,12 +188,22 @@ def evaluate(
     return _measure(estimate, reference, settings, match, alignment, policy)
 
 
+def _attitude(name: str, given: AttitudeTrack | Tracked) -> AttitudeTrack:
+    if isinstance(given, AttitudeTrack):
+        return given
+    if isinstance(held := getattr(given, "track", None), AttitudeTrack):
+        return held
+    what = "has no track" if hasattr(given, "track") else f"is {said(given)}"
+    raise ShapeError(
+        f"{name} must be an AttitudeTrack, or a Recording that has one, but it {what}. A filter's process gives an "
+        "estimate; a file is read with plumbob.read."
+    )
+
+
 def _asked(align: Collection[str]) -> tuple[str, ...]:
-    words = {align} if isinstance(align, str) else set(align)
-    if not words <= set(ALIGNMENTS):
-        raise ParameterError(
-            f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(sorted(words - set(ALIGNMENTS)))}."
-        )
+    words = (align,) if isinstance(align, str) or not isinstance(align, Collection) else tuple(align)
+    if unknown := [word for word in words if not isinstance(word, str) or word not in ALIGNMENTS]:
+        raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(said, unknown))}.")
     return tuple(word for word in ALIGNMENTS if word in words)
 
 

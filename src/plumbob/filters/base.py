@@ -20,7 +20,7 @@ from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.doubts import doubts, upside_down
-from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
+from plumbob.errors import DecodeError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.filters.admission import judge
 from plumbob.filters.layout import BIAS, COUNT, HEADED, LAST, OWN, SIZE, STAGE, USE_MAG, Q
 from plumbob.filters.timing import tick
@@ -178,8 +178,8 @@ class Filter:
     ----------
     name : str
         As listed by `filter_names`.
-    frame : Frame
-        Navigation frame of the result; there is no default.
+    frame : Frame or str
+        Navigation frame of the result, as ``Frame.ENU`` or ``"ENU"``; there is no default.
     params : Mapping, optional
         Parameters by name; numbers in SI, text with its unit. Unknown names are refused.
     noise : NoiseCard, optional
@@ -214,20 +214,19 @@ class Filter:
         self,
         name: str,
         *,
-        frame: Frame,
+        frame: Frame | str,
         params: Mapping[str, Any] | None = None,
         noise: "NoiseCard | None" = None,
         init: ArrayLike | None = None,
     ) -> None:
         from plumbob.filters import load
 
-        if not isinstance(frame, Frame):
-            raise FrameError(f"frame must be a Frame ({', '.join(Frame)}), but it is {frame!r}.")
         self.name = name
-        self.frame = frame
+        self.frame = frame = Frame.parse(frame)
         self.module = load(name)
         from_card = _from_noise(name, self.module, noise)
-        self.params, self.common = _split_params(name, self.module, {**from_card, **(params or {})})
+        given = {} if params is None else _mapping(params)
+        self.params, self.common = _split_params(name, self.module, {**from_card, **given})
         self._loops = _cached_loops(name, self.module)
         c = _coefficients(self.module, self.params, self.common, frame)
         self._s: Floats = np.concatenate((c, np.zeros(OWN + self.module.STATE)))  # one array: one pointer to pass
@@ -292,8 +291,7 @@ class Filter:
         ShapeError
             If the recording lacks a triad that the filter needs.
         """
-        if not isinstance(data, ImuData):
-            raise ShapeError(f"process takes an ImuData, but got {type(data).__name__}; of a Recording take its .imu.")
+        check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
         self._require(data.triads)
         if look and self._x[COUNT] == 0.0:
             _warn_of_doubts(data, self.frame)
@@ -449,6 +447,13 @@ def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tu
         build(module.Params, {k: v for k, v in values.items() if k in own}, of=name),
         build(CommonParams, {k: v for k, v in values.items() if k in shared}, of=name),
     )
+
+
+def _mapping(params: Any) -> Mapping[str, Any]:
+    if not isinstance(params, Mapping):
+        got = check.said(params)
+        raise ParameterError(f'params must be values by name, as in {{"kp": 0.5, "gate": "0.08 g"}}, but it is {got}.')
+    return params
 
 
 def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame: Frame) -> Floats:

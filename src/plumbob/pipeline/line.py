@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import flags
+from plumbob import check, flags
 from plumbob.check import Floats
 from plumbob.clock import CountedTime, Counter, TimeBase, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
@@ -73,7 +73,7 @@ class Line:
     """
 
     def __init__(self, session: Session) -> None:
-        self.session = session
+        self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
         self.decoder = Decoder(session.form)
         message = session.form.message(session.message)
         self.time = TimeBase(_time_spec(session, message))

@@ -50,8 +50,8 @@ def load_session(path: str | Path) -> Session:
     ParameterError, UnitError, FrameError, CalibrationError
         If what it asks for does not exist or does not go together.
     """
+    text = text_of(path)
     file = Path(path)
-    text = text_of(file)
     try:
         return parse_session(text, lambda name: text_of(file.parent / name), name=file.stem)
     except PlumbobError as error:
