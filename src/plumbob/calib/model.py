@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from plumbob import flags
+from plumbob import check, flags
 from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.check import Floats
 from plumbob.data import TRIADS, ImuData
@@ -37,6 +37,8 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
         If the card belongs to another device or unit or has nothing for this recording, the recording is already
         calibrated, or a temperature or the accelerometer is missing where the card needs one.
     """
+    check.kind("card", card, CalibrationCard, hint="CalibrationCard.load(path) reads one.")
+    check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
     if card.device != data.meta.device:
         raise CalibrationError(
             f"the card is for device '{card.device}', but the recording is of '{data.meta.device}'. A card "

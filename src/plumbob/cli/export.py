@@ -18,21 +18,28 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write; its suffix says the format")
     p.add_argument("--what", choices=("all", "samples", "attitude"), default="all", help="leave the rest out")
     common.add_profile(p)
+    common.add_calibration(p, "calibration card to apply to the samples")
     p.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.pipeline import SUFFIX, read_any
+    from plumbob.pipeline import SUFFIX, read_any, recalibrated
     from plumbob.pipeline.exports import export, only
     from plumbob.pipeline.recorded import read_recorded
 
-    common.keep_inputs(args.file, args.profile, out=args.out)
+    common.keep_inputs(args.file, args.profile, args.calibration, out=args.out)
     if args.file.suffix == SUFFIX:
         recording = read_recorded(args.file, estimated=True)
     else:
         recording = read_any(args.file, profile=args.profile)
-    written = export(args.out, only(recording, args.what))
+    recording = only(recording, args.what)
+    if args.calibration is not None:
+        from plumbob.cards import CalibrationCard
+
+        recording = recalibrated(recording, CalibrationCard.load(args.calibration))
+        common.note(*(note for note in recording.notes if note.startswith("temperature: ")))
+    written = export(args.out, recording)
     parts = [("samples", recording.imu), ("attitudes", recording.track)]
     told = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
     print(f"{written}: of {args.file.name}, {told}")

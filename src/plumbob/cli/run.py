@@ -24,7 +24,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
     common.add_profile(p)
-    p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply first")
+    common.add_calibration(p)
     common.add_noise(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
     common.add_json(p)

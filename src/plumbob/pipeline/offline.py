@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.errors import DecodeError, FrameError
+from plumbob.errors import DecodeError, FrameError, ShapeError
 from plumbob.filters import Filter, takes_noise
 from plumbob.rotations import Frame
 
@@ -107,6 +107,33 @@ def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = Fal
     from plumbob.calib.model import apply_card
 
     return apply_card(card, imu, live=live)
+
+
+def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":
+    """Recording with the card applied to its samples, and what is then found in them in its notes.
+
+    Parameters
+    ----------
+    recording : Recording
+        Uncalibrated samples; an attitude that comes with them stays as it is.
+    card : CalibrationCard
+        Of this very unit.
+
+    Raises
+    ------
+    ShapeError
+        If it has no samples.
+    CalibrationError
+        As `plumbob.apply_card`.
+    """
+    from plumbob.calib.model import temperature_beyond
+    from plumbob.io.findings import findings, provenance
+
+    if recording.imu is None:
+        raise ShapeError(f"{recording.name} holds an attitude but no samples that a calibration card could correct.")
+    imu = calibrated(recording.imu, card)
+    beyond = () if (told := temperature_beyond(card, imu)) is None else (f"temperature: {told}",)
+    return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
 
 
 def filter_of(stage: Stage, frame: Frame, declination: float | None) -> Filter:
