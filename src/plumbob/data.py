@@ -13,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob import check, clock, flags
+from plumbob._repr import Shown
 from plumbob.check import Floats
 from plumbob.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.errors import ClockError, ShapeError, UnitError
-from plumbob.rotations import Frame, North, body_axes, quat_normalize
+from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat, quat_normalize
 from plumbob.sample import ImuSample
 from plumbob.units import to_deg
 
@@ -129,8 +130,8 @@ def calibration_told(calibration: str | None) -> str:
     return UNCALIBRATED if calibration is None else calibration
 
 
-@dataclass(frozen=True, eq=False)
-class ImuData:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuData(Shown):
     """Samples of a gyroscope, an accelerometer and a magnetometer on one time line.
 
     A triad that the unit does not have is None; one that has no value in some samples (a slower magnetometer, a lost
@@ -244,6 +245,17 @@ class ImuData:
 
     def __len__(self) -> int:
         return int(self.t.size)
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: samples, sensors, device, frame and calibration."""
+        columns = (*self.triads, *(() if self.temp_c is None else ("temp_c",)))
+        return {
+            "samples": _extent(self.t),
+            "sensors": ", ".join(columns),
+            "device": self.meta.device,
+            "frame": str(self.meta.frame or "not named"),
+            "calibration": self.meta.calibration or "none",
+        }
 
     @property
     def t_ns(self) -> NDArray[np.int64]:
@@ -396,8 +408,8 @@ class ImuData:
         return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=ImuMeta() if meta is None else meta)
 
 
-@dataclass(frozen=True, eq=False)
-class AttitudeTrack:
+@dataclass(frozen=True, eq=False, repr=False)
+class AttitudeTrack(Shown):
     """Attitude over time: an estimate or a reference.
 
     Parameters
@@ -476,6 +488,42 @@ class AttitudeTrack:
     def __len__(self) -> int:
         return int(self.t.size)
 
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: samples, frame, what headings count from, what else it has, and its source."""
+        more = [name for name in ("bias_b", "cov_b", "flags", "score") if getattr(self, name) is not None]
+        return {
+            "samples": _extent(self.t),
+            "known": str(int(np.count_nonzero(self.known))),
+            "frame": str(self.frame),
+            "north": str(self.north),
+            "with": ", ".join(more) or "nothing else",
+            "source": self.source.partition("(")[0] or "not named",
+        }
+
+    @property
+    def euler_zyx(self) -> Floats:
+        """Yaw, pitch, roll (N, 3), rad: about z, then y, then x, as `plumbob.rotations.euler_zyx_from_quat`.
+
+        Yaw counts from the navigation frame's x axis, North in NED and NWU and East in ENU, about its z axis; NaN where
+        the attitude is not known. `units.to_deg` gives degrees, for a person to read.
+        """
+        return euler_zyx_from_quat(self.q_nb)
+
+    @property
+    def yaw(self) -> Floats:
+        """Yaw (N,), rad, in (−π, π]; see `euler_zyx`."""
+        return self.euler_zyx[:, 0]
+
+    @property
+    def pitch(self) -> Floats:
+        """Pitch (N,), rad, in [−π/2, π/2]; see `euler_zyx`."""
+        return self.euler_zyx[:, 1]
+
+    @property
+    def roll(self) -> Floats:
+        """Roll (N,), rad, in (−π, π]; see `euler_zyx`."""
+        return self.euler_zyx[:, 2]
+
     @property
     def known(self) -> NDArray[np.bool_]:
         """True where the attitude is known, (N,)."""
@@ -515,6 +563,12 @@ def _refreeze(made: Any, state: dict[str, Any]) -> None:
         if isinstance(value, np.ndarray):
             value.flags.writeable = False
         object.__setattr__(made, name, value)
+
+
+def _extent(t: Floats) -> str:
+    if t.size < 2:
+        return f"{t.size}"
+    return f"{t.size} in {t[-1] - t[0]:.6g} s at {1.0 / float(np.median(np.diff(t))):.5g} Hz"
 
 
 def _whole_ns(t0_ns: Any) -> int:

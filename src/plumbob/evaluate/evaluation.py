@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from plumbob import flags
+from plumbob._repr import Shown
 from plumbob.check import Floats, number, said
 from plumbob.data import AttitudeTrack
 from plumbob.errors import ParameterError, ShapeError
@@ -31,6 +32,7 @@ from plumbob.evaluate.remarks import remarks
 from plumbob.evaluate.statistics import Stats
 from plumbob.evaluate.timeshift import find_time_offset
 from plumbob.rotations import change_frame, quat_angle
+from plumbob.units import to_deg
 
 RATE_BASELINE = 0.1
 """Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
@@ -47,8 +49,8 @@ class Settings:
     settle: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Shown):
     """An estimate judged by a reference.
 
     Attributes
@@ -102,6 +104,12 @@ class Evaluation:
         if self.estimate.flags is None:
             return {}
         return flags.counts(self.estimate.flags[self.match.scored])
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: scored samples and the root mean square of each error, degrees."""
+        found = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
+        found |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
+        return found | {"source": self.estimate.source.partition("(")[0] or "not named"}
 
     def summary(self) -> dict[str, Any]:
         """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluate.report`."""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob import check, flags
 from plumbob._jit import Kernel, bare, njit, specialise
+from plumbob._repr import Shown
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
@@ -171,7 +172,7 @@ def loops_of(name: str, module: FilterModule) -> Loops:
     )
 
 
-class Filter:
+class Filter(Shown):
     """An estimator with its parameters and its state.
 
     Parameters
@@ -401,8 +402,21 @@ class Filter:
         """Copies and pickles go on from the same state with arrays of their own."""
         return type(self).restore, (self.save(),)
 
-    def __repr__(self) -> str:
-        return f"<Filter {self.describe()} in {self.frame}>"
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: name, frame, the parameters that differ from their defaults, and samples taken."""
+        own, common = self.module.Params(), CommonParams()
+        changed = [
+            f"{p.name}={shown(p, value)}"
+            for holder, usual in ((self.params, own), (self.common, common))
+            for p in describe(type(holder))
+            if (value := getattr(holder, p.name)) != getattr(usual, p.name)
+        ]
+        return {
+            "name": self.name,
+            "frame": str(self.frame),
+            "params": ", ".join(changed) or "defaults",
+            "samples": f"{self._x[COUNT]:.0f}",
+        }
 
     def describe(self) -> str:
         """Name and parameters in one line, for provenance."""
