@@ -52,9 +52,10 @@ from typing import TYPE_CHECKING
 from plumbob._lazy import lazily
 
 if TYPE_CHECKING:
+    from plumbob.calib.model import apply_card
     from plumbob.cards import CalibrationCard, NoiseCard
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-    from plumbob.errors import PlumbobError
+    from plumbob.errors import PlumbobError, PlumbobWarning
     from plumbob.evaluate import Evaluation
     from plumbob.filters import Filter, filter_names
     from plumbob.io import Recording, read, write
@@ -85,8 +86,10 @@ _HOME = {
     "NoiseCard": "cards",
     "North": "rotations",
     "PlumbobError": "errors",
+    "PlumbobWarning": "errors",
     "Recording": "io",
     "Session": "pipeline.session",
+    "apply_card": "calib.model",
     "filter_names": "filters",
     "find_format": "rigs",
     "load_session": "pipeline.session_toml",
@@ -111,8 +114,10 @@ __all__ = [
     "NoiseCard",
     "North",
     "PlumbobError",
+    "PlumbobWarning",
     "Recording",
     "Session",
+    "apply_card",
     "filter_names",
     "find_format",
     "load_session",

@@ -80,7 +80,9 @@ def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path
     DecodeError
         If there is none, it is a folder, a pipe or a device, or it is larger.
     """
-    file = Path(path)
+    from plumbob import check
+
+    file = check.path("path", path)
     if file.is_dir():
         raise DecodeError(f"{file} is a folder; name one file in it.")
     if not file.exists():

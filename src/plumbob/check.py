@@ -1,14 +1,52 @@
 """Validators: each names the argument, the rule, what was expected, what came and where."""
 
 from collections.abc import Sequence
-from typing import Any
+from numbers import Real
+from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob.errors import ClockError, ShapeError
+from plumbob.errors import ClockError, ParameterError, PlumbobError, ShapeError, excerpt
 
 Floats = NDArray[np.float64]
+Kind = TypeVar("Kind")
+
+
+def kind(
+    name: str, value: Any, expected: type[Kind], *, hint: str = "", error: type[PlumbobError] = ShapeError
+) -> Kind:
+    """Return `value`, refusing what is not of the expected type; the hint says how to come by one."""
+    if not isinstance(value, expected):
+        raise error(f"{name} must be {_a(expected)}, but it is {said(value)}.{hint and ' '}{hint}")
+    return value
+
+
+def said(value: Any) -> str:
+    """What a value is, in a few words for a message."""
+    if value is None or isinstance(value, bool | int | float | str):
+        return excerpt(value) if isinstance(value, str) else repr(value)
+    return _a(type(value))
+
+
+def _a(type_: type) -> str:
+    return f"{'an' if type_.__name__[0] in 'AEIOUaeio' else 'a'} {type_.__name__}"
+
+
+def number(name: str, value: Any, unit: str) -> float:
+    """Return `value` as a float, refusing what is not one real number."""
+    if not isinstance(value, Real) or isinstance(value, bool):
+        raise ParameterError(f"{name} must be a number of {unit}, but it is {said(value)}.")
+    return float(value)
+
+
+def path(name: str, value: Any) -> Path:
+    """Return `value` as a path, refusing what is neither a path nor its text."""
+    try:
+        return Path(value)
+    except TypeError:
+        raise ParameterError(f"{name} must be the path of a file, or its text, but it is {said(value)}.") from None
 
 
 def floats(name: str, value: ArrayLike) -> Floats:
@@ -115,8 +153,8 @@ def unit_norm(name: str, q: Floats, tolerance: float = 1e-6) -> None:
 
 def one_of(name: str, value: str, known: Sequence[str]) -> str:
     """Refuse a word that is not in `known`."""
-    if value not in known:
-        raise ShapeError(f"{name} must be one of {', '.join(known)}, but it is '{value}'.")
+    if not isinstance(value, str) or value not in known:
+        raise ShapeError(f"{name} must be one of {', '.join(known)}, but it is {said(value)}.")
     return value
 
 

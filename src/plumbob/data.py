@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob import check, clock, flags
+from plumbob._repr import Shown
 from plumbob.cards.left import NOTHING, SIZE, Half, uncalibrated
 from plumbob.check import Floats
 from plumbob.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.errors import ClockError, FrameError, ShapeError, UnitError
-from plumbob.rotations import Frame, North, body_axes, quat_normalize
+from plumbob.errors import ClockError, ShapeError, UnitError
+from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat, quat_normalize
 from plumbob.sample import ImuSample
 from plumbob.units import to_deg
 
@@ -38,6 +39,9 @@ TRIAD_FLAGS = {
 _IMPOSSIBLE = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
 _SI = {"gyr": "rad/s", "acc": "m/s²", "mag": "µT"}
 
+Range = float | tuple[float, float, float] | None
+"""Full scale of a triad: one number for all its axes, one for each, or not known."""
+
 
 @dataclass(frozen=True, slots=True)
 class ImuMeta:
@@ -47,8 +51,9 @@ class ImuMeta:
     ----------
     device : str
         Name of the sensor unit.
-    gyr_range, acc_range, mag_range : float or None
-        Full scale of each triad, rad/s, m/s², µT. Values at it are flagged as clipped.
+    gyr_range, acc_range, mag_range : float or tuple of 3 floats or None
+        Full scale of each triad, rad/s, m/s², µT; of each body axis where they differ. Values at it are flagged as
+        clipped.
     rate_nominal : float or None
         Sampling rate as configured, Hz; for display only, mathematics uses the measured steps.
     t0_ns : int
@@ -67,13 +72,14 @@ class ImuMeta:
         What errors the calibration leaves, as `plumbob.cards.left` has it; None: nothing of a calibrated recording, and
         of an uncalibrated one all that the data sheet of a common part allows.
     unit_check : bool
-        Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower.
+        Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower; it is
+        off where a format said the units.
     """
 
     device: str = "unknown"
-    gyr_range: float | None = None
-    acc_range: float | None = None
-    mag_range: float | None = None
+    gyr_range: Range = None
+    acc_range: Range = None
+    mag_range: Range = None
     rate_nominal: float | None = None
     t0_ns: int = 0
     axes: str = "x y z"
@@ -88,14 +94,12 @@ class ImuMeta:
     def __post_init__(self) -> None:
         """Validate ranges and names."""
         for name in TRIADS:
-            _check_range(name, getattr(self, f"{name}_range"))
-        if self.rate_nominal is not None and not 0.0 < self.rate_nominal < np.inf:
+            object.__setattr__(self, f"{name}_range", _checked_range(name, getattr(self, f"{name}_range")))
+        if self.rate_nominal is not None and not 0.0 < check.number("rate_nominal", self.rate_nominal, "Hz") < np.inf:
             raise ShapeError(f"rate_nominal must be a positive number of Hz, or None, but it is {self.rate_nominal}.")
-        if not isinstance(self.frame, Frame | None) or not isinstance(self.north, North | None):
-            raise FrameError(
-                f"frame and north must be a Frame and a North, or None, but they are {self.frame!r} and {self.north!r}."
-                " Names become them with Frame.parse and North.parse."
-            )
+        for name, known in (("frame", Frame), ("north", North)):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, known.parse(getattr(self, name)))
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
@@ -108,14 +112,40 @@ class ImuMeta:
         acc, mag = (uncalibrated("acc"), uncalibrated("mag")) if self.calibration is None else (NOTHING, NOTHING)
         return acc if self.acc_left is None else self.acc_left, mag if self.mag_left is None else self.mag_left
 
+    def full_scale(self, name: str) -> Floats | None:
+        """Full scale of the three axes of a triad (3,), in the unit of its values; None where it is not known.
+
+        Parameters
+        ----------
+        name : {"gyr", "acc", "mag"}
+            Which triad.
+        """
+        told: Range = getattr(self, f"{name}_range")
+        return None if told is None else np.broadcast_to(np.asarray(told, dtype=np.float64), 3)
+
+    def turned(self, dcm: Floats) -> Self:
+        """Return the meta of a recording whose triads are turned: each range is the greatest value of the turned axis.
+
+        Parameters
+        ----------
+        dcm : ndarray (3, 3)
+            Rotation matrix that the triads are multiplied by.
+        """
+        ranges: dict[str, Any] = {}
+        for name in TRIADS:
+            full_scale = self.full_scale(name)
+            if full_scale is not None:
+                ranges[f"{name}_range"] = np.minimum(np.abs(dcm) @ full_scale, _IMPOSSIBLE[name])
+        return replace(self, **ranges)
+
 
 def calibration_told(calibration: str | None) -> str:
     """Name of the card that has been applied, or `UNCALIBRATED`; the one place that words it."""
     return UNCALIBRATED if calibration is None else calibration
 
 
-@dataclass(frozen=True, eq=False)
-class ImuData:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuData(Shown):
     """Samples of a gyroscope, an accelerometer and a magnetometer on one time line.
 
     A triad that the unit does not have is None; one that has no value in some samples (a slower magnetometer, a lost
@@ -160,6 +190,7 @@ class ImuData:
 
     def __post_init__(self) -> None:
         """Validate everything, once."""
+        check.kind("meta", self.meta, ImuMeta)
         t = check.column("t", self.t)
         check.increasing_time("t", t)
         t = clock.to_s(clock.to_ns(t))
@@ -175,7 +206,7 @@ class ImuData:
                 continue
             triad = check.rows(name, value, 3, t.size)
             found &= ~np.uint32(TRIAD_FLAGS[name][0])
-            found |= _judge(name, triad, getattr(self.meta, f"{name}_range"), self.meta.unit_check)
+            found |= _judge(name, triad, self.meta.full_scale(name), self.meta.unit_check)
             self._set(name, triad)
         if all(getattr(self, name) is None for name in TRIADS):
             raise ShapeError("a recording needs at least one of gyr, acc and mag, but none was given.")
@@ -220,7 +251,7 @@ class ImuData:
                 found |= np.uint32(TRIAD_FLAGS[name][0])
                 continue
             found &= ~np.uint32(TRIAD_FLAGS[name][0])
-            found |= _marks(name, triads[name], getattr(meta, f"{name}_range"))
+            found |= _marks(name, triads[name], meta.full_scale(name))
         part = object.__new__(cls)
         values = {name: triads.get(name) for name in TRIADS}
         _refreeze(part, {"t": clock.to_s(t_ns), **values, "temp_c": temp_c, "flags": found, "meta": meta})
@@ -228,6 +259,17 @@ class ImuData:
 
     def __len__(self) -> int:
         return int(self.t.size)
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: samples, sensors, device, frame and calibration."""
+        columns = (*self.triads, *(() if self.temp_c is None else ("temp_c",)))
+        return {
+            "samples": _extent(self.t),
+            "sensors": ", ".join(columns),
+            "device": self.meta.device,
+            "frame": str(self.meta.frame or "not named"),
+            "calibration": self.meta.calibration or "none",
+        }
 
     @property
     def t_ns(self) -> NDArray[np.int64]:
@@ -263,10 +305,10 @@ class ImuData:
 
     def chunks(self, size: int) -> Iterator[Self]:
         """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
-        if size < 1:
-            raise ShapeError(f"size must be at least 1, but it is {size}.")
-        for start in range(0, len(self), size):
-            yield self[start : start + size]
+        if not isinstance(size, Integral) or size < 1:
+            raise ShapeError(f"size must be a whole number from 1 on, but it is {check.said(size)}.")
+        for start in range(0, len(self), int(size)):
+            yield self[start : start + int(size)]
 
     def samples(self) -> Iterator[ImuSample]:
         """Yield the samples one by one, as a live source would."""
@@ -288,7 +330,7 @@ class ImuData:
         name : {"gyr", "acc", "mag"}
             Which triad.
         """
-        value = self._triad(name)
+        value = self._triad(check.one_of("name", name, TRIADS))
         if value is None:
             return check.read_only(np.full((len(self), 3), np.nan))
         absent, _, invalid = TRIAD_FLAGS[name]
@@ -296,6 +338,15 @@ class ImuData:
         if not out.any() or np.isnan(value[out]).all():
             return value
         return check.read_only(np.where(out[:, np.newaxis], np.nan, value))
+
+    def unit_doubts(self) -> tuple[str, ...]:
+        """Why triads are hardly in their units, in words: what `unit_check` refuses, where it is switched off."""
+        found = []
+        for name in self.triads:
+            invalid = (self.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
+            if doubt := _unit_doubt(name, getattr(self, name), invalid, self.meta.full_scale(name)):
+                found.append(doubt[0])
+        return tuple(found)
 
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
@@ -368,11 +419,11 @@ class ImuData:
             )
         joined = np.full((inertial.size, 3), np.nan)
         joined[place[inside]] = values[inside]
-        return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=meta or ImuMeta())
+        return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=ImuMeta() if meta is None else meta)
 
 
-@dataclass(frozen=True, eq=False)
-class AttitudeTrack:
+@dataclass(frozen=True, eq=False, repr=False)
+class AttitudeTrack(Shown):
     """Attitude over time: an estimate or a reference.
 
     Parameters
@@ -418,8 +469,8 @@ class AttitudeTrack:
 
     def __post_init__(self) -> None:
         """Validate everything, once."""
-        if not isinstance(self.frame, Frame) or not isinstance(self.north, North):
-            raise FrameError(f"a track needs a Frame and a North, but got frame={self.frame!r}, north={self.north!r}.")
+        object.__setattr__(self, "frame", Frame.parse(self.frame))
+        object.__setattr__(self, "north", North.parse(self.north))
         t = check.column("t", self.t)
         check.increasing_time("t", t)
         t = clock.to_s(clock.to_ns(t))
@@ -450,6 +501,42 @@ class AttitudeTrack:
 
     def __len__(self) -> int:
         return int(self.t.size)
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: samples, frame, what headings count from, what else it has, and its source."""
+        more = [name for name in ("bias_b", "cov_b", "flags", "score") if getattr(self, name) is not None]
+        return {
+            "samples": _extent(self.t),
+            "known": str(int(np.count_nonzero(self.known))),
+            "frame": str(self.frame),
+            "north": str(self.north),
+            "with": ", ".join(more) or "nothing else",
+            "source": self.source.partition("(")[0] or "not named",
+        }
+
+    @property
+    def euler_zyx(self) -> Floats:
+        """Yaw, pitch, roll (N, 3), rad: about z, then y, then x, as `plumbob.rotations.euler_zyx_from_quat`.
+
+        Yaw counts from the navigation frame's x axis, North in NED and NWU and East in ENU, about its z axis; NaN where
+        the attitude is not known. `units.to_deg` gives degrees, for a person to read.
+        """
+        return euler_zyx_from_quat(self.q_nb)
+
+    @property
+    def yaw(self) -> Floats:
+        """Yaw (N,), rad, in (−π, π]; see `euler_zyx`."""
+        return self.euler_zyx[:, 0]
+
+    @property
+    def pitch(self) -> Floats:
+        """Pitch (N,), rad, in [−π/2, π/2]; see `euler_zyx`."""
+        return self.euler_zyx[:, 1]
+
+    @property
+    def roll(self) -> Floats:
+        """Roll (N,), rad, in (−π, π]; see `euler_zyx`."""
+        return self.euler_zyx[:, 2]
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -492,6 +579,12 @@ def _refreeze(made: Any, state: dict[str, Any]) -> None:
         object.__setattr__(made, name, value)
 
 
+def _extent(t: Floats) -> str:
+    if t.size < 2:
+        return f"{t.size}"
+    return f"{t.size} in {t[-1] - t[0]:.6g} s at {1.0 / float(np.median(np.diff(t))):.5g} Hz"
+
+
 def _whole_ns(t0_ns: Any) -> int:
     if not isinstance(t0_ns, Integral) or isinstance(t0_ns, bool):
         raise ShapeError(f"t0_ns must be an int, UTC in ns since 1970, but it is {t0_ns!r}.")
@@ -518,9 +611,23 @@ def _declination(angle: Any) -> float | None:
     return declination
 
 
-def _check_range(name: str, full_scale: float | None) -> None:
-    if full_scale is None:
-        return
+def _checked_range(name: str, told: Any) -> Range:
+    """Range of a triad; one number where all axes have the same."""
+    if told is None:
+        return None
+    axes = check.floats(f"{name}_range", told)
+    if axes.shape not in {(), (3,)}:
+        raise ShapeError(
+            f"{name}_range must be one number for all axes, three for x, y and z, or None, but its shape is "
+            f"{axes.shape}."
+        )
+    for full_scale in axes.ravel().tolist():
+        _check_range(name, full_scale)
+    x, y, z = np.broadcast_to(axes, 3).tolist()
+    return float(x) if x == y == z else (x, y, z)
+
+
+def _check_range(name: str, full_scale: float) -> None:
     if not full_scale > 0.0:
         raise UnitError(f"{name}_range must be a positive full scale in {_SI[name]}, or None, but it is {full_scale}.")
     if full_scale > _IMPOSSIBLE[name]:
@@ -530,7 +637,7 @@ def _check_range(name: str, full_scale: float | None) -> None:
         )
 
 
-def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool) -> NDArray[np.uint32]:
+def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool) -> NDArray[np.uint32]:
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
     _, _, invalid = TRIAD_FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
@@ -538,28 +645,30 @@ def _judge(name: str, triad: Floats, full_scale: float | None, unit_check: bool)
         what = "is NaN" if missing.all() else "has no finite number"
         raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
     found = _marks(name, triad, full_scale)
-    if unit_check:
-        _refuse_wrong_unit(name, triad, (found & np.uint32(invalid)) != 0, full_scale, _limit(name, full_scale))
+    if unit_check and (doubt := _unit_doubt(name, triad, (found & np.uint32(invalid)) != 0, full_scale)):
+        raise UnitError(". ".join(doubt))
     return found
 
 
-def _limit(name: str, full_scale: float | None) -> float:
-    return _IMPOSSIBLE[name] if full_scale is None else min(_IMPOSSIBLE[name], 1.05 * full_scale)
+def _limit(name: str, full_scale: Floats | None) -> Floats:
+    """Largest value of each axis that can be true, (3,)."""
+    reach = np.inf if full_scale is None else 1.05 * full_scale
+    return np.broadcast_to(np.minimum(_IMPOSSIBLE[name], reach), 3)
 
 
-def _marks(name: str, triad: Floats, full_scale: float | None) -> NDArray[np.uint32]:
-    """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of its range."""
-    usual = min(_limit(name, full_scale), np.inf if full_scale is None else 0.999 * full_scale)
-    if (np.abs(triad) < usual).all():  # nearly every part of a stream; a missing value is not below anything
+def _marks(name: str, triad: Floats, full_scale: Floats | None) -> NDArray[np.uint32]:
+    """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of the range of an axis."""
+    limit = _limit(name, full_scale)
+    end = np.inf if full_scale is None else 0.999 * full_scale  # the last code below full scale is already the end
+    if (np.abs(triad) < np.minimum(limit, end)).all():  # nearly every part of a stream; a missing value is not below
         return np.zeros(len(triad), dtype=np.uint32)
     absent, clipped, invalid = TRIAD_FLAGS[name]
     missing = np.asarray(np.isnan(triad).any(axis=1))
-    size: Floats = np.max(np.abs(np.where(missing[:, np.newaxis], 0.0, triad)), axis=1)
-    too_big: NDArray[np.bool_] = np.asarray(size > _limit(name, full_scale))
+    size = np.abs(np.where(missing[:, np.newaxis], 0.0, triad))
+    too_big = (size > limit).any(axis=1)
     found: NDArray[np.uint32] = np.where(missing, np.uint32(absent), np.uint32(0))
     found[too_big] |= invalid
-    if full_scale is not None:  # the last code below full scale is already the end of the range
-        found[(size >= 0.999 * full_scale) & ~too_big] |= clipped
+    found[(size >= end).any(axis=1) & ~too_big] |= clipped
     return found
 
 
@@ -567,37 +676,43 @@ def _finite(triad: Floats) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(triad).all(axis=1))
 
 
-def _refuse_wrong_unit(
-    name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: float | None, limit: float
-) -> None:
+def _unit_doubt(
+    name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: Floats | None
+) -> tuple[str, str] | None:
+    """Why a triad is hardly in its unit, and what to do; None where it may well be."""
     wrong = too_big & _finite(triad)  # infinity has no unit
     if np.count_nonzero(wrong) > max(1, 0.01 * wrong.size):
         i = int(np.argmax(wrong))
-        axis = int(np.nanargmax(np.abs(triad[i])))
-        what = f"range is ±{full_scale:.6g} {_SI[name]}" if full_scale else f"limit is {limit:g} {_SI[name]}"
-        raise UnitError(
-            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {what}{_in_degrees(name, full_scale)}, "
-            f"and {np.count_nonzero(wrong)} of {wrong.size} samples exceed it. {_ADVICE[name]}"
+        axis = int(np.argmax(np.abs(triad[i]) / _limit(name, full_scale)))
+        return (
+            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {_bound(name, full_scale, axis)}, "
+            f"and {np.count_nonzero(wrong)} of {wrong.size} samples exceed it",
+            _ADVICE[name],
         )
-    possible = triad[~too_big]
+    return None if name == "gyr" else _unusual_size(name, triad[~too_big])
+
+
+def _unusual_size(name: str, possible: Floats) -> tuple[str, str] | None:
     norm = np.sqrt(np.sum(possible * possible, axis=1))
     norm = norm[np.isfinite(norm)]
-    if name == "gyr" or norm.size < ENOUGH:
-        return
+    if norm.size < ENOUGH:
+        return None
     typical = float(np.median(norm))
     low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
-    if not low <= typical <= high:
-        usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
-        zeros = int(np.count_nonzero(norm == 0.0))
-        if 2 * zeros > norm.size:
-            raise UnitError(
-                f"|{name}| is exactly zero in {zeros} of {norm.size} samples, but on Earth it lies in {usual}. The "
-                f"sensor was off or its columns were never filled: make those samples NaN, or leave {name} out."
-            )
-        raise UnitError(
-            f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
-            f"{usual}{_guess(name, typical)}. {_ADVICE[name]}"
+    if low <= typical <= high:
+        return None
+    usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
+    zeros = int(np.count_nonzero(norm == 0.0))
+    if 2 * zeros > norm.size:
+        return (
+            f"|{name}| is exactly zero in {zeros} of {norm.size} samples, but on Earth it lies in {usual}",
+            f"The sensor was off or its columns were never filled: make those samples NaN, or leave {name} out.",
         )
+    return (
+        f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
+        f"{usual}{_guess(name, typical)}",
+        _ADVICE[name],
+    )
 
 
 _CONVERTER = {"gyr": "dps", "acc": "g", "mag": "gauss"}
@@ -610,8 +725,12 @@ _ADVICE = {
 }
 
 
-def _in_degrees(name: str, full_scale: float | None) -> str:
-    return f" ({to_deg(full_scale):.6g} °/s)" if name == "gyr" and full_scale else ""
+def _bound(name: str, full_scale: Floats | None, axis: int) -> str:
+    if full_scale is None:
+        return f"limit is {_IMPOSSIBLE[name]:g} {_SI[name]}"
+    end = float(full_scale[axis])
+    degrees = f" ({to_deg(end):.6g} °/s)" if name == "gyr" else ""
+    return f"range is ±{end:.6g} {_SI[name]}{degrees}"
 
 
 def _guess(name: str, typical: float) -> str:

@@ -43,6 +43,10 @@ class MissingExtraError(PlumbobError, ImportError):
     """An optional dependency is not installed; the message says which extra brings it."""
 
 
+class PlumbobWarning(UserWarning):
+    """What a caller should look at, though the work goes on: data that look as if a unit or a sign were wrong."""
+
+
 def one_line(error: BaseException) -> str:
     """Text of an error without line breaks."""
     return " ".join(str(error).split())

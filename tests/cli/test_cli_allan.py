@@ -220,6 +220,6 @@ def test_a_trial_that_moves_is_refused_and_its_still_start_is_not():
     start, stop = re.search(r"the longest still stretch is --from (\S+) --to (\S+)\.$", told.strip()).groups()
     assert (start, float(stop.removesuffix("s"))) == ("0s", pytest.approx(44.5, abs=1.2))  # it begins to move at 45.7 s
     found = json.loads(ok("allan", TRIAL, "--from", start, "--to", stop, "--triads", "gyr", "--json").stdout)
-    assert set(found) == {"file", "gyr x", "gyr y", "gyr z"}
+    assert set(found) == {"file", "calibration", "gyr x", "gyr y", "gyr z"}
     densities = [found[f"gyr {a}"]["coefficients"]["N"]["value"]["deg/rth"] for a in "xyz"]
     assert max(densities) < 1.1 * min(densities)

@@ -265,6 +265,13 @@ class TestMount:
             x, y, z = getattr(corrected, name).T
             np.testing.assert_allclose(getattr(found, name), np.stack([-y, x, z], axis=1), rtol=0, atol=8 * EPS * 100)
 
+    def test_a_mounting_turns_the_ranges(self):
+        """A quarter turn about z: the body's x is the case's −y, and its y the case's x."""
+        data = recording(meta=ImuMeta(device="unit 7", gyr_range=(10.0, 20.0, 40.0), acc_range=100.0))
+        found = apply_card(replace(card(), mount=self.QUARTER), data)
+        np.testing.assert_allclose(found.meta.full_scale("gyr"), [20.0, 10.0, 40.0], rtol=8 * EPS)
+        np.testing.assert_allclose(found.meta.full_scale("acc"), [100.0, 100.0, 100.0], rtol=8 * EPS)
+
     def test_a_mounting_alone_is_a_calibration(self):
         data = recording(mag=None)
         found = apply_card(replace(card(), mount=self.QUARTER), data)

@@ -251,6 +251,36 @@ class TestRanges:
         assert flagged(data, flags.GYR_INVALID) == [10]
         assert not flagged(data, flags.GYR_CLIPPED)
 
+    def test_each_axis_has_its_own_range(self):
+        """As the bionic fin's: two gyroscopes of ±100 °/s about x and y, one of ±300 °/s about z."""
+        gyr = parts()["gyr"]
+        gyr[:, 2] = units.dps(250.0)
+        gyr[10, 0], gyr[11, 2], gyr[12, 1], gyr[13, 2] = units.dps(np.array([100.0, -300.0, -110.0, 320.0]))
+        data = made(gyr=gyr, meta=ImuMeta(gyr_range=units.dps(np.array([100.0, 100.0, 300.0]))))
+        assert flagged(data, flags.GYR_CLIPPED) == [10, 11]
+        assert flagged(data, flags.GYR_INVALID) == [12, 13]
+        live = ImuData.live(data.t_ns, {"gyr": gyr}, flags=np.zeros(N, dtype=np.uint32), meta=data.meta)
+        judged = np.uint32(flags.GYR_CLIPPED | flags.GYR_INVALID)
+        np.testing.assert_array_equal(live.flags & judged, data.flags & judged)
+
+    def test_a_refusal_names_the_range_of_the_axis(self):
+        gyr = parts()["gyr"]
+        gyr[:, 0] = units.dps(250.0)
+        with pytest.raises(UnitError, match=r"gyr\[0, 0\] = .* range is ±1\.74533 rad/s \(100 °/s\)"):
+            made(gyr=gyr, meta=ImuMeta(gyr_range=units.dps(np.array([100.0, 100.0, 300.0]))))
+
+    def test_equal_ranges_are_one_number(self):
+        assert ImuMeta(gyr_range=[2.0, 2.0, 2.0]).gyr_range == 2.0
+        assert ImuMeta(gyr_range=np.array([1.0, 2.0, 3.0])).gyr_range == (1.0, 2.0, 3.0)
+        assert hash(ImuMeta(gyr_range=np.array([1.0, 2.0, 3.0])))
+        np.testing.assert_array_equal(ImuMeta(acc_range=5.0).full_scale("acc"), [5.0, 5.0, 5.0])
+        assert ImuMeta().full_scale("acc") is None
+
+    @pytest.mark.parametrize("bad", [[1.0, 2.0], [[1.0, 2.0, 3.0]], "2000 dps", True])
+    def test_a_range_is_one_number_or_three(self, bad):
+        with pytest.raises(ShapeError, match="gyr_range must"):
+            ImuMeta(gyr_range=bad)
+
     @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan])
     @pytest.mark.parametrize("name", TRIADS)
     def test_a_range_is_positive(self, name, bad):
@@ -494,7 +524,7 @@ class TestCut:
 
     @pytest.mark.parametrize("size", [0, -3])
     def test_refused_sizes(self, data, size):
-        with pytest.raises(ShapeError, match="size must be at least 1"):
+        with pytest.raises(ShapeError, match="size must be a whole number from 1 on"):
             list(data.chunks(size))
 
 
@@ -524,11 +554,12 @@ class TestCorrected:
 
 
 class TestMeta:
-    @pytest.mark.parametrize("wrong", [{"frame": "ENU"}, {"north": "true"}, {"frame": North.TRUE}])
+    @pytest.mark.parametrize("wrong", [{"frame": "XYZ"}, {"north": "grid"}, {"frame": North.TRUE}, {"frame": 5}])
     def test_frames_are_frames(self, wrong):
-        with pytest.raises(FrameError, match="must be a Frame and a North"):
+        with pytest.raises(FrameError, match="known are"):
             ImuMeta(**wrong)
-        assert ImuMeta(frame=Frame.NED, north=North.TRUE)
+        assert ImuMeta(frame="NED", north="true") == ImuMeta(frame=Frame.NED, north=North.TRUE)
+        assert ImuMeta(frame="NED").frame is Frame.NED
 
     def test_axes_are_axes(self):
         with pytest.raises(FrameError, match="left-handed"):

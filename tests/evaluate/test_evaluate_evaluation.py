@@ -141,7 +141,7 @@ def test_nothing_left_to_score_says_why(track, t, reference):
 
 
 def test_unknown_alignments_are_refused(reference):
-    with pytest.raises(ParameterError, match="not scale"):
+    with pytest.raises(ParameterError, match="but not 'scale'"):
         evaluate(reference, reference, align={"heading", "scale"})
     assert evaluate(reference, reference, align="heading").settings.align == ("heading",)
 

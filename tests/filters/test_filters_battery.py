@@ -108,7 +108,7 @@ def test_what_is_no_sample_is_refused_by_name(sample):
 def test_what_is_no_recording_is_refused_by_name():
     with pytest.raises(ShapeError, match="process takes an ImuData, but got dict"):
         Filter("mahony", frame=Frame.ENU).process({})
-    assert repr(Filter("mahony", frame=Frame.NED)).startswith("<Filter mahony(kp=0.5 1/s")
+    assert Filter("mahony", frame=Frame.NED).describe().startswith("mahony(kp=0.5 1/s")
 
 
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda f: pickle.loads(pickle.dumps(f))])  # noqa: S301

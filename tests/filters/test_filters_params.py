@@ -66,8 +66,8 @@ def test_what_is_not_clear_is_refused(params, words):
 def test_unknown_filter_and_missing_frame():
     with pytest.raises(ParameterError, match=r"there is no filter 'mahoney'; known are .*mahony"):
         Filter("mahoney", frame=Frame.ENU)
-    with pytest.raises(FrameError, match="frame must be a Frame"):
-        Filter("mahony", frame="ENU")
+    with pytest.raises(FrameError, match="None is not a navigation frame; known are ENU, NED, NWU"):
+        Filter("mahony", frame=None)
     with pytest.raises(ShapeError, match="init must be one finite quaternion"):
         Filter("mahony", frame=Frame.ENU, init=[[1, 0, 0, 0]])
     with pytest.raises(ShapeError, match="init must be one finite quaternion"):

@@ -66,6 +66,7 @@ CASES = {
     "imu without mag": Recording(imu=make_imu(mag=None, temp_c=None, meta=ImuMeta())),
     "gyr alone": Recording(imu=make_imu(mag=None, acc=None, temp_c=None, meta=ImuMeta(gyr_range=35.0))),
     "mag alone": Recording(imu=make_imu(gyr=None, acc=None, meta=ImuMeta(mag_range=4900.0, unit_check=False))),
+    "ranges of axes": Recording(imu=make_imu(meta=ImuMeta(gyr_range=(4.0, 5.0, 0.1 + 0.2 + 6.0), acc_range=200.0))),
     "one sample": Recording(imu=make_imu(rows=1)),
     "track": Recording(track=make_track(full=False)),
     "full track": Recording(track=make_track()),

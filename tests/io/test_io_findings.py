@@ -6,10 +6,11 @@ from io_samples import DATA, make_imu
 
 from plumbob import io
 from plumbob.data import ImuData, ImuMeta
+from plumbob.doubts import doubts, upside_down
 from plumbob.io.findings import EARTH_FIELD, TOPICS, findings, provenance
-from plumbob.io.turning import turning
 from plumbob.rotations import Frame
 from plumbob.sim import SCENARIOS, simulate
+from plumbob.turning import turning
 
 META = ImuMeta(calibration="card", unit_check=False)
 
@@ -133,7 +134,8 @@ def test_rates_in_another_unit_or_against_the_accelerometer(name):
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_right_rates_of_every_simulation(name, sensors):
     module = "calibrated" if sensors == "ideal" else "drawn"
-    assert gyroscope(simulate(name, frame=Frame.NWU, sensors=sensors, module=module, seed=2).imu) == []
+    imu = simulate(name, frame=Frame.NWU, sensors=sensors, module=module, seed=2).imu
+    assert (gyroscope(imu), doubts(imu[:10_000]), upside_down(imu, Frame.NWU)) == ([], (), ())
 
 
 @pytest.mark.skipif(not (DATA / "broad").is_dir(), reason="no BROAD recordings; set PLUMBOB_DATA")
@@ -144,6 +146,7 @@ def test_right_rates_and_no_stuck_sensor_in_every_broad_trial():
     for path in trials:
         imu = io.read(path).imu
         assert (gyroscope(imu), stuck(imu)) == ([], []), path
+        assert (doubts(imu[:10_000]), upside_down(imu, Frame.ENU)) == ((), ()), path  # BROAD's frame
         telling += turning(imu).tells
     assert telling >= 8
 
@@ -157,7 +160,7 @@ def test_factor_of_a_slow_turn_with_bias_and_holes(monkeypatch, most):
     gyr = np.outer(0.39 * np.cos(1.3 * t), [0.0, 1.0, 0.0]) + [0.1, -0.2, 0.3]
     acc[::3] = np.nan
     gyr[2000:2500] = np.nan
-    monkeypatch.setattr("plumbob.io.turning.MOST_PAIRS", most)
+    monkeypatch.setattr("plumbob.turning.MOST_PAIRS", most)
     found = turning(ImuData(t=t, gyr=gyr, acc=acc))
     assert found.tells
     assert found.factor == pytest.approx(1.0, abs=0.02)

@@ -102,10 +102,17 @@ def test_same_frame_gives_a_copy(quats):
     assert not np.shares_memory(same, quats)
 
 
-@pytest.mark.parametrize(("to", "from_"), [("ENU", Frame.ENU), ("ENU", "ENU"), ("XYZ", "XYZ"), (None, Frame.NED)])
+@pytest.mark.parametrize(("to", "from_"), [("XYZ", "XYZ"), (None, Frame.NED), (Frame.NED, 3)])
 def test_a_frame_must_be_a_frame(to, from_):
-    with pytest.raises(FrameError, match="must be a Frame"):
+    with pytest.raises(FrameError, match="is not a navigation frame; known are ENU, NED, NWU"):
         change_frame([1, 0, 0, 0], to=to, from_=from_)
+
+
+def test_the_text_of_a_frame_is_one(quats):
+    assert np.array_equal(
+        change_frame(quats, to="ENU", from_="NED"), change_frame(quats, to=Frame.ENU, from_=Frame.NED)
+    )
+    assert np.array_equal(change_frame(quats, to="NED", from_=Frame.NED), quats)
 
 
 @pytest.mark.parametrize("name", [" ned ", "NED", "Ned"])

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from plumbob import flags
+from plumbob import check, flags
 from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.cards.left import left_by
 from plumbob.check import Floats
@@ -38,6 +38,8 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
         If the card belongs to another device or unit or has nothing for this recording, the recording is already
         calibrated, or a temperature or the accelerometer is missing where the card needs one.
     """
+    check.kind("card", card, CalibrationCard, hint="CalibrationCard.load(path) reads one.")
+    check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
     if card.device != data.meta.device:
         raise CalibrationError(
             f"the card is for device '{card.device}', but the recording is of '{data.meta.device}'. A card "
@@ -46,7 +48,7 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if data.meta.calibration is not None:
         raise CalibrationError(f"the recording is already calibrated, with {data.meta.calibration}.")
     _require_units(card)
-    changed: dict[str, Any] = {}
+    meta, changed = data.meta, dict[str, Any]()
     for name in ("acc", "gyr", "mag"):  # the gyroscope's g-sensitivity asks for the calibrated specific force
         model: TriadCalibration | None = getattr(card, name)
         measured: Floats | None = getattr(data, name)
@@ -57,8 +59,9 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if card.mount is not None:
         dcm_bs = dcm_from_quat(card.mount.q_bs)
         changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
+        meta = meta.turned(dcm_bs)
     acc_left, mag_left = left_by("acc", card.acc, card.mount), left_by("mag", card.mag, card.mount)
-    meta = replace(data.meta, calibration=_told(card, data), acc_left=acc_left, mag_left=mag_left)
+    meta = replace(meta, calibration=_told(card, data), acc_left=acc_left, mag_left=mag_left)
     return data.corrected(**changed, meta=meta)
 
 

@@ -219,7 +219,7 @@ class Mount:
         object.__setattr__(self, "remarks", texts("remarks", self.remarks))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CalibrationCard(Card):
     """Calibration of one unit.
 

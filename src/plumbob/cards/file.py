@@ -11,19 +11,25 @@ import numpy as np
 
 from plumbob import check
 from plumbob._files import text_of, write_text
+from plumbob._repr import Shown
 from plumbob.check import Floats
 from plumbob.errors import CalibrationError, DecodeError, ParameterError
 
 UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
 
 
-class Card:
+class Card(Shown):
     """A card as a file; each kind says its name, its version and what its parts are."""
 
     KIND: ClassVar[str]
     VERSION: ClassVar[int]
     PARTS: ClassVar[Mapping[str, type]]
     """By key: the type of what stands under it, where that is no number and no text."""
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: its texts, and which parts it has."""
+        found = {name: value for name in ("device", "date", "method", "source") if (value := getattr(self, name, ""))}
+        return found | {"of": ", ".join(name for name in self.PARTS if getattr(self, name) is not None) or "nothing"}
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the card as JSON.

@@ -49,7 +49,7 @@ class TriadNoise:
         return math.sqrt(float(np.mean(self.k_rpsd**2)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NoiseCard(Card):
     """Noise of one unit: feeds the simulator and the Kalman filters.
 

@@ -46,6 +46,7 @@ A recording (.parquet, .csv with its profile, .mcap, BROAD) brings its time and 
   plumbob allan gyro.txt --rate 100Hz --scale '0.00875 deg/s'    counts of 0.00875 deg/s
   plumbob allan gyro.txt --rate 100Hz --scale '1 deg/s'          numbers in deg/s
   plumbob allan raw.txt --rate 10Hz --scale '1 deg/s' --after filtered.txt
+  plumbob allan static.parquet --after static.parquet --calibration card.json    before and after the calibration
 """
 
 
@@ -88,6 +89,9 @@ def _add_input(p: argparse.ArgumentParser) -> None:
     )
     p.add_argument("--columns", type=int, metavar="K", help="numbers in a row of a raw file")
     common.add_profile(p)
+    common.add_calibration(
+        p, "calibration card to apply first; with --after to that file alone, which may be FILE itself"
+    )
     p.add_argument("--triads", metavar="A,B", help="which sensors of a recording (default all)")
     p.add_argument("--from", dest="start", metavar="S", help="begin so far into the record, as 10s")
     p.add_argument("--to", dest="stop", metavar="S", help="end there, as 2h")
@@ -97,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     _refuse_what_does_not_go_together(args)
     _check_outputs(args)
-    record, report = _opened(args, args.file)
+    record, report = _opened(args, args.file, card=None if args.after is not None else args.calibration)
     if args.after is not None:
         return _compare(args, record, report)
     if args.deviation is not None:
@@ -131,14 +135,15 @@ def _check_outputs(args: argparse.Namespace) -> None:
     outputs = {name: path for name in SUFFIXES if (path := getattr(args, name)) is not None}
     if args.card is not None:
         NoiseCard.require_place(args.card)
-    common.check_outputs(args, *outputs.values(), inputs=(args.file, args.after, args.profile))
+    common.check_outputs(args, *outputs.values(), inputs=(args.file, args.after, args.profile, args.calibration))
     for name, path in outputs.items():
         endings = SUFFIXES[name]
         if endings and path.suffix.lower() not in endings:
             raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
 
 
-def _opened(args: argparse.Namespace, path: Path) -> "tuple[StaticRecord, StaticReport]":
+def _opened(args: argparse.Namespace, path: Path, *, card: Path | None) -> "tuple[StaticRecord, StaticReport]":
+    from plumbob.cards import CalibrationCard
     from plumbob.data import TRIADS
     from plumbob.errors import ShapeError
     from plumbob.pipeline.static_record import check_static, load_static
@@ -150,6 +155,7 @@ def _opened(args: argparse.Namespace, path: Path) -> "tuple[StaticRecord, Static
         rate=None if args.rate is None else parse(args.rate, Quantity.FREQUENCY),
         scale=args.scale,
         profile=args.profile,
+        card=None if card is None else CalibrationCard.load(card),
         triads=triads,
         start=None if args.start is None else parse(args.start, Quantity.TIME),
         stop=None if args.stop is None else parse(args.stop, Quantity.TIME),
@@ -172,7 +178,7 @@ def _refuse_what_is_for_recordings(args: argparse.Namespace, record: "StaticReco
     from plumbob.errors import ParameterError
     from plumbob.io.numbers import Numbers
 
-    given = [f"--{name}" for name in ("triads", "profile") if getattr(args, name) is not None]
+    given = [f"--{name}" for name in ("triads", "profile", "calibration") if getattr(args, name) is not None]
     if given and any(isinstance(group.source, Numbers) for group in record.groups):
         raise ParameterError(
             f"{record.path} holds bare numbers, but {', '.join(given)} is for recordings; leave it out."
@@ -211,7 +217,7 @@ def _print(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Ana
     from plumbob import datasheet
 
     if args.json:
-        common.print_json({"file": str(record.path), **datasheet.as_dict(analyses)})
+        common.print_json({"file": str(record.path), **_card(args), **datasheet.as_dict(analyses)})
     elif args.paper == "fin":
         print(datasheet.fin_report(analyses))
     else:
@@ -224,11 +230,12 @@ def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Ana
     from plumbob._files import write_text
 
     device = args.device or record.path.stem
-    source = f"Allan analysis of {record.path.name}, plumbob {__version__}"
+    record_name = f"{record.path.name}{_calibrated(args)}"
+    source = f"Allan analysis of {record_name}, plumbob {__version__}"
     if args.png is not None:
         datasheet.write_png(args.png, analyses, overwrite=args.force)
     if args.html is not None:
-        facts = {"record": record.path.name, "device": device, "made by": f"plumbob {__version__}"}
+        facts = {"record": record_name, "device": device, "made by": f"plumbob {__version__}"}
         sections = (datasheet.fin_section(analyses),) if args.paper == "fin" else ()
         datasheet.write_html(
             args.html, analyses, title=f"Noise of {device}", facts=facts, sections=sections, overwrite=args.force
@@ -241,13 +248,22 @@ def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Ana
     _tell_written(args, "png", "html", "card", "kalibr")
 
 
+def _card(args: argparse.Namespace) -> dict[str, str | None]:
+    return {"calibration": None if args.calibration is None else args.calibration.name}
+
+
+def _calibrated(args: argparse.Namespace) -> str:
+    return "" if args.calibration is None else f", calibrated with {args.calibration.name}"
+
+
 def _deviation_alone(args: argparse.Namespace, record: "StaticRecord", report: "StaticReport") -> int:
     from plumbob import datasheet
     from plumbob.pipeline.characterise import deviations
 
     found = deviations(record, report, args.deviation, taus=_taus(args.taus))
     if args.json:
-        common.print_json({"file": str(record.path), "deviation": args.deviation, **datasheet.curves_as_dict(found)})
+        about = {"file": str(record.path), **_card(args), "deviation": args.deviation}
+        common.print_json({**about, **datasheet.curves_as_dict(found)})
     else:
         print(datasheet.curves_text(found))
     return 0
@@ -257,16 +273,21 @@ def _compare(args: argparse.Namespace, record: "StaticRecord", report: "StaticRe
     from plumbob import __version__, datasheet
     from plumbob.pipeline.characterise import comparisons
 
-    after, judged = _opened(args, args.after)
+    after, judged = _opened(args, args.after, card=args.calibration)
     found = comparisons((record, report), (after, judged), taus=_taus(args.taus))
     if args.json:
-        common.print_json({"before": str(record.path), "after": str(after.path), **datasheet.compared_as_dict(found)})
+        about = {"before": str(record.path), "after": str(after.path), **_card(args)}
+        common.print_json({**about, **datasheet.compared_as_dict(found)})
     else:
         print(datasheet.compared_text(found))
     if args.png is not None:
         datasheet.write_comparison_png(args.png, found, overwrite=args.force)
     if args.html is not None:
-        facts = {"before": record.path.name, "after": after.path.name, "made by": f"plumbob {__version__}"}
+        facts = {
+            "before": record.path.name,
+            "after": f"{after.path.name}{_calibrated(args)}",
+            "made by": f"plumbob {__version__}",
+        }
         title = f"{record.path.stem} before and after"
         datasheet.write_comparison(args.html, found, title=title, facts=facts, overwrite=args.force)
     _tell_written(args, "png", "html")

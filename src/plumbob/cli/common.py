@@ -61,6 +61,11 @@ def add_profile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--profile", type=Path, metavar="TOML", help="what the columns of a CSV or text file mean")
 
 
+def add_calibration(parser: argparse.ArgumentParser, help_: str = "calibration card to apply first") -> None:
+    """Option --calibration."""
+    parser.add_argument("--calibration", type=Path, metavar="JSON", help=help_)
+
+
 def add_noise(
     parser: argparse.ArgumentParser, help_: str = "noise card of the unit, for filters that take one"
 ) -> None:

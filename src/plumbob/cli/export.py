@@ -19,21 +19,28 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--what", choices=("all", "samples", "attitude"), default="all", help="leave the rest out")
     common.add_profile(p)
     common.add_force(p)
+    common.add_calibration(p, "calibration card to apply to the samples")
     p.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.pipeline import SUFFIX, read_any
+    from plumbob.pipeline import SUFFIX, read_any, recalibrated
     from plumbob.pipeline.exports import export, only
     from plumbob.pipeline.recorded import read_recorded
 
-    common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile))
+    common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile, args.calibration))
     if args.file.suffix == SUFFIX:
         recording = read_recorded(args.file, estimated=True)
     else:
         recording = read_any(args.file, profile=args.profile)
-    written = export(args.out, only(recording, args.what), overwrite=args.force)
+    recording = only(recording, args.what)
+    if args.calibration is not None:
+        from plumbob.cards import CalibrationCard
+
+        recording = recalibrated(recording, CalibrationCard.load(args.calibration))
+        common.note(*(note for note in recording.notes if note.startswith("temperature: ")))
+    written = export(args.out, recording, overwrite=args.force)
     parts = [("samples", recording.imu), ("attitudes", recording.track)]
     told = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
     print(f"{written}: of {args.file.name}, {told}")

@@ -142,12 +142,17 @@ def _print(report: dict[str, Any]) -> None:
 
 
 def _print_triad(name: str, triad: dict[str, Any]) -> None:
-    reach = "" if triad["range"] is None else f", range ±{triad['range']:.5g}"
+    reach = "" if triad["range"] is None else f", range {_range(triad['range'])}"
     if not triad["samples"]:
         print(f"{name:12} no usable sample in {triad['unit']}{reach}")
         return
     print(f"{name:12} {triad['samples']} samples in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}")
     print(f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}")
+
+
+def _range(full_scale: float | tuple[float, ...]) -> str:
+    axes = full_scale if isinstance(full_scale, tuple) else (full_scale,)
+    return ", ".join(f"±{axis:.5g}" for axis in axes)
 
 
 def _print_timing(time: dict[str, Any]) -> None:

@@ -26,7 +26,7 @@ def add_parser(verbs: common.Adder) -> None:
     common.add_init(p)
     common.add_place(p)
     common.add_profile(p)
-    p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply first")
+    common.add_calibration(p)
     common.add_noise(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
     common.add_force(p)
@@ -39,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import replace
 
     from plumbob import io, pipeline
+    from plumbob.doubts import upside_down
     from plumbob.errors import ParameterError, ShapeError
     from plumbob.pipeline.bias_prior import bias_beyond
 
@@ -57,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     found = io.found_in(recording.notes) if args.calibration is None else (*doubt, *io.findings(imu))
     if beyond is not None:
         found = (*found, f"temperature: {beyond}")
-    common.note(*(f"{args.file.name}: {line}" for line in found))
+    common.note(*(f"{args.file.name}: {line}" for line in (*found, *upside_down(imu, frame))))
     common.warn_of_compiling([stage.filter])
     with common.progress(f"{stage.name}", len(imu)) as advance:
         track = pipeline.estimate(imu, stage, frame=frame, reference=recording.track, progress=advance)

@@ -6,12 +6,13 @@ declination, time, mounting or heading, is done to the reference, and the result
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from plumbob import flags
-from plumbob.check import Floats
+from plumbob._repr import Shown
+from plumbob.check import Floats, number, said
 from plumbob.data import AttitudeTrack
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.evaluate import report
@@ -31,6 +32,7 @@ from plumbob.evaluate.remarks import remarks
 from plumbob.evaluate.statistics import Stats
 from plumbob.evaluate.timeshift import find_time_offset
 from plumbob.rotations import change_frame, quat_angle
+from plumbob.units import to_deg
 
 RATE_BASELINE = 0.1
 """Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
@@ -47,8 +49,8 @@ class Settings:
     settle: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Evaluation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Shown):
     """An estimate judged by a reference.
 
     Attributes
@@ -103,6 +105,12 @@ class Evaluation:
             return {}
         return flags.counts(self.estimate.flags[self.match.scored])
 
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: scored samples and the root mean square of each error, degrees."""
+        found = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
+        found |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
+        return found | {"source": self.estimate.source.partition("(")[0] or "not named"}
+
     def summary(self) -> dict[str, Any]:
         """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluate.report`."""
         return report.summary(self)
@@ -112,9 +120,17 @@ class Evaluation:
         return report.text(self)
 
 
+class Tracked(Protocol):
+    """What holds an attitude, such as a `plumbob.Recording` with its reference."""
+
+    @property
+    def track(self) -> AttitudeTrack | None:
+        """The attitude."""
+
+
 def evaluate(
-    estimate: AttitudeTrack,
-    reference: AttitudeTrack,
+    estimate: AttitudeTrack | Tracked,
+    reference: AttitudeTrack | Tracked,
     *,
     align: Collection[str] = (),
     max_gap: float | None = None,
@@ -126,11 +142,11 @@ def evaluate(
 
     Parameters
     ----------
-    estimate : AttitudeTrack
+    estimate : AttitudeTrack or Recording
         Judged at its own times, in its own frame; not where it carries `plumbob.flags.NOT_CONVERGED`, because what it
         holds there is no estimate yet.
-    reference : AttitudeTrack
-        The truth; where it has a ``score``, only those samples count.
+    reference : AttitudeTrack or Recording
+        The truth; where it has a ``score``, only those samples count. Of a recording, its ``track``.
     align : collection of {"time", "mounting", "heading"}
         Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
         time also removes the delay of a filter.
@@ -156,8 +172,14 @@ def evaluate(
     FrameError
         If one heading is true, the other magnetic, and neither declination nor alignment bridges them.
     ShapeError
-        If no sample is left to score.
+        If no sample is left to score, or one of the two is not an attitude and holds none.
     """
+    estimate, reference = _attitude("estimate", estimate), _attitude("reference", reference)
+    for name, value in (("max_gap", max_gap), ("max_offset", max_offset), ("settle", settle)):
+        if value is not None or name != "max_gap":
+            number(name, value, "s")
+    if declination is not None:
+        number("declination", declination, "rad")
     settings = Settings(_asked(align), max_gap, max_offset, declination, settle)
     policy = heading_policy(
         estimate.north, reference.north, aligned="heading" in settings.align, declination=declination
@@ -174,12 +196,22 @@ def evaluate(
     return _measure(estimate, reference, settings, match, alignment, policy)
 
 
+def _attitude(name: str, given: AttitudeTrack | Tracked) -> AttitudeTrack:
+    if isinstance(given, AttitudeTrack):
+        return given
+    if isinstance(held := getattr(given, "track", None), AttitudeTrack):
+        return held
+    what = "has no track" if hasattr(given, "track") else f"is {said(given)}"
+    raise ShapeError(
+        f"{name} must be an AttitudeTrack, or a Recording that has one, but it {what}. A filter's process gives an "
+        "estimate; a file is read with plumbob.read."
+    )
+
+
 def _asked(align: Collection[str]) -> tuple[str, ...]:
-    words = {align} if isinstance(align, str) else set(align)
-    if not words <= set(ALIGNMENTS):
-        raise ParameterError(
-            f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(sorted(words - set(ALIGNMENTS)))}."
-        )
+    words = (align,) if isinstance(align, str) or not isinstance(align, Collection) else tuple(align)
+    if unknown := [word for word in words if not isinstance(word, str) or word not in ALIGNMENTS]:
+        raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(said, unknown))}.")
     return tuple(word for word in ALIGNMENTS if word in words)
 
 

@@ -3,6 +3,7 @@
 from importlib import import_module
 from typing import cast
 
+from plumbob.check import said
 from plumbob.errors import ParameterError
 from plumbob.filters.base import CommonParams, Filter, FilterModule
 from plumbob.filters.start import Start
@@ -46,8 +47,8 @@ def load(name: str) -> FilterModule:
     ParameterError
         If there is no filter of that name.
     """
-    if name not in _MODULES:
-        raise ParameterError(f"there is no filter '{name}'; known are {', '.join(_MODULES)}.")
+    if not isinstance(name, str) or name not in _MODULES:
+        raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(_MODULES)}.")
     return cast(FilterModule, import_module(f"plumbob.filters.{name}"))
 
 

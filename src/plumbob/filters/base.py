@@ -5,6 +5,7 @@ A filter module holds the algorithm: ``Params`` (what a user sets), ``coefficien
 """
 
 import math
+import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -15,10 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob import check, flags
 from plumbob._jit import Kernel, bare, njit, specialise
+from plumbob._repr import Shown
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
-from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
+from plumbob.doubts import doubts, upside_down
+from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.filters.admission import judge, usable
 from plumbob.filters.consider import considered
 from plumbob.filters.layout import (
@@ -54,6 +57,8 @@ _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
 STATE_VERSION = 3
 SEEN_TAU = 30.0
 """The field is taken for its mean over this, s, when errors of its calibration are weighed."""
+_LOOKED_AT = 10_000
+"""Samples from whose first ones a caller is warned of a wrong unit or sign; more would cost as much as a filter."""
 
 
 class CommonParams(NamedTuple):
@@ -212,15 +217,15 @@ def loops_of(name: str, module: FilterModule) -> Loops:
     )
 
 
-class Filter:
+class Filter(Shown):
     """An estimator with its parameters and its state.
 
     Parameters
     ----------
     name : str
         As listed by `filter_names`.
-    frame : Frame
-        Navigation frame of the result; there is no default.
+    frame : Frame or str
+        Navigation frame of the result, as ``Frame.ENU`` or ``"ENU"``; there is no default.
     params : Mapping, optional
         Parameters by name; numbers in SI, text with its unit. Unknown names are refused.
     noise : NoiseCard, optional
@@ -261,7 +266,7 @@ class Filter:
         self,
         name: str,
         *,
-        frame: Frame,
+        frame: Frame | str,
         params: Mapping[str, Any] | None = None,
         noise: "NoiseCard | None" = None,
         init: Start | ArrayLike | str | None = None,
@@ -269,13 +274,11 @@ class Filter:
     ) -> None:
         from plumbob.filters import load
 
-        if not isinstance(frame, Frame):
-            raise FrameError(f"frame must be a Frame ({', '.join(Frame)}), but it is {frame!r}.")
         self.name = name
-        self.frame = frame
+        self.frame = frame = Frame.parse(frame)
         self.module = load(name)
         from_card = _from_noise(name, self.module, noise)
-        given = {**from_card, **(params or {})}
+        given = {**from_card, **({} if params is None else _mapping(params))}
         self.params, self.common = _split_params(name, self.module, given)
         self._decided = "declination" in given
         self._meta = meta
@@ -356,7 +359,7 @@ class Filter:
         north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
         return own + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
 
-    def process(self, data: ImuData, *, covariance: bool = False) -> AttitudeTrack:
+    def process(self, data: ImuData, *, covariance: bool = False, look: bool = True) -> AttitudeTrack:
         """Take a recording, or its next chunk, and return the attitude at each of its samples.
 
         Parameters
@@ -365,16 +368,19 @@ class Filter:
             The recording, or its next chunk.
         covariance : bool
             Keep the covariance of the attitude in the track, where the filter claims one.
+        look : bool
+            Look at the first recording for times, rates and signs that seem to be declared wrongly, and warn.
 
         Raises
         ------
         ShapeError
             If the recording lacks a triad that the filter needs.
         """
-        if not isinstance(data, ImuData):
-            raise ShapeError(f"process takes an ImuData, but got {type(data).__name__}; of a Recording take its .imu.")
+        check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
         self._require(data.triads)
         self._heed(data.meta)
+        if look and self._x[COUNT] == 0.0:
+            _warn_of_doubts(data, self.frame)
         mag = data.usable("mag") if self.common.mag else check.read_only(np.full((len(data), 3), np.nan))
         place = self._covariance if covariance else slice(0, 0)
         q_nb, bias_b, found, cov = self._batch(
@@ -490,8 +496,21 @@ class Filter:
         """Copies and pickles go on from the same state with arrays of their own."""
         return type(self).restore, (self.save(),)
 
-    def __repr__(self) -> str:
-        return f"<Filter {self.describe()} in {self.frame}>"
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: name, frame, the parameters that differ from their defaults, and samples taken."""
+        own, common = self.module.Params(), CommonParams()
+        changed = [
+            f"{p.name}={shown(p, value)}"
+            for holder, usual in ((self.params, own), (self.common, common))
+            for p in describe(type(holder))
+            if (value := getattr(holder, p.name)) != getattr(usual, p.name)
+        ]
+        return {
+            "name": self.name,
+            "frame": str(self.frame),
+            "params": ", ".join(changed) or "defaults",
+            "samples": f"{self._x[COUNT]:.0f}",
+        }
 
     def _fixed(self) -> dict[str, Any]:
         """Common parameters that were given, whatever a recording says."""
@@ -546,6 +565,13 @@ def _split_params(name: str, module: FilterModule, values: dict[str, Any]) -> tu
     )
 
 
+def _mapping(params: Any) -> Mapping[str, Any]:
+    if not isinstance(params, Mapping):
+        got = check.said(params)
+        raise ParameterError(f'params must be values by name, as in {{"kp": 0.5, "gate": "0.08 g"}}, but it is {got}.')
+    return params
+
+
 def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame: Frame) -> Floats:
     angle = common.declination or 0.0
     north = math.cos(angle) * frame.north + math.sin(angle) * frame.east
@@ -569,6 +595,12 @@ def _saved_start(saved: Any) -> Start | None:
     if not isinstance(saved, list) or len(saved) != 2:
         raise DecodeError("'init' of the saved state must be an attitude and its north; it is damaged.")
     return Start(saved[0], None if saved[1] is None else North.parse(saved[1]))
+
+
+def _warn_of_doubts(data: ImuData, frame: Frame) -> None:
+    first = data[:_LOOKED_AT]
+    for doubt in (*doubts(first), *upside_down(first, frame)):
+        warnings.warn(f"{doubt}.".replace("?.", "?"), PlumbobWarning, stacklevel=3)
 
 
 def _require_plausible(state: Floats) -> None:

@@ -7,12 +7,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from plumbob import check
 from plumbob._files import existing_file
 from plumbob._lazy import lazily
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.errors import DecodeError, ParameterError, ShapeError
+from plumbob.errors import DecodeError, ParameterError
 from plumbob.io.findings import findings, found_in, inferred, inferred_in
-from plumbob.io.recording import Recording
+from plumbob.io.recording import Recording, lines
 
 if TYPE_CHECKING:
     from plumbob.io.numbers import Numbers, open_numbers
@@ -129,7 +130,7 @@ def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None"
     UnitError, ClockError, ShapeError, FrameError
         If its numbers cannot be what they are declared to be.
     """
-    kind = _format(Path(path))
+    kind = _format(check.path("path", path))
     file = existing_file(path)
     if profile is not None and not kind.takes_profile:
         raise ParameterError(f"{file} describes itself ({kind.name}), so it takes no profile; leave --profile out.")
@@ -174,21 +175,21 @@ def write(
     ShapeError
         If the notes are not lines of text.
     """
-    if isinstance(notes, str):  # whose lines would be its letters
-        raise ShapeError(f"notes must be a sequence of lines of text, but got {notes!r}.")
-    file = Path(path)
+    added, file = lines("notes", notes), check.path("path", path)
     writers = dict(_format(file).writers)
     if file.suffix.lower() not in writers:
         raise DecodeError(f"{file}: {file.suffix} is read only; write {' or '.join(_writable())} instead.")
     recording = _recording(what, file.stem)
-    writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *notes)), overwrite)
+    writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *added)), overwrite)
     return file
 
 
 def _recording(what: Recording | ImuData | AttitudeTrack, name: str) -> Recording:
     if isinstance(what, ImuData):
         return Recording(imu=what, name=name)
-    return Recording(track=what, name=name) if isinstance(what, AttitudeTrack) else what
+    if isinstance(what, AttitudeTrack):
+        return Recording(track=what, name=name)
+    return check.kind("what", what, Recording, hint="An ImuData or an AttitudeTrack will do, too.")
 
 
 def _format(path: Path) -> Format:

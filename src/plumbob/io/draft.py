@@ -26,8 +26,8 @@ from plumbob.io.profile import AS_MOUNTED
 from plumbob.io.profile_toml import GUIDE
 from plumbob.io.sniff import Sample, sample_of
 from plumbob.io.timestamps import FORM, has_zone, is_stamp, stamps_ns
-from plumbob.io.turning import Turning, turning
 from plumbob.rotations import in_body_axes, signed_axes
+from plumbob.turning import Turning, turning
 from plumbob.units import UNITS, Quantity, canonical_name, is_name, to_si
 
 _KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}

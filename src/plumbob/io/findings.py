@@ -13,14 +13,22 @@ from plumbob import clock, flags
 from plumbob.check import Floats
 from plumbob.clock import TimeReport
 from plumbob.data import UNCALIBRATED, ImuData, calibration_told
+from plumbob.doubts import doubts
 from plumbob.io.recording import Recording
-from plumbob.io.turning import turning
-from plumbob.units import to_deg
 
 EARTH_FIELD: Final = (22.0, 67.0)
 """Smallest and largest flux density at the surface of the Earth, µT (IGRF-13, doi:10.1186/s40623-020-01288-x)."""
 
-TOPICS: Final = ("calibration: ", "magnetic field: ", "clipped: ", "invalid: ", "gaps: ", "stuck: ", "gyroscope: ")
+TOPICS: Final = (
+    "calibration: ",
+    "magnetic field: ",
+    "clipped: ",
+    "invalid: ",
+    "gaps: ",
+    "stuck: ",
+    "time: ",
+    "gyroscope: ",
+)
 """How the lines of `findings` begin."""
 
 INFERRED: Final = "inferred gaps: "
@@ -35,8 +43,8 @@ _INVALID = {"gyr": flags.GYR_INVALID, "acc": flags.ACC_INVALID, "mag": flags.MAG
 
 
 def findings(imu: ImuData) -> tuple[str, ...]:
-    """Lines about calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, the gyroscope."""
-    return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *_gyroscope(imu))
+    """Lines about calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, and `doubts`."""
+    return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *doubts(imu))
 
 
 def inferred(report: TimeReport) -> tuple[str, ...]:
@@ -143,27 +151,3 @@ def _stuck(imu: ImuData) -> Iterator[str]:
             count = int(np.count_nonzero(lasting >= STUCK_FOR))
             more = f", the longest of {count} such stretches" if count > 1 else ""
             yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[starts[i]]:.6g} s{more}"
-
-
-def _gyroscope(imu: ImuData) -> Iterator[str]:
-    found = turning(imu)
-    if not found.tells:
-        return
-    times = to_deg(1.0)
-    if found.factor < 0.0:
-        yield "gyroscope: it turns against the accelerometer: a sign or an axis is wrong"
-    elif _is_about(found.factor * times):
-        yield (
-            f"gyroscope: the acceleration turns {times:.0f} times slower than the rates say; they look like °/s "
-            "declared as rad/s"
-        )
-    elif _is_about(found.factor / times):
-        yield (
-            f"gyroscope: the acceleration turns {times:.0f} times faster than the rates say; they look like rad/s "
-            "declared as °/s"
-        )
-
-
-def _is_about(factor: float) -> bool:
-    """Within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too."""
-    return abs(math.log2(factor)) < 1.0

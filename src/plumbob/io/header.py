@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from plumbob.data import ImuMeta
+from plumbob.data import ImuMeta, Range
 from plumbob.errors import DecodeError, ParameterError, excerpt
 from plumbob.io.columns import COLUMNS
 from plumbob.io.findings import stored_notes
@@ -139,6 +139,15 @@ def _numbers(value: Any) -> tuple[float, ...]:
     return tuple(_number(one) for one in value)
 
 
+def _range(value: Any) -> Range:
+    if not isinstance(value, list | tuple):
+        return _number(value)
+    if len(value) != 3:
+        raise TypeError("must be a number, or three of them")
+    x, y, z = map(_number, value)
+    return x, y, z
+
+
 def _whole(value: Any) -> int:
     if not isinstance(value, np.integer) and not _is_int(value):
         raise TypeError("must be a whole number")
@@ -169,9 +178,9 @@ def _north(value: Any) -> North:
 
 _META: Final[dict[str, Callable[[Any], Any]]] = {
     "device": _text,
-    "gyr_range": _optional(_number),
-    "acc_range": _optional(_number),
-    "mag_range": _optional(_number),
+    "gyr_range": _optional(_range),
+    "acc_range": _optional(_range),
+    "mag_range": _optional(_range),
     "rate_nominal": _optional(_number),
     "t0_ns": _whole,
     "axes": _text,

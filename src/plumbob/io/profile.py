@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from plumbob.data import Range
 from plumbob.rotations import Frame, North
 
 ColumnRef = int | str
@@ -120,8 +121,8 @@ class GroupSource:
         be left-handed.
     gravity : bool
         Whether the columns point down at rest, as gravity does, instead of up.
-    full_scale : float or None
-        Measuring range, in the unit used inside.
+    full_scale : float or tuple of 3 floats or None
+        Measuring range, in the unit used inside; of each column where they differ.
     """
 
     columns: tuple[ColumnRef, ...]
@@ -130,7 +131,7 @@ class GroupSource:
     zero: tuple[float, ...] | None = None
     axes: str = AS_MOUNTED
     gravity: bool = False
-    full_scale: float | None = None
+    full_scale: Range = None
 
 
 @dataclass(frozen=True, slots=True)

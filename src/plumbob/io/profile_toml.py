@@ -9,7 +9,7 @@ import numpy as np
 
 from plumbob import forms
 from plumbob._files import MAX_TEXT, existing_file, reading
-from plumbob.data import TRIADS
+from plumbob.data import TRIADS, Range
 from plumbob.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt, guide
 from plumbob.forms import Parse
 from plumbob.io.profile import (
@@ -24,7 +24,7 @@ from plumbob.io.profile import (
     TimeStamps,
 )
 from plumbob.io.timestamps import FORM, zone_ns
-from plumbob.rotations import Frame, North, body_axes, signed_axes
+from plumbob.rotations import Frame, North, body_axes, in_body_axes, signed_axes
 from plumbob.units import Quantity
 
 _MIRRORED: Final = 'axes and mirrored = true in its own table, as in [mag] axes = "x y -z"'
@@ -75,7 +75,7 @@ def parse_profile(text: str, *, origin: str = "profile") -> Profile:
         flag_words=found.get("flags", {}).get("words", False),
         reference=found.get("reference"),
         meta={key: found[key] for key in _META if key in found}
-        | {f"{name}_range": found[name].full_scale for name in TRIADS if name in found},
+        | {f"{name}_range": _in_body(found[name], found) for name in TRIADS if name in found},
         notes=found.get("notes", ()),
         axes_applied=found.get("axes_applied", False),
         place=found.get("place"),
@@ -105,6 +105,17 @@ def _refuse_questions(raw: Mapping[str, Any]) -> None:
             f"{many} not answered: {', '.join(open_)}. Open the file, and behind each '?' correct what is wrong and "
             "delete the '?'; a number or true loses its quotes."
         )
+
+
+def _in_body(group: GroupSource, found: Mapping[str, Any]) -> Range:
+    """Range of body axes, where that of three columns differs."""
+    told = group.full_scale
+    if not isinstance(told, tuple):
+        return told
+    in_case = in_body_axes(group.axes, np.array(told))
+    axes = AS_MOUNTED if found.get("axes_applied") else found.get("axes", AS_MOUNTED)
+    x, y, z = np.abs(in_body_axes(axes, in_case)).tolist()
+    return x, y, z
 
 
 def _require_sense(profile: Profile) -> None:
@@ -275,6 +286,20 @@ def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...]
     return parse
 
 
+def _range(kind: Quantity) -> Parse:
+    """One size with its unit, or one for each of three columns."""
+    one = forms.size(kind)
+
+    def parse(where: str, value: Any) -> float | tuple[float, ...]:
+        if not isinstance(value, list):
+            return float(one(where, value))
+        if len(value) != 3:
+            raise DecodeError(f"{where} must be one range, or three in a list, but it has {len(value)}.")
+        return tuple(one(f"{where}[{i}]", item) for i, item in enumerate(value))
+
+    return parse
+
+
 def _per_count(where: str, found: Mapping[str, Any]) -> float:
     if "counts_per_unit" in found and "unit_per_count" in found:
         raise DecodeError(f"{where} has both counts_per_unit and unit_per_count; keep the one from the data sheet.")
@@ -373,13 +398,13 @@ _PROFILE: Final[dict[str, Parse]] = {
     "rows": forms.whole(1),
     "header": _header,
     "time": _time,
-    "gyr": _group(Quantity.RATE, {"range": forms.size(Quantity.RATE)}),
+    "gyr": _group(Quantity.RATE, {"range": _range(Quantity.RATE)}),
     "acc": _group(
         Quantity.ACCELERATION,
-        {"range": forms.size(Quantity.ACCELERATION), "sign": forms.one_of("specific-force", "gravity")},
+        {"range": _range(Quantity.ACCELERATION), "sign": forms.one_of("specific-force", "gravity")},
         ("sign",),
     ),
-    "mag": _group(Quantity.FIELD, {"range": forms.size(Quantity.FIELD)}),
+    "mag": _group(Quantity.FIELD, {"range": _range(Quantity.FIELD)}),
     "temperature": _temperature,
     "flags": _flags,
     "reference": _reference,

@@ -1,7 +1,9 @@
 """One recording: what the sensors said, an attitude over time, or both."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
+from plumbob import check
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ShapeError
 
@@ -36,6 +38,15 @@ class Recording:
         """Refuse a recording of nothing."""
         if self.imu is None and self.track is None:
             raise ShapeError("a recording needs imu, track or both, but neither was given.")
-        if isinstance(self.notes, str) or not all(isinstance(note, str) for note in self.notes):
-            raise ShapeError(f"notes must be a sequence of lines of text, but got {self.notes!r}.")
-        object.__setattr__(self, "notes", tuple(" ".join(note.split()) for note in self.notes))
+        for name, expected in (("imu", ImuData), ("track", AttitudeTrack)):
+            if getattr(self, name) is not None:
+                check.kind(name, getattr(self, name), expected)
+        object.__setattr__(self, "notes", lines("notes", self.notes))
+
+
+def lines(name: str, given: Iterable[str]) -> tuple[str, ...]:
+    """Lines of text, each without breaks; one text is refused, for its lines would be its letters."""
+    found = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    if found is None or not all(isinstance(line, str) for line in found):
+        raise ShapeError(f"{name} must be a sequence of lines of text, but got {given!r}.")
+    return tuple(" ".join(line.split()) for line in found)

@@ -116,12 +116,18 @@ def _samples(imu: ImuData) -> Iterator[str]:
         yield from ("", f"[{name}]", _listed("columns", name), f'unit = "{UNITS[name]}"')
         full_scale = getattr(meta, f"{name}_range")
         if full_scale is not None:
-            yield f'range = "{full_scale!r} {UNITS[name]}"'
+            yield f"range = {_range(full_scale, UNITS[name])}"
         if name == "acc":
             yield 'sign = "specific-force"'
     if imu.temp_c is not None:
         yield from ("", "[temperature]", f"column = {_toml(_title('temp_c'))}", 'unit = "degC"')
     yield from ("", "[flags]", 'column = "flags"')
+
+
+def _range(full_scale: float | tuple[float, ...], unit: str) -> str:
+    if isinstance(full_scale, tuple):
+        return f"[{', '.join(_range(axis, unit) for axis in full_scale)}]"
+    return f'"{full_scale!r} {unit}"'
 
 
 def _reference(track: AttitudeTrack) -> Iterator[str]:

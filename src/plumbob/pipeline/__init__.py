@@ -14,6 +14,7 @@ from plumbob.pipeline.offline import (
     filter_of,
     navigation_frame,
     read_any,
+    recalibrated,
     with_noise,
 )
 
@@ -27,5 +28,6 @@ __all__ = [
     "filter_of",
     "navigation_frame",
     "read_any",
+    "recalibrated",
     "with_noise",
 ]

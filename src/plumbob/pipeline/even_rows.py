@@ -220,7 +220,7 @@ def _clipped(imu: ImuData, name: str, values: Floats, rows: NDArray[np.int64], f
     if not marked.size:
         return set()
     size = np.abs(values[marked])
-    full_scale = getattr(imu.meta, f"{name}_range")
+    full_scale = imu.meta.full_scale(name)
     at_end = np.ones_like(size, dtype=bool) if full_scale is None else size >= 0.999 * full_scale
     for axis in np.flatnonzero(at_end.any(axis=0)).tolist():
         count = int(np.count_nonzero(at_end[:, axis]))

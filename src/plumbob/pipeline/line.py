@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import flags
+from plumbob import check, flags
 from plumbob.check import Floats
 from plumbob.clock import CountedTime, Counter, TimeBase, TimeReport, TimeSpec
 from plumbob.data import AttitudeTrack, ImuData
@@ -78,7 +78,7 @@ class Line:
     """
 
     def __init__(self, session: Session) -> None:
-        self.session = session
+        self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
         self.decoder = Decoder(session.form)
         message = session.form.message(session.message)
         unit_of(message, session.unit)
@@ -173,7 +173,7 @@ class Line:
         imu = calibrated(sensed, self.session.card, live=True)
         if not self._started:
             self._start(frames, imu)
-        track = None if self.filter is None else self.filter.process(imu)
+        track = None if self.filter is None else self.filter.process(imu, look=False)
         return Part(t_ns, frames, sensed, imu, track)
 
     def _start(self, frames: Frames, imu: ImuData) -> None:

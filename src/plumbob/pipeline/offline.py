@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.errors import DecodeError, FrameError
+from plumbob.errors import DecodeError, FrameError, ShapeError
 from plumbob.filters import Filter, Start, takes_noise
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame
@@ -132,6 +132,33 @@ def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start:
     return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, init=start or init, meta=meta)
 
 
+def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":
+    """Recording with the card applied to its samples, and what is then found in them in its notes.
+
+    Parameters
+    ----------
+    recording : Recording
+        Uncalibrated samples; an attitude that comes with them stays as it is.
+    card : CalibrationCard
+        Of this very unit.
+
+    Raises
+    ------
+    ShapeError
+        If it has no samples.
+    CalibrationError
+        As `plumbob.apply_card`.
+    """
+    from plumbob.calib.model import temperature_beyond
+    from plumbob.io.findings import findings, provenance
+
+    if recording.imu is None:
+        raise ShapeError(f"{recording.name} holds an attitude but no samples that a calibration card could correct.")
+    imu = calibrated(recording.imu, card)
+    beyond = () if (told := temperature_beyond(card, imu)) is None else (f"temperature: {told}",)
+    return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
+
+
 def estimate(
     imu: ImuData,
     stage: Stage,
@@ -165,7 +192,7 @@ def estimate(
     filter_ = filter_of(stage, frame, imu.meta, start=start)
     parts = []
     for chunk in imu.chunks(CHUNK):
-        parts.append(filter_.process(chunk, covariance=True))
+        parts.append(filter_.process(chunk, covariance=True, look=False))  # the findings have been told
         if progress:
             progress(len(chunk))
     return AttitudeTrack.joined(parts)

@@ -62,6 +62,7 @@ def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
         notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
     notes += [f"damaged: {damage}" for damage in log.damage]
     notes += io.inferred(replayed.line.time_report())
+    notes += [f"units: {doubt}; check the units of the format" for doubt in imu.unit_doubts()]
     track = replayed.found.track() if estimated else _reference(replayed)
     whole = Recording(imu=replace(imu, meta=meta), track=track, name=file.stem, notes=tuple(notes))
     return replace(whole, notes=(*whole.notes, *io.findings(whole.imu))) if whole.imu else whole

@@ -7,6 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from plumbob import forms
 from plumbob._files import text_of
 from plumbob.cards import CalibrationCard, NoiseCard
@@ -21,7 +23,7 @@ from plumbob.pipeline.session import OutputSpec, RecordSpec, ReferenceSpec, Sess
 from plumbob.pipeline.source_toml import parse_source
 from plumbob.pipeline.sources import KERNEL, described
 from plumbob.rigs import find_format
-from plumbob.rotations import Frame, North, body_axes
+from plumbob.rotations import Frame, North, body_axes, in_body_axes
 from plumbob.sensors.format import Format, Message
 from plumbob.sensors.format_toml import parse_format
 from plumbob.sensors.triads import ranges_of, unit_of
@@ -62,8 +64,8 @@ def load_session(path: str | Path, *, date: str | None = None) -> Session:
     ParameterError, UnitError, FrameError, CalibrationError
         If what it asks for does not exist or does not go together.
     """
+    text = text_of(path)
     file = Path(path)
-    text = text_of(file)
     try:
         return parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date)
     except PlumbobError as error:
@@ -204,12 +206,12 @@ def of_unit(session: Session, asked: str) -> Session:
     """
     message = session.form.message(session.message)
     unit = unit_of(message, asked)
-    return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit)))
+    return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit, session.meta.axes)))
 
 
-def _ranges(message: Message, unit: str) -> dict[str, Any]:
-    """Full scales of a unit's triads, by the names that the data have for them."""
-    return {f"{name}_range": full for name, full in ranges_of(message, unit).items()}
+def _ranges(message: Message, unit: str, axes: str) -> dict[str, Any]:
+    """Full scales of a unit's triads in body axes, by the names that the data have for them."""
+    return {f"{name}_range": np.abs(in_body_axes(axes, case)) for name, case in ranges_of(message, unit).items()}
 
 
 def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[SourceSpec, Format, str]:
@@ -258,14 +260,16 @@ def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str]:
 
 
 def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
-    ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit)
+    axes = imu.get("axes", "x y z")
+    ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit, axes)
     asked = None if source is None else source.settings.get("rate")
     return ImuMeta(
         device=imu.get("device", form.name),
-        axes=imu.get("axes", "x y z"),
+        axes=axes,
         frame=imu.get("frame"),
         declination=imu.get("declination"),
         rate_nominal=asked or form.framing.rate,
+        unit_check=False,  # the format says the units
         **ranges,
     )
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from plumbob import io, units
 from plumbob._files import existing_file
+from plumbob.cards import CalibrationCard
 from plumbob.check import Floats
 from plumbob.data import TRIADS
 from plumbob.errors import ParameterError, UnitError
@@ -22,7 +23,7 @@ from plumbob.io.numbers import SUFFIXES, TEXT_SUFFIXES, Numbers, open_numbers
 from plumbob.io.text import sidecars
 from plumbob.noise.static import StaticCheck, StaticReport, find_step, judge
 from plumbob.pipeline.even_rows import triads_of
-from plumbob.pipeline.offline import read_any
+from plumbob.pipeline.offline import read_any, recalibrated
 from plumbob.units import Quantity
 
 ANALYSED: Final = (Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.RATIO)
@@ -119,6 +120,7 @@ def load_static(
     rate: float | None = None,
     scale: str | None = None,
     profile: Path | None = None,
+    card: CalibrationCard | None = None,
     triads: Sequence[str] = TRIADS,
     start: float | None = None,
     stop: float | None = None,
@@ -139,6 +141,8 @@ def load_static(
         What 1 is in a file of bare numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
     profile : Path, optional
         What a text recording does not say about itself.
+    card : CalibrationCard, optional
+        Calibration of a recording's unit, applied first.
     triads : sequence of str
         Which sensors of a recording.
     start, stop : float, optional
@@ -163,7 +167,9 @@ def load_static(
     if _is_recording(file, profile, kind):
         if scale is not None or columns is not None:
             raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")
-        return _of_recording(file, profile, triads, (start, stop), rate)
+        return _of_recording(file, profile, card, triads, (start, stop), rate)
+    if card is not None:
+        raise ParameterError(f"{file} holds bare numbers, but a calibration card corrects a recording with its units.")
     return _of_numbers(open_numbers(file, kind=kind, columns=columns), rate, scale, (start, stop))
 
 
@@ -190,11 +196,14 @@ def _is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
 def _of_recording(
     file: Path,
     profile: Path | None,
+    card: CalibrationCard | None,
     triads: Sequence[str],
     between: tuple[float | None, float | None],
     rate: float | None,
 ) -> StaticRecord:
     recording = read_any(file, profile=profile)
+    if card is not None:
+        recording = recalibrated(recording, card)
     found = triads_of(recording.imu, file, triads, between)
     if rate is not None and abs(rate * found.dt - 1.0) > _SAME:
         raise ParameterError(

@@ -57,14 +57,8 @@ def _in_register(one: Field, values: Floats) -> Floats:
     held = np.where(last >= 0, values[last], 0.0)
     if not one.triad or one.type[0] == "f":
         return held
-    beyond = np.abs(held) >= reach(one) * _JUST_BELOW
+    beyond = np.abs(held) >= one.full_scale * _JUST_BELOW
     return np.where(beyond, np.nan if one.overflow else np.copysign(np.inf, held), held)
-
-
-def reach(one: Field) -> float:
-    """Greatest value of either sign that a field of a triad can say, in the unit used inside."""
-    low, high = one.clip or one.limits
-    return min(-low, high) * abs(one.scale)
 
 
 def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:

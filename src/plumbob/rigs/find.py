@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from plumbob import check
 from plumbob.errors import ParameterError
 from plumbob.rigs import formats
 from plumbob.sensors import catalog
@@ -9,12 +10,12 @@ from plumbob.sensors.format import Format
 from plumbob.sensors.format_toml import load_format
 
 
-def find_format(name: str) -> Format:
+def find_format(name: str | Path) -> Format:
     """Format that a name means.
 
     Parameters
     ----------
-    name : str
+    name : str or path
         A ``.toml`` file, a device of the catalogue or one of its aliases, or a rig.
 
     Raises
@@ -24,6 +25,7 @@ def find_format(name: str) -> Format:
     ParameterError
         If there is neither.
     """
+    name = str(check.path("name", name))
     if name.endswith(".toml"):
         return load_format(Path(name))
     if name in formats.names():

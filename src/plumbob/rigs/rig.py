@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plumbob import clock
 from plumbob.errors import ParameterError
 from plumbob.rigs import faults as line_faults
-from plumbob.rigs.columns import columns_for, reach
+from plumbob.rigs.columns import columns_for
 from plumbob.rigs.faults import Damage, Fault
 from plumbob.rigs.mount import Mounted
 from plumbob.rigs.plan import Plan, Unit
@@ -145,5 +145,5 @@ def _fitted(errors: TriadErrors | None, message: Message, prefix: str, triad: st
     for i, axis in enumerate("xyz"):
         name = ".".join(part for part in (prefix, triad, axis) if part)
         for one in (f for f in message.fields if f.name == name and f.type[0] != "f"):
-            lsb[i], full_scale[i] = abs(one.scale), reach(one)
+            lsb[i], full_scale[i] = abs(one.scale), one.full_scale
     return replace(errors, lsb=lsb, full_scale=full_scale)

@@ -41,7 +41,7 @@ class Frame(StrEnum):
 
     @classmethod
     def parse(cls, name: str) -> "Frame":
-        """Frame of that name.
+        """Frame of that name; a frame is its own.
 
         Raises
         ------
@@ -50,8 +50,8 @@ class Frame(StrEnum):
         """
         try:
             return cls(name.strip().upper())
-        except ValueError:
-            raise FrameError(f"{name!r} is not a navigation frame; known are {', '.join(cls)}.") from None
+        except (ValueError, AttributeError, TypeError):
+            raise FrameError(f"{check.said(name)} is not a navigation frame; known are {', '.join(cls)}.") from None
 
 
 class North(StrEnum):
@@ -63,7 +63,7 @@ class North(StrEnum):
 
     @classmethod
     def parse(cls, name: str) -> "North":
-        """Heading reference of that name.
+        """Heading reference of that name; a heading reference is its own.
 
         Raises
         ------
@@ -72,8 +72,8 @@ class North(StrEnum):
         """
         try:
             return cls(name.strip().lower())
-        except ValueError:
-            raise FrameError(f"{name!r} is no heading reference; known are {', '.join(cls)}.") from None
+        except (ValueError, AttributeError, TypeError):
+            raise FrameError(f"{check.said(name)} is no heading reference; known are {', '.join(cls)}.") from None
 
 
 def frame_rotation(to: Frame, from_: Frame) -> Floats:
@@ -99,7 +99,7 @@ def change_frame(q_nb: ArrayLike, *, to: Frame, from_: Frame) -> Floats:
     """
     q = check.last_axis("q_nb", q_nb, 4)
     turn = frame_rotation(to, from_)
-    return q.copy() if to is from_ else quat_multiply(turn, q)
+    return q.copy() if to == from_ else quat_multiply(turn, q)
 
 
 def in_body_axes(spec: str, vectors: Floats) -> Floats:
@@ -149,7 +149,7 @@ def signed_axes(spec: str) -> Floats:
     FrameError
         If the letters are not three different axes.
     """
-    words = spec.replace(",", " ").split()
+    words = check.kind("axes", spec, str, hint="Write them as 'x y z'.", error=FrameError).replace(",", " ").split()
     letters = [w.lstrip("+-") for w in words]
     if sorted(letters) != ["x", "y", "z"] or any(len(w) - len(v) > 1 for w, v in zip(words, letters, strict=True)):
         raise FrameError(f"body axes {spec!r} must name x, y and z once each, with a sign or none, as in 'y -x z'.")
@@ -186,6 +186,7 @@ def assert_same(track: Track, from_: Frame, to: Frame, *, because: str) -> Track
     FrameError
         If the track does not carry `from_`, or no reason is given.
     """
+    from_, to = Frame.parse(from_), Frame.parse(to)
     if track.frame is not from_:
         raise FrameError(f"the track's frame is {track.frame}, not {from_}; nothing was relabelled.")
     if not because.strip():
@@ -195,6 +196,5 @@ def assert_same(track: Track, from_: Frame, to: Frame, *, because: str) -> Track
 
 
 def _axes(frame: Frame) -> tuple[Floats, Floats, Floats]:
-    if not isinstance(frame, Frame):
-        raise FrameError(f"a navigation frame must be a Frame, but it is {frame!r}. Names become one with Frame.parse.")
+    frame = Frame.parse(frame)
     return frame.east, frame.north, frame.up

@@ -7,7 +7,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.errors import ParameterError
+from plumbob import check
+from plumbob.errors import ParameterError, ShapeError
 from plumbob.sensors import scan
 from plumbob.sensors.format import Format, Message
 from plumbob.sensors.plan import plan_of
@@ -100,7 +101,7 @@ class Decoder:
     """
 
     def __init__(self, form: Format) -> None:
-        self.form = form.bind()
+        self.form = check.kind("form", form, Format, hint="find_format(name) gives one.").bind()
         self._plan = plan_of(self.form)
         self._unpackers = [Unpacker(message) for message in self.form.messages]
         self._state: Ints = np.zeros(scan.STATE, dtype=np.int64)
@@ -126,7 +127,10 @@ class Decoder:
         t_ns : int
             Host's time at which they were read, ns.
         """
-        data = data if isinstance(data, bytes) else bytes(memoryview(data))
+        try:
+            data = data if isinstance(data, bytes) else bytes(memoryview(data))
+        except TypeError:
+            raise ShapeError(f"data must be bytes, but it is {check.said(data)}.") from None
         return self._take(data, t_ns, final=False)
 
     def finish(self) -> dict[str, Frames]:

@@ -199,6 +199,12 @@ class Field:
         return float(value)
 
     @property
+    def full_scale(self) -> float:
+        """Greatest size that a value can have both ways, or one way where it has one sign; in the unit used inside."""
+        low, high = sorted((count + self.raw_offset) * self.scale + self.zero for count in self.clip or self.limits)
+        return min(-low, high) if low < 0.0 < high else max(-low, high)
+
+    @property
     def triad(self) -> str:
         """Name of the triad that it belongs to, with its prefix; empty for none."""
         head, _, axis = self.name.rpartition(".")

@@ -72,15 +72,27 @@ def temperature_of(frames: Frames, unit: str = "") -> Floats | None:
     return None if column is None else np.asarray(column, dtype=np.float64)
 
 
-def ranges_of(message: Message, unit: str = "") -> dict[str, float]:
-    """Full scale of each triad of a unit, in the units used inside: the greatest value that every axis can say."""
-    found: dict[str, float] = {}
-    for one in message.fields:
-        owner, _, triad = one.triad.rpartition(".")
-        if triad and owner == unit and one.type[0] != "f":
-            low, high = one.clip or one.limits
-            size = min(-low, high) * one.scale
-            found[triad] = min(size, found.get(triad, size))
+def ranges_of(message: Message, unit: str = "") -> dict[str, Floats]:
+    """Full scale (3,) of each triad of a unit, in the units used inside: the greatest value of each axis both ways.
+
+    An axis that the message lacks takes the largest of the others. A triad with an axis of floating point, of which
+    the message knows no largest value, is left out.
+
+    Parameters
+    ----------
+    message : Message
+        What carries the fields.
+    unit : str
+        Prefix of the unit's fields.
+    """
+    fields = {one.name: one for one in message.fields}
+    found: dict[str, Floats] = {}
+    for triad in TRIADS:
+        axes = [fields.get(name) for name in _axes_of(unit, triad)]
+        known = [one for one in axes if one is not None]
+        if known and all(one.type[0] != "f" for one in known):
+            largest = max(one.full_scale for one in known)
+            found[triad] = np.array([largest if one is None else one.full_scale for one in axes])
     return found
 
 

@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob import flags
+from plumbob import check, flags
 from plumbob.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.check import Floats
-from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
-from plumbob.errors import FrameError, ParameterError
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
+from plumbob.errors import ParameterError
 from plumbob.rotations import Frame, North
 from plumbob.sim.errors import Measured, TriadErrors, measure
 from plumbob.sim.field import earth_field
@@ -20,6 +20,7 @@ from plumbob.sim.motion import Truth
 from plumbob.sim.noise import stream
 from plumbob.sim.presets import Module, draw_module
 from plumbob.sim.scenario_base import Scenario
+from plumbob.sim.scenarios import SCENARIOS
 from plumbob.sim.scenarios import scenario as named_scenario
 from plumbob.sim.signals import Signal, constant
 from plumbob.sim.timeline import TimeLine, arrivals, time_line
@@ -82,7 +83,7 @@ class _World(NamedTuple):
 def simulate(
     scenario: str | Scenario,
     *,
-    frame: Frame,
+    frame: Frame | str,
     sensors: str | Module,
     module: str,
     seed: int,
@@ -104,7 +105,7 @@ def simulate(
     ----------
     scenario : str or Scenario
         Name of a scenario (`SCENARIOS`), or one already made.
-    frame : Frame
+    frame : Frame or str
         Navigation frame of the truth. The body's axes go with it: z up in ENU and NWU, z down in NED.
     sensors : str or Module
         Names of parts joined by ``+`` (`preset_names`), such as ``"mpu6000+hmc5983"`` or ``"ideal"``; or a unit already
@@ -140,10 +141,15 @@ def simulate(
         If a name is unknown, a value outside its domain, a text without the unit that it needs, or `noise` has a triad
         that the sensors have not.
     """
-    if not isinstance(frame, Frame):
-        raise FrameError(f"frame must be one of Frame.{', Frame.'.join(Frame)}, but it is {frame!r}.")
+    frame = Frame.parse(frame)
+    for name, value, si in (
+        ("strength", strength, "µT"), ("dip", dip, "rad"), ("declination", declination, "rad"), ("jitter", jitter, "s"),
+        ("lost", lost, "1, a share"), ("temp_c", 0.0 if isinstance(temp_c, Signal) else temp_c, "°C"),
+    ):  # fmt: skip
+        check.number(name, value, si)
     plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, mag_rate, noise)
-    rate, duration = plan.rate if rate is None else rate, plan.duration if duration is None else duration
+    rate = plan.rate if rate is None else check.number("rate", rate, "Hz")
+    duration = plan.duration if duration is None else check.number("duration", duration, "s")
     line = time_line(rate=rate, duration=duration, jitter=jitter, lost=lost, seed=seed)
     motion = plan.motion(stream(seed, "scenario"), duration)
     world = _World(
@@ -187,19 +193,21 @@ def _simulation(
 def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scenario:
     if isinstance(scenario, str):
         return named_scenario(scenario, **parameters)
+    if not isinstance(scenario, Scenario):
+        raise ParameterError(f"scenario must be one of {', '.join(SCENARIOS)}, but it is {check.said(scenario)}.")
     if parameters:
         raise ParameterError(f"the scenario is already made; set {', '.join(parameters)} where it is.")
     return scenario
 
 
 def _unit(sensors: str | Module, module: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
-    if module not in MODULES:
-        raise ParameterError(f"module must be one of {', '.join(MODULES)}, but it is '{module}'.")
-    unit = draw_module(sensors, seed) if isinstance(sensors, str) else sensors
+    if not isinstance(module, str) or module not in MODULES:
+        raise ParameterError(f"module must be one of {', '.join(MODULES)}, but it is {check.said(module)}.")
+    unit = draw_module(sensors, seed) if isinstance(sensors, str) else check.kind("sensors", sensors, Module)
     if mag_rate is not None:
-        unit = unit.with_mag_rate(mag_rate)
+        unit = unit.with_mag_rate(check.number("mag_rate", mag_rate, "Hz"))
     if noise is not None:
-        unit = unit.with_noise(noise)
+        unit = unit.with_noise(check.kind("noise", noise, NoiseCard))
     return unit.calibrated() if module == "calibrated" else unit
 
 
@@ -230,7 +238,7 @@ def _spread(found: Measured, rows: NDArray[np.int64], count: int) -> Measured:
 def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> ImuData:
     kept = world.line.kept
     found = np.zeros(kept.size, dtype=np.uint32)
-    for name, triad in measured.items():  # a recording knows one range per triad, but its axes may have several
+    for name, triad in measured.items():  # before the sensor's errors, a value at the end may look smaller
         found[triad.clipped.any(axis=1)] |= np.uint32(_CLIPPED[name])
     return ImuData(
         t=world.line.stamps[kept],
@@ -241,9 +249,11 @@ def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> I
     )
 
 
-def _range(errors: TriadErrors | None) -> float | None:
-    largest = np.inf if errors is None else float(errors.full_scale.max())
-    return largest if np.isfinite(largest) else None
+def _range(errors: TriadErrors | None) -> Range:
+    if errors is None or not np.isfinite(errors.full_scale).all():
+        return None
+    x, y, z = errors.full_scale.tolist()
+    return (x, y, z)
 
 
 def _track(body: Truth, measured: dict[str, Measured], line: TimeLine, source: str) -> AttitudeTrack:

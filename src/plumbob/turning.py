@@ -17,6 +17,8 @@ QUIET: Final = 0.05
 MOST_PAIRS = 50_000
 """About so many pairs of windows are compared, spread over the recording; more would only take longer."""
 ENOUGH_WINDOWS: Final = 50
+ENOUGH_EFFECTIVE: Final = 5.0
+"""A body that lies still and starts to spin within one window says anything: that one outweighs all others."""
 ENOUGH_CORRELATION: Final = 0.7
 """From here on the rates explain half of what the acceleration does, and their factor can be trusted."""
 
@@ -33,16 +35,20 @@ class Turning:
         Of the two, −1 to 1; the constant bias of the gyroscope is taken out first.
     windows : int
         Pairs of neighbouring windows that count.
+    effective : float
+        How many pairs the rates are spread over: 1 where a single one has them all.
     """
 
     factor: float
     correlation: float
     windows: int
+    effective: float = 0.0
 
     @property
     def tells(self) -> bool:
         """Whether there is enough motion, and little enough acceleration, to judge the factor."""
-        return self.windows >= ENOUGH_WINDOWS and abs(self.correlation) >= ENOUGH_CORRELATION
+        enough = self.windows >= ENOUGH_WINDOWS and self.effective >= ENOUGH_EFFECTIVE
+        return enough and abs(self.correlation) >= ENOUGH_CORRELATION
 
 
 def turning(imu: ImuData) -> Turning:
@@ -99,4 +105,6 @@ def _fit(seen: Floats, said: Floats, middle: Floats) -> Turning:
     product, seen_power, said_power = seen_left @ said_left, seen_left @ seen_left, said_left @ said_left
     if not (seen_power > 0.0 and said_power > 0.0):
         return Turning(float("nan"), 0.0, len(seen))
-    return Turning(float(product / said_power), float(product / np.sqrt(seen_power) / np.sqrt(said_power)), len(seen))
+    correlation = float(product / np.sqrt(seen_power) / np.sqrt(said_power))
+    share = np.sum(said_left.reshape(-1, 3) ** 2, axis=1) / said_power
+    return Turning(float(product / said_power), correlation, len(seen), float(1.0 / (share @ share)))

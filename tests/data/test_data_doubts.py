@@ -1,0 +1,99 @@
+"""Times, rates and signs that are declared wrongly are noticed in Python too, and right ones are not."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from plumbob import Filter, Frame, ImuData
+from plumbob.data import ENOUGH
+from plumbob.doubts import doubts, upside_down
+from plumbob.errors import PlumbobWarning
+
+N = 3000
+T = 0.01 * np.arange(N)
+
+
+def nodding(*, t=T, rate=1.0, sign=1.0, spin=0.0, n=N):
+    """A body with z up that nods by 0.3 rad about y, acc = R(−angle) g by hand, and may spin about z."""
+    angle = 0.3 * np.sin(1.3 * T)
+    acc = sign * 9.80665 * np.column_stack((-np.sin(angle), np.zeros(N), np.cos(angle)))
+    gyr = rate * np.outer(0.39 * np.cos(1.3 * T), [0.0, 1.0, 0.0]) + [0.0, 0.0, spin]
+    return ImuData(t=np.asarray(t)[:n], gyr=gyr[:n], acc=acc[:n])
+
+
+def told(imu, frame=Frame.ENU):
+    """What `process` warns of, and nothing at the next chunk."""
+    made = Filter("madgwick", frame=frame)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        made.process(imu)
+    assert all(issubclass(one.category, PlumbobWarning) and one.filename == __file__ for one in caught)
+    return [str(one.message) for one in caught]
+
+
+def test_what_is_right_is_not_doubted():
+    assert told(nodding()) == []
+    assert doubts(nodding(t=0.1 * np.arange(N))) == ()  # ten times slower: no unit of time is a factor of ten
+
+
+def test_milliseconds_for_seconds():
+    (message,) = told(nodding(t=1e3 * T))
+    assert message.startswith("time: the usual step is 10 s, too long to follow a gyroscope")
+    assert "t / 1000" in message
+
+
+def test_times_that_are_too_short():
+    assert "shorter than any MEMS part's" in told(nodding(t=1e-4 * T))[0]
+
+
+def test_degrees_for_radians_in_a_small_motion():
+    """Nodding at up to 22 °/s: no value is impossible in rad/s, and no range is known."""
+    (message,) = told(nodding(rate=180.0 / np.pi))
+    assert "they look like °/s declared as rad/s" in message
+
+
+def test_degrees_for_radians_where_the_acceleration_tells_nothing():
+    """A turn about the vertical by 23 °/s."""
+    gyr = np.tile([0.0, 0.0, 23.0], (N, 1))
+    (message,) = told(ImuData(t=T, gyr=gyr, acc=np.tile([0.0, 0.0, 9.81], (N, 1))))
+    assert message.startswith("gyroscope: |gyr| is 23 rad/s (1318 °/s) in the middle of 3000 samples")
+    assert "units.dps(gyr)" in message
+
+
+@pytest.mark.parametrize(("frame", "sign"), [(Frame.ENU, -1.0), (Frame.NWU, -1.0), (Frame.NED, 1.0)])
+def test_the_wrong_sign_of_gravity(frame, sign):
+    found = upside_down(nodding(sign=sign), frame)
+    assert "the unit is upside down throughout" in found[0]
+    assert "`sign`" in found[0]
+    assert "`axes`" in found[0]
+    assert any("upside down" in one for one in told(nodding(sign=sign), frame))
+    assert upside_down(nodding(sign=-sign), frame) == ()
+
+
+def test_upside_down_for_a_while_is_a_motion():
+    imu = nodding()
+    acc = imu.acc.copy()
+    acc[: int(0.95 * N)] *= -1.0
+    assert upside_down(ImuData(t=T, acc=acc), Frame.ENU) == ()
+    assert upside_down(ImuData(t=T, gyr=imu.gyr), Frame.ENU) == ()
+
+
+def test_a_few_samples_and_the_next_chunk_are_not_looked_at():
+    wrong = nodding(t=1e3 * T)
+    assert told(wrong[: ENOUGH - 1]) == []
+    running = Filter("mahony", frame=Frame.ENU)
+    running.process(wrong[:10])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        running.process(wrong[10:])
+        Filter("mahony", frame=Frame.ENU).process(wrong, look=False)
+
+
+def test_one_window_alone_tells_nothing():
+    """At rest, then a spin that begins within a window: whatever a mean of 0.2 s makes of it, it is one."""
+    gyr = np.random.default_rng(0).normal(scale=0.003, size=(N, 3))
+    acc = np.tile([0.0, 0.0, 9.81], (N, 1))
+    gyr[-25:, 0] = 12.0
+    acc[-25:] = 9.81 * np.array([0.0, -np.sin(0.4), np.cos(0.4)])  # turned against the rate
+    assert doubts(ImuData(t=T, gyr=gyr, acc=acc)) == ()
