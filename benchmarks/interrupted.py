@@ -381,9 +381,9 @@ def small_disk(folder: Path, *, mounted: bool) -> Iterator[Disk]:
             subprocess.run(["umount", str(folder)], check=True)
 
 
-def measure(names: list[str], *, trials: int, seed: int, mounted: bool) -> dict[str, Counts]:
-    """Every case of `names`, all where there are none."""
-    rng, found = random.Random(seed), {}
+def measure(names: list[str], *, trials: int, seed: int, mounted: bool) -> Iterator[tuple[str, Counts]]:
+    """Every case of `names`, all where there are none, as it is done."""
+    rng = random.Random(seed)
     with tempfile.TemporaryDirectory() as base, small_disk(Path(base) / "disk", mounted=mounted) as disk:
         inputs, folder = Path(base) / "inputs", Path(base) / "work"
         inputs.mkdir()
@@ -395,16 +395,14 @@ def measure(names: list[str], *, trials: int, seed: int, mounted: bool) -> dict[
             words = [*case.words.replace("{}", str(inputs)).split(), "--force"]
             run_here(folder, words)
             empty(folder)
-            found[name] = kill_all(folder, case, words, trials, rng)
-            fill_disk(disk, case, words, trials, rng, found[name])
-    return found
+            found = kill_all(folder, case, words, trials, rng)
+            fill_disk(disk, case, words, trials, rng, found)
+            yield name, found
 
 
-def table(found: dict[str, Counts]) -> Iterator[str]:
-    yield f"{'':18}{'s':>7}" + "".join(f"{word:>11}" for word in (*STOPPED, "left", "wrong"))
-    for name, one in found.items():
-        counts = [*one.stopped.values(), one.left, len(one.wrong)]
-        yield f"{name:18}{one.seconds:7.2f}" + "".join(f"{count:>11}" for count in counts)
+def row(name: str, one: Counts) -> str:
+    counts = [*one.stopped.values(), one.left, len(one.wrong)]
+    return f"{name:18}{one.seconds:7.2f}" + "".join(f"{count:>11}" for count in counts)
 
 
 def main() -> int:
@@ -415,20 +413,22 @@ def main() -> int:
     parser.add_argument("--json", action="store_true")
     args = parser.parse_args()
     mounted = enter_namespace()
+    how = "a file system in memory" if mounted else "the limit of a file's size"
+    if not args.json:
+        print(f"work that was stopped, of {args.trials} trials each; full disk: {how}; left: temporaries after SIGKILL")
+        print(f"{'':18}{'s':>7}" + "".join(f"{word:>11}" for word in (*STOPPED, "left", "wrong")), flush=True)
+    found = {}
     names = [name for name in args.verbs.split(",") if name]
-    found = measure(names, trials=args.trials, seed=args.seed, mounted=mounted)
+    for name, one in measure(names, trials=args.trials, seed=args.seed, mounted=mounted):
+        found[name] = one
+        if not args.json:
+            print(row(name, one), flush=True)
     wrong = [f"{name}: {what}" for name, one in found.items() for what in one.wrong]
     if args.json:
         told = {name: asdict(one) for name, one in found.items()}
         print(json.dumps({"mounted": mounted, "verbs": told, "met": not wrong}, indent=2))
-        return 1 if wrong else 0
-    how = "a file system in memory" if mounted else "the limit of a file's size"
-    print(f"work that was stopped, of {args.trials} trials each; full disk: {how}; left: temporaries after SIGKILL")
-    print("\n".join(table(found)))
-    print(
-        "\n".join(wrong)
-        or "no file torn, no old file lost; nothing left but by SIGKILL, and that removed by the next run"
-    )
+    else:
+        print("\n".join(wrong) or "no file torn, no old file lost; what SIGKILL leaves is removed by the next run")
     return 1 if wrong else 0
 
 

@@ -97,7 +97,7 @@ def test_round_trip_keeps_every_bit(tmp_path, data):
                   remarks=["heading is that of the case."])  # fmt: skip
     assert mount.remarks == ("heading is that of the case.",)
     card = calibration(device="Gerät µ-7", gyr=made, mag=triad(), mount=mount, software="plumbob 0")
-    card.save(tmp_path / "card.json")
+    card.save(tmp_path / "card.json", overwrite=True)
     assert_same_bits(card, CalibrationCard.load(tmp_path / "card.json"))
 
 
@@ -453,7 +453,7 @@ class TestFiles:
     @given(st.data())
     def test_any_damage_is_a_decode_error_or_harmless(self, path, data):
         path.unlink(missing_ok=True)  # the last one, if its kind was damaged, would not be written over
-        calibration(acc=full(), mount=Mount([1.0, 0.0, 0.0, 0.0], sd=[0.1] * 3)).save(path)
+        calibration(acc=full(), mount=Mount([1.0, 0.0, 0.0, 0.0], sd=[0.1] * 3)).save(path, overwrite=True)
         text = bytearray(path.read_bytes())
         for _ in range(data.draw(st.integers(1, 4))):
             text[data.draw(st.integers(0, len(text) - 1))] = data.draw(st.integers(0, 255))

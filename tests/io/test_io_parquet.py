@@ -63,7 +63,7 @@ def test_every_bit_pattern_comes_back(folder, gyr, acc, flags, steps):
         meta=ImuMeta(unit_check=False),
     )
     path = folder / "bits.parquet"
-    write_parquet(path, Recording(imu=imu))
+    write_parquet(path, Recording(imu=imu), overwrite=True)
     assert_same(Recording(imu=imu), read_parquet(path))
 
 
