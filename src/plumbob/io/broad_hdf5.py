@@ -46,7 +46,7 @@ def _arrays(h5py: Any, hdf5: Any, size: int) -> dict[str, NDArray[Any]]:
         sets[RATE] = _own_dataset(h5py, hdf5, RATE)
     require_room(sum(dataset.size * dataset.dtype.itemsize for dataset in sets.values()), size)
     for key, dataset in sets.items():
-        _require_whole_chunks(h5py, key, dataset)
+        _require_whole_chunks(h5py, key, dataset, size)
     content = {key: dataset[()] for key, dataset in sets.items()}
     rate = np.asarray(content[RATE] if RATE in content else hdf5.attrs[RATE])
     if rate.dtype.kind not in "fiu":
@@ -54,7 +54,7 @@ def _arrays(h5py: Any, hdf5: Any, size: int) -> dict[str, NDArray[Any]]:
     return content | {RATE: rate}
 
 
-def _require_whole_chunks(h5py: Any, key: str, dataset: Any) -> None:
+def _require_whole_chunks(h5py: Any, key: str, dataset: Any, size: int) -> None:
     """Refuse chunks that unpack to more than they state: the library would follow them as far as memory goes."""
     properties = dataset.id.get_create_plist()
     filters = [properties.get_filter(i)[0] for i in range(properties.get_nfilters())]
@@ -66,7 +66,10 @@ def _require_whole_chunks(h5py: Any, key: str, dataset: Any) -> None:
         return
     most = math.prod(dataset.chunks) * dataset.dtype.itemsize + 4  # of a checksum
     for i in range(dataset.id.get_num_chunks()):
-        skipped, packed = dataset.id.read_direct_chunk(dataset.id.get_chunk_info(i).chunk_offset)
+        chunk = dataset.id.get_chunk_info(i)
+        if chunk.size > size:
+            raise DecodeError(f"a chunk of {key} claims {chunk.size} bytes in a file of {size}, which cannot be.")
+        skipped, packed = dataset.id.read_direct_chunk(chunk.chunk_offset)
         if not skipped and len(zlib.decompressobj().decompress(packed, most + 1)) > most:
             raise DecodeError(f"a chunk of {key} unpacks to more than the {most} bytes that it states.")
 

@@ -64,7 +64,7 @@ def summary_start(source: Source, footer: int, checked: bool) -> int | None:
 def _candidates(source: Source, start: int, pattern: re.Pattern[bytes]) -> Iterator[tuple[int, int]]:
     """Offsets and opcodes of what looks like a landmark; the next one is near in most files."""
     step = _STEP
-    while start < source.size and source.may_search(step):
+    while start < source.size and source.may_search(min(step, source.size - start)):
         window, i = source.at(start, step + _OVERLAP), 0
         while (found := pattern.search(window, i)) and found.start() < step:
             yield start + found.start(), window[found.start()]
