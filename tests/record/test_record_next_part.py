@@ -109,6 +109,17 @@ def test_in_one_boot_a_step_of_the_wall_clock_moves_nothing(tmp_path, boots):
     assert [row.t_ns for row in open_log(tmp_path / "a.mcap")][25] == HOUR
 
 
+def test_starts_of_one_later_boot_keep_their_distance_when_its_clock_is_set(tmp_path, boots):
+    """A board without a clock: after the reboot in 1970, at the next start in the present."""
+    start(tmp_path / "a.mcap", 0, 25, offset=UTC)
+    boots("second")
+    start(tmp_path / "a.mcap", 25, 50, offset=0)
+    start(tmp_path / "a.mcap", 50, 75, offset=2 * UTC, first_ns=HOUR)
+    times = [row.t_ns for row in open_log(tmp_path / "a.mcap")]
+    assert times[25] == times[24] + UNKNOWN_NS
+    assert times[50] - times[25] == HOUR
+
+
 @pytest.mark.parametrize("left", [b"", b"\x89MCAP0\r\n", b"no recording at all", None])
 def test_a_damaged_part_is_left_as_it_is(tmp_path, boots, left):
     """Also one that a power cut left empty, or of which the beginning is gone."""

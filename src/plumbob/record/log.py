@@ -54,21 +54,24 @@ class _Run:
     ----------
     recording : str or None
         Its name.
-    same_boot : bool
-        Whether its monotonic clock is that of the first start.
+    boot : str
+        Which start of the host it was, whose monotonic clock counts from it; empty where that is not known.
     base : dict of str to int
         Rows per topic that the starts before it wrote.
     damages : int
         How many damages belong to them.
     shift_ns : int or None
-        What is added to its times; known with its first row.
+        What is added to its times; None where the wall clock has to tell.
+    begun : bool
+        Whether a row of it has come.
     """
 
     recording: str | None
-    same_boot: bool = True
+    boot: str = ""
     base: dict[str, int] = field(default_factory=dict)
     damages: int = 0
     shift_ns: int | None = None
+    begun: bool = False
 
 
 class Log:
@@ -193,14 +196,12 @@ class Log:
             absent = f"parts {self._last_part + 1} to {part.info.part - 1} of the recording are not here, or are empty"
             self.damage.append(Damage(part.path, 0, 0, absent, certain=goes_on))
         if not goes_on:
-            self._run = _Run(part.recording, self._is_same_boot(part.info), dict(self.ends), len(self.damage))
+            same_boot = part.info is not None and part.info.boot == self._run.boot != ""
+            shift_ns = self._run.shift_ns if same_boot else None
+            self._run = _Run(part.recording, "", dict(self.ends), len(self.damage), shift_ns)
         if part.info is not None:
-            self._last_part = part.info.part
+            self._last_part, self._run.boot = part.info.part, part.info.boot
             self._settle(part.info.starts)
-
-    def _is_same_boot(self, later: PartInfo | None) -> bool:
-        first = self.first_info
-        return first is not None and later is not None and later.boot == first.boot != ""
 
     def _end_part(self, part: Identity, scan: Scan) -> None:
         self.clean &= scan.clean
@@ -272,12 +273,13 @@ class Log:
         offset, run = block.channels[number].epoch_offset_ns, self._run
         if self._origin_ns is None:
             self._origin_ns = offset
-        if run.shift_ns is None:
-            run.shift_ns = 0 if run.same_boot else offset - self._origin_ns
+        if not run.begun:
+            run.begun = True
+            run.shift_ns = offset - self._origin_ns if run.shift_ns is None else run.shift_ns
             first_ns = log_time - offset + run.shift_ns
             if self._latest_ns is not None and first_ns <= self._latest_ns:
                 run.shift_ns += self._latest_ns + UNKNOWN_NS - first_ns
-        return offset - run.shift_ns
+        return offset - self.shift_ns
 
     def _joined(self, channel: Channel) -> Channel:
         """Channel as the first start wrote it."""

@@ -67,7 +67,7 @@ class Recorder:
         Part behind which it goes on; None where it begins.
     alone : bool
         Whether the parts before it are of another kind, so that they are not read together with its own.
-        metadata : dict of str to str
+    metadata : dict of str to str
         What is to be said of the whole recording; fixed once it has started.
     written, dropped : int
         Rows taken by `write`, and those of them that no disk will ever have.
