@@ -8,14 +8,16 @@ A covariance of (d, E row by row) is kept as its upper half, 78 numbers row by r
 """
 
 from functools import lru_cache
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from plumbob.cards.calibration import Mount, TriadCalibration
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.rotations import dcm_from_quat
+
+if TYPE_CHECKING:
+    from plumbob.cards.calibration import Mount, TriadCalibration
 
 Half = tuple[float, ...]
 """Upper half of a covariance (12, 12)."""
@@ -43,7 +45,7 @@ def uncalibrated(triad: str) -> Half:
 
 
 @lru_cache
-def left_by(triad: str, model: TriadCalibration | None, mount: Mount | None) -> Half:
+def left_by(triad: str, model: "TriadCalibration | None", mount: "Mount | None") -> Half:
     """Covariance of what a triad of a card leaves, in the body's axes; a matrix that was not fitted counts as unknown.
 
     Parameters

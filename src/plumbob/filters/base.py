@@ -20,7 +20,6 @@ from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSI
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.errors import DecodeError, FrameError, ParameterError, ShapeError
 from plumbob.filters.admission import judge, usable
-from plumbob.filters.consider import considered
 from plumbob.filters.layout import (
     BIAS,
     COUNT,
@@ -353,6 +352,8 @@ class Filter:
         """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen."""
         module: Any = self.module
         own: Floats = module.covariance(q_nb, entries[:, :-2])
+        from plumbob.filters.consider import considered
+
         north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
         return own + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
 
