@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from plumbob import check, clock, flags
 from plumbob._repr import Shown
-from plumbob.cards.left import NOTHING, SIZE, Half, uncalibrated
 from plumbob.check import Floats
 from plumbob.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.errors import ClockError, ShapeError, UnitError
@@ -22,6 +21,7 @@ from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat, quat
 from plumbob.sample import ImuSample
 from plumbob.units import to_deg
 
+Half = tuple[float, ...]
 TRIADS = ("gyr", "acc", "mag")
 TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 UNCALIBRATED = "NONE: these sensor values are uncalibrated"
@@ -109,6 +109,8 @@ class ImuMeta:
     @property
     def left(self) -> tuple[Half, Half]:
         """What errors are left of accelerometer and magnetometer, as far as is known."""
+        from plumbob.cards.left import NOTHING, uncalibrated
+
         acc, mag = (uncalibrated("acc"), uncalibrated("mag")) if self.calibration is None else (NOTHING, NOTHING)
         return acc if self.acc_left is None else self.acc_left, mag if self.mag_left is None else self.mag_left
 
@@ -594,7 +596,7 @@ def _whole_ns(t0_ns: Any) -> int:
 def _half(name: str, value: Any) -> Half | None:
     if value is None:
         return None
-    half = check.column(name, value, SIZE)
+    half = check.column(name, value, 78)
     if not np.isfinite(half).all():
         raise ShapeError(f"{name} must hold finite numbers, but it does not.")
     return tuple(half.tolist())

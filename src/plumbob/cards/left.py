@@ -8,14 +8,16 @@ A covariance of (d, E row by row) is kept as its upper half, 78 numbers row by r
 """
 
 from functools import lru_cache
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from plumbob.cards.calibration import Mount, TriadCalibration
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.rotations import dcm_from_quat
+
+if TYPE_CHECKING:
+    from plumbob.cards.calibration import Mount, TriadCalibration
 
 Half = tuple[float, ...]
 """Upper half of a covariance (12, 12)."""
@@ -24,10 +26,11 @@ _ROWS, _COLUMNS = np.triu_indices(12)
 SIZE: Final = _ROWS.size
 
 _LIMITS: Final = {
-    # InvenSense MPU-6000 data sheet: zero-g ±50 mg (±80 mg z), scale ±3 %, cross-axis ±2 %
-    "acc": ((0.05 * G0, 0.05 * G0, 0.08 * G0), 0.03, 0.02),
+    # InvenSense MPU-6000 data sheet: zero-g ±50, ±50 and ±80 mg, of which the root mean square, for no axis is known to
+    # be its z; scale ±3 %, cross-axis ±2 %
+    "acc": (0.062 * G0, 0.03, 0.02),
     # Honeywell HMC5983 on the buoy paper's board: hard iron ±8 µT, soft iron ±12 % with a scale of ±5 %, cross ±0.2 %
-    "mag": ((8.0, 8.0, 8.0), 0.13, 0.002),
+    "mag": (8.0, 0.13, 0.002),
 }
 """By triad: largest offset, u, and largest relative errors on and off the diagonal of a common part without a card."""
 
@@ -38,11 +41,11 @@ def uncalibrated(triad: str) -> Half:
     offset, scale, cross = _LIMITS[triad]
     matrix = np.full((3, 3), cross)
     np.fill_diagonal(matrix, scale)
-    return half_of(np.diag(np.square([*offset, *matrix.ravel()])) / 3.0)
+    return half_of(np.diag(np.square([offset, offset, offset, *matrix.ravel()])) / 3.0)
 
 
 @lru_cache
-def left_by(triad: str, model: TriadCalibration | None, mount: Mount | None) -> Half:
+def left_by(triad: str, model: "TriadCalibration | None", mount: "Mount | None") -> Half:
     """Covariance of what a triad of a card leaves, in the body's axes; a matrix that was not fitted counts as unknown.
 
     Parameters

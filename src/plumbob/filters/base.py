@@ -23,7 +23,6 @@ from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.doubts import doubts, upside_down
 from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.filters.admission import judge, usable
-from plumbob.filters.consider import considered
 from plumbob.filters.layout import (
     BIAS,
     COUNT,
@@ -356,6 +355,8 @@ class Filter(Shown):
         """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen."""
         module: Any = self.module
         own: Floats = module.covariance(q_nb, entries[:, :-2])
+        from plumbob.filters.consider import considered
+
         north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
         return own + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
 
