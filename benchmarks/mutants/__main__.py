@@ -200,17 +200,15 @@ def _first_failure(done: subprocess.CompletedProcess[str]) -> str:
     return failed[0] if failed else f"pytest exits with {done.returncode}"
 
 
-def known() -> dict[str, str]:
-    """Faults that no input can tell from the original, with the reason."""
-    path = HERE / "known.toml"
-    if not path.exists():
-        return {}
-    return {one["name"]: one["why"] for one in tomllib.loads(path.read_text(encoding="utf-8"))["equivalent"]}
+def known(kind: str) -> dict[str, str]:
+    """Faults that no input can tell from the original (`equivalent`), or that tests do not find (`left`), and why."""
+    table = tomllib.loads((HERE / "known.toml").read_text(encoding="utf-8"))
+    return {one["name"]: one["why"] for one in table[kind]}
 
 
 def show(chosen: dict[str, list[Mutant]], results: dict[str, dict[str, object]]) -> bool:
     """Print found and missed by room; True where the bars are met."""
-    same, met, total = known(), True, [0, 0]
+    same, left, met, total = known("equivalent"), known("left"), True, [0, 0]
     print(f"\n{'room':16}{'planted':>8}{'same':>6}{'found':>7}{'missed':>8}{'share':>8}")
     for room, mutants in chosen.items():
         real = [results[m.name] for m in mutants if m.name in results and m.name not in same]
@@ -224,7 +222,7 @@ def show(chosen: dict[str, list[Mutant]], results: dict[str, dict[str, object]])
     for mutant in (m for mutants in chosen.values() for m in mutants):
         result = results.get(mutant.name)
         if result and not result["found"]:
-            why = same.get(mutant.name) or result["by"] or "no test fails"
+            why = same.get(mutant.name) or left.get(mutant.name) or result["by"] or "no test fails"
             verdict = "same  " if mutant.name in same else "MISSED"
             print(f"{verdict} {mutant.path}:{mutant.row} {mutant.name}\n       {why}")
     return met and share >= 0.92

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from plumbob.acquire import TcpSource, UdpSource
-from plumbob.acquire.sockets import LOOPBACK, UdpWire, _refusal
+from plumbob.acquire.sockets import LOOPBACK, UdpWire, _refusal, _writable
 from plumbob.errors import LineError, ParameterError
 from plumbob.link import Received
 
@@ -35,6 +35,27 @@ def test_each_datagram_is_one_in_its_order(udp, sender, collect):
     assert [item.data for item in got] == sent
     times = [item.t_ns for item in got]
     assert times == sorted(times)
+
+
+def test_it_is_waited_for_until_a_socket_takes_more():
+    """Its buffer is full until another thread reads; ten seconds of patience are far more than that takes."""
+    one, other = socket.socketpair()
+    with one, other:
+        one.setblocking(False)
+        sent = 0
+        with pytest.raises(BlockingIOError):
+            while True:
+                sent += one.send(bytes(65536))
+
+        def read():
+            left = sent
+            while left:
+                left -= len(other.recv(left))
+
+        reading = threading.Timer(0.05, read)
+        reading.start()
+        assert _writable(one, 10.0)
+        reading.join()
 
 
 def test_it_listens_to_this_machine_only(udp):

@@ -13,6 +13,7 @@ from plumbob.calib.regions import NAMES, REGIONS
 from plumbob.cards import CalibrationCard, Mount
 from plumbob.certificate import figure
 from plumbob.certificate.html import page
+from plumbob.units import from_si
 from tests.battery.pages import HOSTILE, Outline, PageBattery
 
 
@@ -129,6 +130,12 @@ class TestPictures:
         up, down = axes(figure.coverage_figure, directions, seen)
         counts = [ax.get_lines()[0].get_xdata().size for ax in (up, down)]
         assert counts == [np.sum(directions[:, 2] >= 0.0), np.sum(directions[:, 2] < 0.0)]
+
+    def test_residuals_of_one_sign_have_room(self, axes, fits):
+        below = replace(fits["mag"], residuals=-np.abs(fits["mag"].residuals))
+        (ax,) = axes(figure.residual_figure, "mag", below)
+        low, high = ax.get_ylim()
+        assert low == -high < 0.999 * from_si(below.residuals[below.used].min(), "µT")
 
     @pytest.mark.parametrize("keep", [1, 2])
     def test_few_samples_are_drawn_as_dots_each_in_its_place(self, axes, fits, keep):

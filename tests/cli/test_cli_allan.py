@@ -73,6 +73,13 @@ def test_raw_values_and_npy_agree(files):
     assert "columns" in refused("allan", files / "three.f32", *NUMBERS)
 
 
+def test_what_is_left_out_is_told(tmp_path):
+    """The magnetometer comes with three of four samples."""
+    unit = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated")
+    ok("sim", "static", *unit, "--duration", "60s", "--out", tmp_path / "s.parquet")
+    assert "s.parquet: mag left out: comes unevenly" in ok("allan", tmp_path / "s.parquet").stderr
+
+
 def test_averaging_times_on_demand(files):
     words = ("allan", files / "one.txt", *NUMBERS, "--json")
     some = json.loads(ok(*words, "--taus", "0.1,1,50").stdout)["one"]["curve"]

@@ -172,6 +172,13 @@ def test_options_without_effect_are_refused(captures):
     assert "give one of them" in refused(*words, *both)
 
 
+def test_hand_motion_needs_an_accelerometer(tmp_path):
+    t, rng = np.arange(3000) / 100.0, np.random.default_rng(0)
+    gyro = ImuData(t=t, gyr=dps(0.1) * rng.standard_normal((t.size, 3)), meta=ImuMeta(device="unit 7"))
+    words = ("calibrate", "gyro", io.write(tmp_path / "gyro.parquet", gyro), "--method", "hand")
+    assert "against the accelerometer, and there is no acc" in refused(*words)
+
+
 def test_what_the_reader_found_is_told_first(captures, tmp_path):
     session = hand(1)
     recording(tmp_path / "turned.parquet", session._replace(gyr=-session.gyr))

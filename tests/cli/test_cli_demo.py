@@ -50,6 +50,16 @@ def small(unit, monkeypatch, tmp_path):
     return run
 
 
+def test_the_unit_is_calibrated_as_it_was_drawn(unit, tmp_path):
+    """Its true errors lie within five standard deviations of what two captures by hand find."""
+    card = demo.calibrate_unit(tmp_path, seed=demo.SEED)
+    for name in ("gyr", "acc", "mag"):
+        found, true = getattr(card, name), getattr(unit, name)
+        assert (np.abs(found.bias - true.bias) <= 5.0 * found.bias_sd).all(), name
+    assert (tmp_path / demo.CARD).is_file()
+    assert "<svg" in (tmp_path / demo.CERTIFICATE).read_text()
+
+
 def test_a_small_sea_is_recorded_as_it_was_sent(small, tmp_path):
     done = small()
     assert done.returncode == 0, done.stderr

@@ -14,9 +14,10 @@ import pytest
 
 from plumbob.cli import emulate
 from plumbob.io import read
-from plumbob.rigs import PLANS, load, make_rig
+from plumbob.rigs import PLANS, find_format, load, make_rig
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import decode
+from plumbob.sensors.encode import encode
 from tests.battery.commandline import call
 
 BARE = "note: calibration NONE: these sensor values are uncalibrated\n"
@@ -120,6 +121,19 @@ def test_the_wrong_format_gets_a_hint(buoy):
     assert err == (
         f"plumbob decode: {buoy}: none of its 15500 bytes is a frame of ahrs500ga. It looks like buoy (500 frames).\n"
     )
+
+
+def test_a_stream_of_which_most_is_in_frames_gets_no_hint(buoy):
+    """500 frames of 31 bytes, and 29 of 30 bytes of another format's whole frames to each, which come first."""
+    form = find_format("ahrs500ga").bind({})
+    message = form.message("")
+    values = {f.name: np.zeros(700) for f in message.fields if f.physical}
+    other = encode(form, values, message=message.name).tobytes()[:14_500]
+    _, err = ok("decode", "-", "--format", "buoy", data=other + buoy.read_bytes())
+    assert "belong to no frame" in err
+    assert "may not be" not in err
+    _, err = ok("decode", "-", "--format", "buoy", data=(other + other)[:16_000] + buoy.read_bytes())
+    assert "this may not be buoy at all. It looks like ahrs500ga" in err
 
 
 def test_bytes_of_a_bus_that_are_no_multiple_or_another_format_are_noticed(buoy):

@@ -360,6 +360,15 @@ class TestWrongUnits:
         with pytest.raises(UnitError, match=rf"\|{name}\| is .*{looks_like}\. .*{advice}"):
             made(**{name: factor * parts()[name]})
 
+    def test_the_largest_axis_is_named_whatever_its_sign(self):
+        with pytest.raises(UnitError, match=r"gyr\[0, 0\] = -600 rad/s"):
+            made(gyr=np.tile([-600.0, 1.0, 2.0], (N, 1)))
+
+    def test_a_weak_field_in_gauss_is_told_as_such(self):
+        """The hint reaches down to 0.1 gauss, half of the weakest field on Earth."""
+        with pytest.raises(UnitError, match="looks like gauss"):
+            made(mag=np.tile([0.105, 0.0, 0.0], (N, 1)))
+
     @pytest.mark.parametrize("name", ["acc", "mag"])
     def test_zeros_are_no_unit(self, name):
         values = parts()[name]

@@ -9,7 +9,8 @@ import pytest
 from plumbob import flags
 from plumbob.errors import MissingExtraError, ShapeError
 from plumbob.evaluate import evaluate, write_html
-from plumbob.evaluate.html import page
+from plumbob.evaluate.figures import error_figure
+from plumbob.evaluate.html import _share, page
 from plumbob.rotations import North, quat_conjugate, quat_from_rotvec, quat_multiply
 from tests.battery.pages import HOSTILE, Outline, PageBattery
 
@@ -52,6 +53,18 @@ def test_the_page_tells_what_was_compared(judged, text):
 def test_the_same_evaluation_gives_the_same_bytes(judged, text):
     again = page({"first": judged, HOSTILE: judged}, title=HOSTILE, facts={"device": HOSTILE, HOSTILE: "x"})
     assert again == text
+
+
+def test_the_axis_of_time_is_below_the_last_panel(judged):
+    drawn = error_figure(judged, 400, "x")
+    (time,) = re.findall(r'y="([0-9.]+)"[^>]*>time \[s\]<', drawn)
+    panels = re.findall(r'y="([0-9.]+)"[^>]*>(?:total|heading|inclination) \[°\]<', drawn)
+    assert len(panels) == 3
+    assert float(time) > max(map(float, panels))
+
+
+def test_a_share_that_rounds_to_nothing_is_not_nothing():
+    assert [_share(n, 5000) for n in (0, 1, 5, 5000)] == ["0.0 %", "< 0.1 %", "0.1 %", "100.0 %"]
 
 
 def test_rows_that_cannot_be_compared_are_called_so(judged, text):

@@ -7,6 +7,7 @@ import pytest
 
 from plumbob.benchmark.accuracy import read_trial
 from plumbob.benchmark.room import room_of
+from plumbob.calib.mag.outcome import dip_of
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
 from plumbob.constants import G0
@@ -14,6 +15,7 @@ from plumbob.data import ImuData, ImuMeta
 from plumbob.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.pipeline.calibrate_mag import calibrate_mag
 from plumbob.pipeline.calibration import Capture
+from plumbob.pipeline.mag_checks import _dip
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.calib.mag_scene import (
     STRENGTH,
@@ -40,6 +42,15 @@ def scene():
 
 def first_remark(imu, **options):
     return calibrate_mag(imu, strength=STRENGTH, **options).remarks[0]
+
+
+def test_the_dip_is_that_of_samples_with_field_and_force(scene):
+    """The capture's own truth has one dip; every third field and every fifth force are not there."""
+    _, imu = scene
+    mag, acc = imu.mag.copy(), imu.acc.copy()
+    mag[::3], acc[::5] = np.nan, np.nan
+    both = np.isfinite(mag[:, 0]) & np.isfinite(acc[:, 0])
+    assert _dip(mag, acc) == dip_of(imu.mag[both], imu.acc[both])
 
 
 def test_a_steady_accelerometer_helps_and_finds_the_turn(scene):

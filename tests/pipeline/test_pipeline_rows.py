@@ -7,7 +7,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis.extra.numpy import arrays
 
-from plumbob import Frame, ImuData, North
+from plumbob import Frame, ImuData, North, flags
 from plumbob.data import AttitudeTrack
 from plumbob.pipeline.rows import attitude_rows, imu_rows
 
@@ -28,6 +28,12 @@ def test_every_number_of_a_sample_reads_back(gyr):
         assert told["t_ns"] == t
         assert told["acc"] is told["mag"] is told["temp_c"] is None
         assert same(told["gyr"], values)
+
+
+def test_a_sensor_that_is_not_there_is_absent_in_every_row():
+    meta = ImuData(t=[0.0], gyr=[[0.0, 0.0, 0.0]]).meta
+    imu = ImuData.live(np.array([0, 1]), {"gyr": np.zeros((2, 3))}, flags=np.zeros(2, dtype=np.uint32), meta=meta)
+    assert (imu.flags == flags.ACC_ABSENT | flags.MAG_ABSENT).all()
 
 
 @given(arrays(np.float64, (3, 4), elements=st.floats(-1, 1)))

@@ -157,6 +157,20 @@ def test_rotation_by_size(tmp_path):
     assert verify(tmp_path).whole
 
 
+def test_a_recording_is_open_while_one_of_its_parts_is(tmp_path):
+    r = recorder(tmp_path / "a.mcap", rotate_bytes=4000)
+    with r:
+        numbers, until = channels(r), time.monotonic() + 30.0
+        for i in range(200):
+            fill(r, numbers, i + 1, i)
+            r.tick(i * 10_000_000)
+        while len(list(tmp_path.iterdir())) < 2:  # another thread writes
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        assert verify(tmp_path / "a.mcap").open
+    assert not verify(tmp_path / "a.mcap").open
+
+
 def test_a_missing_part_is_told_with_its_rows(tmp_path):
     rows = record(tmp_path / "a.mcap", count=100, rotate=0.25)
     (tmp_path / "a.0002.mcap").unlink()
