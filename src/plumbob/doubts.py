@@ -9,7 +9,7 @@ import numpy as np
 from plumbob.data import ENOUGH, ImuData
 from plumbob.rotations import Frame
 from plumbob.turning import turning
-from plumbob.units import to_deg
+from plumbob.units import deg, to_deg
 
 LONGEST_STEP: Final = 0.5
 """A gyroscope whose usual step is longer tells no attitude, s; the slowest in use give some 10 samples a second."""
@@ -20,7 +20,7 @@ USUAL_RATE: Final = 10.0
 QUIET: Final = 0.2
 """Specific forces count that are as long as usual within this fraction: mostly gravity."""
 THROUGHOUT: Final = 0.99
-STEEP: Final = math.cos(math.radians(135.0))
+STEEP: Final = math.cos(float(deg(135.0)))
 
 
 def doubts(imu: ImuData) -> tuple[str, ...]:

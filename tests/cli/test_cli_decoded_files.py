@@ -37,7 +37,7 @@ def test_every_format_with_sensors_is_read_back(name, tmp_path):
             continue
         for suffix, slack in (("csv", 1e-11), ("parquet", 0.0)):  # CSV has twelve digits
             out = tmp_path / f"a.{suffix}"
-            words = ["--message", message.name, "--unit", unit, "--rate", "50 Hz", *options, "--out", out]
+            words = ["--message", message.name, "--unit", unit, "--rate", "50 Hz", *options, "--force", "--out", out]
             ok("decode", tmp_path / "raw.bin", "--format", name, *words)
             imu = read(out).imu
             assert imu.meta.device == name

@@ -106,7 +106,7 @@ def test_what_is_no_sample_is_refused_by_name(sample):
 
 
 def test_what_is_no_recording_is_refused_by_name():
-    with pytest.raises(ShapeError, match="process takes an ImuData, but got dict"):
+    with pytest.raises(ShapeError, match="data must be an ImuData, but it is a dict"):
         Filter("mahony", frame=Frame.ENU).process({})
     assert Filter("mahony", frame=Frame.NED).describe().startswith("mahony(kp=0.5 1/s")
 

@@ -127,10 +127,12 @@ def test_every_key_is_understood():
 
 
 def test_three_ranges_are_of_the_columns_and_the_meta_has_them_by_body_axis():
-    """Body x is the case's y and body y its −x, as `axes` says, so their ranges change places."""
+    """The case's x is the sensor's y and its y the sensor's −x, so ranges change places; and in the body once more."""
     three = FULL.replace('range = "2000 dps"', 'range = ["1 rad/s", "2 rad/s", "3 rad/s"]')
     assert three != FULL
-    assert ImuMeta(**parse_profile(three).meta).gyr_range == (2.0, 1.0, 3.0)
+    assert ImuMeta(**parse_profile(three).meta).gyr_range == (1.0, 2.0, 3.0)
+    once = three.replace('axes = "y -x z"\naxes_applied', 'axes = "x y z"\naxes_applied')
+    assert ImuMeta(**parse_profile(once).meta).gyr_range == (2.0, 1.0, 3.0)
     refused(three.replace(', "3 rad/s"', ""), r"gyr\.range must be one range, or three in a list, but it has 2")
     refused(three.replace('"3 rad/s"', "3"), r"gyr\.range\[2\] must be a number and its unit", UnitError)
 

@@ -256,7 +256,7 @@ def test_nothing_that_matters_has_a_default(left_out):
 @pytest.mark.parametrize(
     ("changes", "error", "rule"),
     [
-        ({"frame": "NED"}, FrameError, "Frame.ENU"),
+        ({"frame": "north"}, FrameError, "ENU"),
         ({"module": "perfect"}, ParameterError, "drawn, calibrated"),
         ({"sensors": "abc"}, ParameterError, "known are"),
         ({"name": "abc"}, ParameterError, "known are"),

@@ -149,7 +149,7 @@ class OurFilter:
         found = [self._odd(p, value) for p in known for value in (math.nan, math.inf, -1.0, "much")]
         found.append(Construction("unknown parameter", partial(self._with, {**self.stage.params, "no_such_name": 1.0})))
         found.append(Construction("frame missing", lambda: RunningFilter(Filter(self.stage.filter))))  # type: ignore[call-arg]
-        found.append(Construction("frame as text", partial(self._with, self.stage.params, frame="ENU")))
+        found.append(Construction("frame unknown", partial(self._with, self.stage.params, frame="up")))
         starts = {"of shape (3,)": np.ones(3), "of shape (1, 4)": np.ones((1, 4)), "zero": np.zeros(4),
                   "NaN": np.full(4, math.nan), "infinite": np.full(4, math.inf)}  # fmt: skip
         return found + [
