@@ -24,7 +24,6 @@ import hashlib
 import os
 import stat
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -188,6 +187,8 @@ def is_cold(name: str) -> bool:
 
 def why_no_cache() -> str | None:
     """Why compiled kernels cannot be kept for the next process; None where they can."""
+    import tempfile
+
     try:
         folder = _own_folder()
         with tempfile.TemporaryFile(dir=folder):

@@ -1,7 +1,6 @@
 """How an object shows itself: one line in a terminal, a small table in a notebook."""
 
 from collections.abc import Mapping
-from html import escape
 
 from plumbob.plain import visible
 
@@ -20,6 +19,8 @@ class Shown:
         return f"<{type(self).__name__}: {visible(told)}>"
 
     def _repr_html_(self) -> str:
+        from html import escape
+
         rows = "".join(
             f"<tr><th>{escape(visible(name))}</th><td>{escape(visible(value))}</td></tr>"
             for name, value in self.facts().items()

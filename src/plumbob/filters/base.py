@@ -20,7 +20,6 @@ from plumbob._repr import Shown
 from plumbob.check import Floats
 from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
-from plumbob.doubts import doubts, upside_down
 from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.filters.admission import judge, usable
 from plumbob.filters.layout import (
@@ -599,6 +598,8 @@ def _saved_start(saved: Any) -> Start | None:
 
 
 def _warn_of_doubts(data: ImuData, frame: Frame) -> None:
+    from plumbob.doubts import doubts, upside_down
+
     first = data[:_LOOKED_AT]
     for doubt in (*doubts(first), *upside_down(first, frame)):
         warnings.warn(f"{doubt}.".replace("?.", "?"), PlumbobWarning, stacklevel=3)
