@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint mutants bench noise endurance wire fuzz clean other-processor
+.PHONY: setup demo test test-long lint mutants bench noise endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -54,22 +54,24 @@ noise: $(VENV)/.bench
 endurance: setup
 	$(BIN)/python benchmarks/endurance.py
 
-# Damaged streams, mutated bytes, decoding speed; recordings killed, damaged and full; verbs killed while they write; ten
-# minutes of a recorder that is killed and started again, and ten of a live line.
+# Damaged streams, mutated bytes, decoding speed; recordings killed, damaged and full; ten minutes of a live line.
 wire: setup
 	$(BIN)/python benchmarks/decoder_faults.py
 	$(BIN)/python benchmarks/decode_speed.py
 	$(BIN)/python benchmarks/recorder_kill.py
-	$(BIN)/python benchmarks/recorder_restart.py
 	$(BIN)/python benchmarks/recorder_damage.py
 	$(BIN)/python benchmarks/recorder_cost.py
-	$(BIN)/python benchmarks/interrupted.py
 	$(BIN)/python benchmarks/acquire_latency.py
 	$(BIN)/python benchmarks/live.py --duration 600
 
 # Files of every format mutated, 5000 of each: exit codes, time and memory.
 fuzz: setup
 	$(BIN)/python benchmarks/fuzz.py
+
+# Ten minutes of a recorder that is killed and started again; every verb that writes, killed and on a disk that fills.
+killed: setup
+	$(BIN)/python benchmarks/recorder_restart.py
+	$(BIN)/python benchmarks/interrupted.py
 
 clean:
 	rm -rf $(VENV) .mutants demo-out bench-out build dist

@@ -229,6 +229,7 @@ class Child:
                 os.dup2(null, stream)
             if limit is not None:
                 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+            signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's job in the background ignores it
             signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS.values())
             code = plumbob(words)
         except KeyboardInterrupt:  # before the verb began, as in the start of any program
