@@ -1,6 +1,7 @@
 """Where the real recordings lie, and how random cases are drawn: the same on every machine, slow or not."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,10 @@ settings.register_profile("plumbob", deadline=None, derandomize=True)
 settings.register_profile("long", deadline=None, derandomize=True, max_examples=1000)
 settings.register_profile("search", deadline=None, max_examples=1000)  # new cases at each call
 settings.load_profile("plumbob")
+
+# A shell without job control lets what runs in its background ignore Ctrl-C, which programs started here would inherit.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
