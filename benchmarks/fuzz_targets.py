@@ -1,6 +1,7 @@
 """What is fuzzed: small files of each format, how a case is made of them, and the command line that reads it."""
 
 import json
+import shutil
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -177,8 +178,7 @@ def _evaluated(folder: Path) -> Target:
     whole = _recording()
     io.write(folder / "truth.parquet", whole)
     io.write(folder / "a.csv", replace(whole, imu=None))
-    (folder / "a.profile.toml").rename(folder / "case.profile.toml")  # of the case's file, which lies beside it
-    io.write(folder / "a.csv", replace(whole, imu=None))
+    shutil.copy(folder / "a.profile.toml", folder / "case.profile.toml")  # of the case's file, which lies beside it
     return Target([folder / "a.csv"], lambda path: ("eval", path, folder / "truth.parquet"), text=True)
 
 
