@@ -1,6 +1,7 @@
 """What is fuzzed: small files of each format, how a case is made of them, and the command line that reads it."""
 
 import json
+import shutil
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -96,7 +97,7 @@ def _parquet(folder: Path) -> Target:
             with_damage = mutated_text(rng, json.dumps(content).encode(), [b"1e400"])
             try:
                 content = json.loads(with_damage)
-            except ValueError:
+            except (ValueError, RecursionError):
                 content = {"imu": with_damage.decode(errors="replace")}
         else:
             values = columns[rng.choice(list(columns))].view(np.uint8)
@@ -177,8 +178,7 @@ def _evaluated(folder: Path) -> Target:
     whole = _recording()
     io.write(folder / "truth.parquet", whole)
     io.write(folder / "a.csv", replace(whole, imu=None))
-    (folder / "a.profile.toml").rename(folder / "case.profile.toml")  # of the case's file, which lies beside it
-    io.write(folder / "a.csv", replace(whole, imu=None))
+    shutil.copy(folder / "a.profile.toml", folder / "case.profile.toml")  # of the case's file, which lies beside it
     return Target([folder / "a.csv"], lambda path: ("eval", path, folder / "truth.parquet"), text=True)
 
 
@@ -328,7 +328,7 @@ def _session(folder: Path) -> Target:
 def _format(folder: Path) -> Target:
     (folder / "imu9.toml").write_text(FORMAT)
     (folder / "a.bin").write_bytes(stream()[: 60 * 30])
-    words = ("decode", folder / "a.bin", "--out", folder / "a.json", "--format")
+    words = ("decode", folder / "a.bin", "--out", folder / "a.json", "--force", "--format")
     return Target([folder / "imu9.toml"], lambda path: (*words, path), text=True)
 
 
@@ -358,9 +358,8 @@ def _raw(name: str) -> Callable[[Path], Target]:
         form = settled(find_format(name))
         (folder / "a.bin").write_bytes(b"".join(frames_of(form, 60, np.random.default_rng(1))))
         options = [word for key, value in form.chosen.items() for word in ("--option", f"{key}={value}")]
-        return Target(
-            [folder / "a.bin"], lambda path: ("decode", path, "--format", name, "--out", folder / "a.json", *options)
-        )
+        words = ("--format", name, "--out", folder / "a.json", "--force", *options)
+        return Target([folder / "a.bin"], lambda path: ("decode", path, *words))
 
     return make
 

@@ -145,12 +145,14 @@ def require_place(path: Path, *, overwrite: bool = False) -> None:
     ParameterError
         If a file lies there and `overwrite` is false.
     DecodeError
-        If there is no such folder, it is a folder itself, or the file there is write-protected.
+        If there is no such folder, it is a folder or a circle of links, or the file there is write-protected.
     """
     if not path.parent.is_dir():
         raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
     if path.is_dir():
         raise DecodeError(f"{path} cannot be written: it is a folder; name a file.")
+    if os.path.islink(os.path.realpath(path)):
+        raise DecodeError(f"{path} cannot be written: it is a link that leads back to itself; remove it.")
     if not path.exists() or _is_stream(path):
         return
     if not overwrite:

@@ -8,7 +8,8 @@ import pytest
 from plumbob import Filter, Frame
 from plumbob._files import write_text
 from plumbob.cli import common
-from plumbob.errors import FrameError, ParameterError, PlumbobError
+from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError
+from tests.battery.commandline import plumbob
 
 
 def options(*items):
@@ -133,6 +134,21 @@ def test_an_input_is_kept_by_whatever_name_it_is_reached(tmp_path, monkeypatch):
         common.check_outputs(ours, Path("in.profile.toml"), inputs=(Path("in.csv"),))
     with pytest.raises(ParameterError, match="named for two outputs"):
         common.check_outputs(ours, Path("new.csv"), Path("./new.csv"))
+
+
+def test_links_that_lead_in_a_circle_are_no_files(tmp_path):
+    one, other = tmp_path / "one.csv", tmp_path / "other.csv"
+    one.symlink_to(other)
+    other.symlink_to(one)
+    common.check_outputs(argparse.Namespace(force=True), tmp_path / "new.csv", inputs=(one,))  # reading will refuse it
+    for force in (True, False):
+        with pytest.raises(DecodeError, match="a link that leads back to itself"):
+            common.check_outputs(argparse.Namespace(force=force), one)
+    read = plumbob("export", one, "--out", tmp_path / "new.csv")
+    assert (read.returncode, read.stderr.count("\n")) == (1, 1)
+    assert "one.csv does not exist" in read.stderr
+    compared = plumbob("eval", one, other)
+    assert (compared.returncode, compared.stderr.count("\n")) == (1, 1)
 
 
 def test_what_is_not_written_is_known_at_the_end(tmp_path):

@@ -183,7 +183,7 @@ def is_same_file(one: Path, other: Path) -> bool:
     """Whether two paths lead to one file, by whatever links; one that does not exist yet is told by its path."""
     if one.exists() and other.exists():
         return one.samefile(other)
-    return one.resolve() == other.resolve()
+    return os.path.realpath(one) == os.path.realpath(other)  # where a link leads to itself, Path.resolve raises
 
 
 def note(*lines: str) -> None:

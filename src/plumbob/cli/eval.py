@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
 def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
     from plumbob.errors import ParameterError
 
-    if args.estimate.resolve() == args.reference.resolve():
+    if common.is_same_file(args.estimate, args.reference):
         raise ParameterError(f"{args.estimate} is both estimate and reference; name the track of 'plumbob run' first.")
     common.check_outputs(args, args.html, inputs=(args.estimate, args.reference, args.profile))
     if args.html and args.html.suffix.lower() not in PAGE_SUFFIXES:
