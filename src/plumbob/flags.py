@@ -50,7 +50,7 @@ MEANING: Final[dict[int, tuple[str, str]]] = {
     ACC_GATED: ("acc-gated", "the filter did not use the accelerometer"),
     MAG_GATED: ("mag-gated", "the filter did not use the magnetometer"),
     GYR_HELD: ("gyr-held", "the filter turned on with the last good rate, or with none"),
-    NOT_CONVERGED: ("not-converged", "the attitude is not yet initialised, or not yet again"),
+    NOT_CONVERGED: ("not-converged", "nothing has shown yet, or not yet again, that the attitude is right"),
     GYR_STUCK: ("gyr-stuck", "the gyroscope has said the same, bit for bit, for longer than noise allows"),
     ACC_STUCK: ("acc-stuck", "the accelerometer has said the same, bit for bit, for longer than noise allows"),
     MAG_STUCK: ("mag-stuck", "the magnetometer has said the same, bit for bit, for longer than noise allows"),

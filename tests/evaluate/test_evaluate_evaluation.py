@@ -202,15 +202,16 @@ def test_an_estimate_is_scored_once_it_has_started(track, name):
     assert result.stats["inclination"].max_abs < deg(0.1)  # 40° where the identity before the start is scored
     assert np.isnan(result.errors["inclination"][:500]).all()
     assert "not-converged" not in result.flag_counts()
-    assert strict(result)["samples"]["left_out"] == {"not_started": 500}
-    assert "500 the estimate had not started" in result.text()
-    assert "the estimate had not started" in page({"it": result}, title="", facts={})
+    assert strict(result)["samples"]["left_out"] == {"not_converged": 500}
+    assert "500 the estimate had not converged, the last at 4.990 s" in result.text()
+    assert strict(result)["samples"]["not_converged_until_s"] == result.not_converged_until == 4.99
+    assert "the estimate had not converged, the last at 4.990 s" in page({"it": result}, title="", facts={})
 
 
 def test_a_filter_that_never_starts_is_refused(track):
     gyro_only = at_rest("integrate", blind=1000)
     reference = track(gyro_only.t, np.tile(ROLLED, (1000, 1)), north=North.FREE)
-    with pytest.raises(ShapeError, match=r"never took up an attitude.*init=.*accelerometer"):
+    with pytest.raises(ShapeError, match=r"did not converge.*init=.*accelerometer"):
         evaluate(gyro_only, reference)
     given = evaluate(at_rest("integrate", blind=1000, init=ROLLED), reference)
     assert given.stats["inclination"].count == 1000

@@ -25,7 +25,7 @@ class Fate(IntEnum):
 
     SCORED = 0
     ESTIMATE_UNKNOWN = 1
-    NOT_STARTED = 2
+    NOT_CONVERGED = 2
     OUTSIDE = 3
     GAP = 4
     REFERENCE_UNKNOWN = 5
@@ -46,7 +46,7 @@ class Fate(IntEnum):
 _MEANING = {
     Fate.SCORED: "scored",
     Fate.ESTIMATE_UNKNOWN: "the estimate holds no attitude",
-    Fate.NOT_STARTED: "the estimate had not started",
+    Fate.NOT_CONVERGED: "the estimate had not converged",
     Fate.OUTSIDE: "before the reference begins or after it ends",
     Fate.GAP: "the reference has no samples for longer than the largest gap",
     Fate.REFERENCE_UNKNOWN: "the reference lost the body",
@@ -125,7 +125,7 @@ def associate(
     estimate, reference : AttitudeTrack
         Their times count from the same start. The reference's ``score`` masks samples: an interpolated one counts only
         where both neighbours do. A ``score`` of the estimate is not heard; nobody marks his own work. What it holds
-        before the filter took up an attitude, `not_started`, is nobody's work and does not count.
+        before the filter has converged, `not_converged`, does not count.
     max_gap : float, optional
         Largest step between reference stamps that is bridged, s; by default `plumbob.clock.GAP_FACTOR` median steps of
         the reference.
@@ -153,8 +153,8 @@ def associate(
     return Match(reading.q_nb, fate, reading.exact & (fate == Fate.SCORED), limit)
 
 
-def not_started(track: AttitudeTrack) -> Mask:
-    """True where a filter had not taken up an attitude and the track holds a stand-in for one, (N,)."""
+def not_converged(track: AttitudeTrack) -> Mask:
+    """True where a filter had no attitude yet, or one of which nothing had shown that it is right, (N,)."""
     if track.flags is None:
         return np.zeros(len(track), dtype=np.bool_)
     return np.asarray(track.flags & np.uint32(flags.NOT_CONVERGED) != 0)
@@ -192,7 +192,7 @@ def _fates(estimate: AttitudeTrack, reference: AttitudeTrack, reading: Reading, 
     fate[~np.isfinite(reading.q_nb).all(axis=1)] = Fate.REFERENCE_UNKNOWN
     fate[reading.gap] = Fate.GAP
     fate[reading.outside] = Fate.OUTSIDE
-    fate[not_started(estimate)] = Fate.NOT_STARTED
+    fate[not_converged(estimate)] = Fate.NOT_CONVERGED
     fate[~estimate.known] = Fate.ESTIMATE_UNKNOWN
     return fate
 

@@ -24,7 +24,7 @@ from plumbob.evaluate.align import (
     find_mounting_and_heading,
     turn_heading,
 )
-from plumbob.evaluate.associate import Fate, Mask, Match, associate, not_started
+from plumbob.evaluate.associate import Fate, Mask, Match, associate, not_converged
 from plumbob.evaluate.consistency import Consistency, consistency
 from plumbob.evaluate.headings import HeadingPolicy, heading_policy
 from plumbob.evaluate.metrics import NEEDS_HEADING, QUANTITIES, attitude_errors
@@ -66,7 +66,7 @@ class Evaluation(Shown):
         What was found.
     errors : mapping of str to ndarray (N,)
         Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known; NaN before the
-        estimate had started. The statistics take only the rows where `match.scored`.
+        estimate had converged. The statistics take only the rows where `match.scored`.
     stats : mapping of str to Stats
         Of each quantity that is scored.
     not_scored : mapping of str to str
@@ -98,6 +98,12 @@ class Evaluation(Shown):
     def t(self) -> Floats:
         """Times of the estimate, s, (N,)."""
         return self.estimate.t
+
+    @property
+    def not_converged_until(self) -> float | None:
+        """Time of the last sample that is left out because the estimate had not converged, s; None without one."""
+        times = self.t[self.match.fate == Fate.NOT_CONVERGED]
+        return float(times[-1]) if times.size else None
 
     def flag_counts(self) -> dict[str, int]:
         """Scored samples that carry each flag of the estimate that occurs."""
@@ -143,8 +149,8 @@ def evaluate(
     Parameters
     ----------
     estimate : AttitudeTrack or Recording
-        Judged at its own times, in its own frame; not where it carries `plumbob.flags.NOT_CONVERGED`, because what it
-        holds there is no estimate yet.
+        Judged at its own times, in its own frame; not where it carries `plumbob.flags.NOT_CONVERGED`, because nothing
+        had shown there that it is right.
     reference : AttitudeTrack or Recording
         The truth; where it has a ``score``, only those samples count. Of a recording, its ``track``.
     align : collection of {"time", "mounting", "heading"}
@@ -228,16 +234,16 @@ def _in_frame_of(estimate: AttitudeTrack, reference: AttitudeTrack, policy: Head
     return reference.with_attitude(turn_heading(q, policy.turn, estimate.frame), frame=estimate.frame)
 
 
-def _as_started(estimate: AttitudeTrack) -> AttitudeTrack:
-    """Estimate without the stand-in that it holds before it started: the step away from that is no motion."""
-    early = not_started(estimate)
+def _as_converged(estimate: AttitudeTrack) -> AttitudeTrack:
+    """Estimate without what it holds before it has converged: the step or turn away from that is not a motion."""
+    early = not_converged(estimate)
     return estimate.with_attitude(np.where(early[:, np.newaxis], np.nan, estimate.q_nb)) if early.any() else estimate
 
 
 def _time_alignment(estimate: AttitudeTrack, truth: AttitudeTrack, settings: Settings) -> Alignment:
     if "time" not in settings.align:
         return Alignment()
-    offset = find_time_offset(_as_started(estimate), truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
+    offset = find_time_offset(_as_converged(estimate), truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
     return Alignment(time=offset)
 
 
@@ -255,10 +261,10 @@ def _rotation_alignment(estimate: AttitudeTrack, match: Match, settings: Setting
 def _refuse_empty(estimate: AttitudeTrack, match: Match) -> None:
     if match.scored.any():
         return
-    if not_started(estimate).all():
+    if not_converged(estimate).all():
         raise ShapeError(
-            f"no sample is left to score: the filter never took up an attitude in {len(estimate)} samples. Give it one "
-            "(--init, Filter(..., init=...)), or use a recording with an accelerometer."
+            f"no sample is left to score: the filter did not converge in {len(estimate)} samples. Give it an attitude "
+            "to start from (--init, Filter(..., init=...)), or a recording with an accelerometer that begins at rest."
         )
     why = "; ".join(f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not Fate.SCORED)
     raise ShapeError(f"no sample is left to score. Of {match.fate.size} samples of the estimate: {why}.")
@@ -273,7 +279,7 @@ def _measure(
     policy: HeadingPolicy,
 ) -> Evaluation:
     scored = match.scored
-    errors = attitude_errors(_as_started(estimate).q_nb, match.q_ref)
+    errors = attitude_errors(_as_converged(estimate).q_nb, match.q_ref)
     near_gimbal = int(np.count_nonzero(np.isnan(errors["roll"][scored])))
     not_scored = dict.fromkeys(() if policy.comparable else NEEDS_HEADING, policy.reason)
     stats: dict[str, Stats] = {}

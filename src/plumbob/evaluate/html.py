@@ -9,9 +9,15 @@ from plumbob import flags
 from plumbob._files import write_text
 from plumbob.errors import ShapeError
 from plumbob.evaluate import figures
-from plumbob.evaluate.associate import Fate
 from plumbob.evaluate.metrics import QUANTITIES
-from plumbob.evaluate.report import degrees, describe_alignment, describe_consistency, describe_samples, describe_track
+from plumbob.evaluate.report import (
+    degrees,
+    describe_alignment,
+    describe_consistency,
+    describe_samples,
+    describe_track,
+    left_out,
+)
 from plumbob.page import SHADE, Rows, definitions_list, document, figure
 from plumbob.units import to_deg, to_dps
 
@@ -211,9 +217,7 @@ def _compared(e: "Evaluation") -> Rows:
 
 
 def _sample_table(e: "Evaluation") -> str:
-    counts = e.match.counts()
-    rows = [("scored", counts[Fate.SCORED])]
-    rows += [(fate.meaning, n) for fate, n in counts.items() if fate is not Fate.SCORED]
+    rows = [("scored", int(e.match.scored.sum())), *left_out(e).items()]
     cells = "".join(
         f"<tr><th scope='row'>{escape(k)}</th><td>{n}</td><td>{_share(n, e.t.size)}</td></tr>" for k, n in rows
     )

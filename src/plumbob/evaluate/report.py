@@ -68,7 +68,7 @@ def heading_lines(e: "Evaluation") -> list[tuple[str, str]]:
     """Facts above a table, as name and value."""
     facts = [(name, describe_track(e, name)) for name in ("estimate", "reference")]
     facts.append(("scored", describe_samples(e)))
-    facts += [("left out", f"{n} {fate.meaning}") for fate, n in e.match.counts().items() if fate is not Fate.SCORED]
+    facts += [("left out", f"{n} {why}") for why, n in left_out(e).items()]
     facts += [("aligned", line) for line in describe_alignment(e)] or [("aligned", "nothing")]
     if e.settings.settle:
         facts.append(("settling", f"{e.settings.settle:g} s left out at the start"))
@@ -78,6 +78,16 @@ def heading_lines(e: "Evaluation") -> list[tuple[str, str]]:
         facts.append(("covariance", describe_consistency(e)))
     facts += [("flagged", f"{n} scored samples: {name}") for name, n in e.flag_counts().items()]
     return facts
+
+
+def left_out(e: "Evaluation") -> dict[str, int]:
+    """How many samples were left out, by the reason in words."""
+    until = e.not_converged_until
+    found = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
+    if until is None:
+        return found
+    name = Fate.NOT_CONVERGED.meaning
+    return {f"{why}, the last at {until:.3f} s" if why == name else why: n for why, n in found.items()}
 
 
 def describe_track(e: "Evaluation", which: str) -> str:
@@ -174,6 +184,7 @@ def _samples(e: "Evaluation") -> dict[str, Any]:
         "near_gimbal": e.near_gimbal,
         "first_s": float(times[0]),
         "last_s": float(times[-1]),
+        "not_converged_until_s": e.not_converged_until,
         "left_out": {fate.label: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED},
     }
 

@@ -24,10 +24,12 @@ from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobWarni
 from plumbob.filters.admission import judge, usable
 from plumbob.filters.layout import (
     BIAS,
+    BLIND,
     COUNT,
     HEADED,
     LAST,
     LEVEL,
+    MAX_GAP,
     NORTH_X,
     NORTH_Y,
     OWN,
@@ -38,6 +40,7 @@ from plumbob.filters.layout import (
     USE_MAG,
     Q,
 )
+from plumbob.filters.settling import settle, trial_time
 from plumbob.filters.start import Start, start_of
 from plumbob.filters.timing import tick
 from plumbob.filters.watch import watch
@@ -52,7 +55,7 @@ if TYPE_CHECKING:
 
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
-STATE_VERSION = 3
+STATE_VERSION = 4
 SEEN_TAU = 30.0
 """The field is taken for its mean over this, s, when errors of its calibration are weighed."""
 _LOOKED_AT = 10_000
@@ -137,9 +140,10 @@ def _take(
     if dt < 0.0:
         return seen | flags.TIME_FAULT
     seen |= watch(x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)
+    blind = x[STAGE] == BLIND or dt > c[MAX_GAP]
     found = seen | step(c, x, dt, seen, gx, gy, gz, ax, ay, az, mx, my, mz)
     look(x, dt, mx, my, mz)
-    return found
+    return found | settle(c, x, dt, seen, blind, found, gx, gy, gz, ax, ay, az)
 
 
 @njit
@@ -575,7 +579,7 @@ def _mapping(params: Any) -> Mapping[str, Any]:
 def _coefficients(module: FilterModule, params: Any, common: CommonParams, frame: Frame) -> Floats:
     angle = common.declination or 0.0
     north = math.cos(angle) * frame.north + math.sin(angle) * frame.east
-    shared = (frame.up[2], north[0], north[1], common.max_gap, 1.0 if common.mag else 0.0)
+    shared = (frame.up[2], north[0], north[1], common.max_gap, 1.0 if common.mag else 0.0, trial_time(module.NEEDS))
     own = module.coefficients(params)
     return np.array([1.0 + len(shared) + len(own), *shared, *own], dtype=np.float64)
 

@@ -12,7 +12,8 @@ NORTH_X: Final = 2  # horizontal unit vector that the magnetometer calls north, 
 NORTH_Y: Final = 3
 MAX_GAP: Final = 4  # s; a longer step is not integrated
 USE_MAG: Final = 5  # 0 where the magnetometer is not wanted
-OWN_C: Final = 6
+TRIAL_TIME: Final = 6  # s; see settling.py
+OWN_C: Final = 7
 
 # State
 Q: Final = 0  # q_nb, 4
@@ -25,7 +26,8 @@ LAST: Final = 13  # what each triad said last, as one number, 3
 SAME: Final = 16  # for how long it has said the same, s, 3
 CLOCK: Final = 19  # see timing.py, 5
 SEEN: Final = 24  # mean level and vertical part of the field, µT, and of how many; of filters with a covariance, 3
-OWN: Final = 27
+TRIAL: Final = 27  # see settling.py, 8
+OWN: Final = 35
 
 # Stages
 BLIND: Final = 0.0

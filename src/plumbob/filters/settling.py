@@ -1,0 +1,113 @@
+"""Has a start without a given attitude been right? What the accelerometer says afterwards tells.
+
+A filter that starts by itself takes the first specific force for gravity. A body that accelerates at that moment makes
+its tilt wrong, by 40° where it accelerates by 0.84 g, and no covariance and no later sample taken alone shows it. So
+the start is on trial: the specific force in navigation axes, averaged so that accelerations cancel, must point up, and
+keep pointing up. A start from a unit at rest needs no trial: its first specific force has the size of gravity, and it
+does not turn.
+
+This runs after the step of every filter, reads its attitude, changes nothing that the step reads, and is one comparison
+once the trial is over.
+"""
+
+import math
+from typing import Final
+
+from plumbob import flags
+from plumbob._jit import njit
+from plumbob.check import Floats
+from plumbob.constants import G0
+from plumbob.filters.admission import HOLD, usable
+from plumbob.filters.layout import TRIAL, TRIAL_TIME, UP, Q
+from plumbob.rotations.kernels import rotate
+from plumbob.units import deg
+
+MEAN_TAU: Final = 2.0
+"""The specific force is averaged over this, s;"""
+UPRIGHT: Final = math.tan(deg(3.0))
+"""its mean points up if it leans by less than this, as a tangent,"""
+UPRIGHT_FOR: Final = 3.0
+"""and the attitude is converged after so long of that, s;"""
+LONGEST: Final = 60.0
+"""or after this, s, by a filter that corrects its tilt: every one has then forgotten its start."""
+SIZE_BAND: Final = 0.02 * G0
+"""A first specific force this near to g, m/s², and"""
+REST_TURN: Final = 0.1
+"""a first rate below this, rad/s, are those of a unit at rest: it is converged at once."""
+
+_ON, _LOOKED, _AGE, _ELAPSED, _UPRIGHT, _FORCE = 0, 1, 2, 3, 4, 5  # places from TRIAL
+TRIAL_SIZE: Final = 8
+_UNUSED: Final = flags.ACC_STUCK | flags.ACC_CLIPPED
+
+
+def trial_time(needs: tuple[str, ...]) -> float:
+    """Longest trial, s, of a filter that needs these triads."""
+    if "gyr" not in needs:
+        return 0.0  # each sample is a start of its own, and no better later
+    return LONGEST if "acc" in needs else math.inf  # a filter that integrates keeps a wrong tilt, and so the flag
+
+
+@njit
+def begin(x: Floats) -> None:
+    """Put the attitude on trial."""
+    for k in range(TRIAL_SIZE):
+        x[TRIAL + k] = 0.0
+    x[TRIAL + _ON] = 1.0
+
+
+@njit
+def average(c: Floats, x: Floats, ax: float, ay: float, az: float) -> bool:
+    """Average a specific force in navigation axes; returns whether the mean points up."""
+    fx, fy, fz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], ax, ay, az)
+    age = x[TRIAL + _AGE]
+    gain = age / (age + MEAN_TAU) if x[TRIAL + _LOOKED] > 0.0 else 1.0
+    at = TRIAL + _FORCE
+    x[at] += gain * (fx - x[at])
+    x[at + 1] += gain * (fy - x[at + 1])
+    x[at + 2] += gain * (fz - x[at + 2])
+    x[TRIAL + _LOOKED], x[TRIAL + _AGE] = 1.0, 0.0
+    return bool(math.sqrt(x[at] * x[at] + x[at + 1] * x[at + 1]) < UPRIGHT * (c[UP] * x[at + 2]))
+
+
+@njit
+def stands(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> bool:
+    """True for a rate and a specific force of a unit at rest, as far as one sample can tell; not for NaN."""
+    turns = math.sqrt(gx * gx + gy * gy + gz * gz)
+    return abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) < SIZE_BAND and turns < REST_TURN
+
+
+@njit
+def converged(
+    c: Floats, x: Floats, dt: float, seen: int,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
+) -> bool:  # fmt: skip
+    """Take one sample of a trial, and say whether it is over."""
+    first = x[TRIAL + _LOOKED] == 0.0
+    x[TRIAL + _AGE] += dt
+    x[TRIAL + _ELAPSED] += dt
+    if usable(ax, ay, az) and not seen & _UNUSED:
+        since = x[TRIAL + _AGE]
+        if not average(c, x, ax, ay, az):
+            x[TRIAL + _UPRIGHT] = 0.0
+        elif not first:
+            x[TRIAL + _UPRIGHT] += min(since, HOLD)  # what was not seen is no evidence
+        elif stands(gx, gy, gz, ax, ay, az):
+            return True
+    return bool(x[TRIAL + _UPRIGHT] >= UPRIGHT_FOR or x[TRIAL + _ELAPSED] >= c[TRIAL_TIME])
+
+
+@njit
+def settle(
+    c: Floats, x: Floats, dt: float, seen: int, blind: bool, found: int,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
+) -> int:  # fmt: skip
+    """Flag of an attitude on trial; a blind step, or one whose filter says that it is not converged, begins one."""
+    if blind or found & flags.NOT_CONVERGED:
+        begin(x)
+        dt = 0.0
+    if x[TRIAL + _ON] == 0.0:
+        return 0
+    if found & flags.NOT_CONVERGED == 0 and converged(c, x, dt, seen, gx, gy, gz, ax, ay, az):
+        x[TRIAL + _ON] = 0.0
+        return 0
+    return flags.NOT_CONVERGED

@@ -1,0 +1,99 @@
+"""When a start is converged: at once at rest, by an upright mean in motion, after a time at the latest."""
+
+import math
+
+import numpy as np
+import pytest
+
+from plumbob import Filter, Frame, ImuData, flags
+from plumbob.constants import G0
+from plumbob.filters.settling import LONGEST, REST_TURN, SIZE_BAND, UPRIGHT_FOR, trial_time
+
+
+def level(seconds=10.0, *, rate=100.0, turning=0.5, force=(0.0, 0.0, G0)):
+    """A unit that turns about the vertical, under a specific force that is constant in the body."""
+    t = np.arange(round(seconds * rate)) / rate
+    alive = 1e-9 * np.random.default_rng(0).normal(size=(t.size, 3))  # the same bits for long would be stuck sensors
+    return ImuData(t=t, gyr=[0.0, 0.0, turning] + alive, acc=force + alive)
+
+
+def flagged(data, name="complementary", **settings):
+    """Which samples are not converged."""
+    return (Filter(name, frame=Frame.ENU, **settings).process(data).flags & flags.NOT_CONVERGED) != 0
+
+
+def converged_after(data, name="complementary"):
+    """Time of the first sample that is converged, s; it stays so."""
+    bad = flagged(data, name)
+    first = int(np.argmin(bad))
+    assert not bad[first:].any()
+    return data.t[first]
+
+
+def test_in_motion_an_upright_mean_converges():
+    assert converged_after(level()) == pytest.approx(UPRIGHT_FOR, abs=0.011)  # a step, and the rounding of its sum
+
+
+@pytest.mark.parametrize(
+    ("turning", "size", "at_once"),
+    [
+        (0.99 * REST_TURN, G0 + 0.99 * SIZE_BAND, True),
+        (1.01 * REST_TURN, G0, False),
+        (0.0, G0 + 1.01 * SIZE_BAND, False),
+        (0.0, G0 - 1.01 * SIZE_BAND, False),
+    ],
+)
+def test_at_rest_the_first_sample_converges(turning, size, at_once):
+    bad = flagged(level(1.0, turning=turning, force=(0.0, 0.0, size)))
+    assert bad.all() != at_once
+    assert bad.any() != at_once
+
+
+def test_a_slow_accelerometer_takes_as_long():
+    data = level(rate=400.0)
+    acc = np.where(np.arange(len(data))[:, np.newaxis] % 4 == 0, data.acc, np.nan)
+    assert converged_after(ImuData(t=data.t, gyr=data.gyr, acc=acc)) == pytest.approx(UPRIGHT_FOR, abs=0.011)
+
+
+def test_the_time_counts_from_the_first_specific_force():
+    data = level()
+    acc = np.where(data.t[:, np.newaxis] < 2.0, np.nan, data.acc)
+    assert converged_after(ImuData(t=data.t, gyr=data.gyr, acc=acc)) == pytest.approx(2.0 + UPRIGHT_FOR, abs=0.011)
+
+
+def test_an_accelerometer_that_is_silent_shows_nothing():
+    data = level()
+    acc = np.where((data.t[:, np.newaxis] > 1.0) & (data.t[:, np.newaxis] < 6.0), np.nan, data.acc)
+    after = converged_after(ImuData(t=data.t, gyr=data.gyr, acc=acc))
+    assert after == pytest.approx(5.0 + UPRIGHT_FOR, abs=0.11)  # its last value holds for 0.1 s
+
+
+def test_a_gap_is_another_start_and_its_length_does_not_count():
+    data = level()
+    t = np.where(data.t < 5.0, data.t, data.t + 2.0 * LONGEST)
+    bad = flagged(ImuData(t=t, gyr=data.gyr, acc=data.acc))
+    again = np.flatnonzero(bad & (t > 5.0))
+    assert again[0] == 500
+    assert t[again[-1]] - t[500] == pytest.approx(UPRIGHT_FOR, abs=0.011)
+
+
+def leaning():
+    """One that leans at once, and for ever, by 6°, as the specific force says: an acceleration without an end."""
+    data = level(LONGEST + 2.0)
+    lean = np.where(np.arange(len(data))[:, np.newaxis] == 0, [0.0, 0.0, 0.0], [math.tan(math.radians(6.0)) * G0, 0, 0])
+    return ImuData(t=data.t, gyr=[0.0, 0.0, 1e-3] + 0.0 * data.gyr, acc=data.acc * [1, 1, 1.05] + lean)
+
+
+def test_a_filter_that_integrates_is_flagged_for_as_long_as_it_leans():
+    assert flagged(leaning(), "integrate").all()
+
+
+def test_a_filter_that_corrects_is_flagged_no_longer_than_a_time():
+    """A minute of time constant holds the lean of 6° above 3° for 42 s; ten minutes, beyond the longest trial."""
+    data = leaning()
+    bad = flagged(data, "complementary", params={"tau_tilt": "10 min"})
+    assert data.t[np.argmin(bad)] == pytest.approx(LONGEST, abs=0.011)
+
+
+def test_the_longest_trial_is_by_what_a_filter_can_forget():
+    assert (trial_time(("acc",)), trial_time(("gyr", "acc")), trial_time(("gyr",))) == (0.0, LONGEST, math.inf)
