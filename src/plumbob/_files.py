@@ -151,7 +151,7 @@ def require_place(path: Path, *, overwrite: bool = False) -> None:
         raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
     if path.is_dir():
         raise DecodeError(f"{path} cannot be written: it is a folder; name a file.")
-    if os.path.islink(os.path.realpath(path)):
+    if Path(os.path.realpath(path)).is_symlink():
         raise DecodeError(f"{path} cannot be written: it is a link that leads back to itself; remove it.")
     if not path.exists() or _is_stream(path):
         return
