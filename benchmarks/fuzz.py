@@ -66,6 +66,8 @@ def work(name: str, first: int, count: int, seed: int, folder: Path) -> None:
             "traceback": "Traceback" in done.stderr,
             "says": done.stderr[-2000:] if done.returncode not in GOOD else "",
         }
+        if not held(found):  # the next case takes its place
+            found["file"] = str(path.rename(path.with_name(f"bad{case}{path.suffix}")))
         print(json.dumps(found), file=told, flush=True)
 
 
@@ -87,6 +89,12 @@ def _address_space() -> int:
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
 
 
+def held(found: dict[str, Any]) -> bool:
+    """Whether a case ended as it must."""
+    within = found["seconds"] <= SECONDS and found["mebibytes"] <= MEBIBYTES
+    return found["code"] in GOOD and not found["traceback"] and within
+
+
 class Tally:
     """How the cases of one format ended."""
 
@@ -103,11 +111,9 @@ class Tally:
         self.ends[code] = self.ends.get(code, 0) + 1
         self.seconds = max(self.seconds, found["seconds"])
         self.mebibytes = max(self.mebibytes, found["mebibytes"])
-        held = found["seconds"] <= SECONDS and found["mebibytes"] <= MEBIBYTES
-        good = found["code"] in GOOD and not found["traceback"] and held
-        if not good:
+        if not held(found):
             self.bad.append(found)
-        return good
+        return held(found)
 
     def row(self) -> dict[str, Any]:
         """For the table and for JSON."""

@@ -168,11 +168,12 @@ def _exists(path: Path) -> ParameterError:
 
 
 @contextmanager
-def replacing(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+def replacing(path: Path, *, overwrite: bool = False, seeks: bool = False) -> Iterator[Path]:
     """Give an empty temporary file in the same folder that takes the final name only once it is complete and on disk.
 
-    What is not a regular file is given itself. After an error or Ctrl-C nothing is left behind; a temporary of a
-    process that was killed is removed when a file of that name is written again.
+    What is not a regular file is given itself, or refused where the writer `seeks` in it: such writers remove what they
+    fail to write, and that may be a device. After an error or Ctrl-C nothing is left behind; a temporary of a process
+    that was killed is removed when a file of that name is written again.
 
     Raises
     ------
@@ -181,6 +182,10 @@ def replacing(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     DecodeError
         If the system refuses; then whatever was at `path` before is still there, untouched.
     """
+    if seeks and _is_stream(path):
+        raise DecodeError(
+            f"{path} cannot be written: it is a pipe or a device, and this format needs a file on a disk."
+        )
     with replacing_all(path, overwrite=overwrite) as (temporary,):
         yield temporary
 

@@ -17,6 +17,8 @@ Parse = Callable[[str, Any], Any]
 Absent = Callable[[str, str], PlumbobError]
 """Makes the error for a missing key, of the table's place and the key."""
 
+_MAX_DEPTH = 32
+
 
 def toml(text: str, guide: str) -> dict[str, Any]:
     """Parse TOML text; `guide` names the page with examples.
@@ -24,12 +26,26 @@ def toml(text: str, guide: str) -> dict[str, Any]:
     Raises
     ------
     DecodeError
-        If it is no TOML.
+        If it is no TOML, tables in it are too deep, or a whole number has more than the 64 bits of TOML.
     """
     try:
-        return tomllib.loads(text)
+        content = tomllib.loads(text)
+        _require_bounds(content)
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"not valid TOML ({one_line(error).rstrip('.')}); {guide} has examples.") from error
+    return content
+
+
+def _require_bounds(content: Mapping[str, Any]) -> None:
+    """Refuse what the parser takes, but cannot be printed in a message: Python bounds the digits and the depth."""
+    level: list[Any] = [content]
+    for _ in range(_MAX_DEPTH):
+        level = [item for held in level for item in (held.values() if isinstance(held, Mapping) else held)]
+        if any(isinstance(item, int) and not -(2**63) <= item < 2**63 for item in level):
+            raise ValueError("a whole number has more than 64 bits")
+        level = [item for item in level if isinstance(item, Mapping | list)]
+    if level:
+        raise ValueError(f"tables and lists lie more than {_MAX_DEPTH} deep in each other")
 
 
 def absent(where: str, key: str) -> PlumbobError:

@@ -102,9 +102,18 @@ def test_a_bare_number_in_a_file_needs_a_unit_as_it_does_on_the_command_line(tom
         Filter("mahony", frame=Frame.ENU, params=stage.params)
 
 
-@pytest.mark.parametrize("text", ["kp = ", "[mahony]\nkp = 1\n[mahony]\nkp = 2\n", "kp = 1\nkp = 2\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "kp = ",
+        "[mahony]\nkp = 1\n[mahony]\nkp = 2\n",
+        "kp = 1\nkp = 2\n",
+        f"kp = 0x{'f' * 5000}",
+        "a." * 5000 + "b = 1",
+    ],
+)
 def test_a_file_that_is_no_toml_is_refused_by_name(toml, text):
-    with pytest.raises(ParameterError, match=r"p\.toml is not TOML"):
+    with pytest.raises(ParameterError, match=r"p\.toml is not valid TOML"):
         toml(text)
 
 

@@ -153,6 +153,16 @@ def test_a_table_in_json_holds_columns_with_units(call, tmp_path):
     assert told["counts"]["frames"] == {"fast": 2, "slow": 0}
 
 
+@pytest.mark.parametrize("suffix", [".json", ".csv"])
+def test_a_number_beyond_all_numbers_is_no_value(tmp_path, suffix):
+    """By a scale that was declared wrongly; JSON has no infinity, and no reader takes it from a table."""
+    (tmp_path / "pair.toml").write_text(FORMAT.replace("counts = 1000", "counts = 1e-320"))
+    (tmp_path / "a.bin").write_bytes(fast(0, 1, 0, 1))
+    out = tmp_path / f"a{suffix}"
+    ok("decode", tmp_path / "a.bin", "--format", tmp_path / "pair.toml", "--out", out)
+    assert "inf" not in out.read_text().lower()
+
+
 def test_the_bytes_are_never_replaced_by_their_table(call, tmp_path):
     data = fast(1) + fast(2)
     _, (line,) = call(data, "--out", "./in.csv", code=1)

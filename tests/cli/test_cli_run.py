@@ -226,6 +226,12 @@ def test_the_start_may_be_level_or_said(report):
     assert said["last_attitude_deg"]["heading"] == pytest.approx(30.0 + math.degrees(0.5 * 1.99))
 
 
+def test_a_list_of_values_may_begin_with_a_negative_one(report):
+    """Southern latitudes, too: argparse takes -33.9,151.2 for an option unless it is joined to its own by =."""
+    said = report(spun(), "--filter", "integrate", "--init", "-5deg,0deg,30deg", "--params", "declination=0deg")
+    assert said["north"] == "true"
+
+
 def test_a_truth_that_is_not_there_is_refused(run):
     imu = spun().imu
     assert "it has none" in run(imu, "--filter", "integrate", "--init", "truth", code=1)[1][-1]

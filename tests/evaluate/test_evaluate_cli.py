@@ -99,7 +99,7 @@ def test_a_declination_bridges_magnetic_and_true_north(files, capsys, reference)
     """10° east: magnetic north lies clockwise of true north, so true headings are 10° more, yaws in ENU 10° less."""
     io.write("true.parquet", turned(reference, -10.0, north=North.TRUE))
     words = ("estimate.parquet", "true.parquet", "--json")
-    for declination, error in (("10deg", 0.0), ("0 deg", 10.0), ("-10 deg", 20.0)):
+    for declination, error in (("10deg", 0.0), ("0 deg", 10.0), ("-10 deg", 20.0), ("-10deg", 20.0)):
         summary = json.loads(run(capsys, *words, "--declination", declination)[1])
         assert summary["heading_rmse_deg"] == pytest.approx(error, abs=1e-6)
     assert "declination" in refused(capsys, *words[:2])

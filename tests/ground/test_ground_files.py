@@ -28,7 +28,7 @@ from plumbob.pipeline.capture import CaptureSource
 from plumbob.pipeline.exports import export
 from plumbob.pipeline.rate_table import read_plan
 from plumbob.pipeline.session_toml import load_session
-from plumbob.record import whole
+from plumbob.record import repair, whole
 from plumbob.record.chunk import pack
 from plumbob.rigs import find_format
 from plumbob.rotations import IDENTITY, Frame, North
@@ -252,6 +252,18 @@ def test_pipes_and_the_standard_output_are_written_through(tmp_path):
     with (tmp_path / "own").open("wb") as own:  # the shell's > own: a rename would leave its content to nobody
         subprocess.run([sys.executable, "-c", code], stdout=own, check=True)
     assert (tmp_path / "own").read_bytes() == b"through"
+
+
+@pytest.mark.parametrize("name", ["a.parquet", "a.mcap"])
+def test_what_is_no_file_on_a_disk_is_kept_from_writers_that_seek(tmp_path, name):
+    """They remove what they could not write: once a pipe, and /dev/full as root."""
+    pipe = tmp_path / name
+    os.mkfifo(pipe)
+    WRITERS["a.mcap"](sound := tmp_path / "sound.mcap")
+    for write in (WRITERS[name], lambda path, **how: repair(sound, path, **how)):
+        with pytest.raises(DecodeError, match=rf"{name} cannot be written: it is a pipe or a device"):
+            write(pipe, overwrite=True)
+    assert (pipe.is_fifo(), left(tmp_path)) == (True, [name, "sound.mcap"])
 
 
 def test_a_card_replaces_only_a_card_of_its_kind(tmp_path):

@@ -319,6 +319,13 @@ def test_a_layout_that_does_not_fit_is_named(parse, text, profile, match):
     in_one_line(caught)
 
 
+@pytest.mark.parametrize("text", ["1," * 600_000, f"t,gx,gy,gz\n0,1,2,3\n{'1,' * 600_000}\n"], ids=["names", "numbers"])
+def test_a_row_without_end_is_not_split_in_cells(parse, text):
+    """One line of 200 MB took 2 GB."""
+    with pytest.raises(DecodeError, match=r"line [13] has 1200000 characters"):
+        parse(text, PLAIN)
+
+
 def test_a_wrong_encoding_names_byte_and_line(parse):
     with pytest.raises(DecodeError, match=r"byte 12 \(line 2\) is not utf-8"):
         parse(b"t,gx,gy,gz\n\xe9\n", PLAIN)

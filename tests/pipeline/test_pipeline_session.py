@@ -77,6 +77,12 @@ WRONG = {
     "unknown device": (SESSION.replace('file = "imu9.toml"', 'name = "imu10"'), ParameterError, "no known device"),
     "unknown option": (SESSION.replace("[imu]", 'options = { x = "1" }\n[imu]'), ParameterError, "no option 'x'"),
     "no TOML": ("=", DecodeError, "not valid TOML"),
+    "number that cannot be printed": (
+        SESSION.replace("version = 1", f"version = 0x{'f' * 5000}"),
+        DecodeError,
+        "64 bits",
+    ),
+    "lists without end": (SESSION.replace("kp = 0.5", f"kp = {'[' * 33}{']' * 33}"), DecodeError, "more than 32 deep"),
     "other kind": (FORMAT, DecodeError, "no key"),
 }
 

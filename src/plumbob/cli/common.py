@@ -304,16 +304,15 @@ def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
 
 
 def _toml_pairs(path: Path) -> Iterator[tuple[str, Any]]:
-    import tomllib
-
+    from plumbob import forms
     from plumbob._files import text_of
-    from plumbob.errors import ParameterError
+    from plumbob.errors import DecodeError, ParameterError
 
     text = text_of(path)
     try:
-        content = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{path} is not TOML: {error}.") from error
+        content = forms.toml(text, "docs/choose-a-filter.md")
+    except DecodeError as error:
+        raise ParameterError(f"{path} is {error}") from error
     for key, value in content.items():
         if isinstance(value, dict):
             yield from ((f"{key}.{name}", _as_text(inner)) for name, inner in value.items())

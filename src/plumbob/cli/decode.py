@@ -163,7 +163,7 @@ class _Table:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        with replacing(path, overwrite=overwrite) as temporary:
+        with replacing(path, overwrite=overwrite, seeks=True) as temporary:
             metadata = {"calibration": UNCALIBRATED} | ({"plumbob profile": profile} if profile else {})
             pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
 
@@ -195,13 +195,15 @@ class _Table:
 
 
 def _columns(frames: "Frames") -> dict[str, list[Any]]:
-    """Columns by name with unit; None where there is no value."""
+    """Columns by name with unit; None where there is no value, or it is beyond all numbers, by a scale of 1e-320."""
     from plumbob import flags
 
     found: dict[str, list[Any]] = {"byte": frames.start.tolist()}
     for one in (f for f in frames.message.fields if f.name in frames.columns):
         values = frames.columns[one.name].tolist()
-        found[_title(one)] = [None if isinstance(value, float) and math.isnan(value) else value for value in values]
+        found[_title(one)] = [
+            None if isinstance(value, float) and not math.isfinite(value) else value for value in values
+        ]
     for prefix, words in frames.flags.items():
         found[f"{prefix}.flags" if prefix else "flags"] = ["+".join(flags.names(word)) for word in words.tolist()]
     return found

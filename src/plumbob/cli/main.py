@@ -5,6 +5,7 @@ import atexit
 import gc
 import io
 import os
+import re
 import signal
 import sys
 import threading
@@ -75,6 +76,17 @@ def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
     return parser
 
 
+def _joined(words: Sequence[str]) -> list[str]:
+    """Words with each option and its negative value as one: argparse takes -33.9,151.2 for another option."""
+    joined: list[str] = []
+    for word in words:
+        if joined and re.match(r"-\.?\d", word) and re.fullmatch(r"--[a-z-]+", joined[-1]):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code."""
     for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
@@ -86,7 +98,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
         with _ending_by_signal():
-            args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(words)
+            args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(_joined(words))
             with _visible_output():
                 code: int = args.run(args)
         if sys.stdout:

@@ -50,7 +50,7 @@ def write_parquet(path: Path, recording: Recording, overwrite: bool = False) -> 
 
     columns = to_columns(recording)
     table = _table(columns, header.header_of(recording, list(columns)))
-    with replacing(path, overwrite=overwrite) as temporary:
+    with replacing(path, overwrite=overwrite, seeks=True) as temporary:
         pq.write_table(
             table,
             temporary,

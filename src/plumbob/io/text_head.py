@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from plumbob.errors import DecodeError, excerpt, one_line
 from plumbob.io.profile import Layout
 
+_LONGEST_ROW = 1 << 20
+"""Characters of a row; cells of a longer one, which no logger writes, would take ten times its size in memory."""
+
 
 @dataclass(frozen=True, slots=True)
 class Head:
@@ -73,8 +76,12 @@ def split_row(row: str, separator: str, line: int) -> list[str]:
     Raises
     ------
     DecodeError
-        If a quote is not closed, or a cell is absurdly long.
+        If a quote is not closed, or the row or a cell is absurdly long.
     """
+    if len(row) > _LONGEST_ROW:
+        raise DecodeError(
+            f"line {line} has {len(row)} characters, but a row of numbers has {_LONGEST_ROW} at most; is this the file?"
+        )
     if separator == " ":
         return row.split()
     if '"' not in row:

@@ -48,7 +48,7 @@ def repair(
     log = open_log(path)
     _refuse(log, target)
     verdict = Verdict(log.paths, log.recording)
-    with replacing(target, overwrite=overwrite) as temporary:
+    with replacing(target, overwrite=overwrite, seeks=True) as temporary:
         _rewrite(log, temporary, verdict)
     return verdict
 

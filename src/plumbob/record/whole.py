@@ -77,7 +77,8 @@ def write_rows(
         names[topic]: Channel(topic, encoding, schema, {}, info.recording, epoch_offset_ns).records(names[topic])
         for topic, (encoding, schema) in topics.items()
     }
-    with replacing(Path(path), overwrite=overwrite) as temporary, whole_part(temporary, info) as (part, write):
+    whole = replacing(Path(path), overwrite=overwrite, seeks=True)
+    with whole as temporary, whole_part(temporary, info) as (part, write):
         ends = dict.fromkeys(names, 0)
         for chunk in _chunks(rows, names, records, ends, epoch_offset_ns):
             write(chunk)
