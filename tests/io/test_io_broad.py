@@ -396,6 +396,11 @@ def test_numbers_of_a_type_that_does_not_exist_are_refused(tmp_path, kind):
     refused(rewritten(path, at, struct.pack("<I", kind)), f"its numbers, of type {kind}, have 960 bytes")
 
 
+def test_no_numbers_of_no_type_are_refused(tmp_path):
+    path, at = plain_mat(tmp_path)
+    refused(rewritten(path, at, struct.pack("<II", 0, 0)), "its numbers, of type 0, have 0 bytes")
+
+
 @pytest.mark.parametrize("size", [0, 952, 968, 2**31, 2**32 - 1])
 def test_a_length_that_is_not_that_of_the_numbers_is_refused(tmp_path, size):
     path, at = plain_mat(tmp_path)

@@ -146,8 +146,8 @@ def _array(variable: _Variable, order: str) -> NDArray[Any]:
         if len(content) != variable.size or not whole:
             raise ValueError(f"it does not unpack to the {variable.size} bytes that it states")
         kind, numbers, _ = _part(content, variable.start, order)
-        dtype = np.dtype(_DTYPES.get(kind, "V0")).newbyteorder("<" if order == "<" else ">")
-        if len(numbers) != values * dtype.itemsize:
+        dtype = np.dtype(order + _DTYPES.get(kind, "f8"))
+        if kind not in _DTYPES or len(numbers) != values * dtype.itemsize:
             raise ValueError(f"its numbers, of type {kind}, have {len(numbers)} bytes, and not those of {values}")
     table = np.frombuffer(numbers, dtype).reshape(variable.shape, order="F")
     rows = table.shape[:1] if variable.name == "movement" else table.shape
