@@ -7,7 +7,7 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData, flags
 from plumbob.constants import G0
-from plumbob.filters.settling import LONGEST, REST_TURN, SIZE_BAND, UPRIGHT_FOR, trial_time
+from plumbob.filters.settling import LONGEST, REST_TURN, SIZE_BAND, STEADY, STEADY_FOR, UPRIGHT_FOR, trial_time
 
 
 def level(seconds=10.0, *, rate=100.0, turning=0.5, force=(0.0, 0.0, G0)):
@@ -47,6 +47,30 @@ def test_at_rest_the_first_sample_converges(turning, size, at_once):
     bad = flagged(level(1.0, turning=turning, force=(0.0, 0.0, size)))
     assert bad.all() != at_once
     assert bad.any() != at_once
+
+
+@pytest.mark.parametrize(
+    ("turning", "size", "rests"),
+    [
+        (0.34, 1.09 * G0, True),  # a gyroscope of 20 °/s of bias and an accelerometer of 9 %
+        (0.36, 1.09 * G0, False),
+        (0.34, 1.11 * G0, False),
+    ],
+)
+def test_an_uncalibrated_unit_at_rest_takes_a_second(turning, size, rests):
+    after = converged_after(level(turning=turning, force=(0.0, 0.0, size)))
+    assert after == pytest.approx(STEADY_FOR if rests else UPRIGHT_FOR, abs=0.011)
+
+
+@pytest.mark.parametrize("which", ["gyr", "acc"])
+@pytest.mark.parametrize(("change", "rests"), [(0.9, True), (1.1, False)])
+def test_what_moves_in_that_second_does_not_rest(which, change, rests):
+    """Half a second after the start, on one axis, by a little less or more than a unit at rest may."""
+    data = level(turning=0.34, force=(0.0, 0.0, 1.09 * G0))
+    values = {"gyr": data.gyr.copy(), "acc": data.acc.copy()}
+    values[which][50:, 0] += change * dict(zip(("acc", "gyr"), STEADY, strict=True))[which]
+    after = converged_after(ImuData(t=data.t, **values))
+    assert (after == pytest.approx(STEADY_FOR, abs=0.011)) == rests
 
 
 def test_a_slow_accelerometer_takes_as_long():

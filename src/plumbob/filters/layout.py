@@ -26,8 +26,8 @@ LAST: Final = 13  # what each triad said last, as one number, 3
 SAME: Final = 16  # for how long it has said the same, s, 3
 CLOCK: Final = 19  # see timing.py, 5
 SEEN: Final = 24  # mean level and vertical part of the field, µT, and of how many; of filters with a covariance, 3
-TRIAL: Final = 27  # see settling.py, 8
-OWN: Final = 35
+TRIAL: Final = 27  # see settling.py, 15
+OWN: Final = 42
 
 # Stages
 BLIND: Final = 0.0

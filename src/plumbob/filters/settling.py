@@ -4,7 +4,7 @@ A filter that starts by itself takes the first specific force for gravity. A bod
 its tilt wrong, by 40° where it accelerates by 0.84 g, and no covariance and no later sample taken alone shows it. So
 the start is on trial: the specific force in navigation axes, averaged so that accelerations cancel, must point up, and
 keep pointing up. A start from a unit at rest needs no trial: its first specific force has the size of gravity, and it
-does not turn.
+does not turn. Of an uncalibrated one neither is known well, but it stays for a second as it was when it began.
 
 This runs after the step of every filter, reads its attitude, changes nothing that the step reads, and is one comparison
 once the trial is over.
@@ -35,8 +35,15 @@ SIZE_BAND: Final = 0.02 * G0
 REST_TURN: Final = 0.1
 """a first rate below this, rad/s, are those of a unit at rest: it is converged at once."""
 
-_ON, _LOOKED, _AGE, _ELAPSED, _UPRIGHT, _FORCE = 0, 1, 2, 3, 4, 5  # places from TRIAL
-TRIAL_SIZE: Final = 8
+STEADY_FOR: Final = 1.0
+"""A unit rests that for this long, s, stays as it was in its first sample:"""
+STEADY: Final = 0.02 * G0, 0.02
+"""specific force, m/s², and rate, rad/s, are within this of it on each axis, and"""
+STEADY_BAND: Final = 0.1 * G0, 0.35
+"""off by no more than an uncalibrated part may be at rest: 0.1 g in size, 20 °/s on each axis (MPU-6000 data sheet)."""
+
+_ON, _LOOKED, _AGE, _ELAPSED, _UPRIGHT, _FORCE, _STEADY, _FIRST = 0, 1, 2, 3, 4, 5, 8, 9  # places from TRIAL
+TRIAL_SIZE: Final = 15
 _UNUSED: Final = flags.ACC_STUCK | flags.ACC_CLIPPED
 
 
@@ -77,6 +84,33 @@ def stands(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> 
 
 
 @njit
+def may_rest(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> bool:
+    """True for a rate and a specific force that an uncalibrated unit at rest may have; not for NaN."""
+    size, turn = STEADY_BAND
+    slow = abs(gx) < turn and abs(gy) < turn and abs(gz) < turn
+    return slow and abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) < size
+
+
+@njit
+def steady(
+    x: Floats, first: bool, since: float, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
+) -> bool:
+    """Follow a unit that is as it was when it began; returns whether it has been so for long enough."""
+    at = TRIAL + _FIRST
+    if first:
+        x[TRIAL + _STEADY] = 0.0 if may_rest(gx, gy, gz, ax, ay, az) else -1.0
+        x[at], x[at + 1], x[at + 2], x[at + 3], x[at + 4], x[at + 5] = gx, gy, gz, ax, ay, az
+        return False
+    if x[TRIAL + _STEADY] < 0.0:
+        return False
+    force, turn = STEADY
+    turns = abs(gx - x[at]) < turn and abs(gy - x[at + 1]) < turn and abs(gz - x[at + 2]) < turn
+    leans = abs(ax - x[at + 3]) < force and abs(ay - x[at + 4]) < force and abs(az - x[at + 5]) < force
+    x[TRIAL + _STEADY] = x[TRIAL + _STEADY] + min(since, HOLD) if turns and leans else -1.0
+    return bool(x[TRIAL + _STEADY] >= STEADY_FOR)
+
+
+@njit
 def converged(
     c: Floats, x: Floats, dt: float, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
@@ -87,6 +121,8 @@ def converged(
     x[TRIAL + _ELAPSED] += dt
     if usable(ax, ay, az) and not seen & _UNUSED:
         since = x[TRIAL + _AGE]
+        if steady(x, first, since, gx, gy, gz, ax, ay, az):
+            return True
         if not average(c, x, ax, ay, az):
             x[TRIAL + _UPRIGHT] = 0.0
         elif not first:
