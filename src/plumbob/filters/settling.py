@@ -98,8 +98,10 @@ def steady(
     """Follow a unit that is as it was when it began; returns whether it has been so for long enough."""
     at = TRIAL + _FIRST
     if first:
-        x[TRIAL + _STEADY] = 0.0 if may_rest(gx, gy, gz, ax, ay, az) else -1.0
-        x[at], x[at + 1], x[at + 2], x[at + 3], x[at + 4], x[at + 5] = gx, gy, gz, ax, ay, az
+        x[TRIAL + _STEADY] = -1.0
+        if may_rest(gx, gy, gz, ax, ay, az):
+            x[TRIAL + _STEADY] = 0.0
+            x[at], x[at + 1], x[at + 2], x[at + 3], x[at + 4], x[at + 5] = gx, gy, gz, ax, ay, az
         return False
     if x[TRIAL + _STEADY] < 0.0:
         return False
