@@ -66,7 +66,7 @@ class Target:
 def _recording(rows_: int = 120) -> Recording:
     made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=3, rate=100.0,
                     duration=rows_ / 100.0, mag_rate=100.0)  # fmt: skip
-    track = Filter("mahony", frame=Frame.NED).process(made.imu)
+    track = Filter("mahony", frame=Frame.NED, init=made.truth.q_nb[0]).process(made.imu)
     return Recording(imu=made.imu, track=track, name="made", notes=("made for fuzzing",))
 
 

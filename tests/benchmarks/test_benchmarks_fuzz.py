@@ -54,4 +54,5 @@ def test_some_files_of_every_format(tmp_path):
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     rows = json.loads(done.stdout)
-    assert all((row["cases"] == 60 and row["0"] + row["3"] < 60) or row["format"].startswith("raw") for row in rows)
+    assert all(row["cases"] == 60 for row in rows)
+    assert all(row["0"] < 60 or row["format"].startswith("raw") for row in rows)  # damage is met

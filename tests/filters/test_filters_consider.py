@@ -122,6 +122,9 @@ def test_units_with_a_poor_card_are_as_wrong_as_is_claimed():
 @pytest.mark.parametrize("motion", ["static", "buoy"])
 @pytest.mark.parametrize("case", ["good card", "poor card", "uncalibrated"])
 def test_the_share_inside_the_bounds_is_that_of_a_consistent_claim(case, motion):
-    low, high = limits(40)
-    inside = sum(BOUNDS[0] <= judged(case, motion, seed)[0] <= BOUNDS[1] for seed in range(100, 140))
-    assert low <= inside <= high
+    """At sea with a good card the claim is too large instead: the field may bend by more than the card leaves."""
+    least, _ = limits(40)
+    found = [judged(case, motion, seed)[0] for seed in range(100, 140)]
+    assert sum(nees <= BOUNDS[1] for nees in found) >= least
+    if (case, motion) != ("good card", "buoy"):
+        assert sum(BOUNDS[0] <= nees <= BOUNDS[1] for nees in found) >= least
