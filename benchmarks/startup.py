@@ -56,7 +56,7 @@ def lines(made: dict[str, Path]) -> list[Line]:
     out = str(made["sea"].with_name("track.parquet"))
     return [
         Line("run mekf", ("run", sea, "--filter", "mekf"), 2.8),
-        Line("run mekf --out", ("run", sea, "--filter", "mekf", "--out", out), 2.8),
+        Line("run mekf --out", ("run", sea, "--filter", "mekf", "--out", out, "--force"), 2.8),
         Line("run mahony", ("run", sea, "--filter", "mahony"), 2.8),
         Line("run vqf", ("run", sea, "--filter", "vqf"), 2.8),
         Line("run without a reference", ("run", bare, "--filter", "mekf"), 2.8),
