@@ -113,6 +113,11 @@ def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
         raise DecodeError(f"{file} cannot be read: {error.strerror}.") from error
 
 
+def profile_beside(path: Path) -> Path:
+    """Name of the profile that is written beside a table, and found there again."""
+    return path.with_name(f"{path.stem}.profile.toml")
+
+
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Put the file's name before every error of its content, and make one line of it."""
@@ -145,7 +150,7 @@ def require_place(path: Path, *, overwrite: bool = False) -> None:
     ParameterError
         If a file lies there and `overwrite` is false.
     DecodeError
-        If there is no such folder, it is a folder or a circle of links, or the file there is write-protected.
+        If the folder does not exist, the path is a folder or a circle of links, or the file is write-protected.
     """
     if not path.parent.is_dir():
         raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
@@ -241,7 +246,7 @@ class _Target:
                     _remove_abandoned(other)
         self._lock = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         with suppress(OSError):  # a disk without locks
-            _lock(self._lock)
+            lock(self._lock)
 
     def sync(self) -> None:
         """Wait until the disk has it, with the rights of what it replaces."""
@@ -287,13 +292,13 @@ def _remove_abandoned(temporary: Path) -> None:
     with suppress(OSError):  # locked, gone, or another user's
         descriptor = os.open(temporary, os.O_RDWR)
         try:
-            _lock(descriptor)
+            lock(descriptor)
             temporary.unlink()
         finally:
             os.close(descriptor)
 
 
-def _lock(descriptor: int) -> None:
+def lock(descriptor: int) -> None:
     """Lock a file for as long as it is open, or raise OSError where somebody else has; Windows does so by itself."""
     if sys.platform != "win32":
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

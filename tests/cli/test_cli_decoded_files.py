@@ -7,14 +7,13 @@ from pyarrow import parquet as pq
 from plumbob import read
 from plumbob.benchmark.decoder_streams import frames_of, settled
 from plumbob.errors import DecodeError
-from plumbob.io.decoded import units_of
 from plumbob.rigs import find_format, names
 from plumbob.sensors import catalog
 from plumbob.sensors.decode import decode
-from plumbob.sensors.triads import triads_of
+from plumbob.sensors.triads import prefixes_of, triads_of
 from tests.battery.commandline import call, ok, refused
 
-SENSORS = [name for name in (*catalog.names(), *names()) if any(map(units_of, find_format(name).messages))]
+SENSORS = [name for name in (*catalog.names(), *names()) if any(map(prefixes_of, find_format(name).messages))]
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +30,7 @@ def test_every_format_with_sensors_is_read_back(name, tmp_path):
     (tmp_path / "raw.bin").write_bytes(raw)
     asked = {key: next(iter(o.choices), "1") for key, o in find_format(name).options.items() if o.default is None}
     options = [word for key, value in asked.items() for word in ("--option", f"{key}={value}")]
-    for message, unit in ((m, u) for m in form.messages for u in units_of(m)):
+    for message, unit in ((m, u) for m in form.messages for u in prefixes_of(m)):
         want = triads_of(decode(form, raw)[0][message.name], unit)
         if not any(np.isfinite(values).any() for values in want.values()):
             continue

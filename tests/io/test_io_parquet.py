@@ -355,6 +355,19 @@ def test_pages_that_unpack_to_more_than_their_table_of_contents_says_are_refused
     refused(path, r"bytes unpack to 10\d{8}, but")
 
 
+def test_pages_of_a_decoded_table_are_judged_too(folder, monkeypatch):
+    """Three columns of a million equal numbers unpack to 24 MB."""
+    path = folder / "decoded.parquet"
+    profile = 'separator = ","\n[header]\nnames = true\n[time]\nrate = "100 Hz"\n'
+    profile += '[acc]\ncolumns = ["x", "y", "z"]\nunit = "m/s2"\nsign = "specific-force"\n'
+    table = pa.table({name: np.full(1_000_000, value) for name, value in zip("xyz", (0.0, 0.0, 9.8), strict=True)})
+    table = table.replace_schema_metadata({"plumbob profile": profile})
+    pq.write_table(table, path, compression="zstd", use_dictionary=False)
+    assert len(read_parquet(path).imu) == 1_000_000
+    monkeypatch.setattr(_files, "_FREE_BYTES", 16 << 20)
+    refused(path, r"unpack to 24\d{6}, but")
+
+
 @pytest.mark.parametrize(
     ("header", "says"),
     [

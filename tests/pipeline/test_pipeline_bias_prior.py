@@ -5,14 +5,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from live_samples import SESSION, session, stream
 
 from plumbob import io
 from plumbob.benchmark.scenario import measure_scenario
+from plumbob.cli.line import SETTLED, Status
 from plumbob.cli.main import main
 from plumbob.data import AttitudeTrack
 from plumbob.filters import Filter, filter_names
+from plumbob.link import Received
 from plumbob.pipeline import Stage
 from plumbob.pipeline.bias_prior import bias_beyond
+from plumbob.pipeline.line import Line
 from plumbob.rotations import Frame, North
 from plumbob.sim import simulate
 from plumbob.sim.presets import draw_module
@@ -97,3 +101,19 @@ def test_a_benchmark_says_in_how_many_seeds():
     assert found.warnings["mahony"] == []
     assert found.as_dict()["warnings"]["mekf"] == found.warnings["mekf"]
     assert text.count("plumbob calibrate gyro") == 1
+
+
+def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over(capsys):
+    doubts_all = 'filter = "mekf"\nparams = { bias_start = "0.00001 deg/s", gyr_walk = "0.1 deg/s2/rtHz" }\n'
+    line = Line(session(SESSION.split("filter")[0] + doubts_all))
+    status, told, size = Status(line, quiet=True), None, 30 * 140
+    data = stream(duration=32.0)
+    for at in range(0, len(data), size):  # reads of 0.7 s: one begins before the time and ends after it
+        part = line.take(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
+        if part is None:
+            continue
+        status.on_part(part)
+        if told is None and part.imu.t[-1] >= SETTLED:
+            told = part.imu.t[0]
+    assert told < SETTLED - 0.1
+    assert f"at {told:.1f} s: {status.bias_beyond}" in capsys.readouterr().err

@@ -172,11 +172,11 @@ def _stamp(path: Path) -> tuple[int, int] | None:
     return found.st_ino, found.st_mtime_ns
 
 
-def with_profile(path: Path | None) -> tuple[Path | None, ...]:
-    """A recording or track to write, and the profile that a table gets beside it."""
-    if path is None or path.suffix.lower() != ".csv":
-        return (path,)
-    return path, path.with_name(f"{path.stem}.profile.toml")
+def with_profile(path: Path | None, tables: Sequence[str] = (".csv",)) -> tuple[Path | None, ...]:
+    """A file to write, and the profile that a table, by its suffix, gets beside it."""
+    from plumbob._files import profile_beside
+
+    return (path,) if path is None or path.suffix.lower() not in tables else (path, profile_beside(path))
 
 
 def is_same_file(one: Path, other: Path) -> bool:

@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     common.note_unassigned(form, form.message(args.message))
     if args.out and args.out.suffix not in (*_TEXT, ".parquet", ".json"):
         raise ParameterError(f"{args.out} must end in .csv, .txt, .parquet or .json, so that its kind is known.")
-    common.check_outputs(args, args.out, *_beside(args.out), inputs=(Path(args.file),))
+    common.check_outputs(args, *common.with_profile(args.out, _TEXT), inputs=(Path(args.file),))
     table = _Table(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
     decoder, head = Decoder(form), b""
     for data in _chunks(args.file):
@@ -83,17 +83,13 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _beside(path: Path | None) -> tuple[Path, ...]:
-    """Where the profile of a text lies."""
-    return () if path is None or path.suffix not in _TEXT else (path.with_name(f"{path.stem}.profile.toml"),)
-
-
 def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
     """Profile that reads the table as a recording; empty where the message has no triad."""
-    from plumbob.io.decoded import profile_text, units_of
+    from plumbob.io.decoded import profile_text
+    from plumbob.sensors.triads import prefixes_of
 
     message = form.message(table.message)
-    units = units_of(message)
+    units = prefixes_of(message)
     if not units:
         return ""
     if len(units) > 1 and unit is None:
@@ -168,9 +164,10 @@ class _Table:
             pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
 
     def _write_text(self, path: Path, profile: str, overwrite: bool) -> None:
-        from plumbob._files import replacing_all
+        from plumbob._files import profile_beside, replacing_all
 
-        with replacing_all(path, *(_beside(path) if profile else ()), overwrite=overwrite) as (temporary, *described):
+        beside = [profile_beside(path)] if profile else []
+        with replacing_all(path, *beside, overwrite=overwrite) as (temporary, *described):
             for file in described:
                 file.write_text(profile, encoding="utf-8")
             with temporary.open("w", encoding="utf-8") as stream:

@@ -4,7 +4,6 @@ import argparse
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
@@ -28,7 +27,7 @@ def add_estimate(p: argparse.ArgumentParser) -> None:
     p.add_argument("--filter", metavar="NAME", help="estimate with this filter; see 'plumbob filters'")
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame; needed with --filter")
-    p.add_argument("--calibration", type=Path, metavar="JSON", help="calibration card to apply")
+    common.add_calibration(p, "calibration card to apply")
     common.add_noise(p)
     common.add_init(p)
 

@@ -24,10 +24,11 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob._files import profile_beside
     from plumbob.io.draft import profile
     from plumbob.plain import listed
 
-    out = args.out or args.file.with_name(f"{args.file.stem}.profile.toml")
+    out = args.out or profile_beside(args.file)
     draft = profile(args.file, out=out)
     print(f"{out}: {len(draft.questions)} questions to answer in an editor")
     for line in listed(f"{key}: {why}" for key, why in draft.questions):

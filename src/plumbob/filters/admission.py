@@ -5,6 +5,7 @@ import math
 from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
+from plumbob.constants import G0
 from plumbob.filters.layout import BLIND, COUNT, HELD, MAX_GAP, RATE, STAGE
 
 HOLD = 0.1
@@ -55,6 +56,12 @@ def judge(
 def refused(flag: int, vx: float, vy: float, vz: float) -> int:
     """Flag of a vector that is there but was not used; none for NaN, which other flags explain."""
     return 0 if math.isnan(vx) or math.isnan(vy) or math.isnan(vz) else flag
+
+
+@njit
+def off_gravity(ax: float, ay: float, az: float) -> float:
+    """By how much a specific force is longer or shorter than g, m/s²; NaN for NaN."""
+    return abs(math.sqrt(ax * ax + ay * ay + az * az) - G0)
 
 
 @njit

@@ -13,7 +13,7 @@ from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.constants import G0
-from plumbob.filters.admission import HOLD, admit
+from plumbob.filters.admission import HOLD, admit, off_gravity
 from plumbob.filters.layout import HELD, RATE, SAME
 from plumbob.rotations.kernels import Vec
 from plumbob.units import deg, dps
@@ -119,7 +119,7 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
 @njit
 def may_be_gravity(ax: float, ay: float, az: float) -> bool:
     """True for a specific force that is near enough to g to begin with; not for NaN."""
-    return abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) <= START_BAND
+    return off_gravity(ax, ay, az) <= START_BAND
 
 
 @njit

@@ -17,7 +17,7 @@ from plumbob import flags
 from plumbob._jit import njit
 from plumbob.check import Floats
 from plumbob.constants import G0
-from plumbob.filters.admission import HOLD, usable
+from plumbob.filters.admission import HOLD, off_gravity, usable
 from plumbob.filters.layout import TRIAL, TRIAL_TIME, UP, Q
 from plumbob.rotations.kernels import rotate
 from plumbob.units import deg
@@ -80,7 +80,7 @@ def average(c: Floats, x: Floats, ax: float, ay: float, az: float) -> bool:
 def stands(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -> bool:
     """True for a rate and a specific force of a unit at rest, as far as one sample can tell; not for NaN."""
     turns = math.sqrt(gx * gx + gy * gy + gz * gz)
-    return abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) < SIZE_BAND and turns < REST_TURN
+    return off_gravity(ax, ay, az) < SIZE_BAND and turns < REST_TURN
 
 
 @njit
@@ -88,7 +88,7 @@ def may_rest(gx: float, gy: float, gz: float, ax: float, ay: float, az: float) -
     """True for a rate and a specific force that an uncalibrated unit at rest may have; not for NaN."""
     size, turn = STEADY_BAND
     slow = abs(gx) < turn and abs(gy) < turn and abs(gz) < turn
-    return slow and abs(math.sqrt(ax * ax + ay * ay + az * az) - G0) < size
+    return slow and off_gravity(ax, ay, az) < size
 
 
 @njit

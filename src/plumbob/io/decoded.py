@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plumbob._files import require_room
 from plumbob.cards import UNITS
 from plumbob.data import TRIADS
 from plumbob.errors import DecodeError, ParameterError
+from plumbob.io.parquet_pages import unpacked_bytes
 from plumbob.io.profile import NO_COLUMN
 
 if TYPE_CHECKING:
@@ -24,11 +26,6 @@ KEY: Final = b"plumbob profile"
 _MOST_BYTES: Final = 4096
 """Bytes of numbers that a byte of a Parquet file may hold, beyond what is free; a file that claims more lies."""
 _FREE_BYTES: Final = 16 * 1024 * 1024
-
-
-def units_of(message: "Message") -> tuple[str, ...]:
-    """Prefixes of the units with a triad, in the order of their fields; empty for the only one."""
-    return tuple(dict.fromkeys(one.triad.rpartition(".")[0] for one in message.fields if one.triad))
 
 
 def profile_text(form: "Format", message: "Message", unit: str, titles: Mapping[str, str], time: str) -> str:
@@ -50,7 +47,9 @@ def profile_text(form: "Format", message: "Message", unit: str, titles: Mapping[
     ParameterError
         If the message has no such unit.
     """
-    units = units_of(message)
+    from plumbob.sensors.triads import prefixes_of
+
+    units = prefixes_of(message)
     if unit not in units:
         raise ParameterError(f"{message.name} has no unit '{unit}'; known are {', '.join(units)}.")
     prefix, what = (f"{unit}.", f"{message.name}, unit {unit}") if unit else ("", message.name)
@@ -103,6 +102,7 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     rows = parquet.metadata.num_rows
     if rows < 1 or 8 * rows * len(refs) > _FREE_BYTES + _MOST_BYTES * file.stat().st_size:
         raise DecodeError(f"it claims {rows} rows in {file.stat().st_size} bytes, which cannot be; decode again.")
+    require_room(unpacked_bytes(file, parquet.metadata), file.stat().st_size)
     table = parquet.read(columns=refs)
     words = [ref for ref in profile.texts if ref in refs]
     numbers: dict[Any, Any] = {

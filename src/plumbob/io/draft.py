@@ -25,7 +25,7 @@ from plumbob.errors import DecodeError, ParameterError
 from plumbob.io.profile import AS_MOUNTED
 from plumbob.io.profile_toml import GUIDE
 from plumbob.io.sniff import Sample, sample_of
-from plumbob.io.timestamps import FORM, has_zone, is_stamp, stamps_ns
+from plumbob.io.timestamps import FORM, has_zone, is_stamp, seconds_of
 from plumbob.rotations import in_body_axes, signed_axes
 from plumbob.turning import Turning, turning
 from plumbob.units import UNITS, Quantity, canonical_name, is_name, to_si
@@ -374,9 +374,7 @@ class _Writer:
         if not self._time:
             return None
         if self._stamped:
-            cells = [" ".join(cell) for cell in zip(*map(self._sample.cells, self._time), strict=True)]
-            stamps = stamps_ns(cells, None)[0]
-            t = np.array([stamp - stamps[0] for stamp in stamps]) / 1e9
+            t = seconds_of([self._sample.cells(i) for i in self._time], None)[0]
         else:
             numbers = self._numbers[self._time[0]]
             unit = _time_unit(numbers, self._parts[self._time[0]])[0]

@@ -75,7 +75,7 @@ def read_parquet(path: str | Path) -> Recording:
         with _open(file) as parquet:
             if _is_described(parquet):
                 return read_described(parquet, file)
-        content, columns = _load(file)
+            content, columns = _load(file, parquet)
         header.check_header(content)
         meta, track = content["imu"], content["track"]
         require(columns, imu=meta is not None, track=track is not None)
@@ -93,14 +93,12 @@ def _is_described(parquet: "pq.ParquetFile") -> bool:
     return KEY not in metadata and PROFILE in metadata
 
 
-def _load(file: Path) -> tuple[dict[str, Any], Columns]:
-    parquet = _open(file)
-    with parquet:
-        content = header.load(_raw_header(parquet))
-        crc = content.pop(_CRC, None)
-        _check_schema(parquet, content.get("units"))
-        _check_size(file, parquet)
-        columns = _columns(parquet)
+def _load(file: Path, parquet: "pq.ParquetFile") -> tuple[dict[str, Any], Columns]:
+    content = header.load(_raw_header(parquet))
+    crc = content.pop(_CRC, None)
+    _check_schema(parquet, content.get("units"))
+    _check_size(file, parquet)
+    columns = _columns(parquet)
     if crc != _checksum(content, columns):
         raise DecodeError("its content does not fit its checksum: the file is damaged; take a copy that is whole.")
     return content, columns

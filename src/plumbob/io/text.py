@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob import flags, units
-from plumbob._files import existing_file, reading
+from plumbob._files import existing_file, profile_beside, reading
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError, excerpt
@@ -28,7 +28,7 @@ from plumbob.io.profile import (
 from plumbob.io.profile_toml import load_profile
 from plumbob.io.recording import Recording
 from plumbob.io.text_table import Table, read_table
-from plumbob.io.timestamps import StampError, stamps_ns
+from plumbob.io.timestamps import StampError, seconds_of
 from plumbob.rotations import (
     body_axes,
     in_body_axes,
@@ -83,7 +83,7 @@ def recording_of(profile: Profile, table: Table, name: str, note: str) -> Record
 
 def sidecars(path: Path) -> tuple[Path, Path]:
     """Names that a profile beside a text file may have."""
-    return path.with_name(f"{path.stem}.toml"), path.with_name(f"{path.stem}.profile.toml")
+    return path.with_name(f"{path.stem}.toml"), profile_beside(path)
 
 
 def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
@@ -123,13 +123,10 @@ def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
 
 
 def _of_stamps(source: TimeStamps, table: Table) -> tuple[Floats, int]:
-    parts = [table.texts[ref] for ref in source.columns]
-    cells = parts[0] if len(parts) == 1 else [" ".join(cell) for cell in zip(*parts, strict=True)]
     try:
-        times, absolute = stamps_ns(cells, source.zone)
+        return seconds_of([table.texts[ref] for ref in source.columns], source.zone)
     except StampError as error:
         raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
-    return np.array([ns - times[0] for ns in times]) / 1e9, times[0] if absolute else 0
 
 
 def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:

@@ -10,6 +10,9 @@ from datetime import date
 from functools import cache
 from typing import Final
 
+import numpy as np
+
+from plumbob.check import Floats
 from plumbob.errors import DecodeError, excerpt
 
 FORM: Final = "ISO 8601"
@@ -57,6 +60,15 @@ class StampError(DecodeError):
     def __init__(self, what: str, row: int = 0) -> None:
         super().__init__(what)
         self.row = row
+
+
+def seconds_of(columns: Sequence[Sequence[str]], zone: int | None) -> tuple[Floats, int]:
+    """Time since the first row, s, by one column of stamps or by two of dates and clock times, and the start.
+
+    The start is in ns since 1970 (UTC), or 0 where that is not known. Errors as in `stamps_ns`.
+    """
+    times, absolute = stamps_ns([" ".join(cells) for cells in zip(*columns, strict=True)], zone)
+    return np.array([ns - times[0] for ns in times]) / 1e9, times[0] if absolute else 0
 
 
 def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from plumbob._files import sync_folder
+from plumbob._files import lock, sync_folder
 
 if sys.platform != "win32":
     import fcntl
@@ -44,12 +44,6 @@ def write_all(fd: int, data: bytes, offset: int) -> None:
 def sync(fd: int) -> None:
     """Wait until the disk has what was written."""
     os.fsync(fd)
-
-
-def lock(fd: int) -> None:
-    """Take the file for this process; raises BlockingIOError where another has it."""
-    if sys.platform != "win32":
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def is_locked(path: Path) -> bool:

@@ -39,6 +39,11 @@ def _axes_of(unit: str, triad: str) -> tuple[str, ...]:
     return tuple(_name(unit, triad, axis) for axis in _AXES)
 
 
+def prefixes_of(message: Message) -> tuple[str, ...]:
+    """Prefixes of a message's units with a triad, in the order of their fields; empty for the only one."""
+    return tuple(dict.fromkeys(one.triad.rpartition(".")[0] for one in message.fields if one.triad))
+
+
 def unit_of(message: Message, asked: str) -> str:
     """Prefix of the fields of one of a message's units, by its name or its number from 1.
 
@@ -47,7 +52,7 @@ def unit_of(message: Message, asked: str) -> str:
     ParameterError
         If there is no such unit, or none is asked for where there are several.
     """
-    names = list(dict.fromkeys(f.triad.rpartition(".")[0] for f in message.fields if f.triad))
+    names = prefixes_of(message)
     if asked in names:
         return asked
     if asked.isdecimal() and 1 <= int(asked) <= len(names):
@@ -56,7 +61,7 @@ def unit_of(message: Message, asked: str) -> str:
         raise ParameterError(
             f"message {message.name} carries no gyr, acc or mag, so there is nothing to estimate from."
         )
-    if names == [""]:
+    if names == ("",):
         raise ParameterError(
             f"message {message.name} has one unit without a name, but '{asked}' was asked for; leave it out."
         )

@@ -25,7 +25,7 @@ def add_options(
     p.add_argument("--from", dest="start", metavar="TIME", help=f"leave out what comes before, such as 5s{raw}")
     p.add_argument("--to", dest="stop", metavar="TIME", help="leave out what comes after")
     p.add_argument("--device", metavar="ID", help="the unit, where the recording does not name it")
-    p.add_argument("--calibration", type=Path, metavar="JSON", help="card so far: used for other triads, and kept")
+    common.add_calibration(p, "card so far: used for other triads, and kept")
     p.add_argument("--out", type=Path, metavar="JSON", help="card to write; that of --calibration is completed")
     p.add_argument("--html", type=Path, metavar="FILE", help="also write a page with figures that opens offline")
     common.add_force(p)
