@@ -139,7 +139,7 @@ def expected_spectrum(density, count=2_000_000, dt=0.01):
     start, j = edges(count), np.arange(count)
     ramp = np.add.reduceat(ramp_coefficients(j, count, dt) ** 2, start[:-1])
     power = np.add.reduceat(density(j / (2.0 * count * dt)), start[:-1])
-    return Spectrum(dt, count, 1, start, power, 0.0 * power, ramp)
+    return Spectrum(dt, count, 1, start[:-1], start[1:], power, 0.0 * power, ramp)
 
 
 @pytest.mark.parametrize("corner", [6.0, 9.0, 12.0, 20.0])

@@ -53,7 +53,8 @@ def test_bins_hold_every_coefficient_but_the_zeroth():
     x = np.random.default_rng(0).standard_normal(5000)
     s = spectrum(x, 0.25)
     assert s.start[0] == 1
-    assert s.start[-1] == 5000
+    assert s.stop[-1] == 5000
+    assert np.array_equal(s.stop[:-1], s.start[1:])
     assert np.sum(s.power) == pytest.approx(0.25 * np.sum((x - x.mean()) ** 2), rel=1e-12)  # Parseval
     assert (np.diff(edges(10**7)) >= 1).all()
 
@@ -95,7 +96,7 @@ def test_a_gauss_markov_process_in_cosines_however_long_its_memory(time):
 def test_means_of_samples_have_the_folded_density():
     records = markov(4096, 20.0, np.random.default_rng(5), 1500).reshape(1500, -1, 8).mean(axis=2)
     s = spectrum(records[0], 1.0, 8)
-    found = 8.0 * np.add.reduceat(mean_square(records), s.start[:-1])
+    found = 8.0 * np.add.reduceat(mean_square(records), s.start)
     ratio = found / s.terms / markov_density(markov_bins(s), 20.0)
     assert np.abs(ratio - 1.0).max() <= 4.5 * math.sqrt(2.0 / 1500)
 

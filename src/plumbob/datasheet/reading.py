@@ -51,10 +51,10 @@ def trusted(curve: Curve) -> NDArray[np.bool_]:
 def lowest(analysis: Analysis) -> Lowest | None:
     """Deviation whose interval ends lowest, so that scatter at the end of a record is not taken for a minimum.
 
-    None where the mask leaves no point with a finite interval.
+    Of the whole curve, masked or not: it is what was measured. None where no point has a finite interval.
     """
     curve = analysis.curve
-    use = np.flatnonzero((curve.n >= analysis.mask.n) & np.isfinite(curve.hi))
+    use = np.flatnonzero(np.isfinite(curve.hi))
     if not use.size:
         return None
     i = int(use[np.argmin(curve.hi[use])])

@@ -9,7 +9,7 @@ import numpy as np
 from plumbob.datasheet.reading import lowest
 from plumbob.datasheet.triads import triads
 from plumbob.noise.curve import Curve
-from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates, GaussMarkov, Sinusoid
+from plumbob.noise.findings import Analysis, Band, Coefficient, Deviation, Estimates, GaussMarkov, Sinusoid
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS
 from plumbob.units import Quantity, from_si, unit
 
@@ -55,6 +55,7 @@ def _channel(a: Analysis) -> dict[str, Any]:
         "methods": {e.method: _estimates(e, a.quantity) for e in (a.lines, a.least_squares, a.likelihood)},
         "minimum": _minimum(a),
         "sinusoids": [_sinusoid(s, sample) for s in a.sinusoids],
+        "bands": [_band(b, sample) for b in a.bands],
         "gauss_markov": None if a.markov is None else _markov(a.markov, sample),
         "mask": {"n": a.mask.n, "frequency_hz": a.mask.frequency, "reason": a.mask.reason},
         "candidates": [{"terms": c.terms, "bic": _finite(c.bic), "chosen": c.chosen} for c in a.candidates],
@@ -90,6 +91,11 @@ def _sinusoid(s: Sinusoid, sample: str) -> dict[str, Any]:
         "frequency_hz": _finite(s.frequency),
         "frequency_sd_hz": _finite(s.frequency_sd),
     }
+
+
+def _band(b: Band, sample: str) -> dict[str, Any]:
+    limits = {"low_hz": _finite(b.low), "high_hz": _finite(b.high), "middle_hz": _finite(b.middle)}
+    return {"sd": _units(b.sd, sample), **limits}
 
 
 def _markov(m: GaussMarkov, sample: str) -> dict[str, Any]:

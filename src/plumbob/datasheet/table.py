@@ -151,7 +151,7 @@ def _verdicts(triad: Triad) -> Iterator[str]:
 
 
 def _extras(a: Analysis) -> list[str]:
-    """Sinusoids, Gauss–Markov process, mask and step."""
+    """Sinusoids, bands, Gauss–Markov process, mask and step."""
     unit = DEVIATION[a.quantity]
     found = []
     for s in a.sinusoids:
@@ -159,6 +159,12 @@ def _extras(a: Analysis) -> list[str]:
         at = digits.measured(s.frequency, s.frequency - s.frequency_sd, s.frequency + s.frequency_sd)
         amplitude = numbers.with_unit(digits.measured(size, size - sd, size + sd), unit)
         found.append(f"sinusoid of {amplitude} at {at} Hz, or folded from another frequency: k × rate ± it")
+    for b in a.bands:
+        power = numbers.with_unit(digits.number(from_si(b.sd, unit)), unit)
+        limits = f"{digits.number(b.low)} to {digits.number(b.high)} Hz"
+        found.append(
+            f"left out: a band of {power} rms about {digits.number(b.middle)} Hz ({limits}): motion or interference"
+        )
     if a.markov is not None:
         sd_words, time = numbers.verdict(a.markov.sd, unit), numbers.verdict(a.markov.time, "s")
         found.append(f"Gauss-Markov process: standard deviation {sd_words}, correlation time {time}")

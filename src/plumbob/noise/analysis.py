@@ -11,13 +11,15 @@ from numpy.typing import ArrayLike
 from plumbob import check
 from plumbob.check import Floats
 from plumbob.errors import ParameterError, UnitError
+from plumbob.noise.bands import LeftOut, leave_out
+from plumbob.noise.bounds import within_the_curve
 from plumbob.noise.choice import Choice, choose
 from plumbob.noise.curve import Curve, curve, with_noise
 from plumbob.noise.findings import Analysis, Coefficient, Estimates, Mask
 from plumbob.noise.least_squares import least_squares
-from plumbob.noise.likelihood import Fit, coefficients, departures, is_more_than, most_likely
+from plumbob.noise.likelihood import Fit, departures, is_more_than, most_likely, octaves
 from plumbob.noise.lines import lines
-from plumbob.noise.mask import find_mask, mask_first_order
+from plumbob.noise.mask import mask_first_order
 from plumbob.noise.observe import with_hours
 from plumbob.noise.sinusoids import find_sinusoids
 from plumbob.noise.spectrum import Spectrum, spectrum
@@ -102,12 +104,14 @@ def analyse_averages(
     step = of.dt * averages.averaged
     sinusoids, left = find_sinusoids(averages.values, step, averages.averaged)
     whole = spectrum(left, of.dt, averages.averaged)
-    mask, kept, choice = _modelled(whole, of)
-    by_likelihood, best = coefficients(kept, choice.best)
+    left_out, choice = _modelled(whole, of)
+    kept, mask, bands = left_out.kept, left_out.mask, left_out.bands
+    by_likelihood, best, doubted = within_the_curve(kept, choice.best, of, mask)
     likely = most_likely(best, by_likelihood["R"])
     if choice.smoothed is not None:  # of what was smoothed away, nothing
         by_likelihood, likely = {}, {}
-    by_squares = least_squares(of, first=mask.n, sinusoids=sinusoids, markov=choice.markov)
+    process = () if choice.markov is None else (choice.markov,)
+    by_squares = least_squares(of, first=mask.n, others=(*sinusoids, *bands, *process))
     if averages.averaged > 1 and "Q" in by_squares.terms:
         by_likelihood["Q"] = by_squares.terms["Q"]
         likely["Q"] = by_squares.terms["Q"].value
@@ -123,10 +127,11 @@ def analyse_averages(
         likelihood=Estimates("likelihood", quoted),
         mask=mask,
         sinusoids=sinusoids,
+        bands=bands,
         markov=choice.markov,
         candidates=choice.candidates,
         most_likely=likely,
-        notes=tuple(_notes(kept, choice._replace(best=best), mask, quoted)),
+        notes=(*doubted, *_notes(kept, choice._replace(best=best), mask, quoted)),
     )
     return with_curve(found, of)
 
@@ -146,14 +151,15 @@ def with_curve(analysis: Analysis, of: Curve) -> Analysis:
     return replace(analysis, curve=with_noise(of, np.where(modelled, -1.0 - slope, of.alpha)))
 
 
-def _modelled(whole: Spectrum, of: Curve) -> tuple[Mask, Spectrum, Choice]:
-    """What to leave out, what is left, and the model of it."""
-    mask, kept = find_mask(whole, of.n)
-    choice = choose(kept)
+def _modelled(whole: Spectrum, of: Curve) -> tuple[LeftOut, Choice]:
+    """What is left out, what is left, and the model of it."""
+    left_out = leave_out(whole, of.n)
+    choice = choose(left_out.kept)
     if choice.smoothed is None:
-        return mask, kept, choice
-    mask, below = mask_first_order(whole, choice.smoothed, of.n)
-    return (mask, kept, choice) if below is None else (mask, below, choose(below))
+        return left_out, choice
+    mask, below = mask_first_order(left_out.whole, choice.smoothed, of.n)
+    left_out = left_out._replace(mask=mask)
+    return (left_out, choice) if below is None else (left_out._replace(kept=below), choose(below))
 
 
 def _notes(kept: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coefficient]) -> Iterator[str]:
@@ -169,8 +175,7 @@ def _notes(kept: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coef
 
 def _misfits(kept: Spectrum, best: Fit) -> Iterator[str]:
     """Octaves in which the spectrum is not the model's."""
-    octave = np.floor(np.log2(kept.frequency / kept.frequency[0])).astype(np.int64)
-    for inside, excess, sd in departures(kept, best, octave):
+    for inside, excess, sd in departures(kept, best, octaves(kept)):
         if abs(excess) > max(_MISFIT, _SURE * sd):
             low, high = kept.frequency[inside][[0, -1]]
             yield (

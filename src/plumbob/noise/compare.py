@@ -123,7 +123,7 @@ def _filter_between(before: Spectrum, after: Spectrum) -> tuple[float | None, fl
         return None, None
     frequency, weight = before.frequency[wide], np.sqrt(before.terms[wide])
     gain = np.log(np.maximum(after.power[wide], 1e-300) / np.maximum(before.power[wide], 1e-300))
-    lowest = before.start[:-1] <= _LOWEST
+    lowest = before.start <= _LOWEST
     level = math.log(float(after.power[lowest].sum() / before.power[lowest].sum()))
     scatter = 2.0 / math.sqrt(_LOWEST)  # of two independent records
     if float(np.mean(gain[-8:])) - level > -max(_SAME, 4.0 * scatter):

@@ -105,7 +105,7 @@ def _averaged(sampled: Callable[[Floats], Floats], spectrum: Spectrum) -> Floats
 
 def _middle(spectrum: Spectrum) -> Floats:
     """Middle number j of the coefficients of each bin (m,)."""
-    return np.asarray(0.5 * (spectrum.start[1:] + spectrum.start[:-1] - 1.0))
+    return np.asarray(0.5 * (spectrum.stop + spectrum.start - 1.0))
 
 
 def _ends_of_quantization(spectrum: Spectrum) -> Floats:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from plumbob.check import Floats
 from plumbob.noise.curve import Curve
 from plumbob.noise.terms import variance
+from plumbob.noise.transfer import allan_transfer
 from plumbob.units import Quantity
 
 
@@ -78,6 +79,40 @@ class Sinusoid:
         return np.asarray(
             (self.amplitude * np.sin(wave * time) ** 2 * self.dt / (time * math.sin(wave * self.dt))) ** 2
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A narrow band of motion or interference, which no fit used: limits, Hz, and power as a standard deviation.
+
+    Attributes
+    ----------
+    low, high : float
+        Where it ends, Hz.
+    sd : float
+        Root of the power that it has above the noise, in the unit of the samples.
+    places : tuple of float
+        Frequencies between which equal shares of its power lie, Hz.
+    dt : float
+        Sampling time, s.
+    """
+
+    low: float
+    high: float
+    sd: float
+    places: tuple[float, ...]
+    dt: float
+
+    @property
+    def middle(self) -> float:
+        """Frequency below which half of its power lies, Hz."""
+        return float(np.median(self.places))
+
+    def variance(self, tau: ArrayLike) -> Floats:
+        """Allan variance at the averaging times tau, s."""
+        time = np.asarray(tau, dtype=np.float64)
+        weights = allan_transfer(np.ravel(time) / self.dt, self.places, self.dt)
+        return np.asarray(0.5 * self.sd**2 * np.mean(weights, axis=1).reshape(time.shape))
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +191,8 @@ class Analysis:
         What the fits left out.
     sinusoids : tuple of Sinusoid
         Lines of the spectrum, strongest first.
+    bands : tuple of Band
+        Narrow bands that were left out, strongest first.
     markov : GaussMarkov or None
         Where the model with it is the better one.
     candidates : tuple of Candidate
@@ -179,6 +216,7 @@ class Analysis:
     likelihood: Estimates
     mask: Mask = field(default_factory=Mask)
     sinusoids: tuple[Sinusoid, ...] = ()
+    bands: tuple[Band, ...] = ()
     markov: GaussMarkov | None = None
     candidates: tuple[Candidate, ...] = ()
     most_likely: Mapping[str, float] = field(default_factory=dict)
@@ -196,14 +234,14 @@ class Analysis:
         return self.curve.count * self.curve.dt
 
     def model(self, tau: ArrayLike) -> Floats:
-        """Allan deviation of the most likely terms, sinusoids and process together, at the averaging times tau, s.
+        """Allan deviation of the most likely terms, sinusoids, bands and process together, at averaging times tau, s.
 
         Also of terms that are not observable: two of which neither can be told apart may still be there together.
         """
         terms = (variance(letter, value, tau) for letter, value in self.most_likely.items())
         total = sum(terms, np.zeros(np.shape(tau)))
-        for sinusoid in self.sinusoids:
-            total = total + sinusoid.variance(tau)
+        total = sum((one.variance(tau) for one in self.sinusoids), total)
+        total = sum((one.variance(tau) for one in self.bands), total)
         if self.markov is not None:
             total = total + self.markov.variance(tau)
         return np.asarray(np.sqrt(total))

@@ -17,7 +17,7 @@ from plumbob.check import Floats
 from plumbob.noise.curve import Curve
 from plumbob.noise.densities import LETTERS, sampled_densities
 from plumbob.noise.edf import edf
-from plumbob.noise.findings import Coefficient, Estimates, GaussMarkov, Sinusoid
+from plumbob.noise.findings import Band, Coefficient, Estimates, GaussMarkov, Sinusoid
 from plumbob.noise.likelihood import CLEAR
 from plumbob.noise.terms import TERMS, variance
 from plumbob.noise.transfer import allan_transfer, grid
@@ -26,9 +26,7 @@ _ROUNDS = 6
 _SAMPLED_TO = 64  # from so many samples on, sampled flicker noise has its flat line to 0.1 %
 
 
-def least_squares(
-    curve: Curve, *, first: int = 1, sinusoids: Sequence[Sinusoid] = (), markov: GaussMarkov | None = None
-) -> Estimates:
+def least_squares(curve: Curve, *, first: int = 1, others: Sequence[Sinusoid | Band | GaussMarkov] = ()) -> Estimates:
     """Fit Q, N, B, K and R to a curve.
 
     Parameters
@@ -37,15 +35,14 @@ def least_squares(
         Overlapping Allan deviation.
     first : int
         Smallest averaging factor to use.
-    sinusoids, markov
+    others : sequence of Sinusoid, Band or GaussMarkov
         What else is in the curve, already known.
     """
     used = curve.n >= first
     n, tau = curve.n[used], curve.tau[used]
     if n.size <= len(TERMS):
         return Estimates("least squares", {})
-    known = np.sum([s.variance(tau) for s in sinusoids] + [np.zeros(tau.size)], axis=0)
-    known = known if markov is None else known + markov.variance(tau)
+    known = np.sum([other.variance(tau) for other in others] + [np.zeros(tau.size)], axis=0)
     columns = _columns(n, curve.dt)
     measured = curve.dev[used] ** 2
     squares, inverse = _solve(columns, measured, known, curve.edf[used], lambda model: _freedom(curve, n, model))

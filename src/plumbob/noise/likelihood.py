@@ -11,8 +11,8 @@ the likelihood, with every value of the coefficient taken for equally probable b
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -36,6 +36,7 @@ _ONE_SIDED = 0.02275  # of a normal distribution beyond 2 sd
 _SHARP = 0.1  # relative standard deviation up to which a coefficient is taken for log-normal
 _QUANTILES = (0.158655, 0.5, 0.841345, 0.95)
 _GRID = 33
+_DEPARTS = 2.326  # standard deviations of what chance makes of a misfit: once in a hundred records
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +55,8 @@ class Fit:
         R, which has a sign, and its standard deviation, unit/s.
     density : ndarray (m,)
         Of the model in each bin.
+    relative : ndarray (p, m)
+        Derivatives of its logarithm by `logs`.
     """
 
     logs: Floats
@@ -62,6 +65,7 @@ class Fit:
     ramp: float
     ramp_sd: float
     density: Floats
+    relative: Floats
 
     @property
     def squares(self) -> Floats:
@@ -83,18 +87,26 @@ def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> Fit:
     return model.search(model.begin(markov_time))
 
 
-def coefficients(spectrum: Spectrum, best: Fit) -> tuple[dict[str, Coefficient], Fit]:
+def coefficients(spectrum: Spectrum, best: Fit, *, barred: Collection[str] = ()) -> tuple[dict[str, Coefficient], Fit]:
     """Q, N, B, K and R with their intervals, around a fit of this spectrum; and the fit that they are quoted from.
 
     Where quantization is not observable it is taken out before the others are judged: what of it no record shows would
-    be taken from white noise, always in the same direction.
+    be taken from white noise, always in the same direction. So are the letters that are `barred`, which are not
+    observable whatever the spectrum says. Where the spectrum departs from the model by more than chance, all intervals
+    are wider by what such departures do to the coefficients.
     """
     model = _Model(spectrum)
-    quantization = model.interval(best, 0)
-    if not quantization.observable:
-        best = model.without(best, 0)
-    found = {letter: model.interval(best, k) for k, letter in enumerate(LETTERS) if k}
-    return {LETTERS[0]: quantization, **found, "R": model.ramp(best)}, best
+    found = {w: replace(model.interval(best, k), observable=False) for k, w in enumerate(LETTERS) if w in barred}
+    for k in (LETTERS.index(letter) for letter in found):
+        best = model.without(best, k)
+    if "Q" not in found:
+        found["Q"] = model.interval(best, 0)
+        if not found["Q"].observable:
+            best = model.without(best, 0)
+    wider = _wider(spectrum, best)
+    found = {w: found[w] if w in found else model.interval(best, k, wider[k]) for k, w in enumerate(LETTERS)}
+    ramp = model.ramp(best)
+    return {**found, "R": replace(ramp, observable=False) if "R" in barred else ramp}, best
 
 
 def departures(
@@ -178,15 +190,16 @@ class _Model:
         stays[list(held)] = True
         best = search(self.bins, stays, *(point(logs, self.bins.terms.size) for _ in range(2)))
         half, ramp, square = best.sums.tolist()
-        return Fit(best.logs, best.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), best.density)
+        return Fit(best.logs, best.information, 2.0 * half, ramp, 1.0 / math.sqrt(square), best.density, best.relative)
 
-    def interval(self, best: Fit, k: int) -> Coefficient:
-        """Coefficient k with its interval."""
-        sd = _sd_of_log(best, k)
+    def interval(self, best: Fit, k: int, wider: float = 1.0) -> Coefficient:
+        """Coefficient k with its interval, so many times wider in the logarithm."""
+        sd = wider * _sd_of_log(best, k)
         value = math.exp(best.logs[k])
         if sd < _SHARP:
             return Coefficient(value, value * math.exp(-sd), value * math.exp(sd), value * math.exp(1.645 * sd))
-        values, profile, _ = self._profile(best, k)
+        values, profile, _ = self._profile(best, k, wider)
+        profile = profile / wider**2
         lo, median, hi, upper = _quantiles(values, profile)
         clear = float(profile.max() - profile[0]) >= 0.5 * CLEAR**2
         return Coefficient(median, lo, hi, upper, clear)
@@ -215,10 +228,10 @@ class _Model:
         logs[k] = _NOTHING
         return self.search(logs, held=(k,))
 
-    def _profile(self, best: Fit, k: int) -> tuple[Floats, Floats, list[Fit]]:
+    def _profile(self, best: Fit, k: int, wider: float = 1.0) -> tuple[Floats, Floats, list[Fit]]:
         """Ln likelihood, all others at their best, over values of coefficient k from nothing to where it has fallen."""
         top = math.exp(best.logs[k]) * 1.5
-        while self._at(best, k, top).deviance - best.deviance < 9.0:  # three standard deviations
+        while self._at(best, k, top).deviance - best.deviance < (3.0 * wider) ** 2:  # three standard deviations
             top *= 1.5
         values = np.linspace(0.0, top, _GRID)
         now, fits = best, []
@@ -235,9 +248,41 @@ class _Model:
 
 
 def _sd_of_log(best: Fit, k: int) -> float:
+    return float(math.sqrt(max(_covariance(best)[k, k], 0.0)))
+
+
+def _covariance(best: Fit) -> Floats:
+    """Covariance (p, p) of the logarithms, by the information."""
     diagonal = np.sqrt(np.maximum(np.diag(best.information), 1e-12))
-    inverse = np.linalg.pinv(best.information / np.outer(diagonal, diagonal), hermitian=True)
-    return float(math.sqrt(max(inverse[k, k], 0.0)) / diagonal[k])
+    norm = np.outer(diagonal, diagonal)
+    return np.asarray(np.linalg.pinv(best.information / norm, hermitian=True) / norm)
+
+
+def _wider(spectrum: Spectrum, best: Fit) -> Floats:
+    """How many times wider the intervals of the coefficients (p,) are, in the logarithm, than by chance alone.
+
+    Real noise is not exactly that of any terms. Taken for independent from octave to octave, its departures have the
+    variance that a random-effects analysis finds in them [DerSimonian1986], and move the coefficients as the gradient
+    of the likelihood says.
+    """
+    group = octaves(spectrum)
+    found = [(inside, excess, sd**-2) for inside, excess, sd in departures(spectrum, best, group)]
+    excess, weight = (np.array(column) for column in list(zip(*found, strict=True))[1:])
+    freedom = max(weight.size - best.logs.size, 1)
+    scatter = float(np.sum(weight * (excess - np.average(excess, weights=weight)) ** 2))
+    spread = 2.0 / (9.0 * freedom)
+    if scatter <= freedom * (1.0 - spread + _DEPARTS * math.sqrt(spread)) ** 3:  # [Wilson1931]
+        return np.ones(best.logs.size)
+    variance = (scatter - freedom) / float(np.sum(weight) - np.sum(weight**2) / np.sum(weight))
+    pushes = np.stack([0.5 * best.relative[:, inside] @ spectrum.terms[inside] for inside, _, _ in found], axis=1)
+    moved = _covariance(best) @ pushes
+    sd = np.maximum(np.diag(_covariance(best)), 1e-300)
+    return np.asarray(np.sqrt(1.0 + variance * np.sum(moved**2, axis=1) / sd))
+
+
+def octaves(spectrum: Spectrum) -> NDArray[np.int64]:
+    """Octave of each bin (m,), from the lowest on."""
+    return np.asarray(np.floor(np.log2(spectrum.frequency / spectrum.frequency[0])), dtype=np.int64)
 
 
 def _quantiles(values: Floats, profile: Floats) -> list[float]:

@@ -79,5 +79,5 @@ def _imagined(count: int, dt: float) -> tuple[Spectrum, Floats]:
     ramp = nothing.copy()
     single = start[:-1] < min(_RAMP, count)
     ramp[single] = ramp_coefficients(start[:-1][single], count, dt) ** 2
-    thought = Spectrum(dt, count, 1, start, nothing, nothing, ramp)
+    thought = Spectrum(dt, count, 1, start[:-1], start[1:], nothing, nothing, ramp)
     return thought, densities(thought)

@@ -7,7 +7,7 @@ functions of a Wiener process about its mean. A steady ramp is a known vector am
 along with the noise.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,8 @@ class Spectrum:
         Samples that were transformed, N.
     averaged : int
         How many samples of the record each of them is the mean of.
-    start : ndarray (m + 1,) of int64
-        First coefficient of each bin, and the one after the last.
+    start, stop : ndarray (m,) of int64
+        First coefficient of each bin, and the one after its last. Bins that have been left out leave a gap.
     power : ndarray (m,)
         Sum of the squared coefficients of each bin, unit² / Hz.
     cross : ndarray (m,)
@@ -44,6 +44,7 @@ class Spectrum:
     count: int
     averaged: int
     start: NDArray[np.int64]
+    stop: NDArray[np.int64]
     power: Floats
     cross: Floats
     ramp: Floats
@@ -51,7 +52,7 @@ class Spectrum:
     @property
     def terms(self) -> Floats:
         """Coefficients in each bin (m,)."""
-        return np.diff(self.start).astype(np.float64)
+        return (self.stop - self.start).astype(np.float64)
 
     @property
     def step(self) -> float:
@@ -61,7 +62,7 @@ class Spectrum:
     @property
     def frequency(self) -> Floats:
         """Middle frequency of each bin (m,), Hz."""
-        return np.asarray(0.5 * (self.start[1:] + self.start[:-1] - 1.0) / (2.0 * self.count * self.step))
+        return np.asarray(0.5 * (self.stop + self.start - 1.0) / (2.0 * self.count * self.step))
 
     @property
     def width(self) -> Floats:
@@ -74,11 +75,12 @@ class Spectrum:
 
     def below(self, frequency: float) -> "Spectrum":
         """Only the bins whose frequencies are all below this one, Hz."""
-        last = (self.start[1:] - 1.0) / (2.0 * self.count * self.step)
-        m = int(np.searchsorted(last, frequency, side="right"))
-        return Spectrum(
-            self.dt, self.count, self.averaged, self.start[: m + 1], self.power[:m], self.cross[:m], self.ramp[:m]
-        )
+        return self.only((self.stop - 1.0) / (2.0 * self.count * self.step) <= frequency)
+
+    def only(self, kept: NDArray[np.bool_]) -> "Spectrum":
+        """Only some of the bins."""
+        power, cross, ramp = (row[kept] for row in (self.power, self.cross, self.ramp))
+        return replace(self, start=self.start[kept], stop=self.stop[kept], power=power, cross=cross, ramp=ramp)
 
 
 def spectrum(samples: Floats, dt: float, averaged: int = 1) -> Spectrum:
@@ -102,7 +104,7 @@ def spectrum(samples: Floats, dt: float, averaged: int = 1) -> Spectrum:
     ramp = ramp_coefficients(np.arange(count), count, step)
     products = (coefficients**2, coefficients * ramp, ramp**2)
     power, cross, square = (np.add.reduceat(p, start[:-1]) for p in products)
-    return Spectrum(dt, count, averaged, start, power, cross, square)
+    return Spectrum(dt, count, averaged, start[:-1], start[1:], power, cross, square)
 
 
 def edges(count: int) -> NDArray[np.int64]:

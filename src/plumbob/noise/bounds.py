@@ -1,0 +1,89 @@
+"""What the measured curve says against a coefficient that the spectrum gives: none makes more than was measured."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.check import Floats
+from plumbob.noise.curve import Curve
+from plumbob.noise.findings import Coefficient, Mask
+from plumbob.noise.interval import interval, skew_edf
+from plumbob.noise.likelihood import Fit, coefficients
+from plumbob.noise.spectrum import Spectrum
+from plumbob.noise.terms import variance
+
+SURE: Final = 0.9973
+"""Confidence of the curve's interval whose upper end no term may exceed: three standard deviations, for it is asked at
+every averaging time."""
+
+_KNOWN: Final = 0.1  # of the record: of longer averages, nobody knows an interval that holds in so many cases
+_LONGEST: Final = 0.25  # of the record; of longer averages there are less than three differences
+_LEAST: Final = 2.0  # ratio of the averaging times at which a slow term is judged
+_SLOW: Final = "KR"
+
+
+def within_the_curve(
+    kept: Spectrum, best: Fit, of: Curve, mask: Mask
+) -> tuple[dict[str, Coefficient], Fit, tuple[str, ...]]:
+    """Coefficients around a fit of which the curve contradicts none, the fit they are quoted from, and what to tell.
+
+    Quantization is held to the whole curve, masked or not, for no filter of a device takes it away and leaves the
+    angle; the others to what is not masked. White noise is not judged: it is what short averages show.
+    """
+    told: dict[str, str] = {}
+    while True:
+        found, fitted = coefficients(kept, best, barred=told)
+        more = {w: why for w in "QBKR" if found[w].observable and (why := _against(w, found, of, mask))}
+        if not more:
+            limited = {w: _limited(w, found[w], of, mask) if w in told else found[w] for w in found}
+            return limited, fitted, tuple(told.values())
+        told |= more
+
+
+def _against(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
+    return (_leaves if letter in _SLOW else _exceeds)(letter, found, of, mask)
+
+
+def _exceeds(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
+    """Say in words where a term alone, the lower end of its interval, is above what the curve can be."""
+    judged = _judged(letter, of, mask, _KNOWN)
+    ratio = np.sqrt(variance(letter, found[letter].lo, of.tau[judged])) / _most(of)[judged]
+    if not ratio.size or ratio.max() <= 1.0:
+        return None
+    at = of.tau[judged][np.argmax(ratio)]
+    return f"{letter} is not quoted: what the spectrum gives it would alone exceed the measured curve at {at:.3g} s"
+
+
+def _leaves(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
+    """Say in words that the model lies above the curve's interval wherever a slow term is most of it."""
+    judged = _judged(letter, of, mask, _LONGEST)
+    parts = {w: variance(w, c.value, of.tau) for w, c in found.items() if c.observable}
+    model = np.sum(list(parts.values()), axis=0)
+    judged &= parts[letter] > 0.5 * model
+    tau = of.tau[judged]
+    if not tau.size or tau[-1] < _LEAST * tau[0] or (np.sqrt(model) <= of.hi)[judged].any():
+        return None
+    return (
+        f"{letter} is not quoted: with it the model lies above the interval of the measured curve from {tau[0]:.3g} to "
+        f"{tau[-1]:.3g} s"
+    )
+
+
+def _limited(letter: str, one: Coefficient, of: Curve, mask: Mask) -> Coefficient:
+    """A coefficient with the limits that the curve sets it."""
+    judged = _judged(letter, of, mask, _KNOWN)
+    most = float(np.min(_most(of)[judged] / np.sqrt(variance(letter, 1.0, of.tau[judged])), initial=math.inf))
+    return replace(one, value=min(one.value, most), lo=0.0, hi=min(one.hi, most), upper=min(one.upper, most))
+
+
+def _most(of: Curve) -> Floats:
+    """What the deviation (m,) can be at most."""
+    return interval(of.dev, of.edf, skew_edf(of.kind, of.alpha, of.count, of.n), SURE)[1]
+
+
+def _judged(letter: str, of: Curve, mask: Mask, longest: float) -> NDArray[np.bool_]:
+    return (of.dev > 0.0) & (of.n <= longest * of.count) & ((letter == "Q") | (of.n >= mask.n))
