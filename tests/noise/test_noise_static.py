@@ -12,6 +12,7 @@ from plumbob.noise.static.held import held
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.periodic import shaking
 from plumbob.noise.static.runs import Runs
+from plumbob.noise.static.skip import bridged
 from plumbob.noise.static.spikes import Spikes
 from plumbob.noise.static.step import find_step
 from plumbob.noise.static.stillness import Stillness, bend_energies, joined, longest_gap, median_of_three
@@ -439,3 +440,73 @@ def test_intervals():
     assert longest_gap([(2, 3), (6, 9)], 0, 10) == (3, 6)
     assert longest_gap([], 0, 10) == (0, 10)
     assert longest_gap([(-5, 20)], 0, 10)[1] <= longest_gap([(-5, 20)], 0, 10)[0]
+
+
+# Disturbed seconds of a long record -----------------------------------------------------------------------------------
+
+LONG = np.arange(60_000) * DT
+BUMPS = 8.0 * np.exp(-0.5 * ((LONG - 200.0) / 0.1) ** 2) + 20.0 * np.exp(-0.5 * ((LONG - 207.0) / 0.2) ** 2)
+
+
+@pytest.mark.skipif(PLAIN, reason="the kernels are the same as for shorter records")
+class TestSkipped:
+    def test_short_disturbances_are_skipped_and_told(self):
+        found = report(white(2, LONG.size) + BUMPS, start=1000.0)
+        assert found.errors == ()
+        (told,) = found.findings
+        assert told.kind == "disturbed"
+        first, second = found.skipped["x"]
+        assert first[0] < 1200.0 - 0.5 < 1200.0 + 0.5 < first[1] < 1204.0
+        assert second[0] < 1207.0 - 0.5 < 1207.0 + 0.5 < second[1] < 1212.0
+        left = 100.0 * (1.0 - (first[1] - first[0] + second[1] - second[0]) / 600.0)
+        assert f"and is skipped there: {first[0]:.6g} to {first[1]:.6g} s" in told.text
+        assert f"(2 in all); {left:.4g} % of the record is left" in told.text
+
+    def test_another_level_afterwards_is_no_disturbance(self):
+        found = report(white(2, LONG.size) + BUMPS + 2.0 * (LONG > 207.0))
+        assert kinds(found) == ["moving"]
+        assert "and may be at another level after" in found.errors[0].text
+        assert found.skipped == {}
+
+    def test_a_drift_that_goes_on_is_none_either(self):
+        found = report(white(2, LONG.size) + BUMPS + 0.05 * LONG)
+        assert (found.errors, list(found.skipped)) == ((), ["x"])
+
+    def test_too_much_of_it_refuses(self):
+        every = 8.0 * np.exp(-0.5 * (((LONG + 10.0) % 20.0 - 10.0) / 0.1) ** 2)
+        assert kinds(report(white(2, LONG.size) + every)) == ["moving"]
+
+    def test_what_is_asked_for_is_skipped_whatever_it_holds(self):
+        one = check(white(2, LONG.size) + BUMPS)
+        found = judge(one, skip=[(190.0, 210.0), (-5.0, 1.0), (700.0, 800.0)])
+        assert found.errors == ()
+        assert found.skipped == {"x": ((0.0, 1.0), (190.0, 210.0))}
+        with pytest.raises(
+            ParameterError, match=r"121 s of 600 s shall be skipped, but 20 % can be at most; choose one"
+        ):
+            judge(one, skip=[(0.0, 121.0)])
+        with pytest.raises(ParameterError, match="must end after it begins, but it is 3 s to 2 s"):
+            judge(one, skip=[(3.0, 2.0)])
+
+    def test_each_sensor_is_judged_by_itself(self):
+        quiet, moved = (StaticCheck([name], DT) for name in ("gyr x", "mag x"))
+        quiet.add(white(3))
+        moved.add(white(4) + MOTIONS["half of the time"])
+        found = judge(quiet, moved)
+        assert found.refused("mag x")
+        assert not found.refused("gyr x")
+        found.require(("gyr x",), ("mag x",))
+        with pytest.raises(ShapeError, match="mag x: moved"):
+            found.require(("mag x",))
+
+
+def test_a_gap_is_filled_by_its_neighbours_on_a_line():
+    """Left of the middle the samples before it, mirrored; right of it those after it; their levels make a line."""
+    row = np.array([1.0, 2.0, 0.0, 9.0, 9.0, 9.0, 9.0, 5.0, 7.0, 6.0])[:, np.newaxis]
+    found = bridged(row, 1.0, 100.0, [(103.0, 107.0)])[:, 0]
+    low, high = (1.0 + 2.0 + 0.0) / 3.0, (5.0 + 7.0 + 6.0) / 3.0
+    line = low + (high - low) * np.array([0.125, 0.375, 0.625, 0.875])
+    assert found[3:7] == pytest.approx(line + [0.0 - low, 2.0 - low, 7.0 - high, 5.0 - high])
+    assert np.array_equal(np.delete(found, [3, 4, 5, 6]), np.delete(row[:, 0], [3, 4, 5, 6]))
+    assert row[3, 0] == 9.0
+    assert bridged(row, 1.0, 100.0, [(99.0, 102.0), (108.0, 111.0)])[:, 0].tolist() == row[2:8, 0].tolist()

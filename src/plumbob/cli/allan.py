@@ -95,6 +95,7 @@ def _add_input(p: argparse.ArgumentParser) -> None:
     p.add_argument("--triads", metavar="A,B", help="which sensors of a recording (default all)")
     p.add_argument("--from", dest="start", metavar="S", help="begin so far into the record, as 10s")
     p.add_argument("--to", dest="stop", metavar="S", help="end there, as 2h")
+    p.add_argument("--skip", metavar="S..S,...", help="leave these seconds out, as 12s..14s; disturbed ones are anyway")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -166,12 +167,29 @@ def _opened(args: argparse.Namespace, path: Path, *, card: Path | None) -> "tupl
     common.note(*(f"{path.name}: {line}" for line in record.notes))
     common.note(*(f"{path.name}: {name} left out: {why}" for name, why in record.refused.items()))
     with common.progress("checking", record.size) as advance:
-        report = check_static(record, _steps(advance))
-    if report.errors:
+        report = check_static(record, _steps(advance), skip=_times(args.skip))
+    if all(report.refused(*group.names) for group in record.groups):
         for finding in report.errors[1:]:
             common.note(str(finding))
         raise ShapeError(f"{path} is no static record: {report.errors[0]}")
+    common.note(*(f"{path.name}: left out: {finding}" for finding in report.errors))
     return record, report
+
+
+def _times(text: str | None) -> list[tuple[float, float]]:
+    """Times to skip, as "12s..14s, 1min..65s"."""
+    from plumbob.errors import ParameterError
+    from plumbob.units import Quantity, parse
+
+    found = []
+    for word in (text or "").split(","):
+        if not word.strip():
+            continue
+        ends = word.split("..")
+        if len(ends) != 2:
+            raise ParameterError(f"--skip needs times as 12s..14s, separated by commas, but got '{word.strip()}'.")
+        found.append((parse(ends[0].strip(), Quantity.TIME), parse(ends[1].strip(), Quantity.TIME)))
+    return found
 
 
 def _refuse_what_is_for_recordings(args: argparse.Namespace, record: "StaticRecord") -> None:

@@ -31,7 +31,7 @@ from plumbob.noise import (
 )
 from plumbob.noise.factors import Factors
 from plumbob.noise.kinds import kind_of
-from plumbob.noise.static import StaticCheck, StaticReport, judge
+from plumbob.noise.static import StaticCheck, StaticReport, bridged, judge
 from plumbob.pipeline.static_record import Channels, StaticRecord
 
 IN_MEMORY: Final = 1 << 24
@@ -56,7 +56,8 @@ def characterise(
     record : StaticRecord
         Channels, as `load_static` opens them.
     report : StaticReport
-        What `check_static` found; nothing is analysed where it refuses, and its warnings stand in the notes.
+        What `check_static` found; a sensor that it refuses is left out, what it skips is bridged by its neighbours,
+        and its warnings stand in the notes.
     taus : sequence of float, "all" or None
         Averaging times of the curve. The coefficients are found on log-spaced ones all the same.
     progress : callable, optional
@@ -65,15 +66,19 @@ def characterise(
     Raises
     ------
     ShapeError
-        If the record is not static.
+        If no sensor of the record is static, or parts of a file that is larger than memory would have to be skipped.
     ParameterError
         If an averaging time does not fit the record, or every one is asked of a file that is larger than memory.
     """
-    report.require()
     found: list[Analysis] = []
-    for group in record.groups:
+    for group in _sound(record, report):
         if isinstance(group.source, np.ndarray) or record.size <= IN_MEMORY or taus == "all":
-            found += _in_memory(group, taus)
+            found += _in_memory(group, report, taus)
+        elif group.names[0] in report.skipped:
+            raise ShapeError(
+                f"{record.path} is analysed as it is read, so that nothing can be skipped: {_skip_told(group, report)} "
+                "Choose a still stretch with --from and --to."
+            )
         else:
             found += _streamed(group, record.size, taus, progress)
     return [_with_findings(analysis, report) for analysis in found]
@@ -81,10 +86,9 @@ def characterise(
 
 def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[Deviation]:
     """Only the deviation of each channel, of any kind in `plumbob.noise.KINDS`; otherwise as `characterise`."""
-    report.require()
     found: list[Deviation] = []
-    for group in record.groups:
-        samples = group.read()
+    for group in _sound(record, report):
+        samples = _samples(group, report)
         n = None if taus is None else _factors(taus, group.dt, samples.shape[0], kind)
         of = curves(samples, group.dt, n, kind=kind)
         found += [Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
@@ -101,9 +105,7 @@ def comparisons(
     ShapeError
         If a record is not static, or they have other channels or rates.
     """
-    for _, report in (before, after):
-        report.require()
-    first, second = before[0].groups, after[0].groups
+    first, second = (_sound(record, report) for record, report in (before, after))
     found = []
     alone = all([len(g.names) for g in groups] == [1] for groups in (first, second))  # whatever the files are called
     if not alone and [g.names for g in first] != [g.names for g in second]:
@@ -116,7 +118,7 @@ def comparisons(
                 f"before is {one.quantity.name.lower()} at {1.0 / one.dt:.6g} Hz, but after is "
                 f"{other.quantity.name.lower()} at {1.0 / other.dt:.6g} Hz; compare like with like."
             )
-        x, y = one.read(), other.read()
+        x, y = _samples(one, before[1]), _samples(other, after[1])
         n = None if taus is None else _factors(taus, one.dt, min(x.shape[0], y.shape[0]))
         found += [
             Compared(name, one.quantity, compare(x[:, i], y[:, i], one.dt, n=n)) for i, name in enumerate(one.names)
@@ -143,8 +145,26 @@ def _channels(groups: Sequence[Channels]) -> str:
     return ", ".join(name for group in groups for name in group.names) or "none"
 
 
-def _in_memory(group: Channels, taus: Taus) -> Iterable[Analysis]:
-    samples = group.read()
+def _sound(record: StaticRecord, report: StaticReport) -> list[Channels]:
+    """Sensors that the report does not refuse; an error where it refuses all."""
+    report.require(*(group.names for group in record.groups))
+    return [group for group in record.groups if not report.refused(*group.names)]
+
+
+def _samples(group: Channels, report: StaticReport) -> Floats:
+    """Samples of a sensor, with their neighbours in place of what is skipped."""
+    parts = report.skipped.get(group.names[0], ())
+    return bridged(group.read(), group.dt, group.start, list(parts)) if parts else group.read()
+
+
+def _skip_told(group: Channels, report: StaticReport) -> str:
+    return next(
+        str(finding) for finding in report.warnings if finding.kind == "disturbed" and group.names[0] in finding.channel
+    )
+
+
+def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[Analysis]:
+    samples = _samples(group, report)
 
     def one(channel: int) -> Analysis:
         column = np.ascontiguousarray(samples[:, channel])

@@ -173,15 +173,30 @@ def load_static(
     return _of_numbers(open_numbers(file, kind=kind, columns=columns), rate, scale, (start, stop))
 
 
-def check_static(record: StaticRecord, progress: Callable[[int], None] | None = None) -> StaticReport:
-    """Judge whether a record is static, in one pass over it; times in the report are those of the file."""
+def check_static(
+    record: StaticRecord,
+    progress: Callable[[int], None] | None = None,
+    *,
+    skip: Sequence[tuple[float, float]] = (),
+) -> StaticReport:
+    """Judge whether a record is static, in one pass over it; times in the report are those of the file.
+
+    Parameters
+    ----------
+    record : StaticRecord
+        Channels, as `load_static` opens them.
+    progress : callable, optional
+        Is told the bytes that are done.
+    skip : sequence of (float, float)
+        Times that shall be left out of an analysis whatever they hold, s.
+    """
     checks = []
     for group in record.groups:
         one = StaticCheck(group.names, group.dt, quantity=group.quantity, triad=group.triad, start=group.start)
         for block in group.blocks(progress):
             one.add(block)
         checks.append(one)
-    return judge(*checks)
+    return judge(*checks, skip=skip)
 
 
 def _is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:

@@ -2,6 +2,7 @@
 
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.report import Finding, StaticReport
+from plumbob.noise.static.skip import bridged
 from plumbob.noise.static.step import find_step
 
-__all__ = ["FEWEST_SAMPLES", "Finding", "StaticCheck", "StaticReport", "find_step", "judge"]
+__all__ = ["FEWEST_SAMPLES", "Finding", "StaticCheck", "StaticReport", "bridged", "find_step", "judge"]

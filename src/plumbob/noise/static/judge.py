@@ -19,6 +19,7 @@ from plumbob.noise.static.held import held
 from plumbob.noise.static.periodic import shaking
 from plumbob.noise.static.report import Finding, StaticReport
 from plumbob.noise.static.runs import Runs
+from plumbob.noise.static.skip import LONGEST, MARGIN, MOST, MOST_ASKED, between, jumped, total, widened
 from plumbob.noise.static.spikes import Spikes
 from plumbob.noise.static.step import find_step
 from plumbob.noise.static.stillness import Parts, Stillness, joined, longest_gap
@@ -42,7 +43,6 @@ TWO_LEVELS: Final = 0.6
 """Noise on two neighbouring levels has a standard deviation of at most half their step; more has to change."""
 
 _EXCERPT: Final = 1 << 16
-_MARGIN: Final = 1.0
 _STRICT: Final = 0.7
 _WITHOUT_MOTION: Final = ("not finite", "constant", "one way", "held", "coarse", "not at rest")
 
@@ -162,6 +162,49 @@ class StaticCheck:
         if not found:  # else what is left is asked again, for an average of a motion is no measure of rest
             found = self._impossible(first, end)
         return self._times(found)
+
+    def moves(self, known: Parts) -> Parts:
+        """When something moved outside of the known parts, s; with margins, if it is short enough to be skipped."""
+        gaps = between(known, self.start, self.stop)
+        found = [part for gap in gaps for part in self.moving(*gap)]
+        wide = widened(found, self.start, self.stop)
+        if not found or self._reason(wide) is not None:
+            return joined(found)
+        while more := [p for gap in between(joined(known + wide), self.start, self.stop) for p in self.strict(*gap)]:
+            wide = widened(wide + more, self.start, self.stop)
+            if self._reason(wide) is not None:
+                break
+        return wide
+
+    def strict(self, start: float, stop: float) -> Parts:
+        """When something moved between two times, s, by a stricter measure; of too few samples, nothing is told."""
+        return self.moving(start, stop, limit=_STRICT) if (stop - start) / self.dt >= FEWEST_SAMPLES else []
+
+    def asked(self, skip: Sequence[tuple[float, float]]) -> Parts:
+        """Times to skip, s, as far as the record has them."""
+        for a, b in skip:
+            if not a < b:
+                raise ParameterError(f"a time to skip must end after it begins, but it is {a:g} s to {b:g} s.")
+        parts = joined([(max(a, self.start), min(b, self.stop)) for a, b in skip if a < self.stop and b > self.start])
+        if total(parts) > MOST_ASKED * (self.stop - self.start):
+            raise ParameterError(
+                f"{total(parts):.4g} s of {self.stop - self.start:.4g} s shall be skipped, but {100 * MOST_ASKED:g} % "
+                "can be at most; choose one stretch with --from and --to instead."
+            )
+        return parts
+
+    def unskippable(self, parts: Parts) -> str | None:
+        """Why parts that were found, s, cannot be skipped, in words; None where they can."""
+        if (reason := self._reason(parts)) is not None:
+            return reason
+        whole = [part for part in parts if part[0] > self.start and part[1] < self.stop]
+        after = jumped(np.concatenate(self._means)[:, self._sound], whole, self.start)
+        return None if after is None else f"and may be at another level after {after:.6g} s than before"
+
+    def _reason(self, parts: Parts) -> str | None:
+        if max((b - a for a, b in parts), default=0.0) > LONGEST or total(parts) > MOST * (self.stop - self.start):
+            return "moving"
+        return None
 
     def stuck(self) -> Parts:
         """When a channel repeated one value for longer than its noise can, s."""
@@ -321,32 +364,64 @@ class StaticCheck:
         return [self._about_all("not at rest", text)]
 
 
-def judge(*checks: StaticCheck) -> StaticReport:
-    """Report on all sensors of one unit; what moved one of them moved the unit.
+def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> StaticReport:
+    """Report on all sensors of one unit, each by itself.
 
-    The still stretch passes by its own measure, and a stricter one: beside a rough motion a gentle one seems quiet, so
-    what is left is judged again until nothing is found in it.
+    Short disturbances of a long record are to be skipped, and are told; what moved for longer, or left the sensor at
+    another level, refuses it. The still stretch passes by its own measure, and a stricter one: beside a rough motion a
+    gentle one seems quiet, so what is left is judged again until nothing is found in it.
+
+    Parameters
+    ----------
+    *checks : StaticCheck
+        One for each sensor, which have seen all samples.
+    skip : sequence of (float, float)
+        Times that shall be skipped whatever they hold, s.
+
+    Raises
+    ------
+    ParameterError
+        If a time to skip is not one, or they are too much of the record.
     """
     findings = {one: one.findings() for one in checks}
     steps = {name: step for one in checks for name, step in zip(one.names, one.steps, strict=True)}
     enough = [one for one in checks if one.count >= FEWEST_SAMPLES]
+    asked = {one: one.asked(skip) for one in enough}
     stuck = {one: one.stuck() for one in enough}  # beside which noise would seem a motion
-    moving = {one: parts or one.moving(one.start, one.stop) for one, parts in stuck.items()}
+    moving = {one: parts or one.moves(asked[one]) for one, parts in stuck.items()}
     together = joined([part for parts in moving.values() for part in parts])
-    still = _longest_still(enough, together) if enough else None
+    skipped: dict[str, tuple[tuple[float, float], ...]] = {}
     for one, parts in moving.items():
+        known = joined(parts + asked[one])
+        reason = None if not parts else "stuck" if stuck[one] else one.unskippable(parts)
         if parts:  # of which everything else is a consequence
-            disturbed = _disturbed(one, parts, still, stuck=bool(stuck[one]))
+            told = _left_out(one, known) if reason is None else _disturbed(one, parts, reason)
             kept = [f for f in findings[one] if f.kind in _WITHOUT_MOTION and (f.refuses or not stuck[one])]
-            findings[one] = [*kept, disturbed]
-    return StaticReport(tuple(f for found in findings.values() for f in found), steps, tuple(together), still)
+            findings[one] = [*kept, told]
+        elif known:
+            findings[one].append(_left_out(one, known))
+        if known and reason is None:
+            skipped |= dict.fromkeys(one.names, tuple(known))
+    still = _longest_still(enough, together) if enough else None
+    return StaticReport(tuple(f for found in findings.values() for f in found), steps, tuple(together), still, skipped)
+
+
+def _left_out(one: StaticCheck, parts: Parts) -> Finding:
+    """Finding that lists what is skipped."""
+    listed = ", ".join(f"{a:.6g} to {b:.6g} s" for a, b in parts[:5]) + (", …" if len(parts) > 5 else "")
+    share = 100.0 * (1.0 - total(parts) / (one.stop - one.start))
+    text = (
+        f"moved or was disturbed, and is skipped there: {listed} ({len(parts)} in all); {share:.4g} % of the record is "
+        "left, and its neighbours stand in the gaps."
+    )
+    return Finding("disturbed", ", ".join(one.names), False, text)
 
 
 def _longest_still(checks: Sequence[StaticCheck], known: Parts) -> tuple[float, float] | None:
     """Longest stretch outside the known motions, a second away from any, in which nothing else moved."""
     whole = max(float(one.start) for one in checks), min(float(one.stop) for one in checks)
     while True:
-        left = longest_gap(joined([(a - _MARGIN, b + _MARGIN) for a, b in known]), *whole)
+        left = longest_gap(joined([(a - MARGIN, b + MARGIN) for a, b in known]), *whole)
         if any((left[1] - left[0]) / one.dt < FEWEST_SAMPLES - 0.5 for one in checks):
             return None
         more = [part for one in checks for part in one.moving(*left, limit=_STRICT)] if known else []
@@ -355,14 +430,16 @@ def _longest_still(checks: Sequence[StaticCheck], known: Parts) -> tuple[float, 
         known = known + more
 
 
-def _disturbed(one: StaticCheck, parts: Parts, still: tuple[float, float] | None, *, stuck: bool) -> Finding:
+def _disturbed(one: StaticCheck, parts: Parts, reason: str) -> Finding:
     others = f" and {len(parts) - 1} times more" if len(parts) > 1 else ""
+    still = _longest_still([one], parts)
     if still is None:
         advice = "no stretch is still for long enough; record the unit untouched"
     else:
         advice = f"the longest still stretch is {_options(still)}"
-    kind, what = ("stuck", "repeats one value") if stuck else ("moving", "moved or was disturbed")
-    text = f"{what} from {parts[0][0]:.4g} s to {parts[0][1]:.4g} s{others}; {advice}."
+    kind, what = ("stuck", "repeats one value") if reason == "stuck" else ("moving", "moved or was disturbed")
+    why = "" if reason in ("stuck", "moving") else f", {reason}"
+    text = f"{what} from {parts[0][0]:.4g} s to {parts[0][1]:.4g} s{others}{why}; {advice}."
     return Finding(kind, ", ".join(one.names), True, text)
 
 

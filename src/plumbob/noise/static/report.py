@@ -1,7 +1,7 @@
 """What was found in a record that should be static: errors and warnings in words, and when it was still."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from plumbob.errors import ShapeError
 
@@ -14,7 +14,7 @@ class Finding:
     ----------
     kind : str
         ``"not finite"``, ``"short"``, ``"constant"``, ``"one way"``, ``"held"``, ``"clipped"``, ``"stuck"``,
-        ``"moving"``, ``"periodic"``, ``"not at rest"``, ``"coarse"`` or ``"spikes"``.
+        ``"moving"``, ``"disturbed"``, ``"periodic"``, ``"not at rest"``, ``"coarse"`` or ``"spikes"``.
     channel : str
         Name of the channel; where it concerns all, their names.
     refuses : bool
@@ -47,12 +47,15 @@ class StaticReport:
         When something moved or was stuck, s, in order.
     still : (float, float) or None
         Longest stretch without, s, if it has enough samples.
+    skipped : mapping of str to tuple of (float, float)
+        Times, s, that an analysis of a channel leaves out, with their margins.
     """
 
     findings: tuple[Finding, ...]
     steps: Mapping[str, float]
     moving: tuple[tuple[float, float], ...]
     still: tuple[float, float] | None
+    skipped: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
 
     @property
     def errors(self) -> tuple[Finding, ...]:
@@ -64,14 +67,23 @@ class StaticReport:
         """Findings that a reader must know."""
         return tuple(finding for finding in self.findings if not finding.refuses)
 
-    def require(self) -> None:
-        """Refuse a record with errors.
+    def refused(self, *channels: str) -> bool:
+        """Whether an analysis of any of the channels would mislead."""
+        return any(channel in finding.channel.split(", ") for finding in self.errors for channel in channels)
+
+    def require(self, *sensors: Sequence[str]) -> None:
+        """Refuse a record of which no sensor can be analysed.
+
+        Parameters
+        ----------
+        *sensors : sequence of str
+            Names of the channels of each sensor; without any, one error refuses the record.
 
         Raises
         ------
         ShapeError
             With the first error, and how many there are.
         """
-        if self.errors:
+        if self.errors and all(self.refused(*names) for names in sensors):
             more = f" ({len(self.errors) - 1} more)" if len(self.errors) > 1 else ""
             raise ShapeError(f"no static record: {self.errors[0]}{more}")
