@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.check import Floats
 from plumbob.data import ENOUGH, ImuData
 from plumbob.rotations import Frame
 from plumbob.turning import turning
@@ -19,6 +20,14 @@ USUAL_RATE: Final = 10.0
 """A body that turns faster half of the time is rare, rad/s: 573 °/s. Walking, hands and vehicles stay far below."""
 QUIET: Final = 0.2
 """Specific forces count that are as long as usual within this fraction: mostly gravity."""
+PAUSE: Final = 1.5
+"""Steps longer than so many mean ones are pauses between bursts."""
+BURST: Final = 0.5
+"""Where the usual step is so much shorter than the mean one, rows come in bursts."""
+FEW_PAUSES: Final = 0.005
+STEADY: Final = 0.03
+"""Typical departure of the rows in a time of twenty bursts from their usual number."""
+FEWEST_WINDOWS: Final = 5
 THROUGHOUT: Final = 0.99
 STEEP: Final = math.cos(float(deg(135.0)))
 
@@ -75,6 +84,32 @@ def _steps(imu: ImuData) -> Iterator[str]:
         )
     elif mean <= SHORTEST_STEP:
         yield f"time: the mean step is {mean:.4g} s, shorter than any MEMS part's; check the unit of the times"
+    elif (told := bursts(imu.t)) is not None:
+        yield f"time: {told}"
+
+
+def bursts(t: Floats) -> str | None:
+    """Say in words that the times (N,), s, are those at which bursts of even samples came; None where they are not.
+
+    Rows come at a steady rate over a second, but not from one to the next.
+    """
+    step = np.diff(t)
+    if step.size < ENOUGH:
+        return None
+    usual, span = float(np.median(step)), float(t[-1] - t[0])
+    mean = span / step.size
+    pauses = float(np.mean(step > PAUSE * mean))
+    if not (usual < BURST * mean and pauses > FEW_PAUSES):
+        return None
+    window = max(1.0, 20.0 / (pauses / mean))  # of twenty bursts
+    counts = np.diff(np.searchsorted(t, np.arange(t[0], t[-1], window)))
+    if counts.size < FEWEST_WINDOWS or np.median(np.abs(counts - np.median(counts))) > STEADY * np.median(counts):
+        return None
+    rate = f'rate = "{1.0 / mean:.6g} Hz"'
+    return (
+        f"the stamps come in bursts: the usual step is {usual:.4g} s, but {t.size} rows in {span:.6g} s are one every "
+        f"{mean:.4g} s; if the device samples evenly, declare it: [time] of the profile with {rate} alone"
+    )
 
 
 def _turning(imu: ImuData) -> tuple[str, ...]:

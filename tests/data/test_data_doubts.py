@@ -7,7 +7,7 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData
 from plumbob.data import ENOUGH
-from plumbob.doubts import doubts, upside_down
+from plumbob.doubts import bursts, doubts, upside_down
 from plumbob.errors import PlumbobWarning
 
 N = 3000
@@ -97,3 +97,18 @@ def test_one_window_alone_tells_nothing():
     gyr[-25:, 0] = 12.0
     acc[-25:] = 9.81 * np.array([0.0, -np.sin(0.4), np.cos(0.4)])  # turned against the rate
     assert doubts(ImuData(t=T, gyr=gyr, acc=acc)) == ()
+
+
+def test_bursts_are_even_over_a_second_and_gaps_are_not():
+    rng = np.random.default_rng(1)
+    even = np.arange(6000) * 0.01
+    burst = np.floor(np.arange(6000) / 10) * 0.1 + (np.arange(6000) % 10) * 1e-3
+    assert bursts(even) is None
+    assert bursts(even + 0.002 * rng.uniform(size=6000)) is None
+    told = bursts(burst)
+    assert told.startswith(
+        "the stamps come in bursts: the usual step is 0.001 s, but 6000 rows in 59.909 s are one every"
+    )
+    assert 'rate = "100.135 Hz" alone' in told  # 5999 steps in 59.909 s: the last burst's pause is not in the record
+    assert bursts(np.cumsum(np.where(rng.random(6000) < 0.02, rng.exponential(2.0, 6000), 0.001))) is None
+    assert bursts(np.concatenate((even[:3000], even[3000:] + 40.0))) is None

@@ -12,6 +12,7 @@ from plumbob import clock
 from plumbob.cards import UNITS
 from plumbob.check import Floats
 from plumbob.data import TRIAD_FLAGS, ImuData
+from plumbob.doubts import bursts
 from plumbob.errors import ClockError, ParameterError, ShapeError
 from plumbob.noise.static import FEWEST_SAMPLES
 
@@ -131,6 +132,8 @@ def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[str]]:
     if _jittered(imu.t):
         dt = float(step.mean())
         return imu, dt, [f"sampling time {dt:.6g} s from the time stamps (none missing; jitter {step.std():.2g} s)"]
+    if (told := bursts(imu.t)) is not None:
+        raise ClockError(f"{file}: {told}.")
     usual = float(step[step <= clock.GAP_FACTOR * np.median(step)].mean())
     breaks = np.flatnonzero(step > MISSING * usual)
     first, end = _longest(breaks, len(imu))
