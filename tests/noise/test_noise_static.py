@@ -9,6 +9,7 @@ import pytest
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.noise.static.clipped import clipped
 from plumbob.noise.static.held import held
+from plumbob.noise.static.interleaved import interleaved
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.periodic import shaking
 from plumbob.noise.static.runs import Runs
@@ -440,6 +441,21 @@ def test_intervals():
     assert longest_gap([(2, 3), (6, 9)], 0, 10) == (3, 6)
     assert longest_gap([], 0, 10) == (0, 10)
     assert longest_gap([(-5, 20)], 0, 10)[1] <= longest_gap([(-5, 20)], 0, 10)[0]
+
+
+@pytest.mark.parametrize("channels", [2, 3, 6])
+def test_channels_in_turn_are_noticed(channels):
+    levels = np.random.default_rng(7).permutation(np.arange(channels)) * 4.0  # apart by four standard deviations
+    mixed = (white(8)[:, np.newaxis] + levels).ravel()[:COUNT]
+    found = report(mixed)
+    assert kinds(found) == ["interleaved"]
+    assert f"{channels} channels in turn?" in found.errors[0].text
+
+
+def test_noise_walks_and_a_folded_hum_are_one_channel():
+    hum = 0.5 * np.sin(math.pi * np.arange(COUNT) + 0.5)  # of half the rate
+    for values in (white(1) + hum, np.cumsum(white(2)), white(3) + 0.01 * np.arange(COUNT)):
+        assert interleaved(values) == 1
 
 
 # Disturbed seconds of a long record -----------------------------------------------------------------------------------

@@ -152,7 +152,7 @@ def test_uneven_samples_are_refused(recording):
 def test_stamps_of_bursts_are_told_with_what_to_declare(recording):
     """Rows of 100 Hz that come in fours, 0.4 ms apart, as a radio or a buffer hands them over."""
     t = np.floor(np.arange(ROWS) / 4) * 4 * DT + (np.arange(ROWS) % 4) * 4e-4
-    with pytest.raises(ClockError, match=r"the stamps come in bursts: .*3000 rows in .* one every 0\.01") as error:
+    with pytest.raises(ClockError, match=r"the stamps come in bursts: .*3000 rows in .* one every 0\.00999") as error:
         load_static(recording(**make(t=t)))
     assert 'with rate = "100' in str(error.value)
 

@@ -16,6 +16,7 @@ from plumbob.constants import G0
 from plumbob.errors import ParameterError, ShapeError
 from plumbob.noise.static.clipped import clipped
 from plumbob.noise.static.held import held
+from plumbob.noise.static.interleaved import interleaved
 from plumbob.noise.static.periodic import shaking
 from plumbob.noise.static.report import Finding, StaticReport
 from plumbob.noise.static.runs import Runs
@@ -44,7 +45,7 @@ TWO_LEVELS: Final = 0.6
 
 _EXCERPT: Final = 1 << 16
 _STRICT: Final = 0.7
-_WITHOUT_MOTION: Final = ("not finite", "constant", "one way", "held", "coarse", "not at rest")
+_WITHOUT_MOTION: Final = ("not finite", "constant", "one way", "interleaved", "held", "coarse", "not at rest")
 
 
 class StaticCheck:
@@ -290,8 +291,20 @@ class StaticCheck:
         way = self._runs[column].one_way
         if way is not None:
             return [Finding("one way", name, True, f"only {way}; is it time or a counter? Leave the column out.")]
+        if (mixed := self._interleaved(column, name)) is not None:
+            return [mixed]
         findings = (self._held, self._quantised, self._clipped, self._spiked, self._shaken)
         return [finding for find in findings for finding in find(column, name)]
+
+    def _interleaved(self, column: int, name: str) -> Finding | None:
+        times = interleaved(self.excerpt()[:, column])
+        if times == 1:
+            return None
+        text = (
+            f"every value is like the one {times} before it and unlike its neighbours: {times} channels in turn? Give "
+            f"them a column each (--columns {times} of a raw file), at the rate of one of them."
+        )
+        return Finding("interleaved", name, True, text)
 
     def _held(self, column: int, name: str) -> list[Finding]:
         times = held(self.excerpt()[:, column])

@@ -13,8 +13,8 @@ class Finding:
     Attributes
     ----------
     kind : str
-        ``"not finite"``, ``"short"``, ``"constant"``, ``"one way"``, ``"held"``, ``"clipped"``, ``"stuck"``,
-        ``"moving"``, ``"disturbed"``, ``"periodic"``, ``"not at rest"``, ``"coarse"`` or ``"spikes"``.
+        ``"not finite"``, ``"short"``, ``"constant"``, ``"one way"``, ``"interleaved"``, ``"held"``, ``"clipped"``,
+        ``"stuck"``, ``"moving"``, ``"disturbed"``, ``"periodic"``, ``"not at rest"``, ``"coarse"`` or ``"spikes"``.
     channel : str
         Name of the channel; where it concerns all, their names.
     refuses : bool
