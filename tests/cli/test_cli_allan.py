@@ -222,6 +222,22 @@ def test_a_real_gyroscope_on_one_line():
 
 
 @needs_data
+def test_disturbed_seconds_are_skipped_on_their_own_or_on_demand(tmp_path):
+    t = np.arange(60_000) * 0.01
+    values = SD * (np.random.default_rng(6).standard_normal(t.size) + 9.0 * np.exp(-0.5 * ((t - 300.0) / 0.1) ** 2))
+    np.save(tmp_path / "bump.npy", values)
+    own = ok("allan", tmp_path / "bump.npy", *NUMBERS, "--json").stdout
+    asked = ok("allan", tmp_path / "bump.npy", *NUMBERS, "--json", "--skip", "295s..305s").stdout
+    for told, where in (
+        (own, r"is skipped there: 29[0-9.]+ to 30[0-9.]+ s"),
+        (asked, "is skipped there: 295 to 305 s"),
+    ):
+        found = json.loads(told)["bump"]
+        assert re.search(where, " ".join(found["notes"]))
+        assert found["coefficients"]["N"]["value"]["rad/s/rtHz"] == pytest.approx(dps(0.02), rel=0.02)
+    assert "--skip needs times as 12s..14s" in refused("allan", tmp_path / "bump.npy", *NUMBERS, "--skip", "5s")
+
+
 def test_a_trial_that_moves_is_refused_and_its_still_start_is_not():
     told = refused("allan", TRIAL)
     start, stop = re.search(r"the longest still stretch is --from (\S+) --to (\S+)\.$", told.strip()).groups()

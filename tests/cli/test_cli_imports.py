@@ -108,11 +108,15 @@ EVERYTHING = {"benchmark", "demo", "warmup"}
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
-    """Exit code, and what was found, of every line."""
+    """Exit code, and what was found, of every line; with a pandas that can be imported, which Arrow then would."""
+    folder, bait = tmp_path_factory.mktemp("imports"), tmp_path_factory.mktemp("bait") / "pandas"
+    bait.mkdir()
+    (bait / "__init__.py").write_text('__version__ = "0.0"\n')
+    path = os.pathsep.join([str(bait.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     given = json.dumps([{name: words for name, (words, _) in LINES.items()}, PACKAGES, ROOMS, PARTS])
     done = subprocess.run(
-        [sys.executable, "-c", PROBE], input=given, cwd=tmp_path_factory.mktemp("imports"), text=True,
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, check=False,
+        [sys.executable, "-c", PROBE], input=given, cwd=folder, text=True,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}, capture_output=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

@@ -338,6 +338,12 @@ def test_refused_noise(bad):
         TriadNoise([1.0] * 3, bad, [1.0] * 3)
 
 
+@pytest.mark.parametrize("bad", [[[0.0] * 3], [[2.0] * 3, [1.0] * 3], [[-1.0] * 3, [1.0] * 3], [[np.nan] * 3] * 2])
+def test_refused_intervals_of_noise(bad):
+    with pytest.raises(CalibrationError, match="n_interval must be"):
+        TriadNoise([1.0] * 3, [1.0] * 3, [1.0] * 3, n_interval=bad)
+
+
 class TestFiles:
     @pytest.fixture
     def path(self, tmp_path):

@@ -8,6 +8,7 @@ import pytest
 
 from plumbob import Filter, Frame, NoiseCard
 from plumbob.datasheet import noise_card
+from plumbob.datasheet.card import card_text
 from plumbob.errors import ShapeError, UnitError
 from plumbob.filters import mekf
 from plumbob.noise.findings import Coefficient, Estimates, Mask
@@ -32,6 +33,15 @@ def test_it_holds_the_coefficients_in_inside_units(analyses):
     assert card.source == (
         "static.parquet; gyr from 3.3 min at 100 Hz, 20000 samples; acc from 3.3 min at 100 Hz, 20000 samples"
     )
+
+
+def test_it_comes_with_its_intervals(plain, tmp_path):
+    card = noise_card(plain, device="unit 7", source="static")
+    card.save(tmp_path / "noise.json")
+    again = NoiseCard.load(tmp_path / "noise.json").gyr
+    for letter, ends in zip("NBK", (again.n_interval, again.b_interval, again.k_interval), strict=True):
+        assert ends.T.tolist() == [[a.terms[letter].lo, a.terms[letter].hi] for a in plain]
+    assert "68.3 %" in card_text(card)
 
 
 def test_what_is_not_observable_is_as_likely_and_its_limit_is_told(plain):

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from plumbob.datasheet import figure
 from plumbob.datasheet.reading import lowest
@@ -68,7 +69,12 @@ def test_each_axis_has_its_colour(axes, analyses):
     (gyr, _) = triads(analyses)
     ax = axes(figure.triad_figure, gyr)
     first = [line for line in ax.get_lines() if line.get_alpha() == 1.0]
-    assert [line.get_color() for line in first] == [colour for _, colour, _ in figure.triad_key(gyr)]
+    assert [line.get_color() for line in first] == [colour for _, colour, _ in figure.triad_key(gyr)[:3]]
+    models = [line for line in ax.get_lines() if line.get_color() == figure.MODEL]
+    assert len(models) == 3
+    masks = [a.mask.n * a.curve.dt for a in gyr.channels.values()]
+    shade = [patch for patch in ax.patches if isinstance(patch, Rectangle)]
+    assert [patch.get_x() + patch.get_width() for patch in shade] == [pytest.approx(max(masks))]
     for line, a in zip(first, gyr.channels.values(), strict=True):
         assert line.get_ydata()[0] == pytest.approx(from_si(a.curve.dev[0], "deg/h"))
 
@@ -92,4 +98,4 @@ def test_a_picture_of_a_triad_explains_its_bands(axes, analyses, monkeypatch):
     monkeypatch.setattr(figure, "png", lambda _, draw, **__: draw(drawn))
     figure.write_png("x.png", analyses[:3])
     assert drawn.axes[0].get_title(loc="left") == f"gyroscope: {figure.BANDS}"
-    assert [text.get_text() for text in drawn.axes[0].get_legend().get_texts()] == ["x", "y", "z"]
+    assert [text.get_text() for text in drawn.axes[0].get_legend().get_texts()][:4] == ["x", "y", "z", "models"]

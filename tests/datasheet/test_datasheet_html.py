@@ -131,7 +131,11 @@ def test_pictures_show_the_curves_that_were_asked_for(tmp_path, analyses, bare, 
 
     hostile = replace(bare, name=HOSTILE)
     asked = {
-        "all": (analyses, ["Allan deviation [°/h]", "Allan deviation [µg]"], [["x", "y", "z"]] * 2),
+        "all": (
+            analyses,
+            ["Allan deviation [°/h]", "Allan deviation [µg]"],
+            [["x", "y", "z", "models", "masked on an axis"], ["x", "y", "z", "models", "masked on an axis"]],
+        ),
         "one": (analyses[:1], ["Allan deviation [°/h]"], None),
         "hostile": ([hostile], ["Allan deviation [1]"], None),
     }

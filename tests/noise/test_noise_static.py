@@ -515,6 +515,16 @@ class TestSkipped:
         with pytest.raises(ShapeError, match="mag x: moved"):
             found.require(("mag x",))
 
+    def test_a_unit_that_moves_is_refused_as_a_whole(self):
+        quiet = StaticCheck(["gyr x"], DT, quantity=Quantity.RATE)
+        moved = StaticCheck(["acc x"], DT, quantity=Quantity.ACCELERATION)
+        quiet.add(0.01 * white(3))
+        moved.add(0.01 * (white(4) + MOTIONS["half of the time"]))
+        found = judge(quiet, moved)
+        assert found.refused("gyr x")
+        assert found.refused("acc x")
+        assert found.errors[0].text.startswith("the unit moved or was disturbed from")
+
 
 def test_a_gap_is_filled_by_its_neighbours_on_a_line():
     """Left of the middle the samples before it, mirrored; right of it those after it; their levels make a line."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 
 from plumbob import check
-from plumbob.cards.file import UNITS, Card, require_part, require_text
+from plumbob.cards.file import UNITS, Card, finite, require_part, require_text
 from plumbob.check import Floats
 from plumbob.errors import CalibrationError
 
@@ -24,11 +24,16 @@ class TriadNoise:
         Bias instability B, in the unit of the triad.
     k_rpsd : array_like (3,)
         Random walk of the bias K, unit/s/√Hz.
+    n_interval, b_interval, k_interval : array_like (2, 3), optional
+        Lower and upper ends of their intervals of 68.3 %, where a record was long enough to tell; None in a data sheet.
     """
 
     n_rpsd: Floats
     b: Floats
     k_rpsd: Floats
+    n_interval: Floats | None = None
+    b_interval: Floats | None = None
+    k_interval: Floats | None = None
 
     def __post_init__(self) -> None:
         """Validate the numbers."""
@@ -37,6 +42,12 @@ class TriadNoise:
             if value.shape != (3,) or not (np.isfinite(value) & (value >= 0.0)).all():
                 raise CalibrationError(f"{name} must be three finite numbers ≥ 0, but it is {value.tolist()}.")
             object.__setattr__(self, name, check.read_only(value))
+        for name in ("n_interval", "b_interval", "k_interval"):
+            if getattr(self, name) is not None:
+                ends = finite(name, getattr(self, name), (2, 3))
+                if not (ends[0] >= 0.0).all() or not (ends[0] <= ends[1]).all():
+                    raise CalibrationError(f"{name} must be lower ends ≥ 0 and upper ends, but it is {ends.tolist()}.")
+                object.__setattr__(self, name, ends)
 
     @property
     def n_rms(self) -> float:

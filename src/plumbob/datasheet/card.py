@@ -24,8 +24,7 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
     N is taken as it was estimated. Where the record does not show B or K, the card has the value that together with all
     other terms is the most likely one, often 0: so the card makes the curve that was measured, even where B and K
     cannot be told apart. Their upper limits would be no estimates, and a short record would make a good sensor look
-    bad; the limits are told in the card's `source`. Intervals are not in a card, because none of its readers uses them;
-    `as_dict` has them.
+    bad; the limits are told in the card's `source`. Each value comes with its interval of 68.3 %.
 
     Parameters
     ----------
@@ -70,11 +69,22 @@ def card_text(card: NoiseCard) -> str:
 
 def _rows(name: str, triad: TriadNoise) -> list[list[str]]:
     units = DATASHEET[Quantity(UNITS[name])]
-    found = {"N": triad.n_rpsd, "B": triad.b, "K": triad.k_rpsd}
-    return [
-        [f"{k} {TERMS[k].name} [{written(units[k])}]", *(number(v) for v in from_si(values, units[k]).tolist())]
-        for k, values in found.items()
-    ]
+    found = {
+        "N": (triad.n_rpsd, triad.n_interval),
+        "B": (triad.b, triad.b_interval),
+        "K": (triad.k_rpsd, triad.k_interval),
+    }
+    rows = []
+    for k, (values, ends) in found.items():
+        rows.append([f"{k} {TERMS[k].name} [{written(units[k])}]", *_numbers(values, units[k])])
+        if ends is not None:
+            cells = (f"{lo} to {hi}" for lo, hi in zip(*(_numbers(end, units[k]) for end in ends), strict=True))
+            rows.append(["  68.3 %", *cells])
+    return rows
+
+
+def _numbers(values: Floats, unit: str) -> list[str]:
+    return [number(v) for v in from_si(values, unit).tolist()]
 
 
 def _noise(triad: Triad) -> TriadNoise:
@@ -84,12 +94,19 @@ def _noise(triad: Triad) -> TriadNoise:
                 f"the white noise of {triad.name} {axis} is not known ({triad.channels[axis].mask.reason}), and "
                 "without it there is no card; record without smoothing, or for longer."
             )
-    return TriadNoise(_axes(triad, "N"), _axes(triad, "B"), _axes(triad, "K"))
+    return TriadNoise(*(_axes(triad, letter) for letter in "NBK"), *(_interval(triad, letter) for letter in "NBK"))
 
 
 def _axes(triad: Triad, letter: str) -> Floats:
     """Coefficient of x, y and z: as estimated, or as most likely where it is not observable."""
     return np.array([_value(triad.channels[axis], letter) for axis in AXES])
+
+
+def _interval(triad: Triad, letter: str) -> Floats | None:
+    """Ends (2, 3) of the intervals of x, y and z; None where one is not known."""
+    found = [triad.channels[axis].terms.get(letter) for axis in AXES]
+    ends = np.array([(np.nan, np.nan) if c is None else (c.lo, c.hi) for c in found]).T
+    return ends if np.isfinite(ends).all() else None
 
 
 def _value(analysis: Analysis, letter: str) -> float:

@@ -36,7 +36,9 @@ def triad_figure(triad: Triad, salt: str) -> str:
 
 def triad_key(triad: Triad) -> Key:
     """Key of `triad_figure`."""
-    return [(axis or triad.name, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
+    axes: Key = [(axis or triad.name, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
+    masked = any(a.mask.n > 1 for a in triad.channels.values())
+    return [*axes, ("models", MODEL, "solid"), *([("masked on an axis", SHADE, "block")] if masked else [])]
 
 
 def channel_figure(analysis: Analysis, salt: str) -> str:
@@ -116,24 +118,35 @@ def explain(ax: "Axes", title: str, key: Key) -> None:
 
 def _draw_triad(ax: "Axes", triad: Triad) -> None:
     frame(ax, list(triad.channels.values()))
+    _shade(ax, max(triad.channels.values(), key=lambda a: a.mask.n))
     for analysis, colour in zip(triad.channels.values(), SERIES, strict=False):
         draw_curve(ax, analysis, colour, band=0.15)
+        _draw_model(ax, analysis)
 
 
 def _draw_channel(ax: "Axes", analysis: Analysis) -> None:
     frame(ax, [analysis])
     draw_curve(ax, analysis, CURVE, band=0.22)
-    unit, left, right = DEVIATION[analysis.quantity], *ax.get_xlim()
-    tau = np.geomspace(left, right, 200)
-    if analysis.mask.n > 1:
-        ax.axvspan(left, analysis.mask.n * analysis.curve.dt, color=SHADE, linewidth=0, zorder=0)
-    ax.plot(tau, from_si(analysis.model(tau), unit), color=MODEL, linewidth=0.7)
+    _shade(ax, analysis)
+    _draw_model(ax, analysis)
+    unit, tau = DEVIATION[analysis.quantity], np.geomspace(*ax.get_xlim(), 200)
     for letter, c in shown(analysis).items():
         line = from_si(np.sqrt(variance(letter, c.value, tau)), unit)
         ax.plot(tau, line, color=TERM, linewidth=0.7, linestyle=(0, (4, 3)))
         _name(ax, letter, tau, line)
     for _, at, dev in points(analysis):
         ax.plot(at, from_si(dev, unit), "o", color=TERM, markersize=3.5, zorder=4)
+
+
+def _shade(ax: "Axes", analysis: Analysis) -> None:
+    """What the mask leaves out."""
+    if analysis.mask.n > 1:
+        ax.axvspan(ax.get_xlim()[0], analysis.mask.n * analysis.curve.dt, color=SHADE, linewidth=0, zorder=0)
+
+
+def _draw_model(ax: "Axes", analysis: Analysis) -> None:
+    tau = np.geomspace(*ax.get_xlim(), 400)
+    ax.plot(tau, from_si(analysis.model(tau), DEVIATION[analysis.quantity]), color=MODEL, linewidth=0.7)
 
 
 def draw_curve(ax: "Axes", analysis: Analysis | Deviation, colour: str, *, band: float) -> None:

@@ -12,6 +12,7 @@ from plumbob._files import require_room
 from plumbob.cards import UNITS
 from plumbob.data import TRIADS
 from plumbob.errors import DecodeError, ParameterError
+from plumbob.io.arrow import numbers_of
 from plumbob.io.parquet_pages import unpacked_bytes
 from plumbob.io.profile import NO_COLUMN
 
@@ -106,7 +107,7 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     table = parquet.read(columns=refs)
     words = [ref for ref in profile.texts if ref in refs]
     numbers: dict[Any, Any] = {
-        ref: np.asarray(table.column(ref).to_numpy(), dtype=np.float64) for ref in refs if ref not in words
+        ref: np.asarray(numbers_of(table.column(ref)), dtype=np.float64) for ref in refs if ref not in words
     }
     texts: dict[Any, Any] = {ref: table.column(ref).to_pylist() for ref in words}
     found = Table(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)

@@ -14,6 +14,7 @@ import numpy as np
 
 from plumbob.check import Floats
 from plumbob.errors import DecodeError, excerpt
+from plumbob.io.arrow import numbers_of
 from plumbob.io.profile_toml import GUIDE
 from plumbob.io.text_body import single_blanks
 
@@ -200,7 +201,7 @@ def _arrow(packed: bytes, separator: bytes, columns: int) -> Floats | None:
         )
     except (pa.ArrowException, OSError, ValueError):
         return None
-    return np.stack([column.to_numpy() for column in table.itercolumns()], axis=1)
+    return np.stack([numbers_of(column) for column in table.itercolumns()], axis=1)
 
 
 def _strict_lines(chunk: bytes, text: Text, first: int) -> Floats:

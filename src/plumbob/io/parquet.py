@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from plumbob._files import existing_file, reading, replacing, require_room
 from plumbob.errors import DecodeError, guide, one_line
 from plumbob.io import header
+from plumbob.io.arrow import column_of, numbers_of
 from plumbob.io.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
 from plumbob.io.decoded import KEY as PROFILE
 from plumbob.io.decoded import read_described
@@ -185,7 +186,7 @@ def _columns(parquet: "pq.ParquetFile") -> Columns:
 def _array(name: str, column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     if column.null_count:
         raise DecodeError(f"the column {name} holds {column.null_count} nulls; a missing value is stored as NaN.")
-    return np.ascontiguousarray(column.to_numpy(), dtype=COLUMNS[name].dtype)
+    return np.ascontiguousarray(numbers_of(column), dtype=COLUMNS[name].dtype)
 
 
 def _table(columns: Columns, content: dict[str, Any]) -> "pa.Table":
@@ -198,7 +199,7 @@ def _table(columns: Columns, content: dict[str, Any]) -> "pa.Table":
         ],
         metadata={KEY: header.dump(content | {_CRC: _checksum(content, columns)})},
     )
-    return pa.Table.from_arrays([pa.array(values) for values in columns.values()], schema=schema)
+    return pa.Table.from_arrays([column_of(values) for values in columns.values()], schema=schema)
 
 
 def _encodings(columns: Columns) -> dict[str, str]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from plumbob.check import Floats
 from plumbob.errors import DecodeError, excerpt
+from plumbob.io.arrow import numbers_of
 from plumbob.io.profile import ColumnRef, Layout
 from plumbob.io.text_body import Body
 from plumbob.io.text_head import decode, find_head, is_idle, split_row
@@ -176,7 +177,7 @@ def _collected(found: dict[ColumnRef, Any], exact: ColumnRef | None) -> tuple[di
             return None
         zero = first.as_py()
         found = found | {exact: pc.subtract(found[exact], first).cast(pa.float64())}
-    return {ref: np.asarray(column.to_numpy(), dtype=np.float64) for ref, column in found.items()}, zero
+    return {ref: np.asarray(numbers_of(column), dtype=np.float64) for ref, column in found.items()}, zero
 
 
 def _slow(body: Body, layout: Layout, width: int, wanted: _Wanted) -> _Read:

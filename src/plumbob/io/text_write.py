@@ -12,6 +12,7 @@ from plumbob._files import replacing_all
 from plumbob.cards import UNITS
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.errors import DecodeError
+from plumbob.io.arrow import column_of
 from plumbob.io.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
 from plumbob.io.findings import stored_notes
 from plumbob.io.header import plain_meta
@@ -75,7 +76,8 @@ def _write_numbers(stream: Any, columns: Columns) -> None:
 
     numbers = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in columns.items()}
     numbers[TIME] = clock.to_s(columns[TIME])
-    csv.write_csv(pa.table(numbers), stream, csv.WriteOptions(include_header=False, quoting_style="none"))
+    table = pa.table({name: column_of(values) for name, values in numbers.items()})
+    csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="none"))
 
 
 def _profile(recording: Recording, columns: Columns) -> Iterator[str]:

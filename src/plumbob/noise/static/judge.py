@@ -5,6 +5,7 @@ Samples come in blocks, so that a record need not fit in memory; a check keeps a
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -91,6 +92,11 @@ class StaticCheck:
         self._second = max(1, round(1.0 / dt))
         self._rest = np.empty((0, columns))
         self._means: list[Floats] = []
+
+    @property
+    def inertial(self) -> bool:
+        """Whether it is a sensor whose motion is the unit's."""
+        return self.quantity in (Quantity.RATE, Quantity.ACCELERATION)
 
     @property
     def stop(self) -> float:
@@ -378,7 +384,7 @@ class StaticCheck:
 
 
 def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> StaticReport:
-    """Report on all sensors of one unit, each by itself.
+    """Report on all sensors of one unit, each by itself, but a unit that moved has moved all of them.
 
     Short disturbances of a long record are to be skipped, and are told; what moved for longer, or left the sensor at
     another level, refuses it. The still stretch passes by its own measure, and a stricter one: beside a rough motion a
@@ -416,6 +422,11 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
         if known and reason is None:
             skipped |= dict.fromkeys(one.names, tuple(known))
     still = _longest_still(enough, together) if enough else None
+    mover = next((one for one in enough if one.inertial and any(f.kind == "moving" for f in findings[one])), None)
+    for one in checks:
+        if mover is not None and one is not mover and not any(f.refuses for f in findings[one]):
+            told = _disturbed(mover, moving[mover], "moving")
+            findings[one].append(replace(told, channel=", ".join(one.names), text=f"the unit {told.text}"))
     return StaticReport(tuple(f for found in findings.values() for f in found), steps, tuple(together), still, skipped)
 
 
