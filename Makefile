@@ -46,10 +46,12 @@ bench: $(VENV)/.bench
 	$(BIN)/python benchmarks/calibration_speed.py
 	$(BIN)/python benchmarks/startup.py
 
-# Noise: coefficients and intervals on records of known noise, and the intervals of a curve at every averaging time.
+# Noise: coefficients and intervals on records of known noise, the intervals of a curve at every averaging time, and
+# records with a band of motion.
 noise: $(VENV)/.bench
 	$(BIN)/python benchmarks/allan_quality.py
 	$(BIN)/python benchmarks/allan_coverage.py
+	$(BIN)/python benchmarks/allan_bands.py
 
 endurance: setup
 	$(BIN)/python benchmarks/endurance.py
