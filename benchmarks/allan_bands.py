@@ -2,8 +2,8 @@
 
 Accelerometers with N 440 µg/√Hz, B 300 µg and K 40 µg/s/√Hz at 100 Hz, with a resonance at 0.55 Hz that white noise
 drives: 100, 300 and 600 µg, of quality 25 and 170, 10⁶ samples. And records of two hours without a band, with the walk
-and without. Printed: bias and root mean square of the relative error, the share of the intervals of 68.3 % that hold the
-truth, and how often Q and K are called observable. A share of r runs scatters by 0.47/√r.
+and without. Printed: bias and root mean square of the relative error, the share of the intervals of 68.3 % that hold
+the truth, and how often Q and K are called observable. A share of r runs scatters by 0.47/√r.
 
     python benchmarks/allan_bands.py [--runs 30] [--walks 100] [--samples 1000000] [--json]
 """

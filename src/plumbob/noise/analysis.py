@@ -106,7 +106,7 @@ def analyse_averages(
     whole = spectrum(left, of.dt, averages.averaged)
     left_out, choice = _modelled(whole, of)
     kept, mask, bands = left_out.kept, left_out.mask, left_out.bands
-    by_likelihood, best, doubted = within_the_curve(kept, choice.best, of, mask)
+    by_likelihood, best, doubted = within_the_curve(kept, choice.best, of, mask, bands)
     likely = most_likely(best, by_likelihood["R"])
     if choice.smoothed is not None:  # of what was smoothed away, nothing
         by_likelihood, likely = {}, {}

@@ -1,7 +1,7 @@
 """What the measured curve says against a coefficient that the spectrum gives: none makes more than was measured."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plumbob.check import Floats
 from plumbob.noise.curve import Curve
-from plumbob.noise.findings import Coefficient, Mask
+from plumbob.noise.findings import Band, Coefficient, Mask
 from plumbob.noise.interval import interval, skew_edf
 from plumbob.noise.likelihood import Fit, coefficients
 from plumbob.noise.spectrum import Spectrum
@@ -27,7 +27,7 @@ _SLOW: Final = "KR"
 
 
 def within_the_curve(
-    kept: Spectrum, best: Fit, of: Curve, mask: Mask
+    kept: Spectrum, best: Fit, of: Curve, mask: Mask, bands: Sequence[Band] = ()
 ) -> tuple[dict[str, Coefficient], Fit, tuple[str, ...]]:
     """Coefficients around a fit of which the curve contradicts none, the fit they are quoted from, and what to tell.
 
@@ -36,7 +36,7 @@ def within_the_curve(
     """
     told: dict[str, str] = {}
     while True:
-        found, fitted = coefficients(kept, best, barred=told)
+        found, fitted = coefficients(kept, best, barred=told, bands=bands)
         more = {w: why for w in "QBKR" if found[w].observable and (why := _against(w, found, of, mask))}
         if not more:
             limited = {w: _limited(w, found[w], of, mask) if w in told else found[w] for w in found}

@@ -108,6 +108,16 @@ class Band:
         """Frequency below which half of its power lies, Hz."""
         return float(np.median(self.places))
 
+    def skirt(self, frequency: Floats) -> Floats:
+        """Two-sided density of a resonance of its power, middle and width at some frequencies, Hz: what may lie beyond.
+
+        ``sd² · 2/(Qω₀) · ω₀⁴ / ((ω₀² − ω²)² + (ω₀ω/Q)²)``, whose quartiles are ω₀/Q apart.
+        """
+        low, high = np.quantile(self.places, [0.25, 0.75])
+        turn, quality = 2.0 * math.pi * self.middle, self.middle / float(max(high - low, 1e-6 * self.middle))
+        ratio = (2.0 * math.pi * frequency / turn) ** 2
+        return np.asarray(2.0 * self.sd**2 / (quality * turn) / ((1.0 - ratio) ** 2 + ratio / quality**2))
+
     def variance(self, tau: ArrayLike) -> Floats:
         """Allan variance at the averaging times tau, s."""
         time = np.asarray(tau, dtype=np.float64)

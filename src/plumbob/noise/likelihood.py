@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from plumbob.check import Floats
 from plumbob.noise.densities import LETTERS, densities, markov_bins, markov_density
-from plumbob.noise.findings import Coefficient
+from plumbob.noise.findings import Band, Coefficient
 from plumbob.noise.scoring import Bins, point, search
 from plumbob.noise.spectrum import Spectrum
 
@@ -87,13 +87,15 @@ def fit(spectrum: Spectrum, *, markov_time: float | None = None) -> Fit:
     return model.search(model.begin(markov_time))
 
 
-def coefficients(spectrum: Spectrum, best: Fit, *, barred: Collection[str] = ()) -> tuple[dict[str, Coefficient], Fit]:
+def coefficients(
+    spectrum: Spectrum, best: Fit, *, barred: Collection[str] = (), bands: Sequence[Band] = ()
+) -> tuple[dict[str, Coefficient], Fit]:
     """Q, N, B, K and R with their intervals, around a fit of this spectrum; and the fit that they are quoted from.
 
     Where quantization is not observable it is taken out before the others are judged: what of it no record shows would
     be taken from white noise, always in the same direction. So are the letters that are `barred`, which are not
     observable whatever the spectrum says. Where the spectrum departs from the model by more than chance, all intervals
-    are wider by what such departures do to the coefficients.
+    are wider by what such departures do to the coefficients, and by what may be left of `bands` beyond their limits.
     """
     model = _Model(spectrum)
     found = {w: replace(model.interval(best, k), observable=False) for k, w in enumerate(LETTERS) if w in barred}
@@ -103,7 +105,7 @@ def coefficients(spectrum: Spectrum, best: Fit, *, barred: Collection[str] = ())
         found["Q"] = model.interval(best, 0)
         if not found["Q"].observable:
             best = model.without(best, 0)
-    wider = _wider(spectrum, best)
+    wider = _wider(spectrum, best, bands)
     found = {w: found[w] if w in found else model.interval(best, k, wider[k]) for k, w in enumerate(LETTERS)}
     ramp = model.ramp(best)
     return {**found, "R": replace(ramp, observable=False) if "R" in barred else ramp}, best
@@ -258,12 +260,12 @@ def _covariance(best: Fit) -> Floats:
     return np.asarray(np.linalg.pinv(best.information / norm, hermitian=True) / norm)
 
 
-def _wider(spectrum: Spectrum, best: Fit) -> Floats:
+def _wider(spectrum: Spectrum, best: Fit, bands: Sequence[Band]) -> Floats:
     """How many times wider the intervals of the coefficients (p,) are, in the logarithm, than by chance alone.
 
     Real noise is not exactly that of any terms. Taken for independent from octave to octave, its departures have the
     variance that a random-effects analysis finds in them [DerSimonian1986], and move the coefficients as the gradient
-    of the likelihood says.
+    of the likelihood says. So do the skirts of the bands, which nobody knows: a resonance's are as likely as none.
     """
     group = octaves(spectrum)
     found = [(inside, excess, sd**-2) for inside, excess, sd in departures(spectrum, best, group)]
@@ -271,13 +273,15 @@ def _wider(spectrum: Spectrum, best: Fit) -> Floats:
     freedom = max(weight.size - best.logs.size, 1)
     scatter = float(np.sum(weight * (excess - np.average(excess, weights=weight)) ** 2))
     spread = 2.0 / (9.0 * freedom)
-    if scatter <= freedom * (1.0 - spread + _DEPARTS * math.sqrt(spread)) ** 3:  # [Wilson1931]
-        return np.ones(best.logs.size)
-    variance = (scatter - freedom) / float(np.sum(weight) - np.sum(weight**2) / np.sum(weight))
+    variance = 0.0
+    if scatter > freedom * (1.0 - spread + _DEPARTS * math.sqrt(spread)) ** 3:  # [Wilson1931]
+        variance = (scatter - freedom) / float(np.sum(weight) - np.sum(weight**2) / np.sum(weight))
+    covariance = _covariance(best)
     pushes = np.stack([0.5 * best.relative[:, inside] @ spectrum.terms[inside] for inside, _, _ in found], axis=1)
-    moved = _covariance(best) @ pushes
-    sd = np.maximum(np.diag(_covariance(best)), 1e-300)
-    return np.asarray(np.sqrt(1.0 + variance * np.sum(moved**2, axis=1) / sd))
+    skirts = sum((band.skirt(spectrum.frequency) for band in bands), np.zeros(spectrum.terms.size))
+    beyond = 0.5 * best.relative @ (spectrum.terms * skirts / best.density)
+    moved = variance * np.sum((covariance @ pushes) ** 2, axis=1) + (covariance @ beyond) ** 2
+    return np.asarray(np.sqrt(1.0 + moved / np.maximum(np.diag(covariance), 1e-300)))
 
 
 def octaves(spectrum: Spectrum) -> NDArray[np.int64]:
