@@ -1,4 +1,4 @@
-"""Accelerometer from a recording: its stretches at rest are poses, and their means are fitted."""
+"""Accelerometer from a recording: by the means of its stretches at rest, or by slow tumbling beside a gyroscope."""
 
 from dataclasses import replace
 from typing import Final, NamedTuple
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob import flags
+from plumbob.calib.acc.moving import fit_accel_moving
 from plumbob.calib.acc.poses import fit_accel
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.predicted import TILT_RANGE
@@ -16,9 +17,13 @@ from plumbob.cards import TriadCalibration
 from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.data import ImuData
+from plumbob.errors import ParameterError
 
 LEAST: Final = 1.0
 """Shortest stretch at rest that counts as a pose, s."""
+
+FEWEST_ROWS: Final = 100
+"""Samples of accelerometer and gyroscope that a capture without rests must have."""
 
 _PARTS: Final = 4  # of a pose, whose scatter says how well its mean is known
 
@@ -45,7 +50,12 @@ class Poses(NamedTuple):
 
 
 def calibrate_accel(
-    imu: ImuData, *, shape: str = "auto", gravity: float = G0, tilt_range: float = TILT_RANGE
+    imu: ImuData,
+    *,
+    shape: str = "auto",
+    gravity: float = G0,
+    tilt_range: float = TILT_RANGE,
+    moving: bool = False,
 ) -> Fitted:
     """Fit the accelerometer of a capture by its poses at rest; a gyroscope helps to find them and is not needed.
 
@@ -54,19 +64,43 @@ def calibrate_accel(
     imu : ImuData
         The capture, with specific force as measured.
     shape, gravity, tilt_range
-        As in `plumbob.calib.accel.fit_accel`.
+        As in `plumbob.calib.acc.poses.fit_accel`.
+    moving : bool
+        Whether the unit tumbled slowly without rests: the gyroscope then stands in for them, and must be there.
 
     Raises
     ------
     CaptureRefusedError
         If the capture cannot determine the calibration, with the reasons.
+    ParameterError
+        If a capture without rests has no gyroscope.
     """
+    if moving:
+        return _tumbled(imu, shape, gravity, tilt_range)
     poses = poses_at_rest(imu)
     found = fit_accel(poses.means, shape=shape, noise=poses.noise, gravity=gravity, tilt_range=tilt_range)
     told = [f"{len(poses.spans)} poses were found at rest, of {_shortest(poses):.1f} s at least."]
     for i in np.flatnonzero(~found.used).tolist():
         told.append(f"Pose {i + 1} is that from {poses.spans[i][0]:.2f} to {poses.spans[i][1]:.2f} s.")
     return replace(found, calibration=_warmed(found.calibration, poses.temp_c), remarks=(*told, *found.remarks))
+
+
+def _tumbled(imu: ImuData, shape: str, gravity: float, tilt_range: float) -> Fitted:
+    """Fit of a capture without rests."""
+    rows, gyr = _whole(imu)
+    if gyr is None or rows.size < FEWEST_ROWS:
+        raise ParameterError(
+            "a capture without rests needs a gyroscope beside the accelerometer, but there are "
+            f"{0 if gyr is None else rows.size} samples of both; rest in many poses instead, and leave 'moving' out."
+        )
+    if (clipped := int(np.count_nonzero(imu.flags[rows] & np.uint32(flags.ACC_CLIPPED | flags.GYR_CLIPPED)))) > 0:
+        text = f"in {clipped} of {rows.size} samples a sensor is at the end of its range."
+        raise CaptureRefusedError(Reason("clipping", text, "Turn more slowly, or set a wider range."))
+    found = fit_accel_moving(
+        imu.t[rows], imu.usable("acc")[rows], gyr, shape=shape, gravity=gravity, tilt_range=tilt_range
+    )
+    temp_c = np.zeros(0) if imu.temp_c is None else imu.temp_c[rows]
+    return replace(found, calibration=_warmed(found.calibration, temp_c[np.isfinite(temp_c)]))
 
 
 def poses_at_rest(imu: ImuData) -> Poses:
@@ -125,7 +159,8 @@ def _not_still(imu: ImuData, known: int) -> Reason:
     return Reason(
         "not-still",
         f"nothing in {lasting:.1f} s ({known} of {len(imu)} samples with a specific force) is at rest for {LEAST:g} s.",
-        "Hold each pose for 2 s or more against something solid, and turn the unit quickly in between.",
+        "Hold each pose for 2 s or more against something solid, and turn the unit quickly in between; or, where it "
+        "tumbled slowly beside a gyroscope, ask for that with --moving.",
     )
 
 

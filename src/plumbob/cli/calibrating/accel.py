@@ -1,4 +1,4 @@
-"""plumbob calibrate accel: the accelerometer by poses at rest."""
+"""plumbob calibrate accel: the accelerometer by poses at rest, or by slow tumbling."""
 
 import argparse
 
@@ -8,6 +8,8 @@ from plumbob.cli.calibrating import capture, place
 EPILOG = """\
 Hold the unit still for 2 s or more in each of 18 poses, or in 40 any: every face and every edge of its case once up.
 No pose has to be exact. Six faces give bias and scale only; nine poses and more give the misalignment of the axes too.
+A capture that never rests is calibrated with --moving, where a gyroscope stands beside the accelerometer: turn the unit
+slowly (20 to 30 deg/s) about all its axes for two minutes, close to the wrist. Poses at rest are several times better.
 Gravity is the standard one unless --gravity or --latitude says better; it sets the scale, and moves no horizon.
 """
 
@@ -28,6 +30,7 @@ def add_parser(kinds: common.Adder) -> None:
         default="auto",
         help="what to find: six or axes, bias and scale, by pairs of faces or any poses; ellipsoid, misalignment too",
     )
+    p.add_argument("--moving", action="store_true", help="turned slowly without rests, beside a gyroscope")
     place.add_gravity(p)
     p.set_defaults(find=find)
 
@@ -38,4 +41,5 @@ def find(args: argparse.Namespace) -> int:
 
     gravity = place.gravity_of(args)
     opened = capture.opened(args, "acc")
-    return capture.finish(args, opened, {"acc": calibrate_accel(opened.imu, shape=args.shape, gravity=gravity)})
+    found = calibrate_accel(opened.imu, shape=args.shape, gravity=gravity, moving=args.moving)
+    return capture.finish(args, opened, {"acc": found})
