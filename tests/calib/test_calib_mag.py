@@ -141,6 +141,18 @@ def test_a_magnet_that_moved():
         fit_mag(mag)
 
 
+@pytest.mark.parametrize("low", [6.0, 15.0])
+def test_a_few_bad_first_samples_are_set_aside(low):
+    """4 of 150, as of a sensor that settles: not the field of the capture. As many at its end may be what stays."""
+    rng = np.random.default_rng(19)
+    mag = capture(rng, any_attitudes(rng, 150), soft_iron(rng))
+    mag[:4] -= low
+    made = fit_mag(mag)
+    assert not made.used[:4].any() and any("were set aside as outliers" in told for told in made.remarks)
+    with pytest.raises(CaptureRefusedError, match=r"magnet-moved: after 95 % of the samples"):
+        fit_mag(mag[::-1])
+
+
 def test_no_magnet_moved_in_clean_captures():
     rng = np.random.default_rng(10)
     for count in (30, 100, 1000):

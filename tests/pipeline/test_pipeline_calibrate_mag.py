@@ -294,3 +294,27 @@ def test_where_the_field_is_uneven_the_gyroscope_helps_unasked(broad_folder):
         calibrate_mag(imu, with_="none")
     told = "Fitted with the gyroscope, because otherwise what the fit leaves does not average out"
     assert calibrate_mag(imu).remarks[0].startswith(told)
+
+
+def by_gyroscope(imu, **options):
+    (told,) = [one for one in calibrate_mag(imu, **options).remarks if "of the rates" in one]
+    return told
+
+
+def test_every_fit_is_held_against_the_gyroscope(tumbled):
+    """A unit mounted askew by 2° is told in figures; rates that are 8 % off, more than any data sheet, as a doubt."""
+    imu = tumbled[1]
+    told = {helper: by_gyroscope(imu, with_=helper) for helper in ("none", "gyr")}
+    assert all(one.startswith("Against the gyroscope, the calibrated field turns at 1.00 of") for one in told.values())
+    assert 1.0 < float(told["none"].split("turned by ")[1].split("°")[0]) < 4.0  # its axes are not at right angles
+    assert float(told["gyr"].split("turned by ")[1].split("°")[0]) < 0.3
+    wrong = replace(imu, gyr=1.08 * imu.gyr)
+    assert by_gyroscope(wrong, with_="none").startswith("GYROSCOPE DISAGREES: the calibrated field turns at 0.9")
+
+
+def test_without_rates_nothing_is_held_against_them(tumbled):
+    imu = tumbled[1]
+    part = imu.usable("gyr").copy()
+    part[5:] = np.nan
+    for blind in (replace(imu, gyr=None), replace(imu, gyr=part, flags=None)):
+        assert not any("of the rates" in one for one in calibrate_mag(blind, with_="none").remarks)

@@ -11,14 +11,17 @@ from plumbob.rotations import (
     Frame,
     North,
     assert_same,
+    axes_letters,
     body_axes,
     change_frame,
     dcm_from_quat,
+    every_axes,
     frame_rotation,
     quat_angle,
     quat_conjugate,
     quat_multiply,
     quat_rotate,
+    signed_axes,
 )
 
 EPS = np.finfo(float).eps
@@ -171,6 +174,12 @@ class TestBodyAxes:
         assert np.array_equal(frd_to_flu @ [1, 0, 0], [1, 0, 0])
         assert np.array_equal(frd_to_flu @ [0, 1, 0], [0, -1, 0])  # right becomes −left
         assert np.array_equal(body_axes("y -x z"), dcm_from_quat([HALF, 0, 0, -HALF]).round())
+
+    def test_every_way_has_its_letters(self):
+        ways = every_axes()
+        assert np.array_equal(ways[0], np.eye(3)) and len({axes_letters(way) for way in ways}) == 48
+        assert all(np.array_equal(signed_axes(axes_letters(way)), way) for way in ways)
+        assert sum(np.linalg.det(way) > 0.0 for way in ways) == 24
 
     @pytest.mark.parametrize("spec", ["+x +y +z", "x,y,z", " x, y , z", "x\ty\tz"])
     def test_ways_to_write(self, spec):

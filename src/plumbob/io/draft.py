@@ -8,10 +8,9 @@ contradict.
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import permutations, product
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +25,7 @@ from plumbob.io.profile import AS_MOUNTED
 from plumbob.io.profile_toml import GUIDE
 from plumbob.io.sniff import Sample, sample_of
 from plumbob.io.timestamps import FORM, has_zone, is_stamp, seconds_of
-from plumbob.rotations import in_body_axes, signed_axes
+from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 from plumbob.turning import Turning, turning
 from plumbob.units import UNITS, Quantity, canonical_name, is_name, to_si
 
@@ -316,13 +315,13 @@ class _Writer:
 
         Where the accelerometer's axes are M times those of the case, gravity turns in them as by the rates det(M) M ω.
         """
-        self._set("axes", _letters(c), "so it turns as the accelerometer sees gravity turn", ask=True)
+        self._set("axes", axes_letters(c), "so it turns as the accelerometer sees gravity turn", ask=True)
         if np.linalg.det(c) < 0.0:
             self._set("mirrored", "true", "these axes are left-handed", ask=True)
             return
         self._lines += [
-            f'# Or these are right, and those of [acc] are not: axes = "{_letters(c.T)}" if it sits turned,',
-            f'# axes = "{_letters(-c.T)}" and mirrored = true if it is left-handed. The data sheets tell.',
+            f'# Or these are right, and those of [acc] are not: axes = "{axes_letters(c.T)}" if it sits turned,',
+            f'# axes = "{axes_letters(-c.T)}" and mirrored = true if it is left-handed. The data sheets tell.',
         ]
 
     def _write_unit(self, kind: Quantity, columns: Sequence[int], guess: _Guess) -> bool:
@@ -390,7 +389,7 @@ class _Writer:
         own = _turning_of(t, rates, force)
         if own is None or not own.windows or own.correlation > 0.5 * _BEST:
             return AS_MOUNTED, own
-        fits = {axes: _turning_of(t, in_body_axes(axes, rates), force) for axes in _all_axes()}
+        fits = {axes: _turning_of(t, in_body_axes(axes, rates), force) for axes in map(axes_letters, every_axes())}
         axes, best = max(fits.items(), key=lambda fit: fit[1].correlation if fit[1] else 0.0)
         return (axes, best) if best is not None and best.tells and best.correlation > _BEST else (AS_MOUNTED, own)
 
@@ -483,18 +482,6 @@ def _gravity_unit(size: float) -> _Guess:
     if 128 <= power <= 32768 and abs(size / power - 1.0) < _ABOUT:
         return _Guess("g", f"|acc| is {size:.4g}: counts, of which {power} may be 1 g", str(power))
     return _Guess("", f"|acc| is {size:.4g}, which is gravity in no usual unit: counts?", "")
-
-
-def _all_axes() -> Iterator[str]:
-    for letters in permutations("xyz"):
-        for signs in product(("", "-"), repeat=3):
-            yield " ".join(sign + letter for sign, letter in zip(signs, letters, strict=True))
-
-
-def _letters(c: Floats) -> str:
-    """Signed letters of a matrix, as `plumbob.rotations.signed_axes` reads them."""
-    places = np.abs(c).argmax(axis=1)
-    return " ".join("-" * bool(row[i] < 0.0) + "xyz"[i] for row, i in zip(c, places, strict=True))
 
 
 def _one_line(text: str) -> str:

@@ -24,6 +24,7 @@ from plumbob.check import Floats
 from plumbob.constants import G0
 from plumbob.data import ImuData
 from plumbob.errors import CalibrationError, ParameterError
+from plumbob.pipeline.mag_axes import wrong_axes
 from plumbob.pipeline.mag_checks import require_field_turns, told_by_others
 from plumbob.units import dps, to_deg, to_dps
 
@@ -102,20 +103,18 @@ def calibrate_mag(
     refuse(_unfit(mag))
     slow = _slow(imu)
     steady = use & slow & _steady(imu.usable("acc"))
-    helper, why = _helper(imu, with_, shape, use, slow, steady)
     work = _Work(imu, use, steady, shape, strength, dip, tilt_range, acc_calibrated, gyr_calibrated)
     try:
-        fit = work.fit(helper)
+        helper, why = _helper(imu, with_, shape, use, slow, steady)
+        fit, why = _best(work, helper, why, auto=with_ == shape == "auto" and imu.gyr is not None)
     except CaptureRefusedError as refused:
-        if with_ != "auto" or shape != "auto" or imu.gyr is None or refused.reasons[0].kind in _FINAL:
+        if refused.reasons[0].kind in _FINAL:
             raise
-        fit, why = _rescued(work, helper, refused)
-    if with_ == shape == "auto" and imu.gyr is not None and _left(fit) > HEADING.fair:
-        fit, why = _bettered(work, fit, why)
+        raise work.with_axes(refused, with_) from None
     return replace(fit, remarks=(why, *fit.remarks))
 
 
-_FINAL: Final = {"mirrored", "wrong-field"}  # refusals that no other fit can help
+_FINAL: Final = {"mirrored", "turned-axes", "wrong-field"}  # refusals that no other fit can help
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +136,16 @@ class _Work:
         fit = {"gyr": self._with_gyr, "acc": self._with_acc, "none": self._alone}[helper]()
         told = told_by_others(self.imu, fit, self.steady, helper=helper, dip=self.dip)
         return replace(fit, remarks=(*told, *fit.remarks))
+
+    def with_axes(self, refused: CaptureRefusedError, with_: str) -> CaptureRefusedError:
+        """Refusal that names wrong axes too, first where they mirror: these may be why a fit was refused."""
+        mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
+        wrong = wrong_axes(self.imu, mag, dip=self.dip)
+        if with_ == "gyr" and not wrong:
+            require_field_turns(self.imu, mag)
+        mirrored = [reason for reason in wrong if reason.kind == "mirrored"]
+        turned = [reason for reason in wrong if reason.kind != "mirrored"]
+        return CaptureRefusedError(*mirrored, *refused.reasons, *turned)
 
     def _alone(self) -> Fitted:
         force = self.imu.usable("acc")[self.use]
@@ -163,19 +172,26 @@ class _Work:
         turning = np.isfinite(gyr).all(axis=1)
         mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
         force = self.imu.usable("acc")[turning]
-        try:
-            return fit_mag_gyr(
-                self.imu.t[turning],
-                mag[turning],
-                gyr[turning],
-                acc=force if np.isfinite(force).all(axis=1).any() else None,
-                strength=self.strength,
-                gyr_gain_sd=GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD,
-                tilt_range=self.tilt_range,
-            )
-        except CaptureRefusedError:
-            require_field_turns(self.imu, mag)
+        return fit_mag_gyr(
+            self.imu.t[turning],
+            mag[turning],
+            gyr[turning],
+            acc=force if np.isfinite(force).all(axis=1).any() else None,
+            strength=self.strength,
+            gyr_gain_sd=GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD,
+            tilt_range=self.tilt_range,
+        )
+
+
+def _best(work: _Work, helper: str, why: str, *, auto: bool) -> tuple[Fitted, str]:
+    """Fit with a helper, or with another one where nothing is asked for and that leaves less."""
+    try:
+        fit = work.fit(helper)
+    except CaptureRefusedError as refused:
+        if not auto or refused.reasons[0].kind in _FINAL:
             raise
+        fit, why = _rescued(work, helper, refused)
+    return _bettered(work, fit, why) if auto and _left(fit) > HEADING.fair else (fit, why)
 
 
 def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fitted, str]:

@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag import turning
+from plumbob.calib.mag.axes import SPAN, wander
 from plumbob.calib.mag.outcome import dip_of
 from plumbob.calib.mag.with_acc import FEWEST, turn_of
 from plumbob.calib.refusal import Reason, refuse
 from plumbob.check import Floats
 from plumbob.data import ImuData
+from plumbob.pipeline.mag_axes import judged_axes
 from plumbob.units import deg, to_deg
 
 TURNED: Final = deg(45.0)
@@ -26,9 +28,20 @@ WRONG_DIP: Final = deg(15.0)
 DOUBTFUL_DIP: Final = deg(3.0)
 """The same, to be told, rad: buildings bend the field by as much."""
 
+DOUBTFUL_SLOPE: Final = 0.05
+"""Departure from 1 of how much the field changes against the rates, to be told: gyroscopes have a scale of ±3 %."""
+
+DOUBTFUL_ANGLE: Final = deg(5.0)
+"""Angle that the field leaves its direction by over some seconds, to be told, rad: rooms make 0.5 to 1.5°."""
+
 _AXES: Final = (
     "Correct the magnetometer's axes by its data sheet: of a text file in its profile, as [mag] axes = 'x y -z' with "
     "mirrored = true"
+)
+
+_NEGATED: Final = (
+    "All axes of the magnetometer have the wrong sign, [mag] axes = '-x -y -z' with mirrored = true in a text file's "
+    "profile, or the accelerometer measures gravity instead of specific force, [acc] sign = 'gravity'"
 )
 
 
@@ -55,15 +68,23 @@ def told_by_others(
     CaptureRefusedError
         If they contradict it.
     """
-    field = (imu.usable("mag") - fit.calibration.bias) @ fit.calibration.matrix.T
-    if imu.gyr is not None:
+    matrix = fit.calibration.matrix
+    field = (imu.usable("mag") - fit.calibration.bias) @ matrix.T
+    u, _, vt = np.linalg.svd(matrix)
+    axes = judged_axes(imu, field @ (u @ vt), helper=helper, dip=dip)
+    told = axes.told
+    if imu.gyr is not None and "gyr" not in axes.wrong:
         refuse(_against_gyroscope(imu, field, helper))
+        told = (*told, *_by_gyroscope(imu, field))
+    if "acc" in axes.wrong:
+        return told
     force = imu.usable("acc")
     found = _dip(field[steady], force[steady])
     found = _dip(field, force) if found is None else found
-    turned = 0.0 if helper == "none" else turn_of(fit.calibration.matrix)
-    told = _of_turn(found, turned, dip, "accelerometer" if helper == "acc" else "gyroscope")
-    return told if found is None else (*_of_place(found, dip), *told)
+    turned = 0.0 if helper == "none" or "mag" in axes.wrong else turn_of(matrix)
+    by = "accelerometer" if helper == "acc" else "gyroscope"
+    told = (*told, *_of_turn(found, turned, dip, by, kept=axes.dip_kept))
+    return told if found is None else (*_of_place(found, dip, kept=axes.dip_kept), *told)
 
 
 def require_field_turns(imu: ImuData, mag: Floats) -> None:
@@ -89,6 +110,24 @@ def _against_gyroscope(imu: ImuData, field: Floats, helper: str) -> list[Reason]
     return [Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture anew.")]
 
 
+def _by_gyroscope(imu: ImuData, field: Floats) -> tuple[str, ...]:
+    """How a calibrated field follows the rates, in figures."""
+    gyr = imu.usable("gyr")
+    found, angle = turning.agreement(imu.t, field, gyr), wander(imu.t, field, gyr)
+    if found is None or angle is None:
+        return ()
+    rotation = turning.turn(imu.t, field, gyr)
+    turned = "" if rotation is None else f", turned by {to_deg(turn_of(rotation)):.1f}° against them,"
+    told = (
+        f"the calibrated field turns at {found.slope:.2f} of the rates{turned} and keeps its direction in space within "
+        f"{to_deg(angle):.1f}° (rms) over {SPAN:.0f} s."
+    )
+    if abs(found.slope - 1.0) <= DOUBTFUL_SLOPE and angle <= DOUBTFUL_ANGLE:
+        return (f"Against the gyroscope, {told}",)
+    doubt = "Its scale, bias or unit is wrong, or the card: calibrate it, and keep iron away."
+    return (f"GYROSCOPE DISAGREES: {told} {doubt}",)
+
+
 def _dip(field: Floats, force: Floats) -> float | None:
     """Angle of the field below the horizon, rad, by the specific force at the same instants."""
     known = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
@@ -97,17 +136,19 @@ def _dip(field: Floats, force: Floats) -> float | None:
     return dip_of(field[known], force[known])
 
 
-def _of_place(found: float, dip: float | None) -> tuple[str, ...]:
+def _of_place(found: float, dip: float | None, *, kept: bool) -> tuple[str, ...]:
     if dip is None or abs(found - dip) <= DOUBTFUL_DIP:
         return ()
     what = f"the field dips by {to_deg(found):.1f}° in the capture, but by {to_deg(dip):.1f}° at the place."
     if abs(found - dip) > WRONG_DIP:
-        advice = f"{_AXES}; check --place, and that no iron was near."
+        negated = kept and abs(found + dip) < abs(found - dip)
+        axes = _NEGATED if negated else _AXES
+        advice = f"{axes}; check --place, and that no iron was near."
         refuse([Reason("wrong-field", what, advice)])
     return (f"DIP OFF: {what} Iron nearby bends the field, and so does a building.",)
 
 
-def _of_turn(found: float | None, turned: float, dip: float | None, by: str) -> tuple[str, ...]:
+def _of_turn(found: float | None, turned: float, dip: float | None, by: str, *, kept: bool) -> tuple[str, ...]:
     """What a large turn or a dip of the south says, where no place tells the dip."""
     upward = found is not None and found < 0.0 and dip is None
     dips = "" if found is None else f"a dip of {to_deg(found):.0f}°"
@@ -123,8 +164,9 @@ def _of_turn(found: float | None, turned: float, dip: float | None, by: str) -> 
             "If the device does not mount it so, correct 'axes' of [mag] in the profile.",
         )
     if upward:
+        signs = "all axes of the magnetometer have the wrong sign" if kept else "signs of the magnetometer are wrong"
         return (
-            f"FIELD POINTS UP: {dips} is one south of the magnetic equator; north of it, all "
-            "axes of the magnetometer have the wrong sign. --place tells which.",
+            f"FIELD POINTS UP: {dips} is one south of the magnetic equator; north of it, {signs}, or the accelerometer "
+            "measures gravity instead of specific force (sign of [acc] in a profile). --place tells which.",
         )
     return ()

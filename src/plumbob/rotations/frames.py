@@ -5,6 +5,7 @@ Navigation frames are local and level. Body axes are the 24 right-handed ways to
 
 from dataclasses import replace
 from enum import StrEnum
+from itertools import permutations, product
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
@@ -157,6 +158,18 @@ def signed_axes(spec: str) -> Floats:
     for row, (word, letter) in enumerate(zip(words, letters, strict=True)):
         c[row, "xyz".index(letter)] = -1.0 if word.startswith("-") else 1.0
     return c
+
+
+def axes_letters(c: Floats) -> str:
+    """Three signed letters of a matrix (3, 3), as `signed_axes` reads them."""
+    places = np.abs(c).argmax(axis=1)
+    return " ".join("-" * bool(row[i] < 0.0) + "xyz"[i] for row, i in zip(c, places, strict=True))
+
+
+def every_axes() -> tuple[Floats, ...]:
+    """The 48 matrices (3, 3) that `signed_axes` gives, the identity first; 24 of them are left-handed."""
+    ways = product(permutations(range(3)), product((1.0, -1.0), repeat=3))
+    return tuple(np.diag(signs)[list(order)] for order, signs in ways)
 
 
 class _Framed(Protocol):

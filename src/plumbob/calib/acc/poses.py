@@ -40,6 +40,9 @@ WRONG: Final = 0.1
 LIGHTEST, HEAVIEST = G0 - 0.05, G0 + 0.035
 """Gravity on Earth, m/s²: of high mountains at the equator, and of the poles."""
 
+FAR_SCALE: Final = 0.05
+"""Relative error of gravity's size from which on a remark says so: data sheets of MEMS parts have ±1 to 3 %."""
+
 CROSS_AXIS: Final = 0.01
 """Sensitivity across the axes to expect where it was not fitted: data sheets of MEMS parts have ±1 to 2 %."""
 
@@ -256,7 +259,7 @@ def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Qua
 
 
 def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str, ...]:
-    told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
+    told = [f"Shape: {_WORDS[fit.shape]} ({why}).", *_far_scale(radius_of(fit.ellipsoid.shape) / gravity)]
     if gravity == G0:
         told.append("Gravity is the standard one; at the place it may differ by 0.3 %, in scale but not in direction.")
     if fit.shape is not Shape.ELLIPSOID:
@@ -277,6 +280,16 @@ def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str,
         "mount' finds that turn."
     )
     return tuple(told)
+
+
+def _far_scale(ratio: float) -> tuple[str, ...]:
+    if abs(ratio - 1.0) <= FAR_SCALE:
+        return ()
+    return (
+        f"SCALE OFF BY {100.0 * (ratio - 1.0):+.1f} %: at rest the sensor measures {ratio:.3f} times gravity, and data "
+        "sheets allow 3 %. A factor like that is usually a wrong unit, range or count per g; check them in the profile "
+        "or format before the card takes it out.",
+    )
 
 
 def _numbers(fit: NormFit) -> str:

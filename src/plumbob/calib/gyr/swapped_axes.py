@@ -1,13 +1,13 @@
 """Axes that are swapped or of the wrong sign: which of the 48 ways to set up a triad a capture speaks for."""
 
 from collections.abc import Callable
-from itertools import permutations, product
 from typing import Final
 
 import numpy as np
 
 from plumbob.calib.refusal import Reason
 from plumbob.check import Floats
+from plumbob.rotations import axes_letters, every_axes
 
 CLEARLY: Final = 0.5
 """Misses over those of the declared axes below which other axes are the right ones."""
@@ -21,7 +21,7 @@ def swapped(miss: Callable[[Floats], float]) -> list[Reason]:
     miss : callable
         Typical miss of a matrix (3, 3) from rates to those about the accelerometer's axes.
     """
-    ways = [np.diag(signs)[list(order)] for order in permutations(range(3)) for signs in product((1.0, -1.0), repeat=3)]
+    ways = every_axes()
     misses = np.array([miss(way) for way in ways])
     best = int(np.argmin(misses))
     if not misses[best] < CLEARLY * misses[0]:  # the first is the identity
@@ -34,5 +34,4 @@ def swapped(miss: Callable[[Floats], float]) -> list[Reason]:
 
 
 def _named(way: Floats) -> str:
-    axes = np.abs(way).argmax(axis=1).tolist()
-    return ", ".join(f"{'−' if row[axis] < 0.0 else ''}{'xyz'[axis]}" for row, axis in zip(way, axes, strict=True))
+    return ", ".join(axes_letters(way).replace("-", "−").split())

@@ -5,6 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calib.ellipsoid.norm_fit import NormFit, linearised
+from plumbob.calib.mag.outcome import MOST_OUTLIERS
 from plumbob.calib.refusal import Reason
 from plumbob.check import Floats
 
@@ -22,32 +23,28 @@ def moved(vectors: Floats, fit: NormFit) -> Reason | None:
     """Reason to refuse vectors (N, 3), in their order, whose centre jumps somewhere; None where it does not.
 
     At each of some places, the fit is allowed another centre from there on. That explains half of what one centre
-    leaves, beyond chance and by more than 1 % of the field, only where there was a jump.
+    leaves, beyond chance and by more than 1 % of the field, only where there was a jump. The samples of the other field
+    are outliers as a rule, and count all the same; but where there are few of them at the start, what they measured has
+    passed, and with them set aside the rest is judged.
     """
     if len(vectors) < FEWEST:
         return None
-    rows, left = linearised(vectors[:: max(1, len(vectors) // _SOME)], fit.ellipsoid)  # outliers too: the other field
-    best = _Jump(0.0, 0.0, np.zeros(3))
-    for place in _PLACES:
-        jump = np.where(np.arange(len(left))[:, np.newaxis] >= place * len(left), rows[:, :3], 0.0)
-        best = max(best, _jump(place, rows, jump, left), key=lambda found: found.explained)
+    some = slice(None, None, max(1, len(vectors) // _SOME))
+    rows, left = linearised(vectors[some], fit.ellipsoid)
     radius = 3.0 / float(np.trace(fit.ellipsoid.shape))
-    size = float(np.linalg.norm(best.size))
-    if best.explained < _EXPLAINED or size < _SIZE * radius or _chance(best, *rows.shape) > _CHANCE:
+    jump = _largest(rows, left, radius)
+    if jump is not None and jump.place <= MOST_OUTLIERS:
+        rows, left = rows[fit.used[some]], left[fit.used[some]]
+        jump = _largest(rows, left, radius)
+    if jump is None:
         return None
+    size = float(np.linalg.norm(jump.size))
     return Reason(
         "magnet-moved",
-        f"after {100.0 * best.place:.0f} % of the samples the centre of the field jumped by {size:.2g} µT, "
-        f"{100.0 * size / radius:.0f} % of the field; that explains {100.0 * best.explained:.0f} % of the misfit.",
+        f"after {100.0 * jump.place:.0f} % of the samples the centre of the field jumped by {size:.2g} µT, "
+        f"{100.0 * size / radius:.0f} % of the field; that explains {100.0 * jump.explained:.0f} % of the misfit.",
         "Keep phones, tools, cables with current and steel away from the unit, fix what moves on it, and capture anew.",
     )
-
-
-def _chance(jump: "_Jump", count: int, parameters: int) -> float:
-    from scipy.stats import f
-
-    free = count - parameters - 3
-    return float(f.sf(jump.explained / 3.0 / ((1.0 - jump.explained) / free), 3, free))
 
 
 class _Jump(NamedTuple):
@@ -56,6 +53,24 @@ class _Jump(NamedTuple):
     explained: float
     place: float
     size: Floats
+
+
+def _largest(rows: Floats, left: Floats, radius: float) -> _Jump | None:
+    """Jump that explains the most of what is left (N,), None where it is chance, or too small."""
+    best = _Jump(0.0, 0.0, np.zeros(3))
+    for place in _PLACES:
+        jump = np.where(np.arange(len(left))[:, np.newaxis] >= place * len(left), rows[:, :3], 0.0)
+        best = max(best, _jump(place, rows, jump, left), key=lambda found: found.explained)
+    if best.explained < _EXPLAINED or np.linalg.norm(best.size) < _SIZE * radius:
+        return None
+    return best if _chance(best, *rows.shape) <= _CHANCE else None
+
+
+def _chance(jump: _Jump, count: int, parameters: int) -> float:
+    from scipy.stats import f
+
+    free = count - parameters - 3
+    return float(f.sf(jump.explained / 3.0 / ((1.0 - jump.explained) / free), 3, free))
 
 
 def _jump(place: float, rows: Floats, jump: Floats, left: Floats) -> _Jump:

@@ -74,6 +74,8 @@ def _windows(t: Floats, mag: Floats, gyr: Floats) -> tuple[Floats, Floats]:
     Columns: gain of the rates, row by row; their bias; hard iron; the product of both biases.
     """
     known = np.isfinite(mag).all(axis=1) & np.isfinite(gyr).all(axis=1)
+    if not known.any():
+        return np.zeros((0, 3, 18)), np.zeros((0, 3))
     t, mag, gyr = t[known], mag[known], gyr[known]
     size = max(1, round(_WINDOW / float(np.median(np.diff(t))))) if len(t) > 1 else 1
     step = size * max(1, _CHUNK // size)
