@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from plumbob import clock
 from plumbob.calib.predicted import TILT_RANGE, attitudes
-from plumbob.cards import TriadCalibration
+from plumbob.cards import UNITS, TriadCalibration
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ShapeError
@@ -48,6 +48,11 @@ class Room:
     field: Floats
     unevenness: float
     delay: float
+
+    @property
+    def calibration(self) -> TriadCalibration:
+        """As a calibration."""
+        return TriadCalibration(matrix=self.matrix, bias=self.bias, unit_in=UNITS["mag"], unit_out=UNITS["mag"])
 
     def heading_off(self, calibration: TriadCalibration | None, tilt_range: float = TILT_RANGE) -> float:
         """Root mean square heading error, rad, of a calibration, None for none, over inclinations up to a limit."""

@@ -15,8 +15,8 @@ from plumbob.benchmark.room import Room, room_of
 from plumbob.calib.grades import HEADING
 from plumbob.calib.refusal import CaptureRefusedError
 from plumbob.cards import TriadCalibration
-from plumbob.data import ImuData
-from plumbob.errors import DecodeError, ParameterError, PlumbobError
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.errors import DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.pipeline.calibrate_mag import calibrate_mag
 from plumbob.units import to_deg
 
@@ -209,7 +209,10 @@ def measure_rooms(
     for path in files:
         try:
             imu, reference = read_trial(path)
-            trials |= _trials(path.stem, imu, room_of(imu, reference), window)
+            room = room_of(imu, reference)
+            if window is not None:
+                _require_one_truth(imu, reference, room)
+            trials |= _trials(path.stem, imu, room, window)
         except PlumbobError as error:
             skipped[path.name] = str(error)
         if progress:
@@ -217,6 +220,20 @@ def measure_rooms(
     if not trials:
         raise DecodeError("no file holds both a magnetometer and a reference. " + "; ".join(skipped.values()))
     return Rooms(trials, skipped, window)
+
+
+def _require_one_truth(imu: ImuData, reference: AttitudeTrack, room: Room) -> None:
+    """Refuse a recording whose halves the reference calibrates differently: a magnet moved, and nothing is true."""
+    middle = len(imu) // 2
+    try:
+        one, two = (room_of(half, reference).calibration for half in (imu[:middle], imu[middle:]))
+    except ShapeError:  # a half that was not turned enough says nothing
+        return
+    apart = room.apart(one, two)
+    if apart > HEADING.fair:
+        raise ShapeError(
+            f"a magnet moved: the reference calibrates the halves {to_deg(apart):.1f}° apart, and windows have no truth"
+        )
 
 
 def trial_of(room: Room, imu: ImuData) -> Trial:

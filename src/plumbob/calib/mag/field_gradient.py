@@ -30,13 +30,16 @@ USUAL: Final = 0.5
 PATCH: Final = 2.0
 """Turning of the measured field that makes one independent value of what wanders, rad."""
 
-HIDDEN: Final = 30.0
+HIDDEN: Final = 40.0
 """Power that a capture may hide, over what chance makes of the power that it shows."""
 
-_TAKEN_UP: Final = 9.0  # patches whose errors the parameters take up
+TAKEN_UP: Final = 9.0
+"""Patches whose errors the nine parameters of an ellipsoid take up, of one length each."""
+
 _LIKE_SEEN: Final = 2.0  # power of the unevenness over that shared by neighbours, which lie apart
 _LEAST_SHARE: Final = 0.2  # of the errors, that residuals are scaled up from
-_SHARPNESS: Final = 4  # of the step from what shows to what hides
+_LIKELY: Final = 2.0  # standard deviations by chance
+_SHARPNESS: Final = 8  # of the step from what shows to what hides
 _HARD_IRON: Final = 2.0 / 3.0  # variance of the unseen hard iron per axis, over s²
 
 
@@ -107,7 +110,14 @@ class Unevenness(NamedTuple):
         return found
 
 
-def unevenness(residuals: Floats, directions: Floats, used: NDArray[np.bool_]) -> Unevenness:
+def unevenness(
+    residuals: Floats,
+    directions: Floats,
+    used: NDArray[np.bool_],
+    *,
+    patches: float | None = None,
+    taken_up: float = TAKEN_UP,
+) -> Unevenness:
     """How uneven the field was in a capture, or may have been without showing it.
 
     Parameters
@@ -118,13 +128,17 @@ def unevenness(residuals: Floats, directions: Floats, used: NDArray[np.bool_]) -
         Fitted vectors, of any length.
     used : ndarray (N,) of bool
         Samples that were fitted. Fewer than 100 are readings of single poses, whose errors all count as noise.
+    patches : float, optional
+        How many patches the unit turned through, where more than the directions tells it.
+    taken_up : float
+        Patches whose errors the parameters take up.
     """
     columns = residuals.reshape(len(residuals), -1)[used].T
     if columns.shape[1] < LONG:
         return Unevenness()
     starts = visits(directions[used])
-    patches = _patches(directions[used][starts])
-    share = 1.0 - _TAKEN_UP / patches if patches > _TAKEN_UP else 0.0
+    patches = _patches(directions[used][starts]) if patches is None else max(1.0, patches)
+    share = 1.0 - taken_up / patches if patches > taken_up else 0.0
     if len(starts) < FEWEST_VISITS or share == 0.0:
         return Unevenness(USUAL, 0.0, patches)
     shown, hidden = np.max([_shown(column, starts) for column in columns], axis=0)
@@ -137,7 +151,8 @@ def unevenness(residuals: Floats, directions: Floats, used: NDArray[np.bool_]) -
 def _shown(residuals: Floats, starts: NDArray[np.intp]) -> tuple[float, float]:
     """Variance that residuals (N,) share from visit to visit, and what chance makes of it."""
     shared = neighbours_share(residuals, starts)
-    return max(shared.variance, staying(residuals, starts)), shared.chance
+    likely = shared.variance if shared.variance > _LIKELY * shared.chance else 0.0
+    return max(likely, staying(residuals, starts)), shared.chance
 
 
 def _patches(directions: Floats) -> float:

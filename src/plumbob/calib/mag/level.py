@@ -9,7 +9,7 @@ from plumbob.calib.ellipsoid.alike import alike
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.asked import finite_rows, forces, require_dip, require_strength
 from plumbob.calib.mag.ellipse_fit import PARAMETERS, EllipseFit, fit_ellipse
-from plumbob.calib.mag.field_gradient import unevenness
+from plumbob.calib.mag.field_gradient import Unevenness
 from plumbob.calib.mag.outcome import (
     DIP,
     STEEL,
@@ -88,21 +88,12 @@ def fit_mag_level(
     wanted = None if strength is None or dip is None else strength * math.cos(dip)
     directions = (mag[:, level] - fit.centre) @ fit.shape
     shared = alike(fit.residuals, directions, fit.used)
-    field = unevenness(fit.residuals, directions, fit.used)
     matrix, independent = _whole(fit, level, wanted)
-    covariance = field.counted(
-        independent,
-        memory=shared.memory,
-        residuals=fit.residuals[fit.used],
-        matrix=matrix,
-        radius=radius,
-        turning=(axis,),
-    )
-    covariance[axis] = covariance[:, axis] = 0.0  # its bias was not fitted
+    covariance = shared.factor * independent
     sd, even = (
         _level_sd(matrix, c, [*level, axis], size=wanted or radius) for c in (covariance, independent * shared.memory)
     )
-    doubt = Doubt(sd, even, field, shared.memory, shared.unevenness > shared.memory)
+    doubt = Doubt(sd, even, Unevenness(), shared.memory, shared.unevenness > shared.memory)
     refuse(_reasons(fit, mag[:, level], radius, doubt))
     bias = np.zeros(3)
     bias[level] = fit.centre

@@ -128,7 +128,7 @@ def uncertain(doubt: Doubt, advice: str) -> Reason | None:
     if doubt.sd <= HEADING.poor:
         return None
     what = f"the capture leaves {heading_told(doubt.sd)}."
-    return uneven(doubt) or Reason("ill-conditioned", what, advice)
+    return (uneven(doubt) if doubt.shown else None) or Reason("ill-conditioned", what, advice)
 
 
 def where_known(sd: float, *reasons: Reason | None) -> tuple[Reason | None, ...]:

@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.alike import Alike, memory
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calib.ellipsoid.visits import visits
 from plumbob.calib.mag.chained import by_error, chained
-from plumbob.calib.mag.field_gradient import Unevenness, unevenness
+from plumbob.calib.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calib.mag.field_start import across, start_of
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
@@ -33,6 +32,8 @@ WALK: Final = float(dps(0.005))
 TURN_SD: Final = float(deg(0.1))
 """Standard deviation of a turn of a gyroscope's axes together, about each, rad, where nothing is known of them."""
 
+_ONE_VISIT: Final = np.zeros(1, dtype=np.intp)  # what lasts longer than from sample to sample is unevenness
+_TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
 _NODE: Final = 0.05  # s between attitudes at most; rotations in between are taken as one
 _STEP: Final = 1.0  # s from knot to knot of the random walk
 _MOST_KNOTS: Final = 120
@@ -137,6 +138,7 @@ class _Fit:
         self.seen, self.dt = np.searchsorted(nodes, seen), np.diff(t[nodes])[:, np.newaxis]
         q = chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
         self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
+        self.turned = float(np.sum(np.linalg.norm(self.angles, axis=1)))
         self.gyr_tight = _tightness(max(gyr_gain_sd, _EXACT))
         self.used = np.ones(len(mag), dtype=np.bool_)
         self.gyr_errors, self.walk = np.zeros(13), WALK  # bias, what the gain matrix is more than one, delay
@@ -245,10 +247,10 @@ class _Fit:
     def _memory(self) -> tuple[Alike, Unevenness]:
         """How many residuals count as one, and how uneven the field is: as it turns in body axes, all averages out."""
         seen, left = self._seen_field()[self.used], self.left[self.used]
-        starts, every = visits(seen), np.ones(len(seen), dtype=np.bool_)
-        field = unevenness(left * self.size, seen, every)
+        every = np.ones(len(seen), dtype=np.bool_)
+        field = unevenness(left * self.size, seen, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP)
         spread = field.spread(np.linalg.norm(left, axis=1) * self.size / math.sqrt(3.0))
-        return Alike(max(memory(column, starts) for column in left.T), spread), field
+        return Alike(max(memory(column, _ONE_VISIT) for column in left.T), spread), field
 
     def _intensity(self) -> float:
         """Intensity of the random walk by expectation and maximisation, rad/√s."""

@@ -50,5 +50,6 @@ def find(args: argparse.Namespace) -> int:
         tilt_range=tilt_range,
         acc_calibrated=opened.acc_calibrated,
         gyr_calibrated=opened.gyr_calibrated,
+        force=args.force,
     )
     return capture.finish(args, opened, place.kept({"mag": fit}, told))
