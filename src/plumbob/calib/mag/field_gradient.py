@@ -68,7 +68,7 @@ class Unevenness(NamedTuple):
         residuals: Floats,
         matrix: Floats,
         radius: float,
-        turning: tuple[int, ...] = (0, 1, 2),
+        turned: bool = True,
     ) -> Floats:
         """Covariance (12, 12) of bias and matrix with what the field leaves, from that of independent samples.
 
@@ -80,18 +80,18 @@ class Unevenness(NamedTuple):
             How many neighbouring samples count as one.
         residuals : ndarray (N,)
             Of the samples that were fitted, µT.
-        matrix, radius, turning
+        matrix, radius, turned
             As in `unseen`.
         """
-        return covariance * (memory + self.spread(residuals)) + self.unseen(matrix, radius, turning=turning)
+        return covariance * (memory + self.spread(residuals)) + self.unseen(matrix, radius, turned=turned)
 
     def spread(self, residuals: Floats) -> float:
         """How many of the residuals (N,), µT, count as one, for what wanders."""
         power = float(residuals @ residuals)
         return self.sd**2 * len(residuals) ** 2 / power / self.patches if power > 0.0 else 0.0
 
-    def unseen(self, matrix: Floats, radius: float, *, turning: tuple[int, ...] = (0, 1, 2)) -> Floats:
-        """Covariance (12, 12) of bias and matrix by what no length shows: a hard iron, and a turn about some axes.
+    def unseen(self, matrix: Floats, radius: float, *, turned: bool = True) -> Floats:
+        """Covariance (12, 12) of bias and matrix by what no length shows: a hard iron, and a turn.
 
         Parameters
         ----------
@@ -99,14 +99,14 @@ class Unevenness(NamedTuple):
             Of the calibration.
         radius : float
             Strength of the field in the sensor's own scale, µT.
-        turning : tuple of int
-            Axes about which the turn matters.
+        turned : bool
+            Whether a turn is unseen too, as it is without a vertical.
         """
         found = np.zeros((12, 12))
         found[:3, :3] = _HARD_IRON * self.sd**2 * np.eye(3)
-        for axis in turning:
-            turned = np.cross(np.eye(3)[axis], matrix.T).T.ravel()
-            found[3:, 3:] += (self.sd / radius) ** 2 * np.outer(turned, turned)
+        for axis in np.eye(3) if turned else ():
+            change = np.cross(axis, matrix.T).T.ravel()
+            found[3:, 3:] += (self.sd / radius) ** 2 * np.outer(change, change)
         return found
 
 

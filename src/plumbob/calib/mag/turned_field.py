@@ -29,8 +29,8 @@ PARAMETERS: Final = 27
 WALK: Final = float(dps(0.005))
 """Intensity of the attitude's random walk to start from, rad/√s: the noise of a good MEMS gyroscope."""
 
-TURN_SD: Final = float(deg(0.1))
-"""Standard deviation of a turn of a gyroscope's axes together, about each, rad, where nothing is known of them."""
+TURN_SD: Final = float(deg(0.3))
+"""Standard deviation of a turn of a gyroscope's axes together, about each, rad, without a card: 0.5 % across the axes."""
 
 _ONE_VISIT: Final = np.zeros(1, dtype=np.intp)  # what lasts longer than from sample to sample is unevenness
 _TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
@@ -317,7 +317,7 @@ class _Fit:
 def _tightness(gain_sd: float) -> Floats:
     """Inverse covariance (13, 13) of what a gyroscope's bias, gain matrix and the delay can be.
 
-    A turn of all its axes together is that of the unit in its case, which no figure holds; its dies share a package.
+    A turn of all its axes together is less than what a data sheet grants each, for they share a die or a package.
     """
     found = np.diag(1.0 / np.repeat((_BIAS_SD, np.inf, _DELAY_SD), (3, 9, 1)) ** 2)
     other = np.eye(9)[np.arange(9).reshape(3, 3).T.ravel()]  # the entry on the other side of the diagonal

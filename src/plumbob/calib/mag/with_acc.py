@@ -90,7 +90,9 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     field = unevenness(fit.residuals[:, 0], directions, fit.used)
     matrix, independent = to_size(fit.matrix, fit.covariance, strength)
     left = fit.residuals[fit.used, 0]
-    covariance = field.counted(independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius)
+    covariance = field.counted(
+        independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius, turned=False
+    )
     size = strength or radius
     sd, even = (
         heading_sd(matrix, c, size=size, dip=fit.dip, tilt_range=tilt_range)
