@@ -29,8 +29,8 @@ PARAMETERS: Final = 27
 WALK: Final = float(dps(0.005))
 """Intensity of the attitude's random walk to start from, rad/√s: the noise of a good MEMS gyroscope."""
 
-TURN_SD: Final = float(deg(0.3))
-"""Standard deviation of a turn of a gyroscope's axes together about each, rad, without a card: 0.5 % across."""
+TURN_SD: Final = float(deg(0.25))
+"""Standard deviation of a turn of a gyroscope's axes together about each, rad, without a card: 0.4 % across."""
 
 _ONE_VISIT: Final = np.zeros(1, dtype=np.intp)  # what lasts longer than from sample to sample is unevenness
 _TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
