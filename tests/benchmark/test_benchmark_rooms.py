@@ -1,15 +1,16 @@
 """Calibrations in rooms: a planted magnetometer is found by the reference, and errors are those of the truth."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from plumbob.benchmark.room import room_of
-from plumbob.benchmark.rooms import Outcome, Rooms, Trial, measure_rooms
+from plumbob.benchmark.rooms import Outcome, Rooms, Trial, measure_rooms, windows
 from plumbob.cards import TriadCalibration
 from plumbob.data import AttitudeTrack, ImuData, North
-from plumbob.errors import DecodeError, ShapeError
+from plumbob.errors import DecodeError, ParameterError, ShapeError
 from plumbob.rotations import Frame, quat_conjugate, quat_from_rotvec, quat_rotate
 from tests.calib.mag_scene import FIELD_N, TURNED, field, tumbling, unit_of
 
@@ -95,3 +96,46 @@ def test_the_table_has_the_ratio_over_all_rooms():
     }
     last = Rooms(trials, {}).text().splitlines()[-1].split()
     assert last[-2:] == ["–", "1.12"]
+
+
+def test_windows_follow_each_other_and_the_rest_is_left_out():
+    """25 s at 10 Hz hold two windows of 10 s."""
+    t = 5.0 + np.arange(251) / 10.0
+    parts = list(windows(ImuData(t=t, mag=np.full((251, 3), 30.0)), 10.0))
+    assert [start for start, _ in parts] == [0.0, 10.0]
+    assert [len(part) for _, part in parts] == [100, 100]
+    assert parts[1][1].t[0] == 15.0
+
+
+def test_windows_of_a_turned_unit_are_calibrated_each(turned, monkeypatch):
+    """Errors of windows are those by the reference of the whole, and neighbours are compared."""
+    _, imu, track = turned
+    monkeypatch.setattr("plumbob.benchmark.rooms.read_trial", lambda path: (imu, track))
+    found = measure_rooms([Path("turned.parquet")], window=9.0)
+    assert list(found.trials) == ["turned 0 s", "turned 9 s"]
+    first, second = found.trials.values()
+    assert first.apart is None
+    assert set(second.apart) <= set(first.outcomes)
+    assert found.as_dict()["window_s"] == 9.0
+
+
+def test_a_window_must_have_a_length(turned):
+    with pytest.raises(ParameterError, match="window must be at least 1 s, but it is 0 s"):
+        measure_rooms([Path("turned.parquet")], window=0.0)
+
+
+def test_grades_say_what_their_cards_are_worth():
+    """Of two good cards one is off by more than 0.5° and one worse than none; √((0.5² + 3²)/2) = 2.15."""
+    trials = {
+        "a": Trial(0.5, 3.0, {"alone": Outcome(0.2, 0.4, grade="good"), "chosen": Outcome(refused="cone")}),
+        "b": Trial(0.7, 1.0, {"alone": Outcome(1.2, 0.4, grade="good"), "chosen": Outcome(refused="cone")}),
+        "c": Trial(0.7, 9.0, {"alone": Outcome(3.0, 3.0, grade="poor"), "chosen": Outcome(refused="no-gain")}),
+    }
+    rooms = Rooms(trials, {})
+    good, every = rooms.shares("alone")["good"], rooms.shares("alone")["all"]
+    assert (good.cards, good.beyond, good.worse) == (2, 1, 1)
+    assert good.ratio == pytest.approx(2.15, abs=0.01)
+    assert (every.cards, every.beyond, every.worst) == (3, 0, pytest.approx(3.0))
+    assert rooms.shares("chosen") == {}
+    assert rooms.refusals("chosen") == {"cone": 2, "no-gain": 1}
+    assert "alone   good" in rooms.text()

@@ -10,7 +10,7 @@ from plumbob import io
 from plumbob.cards import CalibrationCard
 from plumbob.data import ImuData, ImuMeta
 from tests.battery.commandline import ok, plumbob, refused
-from tests.calib.mag_scene import attitudes, field, force, heading_rms, unit_of
+from tests.calib.mag_scene import Unit, attitudes, field, force, heading_rms, tumbling, unit_of
 
 COUNT = 300
 
@@ -73,3 +73,18 @@ def test_level_headings_have_no_tilt(files):
     assert "--tilt says nothing" in refused(
         "calibrate", "mag", files / "level.parquet", "--shape", "level", "--tilt", "9deg"
     )
+
+
+def test_a_card_that_would_rather_harm_needs_force(tmp_path):
+    rng = np.random.default_rng(41)
+    t, q_nb, _ = tumbling(rng, duration=15.0)
+    perfect = field(rng, Unit(np.eye(3), np.zeros(3)), q_nb)
+    io.write(tmp_path / "perfect.parquet", ImuData(t=t, mag=perfect, meta=ImuMeta(device="SN7")))
+    card = tmp_path / "card.json"
+    done = plumbob("calibrate", "mag", tmp_path / "perfect.parquet", "--out", card)
+    assert done.returncode == 1
+    assert "REFUSED, no-gain" in done.stderr
+    assert not card.exists()
+    forced = ok("calibrate", "mag", tmp_path / "perfect.parquet", "--out", card, "--force")
+    assert "DO NOT USE" in forced.stdout
+    assert CalibrationCard.load(card).mag.remarks[0].startswith("DO NOT USE")

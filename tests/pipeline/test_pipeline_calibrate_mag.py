@@ -20,12 +20,14 @@ from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.calib.mag_scene import (
     STRENGTH,
     TURNED,
+    Unit,
     attitudes,
     field,
     force,
     heading_rms,
     rates,
     trajectory,
+    tumbling,
     unit_of,
 )
 
@@ -282,7 +284,7 @@ def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
     """Within twice the predicted error of the reference's own calibration, which suffers from the room as well."""
     imu, reference = read_trial(broad_folder / trial)
     room = room_of(imu, reference)
-    fit = calibrate_mag(imu)
+    fit = calibrate_mag(imu, force=True)  # whether it is worth using or not, its figure must hold
     assert room.heading_off(fit.calibration) < 2.0 * fit.calibration.quality.heading_sd
     assert fit.calibration.quality.grade != "good"
 
@@ -318,3 +320,16 @@ def test_without_rates_nothing_is_held_against_them(tumbled):
     part[5:] = np.nan
     for blind in (replace(imu, gyr=None), replace(imu, gyr=part, flags=None)):
         assert not any("of the rates" in one for one in calibrate_mag(blind, with_="none").remarks)
+
+
+def test_a_calibration_that_would_rather_harm_is_refused_unless_forced():
+    """A perfect magnetometer, turned for 15 s: its card could only be worse, and says so where it is asked for."""
+    rng = np.random.default_rng(41)
+    t, q_nb, _ = tumbling(rng, duration=15.0)
+    perfect = ImuData(t=t, mag=field(rng, Unit(np.eye(3), np.zeros(3)), q_nb), meta=ImuMeta(device="SN1"))
+    with pytest.raises(CaptureRefusedError, match=r"no-gain: .* may itself be wrong by .*Do not use it.*force=True"):
+        calibrate_mag(perfect)
+    forced = calibrate_mag(perfect, force=True)
+    assert forced.remarks[0].startswith("DO NOT USE: the calibration changes headings by")
+    iron = replace(perfect, mag=perfect.mag + [10.0, 0.0, 0.0])
+    assert not any(told.startswith("DO NOT USE") for told in calibrate_mag(iron).remarks)

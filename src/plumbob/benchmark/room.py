@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from plumbob import clock
 from plumbob.calib.predicted import TILT_RANGE, attitudes
-from plumbob.cards import TriadCalibration
+from plumbob.cards import UNITS, TriadCalibration
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ShapeError
@@ -49,14 +49,27 @@ class Room:
     unevenness: float
     delay: float
 
+    @property
+    def calibration(self) -> TriadCalibration:
+        """As a calibration."""
+        return TriadCalibration(matrix=self.matrix, bias=self.bias, unit_in=UNITS["mag"], unit_out=UNITS["mag"])
+
     def heading_off(self, calibration: TriadCalibration | None, tilt_range: float = TILT_RANGE) -> float:
         """Root mean square heading error, rad, of a calibration, None for none, over inclinations up to a limit."""
+        return float(np.sqrt(np.mean(np.angle(self._off(calibration, tilt_range)) ** 2)))
+
+    def apart(self, one: TriadCalibration, other: TriadCalibration, tilt_range: float = TILT_RANGE) -> float:
+        """Root mean square heading difference, rad, of two calibrations over inclinations up to a limit."""
+        difference = self._off(one, tilt_range) / self._off(other, tilt_range)
+        return float(np.sqrt(np.mean(np.angle(difference) ** 2)))
+
+    def _off(self, calibration: TriadCalibration | None, tilt_range: float) -> NDArray[np.complex128]:
+        """Complex numbers (N,) whose angles are the heading errors, one per attitude."""
         matrix, bias = (np.eye(3), np.zeros(3)) if calibration is None else (calibration.matrix, calibration.bias)
         body_axes = attitudes(tilt_range)
         measured = body_axes @ self.field @ np.linalg.inv(self.matrix).T + self.bias
         seen = np.einsum("nij,ni->nj", body_axes, (measured - bias) @ matrix.T)
-        off = (seen[:, 0] + 1j * seen[:, 1]) / (self.field[0] + 1j * self.field[1])
-        return float(np.sqrt(np.mean(np.angle(off) ** 2)))
+        return np.asarray((seen[:, 0] + 1j * seen[:, 1]) / (self.field[0] + 1j * self.field[1]), dtype=np.complex128)
 
 
 def room_of(imu: ImuData, reference: AttitudeTrack) -> Room:

@@ -17,6 +17,9 @@ from plumbob.units import deg
 TILT_RANGE: Final = deg(45.0)
 """Inclination up to which errors are told, unless one is asked for, rad."""
 
+Model = tuple[Floats, Floats]
+"""Matrix (3, 3) and bias (3,) of a calibration."""
+
 _TILTS: Final = 8
 _COURSES: Final = 12
 
@@ -62,6 +65,28 @@ def heading_sd(matrix: Floats, covariance: Floats, *, size: float, dip: float, t
     if not variance >= 0.0:  # by rounding, where the fit does not determine the covariance
         return math.inf
     return math.sqrt(variance) / (size * math.cos(dip))
+
+
+def heading_apart(
+    one: Model, other: Model, truth: Model, *, size: float, dip: float, tilt_range: float = TILT_RANGE
+) -> float:
+    """Root mean square difference, rad, of the headings that two calibrations give with a true horizon.
+
+    Parameters
+    ----------
+    one, other : (matrix, bias)
+        The calibrations.
+    truth : (matrix, bias)
+        Calibration of the magnetometer that is looked at.
+    size, dip, tilt_range
+        As in `heading_sd`.
+    """
+    axes = attitudes(tilt_range)
+    field_b = size * (math.cos(dip) * axes[:, :, 0] + math.sin(dip) * axes[:, :, 2])
+    measured = np.linalg.solve(truth[0], field_b.T).T + truth[1]
+    seen = (np.einsum("nij,ni->nj", axes, (measured - bias) @ matrix.T) for matrix, bias in (one, other))
+    first, second = (level[:, 0] + 1j * level[:, 1] for level in seen)
+    return float(np.sqrt(np.mean(np.angle(first * np.conj(second)) ** 2)))
 
 
 def attitudes(tilt_range: float) -> Floats:

@@ -24,6 +24,7 @@ KINDS: Final = {
     "no-motion": "the unit was not moved as it had to be",
     "no-temperature": "the temperature is missing or did not change",
     "ill-conditioned": "the capture does not tell the parameters apart",
+    "no-gain": "the calibration would rather harm than help: it changes little more than it may be wrong",
     "implausible": "the result is no sensor that works",
 }
 """Every kind of reason, and what it means."""

@@ -128,6 +128,9 @@ def _add_rooms(kinds: common.Adder) -> None:
         "calibration predicts beside that by the reference.",
     )
     p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
+    p.add_argument(
+        "--window", metavar="S", help="calibrate windows of this length each, as 30s (default: whole recordings)"
+    )
     common.add_json(p)
     p.set_defaults(run=run_rooms)
 
@@ -210,10 +213,12 @@ def run_rooms(args: argparse.Namespace) -> int:
     """Do it in rooms."""
     from plumbob.benchmark import trials_in
     from plumbob.benchmark.rooms import measure_rooms
+    from plumbob.units import Quantity, parse
 
     files = trials_in(args.folder)
+    window = None if args.window is None else parse(args.window, Quantity.TIME)
     with common.progress(f"{len(files)} files", len(files)) as advance:
-        result = measure_rooms(files, progress=advance)
+        result = measure_rooms(files, window=window, progress=advance)
     return _show(result, args)
 
 

@@ -15,7 +15,7 @@ from plumbob.pipeline.calibration import Capture, capture, card_of
 
 
 def calibrate_by_hand(
-    whole: Capture, *, gravity: float = G0, strength: float | None = None, dip: float | None = None
+    whole: Capture, *, gravity: float = G0, strength: float | None = None, dip: float | None = None, force: bool = False
 ) -> dict[str, Fitted]:
     """Fit accelerometer, then gyroscope, then magnetometer, each with those before it calibrated.
 
@@ -30,6 +30,8 @@ def calibrate_by_hand(
         At the place, m/s².
     strength, dip : float, optional
         Of the magnetic field at the place, µT and rad.
+    force : bool
+        As in `calibrate_mag`.
 
     Returns
     -------
@@ -57,6 +59,7 @@ def calibrate_by_hand(
                 dip=dip,
                 acc_calibrated=on.acc_calibrated,
                 gyr_calibrated=on.gyr_calibrated,
+                force=force,
             )
     return fits
 

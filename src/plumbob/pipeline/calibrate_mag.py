@@ -25,7 +25,7 @@ from plumbob.constants import G0
 from plumbob.data import ImuData
 from plumbob.errors import CalibrationError, ParameterError
 from plumbob.pipeline.mag_axes import wrong_axes
-from plumbob.pipeline.mag_checks import require_field_turns, told_by_others
+from plumbob.pipeline.mag_checks import require_field_turns, told_by_others, without_gain
 from plumbob.units import dps, to_deg, to_dps
 
 HELPERS: Final = ("auto", "none", "acc", "gyr")
@@ -60,6 +60,7 @@ def calibrate_mag(
     tilt_range: float = TILT_RANGE,
     acc_calibrated: bool = False,
     gyr_calibrated: bool = False,
+    force: bool = False,
 ) -> Fitted:
     """Calibrate the magnetometer of a capture.
 
@@ -84,6 +85,8 @@ def calibrate_mag(
         Inclination up to which the predicted heading error holds, rad.
     acc_calibrated, gyr_calibrated : bool
         Whether a card was applied to them; of the gyroscope, one with scale and axes.
+    force : bool
+        Whether a calibration that would rather harm than help is made all the same, with a remark not to use it.
 
     Raises
     ------
@@ -96,9 +99,9 @@ def calibrate_mag(
     """
     _require_choices(with_, shape)
     use = _magnetic_rows(imu)
-    mag, force = imu.usable("mag")[use], imu.usable("acc")[use]
+    mag = imu.usable("mag")[use]
     if shape == "level":
-        level = fit_mag_level(mag, acc=_whole(force), strength=strength, dip=dip)
+        level = fit_mag_level(mag, acc=_whole(imu.usable("acc")[use]), strength=strength, dip=dip)
         return replace(level, remarks=("Fitted without other sensors: level, as asked for.", *level.remarks))
     refuse(_unfit(mag))
     slow = _slow(imu)
@@ -111,7 +114,11 @@ def calibrate_mag(
         if refused.reasons[0].kind in _FINAL:
             raise
         raise work.with_axes(refused, with_) from None
-    return replace(fit, remarks=(why, *fit.remarks))
+    doubt = work.doubt(fit)
+    if doubt is not None and not force:
+        refuse([doubt])
+    told = () if doubt is None else (f"DO NOT USE: {doubt.text}",)
+    return replace(fit, remarks=(*told, why, *fit.remarks))
 
 
 _FINAL: Final = {"mirrored", "turned-axes", "wrong-field"}  # refusals that no other fit can help
@@ -146,6 +153,10 @@ class _Work:
         mirrored = [reason for reason in wrong if reason.kind == "mirrored"]
         turned = [reason for reason in wrong if reason.kind != "mirrored"]
         return CaptureRefusedError(*mirrored, *refused.reasons, *turned)
+
+    def doubt(self, fit: Fitted) -> Reason | None:
+        """Reason not to use a fit; None where it helps."""
+        return without_gain(self.imu, fit, self.steady, self.dip)
 
     def _alone(self) -> Fitted:
         force = self.imu.usable("acc")[self.use]
@@ -191,7 +202,8 @@ def _best(work: _Work, helper: str, why: str, *, auto: bool) -> tuple[Fitted, st
         if not auto or refused.reasons[0].kind in _FINAL:
             raise
         fit, why = _rescued(work, helper, refused)
-    return _bettered(work, fit, why) if auto and _left(fit) > HEADING.fair else (fit, why)
+    unsure = auto and (_left(fit) > HEADING.fair or work.doubt(fit) is not None)
+    return _bettered(work, fit, why) if unsure else (fit, why)
 
 
 def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fitted, str]:

@@ -1,5 +1,6 @@
 """What the other sensors and the place say about a magnetometer's calibration, whichever fit gave it."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -8,8 +9,9 @@ from numpy.typing import NDArray
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag import turning
 from plumbob.calib.mag.axes import SPAN, wander
-from plumbob.calib.mag.outcome import dip_of
+from plumbob.calib.mag.outcome import DIP, dip_of
 from plumbob.calib.mag.with_acc import FEWEST, turn_of
+from plumbob.calib.predicted import heading_apart, heading_sd
 from plumbob.calib.refusal import Reason, refuse
 from plumbob.check import Floats
 from plumbob.data import ImuData
@@ -34,6 +36,16 @@ DOUBTFUL_SLOPE: Final = 0.05
 DOUBTFUL_ANGLE: Final = deg(5.0)
 """Angle that the field leaves its direction by over some seconds, to be told, rad: rooms make 0.5 to 1.5°."""
 
+LEAST_GAIN: Final = math.sqrt(2.0)
+"""Change of the heading by a calibration, over its predicted error, below which it would more likely harm than help.
+
+The change is the sensor's own error less that of the calibration, which know nothing of each other: squared, it exceeds
+the sensor's by the calibration's, on average."""
+
+_AS_IT_IS: Final = (
+    "Do not use it: the magnetometer as it is may well be better. Turn the unit longer, away from iron, through all "
+    "attitudes; --force, in Python force=True, makes the card all the same."
+)
 _AXES: Final = (
     "Correct the magnetometer's axes by its data sheet: of a text file in its profile, as [mag] axes = 'x y -z' with "
     "mirrored = true"
@@ -85,6 +97,34 @@ def told_by_others(
     by = "accelerometer" if helper == "acc" else "gyroscope"
     told = (*told, *_of_turn(found, turned, dip, by, kept=axes.dip_kept))
     return told if found is None else (*_of_place(found, dip, kept=axes.dip_kept), *told)
+
+
+def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: float | None) -> Reason | None:
+    """Reason not to use a fit that changes the heading by little more than it may be wrong; None where it helps.
+
+    Parameters
+    ----------
+    imu, fit, steady, dip
+        As in `told_by_others`.
+    """
+    c, quality = fit.calibration, fit.calibration.quality
+    if c.covariance is None or quality is None or quality.tilt_range is None:
+        return None
+    field = (imu.usable("mag") - c.bias) @ c.matrix.T
+    found = _dip(field[steady], imu.usable("acc")[steady]) if dip is None else dip
+    place = {
+        "size": float(np.nanmedian(np.linalg.norm(field, axis=1))),
+        "dip": DIP if found is None else found,
+        "tilt_range": quality.tilt_range,
+    }
+    own = c.matrix, c.bias
+    change = heading_apart(own, (np.eye(3), np.zeros(3)), own, **place)
+    sd = heading_sd(c.matrix, c.covariance, **place)
+    if change > LEAST_GAIN * sd:
+        return None
+    change, sd = to_deg(change), to_deg(sd)
+    what = f"the calibration changes headings by {change:.2g}° and may itself be wrong by {sd:.2g}° (1 sd)."
+    return Reason("no-gain", what, _AS_IT_IS)
 
 
 def require_field_turns(imu: ImuData, mag: Floats) -> None:

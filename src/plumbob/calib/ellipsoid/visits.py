@@ -49,6 +49,19 @@ def correlation(values: Floats) -> float:
     return rho if rho > _CHANCE / math.sqrt(len(values)) else 0.0
 
 
+class Shared(NamedTuple):
+    """Variance that neighbouring visits share beyond noise, and its standard deviation by chance."""
+
+    variance: float
+    chance: float
+
+
+def neighbours_share(residuals: Floats, starts: NDArray[np.intp]) -> Shared:
+    """What residuals (N,) share from each visit to the next, significant or not."""
+    pairs, noise = _neighbours(residuals, starts), _noise(residuals)
+    return Shared(max(0.0, _beyond(pairs, noise)), _by_chance(pairs))
+
+
 class _Pairs(NamedTuple):
     """Means (K,) of stretches of a size, in samples, and of others that lie a gap behind them."""
 
@@ -89,10 +102,19 @@ def _staying(pairs: _Pairs, noise: tuple[_Process, ...]) -> float:
     count = len(pairs.first)
     if count < FEWEST_VISITS:
         return 0.0
-    shared = float(np.mean(pairs.first * pairs.second))
+    surely = _beyond(pairs, noise, doubt=_DOUBT)
+    return _beyond(pairs, noise) if surely > _CHANCE * _by_chance(pairs) else 0.0
+
+
+def _beyond(pairs: _Pairs, noise: tuple[_Process, ...], *, doubt: float = 1.0) -> float:
+    """Covariance of both of a pair, less that of noise, as often as it may be."""
     of_noise = min(one.power * _covariance(one.rho, pairs.size, pairs.gap) for one in noise)
-    chance = math.sqrt(float(np.mean(pairs.first**2) * np.mean(pairs.second**2)) / count)
-    return shared - of_noise if shared - _DOUBT * of_noise > _CHANCE * chance else 0.0
+    return float(np.mean(pairs.first * pairs.second)) - doubt * of_noise
+
+
+def _by_chance(pairs: _Pairs) -> float:
+    """Standard deviation of the covariance of both of a pair, if they had nothing in common."""
+    return math.sqrt(float(np.mean(pairs.first**2) * np.mean(pairs.second**2)) / len(pairs.first))
 
 
 def _noise(residuals: Floats) -> tuple[_Process, ...]:

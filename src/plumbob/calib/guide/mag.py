@@ -7,12 +7,13 @@ import numpy as np
 from plumbob.calib.ellipsoid.alike import alike_in
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape, fit_norm
 from plumbob.calib.ellipsoid.quadric import Ellipsoid
-from plumbob.calib.ellipsoid.scale import scaled
+from plumbob.calib.ellipsoid.scale import radius_of, scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, start_of
 from plumbob.calib.grades import HEADING, grade_of
 from plumbob.calib.guide.guide import ENOUGH, Guide, Progress, Seen
 from plumbob.calib.guide.stream_blocks import Block
 from plumbob.calib.guide.turns import Turn, nearest, turn_to
+from plumbob.calib.mag.field_gradient import unevenness
 from plumbob.calib.mag.outcome import DIP
 from plumbob.calib.mag.spread import one_axis
 from plumbob.calib.predicted import heading_sd
@@ -182,8 +183,14 @@ def _is_certain(fit: NormFit) -> bool:
 
 
 def _predicted(fit: NormFit, vectors: Floats) -> float:
-    matrix, covariance = scaled(fit, None, alike=alike_in(fit, vectors).factor)
-    return heading_sd(matrix, covariance, size=float(1.0 / np.cbrt(np.linalg.det(fit.ellipsoid.shape))), dip=DIP)
+    directions, radius = (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape, radius_of(fit.ellipsoid.shape)
+    field = unevenness(fit.residuals, directions, fit.used)
+    matrix, covariance = scaled(fit, None, alike=1.0)
+    memory = alike_in(fit, vectors).memory
+    covariance = field.counted(
+        covariance, memory=memory, residuals=fit.residuals[fit.used], matrix=matrix, radius=radius
+    )
+    return heading_sd(matrix, covariance, size=radius, dip=DIP)
 
 
 def _least_turned(vectors: Floats) -> int:

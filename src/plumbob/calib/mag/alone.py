@@ -11,18 +11,21 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calib.ellipsoid.alike import Alike, alike_in
+from plumbob.calib.ellipsoid.alike import alike_in
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape
 from plumbob.calib.ellipsoid.scale import radius_of, scaled
 from plumbob.calib.ellipsoid.shape_choice import SPARE, choose, fit_shape
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.grades import HEADING
 from plumbob.calib.mag.asked import finite_rows, forces, require_dip, require_strength, require_tilt_range
+from plumbob.calib.mag.field_gradient import unevenness
+from plumbob.calib.mag.halves import Place, widening
 from plumbob.calib.mag.moved import moved
 from plumbob.calib.mag.outcome import (
     DIP,
     EVEN,
     STEEL,
+    Doubt,
     calibration_of,
     dip_of,
     heading_told,
@@ -100,11 +103,16 @@ def fit_mag(
     radius = radius_of(fit.ellipsoid.shape)
     size = strength or radius
     dip = _dip(mag, fit, acc) if dip is None else dip
-    shared = alike_in(full, mag)
-    matrix, _ = scaled(fit, strength, alike=shared.factor)
-    _, covariance = scaled(full, strength, alike=shared.factor)  # what is too small to show may be there all the same
-    sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
-    _check(mag, fit, sd, shared, strength)
+    shared, place = alike_in(full, mag), Place(size, dip, tilt_range)
+    field = unevenness(full.residuals, (mag - full.ellipsoid.centre) @ full.ellipsoid.shape, full.used)
+    matrix, _ = scaled(fit, strength, alike=1.0)
+    _, independent = scaled(full, strength, alike=1.0)  # what is too small to show may be there all the same
+    left = full.residuals[full.used]
+    covariance = field.counted(independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius)
+    covariance = covariance * widening(mag, full, field, shared.memory, place)
+    sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
+    doubt = Doubt(sd, even, field, shared.memory, shared.unevenness > shared.memory)
+    _check(mag, fit, doubt, strength)
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.ellipsoid.centre,
@@ -119,7 +127,7 @@ def fit_mag(
         tilt_range=tilt_range,
         directions=mag - fit.ellipsoid.centre,
     )
-    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, shared))
+    return Fitted(calibration, mag, fit.residuals, fit.used, _remarks(fit, why, strength, size, doubt))
 
 
 def unturned(mag: Floats, advice: str) -> Reason | None:
@@ -174,7 +182,7 @@ def _shapeless(mag: Floats) -> Reason:
     return Reason("too-few-regions", f"no ellipsoid fits; {_regions_told(directions)}.", _ADVICE)
 
 
-def _check(mag: Floats, fit: NormFit, sd: float, shared: Alike, strength: float | None) -> None:
+def _check(mag: Floats, fit: NormFit, doubt: Doubt, strength: float | None) -> None:
     """Refuse a fit that says nothing, or something that cannot be."""
     shape = fit.ellipsoid.shape
     found = (
@@ -182,8 +190,8 @@ def _check(mag: Floats, fit: NormFit, sd: float, shared: Alike, strength: float 
         outliers(
             fit.used, "Look for switched currents, moving iron and steel nearby, or capture where the field is even."
         ),
-        uneven(sd, shared) or _coverage(mag, fit, sd),
-        *where_known(sd, unequal(shape), wrong_field(radius_of(shape), strength)),
+        uneven(doubt) or _coverage(mag, fit, doubt.sd),
+        *where_known(doubt.sd, unequal(shape), wrong_field(radius_of(shape), strength)),
     )
     refuse([reason for reason in found if reason is not None])
 
@@ -217,10 +225,10 @@ def _dip(mag: Floats, fit: NormFit, acc: Floats | None) -> float:
     return dip_of(((mag - fit.ellipsoid.centre) @ fit.ellipsoid.shape)[fit.used], acc[fit.used])
 
 
-def _remarks(fit: NormFit, why: str, strength: float | None, size: float, shared: Alike) -> tuple[str, ...]:
+def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[str, ...]:
     told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
     if fit.shape is not Shape.ELLIPSOID and why != "asked for":
         told.append("Predicted errors are those of the general ellipsoid, for soft iron may be too small to show.")
     told += own_scale(strength, size)
     told.append("A turn of the magnetometer in its case is not seen by its length alone; that needs the accelerometer.")
-    return (*told, *uneven_told(shared), *set_aside(fit.used))
+    return (*told, *uneven_told(doubt), *set_aside(fit.used))

@@ -5,13 +5,15 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calib.ellipsoid.alike import Alike, alike
+from plumbob.calib.ellipsoid.alike import alike
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.asked import finite_rows, forces, require_dip, require_strength
 from plumbob.calib.mag.ellipse_fit import PARAMETERS, EllipseFit, fit_ellipse
+from plumbob.calib.mag.field_gradient import Unevenness
 from plumbob.calib.mag.outcome import (
     DIP,
     STEEL,
+    Doubt,
     calibration_of,
     outliers,
     set_aside,
@@ -84,11 +86,15 @@ def fit_mag_level(
         raise CaptureRefusedError(Reason("too-few-regions", "no ellipse fits the field of the level axes.", _ADVICE))
     radius = float(1.0 / np.sqrt(np.linalg.det(fit.shape)))
     wanted = None if strength is None or dip is None else strength * math.cos(dip)
-    shared = alike(fit.residuals, (mag[:, level] - fit.centre) @ fit.shape, fit.used)
-    matrix, covariance = _whole(fit, level, wanted)
-    covariance = shared.factor * covariance
-    sd = _level_sd(matrix, covariance, [*level, axis], size=wanted or radius)
-    refuse(_reasons(fit, mag[:, level], radius, sd, shared))
+    directions = (mag[:, level] - fit.centre) @ fit.shape
+    shared = alike(fit.residuals, directions, fit.used)
+    matrix, independent = _whole(fit, level, wanted)
+    covariance = shared.factor * independent
+    sd, even = (
+        _level_sd(matrix, c, [*level, axis], size=wanted or radius) for c in (covariance, independent * shared.memory)
+    )
+    doubt = Doubt(sd, even, Unevenness(), shared.memory, shared.unevenness > shared.memory)
+    refuse(_reasons(fit, mag[:, level], radius, doubt))
     bias = np.zeros(3)
     bias[level] = fit.centre
     calibration = calibration_of(
@@ -105,7 +111,7 @@ def fit_mag_level(
         tilt_range=0.0,
     )
     return Fitted(
-        calibration, mag, fit.residuals, fit.used, (*_remarks(fit, axis, radius, wanted), *uneven_told(shared))
+        calibration, mag, fit.residuals, fit.used, (*_remarks(fit, axis, radius, wanted), *uneven_told(doubt))
     )
 
 
@@ -163,14 +169,14 @@ def _gap(fit: EllipseFit, points: Floats) -> float:
     return float(np.diff(course, append=course[0] + 2.0 * np.pi).max())
 
 
-def _reasons(fit: EllipseFit, points: Floats, radius: float, sd: float, shared: Alike) -> list[Reason]:
+def _reasons(fit: EllipseFit, points: Floats, radius: float, doubt: Doubt) -> list[Reason]:
     scatter = float(np.sqrt(np.mean(fit.residuals[fit.used] ** 2))) / radius
     found = [
         _open(_gap(fit, points)),
         _thick(scatter),
         outliers(fit.used, STEEL),
-        uncertain(sd, shared, _ADVICE),
-        *where_known(sd, _weak(radius), unequal(fit.shape)),
+        uncertain(doubt, _ADVICE),
+        *where_known(doubt.sd, _weak(radius), unequal(fit.shape)),
     ]
     return [reason for reason in found if reason is not None]
 

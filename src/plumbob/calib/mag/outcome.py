@@ -1,13 +1,12 @@
 """What every fit of a magnetometer ends in: the calibration, the reasons that all share, and the remarks."""
 
-import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calib.ellipsoid.alike import Alike
 from plumbob.calib.grades import HEADING, grade_of
+from plumbob.calib.mag.field_gradient import Unevenness
 from plumbob.calib.refusal import Reason
 from plumbob.calib.regions import filled
 from plumbob.cards import UNITS, Quality, TriadCalibration
@@ -23,13 +22,39 @@ MOST_OUTLIERS: Final = 0.1
 EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit slowly about one place."
 """Advice where the field differed from place to place."""
 
+LONGER: Final = "Turn it on for a minute or two, through all attitudes, each several times."
+"""Advice where the field may have been uneven."""
+
 LOST: Final = deg(30.0)
 """Predicted heading error from which on there is no heading, rad: three of it are a quarter of a turn."""
 
 _LONG_MEMORY: Final = 10.0  # samples that count as one from which on it is told
+_COUNTS: Final = 1.5  # predicted error over that of an even field from which on it is told
 
 STEEL: Final = "Look for switched currents, moving iron and steel nearby."
 """Advice where samples do not fit each other."""
+
+
+class Doubt(NamedTuple):
+    """What is predicted, and why.
+
+    Attributes
+    ----------
+    sd, even : float
+        Heading error, rad: of the calibration, and were the field even.
+    field : Unevenness
+        How uneven it was, or may have been.
+    memory : float
+        How many neighbouring samples count as one.
+    shown : bool
+        Whether the residuals show that the field was uneven.
+    """
+
+    sd: float
+    even: float
+    field: Unevenness
+    memory: float
+    shown: bool
 
 
 def calibration_of(
@@ -98,12 +123,12 @@ def outliers(used: NDArray[np.bool_], advice: str) -> Reason | None:
     return Reason("outliers", what, advice)
 
 
-def uncertain(sd: float, shared: Alike, advice: str) -> Reason | None:
-    """Reason to refuse a fit that leaves a heading error, rad, beyond *poor*, with what to do; None where less."""
-    if sd <= HEADING.poor:
+def uncertain(doubt: Doubt, advice: str) -> Reason | None:
+    """Reason to refuse a fit that leaves a heading error beyond *poor*, with what to do; None where less."""
+    if doubt.sd <= HEADING.poor:
         return None
-    what = f"the capture leaves {heading_told(sd)}."
-    return uneven(sd, shared) or Reason("ill-conditioned", what, advice)
+    what = f"the capture leaves {heading_told(doubt.sd)}."
+    return (uneven(doubt) if doubt.shown else None) or Reason("ill-conditioned", what, advice)
 
 
 def where_known(sd: float, *reasons: Reason | None) -> tuple[Reason | None, ...]:
@@ -111,13 +136,19 @@ def where_known(sd: float, *reasons: Reason | None) -> tuple[Reason | None, ...]
     return reasons if sd <= HEADING.poor else ()
 
 
-def uneven(sd: float, shared: Alike) -> Reason | None:
-    """Reason to refuse a heading error, rad, beyond *poor* only because errors do not average out; None else."""
-    if not sd / math.sqrt(shared.factor) <= HEADING.poor < sd:
+def uneven(doubt: Doubt) -> Reason | None:
+    """Reason to refuse a heading error beyond *poor* only because of an uneven field, shown or not; None else."""
+    if not doubt.even <= HEADING.poor < doubt.sd:
         return None
+    if not doubt.shown:
+        what = (
+            "the unit turned too little to show whether the field is even, and in most rooms it is not; that leaves "
+            f"{heading_told(doubt.sd)}."
+        )
+        return Reason("too-few-regions", what, f"{LONGER} {EVEN}")
     what = (
         "what the fit leaves does not average out as noise does, but stays while the unit turns, as where the field "
-        f"differs from place to place, or the sensor is slow; that leaves {heading_told(sd)}."
+        f"differs from place to place, or the sensor is slow; that leaves {heading_told(doubt.sd)}."
     )
     return Reason("uneven-field", what, EVEN)
 
@@ -127,18 +158,27 @@ def heading_told(sd: float) -> str:
     return f"a heading error of {to_deg(sd):.2g}° (1 sd)" if sd < LOST else "no heading at all"
 
 
-def uneven_told(shared: Alike) -> tuple[str, ...]:
-    """Remark where the field differed from place to place, or errors have a long memory."""
-    if shared.unevenness <= shared.memory:
-        told = (
-            f"What the fit leaves has a memory: {shared.memory:.0f} neighbouring samples count as one. Filters, drifts "
-            "and uneven fields make one.",
+def uneven_told(doubt: Doubt) -> tuple[str, ...]:
+    """Remarks where the field differed from place to place or may have, or errors have a long memory."""
+    more = doubt.sd / doubt.even if doubt.even > 0.0 else 1.0
+    told = f"the predicted error is {more:.2g} times that of an even field for it."
+    if doubt.shown:
+        return (
+            "UNEVEN: what the fit leaves stays while the unit turns, as where the field differs from place to place; "
+            f"{told} {EVEN}",
         )
-        return told if shared.memory > _LONG_MEMORY else ()
-    return (
-        "UNEVEN: what the fit leaves stays while the unit turns, as where the field differs from place to place; the "
-        f"predicted errors are {math.sqrt(shared.unevenness / shared.memory):.2g} times as large for it. {EVEN}",
-    )
+    found = []
+    if more > _COUNTS:
+        found.append(
+            "SHORT: the unit turned too little to show whether the field is even, so that what a usual room does is "
+            f"counted, up to {doubt.field.sd:.2g} µT; {told} {LONGER}"
+        )
+    if doubt.memory > _LONG_MEMORY:
+        found.append(
+            f"What the fit leaves has a memory: {doubt.memory:.0f} neighbouring samples count as one. Filters, drifts "
+            "and uneven fields make one."
+        )
+    return tuple(found)
 
 
 def own_scale(strength: float | None, size: float) -> tuple[str, ...]:

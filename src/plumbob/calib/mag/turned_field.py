@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.alike import Alike, memory
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calib.ellipsoid.visits import visits
 from plumbob.calib.mag.chained import by_error, chained
+from plumbob.calib.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calib.mag.field_start import across, start_of
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
-from plumbob.units import dps
+from plumbob.units import deg, dps
 
 PARAMETERS: Final = 27
 """A, b, two of the field's direction, twelve of the gyroscope (its bias, its scale and misalignment), and the delay."""
@@ -29,6 +29,11 @@ PARAMETERS: Final = 27
 WALK: Final = float(dps(0.005))
 """Intensity of the attitude's random walk to start from, rad/√s: the noise of a good MEMS gyroscope."""
 
+TURN_SD: Final = float(deg(0.25))
+"""Standard deviation of a turn of a gyroscope's axes together about each, rad, without a card: 0.4 % across."""
+
+_ONE_VISIT: Final = np.zeros(1, dtype=np.intp)  # what lasts longer than from sample to sample is unevenness
+_TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
 _NODE: Final = 0.05  # s between attitudes at most; rotations in between are taken as one
 _STEP: Final = 1.0  # s from knot to knot of the random walk
 _MOST_KNOTS: Final = 120
@@ -70,6 +75,8 @@ class FieldFit(NamedTuple):
         False for outliers.
     alike : Alike
         How many of them count as one.
+    field : Unevenness
+        How uneven the field was, or may have been.
     condition : float
         Of the normal matrix of all but the random walk, scaled to a diagonal of one.
     """
@@ -87,6 +94,7 @@ class FieldFit(NamedTuple):
     sd: float
     used: NDArray[np.bool_]
     alike: Alike
+    field: Unevenness
     condition: float
 
 
@@ -112,7 +120,7 @@ def fit_turned_field(
     size = math.sqrt(float(np.mean(np.sum((mag - middle) ** 2, axis=1))))
     if not size > 0.0:
         return None
-    fit = _Fit(t, (mag - middle) / size, gyr, seen, gyr_gain_sd)
+    fit = _Fit(t, (mag - middle) / size, gyr, seen, gyr_gain_sd, size)
     if not fit.run(robust=True):
         return None
     fit.set_aside()
@@ -122,13 +130,16 @@ def fit_turned_field(
 class _Fit:
     """Steps of Gauss and Newton on all parameters and the knots of the random walk."""
 
-    def __init__(self, t: Floats, mag: Floats, gyr: Floats, seen: NDArray[np.intp], gyr_gain_sd: float) -> None:
-        self.mag, self.gyr = mag, gyr[seen]
+    def __init__(
+        self, t: Floats, mag: Floats, gyr: Floats, seen: NDArray[np.intp], gyr_gain_sd: float, size: float
+    ) -> None:
+        self.mag, self.gyr, self.size = mag, gyr[seen], size
         nodes = np.union1d(seen, np.searchsorted(t, np.arange(t[0], t[-1], _NODE)))
         self.seen, self.dt = np.searchsorted(nodes, seen), np.diff(t[nodes])[:, np.newaxis]
         q = chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
         self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
-        self.gyr_tight = 1.0 / np.repeat((_BIAS_SD, max(gyr_gain_sd, _EXACT), _DELAY_SD), (3, 9, 1)) ** 2
+        self.turned = float(np.sum(np.linalg.norm(self.angles, axis=1)))
+        self.gyr_tight = _tightness(max(gyr_gain_sd, _EXACT))
         self.used = np.ones(len(mag), dtype=np.bool_)
         self.gyr_errors, self.walk = np.zeros(13), WALK  # bias, what the gain matrix is more than one, delay
         count = min(_MOST_KNOTS, max(1, round((t[-1] - t[0]) / _STEP)))
@@ -140,7 +151,7 @@ class _Fit:
         self.changes = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(3))  # from knot to knot
         self.turns = self._turns()
         self.h, self.distortion, self.bias = start_of(mag, self.turns)
-        self.sd, self.alike = self._scale(), Alike(1.0)
+        self.sd, self.alike, self.field = self._scale(), Alike(1.0), Unevenness()
 
     def run(self, *, robust: bool = False) -> bool:
         """Alternate between steps and the intensity of noise and walk; False where they did not settle."""
@@ -148,7 +159,7 @@ class _Fit:
             if not self._settle(robust):
                 return False
             before = self.walk
-            self.alike = self._memory()
+            self.alike, self.field = self._memory()
             self.sd, self.walk = self._scale(robust=robust), self._intensity()
             if abs(self.walk / before - 1.0) < _ENOUGH:
                 break
@@ -180,6 +191,7 @@ class _Fit:
             self.sd * size,
             self.used,
             self.alike,
+            self.field,
             float(np.linalg.cond(own / np.outer(spread, spread))),
         )
 
@@ -232,10 +244,13 @@ class _Fit:
         free = max(1, left.size - PARAMETERS)
         return max(math.sqrt(float(np.sum(left * left)) / free), 1e-9)
 
-    def _memory(self) -> Alike:
-        """How many residuals count as one; an uneven field turns in body axes, and averages out unlike its length."""
-        starts = visits(self._seen_field()[self.used])
-        return Alike(max(memory(column, starts) for column in self.left[self.used].T))
+    def _memory(self) -> tuple[Alike, Unevenness]:
+        """How many residuals count as one, and how uneven the field is: as it turns in body axes, all averages out."""
+        seen, left = self._seen_field()[self.used], self.left[self.used]
+        every = np.ones(len(seen), dtype=np.bool_)
+        field = unevenness(left * self.size, seen, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP)
+        spread = field.spread(np.linalg.norm(left, axis=1) * self.size / math.sqrt(3.0))
+        return Alike(max(memory(column, _ONE_VISIT) for column in left.T), spread), field
 
     def _intensity(self) -> float:
         """Intensity of the random walk by expectation and maximisation, rad/√s."""
@@ -271,8 +286,8 @@ class _Fit:
         self.normal[PARAMETERS:, PARAMETERS:] += tight * self.changes.T @ self.changes
         self.slope[PARAMETERS:] -= tight * self.changes.T @ (self.changes @ self.lean[1:].ravel())
         gyr = slice(_FIELD, PARAMETERS)
-        self.normal[gyr, gyr] += np.diag(self.gyr_tight)
-        self.slope[gyr] -= self.gyr_tight * self.gyr_errors
+        self.normal[gyr, gyr] += self.gyr_tight
+        self.slope[gyr] -= self.gyr_tight @ self.gyr_errors
 
     def _rows(self) -> Floats:
         """Derivatives (M, 3, 29) by A, b, the field's direction, the gyroscope's errors, and θ."""
@@ -297,6 +312,18 @@ class _Fit:
         self.gyr_errors = self.gyr_errors + step[_FIELD:PARAMETERS]
         self.lean[1:] += step[PARAMETERS:].reshape(-1, 3)
         self.turns = self._turns()
+
+
+def _tightness(gain_sd: float) -> Floats:
+    """Inverse covariance (13, 13) of what a gyroscope's bias, gain matrix and the delay can be.
+
+    A turn of all its axes together is less than what a data sheet grants each, for they share a die or a package.
+    """
+    found = np.diag(1.0 / np.repeat((_BIAS_SD, np.inf, _DELAY_SD), (3, 9, 1)) ** 2)
+    other = np.eye(9)[np.arange(9).reshape(3, 3).T.ravel()]  # the entry on the other side of the diagonal
+    turn_sd = min(gain_sd, math.sqrt(2.0) * TURN_SD)
+    found[3:12, 3:12] = 0.5 * ((np.eye(9) + other) / gain_sd**2 + (np.eye(9) - other) / turn_sd**2)
+    return found
 
 
 def _inverse(normal: Floats) -> Floats:

@@ -5,14 +5,16 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calib.ellipsoid.alike import Alike, alike
+from plumbob.calib.ellipsoid.alike import alike
 from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.ellipsoid.scale import radius_of, to_size
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import fit_mag
 from plumbob.calib.mag.asked import finite_rows, forces, require_strength, require_tilt_range
 from plumbob.calib.mag.dip_fit import PARAMETERS, DipFit, fit_dip
+from plumbob.calib.mag.field_gradient import unevenness
 from plumbob.calib.mag.outcome import (
+    Doubt,
     calibration_of,
     outliers,
     own_scale,
@@ -83,12 +85,21 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     if fit is None:
         what = "no bias, matrix and dip fit the field and the vertical of the accelerometer."
         raise CaptureRefusedError(Reason("ill-conditioned", what, _ADVICE))
-    shared = alike(fit.residuals, (points - fit.centre) @ fit.matrix.T, fit.used)
-    matrix, covariance = to_size(fit.matrix, fit.covariance * shared.factor, strength)
-    radius = radius_of(fit.matrix)
+    directions, radius = (points - fit.centre) @ fit.matrix.T, radius_of(fit.matrix)
+    shared = alike(fit.residuals, directions, fit.used)
+    field = unevenness(fit.residuals[:, 0], directions, fit.used)
+    matrix, independent = to_size(fit.matrix, fit.covariance, strength)
+    left = fit.residuals[fit.used, 0]
+    covariance = field.counted(
+        independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius, turned=False
+    )
     size = strength or radius
-    sd = heading_sd(matrix, covariance, size=size, dip=fit.dip, tilt_range=tilt_range)
-    refuse(_reasons(fit, sd, shared, strength))
+    sd, even = (
+        heading_sd(matrix, c, size=size, dip=fit.dip, tilt_range=tilt_range)
+        for c in (covariance, independent * shared.memory)
+    )
+    doubt = Doubt(sd, even, field, shared.memory, shared.unevenness > shared.memory)
+    refuse(_reasons(fit, doubt, strength))
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.centre,
@@ -103,8 +114,8 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         tilt_range=tilt_range,
         directions=points - fit.centre,
     )
-    dip_sd = fit.dip_sd * math.sqrt(shared.factor)
-    remarks = (*_remarks(fit, dip_sd, strength, size, stride), *uneven_told(shared))
+    dip_sd = fit.dip_sd * math.sqrt(shared.memory + field.spread(left))
+    remarks = (*_remarks(fit, dip_sd, strength, size, stride), *uneven_told(doubt))
     return Fitted(calibration, points, fit.residuals[:, 0], fit.used, remarks)
 
 
@@ -122,12 +133,12 @@ def _wrong_gravity(force: Floats) -> list[Reason]:
     return [Reason("wrong-gravity", what, "Check the accelerometer's unit and range, and calibrate it first.")]
 
 
-def _reasons(fit: DipFit, sd: float, shared: Alike, strength: float | None) -> list[Reason]:
+def _reasons(fit: DipFit, doubt: Doubt, strength: float | None) -> list[Reason]:
     found = [
         outliers(fit.used, "Move less, and look for moving iron and switched currents nearby."),
         _unsteady(fit.down_sd),
-        uncertain(sd, shared, "Turn the unit through all attitudes: each face and edge up."),
-        *where_known(sd, unequal(fit.matrix), wrong_field(radius_of(fit.matrix), strength)),
+        uncertain(doubt, "Turn the unit through all attitudes: each face and edge up."),
+        *where_known(doubt.sd, unequal(fit.matrix), wrong_field(radius_of(fit.matrix), strength)),
     ]
     return [reason for reason in found if reason is not None]
 

@@ -1,5 +1,6 @@
 """Magnetometer beside a gyroscope: for motion that is too restricted to see the ellipsoid, as of a ship or a car."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -12,12 +13,14 @@ from plumbob.calib.mag.asked import finite_rows, require_strength, require_tilt_
 from plumbob.calib.mag.outcome import (
     DIP,
     STEEL,
+    Doubt,
     calibration_of,
     outliers,
     own_scale,
     set_aside,
     thinned,
     uncertain,
+    uneven_told,
     where_known,
 )
 from plumbob.calib.mag.plausible import unequal, wrong_field
@@ -112,7 +115,8 @@ def fit_mag_gyr(
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
     size, dip = strength or radius, _dip(fit, None if acc is None else acc[seen])
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
-    refuse(_reasons(fit, sd, radius, strength, first))
+    doubt = _doubt(fit, sd)
+    refuse(_reasons(fit, doubt, radius, strength, first))
     calibration = calibration_of(
         matrix=matrix,
         bias=fit.bias,
@@ -127,9 +131,8 @@ def fit_mag_gyr(
         tilt_range=tilt_range,
         directions=mag[seen] - fit.bias,
     )
-    return Fitted(
-        calibration, mag[seen], fit.residuals, fit.used, _remarks(fit, strength, size, dip, acc is not None, stride)
-    )
+    remarks = (*_remarks(fit, strength, size, dip, acc is not None, stride), *uneven_told(doubt))
+    return Fitted(calibration, mag[seen], fit.residuals, fit.used, remarks)
 
 
 def _require_figures(strength: float | None, gyr_gain_sd: float, tilt_range: float) -> None:
@@ -179,13 +182,19 @@ def _dip(fit: FieldFit, acc: Floats | None) -> float:
     return float(-np.arcsin(np.clip(up @ fit.field_s / np.linalg.norm(up), -1.0, 1.0)))
 
 
-def _reasons(fit: FieldFit, sd: float, radius: float, strength: float | None, first: str) -> list[Reason]:
+def _doubt(fit: FieldFit, sd: float) -> Doubt:
+    """What is predicted, and why; the field is shown to be uneven where most of it is seen, and counts."""
+    shown = 2.0 * fit.field.seen**2 > fit.field.sd**2 and fit.alike.unevenness > fit.alike.memory
+    return Doubt(sd, sd * math.sqrt(fit.alike.memory / fit.alike.factor), fit.field, fit.alike.memory, shown)
+
+
+def _reasons(fit: FieldFit, doubt: Doubt, radius: float, strength: float | None, first: str) -> list[Reason]:
     """Reasons to refuse a fit; `first` is what to do before anything else."""
     found = [
         _wandering(fit.walk),
         outliers(fit.used, first + STEEL),
-        uncertain(sd, fit.alike, first + _ADVICE),
-        *where_known(sd, unequal(fit.distortion), wrong_field(radius, strength)),
+        uncertain(doubt, first + _ADVICE),
+        *where_known(doubt.sd, unequal(fit.distortion), wrong_field(radius, strength)),
     ]
     return [reason for reason in found if reason is not None]
 

@@ -40,5 +40,5 @@ def find(args: argparse.Namespace) -> int:
     if lacking:
         common.note(f"the recording has no {' and no '.join(lacking)}, which {'are' if lacking[1:] else 'is'} left out")
     strength, dip, told = place.field_of(args, opened)
-    fits = calibrate_by_hand(opened, gravity=gravity, strength=strength, dip=dip)
+    fits = calibrate_by_hand(opened, gravity=gravity, strength=strength, dip=dip, force=args.force)
     return capture.finish(args, opened, place.kept(fits, told))

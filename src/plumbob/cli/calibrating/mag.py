@@ -12,7 +12,8 @@ def add_parser(kinds: common.Adder) -> None:
         "mag",
         help="magnetometer: hard iron, soft iron, scale, turn against the accelerometer",
         description="Calibrate a magnetometer from a capture in which the unit was turned slowly through all "
-        "attitudes, away from iron: each face and each edge once up.",
+        "attitudes, away from iron: each face and each edge once up. A card that would more likely harm than help is "
+        "refused; --force makes it all the same.",
     )
     capture.add_options(p, guide="mag")
     p.add_argument(
@@ -50,5 +51,6 @@ def find(args: argparse.Namespace) -> int:
         tilt_range=tilt_range,
         acc_calibrated=opened.acc_calibrated,
         gyr_calibrated=opened.gyr_calibrated,
+        force=args.force,
     )
     return capture.finish(args, opened, place.kept({"mag": fit}, told))
