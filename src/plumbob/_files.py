@@ -12,7 +12,7 @@ import shutil
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -215,9 +215,16 @@ def replacing_all(*paths: Path, overwrite: bool = False) -> Iterator[tuple[Path,
     except OSError as error:
         raise DecodeError(_refusal(" and ".join(map(str, paths)), error)) from error
     finally:
-        with _uninterrupted():
-            for target in targets:
-                target.remove()
+        try:
+            _remove(targets)
+        finally:
+            _remove(targets)  # again: a signal may have struck just before the first time could hold it back
+
+
+def _remove(targets: Sequence["_Target"]) -> None:
+    with _uninterrupted():
+        for target in targets:
+            target.remove()
 
 
 class _Target:
@@ -244,7 +251,8 @@ class _Target:
             for other in self._final.parent.iterdir():
                 if other.name.startswith(self._start) and other.suffix == ".tmp":
                     _remove_abandoned(other)
-        self._lock = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        with _uninterrupted():
+            self._lock = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         with suppress(OSError):  # a disk without locks
             lock(self._lock)
 

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from plumbob import certificate, io
+from plumbob import _files, certificate, io
 from plumbob._files import MAX_TEXT, replacing, write_text
 from plumbob.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
 from plumbob.cli import common
@@ -315,3 +315,22 @@ def test_only_regular_files_of_a_sane_size_are_read(tmp_path, what):
         with pytest.raises(DecodeError, match=rf"{path.name} .*{told}") as caught:
             READERS[what](path)
         assert str(caught.value).count(str(path)) == 1
+
+
+@pytest.mark.parametrize("strike", [1, 2, 3])
+def test_a_signal_just_before_signals_are_held_back_leaves_nothing(tmp_path, monkeypatch, strike):
+    """Before the temporary is created, before it takes its name, and before it is removed."""
+    hold, entered = _files._uninterrupted, []
+
+    @contextmanager
+    def struck():
+        entered.append(1)
+        if len(entered) == strike:
+            raise KeyboardInterrupt
+        with hold():
+            yield
+
+    monkeypatch.setattr(_files, "_uninterrupted", struck)
+    with pytest.raises(KeyboardInterrupt), replacing(tmp_path / "a.txt") as temporary:
+        temporary.write_text("whole")
+    assert [path.name for path in tmp_path.iterdir()] == (["a.txt"] if strike == 3 else [])

@@ -144,6 +144,24 @@ def test_a_stated_unit_is_asked_again_where_the_numbers_contradict_it(tmp_path, 
     assert 'unit = "s"' in draft.text
 
 
+@pytest.mark.parametrize(("fraction", "counts"), [(0.0, True), (0.5, False)])
+def test_rates_too_fast_for_rad_are_counts_only_where_all_are_whole(tmp_path, fraction, counts):
+    """Of a gyroscope alone, of which nothing tells the unit: no logger turns at 300 rad/s."""
+    rates = np.rint(300.0 * np.sin(np.outer(T, [1.0, 1.3, 0.7])))
+    rates[::2] += fraction
+    draft = plumbob.profile(table(tmp_path / "a.csv", "t,gx,gy,gz\n", [T, *rates.T]))
+    assert 'unit = "? deg/s"' in draft.text
+    assert ('counts_per_unit = "?"' in draft.text) is counts
+
+
+def test_a_steady_vector_of_thousands_is_gravity_in_counts(tmp_path, moved):
+    """Without names: 2048 counts of a g are the fewest in use, of ±16 g in 16 bits; weaker ones are no gravity."""
+    rate, force, _ = moved
+    draft = plumbob.profile(table(tmp_path / "a.csv", "", [T, *(2048.0 * force).T, *rate.T]))
+    assert "[acc]\ncolumns = [" in draft.text
+    assert '["?", 2, 3, 4]' in draft.text.partition("[acc]")[2]
+
+
 @pytest.mark.parametrize(
     ("turn", "axes", "instead"),
     [
