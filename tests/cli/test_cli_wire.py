@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from plumbob.cli import decode as cli_decode
 from plumbob.cli import emulate
 from plumbob.io import read
 from plumbob.rigs import PLANS, find_format, load, make_rig
@@ -123,8 +124,12 @@ def test_the_wrong_format_gets_a_hint(buoy):
     )
 
 
-def test_a_stream_of_which_most_is_in_frames_gets_no_hint(buoy):
-    """500 frames of 31 bytes, and 29 of 30 bytes of another format's whole frames to each, which come first."""
+def test_a_stream_of_which_most_is_in_frames_gets_no_hint(buoy, monkeypatch):
+    """500 frames of 31 bytes, and 29 of 30 bytes of another format's whole frames to each, which come first.
+
+    The beginning alone would look like that other format.
+    """
+    monkeypatch.setattr(cli_decode, "_HINT", 14_000)
     form = find_format("ahrs500ga").bind({})
     message = form.message("")
     values = {f.name: np.zeros(700) for f in message.fields if f.physical}
