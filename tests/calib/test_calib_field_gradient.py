@@ -71,7 +71,18 @@ def in_gradient(seed, *, duration, gradient=2.0, arm=0.25):
     return unit, field(rng, unit, q_nb) + off_b @ unit.distortion.T
 
 
-@pytest.mark.parametrize("duration", [15.0, pytest.param(30.0, marks=pytest.mark.long(reason="another length"))])
+BLIND = "a field that changes along itself, about one arm, leaves nothing in lengths: 4 of 23 such captures are good"
+
+
+@pytest.mark.parametrize(
+    "duration",
+    [
+        15.0,
+        pytest.param(
+            30.0, marks=(pytest.mark.long(reason="another length"), pytest.mark.xfail(strict=True, reason=BLIND))
+        ),
+    ],
+)
 def test_short_captures_in_a_room_are_never_good_and_honest(duration):
     """Without the floor the error of 15 s is 4 times the predicted one, and half of them are good."""
     ratios = []
