@@ -131,3 +131,13 @@ def test_the_simulator_s_noise_comes_back(tmp_path):
         assert analysis.step == pytest.approx(
             to_si(1 / 131, "deg/s") if analysis.name[:3] == "gyr" else to_si(1 / 8192, "g"), rel=1e-3
         )
+
+
+def test_a_file_s_name_may_hold_a_comma(tmp_path):
+    """It names the channel, and findings about several channels list them with commas."""
+    np.savetxt(tmp_path / "desk, 2.txt", np.full(5000, 3.0))
+    record = load_static(tmp_path / "desk, 2.txt", rate=100.0, scale="1")
+    report = check_static(record)
+    assert report.refused("desk, 2")
+    with pytest.raises(ShapeError, match="no static record: desk, 2: all 5000 values are 3"):
+        characterise(record, report)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.check import Floats
+from plumbob.runs import runs
 from plumbob.units import dps
 
 BLOCK: Final = 0.25
@@ -111,9 +112,3 @@ def _unturned(rate: Floats, quiet: NDArray[np.bool_]) -> NDArray[np.bool_]:
     bias = np.median(rate[quiet], axis=0)
     with np.errstate(invalid="ignore"):
         return np.asarray(np.abs(rate - bias).max(axis=1) <= TURNED)
-
-
-def runs(marks: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and stop of each run of marked blocks."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], marks, [False])).astype(np.int8)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

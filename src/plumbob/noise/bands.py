@@ -7,7 +7,6 @@ before, so only the band is left out.
 """
 
 import math
-from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from plumbob.noise.findings import Band, Mask
 from plumbob.noise.likelihood import Fit, fit
 from plumbob.noise.mask import find_mask
 from plumbob.noise.spectrum import Spectrum
+from plumbob.runs import runs
 
 Inside = NDArray[np.bool_]
 
@@ -30,7 +30,7 @@ _TALL: Final = 1.2  # times the floor: less is the unevenness of real sensors
 _SKIRT = 0.03  # of the density: where a band ends
 _STEP = 4  # bins by which it is widened
 _WIDEST = 2.0  # octaves from its peak to where a band may reach
-_NARROW = 1.5  # octaves of its core; more is no band but another kind of noise
+_NARROW = 1.5  # octaves of its core; a wider one is another kind of noise
 _ROUNDS = 6
 _PLACES = 16
 
@@ -56,9 +56,9 @@ def leave_out(spectrum: Spectrum, n: NDArray[np.int64]) -> LeftOut:
         Averaging factors that there are, increasing.
     """
     inside = _cores(spectrum)
-    mask, kept = find_mask(spectrum.only(~inside), n)
     if not inside.any():
-        return LeftOut((), mask, kept, spectrum)
+        return LeftOut((), *find_mask(spectrum, n), spectrum)
+    mask, kept = find_mask(spectrum.only(~inside), n)
     usable = np.arange(spectrum.start.size) < np.searchsorted(spectrum.start, kept.stop[-1])
     found = fit(kept)
     for _ in range(_ROUNDS):
@@ -139,7 +139,5 @@ def _band(spectrum: Spectrum, found: Fit, one: slice) -> Band:
     return Band(low, high, math.sqrt(2.0 * float(np.sum(power))), tuple(places.tolist()), spectrum.dt)
 
 
-def _runs(inside: Inside) -> Iterator[slice]:
-    edges = np.flatnonzero(np.diff(inside.astype(np.int8), prepend=0, append=0))
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        yield slice(first, last)
+def _runs(inside: Inside) -> list[slice]:
+    return [slice(*run) for run in runs(inside)]

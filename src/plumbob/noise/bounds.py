@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ every averaging time."""
 _KNOWN: Final = 0.1  # of the record: of longer averages, nobody knows an interval that holds in so many cases
 _LONGEST: Final = 0.25  # of the record; of longer averages there are less than three differences
 _LEAST: Final = 2.0  # ratio of the averaging times at which a slow term is judged
+_JUDGED: Final = "QBKR"
 _SLOW: Final = "KR"
 
 
@@ -34,28 +35,47 @@ def within_the_curve(
     Quantization is held to the whole curve, masked or not, for no filter of a device takes it away and leaves the
     angle; the others to what is not masked. White noise is not judged: it is what short averages show.
     """
+    sure = interval(of.dev, of.edf, skew_edf(of.kind, of.alpha, of.count, of.n), SURE)[1]
+    limits = {letter: _limit(letter, of, sure, mask) for letter in _JUDGED}
     told: dict[str, str] = {}
     while True:
         found, fitted = coefficients(kept, best, barred=told, bands=bands)
-        more = {w: why for w in "QBKR" if found[w].observable and (why := _against(w, found, of, mask))}
+        shown = [letter for letter in _JUDGED if found[letter].observable]
+        more = {w: why for w in shown if (why := _against(w, found, limits[w], of, mask))}
         if not more:
-            limited = {w: _limited(w, found[w], of, mask) if w in told else found[w] for w in found}
-            return limited, fitted, tuple(told.values())
+            return (
+                {w: _limited(c, limits[w].most) if w in told else c for w, c in found.items()},
+                fitted,
+                (*told.values(),),
+            )
         told |= more
 
 
-def _against(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
-    return (_leaves if letter in _SLOW else _exceeds)(letter, found, of, mask)
+class _Limit(NamedTuple):
+    """Largest coefficient that the curve allows a term that is there alone, and the averaging time that says so, s."""
+
+    most: float
+    tau: float
 
 
-def _exceeds(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
-    """Say in words where a term alone, the lower end of its interval, is above what the curve can be."""
+def _limit(letter: str, of: Curve, sure: Floats, mask: Mask) -> _Limit:
     judged = _judged(letter, of, mask, _KNOWN)
-    ratio = np.sqrt(variance(letter, found[letter].lo, of.tau[judged])) / _most(of)[judged]
-    if not ratio.size or ratio.max() <= 1.0:
+    tau = of.tau[judged]
+    allowed = sure[judged] / np.sqrt(variance(letter, 1.0, tau))
+    if not allowed.size:
+        return _Limit(math.inf, math.nan)
+    return _Limit(float(allowed.min()), float(tau[np.argmin(allowed)]))
+
+
+def _against(letter: str, found: Mapping[str, Coefficient], limit: _Limit, of: Curve, mask: Mask) -> str | None:
+    """Say in words why the curve contradicts a coefficient, by its lower end; None where it does not."""
+    if letter in _SLOW:
+        return _leaves(letter, found, of, mask)
+    if found[letter].lo <= limit.most:
         return None
-    at = of.tau[judged][np.argmax(ratio)]
-    return f"{letter} is not quoted: what the spectrum gives it would alone exceed the measured curve at {at:.3g} s"
+    return (
+        f"{letter} is not quoted: what the spectrum gives it would alone exceed the measured curve at {limit.tau:.3g} s"
+    )
 
 
 def _leaves(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
@@ -73,16 +93,9 @@ def _leaves(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask
     )
 
 
-def _limited(letter: str, one: Coefficient, of: Curve, mask: Mask) -> Coefficient:
-    """A coefficient with the limits that the curve sets it."""
-    judged = _judged(letter, of, mask, _KNOWN)
-    most = float(np.min(_most(of)[judged] / np.sqrt(variance(letter, 1.0, of.tau[judged])), initial=math.inf))
+def _limited(one: Coefficient, most: float) -> Coefficient:
+    """A coefficient with the limit that the curve sets it."""
     return replace(one, value=min(one.value, most), lo=0.0, hi=min(one.hi, most), upper=min(one.upper, most))
-
-
-def _most(of: Curve) -> Floats:
-    """What the deviation (m,) can be at most."""
-    return interval(of.dev, of.edf, skew_edf(of.kind, of.alpha, of.count, of.n), SURE)[1]
 
 
 def _judged(letter: str, of: Curve, mask: Mask, longest: float) -> NDArray[np.bool_]:

@@ -15,6 +15,7 @@ from plumbob.check import Floats
 from plumbob.noise.curve import Curve
 from plumbob.noise.findings import Coefficient, Estimates
 from plumbob.noise.terms import TERMS, Term
+from plumbob.runs import runs
 
 _WITHIN = 0.15  # of the slope
 _DECADES = 0.3  # that a line needs
@@ -73,6 +74,4 @@ def _local_slope(x: Floats, y: Floats) -> Floats:
 
 
 def _longest_run(inside: NDArray[np.bool_]) -> slice | None:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], inside.astype(np.int8), [0]))))
-    runs = list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-    return slice(*max(runs, key=lambda r: r[1] - r[0])) if runs else None
+    return slice(*max(found, key=lambda r: r[1] - r[0])) if (found := runs(inside)) else None

@@ -75,9 +75,10 @@ def characterise(
         if isinstance(group.source, np.ndarray) or record.size <= IN_MEMORY or taus == "all":
             found += _in_memory(group, report, taus)
         elif group.names[0] in report.skipped:
+            told = next(f for f in report.warnings if f.kind == "disturbed" and f.concerns(group.names[0]))
             raise ShapeError(
-                f"{record.path} is analysed as it is read, so that nothing can be skipped: {_skip_told(group, report)} "
-                "Choose a still stretch with --from and --to."
+                f"{record.path} is analysed as it is read, so that nothing can be skipped: {told} Choose a still "
+                "stretch with --from and --to."
             )
         else:
             found += _streamed(group, record.size, taus, progress)
@@ -157,12 +158,6 @@ def _samples(group: Channels, report: StaticReport) -> Floats:
     return bridged(group.read(), group.dt, group.start, list(parts)) if parts else group.read()
 
 
-def _skip_told(group: Channels, report: StaticReport) -> str:
-    return next(
-        str(finding) for finding in report.warnings if finding.kind == "disturbed" and group.names[0] in finding.channel
-    )
-
-
 def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[Analysis]:
     samples = _samples(group, report)
 
@@ -236,5 +231,5 @@ def _too_long(tau: float, dt: float, count: int, kind: str = "oadev") -> Paramet
 
 
 def _with_findings(analysis: Analysis, report: StaticReport) -> Analysis:
-    warnings = tuple(w.text for w in report.warnings if analysis.name in w.channel)
+    warnings = tuple(w.text for w in report.warnings if w.concerns(analysis.name))
     return replace(analysis, step=report.steps.get(analysis.name, 0.0), notes=(*warnings, *analysis.notes))

@@ -12,7 +12,7 @@ from plumbob.calib.mag.outcome import dip_of
 from plumbob.calib.refusal import Reason, refuse
 from plumbob.check import Floats
 from plumbob.data import TITLES, ImuData
-from plumbob.rotations import axes_letters, signed_axes
+from plumbob.rotations import axes_letters, axes_words, signed_axes
 from plumbob.units import deg, to_deg
 
 LEVEL: Final = deg(10.0)
@@ -214,5 +214,5 @@ def _words(way: Floats) -> str:
     elif diagonal.any() and (way >= 0.0).all():
         words = f"{' and '.join('xyz'[i] for i in np.flatnonzero(diagonal == 0.0))} swapped"
     else:
-        words = f"its x, y, z are {', '.join(axes_letters(way).replace('-', '−').split())} of the others"
+        words = f"its x, y, z are {axes_words(way)} of the others"
     return f"mirrored: {words}" if _mirrors(way) else words

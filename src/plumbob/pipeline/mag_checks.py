@@ -10,7 +10,7 @@ from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag import turning
 from plumbob.calib.mag.axes import SPAN, wander
 from plumbob.calib.mag.outcome import DIP, dip_of
-from plumbob.calib.mag.with_acc import FEWEST, turn_of
+from plumbob.calib.mag.with_acc import FEWEST, rotation_in, turn_of
 from plumbob.calib.predicted import heading_apart, heading_sd
 from plumbob.calib.refusal import Reason, refuse
 from plumbob.check import Floats
@@ -82,12 +82,10 @@ def told_by_others(
     """
     matrix = fit.calibration.matrix
     field = (imu.usable("mag") - fit.calibration.bias) @ matrix.T
-    u, _, vt = np.linalg.svd(matrix)
-    axes = judged_axes(imu, field @ (u @ vt), helper=helper, dip=dip)
+    axes = judged_axes(imu, field @ rotation_in(matrix), helper=helper, dip=dip)
     told = axes.told
     if imu.gyr is not None and "gyr" not in axes.wrong:
-        refuse(_against_gyroscope(imu, field, helper))
-        told = (*told, *_by_gyroscope(imu, field))
+        told = (*told, *_by_gyroscope(imu, field, helper))
     if "acc" in axes.wrong:
         return told
     force = imu.usable("acc")
@@ -129,7 +127,10 @@ def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: floa
 
 def require_field_turns(imu: ImuData, mag: Floats) -> None:
     """Refuse a field (N, 3), calibrated or not, that turns against the gyroscope."""
-    found = turning.agreement(imu.t, mag, imu.usable("gyr"))
+    _require_sense(turning.agreement(imu.t, mag, imu.usable("gyr")))
+
+
+def _require_sense(found: turning.Agreement | None) -> None:
     if found is not None and found.slope < turning.LEAST_SLOPE:
         what = (
             "the field turns against the gyroscope: an axis of the magnetometer is swapped or has the wrong sign; "
@@ -138,26 +139,30 @@ def require_field_turns(imu: ImuData, mag: Floats) -> None:
         refuse([Reason("mirrored", what, f"{_AXES}; or the gyroscope's, if its signs are in doubt.")])
 
 
-def _against_gyroscope(imu: ImuData, field: Floats, helper: str) -> list[Reason]:
-    require_field_turns(imu, field)
-    rotation = turning.turn(imu.t, field, imu.usable("gyr")) if helper == "acc" else None
-    if rotation is None or turn_of(rotation) <= MOST_TURNED:
-        return []
+def _require_alignment(turned: float) -> None:
+    """Refuse a field beside an accelerometer that is turned by so much, rad, against the gyroscope."""
+    if turned <= MOST_TURNED:
+        return
     what = (
-        f"the field is turned by {to_deg(turn_of(rotation)):.0f}° against the gyroscope, so the specific force was not "
+        f"the field is turned by {to_deg(turned):.0f}° against the gyroscope, so the specific force was not "
         "that of gravity, or the accelerometer's axes are not the gyroscope's."
     )
-    return [Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture anew.")]
+    refuse([Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture anew.")])
 
 
-def _by_gyroscope(imu: ImuData, field: Floats) -> tuple[str, ...]:
-    """How a calibrated field follows the rates, in figures."""
+def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
+    """How a calibrated field follows the rates, in figures; one that does not is refused."""
     gyr = imu.usable("gyr")
-    found, angle = turning.agreement(imu.t, field, gyr), wander(imu.t, field, gyr)
+    found = turning.agreement(imu.t, field, gyr)
+    _require_sense(found)
+    rotation = turning.turn(imu.t, field, gyr)
+    turn = None if rotation is None else turn_of(rotation)
+    if helper == "acc" and turn is not None:
+        _require_alignment(turn)
+    angle = wander(imu.t, field, gyr)
     if found is None or angle is None:
         return ()
-    rotation = turning.turn(imu.t, field, gyr)
-    turned = "" if rotation is None else f", turned by {to_deg(turn_of(rotation)):.1f}° against them,"
+    turned = "" if turn is None else f", turned by {to_deg(turn):.1f}° against them,"
     told = (
         f"the calibrated field turns at {found.slope:.2f} of the rates{turned} and keeps its direction in space within "
         f"{to_deg(angle):.1f}° (rms) over {SPAN:.0f} s."

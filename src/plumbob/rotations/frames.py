@@ -166,6 +166,11 @@ def axes_letters(c: Floats) -> str:
     return " ".join("-" * bool(row[i] < 0.0) + "xyz"[i] for row, i in zip(c, places, strict=True))
 
 
+def axes_words(c: Floats) -> str:
+    """The same for a sentence: "y, −x, z"."""
+    return ", ".join(axes_letters(c).replace("-", "−").split())
+
+
 def every_axes() -> tuple[Floats, ...]:
     """The 48 matrices (3, 3) that `signed_axes` gives, the identity first; 24 of them are left-handed."""
     ways = product(permutations(range(3)), product((1.0, -1.0), repeat=3))

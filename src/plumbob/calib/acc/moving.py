@@ -46,7 +46,7 @@ FEWEST: Final = 12
 
 _SHARED: Final = 4.0 / 3.0  # of the variance of windows with Hann's weights that overlap by half: correlation 1/6 twice
 _ROUNDS: Final = 8
-_GAP: Final = 2.0  # steps, from which on a window has a gap
+_GAP: Final = 2.0  # steps by which a window may last longer than its samples say
 _ADVICE: Final = (
     "Turn the unit slowly about all its axes, each face once up, and move it as little as you can; or rest."
 )
@@ -135,12 +135,11 @@ def _windows(t: Floats, gyr: Floats, attitude: Floats, length: float) -> Windows
     """Windows without a gap that overlap by half, and in which the unit does not turn too far."""
     step = float(np.median(np.diff(t)))
     half = max(1, round(0.5 * length / step))
-    count = 2 * half + 1
     middles = np.arange(half, len(t) - half, half)
     rows = middles[:, np.newaxis] + np.arange(-half, half + 1)
     speed = np.linalg.norm(gyr, axis=1)
-    even = t[rows[:, -1]] - t[rows[:, 0]] < (count - 1 + _GAP) * step if len(rows) else np.zeros(0, dtype=bool)
-    slow = np.mean(speed[rows], axis=1) * length <= MOST_TURN if len(rows) else even
+    even = t[rows[:, -1]] - t[rows[:, 0]] < (2 * half + _GAP) * step
+    slow = np.mean(speed[rows], axis=1) * length <= MOST_TURN
     rows = rows[even & slow]
     turns = quat_multiply(quat_conjugate(attitude[rows[:, half]])[:, np.newaxis], attitude[rows])
     weights = 1.0 + np.cos(np.pi * np.arange(-half, half + 1) / (half + 1.0))
@@ -187,8 +186,7 @@ def _told(found: Fitted, rate: float, gravity: float, tilt_range: float) -> Fitt
     )
     method = calibration.method.replace("poses", "windows of slow tumbling")
     told = replace(calibration, covariance=covariance, quality=quality, method=method)
-    remarks = tuple(one for one in found.remarks if "noise at rest" not in one)
-    return replace(found, calibration=told, remarks=(remark, *remarks))
+    return replace(found, calibration=told, remarks=(remark, *found.remarks))
 
 
 def _speed(rate: float) -> str:

@@ -41,7 +41,7 @@ LIGHTEST, HEAVIEST = G0 - 0.05, G0 + 0.035
 """Gravity on Earth, m/s²: of high mountains at the equator, and of the poles."""
 
 FAR_SCALE: Final = 0.05
-"""Relative error of gravity's size from which on a remark says so: data sheets of MEMS parts have ±1 to 3 %."""
+"""Relative error of gravity's size beyond which a remark says so: data sheets of MEMS parts have ±1 to 3 %."""
 
 CROSS_AXIS: Final = 0.01
 """Sensitivity across the axes to expect where it was not fitted: data sheets of MEMS parts have ±1 to 2 %."""

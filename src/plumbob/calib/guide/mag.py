@@ -13,7 +13,7 @@ from plumbob.calib.grades import HEADING, grade_of
 from plumbob.calib.guide.guide import ENOUGH, Guide, Progress, Seen
 from plumbob.calib.guide.stream_blocks import Block
 from plumbob.calib.guide.turns import Turn, nearest, turn_to
-from plumbob.calib.mag.field_gradient import unevenness
+from plumbob.calib.mag.field_gradient import unevenness_in
 from plumbob.calib.mag.outcome import DIP
 from plumbob.calib.mag.spread import one_axis
 from plumbob.calib.predicted import heading_sd
@@ -183,11 +183,9 @@ def _is_certain(fit: NormFit) -> bool:
 
 
 def _predicted(fit: NormFit, vectors: Floats) -> float:
-    directions, radius = (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape, radius_of(fit.ellipsoid.shape)
-    field = unevenness(fit.residuals, directions, fit.used)
     matrix, covariance = scaled(fit, None, alike=1.0)
-    memory = alike_in(fit, vectors).memory
-    covariance = field.counted(
+    memory, radius = alike_in(fit, vectors).memory, radius_of(fit.ellipsoid.shape)
+    covariance = unevenness_in(fit, vectors).counted(
         covariance, memory=memory, residuals=fit.residuals[fit.used], matrix=matrix, radius=radius
     )
     return heading_sd(matrix, covariance, size=radius, dip=DIP)

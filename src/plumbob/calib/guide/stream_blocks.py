@@ -6,9 +6,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calib.still import BLOCK, FEWEST, Moments, at_rest, runs
+from plumbob.calib.still import BLOCK, FEWEST, Moments, at_rest
 from plumbob.check import Floats
 from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
+from plumbob.runs import runs
 
 _COLUMNS: Final = 1 + 3 * len(TRIADS) + len(TRIADS)
 

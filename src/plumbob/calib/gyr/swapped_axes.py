@@ -7,7 +7,7 @@ import numpy as np
 
 from plumbob.calib.refusal import Reason
 from plumbob.check import Floats
-from plumbob.rotations import axes_letters, every_axes
+from plumbob.rotations import axes_words, every_axes
 
 CLEARLY: Final = 0.5
 """Misses over those of the declared axes below which other axes are the right ones."""
@@ -27,11 +27,7 @@ def swapped(miss: Callable[[Floats], float]) -> list[Reason]:
     if not misses[best] < CLEARLY * misses[0]:  # the first is the identity
         return []
     text = (
-        f"Gyroscope and accelerometer have different axes: gravity follows the rates taken as {_named(ways[best])} "
+        f"Gyroscope and accelerometer have different axes: gravity follows the rates taken as {axes_words(ways[best])} "
         "instead of x, y, z."
     )
     return [Reason("implausible", text, "Check axes and signs of both triads in the profile.")]
-
-
-def _named(way: Floats) -> str:
-    return ", ".join(axes_letters(way).replace("-", "−").split())

@@ -18,7 +18,7 @@ from plumbob.calib.ellipsoid.shape_choice import SPARE, choose, fit_shape
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.grades import HEADING
 from plumbob.calib.mag.asked import finite_rows, forces, require_dip, require_strength, require_tilt_range
-from plumbob.calib.mag.field_gradient import unevenness
+from plumbob.calib.mag.field_gradient import unevenness_in
 from plumbob.calib.mag.halves import Place, widening
 from plumbob.calib.mag.moved import moved
 from plumbob.calib.mag.outcome import (
@@ -104,14 +104,14 @@ def fit_mag(
     size = strength or radius
     dip = _dip(mag, fit, acc) if dip is None else dip
     shared, place = alike_in(full, mag), Place(size, dip, tilt_range)
-    field = unevenness(full.residuals, (mag - full.ellipsoid.centre) @ full.ellipsoid.shape, full.used)
+    field = unevenness_in(full, mag)
     matrix, _ = scaled(fit, strength, alike=1.0)
     _, independent = scaled(full, strength, alike=1.0)  # what is too small to show may be there all the same
     left = full.residuals[full.used]
     covariance = field.counted(independent, memory=shared.memory, residuals=left, matrix=matrix, radius=radius)
     covariance = covariance * widening(mag, full, field, shared.memory, place)
     sd, even = (heading_sd(matrix, c, **place._asdict()) for c in (covariance, independent * shared.memory))
-    doubt = Doubt(sd, even, field, shared.memory, shared.unevenness > shared.memory)
+    doubt = Doubt.of(sd, even, field, shared)
     _check(mag, fit, doubt, strength)
     calibration = calibration_of(
         matrix=matrix,

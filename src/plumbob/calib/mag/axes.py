@@ -32,7 +32,7 @@ QUIET: Final = 0.05
 """Departure of the specific force from its usual length, of itself, up to which it is taken for the vertical."""
 
 FEWEST: Final = 14
-"""Samples from which on a dip is looked for."""
+"""Fewest samples in which a dip is looked for."""
 
 SPAN: Final = 4.0
 """Windows over which vectors are turned back, s: pushes average out, and a gyroscope's errors turn by few degrees."""

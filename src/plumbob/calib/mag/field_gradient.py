@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.alike import LONG
+from plumbob.calib.ellipsoid.norm_fit import NormFit
 from plumbob.calib.ellipsoid.visits import FEWEST_VISITS, neighbours_share, staying, visits
 from plumbob.check import Floats
 
@@ -108,6 +109,11 @@ class Unevenness(NamedTuple):
             change = np.cross(axis, matrix.T).T.ravel()
             found[3:, 3:] += (self.sd / radius) ** 2 * np.outer(change, change)
         return found
+
+
+def unevenness_in(fit: NormFit, vectors: Floats) -> Unevenness:
+    """How uneven the field was in the vectors (N, 3) that an ellipsoid was fitted to, as `unevenness`."""
+    return unevenness(fit.residuals, (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape, fit.used)
 
 
 def unevenness(

@@ -10,7 +10,7 @@ from plumbob.calib.ellipsoid.alike import LONG
 from plumbob.calib.ellipsoid.norm_fit import NormFit, Shape, fit_norm
 from plumbob.calib.ellipsoid.scale import scaled
 from plumbob.calib.grades import HEADING
-from plumbob.calib.mag.field_gradient import Unevenness, unevenness
+from plumbob.calib.mag.field_gradient import Unevenness, unevenness_in
 from plumbob.calib.predicted import heading_apart, heading_sd
 from plumbob.check import Floats
 
@@ -71,7 +71,7 @@ def _part(
     fit = fit_norm(vectors, Shape.ELLIPSOID, whole.ellipsoid, robust=False)
     if fit is None:
         return None
-    patches = unevenness(fit.residuals, (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape, fit.used).patches
+    patches = unevenness_in(fit, vectors).patches
     wandering = field._replace(patches=patches).spread(fit.residuals)
     matrix, covariance = scaled(fit, place.size, alike=memory + wandering)
     sd = heading_sd(matrix, covariance, size=place.size, dip=place.dip, tilt_range=place.tilt_range)

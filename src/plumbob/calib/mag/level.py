@@ -93,7 +93,7 @@ def fit_mag_level(
     sd, even = (
         _level_sd(matrix, c, [*level, axis], size=wanted or radius) for c in (covariance, independent * shared.memory)
     )
-    doubt = Doubt(sd, even, Unevenness(), shared.memory, shared.unevenness > shared.memory)
+    doubt = Doubt.of(sd, even, Unevenness(), shared)
     refuse(_reasons(fit, mag[:, level], radius, doubt))
     bias = np.zeros(3)
     bias[level] = fit.centre

@@ -1,10 +1,11 @@
 """What every fit of a magnetometer ends in: the calibration, the reasons that all share, and the remarks."""
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.calib.ellipsoid.alike import Alike
 from plumbob.calib.grades import HEADING, grade_of
 from plumbob.calib.mag.field_gradient import Unevenness
 from plumbob.calib.refusal import Reason
@@ -29,7 +30,7 @@ LOST: Final = deg(30.0)
 """Predicted heading error from which on there is no heading, rad: three of it are a quarter of a turn."""
 
 _LONG_MEMORY: Final = 10.0  # samples that count as one from which on it is told
-_COUNTS: Final = 1.5  # predicted error over that of an even field from which on it is told
+_COUNTS: Final = 1.5  # predicted error over that of an even field, above which it is told
 
 STEEL: Final = "Look for switched currents, moving iron and steel nearby."
 """Advice where samples do not fit each other."""
@@ -55,6 +56,11 @@ class Doubt(NamedTuple):
     field: Unevenness
     memory: float
     shown: bool
+
+    @classmethod
+    def of(cls, sd: float, even: float, field: Unevenness, shared: Alike) -> Self:
+        """Of a fit; residuals show an uneven field where that makes more of them count as one than their memory."""
+        return cls(sd, even, field, shared.memory, shared.unevenness > shared.memory)
 
 
 def calibration_of(

@@ -98,7 +98,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         heading_sd(matrix, c, size=size, dip=fit.dip, tilt_range=tilt_range)
         for c in (covariance, independent * shared.memory)
     )
-    doubt = Doubt(sd, even, field, shared.memory, shared.unevenness > shared.memory)
+    doubt = Doubt.of(sd, even, field, shared)
     refuse(_reasons(fit, doubt, strength))
     calibration = calibration_of(
         matrix=matrix,
@@ -120,9 +120,14 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
 
 
 def turn_of(matrix: Floats) -> float:
-    """Angle of the rotation in a matrix (3, 3), rad: of the factor that is left beside a symmetric one."""
+    """Angle of the rotation in a matrix (3, 3), rad."""
+    return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(rotation_in(matrix))) - 1.0))))
+
+
+def rotation_in(matrix: Floats) -> Floats:
+    """Rotation (3, 3) in a matrix: the factor that is left beside a symmetric one."""
     u, _, vt = np.linalg.svd(matrix)
-    return math.acos(min(1.0, max(-1.0, 0.5 * (float(np.trace(u @ vt)) - 1.0))))
+    return np.asarray(u @ vt)
 
 
 def _wrong_gravity(force: Floats) -> list[Reason]:

@@ -21,10 +21,10 @@ from plumbob.noise.static.interleaved import interleaved
 from plumbob.noise.static.periodic import shaking
 from plumbob.noise.static.report import Finding, StaticReport
 from plumbob.noise.static.runs import Runs
-from plumbob.noise.static.skip import LONGEST, MARGIN, MOST, MOST_ASKED, between, jumped, total, widened
+from plumbob.noise.static.skip import LONGEST, MARGIN, MOST, MOST_ASKED, jumped, total, widened
 from plumbob.noise.static.spikes import Spikes
 from plumbob.noise.static.step import find_step
-from plumbob.noise.static.stillness import Parts, Stillness, joined, longest_gap
+from plumbob.noise.static.stillness import Parts, Stillness, between, joined, longest_gap
 from plumbob.units import Quantity, deg, dps
 
 FEWEST_SAMPLES: Final = 1000
@@ -177,7 +177,7 @@ class StaticCheck:
         wide = widened(found, self.start, self.stop)
         if not found or self._reason(wide) is not None:
             return joined(found)
-        while more := [p for gap in between(joined(known + wide), self.start, self.stop) for p in self.strict(*gap)]:
+        while more := [p for gap in between(known + wide, self.start, self.stop) for p in self.strict(*gap)]:
             wide = widened(wide + more, self.start, self.stop)
             if self._reason(wide) is not None:
                 break

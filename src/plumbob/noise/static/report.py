@@ -28,6 +28,10 @@ class Finding:
     refuses: bool
     text: str
 
+    def concerns(self, channel: str) -> bool:
+        """Whether it is about a channel, alone or with others; a name may hold a comma."""
+        return channel == self.channel or channel in self.channel.split(", ")
+
     def __str__(self) -> str:
         """Sentence with the channel."""
         return f"{self.channel}: {self.text}"
@@ -69,7 +73,7 @@ class StaticReport:
 
     def refused(self, *channels: str) -> bool:
         """Whether an analysis of any of the channels would mislead."""
-        return any(channel in finding.channel.split(", ") for finding in self.errors for channel in channels)
+        return any(finding.concerns(channel) for finding in self.errors for channel in channels)
 
     def require(self, *sensors: Sequence[str]) -> None:
         """Refuse a record of which no sensor can be analysed.

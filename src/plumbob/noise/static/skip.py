@@ -7,7 +7,6 @@ surroundings at all but the longest times, and tells nothing of its own.
 """
 
 import math
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -32,12 +31,6 @@ _FEWEST: Final = 20  # of such changes that are known
 def widened(parts: Parts, start: float, stop: float) -> Parts:
     """Parts with their margins, s, inside of a record from `start` to `stop`; those that then meet are one."""
     return joined([(max(start, a - MARGIN), min(stop, b + MARGIN)) for a, b in parts])
-
-
-def between(parts: Parts, start: float, stop: float) -> Parts:
-    """What is left of the time from `start` to `stop`, s, outside of the parts."""
-    edges = [(start, start), *parts, (stop, stop)]
-    return [(a[1], b[0]) for a, b in pairwise(edges) if b[0] > a[1]]
 
 
 def total(parts: Parts) -> float:

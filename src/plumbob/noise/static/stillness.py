@@ -178,6 +178,11 @@ def joined(parts: Parts) -> Parts:
 
 def longest_gap(parts: Parts, start: float, stop: float) -> tuple[float, float]:
     """Longest interval from `start` to `stop` outside all the parts."""
+    return max(between(parts, start, stop), key=lambda gap: gap[1] - gap[0], default=(start, start))
+
+
+def between(parts: Parts, start: float, stop: float) -> Parts:
+    """What is left of the time from `start` to `stop` outside all the parts."""
     edges = [(start, start), *joined(parts), (stop, stop)]
     gaps = [(max(a[1], start), min(b[0], stop)) for a, b in pairwise(edges)]
-    return max(gaps, key=lambda gap: gap[1] - gap[0])
+    return [(first, end) for first, end in gaps if end > first]
