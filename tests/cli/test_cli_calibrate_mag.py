@@ -9,8 +9,19 @@ import pytest
 from plumbob import io
 from plumbob.cards import CalibrationCard
 from plumbob.data import ImuData, ImuMeta
+from plumbob.rotations import quat_from_rotvec, quat_multiply
 from tests.battery.commandline import ok, plumbob, refused
-from tests.calib.mag_scene import Unit, attitudes, field, force, heading_rms, tumbling, unit_of
+from tests.calib.mag_scene import (
+    Unit,
+    attitudes,
+    field,
+    force,
+    heading_rms,
+    rates,
+    trajectory,
+    tumbling,
+    unit_of,
+)
 
 COUNT = 300
 
@@ -88,3 +99,53 @@ def test_a_card_that_would_rather_harm_needs_force(tmp_path):
     forced = ok("calibrate", "mag", tmp_path / "perfect.parquet", "--out", card, "--force")
     assert "DO NOT USE" in forced.stdout
     assert CalibrationCard.load(card).mag.remarks[0].startswith("DO NOT USE")
+
+
+@pytest.fixture(scope="module")
+def deployed(tmp_path_factory, unit):
+    """Ten minutes of a vessel with inclinations up to 15°, in a field that turns by 4° a minute, too much for one."""
+    rng = np.random.default_rng(51)
+    t, q_nb, true = trajectory(rng, duration=600.0, rate=10.0)
+    about = quat_from_rotvec(np.radians(4.0) * t[:, None] / 60.0 * np.array([0.0, 0.0, -1.0]))
+    seen = field(rng, unit, quat_multiply(about, q_nb))
+    gyr = rates(rng, true, rate=10.0, gain_sd=0.002)
+    file = tmp_path_factory.mktemp("deployed") / "deployed.parquet"
+    io.write(file, ImuData(t=t, acc=force(rng, q_nb), gyr=gyr, mag=seen, meta=ImuMeta(device="SN7")))
+    return file
+
+
+def test_a_unit_at_work_is_calibrated_in_use(deployed, unit, tmp_path):
+    card = tmp_path / "card.json"
+    done = ok("calibrate", "mag", deployed, "--in-use", "--out", card, "--html", tmp_path / "card.html")
+    assert "Fitted in use, as asked for" in done.stdout
+    assert "150 windows of 4 s in 10 min" in done.stdout
+    found = CalibrationCard.load(card).mag
+    # no card of the gyroscope: its axes may turn the whole by 0.25° about each of three, and turn it by less here
+    assert np.degrees(heading_rms(found, unit)) < 2.0 * np.degrees(found.quality.heading_sd) < 2.0
+
+
+def test_in_use_has_a_gyroscope_and_chooses_for_itself(deployed, files):
+    assert "no gyr" in refused("calibrate", "mag", files / "all.parquet", "--in-use")
+    assert "leave them out" in refused("calibrate", "mag", deployed, "--in-use", "--with", "acc")
+    assert "leave them out" in refused("calibrate", "mag", deployed, "--in-use", "--shape", "sphere")
+    assert "does not go with --live" in refused("calibrate", "mag", "--in-use", "--live", "--port", "/dev/null")
+
+
+def test_a_mirrored_unit_at_work_is_named(deployed, tmp_path):
+    imu = io.read(deployed).imu
+    mirrored = ImuData(t=imu.t, acc=imu.acc, gyr=imu.gyr, mag=imu.mag * [1.0, 1.0, -1.0], meta=imu.meta)
+    io.write(tmp_path / "mirrored.parquet", mirrored)
+    done = plumbob("calibrate", "mag", tmp_path / "mirrored.parquet", "--in-use")
+    assert done.returncode == 1
+    assert "(x and y reversed, or mirrored: z reversed)" in " ".join(done.stderr.split())  # its dip is not known
+
+
+def test_a_long_record_that_nobody_turned_is_told_of_it(unit, tmp_path):
+    rng = np.random.default_rng(52)
+    for duration, told in ((100.0, False), (400.0, True)):
+        t, q_nb, true = trajectory(rng, duration=duration, rate=10.0, tilt=np.radians(4.0))
+        imu = ImuData(t=t, gyr=rates(rng, true, rate=10.0), mag=field(rng, unit, q_nb), meta=ImuMeta(device="SN7"))
+        io.write(tmp_path / f"{told}.parquet", imu)
+        done = plumbob("calibrate", "mag", tmp_path / f"{told}.parquet")
+        assert done.returncode == 1
+        assert ("--in-use" in done.stderr) is told

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from plumbob.calib.ellipsoid.norm_fit import Shape
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.grades import HEADING
 from plumbob.calib.mag.alone import fit_mag, unturned
+from plumbob.calib.mag.in_use import fit_mag_in_use
 from plumbob.calib.mag.level import fit_mag_level
 from plumbob.calib.mag.plausible import WEAKEST, stuck
 from plumbob.calib.mag.turning import LEAST_SLOPE, agreement
@@ -46,6 +47,9 @@ SLOW: Final = float(dps(15.0))
 LEAST_SLOW: Final = 0.1
 """Share of slow samples from which on the accelerometer helps without being told so."""
 
+LONG: Final = 300.0
+"""Time from which on a record may be that of a unit at work, s."""
+
 TRUSTED: Final = 0.01
 """Median of that departure up to which a capture's specific force is taken for gravity without being told so."""
 
@@ -60,6 +64,7 @@ def calibrate_mag(
     tilt_range: float = TILT_RANGE,
     acc_calibrated: bool = False,
     gyr_calibrated: bool = False,
+    in_use: bool = False,
     force: bool = False,
 ) -> Fitted:
     """Calibrate the magnetometer of a capture.
@@ -85,6 +90,9 @@ def calibrate_mag(
         Inclination up to which the predicted heading error holds, rad.
     acc_calibrated, gyr_calibrated : bool
         Whether a card was applied to them; of the gyroscope, one with scale and axes.
+    in_use : bool
+        Whether it is a long record of a unit at work, which nobody turned for the purpose: bias and matrix, and the
+        gyroscope's bias, by how the field turns from moment to moment, beside the rates.
     force : bool
         Whether a calibration that would rather harm than help is made all the same, with a remark not to use it.
 
@@ -97,7 +105,7 @@ def calibrate_mag(
     ParameterError
         If a choice is unknown, or two of them contradict each other.
     """
-    _require_choices(with_, shape)
+    _require_choices(with_, shape, in_use=in_use)
     use = _magnetic_rows(imu)
     mag = imu.usable("mag")[use]
     if shape == "level":
@@ -108,17 +116,24 @@ def calibrate_mag(
     steady = use & slow & _steady(imu.usable("acc"))
     work = _Work(imu, use, steady, shape, strength, dip, tilt_range, acc_calibrated, gyr_calibrated)
     try:
-        helper, why = _helper(imu, with_, shape, use, slow, steady)
-        fit, why = _best(work, helper, why, auto=with_ == shape == "auto" and imu.gyr is not None)
+        helper, why = _in_use(imu) if in_use else _helper(imu, with_, shape, use, slow, steady)
+        auto = with_ == shape == "auto" and not in_use and imu.gyr is not None
+        fit, why = _best(work, helper, why, auto=auto)
     except CaptureRefusedError as refused:
         if refused.reasons[0].kind in _FINAL:
             raise
-        raise work.with_axes(refused, with_) from None
+        raise work.with_axes(refused, rates=in_use or with_ == "gyr") from None
     doubt = work.doubt(fit)
     if doubt is not None and not force:
         refuse([doubt])
     told = () if doubt is None else (f"DO NOT USE: {doubt.text}",)
     return replace(fit, remarks=(*told, why, *fit.remarks))
+
+
+class _OfGyroscope(TypedDict):
+    strength: float | None
+    gyr_gain_sd: float
+    tilt_range: float
 
 
 _FINAL: Final = {"mirrored", "turned-axes", "wrong-field"}  # refusals that no other fit can help
@@ -140,19 +155,26 @@ class _Work:
 
     def fit(self, helper: str) -> Fitted:
         """Fit with a helper, or none, and what other sensors say about it."""
-        fit = {"gyr": self._with_gyr, "acc": self._with_acc, "none": self._alone}[helper]()
+        by = {"gyr": self._with_gyr, "acc": self._with_acc, "none": self._alone, "in use": self._in_use}
+        fit = by[helper]()
         told = told_by_others(self.imu, fit, self.steady, helper=helper, dip=self.dip)
         return replace(fit, remarks=(*told, *fit.remarks))
 
-    def with_axes(self, refused: CaptureRefusedError, with_: str) -> CaptureRefusedError:
+    def with_axes(self, refused: CaptureRefusedError, *, rates: bool) -> CaptureRefusedError:
         """Refusal that names wrong axes too, first where they mirror: these may be why a fit was refused."""
         mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
         wrong = wrong_axes(self.imu, mag, dip=self.dip)
-        if with_ == "gyr" and not wrong:
+        if rates and not wrong:
             require_field_turns(self.imu, mag)
         mirrored = [reason for reason in wrong if reason.kind == "mirrored"]
         turned = [reason for reason in wrong if reason.kind != "mirrored"]
         return CaptureRefusedError(*mirrored, *refused.reasons, *turned)
+
+    def advising(self, refused: CaptureRefusedError, advice: str) -> CaptureRefusedError:
+        """Refusal with another advice, and of a long record with rates that it may be one in use."""
+        if self.imu.gyr is not None and self.imu.t[-1] - self.imu.t[0] >= LONG:
+            advice = f"{advice} If it is a long record of a unit at work, say --in-use, in Python in_use=True."
+        return CaptureRefusedError(replace(refused.reasons[0], advice=advice), *refused.reasons[1:])
 
     def doubt(self, fit: Fitted) -> Reason | None:
         """Reason not to use a fit; None where it helps."""
@@ -178,20 +200,26 @@ class _Work:
         return replace(fit, remarks=(told, *fit.remarks))
 
     def _with_gyr(self) -> Fitted:
-        """Fit with the gyroscope, of the samples that have a rate."""
+        return fit_mag_gyr(*self._turning(), acc=self._force(), **self._of_gyroscope())
+
+    def _in_use(self) -> Fitted:
+        return fit_mag_in_use(*self._turning(), acc=self._force(), dip=self.dip, **self._of_gyroscope())
+
+    def _turning(self) -> tuple[Floats, Floats, Floats]:
+        """Time, field and rates of the samples that have a rate."""
         gyr = self.imu.usable("gyr")
-        turning = np.isfinite(gyr).all(axis=1)
+        known = np.isfinite(gyr).all(axis=1)
         mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
-        force = self.imu.usable("acc")[turning]
-        return fit_mag_gyr(
-            self.imu.t[turning],
-            mag[turning],
-            gyr[turning],
-            acc=force if np.isfinite(force).all(axis=1).any() else None,
-            strength=self.strength,
-            gyr_gain_sd=GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD,
-            tilt_range=self.tilt_range,
-        )
+        return self.imu.t[known], mag[known], gyr[known]
+
+    def _force(self) -> Floats | None:
+        """Specific force of those; None where there is none."""
+        force = self.imu.usable("acc")[np.isfinite(self.imu.usable("gyr")).all(axis=1)]
+        return force if np.isfinite(force).all(axis=1).any() else None
+
+    def _of_gyroscope(self) -> _OfGyroscope:
+        gain_sd = GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD
+        return {"strength": self.strength, "gyr_gain_sd": gain_sd, "tilt_range": self.tilt_range}
 
 
 def _best(work: _Work, helper: str, why: str, *, auto: bool) -> tuple[Fitted, str]:
@@ -220,13 +248,13 @@ def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fi
         advice = f"{first.advice} If it leaned by some degrees, and that is all it can, choose the gyroscope to help."
         if first.kind == "level-ring":
             advice += " A vehicle that stays level has the shape 'level' (--shape level)."
-        raise CaptureRefusedError(replace(first, advice=advice), *refused.reasons[1:])
+        raise work.advising(refused, advice)
     if first.kind not in {"too-few-regions", "uneven-field"}:
         raise refused
     try:
         return work.fit("gyr"), f"Fitted with the gyroscope, because otherwise {first.text}"
     except CalibrationError:
-        raise refused from None
+        raise work.advising(refused, first.advice) from None
 
 
 def _bettered(work: _Work, fit: Fitted, why: str) -> tuple[Fitted, str]:
@@ -257,9 +285,14 @@ def _unfit(mag: Floats) -> list[Reason]:
     return [] if dead is None else [dead]
 
 
-def _require_choices(with_: str, shape: str) -> None:
+def _require_choices(with_: str, shape: str, *, in_use: bool) -> None:
     check.one_of("with_", with_, HELPERS)
     check.one_of("shape", shape, ("auto", *SHAPES, "level"))
+    if in_use and (with_ not in {"auto", "gyr"} or shape not in {"auto", "ellipsoid"}):
+        raise ParameterError(
+            "in use, the gyroscope helps to find the whole matrix, so with_ must be auto or gyr and shape auto or "
+            f"ellipsoid, but they are {with_} and {shape}; leave them out."
+        )
     if with_ in {"acc", "gyr"} and shape not in {"auto", "ellipsoid"}:
         raise ParameterError(
             f"with {with_} the whole matrix is found, so shape must be auto or ellipsoid, but it is {shape}; "
@@ -307,6 +340,13 @@ def _rate_bias(t: Floats, mag: Floats, acc: Floats, rate: Floats) -> Floats:
         return found.rate_bias
     rests = stills(t, acc, rate)
     return np.asarray(np.median(np.concatenate([rate[rest] for rest in rests]), axis=0)) if rests else np.zeros(3)
+
+
+def _in_use(imu: ImuData) -> tuple[str, str]:
+    """What helps a unit at work, and why, in words."""
+    if imu.gyr is None:
+        raise CalibrationError("the record has no gyr, by which a magnetometer is calibrated in use; turn it by hand.")
+    return "in use", "Fitted in use, as asked for: with the gyroscope, from moment to moment."
 
 
 def _helper(

@@ -51,3 +51,11 @@ def to_size(matrix: Floats, covariance: Floats, size: float | None) -> tuple[Flo
     whole = np.eye(12)
     whole[3:, 3:] = factor * by_fit
     return factor * matrix, whole @ covariance @ whole.T
+
+
+def to_size_of(distortion: Floats, covariance: Floats, size: float | None) -> tuple[Floats, Floats]:
+    """The same from the inverse of the matrix, and the covariance of bias and that: how a field of 1 is measured."""
+    inverse = np.asarray(np.linalg.inv(distortion), dtype=np.float64)
+    whole = np.eye(12)
+    whole[3:, 3:] = -np.kron(inverse, inverse.T)
+    return to_size(inverse, whole @ covariance @ whole.T, size)

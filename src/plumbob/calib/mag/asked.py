@@ -54,3 +54,28 @@ def require_tilt_range(tilt_range: float) -> None:
         raise ParameterError(
             f"tilt_range must be from 0 to π/2 rad, but it is {tilt_range:g} rad; turn degrees into radians first."
         )
+
+
+def require_gain_sd(gyr_gain_sd: float) -> None:
+    """Refuse a standard deviation of a gyroscope's gain that is no share of it."""
+    if not 0.0 <= gyr_gain_sd <= 1.0:
+        raise ParameterError(
+            f"gyr_gain_sd must be from 0 to 1, a share of the gain, but it is {gyr_gain_sd:g}; divide percents by 100."
+        )
+
+
+def with_rates(
+    t: ArrayLike, mag: ArrayLike, gyr: ArrayLike, acc: ArrayLike | None
+) -> tuple[Floats, Floats, Floats, Floats | None]:
+    """Return time (N,), field (N, 3), rates and specific force, as float64: rates finite, of the others some."""
+    t = check.column("t", t)
+    if t.size:
+        check.increasing_time("t", t)
+    mag = check.rows("mag", mag, 3, t.size)
+    gyr = finite_rows("gyr", check.rows("gyr", gyr, 3, t.size))
+    if acc is None:
+        return t, mag, gyr, None
+    acc = check.rows("acc", acc, 3, t.size)
+    if not np.isfinite(acc).all(axis=1).any():
+        raise ShapeError("acc must have a finite sample at least, but it has none; leave it out.")
+    return t, mag, gyr, acc

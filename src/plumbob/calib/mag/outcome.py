@@ -120,12 +120,12 @@ def calibration_of(
     )
 
 
-def outliers(used: NDArray[np.bool_], advice: str) -> Reason | None:
+def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) -> Reason | None:
     """Reason to refuse a fit with too many outliers (N,), with what to do; None where there are few."""
     share = float(np.mean(~used))
-    if share <= MOST_OUTLIERS:
+    if share <= most:
         return None
-    what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * MOST_OUTLIERS:.0f} % may."
+    what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * most:.0f} % may."
     return Reason("outliers", what, advice)
 
 

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from plumbob.calib.ellipsoid.alike import Alike, memory
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calib.mag.chained import by_error, chained
+from plumbob.calib.mag.chained import by_error, chained, inverse_of, tightness
 from plumbob.calib.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calib.mag.field_start import across, start_of
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
-from plumbob.units import deg, dps
+from plumbob.units import dps
 
 PARAMETERS: Final = 27
 """A, b, two of the field's direction, twelve of the gyroscope (its bias, its scale and misalignment), and the delay."""
@@ -29,18 +29,12 @@ PARAMETERS: Final = 27
 WALK: Final = float(dps(0.005))
 """Intensity of the attitude's random walk to start from, rad/√s: the noise of a good MEMS gyroscope."""
 
-TURN_SD: Final = float(deg(0.25))
-"""Standard deviation of a turn of a gyroscope's axes together about each, rad, without a card: 0.4 % across."""
-
 _ONE_VISIT: Final = np.zeros(1, dtype=np.intp)  # what lasts longer than from sample to sample is unevenness
 _TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
 _NODE: Final = 0.05  # s between attitudes at most; rotations in between are taken as one
 _STEP: Final = 1.0  # s from knot to knot of the random walk
 _MOST_KNOTS: Final = 120
 _FIELD: Final = 14  # parameters before those of the gyroscope
-_BIAS_SD: Final = float(dps(10.0))  # rad/s; no MEMS gyroscope is off by more, and most by less
-_DELAY_SD: Final = 0.02  # s; periods of 10 ms, and filters of as much again
-_EXACT: Final = 1e-6  # gain that counts as known
 _STEPS: Final = 40
 _ROUNDS: Final = 12
 _ENOUGH: Final = 1e-2  # of the parameters' standard deviations
@@ -139,7 +133,7 @@ class _Fit:
         q = chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
         self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
         self.turned = float(np.sum(np.linalg.norm(self.angles, axis=1)))
-        self.gyr_tight = _tightness(max(gyr_gain_sd, _EXACT))
+        self.gyr_tight = tightness(gyr_gain_sd)
         self.used = np.ones(len(mag), dtype=np.bool_)
         self.gyr_errors, self.walk = np.zeros(13), WALK  # bias, what the gain matrix is more than one, delay
         count = min(_MOST_KNOTS, max(1, round((t[-1] - t[0]) / _STEP)))
@@ -198,7 +192,7 @@ class _Fit:
     def _settle(self, robust: bool) -> bool:
         for _ in range(_STEPS):
             self._solve(robust)
-            self.covariance = _inverse(self.normal)
+            self.covariance = inverse_of(self.normal)
             step = self.covariance @ self.slope
             if not np.isfinite(step).all():
                 return False
@@ -312,23 +306,3 @@ class _Fit:
         self.gyr_errors = self.gyr_errors + step[_FIELD:PARAMETERS]
         self.lean[1:] += step[PARAMETERS:].reshape(-1, 3)
         self.turns = self._turns()
-
-
-def _tightness(gain_sd: float) -> Floats:
-    """Inverse covariance (13, 13) of what a gyroscope's bias, gain matrix and the delay can be.
-
-    A turn of all its axes together is less than what a data sheet grants each, for they share a die or a package.
-    """
-    found = np.diag(1.0 / np.repeat((_BIAS_SD, np.inf, _DELAY_SD), (3, 9, 1)) ** 2)
-    other = np.eye(9)[np.arange(9).reshape(3, 3).T.ravel()]  # the entry on the other side of the diagonal
-    turn_sd = min(gain_sd, math.sqrt(2.0) * TURN_SD)
-    found[3:12, 3:12] = 0.5 * ((np.eye(9) + other) / gain_sd**2 + (np.eye(9) - other) / turn_sd**2)
-    return found
-
-
-def _inverse(normal: Floats) -> Floats:
-    """Inverse of a normal matrix; what it does not determine gets a huge variance, not none."""
-    spread = np.sqrt(np.diag(normal))
-    sizes, axes = np.linalg.eigh(normal / np.outer(spread, spread))
-    inverse = (axes / np.maximum(sizes, 1e-14 * sizes[-1])) @ axes.T
-    return np.asarray(inverse / np.outer(spread, spread))

@@ -5,11 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from plumbob import check
-from plumbob.calib.ellipsoid.scale import to_size
+from plumbob.calib.ellipsoid.scale import to_size_of
 from plumbob.calib.fitted import Fitted
 from plumbob.calib.mag.alone import unturned
-from plumbob.calib.mag.asked import finite_rows, require_strength, require_tilt_range
+from plumbob.calib.mag.asked import require_gain_sd, require_strength, require_tilt_range, with_rates
 from plumbob.calib.mag.outcome import (
     DIP,
     STEEL,
@@ -29,7 +28,7 @@ from plumbob.calib.mag.with_acc import turn_of
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
 from plumbob.calib.refusal import CaptureRefusedError, Reason, refuse
 from plumbob.check import Floats
-from plumbob.errors import CalibrationError, ParameterError, ShapeError
+from plumbob.errors import CalibrationError
 from plumbob.units import dps, to_deg, to_dps
 
 GAIN_SD: Final = 0.002
@@ -96,8 +95,10 @@ def fit_mag_gyr(
     ParameterError
         If another argument is outside its range.
     """
-    _require_figures(strength, gyr_gain_sd, tilt_range)
-    t, mag, gyr, acc = _samples(t, mag, gyr, acc)
+    require_strength(strength)
+    require_gain_sd(gyr_gain_sd)
+    require_tilt_range(tilt_range)
+    t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))
     seen = present[::stride]
@@ -108,10 +109,7 @@ def fit_mag_gyr(
     if fit is None or not np.linalg.det(fit.distortion) > 0.0:
         what = "no bias, matrix and field fit what magnetometer and gyroscope measured."
         raise CaptureRefusedError(Reason("ill-conditioned", what, first + _ADVICE))
-    inverse = np.asarray(np.linalg.inv(fit.distortion), dtype=np.float64)
-    whole = np.eye(12)
-    whole[3:, 3:] = -np.kron(inverse, inverse.T)
-    matrix, covariance = to_size(inverse, whole @ fit.covariance @ whole.T, strength)
+    matrix, covariance = to_size_of(fit.distortion, fit.covariance, strength)
     radius = float(np.cbrt(np.linalg.det(fit.distortion)))
     size, dip = strength or radius, _dip(fit, None if acc is None else acc[seen])
     sd = heading_sd(matrix, covariance, size=size, dip=dip, tilt_range=tilt_range)
@@ -133,29 +131,6 @@ def fit_mag_gyr(
     )
     remarks = (*_remarks(fit, strength, size, dip, acc is not None, stride), *uneven_told(doubt))
     return Fitted(calibration, mag[seen], fit.residuals, fit.used, remarks)
-
-
-def _require_figures(strength: float | None, gyr_gain_sd: float, tilt_range: float) -> None:
-    require_strength(strength)
-    require_tilt_range(tilt_range)
-    if not 0.0 <= gyr_gain_sd <= 1.0:
-        raise ParameterError(
-            f"gyr_gain_sd must be from 0 to 1, a share of the gain, but it is {gyr_gain_sd:g}; divide percents by 100."
-        )
-
-
-def _samples(t: Floats, mag: Floats, gyr: Floats, acc: Floats | None) -> tuple[Floats, Floats, Floats, Floats | None]:
-    t = check.column("t", t)
-    if t.size:
-        check.increasing_time("t", t)
-    mag = check.rows("mag", mag, 3, t.size)
-    gyr = finite_rows("gyr", check.rows("gyr", gyr, 3, t.size))
-    if acc is None:
-        return t, mag, gyr, None
-    acc = check.rows("acc", acc, 3, t.size)
-    if not np.isfinite(acc).all(axis=1).any():
-        raise ShapeError("acc must have a finite sample at least, but it has none; leave it out.")
-    return t, mag, gyr, acc
 
 
 def _require_rates(t: Floats) -> None:

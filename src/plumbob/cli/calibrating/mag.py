@@ -25,6 +25,12 @@ def add_parser(kinds: common.Adder) -> None:
         metavar="auto|sphere|axes|ellipsoid|level",
         help="what the field's directions form; auto tests which is needed (default), level is for what cannot lean",
     )
+    p.add_argument(
+        "--in-use",
+        action="store_true",
+        help="a long record of a unit at work, which nobody turned for it: hard and soft iron by the gyroscope, from "
+        "moment to moment",
+    )
     place.add_field(p)
     p.add_argument("--tilt", metavar="ANGLE", help="inclination up to which headings count (default 45deg)")
     p.set_defaults(find=find)
@@ -39,6 +45,8 @@ def find(args: argparse.Namespace) -> int:
 
     if args.shape == "level" and args.tilt is not None:
         raise ParameterError("--shape level finds headings while level only, so --tilt says nothing; leave one out.")
+    if args.in_use and args.live:
+        raise ParameterError("--in-use takes a recording of a unit at work and does not go with --live; record first.")
     tilt_range = TILT_RANGE if args.tilt is None else parse(args.tilt, Quantity.ANGLE)
     opened = capture.opened(args, "mag")
     strength, dip, told = place.field_of(args, opened)
@@ -51,6 +59,7 @@ def find(args: argparse.Namespace) -> int:
         tilt_range=tilt_range,
         acc_calibrated=opened.acc_calibrated,
         gyr_calibrated=opened.gyr_calibrated,
+        in_use=args.in_use,
         force=args.force,
     )
     return capture.finish(args, opened, place.kept({"mag": fit}, told))
