@@ -104,8 +104,9 @@ def test_what_stays_counts_as_four_and_a_half_samples():
 @pytest.mark.parametrize(
     "rho", [0.9, *(pytest.param(rho, marks=pytest.mark.long(reason="other memories")) for rho in (0.5, 0.97))]
 )
-def test_filtered_noise_is_no_uneven_field(rho):
+def test_filtered_noise_is_no_uneven_field(rho, monkeypatch):
     """Low passes of 5, 0.8 and 0.24 Hz at 50 Hz: their memory is counted, and the field is not blamed."""
+    monkeypatch.setattr("plumbob.calib.mag.field_gradient.ALONG", 0.0)  # which has a test of its own
     ratios, told = [], 0
     for seed in range(CAPTURES):
         rng = np.random.default_rng([22, seed])
@@ -123,7 +124,7 @@ def test_filtered_noise_is_no_uneven_field(rho):
 @slow_without_jit
 @pytest.mark.parametrize("lever", [0.35, pytest.param(0.1, marks=pytest.mark.long(reason="another lever"))])
 def test_the_covariance_is_honest_near_steel(lever):
-    """Not too small; too large by 2 or more where the hand's wandering makes the errors, and not the lever."""
+    """Not too small; too large, by less than 5, where the hand's wandering makes the errors, and not the lever."""
     ratios, told = [], 0
     for seed in range(CAPTURES):
         unit, _, mag, _ = in_a_room(seed, lever)
@@ -135,7 +136,7 @@ def test_the_covariance_is_honest_near_steel(lever):
         told += is_uneven(fit)
         ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
     assert told > 0.9 * len(ratios) > 0.45 * CAPTURES
-    assert 0.25 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+    assert 0.2 < np.sqrt(np.mean(np.square(ratios))) < 1.5
     assert max(ratios) < 3.0
 
 

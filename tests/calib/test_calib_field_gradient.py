@@ -17,8 +17,8 @@ def turning(count, path):
     return np.stack((np.cos(angle), np.sin(angle), np.zeros(count)), axis=1)
 
 
-def whole(residuals, directions):
-    return unevenness(residuals, directions, np.ones(len(residuals), dtype=bool))
+def whole(residuals, directions, **options):
+    return unevenness(residuals, directions, np.ones(len(residuals), dtype=bool), **options)
 
 
 def test_a_short_capture_is_taken_to_be_in_a_usual_room():
@@ -30,9 +30,20 @@ def test_a_short_capture_is_taken_to_be_in_a_usual_room():
 
 def test_evidence_rules_it_out():
     """Noise of 0.2 µT over 60 patches: its chance, 40 times as much, is far below the power of a usual room."""
-    found = whole(0.2 * np.random.default_rng(2).normal(size=6000), turning(6000, 60.0 * PATCH))
+    residuals = 0.2 * np.random.default_rng(2).normal(size=6000)
+    found = whole(residuals, turning(6000, 60.0 * PATCH), lengths=False)
     assert found.sd < 0.02 * USUAL
     assert found.seen == 0.0
+
+
+def test_no_length_shows_a_field_that_changes_along_itself():
+    """½/(2 + ½) of a usual room's power stays, however even lengths are; but not in readings of one pose each."""
+    residuals = 0.2 * np.random.default_rng(2).normal(size=6000)
+    found = whole(residuals, turning(6000, 60.0 * PATCH))
+    assert found.sd == pytest.approx(np.sqrt(0.5 / 2.5) * USUAL)
+    assert not found.short
+    poses = np.random.default_rng(3).normal(size=(6000, 3))
+    assert whole(residuals, poses).sd < 0.02 * USUAL
 
 
 def test_noise_that_drowns_a_usual_room_rules_nothing_out():
@@ -59,6 +70,9 @@ def test_the_unseen_turns_the_matrix_and_shifts_the_centre():
     assert np.diag(found)[3:].reshape(3, 3) == pytest.approx((0.6 / 50.0) ** 2 * (1.0 - np.eye(3)))
 
 
+OTHER = pytest.mark.long(reason="another length")
+
+
 def in_gradient(seed, *, duration, gradient=2.0, arm=0.25):
     """Unit, and its field while a hand turns it on an arm in a field that changes by some µT a metre."""
     rng = np.random.default_rng([31, seed])
@@ -71,20 +85,9 @@ def in_gradient(seed, *, duration, gradient=2.0, arm=0.25):
     return unit, field(rng, unit, q_nb) + off_b @ unit.distortion.T
 
 
-BLIND = "a field that changes along itself, about one arm, leaves nothing in lengths: 4 of 23 such captures are good"
-
-
-@pytest.mark.parametrize(
-    "duration",
-    [
-        15.0,
-        pytest.param(
-            30.0, marks=(pytest.mark.long(reason="another length"), pytest.mark.xfail(strict=True, reason=BLIND))
-        ),
-    ],
-)
-def test_short_captures_in_a_room_are_never_good_and_honest(duration):
-    """Without the floor the error of 15 s is 4 times the predicted one, and half of them are good."""
+@pytest.mark.parametrize("duration", [15.0, *(pytest.param(s, marks=OTHER) for s in (30.0, 120.0))])
+def test_captures_of_lengths_in_a_room_are_never_good_and_honest(duration):
+    """Without the floors the error of 15 s is 4 times the predicted one, and half of them are good."""
     ratios = []
     for seed in range(12):
         unit, mag = in_gradient(seed, duration=duration)
@@ -98,22 +101,23 @@ def test_short_captures_in_a_room_are_never_good_and_honest(duration):
     assert np.sqrt(np.mean(np.square(ratios))) < 1.5
 
 
-def test_a_long_capture_in_an_even_field_is_good():
+def test_a_long_capture_in_an_even_field_is_fair_by_its_length_alone():
     unit, mag = in_gradient(1, duration=120.0, gradient=0.0)
     fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
-    assert fit.calibration.quality.grade == "good"
-    assert heading_rms(fit.calibration, unit) < 3.0 * fit.calibration.quality.heading_sd
+    assert fit.calibration.quality.grade == "fair"
+    assert heading_rms(fit.calibration, unit) < 0.1 * fit.calibration.quality.heading_sd
+    assert any(remark.startswith("LENGTH ALONE") for remark in fit.remarks)
     assert not any(remark.startswith(("SHORT", "UNEVEN")) for remark in fit.remarks)
 
 
 def test_parts_that_disagree_widen_the_prediction():
-    """The centre drifts by 0.45 µT from one half to the other, slowly enough that nothing jumps."""
+    """The centre drifts by 0.7 µT from one half to the other, slowly enough that nothing jumps."""
     _, mag = in_gradient(2, duration=120.0, gradient=0.0)
-    drift = np.linspace(0.0, 0.9, len(mag))[:, np.newaxis] * [1.0, 0.0, 0.0]
+    drift = np.linspace(0.0, 1.4, len(mag))[:, np.newaxis] * [1.0, 0.0, 0.0]
     even, drifting = (
         fit_mag(samples, shape=Shape.ELLIPSOID, strength=STRENGTH).calibration for samples in (mag, mag + drift)
     )
-    assert drifting.quality.heading_sd > 2.0 * even.quality.heading_sd
+    assert drifting.quality.heading_sd > 1.5 * even.quality.heading_sd
 
 
 def test_headings_apart_are_those_of_a_hard_iron():

@@ -81,7 +81,8 @@ def test_a_live_capture_ends_by_itself_when_it_is_good(folder, kind, capture):
     assert "\033" not in done.stderr  # no terminal, no drawing
     card = CalibrationCard.load(folder / f"{kind}.json")
     assert card.device == "buoy 7"
-    assert next(iter(card.parts.values())).quality.grade == "good"
+    # a magnetometer that was turned fast is fitted by its length alone, which is fair at best
+    assert next(iter(card.parts.values())).quality.grade == ("fair" if kind == "mag" else "good")
 
 
 def test_a_card_that_was_made_live_is_near_the_truth(folder):

@@ -48,14 +48,14 @@ class MagGuide(Guide):
         self._sample = _Sample()
         self._count = 0
         self._fit: NormFit | None = None
-        self._sd: float | None = None
+        self._sd: tuple[float, float] | None = None
         self._field: Floats | None = None
 
     def progress(self) -> Progress:
         """State after the last whole block."""
         count = int(self._seen.filled.sum())
-        grade = None if self._sd is None else grade_of(self._sd, HEADING)
-        done = self._done or (grade == "good" and count >= ENOUGH)
+        grade, shown = (None, None) if self._sd is None else (grade_of(sd, HEADING) for sd in self._sd)
+        done = self._done or (shown == "good" and count >= ENOUGH)
         direction = self._direction()
         goal, turn = self._next(direction)
         return Progress(
@@ -66,7 +66,7 @@ class MagGuide(Guide):
             next_step="done" if done else self._words(goal, turn),
             turn=turn,
             goal=goal,
-            predicted="" if self._sd is None else f"heading ±{to_deg(self._sd):.2g}° (1 sd)",
+            predicted="" if self._sd is None else f"heading ±{to_deg(self._sd[0]):.2g}° (1 sd)",
             grade=grade,
             share=count / len(NAMES),
             warnings=self._warnings,
@@ -182,13 +182,17 @@ def _is_certain(fit: NormFit) -> bool:
     return centre_sd < _CERTAIN * radius and fit.sd < _HOLLOW * radius
 
 
-def _predicted(fit: NormFit, vectors: Floats) -> float:
-    matrix, covariance = scaled(fit, None, alike=1.0)
+def _predicted(fit: NormFit, vectors: Floats) -> tuple[float, float]:
+    """Predicted heading error, rad, and what of it more turning can make smaller: a length never shows the rest."""
+    matrix, independent = scaled(fit, None, alike=1.0)
     memory, radius = alike_in(fit, vectors).memory, radius_of(fit.ellipsoid.shape)
-    covariance = unevenness_in(fit, vectors).counted(
-        covariance, memory=memory, residuals=fit.residuals[fit.used], matrix=matrix, radius=radius
+    fields = (unevenness_in(fit, vectors, lengths=lengths) for lengths in (True, False))
+    residuals = fit.residuals[fit.used]
+    counted = (
+        field.counted(independent, memory=memory, residuals=residuals, matrix=matrix, radius=radius) for field in fields
     )
-    return heading_sd(matrix, covariance, size=radius, dip=DIP)
+    whole, shown = (heading_sd(matrix, covariance, size=radius, dip=DIP) for covariance in counted)
+    return whole, shown
 
 
 def _least_turned(vectors: Floats) -> int:

@@ -37,6 +37,13 @@ HIDDEN: Final = 40.0
 TAKEN_UP: Final = 9.0
 """Patches whose errors the nine parameters of an ellipsoid take up, of one length each."""
 
+ALONG: Final = 0.2
+"""Share of a usual room's power that no length rules out: that of a field which changes along itself, about an arm.
+
+Of the three components of its change along an arm, a length shows two. A usual room, counted as half a component more,
+leaves the third a variance of ½/(2 + ½) of its own, however small the two are."""
+
+_LINGERING: Final = 2  # samples of a visit, on average, from which on a hand turned the unit; fewer are poses
 _LIKE_SEEN: Final = 2.0  # power of the unevenness over that shared by neighbours, which lie apart
 _LEAST_SHARE: Final = 0.2  # of the errors, that residuals are scaled up from
 _LIKELY: Final = 2.0  # standard deviations by chance
@@ -55,11 +62,14 @@ class Unevenness(NamedTuple):
         What of it the residuals show, µT.
     patches : float
         How many independent values of it the capture has.
+    short : bool
+        Whether more of them would have shown what is counted beyond what is seen.
     """
 
     sd: float = 0.0
     seen: float = 0.0
     patches: float = np.inf
+    short: bool = False
 
     def counted(
         self,
@@ -111,9 +121,10 @@ class Unevenness(NamedTuple):
         return found
 
 
-def unevenness_in(fit: NormFit, vectors: Floats) -> Unevenness:
+def unevenness_in(fit: NormFit, vectors: Floats, *, lengths: bool = True) -> Unevenness:
     """How uneven the field was in the vectors (N, 3) that an ellipsoid was fitted to, as `unevenness`."""
-    return unevenness(fit.residuals, (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape, fit.used)
+    directions = (vectors - fit.ellipsoid.centre) @ fit.ellipsoid.shape
+    return unevenness(fit.residuals, directions, fit.used, lengths=lengths)
 
 
 def unevenness(
@@ -123,6 +134,7 @@ def unevenness(
     *,
     patches: float | None = None,
     taken_up: float = TAKEN_UP,
+    lengths: bool = True,
 ) -> Unevenness:
     """How uneven the field was in a capture, or may have been without showing it.
 
@@ -138,6 +150,8 @@ def unevenness(
         How many patches the unit turned through, where more than the directions tells it.
     taken_up : float
         Patches whose errors the parameters take up.
+    lengths : bool
+        Whether the residuals are of lengths alone, which do not show a field that changes along itself.
     """
     columns = residuals.reshape(len(residuals), -1)[used].T
     if columns.shape[1] < LONG:
@@ -146,12 +160,15 @@ def unevenness(
     patches = _patches(directions[used][starts]) if patches is None else max(1.0, patches)
     share = 1.0 - taken_up / patches if patches > taken_up else 0.0
     if len(starts) < FEWEST_VISITS or share == 0.0:
-        return Unevenness(USUAL, 0.0, patches)
+        return Unevenness(USUAL, 0.0, patches, short=True)
     shown, hidden = np.max([_shown(column, starts) for column in columns], axis=0)
     seen = _LIKE_SEEN * shown / max(share, _LEAST_SHARE)
     least = HIDDEN * hidden / (USUAL**2 * share)
-    variance = seen + USUAL**2 * least**_SHARPNESS / (1.0 + least**_SHARPNESS)
-    return Unevenness(float(np.sqrt(variance)), float(np.sqrt(seen)), patches)
+    drowned = least**_SHARPNESS / (1.0 + least**_SHARPNESS)
+    by_hand = len(starts) * _LINGERING <= columns.shape[1]
+    along = ALONG if lengths and by_hand else 0.0
+    variance = seen + USUAL**2 * max(along, drowned)
+    return Unevenness(float(np.sqrt(variance)), float(np.sqrt(seen)), patches, short=drowned > along)
 
 
 def _shown(residuals: Floats, starts: NDArray[np.intp]) -> tuple[float, float]:

@@ -29,6 +29,9 @@ LONGER: Final = "Turn it on for a minute or two, through all attitudes, each sev
 LOST: Final = deg(30.0)
 """Predicted heading error from which on there is no heading, rad: three of it are a quarter of a turn."""
 
+DIRECTION: Final = "An accelerometer in slow turning shows it (--with acc), or a gyroscope (--with gyr)."
+"""Advice where only the field's direction could tell."""
+
 _LONG_MEMORY: Final = 10.0  # samples that count as one from which on it is told
 _COUNTS: Final = 1.5  # predicted error over that of an even field, above which it is told
 
@@ -174,10 +177,15 @@ def uneven_told(doubt: Doubt) -> tuple[str, ...]:
             f"{told} {EVEN}",
         )
     found = []
-    if more > _COUNTS:
+    if more > _COUNTS and doubt.field.short:
         found.append(
             "SHORT: the unit turned too little to show whether the field is even, so that what a usual room does is "
             f"counted, up to {doubt.field.sd:.2g} µT; {told} {LONGER}"
+        )
+    elif more > _COUNTS:
+        found.append(
+            "LENGTH ALONE: no length shows a field that changes along itself, as about the arm of a hand, so that "
+            f"{doubt.field.sd:.2g} µT are counted; {told} {DIRECTION}"
         )
     if doubt.memory > _LONG_MEMORY:
         found.append(

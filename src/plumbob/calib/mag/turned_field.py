@@ -242,7 +242,9 @@ class _Fit:
         """How many residuals count as one, and how uneven the field is: as it turns in body axes, all averages out."""
         seen, left = self._seen_field()[self.used], self.left[self.used]
         every = np.ones(len(seen), dtype=np.bool_)
-        field = unevenness(left * self.size, seen, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP)
+        field = unevenness(
+            left * self.size, seen, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP, lengths=False
+        )
         spread = field.spread(np.linalg.norm(left, axis=1) * self.size / math.sqrt(3.0))
         return Alike(max(memory(column, _ONE_VISIT) for column in left.T), spread), field
 

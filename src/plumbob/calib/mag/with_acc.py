@@ -87,7 +87,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
         raise CaptureRefusedError(Reason("ill-conditioned", what, _ADVICE))
     directions, radius = (points - fit.centre) @ fit.matrix.T, radius_of(fit.matrix)
     shared = alike(fit.residuals, directions, fit.used)
-    field = unevenness(fit.residuals[:, 0], directions, fit.used)
+    field = unevenness(fit.residuals[:, 0], directions, fit.used, lengths=False)
     matrix, independent = to_size(fit.matrix, fit.covariance, strength)
     left = fit.residuals[fit.used, 0]
     covariance = field.counted(
