@@ -21,7 +21,7 @@ from plumbob.calib.mag.outcome import (
     uncertain,
     where_known,
 )
-from plumbob.calib.mag.plausible import unequal, wrong_field
+from plumbob.calib.mag.plausible import stuck, unequal, wrong_field
 from plumbob.calib.mag.with_acc import turn_of
 from plumbob.calib.mag.with_gyr import GAIN_SD
 from plumbob.calib.predicted import TILT_RANGE, heading_sd
@@ -90,6 +90,8 @@ def fit_mag_in_use(
     require_gain_sd(gyr_gain_sd)
     require_tilt_range(tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
+    seen = mag[np.isfinite(mag).all(axis=1)]
+    refuse([dead] if len(seen) and (dead := stuck(seen)) is not None else [])
     fit = fit_in_use(t, mag, gyr, gyr_gain_sd=gyr_gain_sd)
     if fit is None:
         raise CaptureRefusedError(_unsettled(t))

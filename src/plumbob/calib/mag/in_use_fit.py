@@ -114,14 +114,17 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
         return None
     scaled, parts = (mag - middle) / size, parts_of(t, gyr, LENGTH)
     fit: _Fit | None = None
-    for _ in range(_ROUNDS):
-        errors = Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
-        windows = windows_of(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
-        fit = _Fit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
-        if not fit.run():
-            return None
-    assert fit is not None
-    return fit.result(middle, size)
+    try:
+        for _ in range(_ROUNDS):
+            errors = Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
+            windows = windows_of(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
+            fit = _Fit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
+            if not fit.run():
+                return None
+        assert fit is not None
+        return fit.result(middle, size)
+    except np.linalg.LinAlgError:  # the steps led to where nothing determines the fields
+        return None
 
 
 class _Noise(NamedTuple):
@@ -182,9 +185,9 @@ class _Fit:
         """Alternate between steps and the sizes of noise; False where they do not settle."""
         for k in range(_STEPS):
             found = self._equations()
-            step = inverse_of(found.normal) @ found.slope
-            if not np.isfinite(step).all():
+            if not (np.isfinite(found.normal).all() and np.isfinite(found.slope).all()):
                 return False
+            step = inverse_of(found.normal) @ found.slope
             if k < _STEPS // 3:
                 self.noise = self._noise(found)
             self._move(step, found, 1.0 if k < _STEPS // 3 else 0.5)  # some swing to and fro
@@ -290,7 +293,7 @@ class _Fit:
         return max(MAD * float(np.median(np.abs(self._left()[self.windows.known]))), 1e-6)
 
     def _noise(self, found: _Equations) -> _Noise:
-        """Sizes of the noise; of place and walk by each window alone, less what its own noise makes of it."""
+        """Sizes of the noise; of the walk by the field of each window alone, less what its noise makes of it."""
         alone, own = self.h + found.free, found.sd**2
         turned = np.einsum("wij,wj->wi", self.windows.leant, self._errors())
         drifted = np.concatenate((np.zeros((1, 3)), np.cumsum(turned[:-1], axis=0)))
@@ -343,7 +346,7 @@ class _Fit:
     def _fix_size(self, normal: Floats, slope: Floats) -> None:
         """Add that A has the determinant 1, for it is the field's length that is found."""
         by_entry = np.linalg.inv(self.distortion).T.ravel() / 3.0
-        off = math.log(abs(float(np.linalg.det(self.distortion)))) / 3.0
+        off = float(np.linalg.slogdet(self.distortion).logabsdet) / 3.0
         normal[:9, :9] += np.outer(by_entry, by_entry) / _SIZE_SD**2
         slope[:9] -= off / _SIZE_SD**2 * by_entry
 
