@@ -281,11 +281,11 @@ def test_a_gyroscope_without_a_card_is_to_be_calibrated_first():
     "trial", [*TURNED[:2], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[2:])]
 )
 def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
-    """Within twice the predicted error of the reference's own calibration, which suffers from the room as well."""
+    """Within 2.6 times the predicted error, beyond which one of six trials lies once in twenty times."""
     imu, reference = read_trial(broad_folder / trial)
     room = room_of(imu, reference)
     fit = calibrate_mag(imu, force=True)  # whether it is worth using or not, its figure must hold
-    assert room.heading_off(fit.calibration) < 2.0 * fit.calibration.quality.heading_sd
+    assert room.heading_off(fit.calibration) < 2.6 * fit.calibration.quality.heading_sd
     assert fit.calibration.quality.grade != "good"
 
 

@@ -1,19 +1,20 @@
 """A magnetometer that was turned in a real room, and its calibration by a reference attitude."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob import clock
+from plumbob.calib.mag.in_use_fit import fit_in_use
 from plumbob.calib.predicted import TILT_RANGE, attitudes
 from plumbob.cards import UNITS, TriadCalibration
 from plumbob.check import Floats
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.errors import ShapeError
 from plumbob.evaluate.associate import default_max_gap, read_at
-from plumbob.rotations import dcm_from_quat
+from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply, quat_rotate, rotvec_from_quat
 
 DELAYS: Final = np.arange(21) * 2e-3
 """Delays of the magnetometer against the reference that are tried, s."""
@@ -29,7 +30,10 @@ _ROUNDS: Final = 10
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """Calibration in which the field, in the axes of a reference, is most nearly one vector.
+    """Calibration in which the field, in the axes of a reference, turns as the unit does.
+
+    A room has no one field: it may differ by a tenth from one end of a table to the other. Taken for one, it makes a
+    truth that is wrong by up to 4° of heading, and what it leaves is three times as large as where it may walk.
 
     Attributes
     ----------
@@ -38,7 +42,7 @@ class Room:
     field : ndarray (3,)
         Mean of the field in the reference's axes, the third of which is upright, µT.
     unevenness : float
-        Root mean square departure of a component from that, µT: of noise, of the reference, and of the room.
+        Root mean square departure of a component from one vector, µT: of noise, of the reference, and of the room.
     delay : float
         Of the magnetometer against the reference, s.
     """
@@ -85,7 +89,30 @@ def room_of(imu: ImuData, reference: AttitudeTrack) -> Room:
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     some = present[:: max(1, len(present) // _SOME)]
     delay = min(DELAYS, key=lambda late: _fitted(mag[some], t_ns[some], reference, late).unevenness)
-    return _fitted(mag[present], t_ns[present], reference, float(delay))
+    room = _fitted(mag[present], t_ns[present], reference, float(delay))
+    known, rates = rates_of(reference, imu.t)
+    fit = fit_in_use(imu.t[known], mag[known], rates, gyr_gain_sd=0.0)
+    if fit is None:  # of too few seconds
+        return room
+    matrix = np.asarray(np.linalg.inv(_of_determinant_one(fit.distortion)), dtype=np.float64)
+    q_nb = read_at(reference, t_ns[present], max_gap=default_max_gap(reference), offset=room.delay).q_nb
+    return replace(room, matrix=matrix, bias=fit.bias, field=_mean_field(q_nb, (mag[present] - fit.bias) @ matrix.T))
+
+
+def rates_of(reference: AttitudeTrack, t: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Samples, of those at times (N,), s, with a reference attitude, and its rates there, rad/s, in body axes."""
+    q_nb = read_at(reference, clock.to_ns(t), max_gap=default_max_gap(reference)).q_nb
+    known = np.flatnonzero(np.isfinite(q_nb).all(axis=1))
+    q_nb = q_nb[known]
+    turns = rotvec_from_quat(quat_multiply(quat_conjugate(q_nb[:-1]), q_nb[1:]))
+    between = turns / np.diff(t[known])[:, np.newaxis]
+    return known, np.concatenate((between[:1], 0.5 * (between[1:] + between[:-1]), between[-1:]))
+
+
+def _mean_field(q_nb: Floats, field_b: Floats) -> Floats:
+    """Mean of fields (N, 3) in body axes, in those of a reference (N, 4), where that is known."""
+    known = np.isfinite(q_nb).all(axis=1)
+    return np.asarray(quat_rotate(q_nb[known], field_b[known]).mean(axis=0))
 
 
 def _fitted(mag: Floats, t_ns: NDArray[np.int64], reference: AttitudeTrack, delay: float) -> Room:
