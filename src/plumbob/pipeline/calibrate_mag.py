@@ -48,7 +48,7 @@ LEAST_SLOW: Final = 0.1
 """Share of slow samples from which on the accelerometer helps without being told so."""
 
 LONG: Final = 300.0
-"""Time from which on a record may be that of a unit at work, s."""
+"""Shortest record that may be that of a unit at work, s."""
 
 TRUSTED: Final = 0.01
 """Median of that departure up to which a capture's specific force is taken for gravity without being told so."""

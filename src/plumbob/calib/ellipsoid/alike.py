@@ -79,6 +79,11 @@ def memory(residuals: Floats, starts: NDArray[np.intp]) -> float:
     return max(of_samples, _together(stays) * _per_sample(float(means @ means) / len(means), residuals) / len(means))
 
 
+def memory_of_each(residuals: Floats) -> float:
+    """How many neighbouring residuals (N, C) count as one, by themselves; of C equations, the worst counts."""
+    return max(memory(column, np.zeros(1, dtype=np.intp)) for column in residuals.T)
+
+
 def _unevenness(residuals: Floats, starts: NDArray[np.intp]) -> float:
     """How many residuals (N,) count as one, if what stays while the unit turns is an uneven field."""
     count = len(starts)

@@ -57,7 +57,7 @@ def require_tilt_range(tilt_range: float) -> None:
 
 
 def require_gain_sd(gyr_gain_sd: float) -> None:
-    """Refuse a standard deviation of a gyroscope's gain that is no share of it."""
+    """Refuse a standard deviation of a gyroscope's gain outside 0 to 1, as a share of the gain."""
     if not 0.0 <= gyr_gain_sd <= 1.0:
         raise ParameterError(
             f"gyr_gain_sd must be from 0 to 1, a share of the gain, but it is {gyr_gain_sd:g}; divide percents by 100."

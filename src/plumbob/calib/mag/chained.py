@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from plumbob.check import Floats
-from plumbob.rotations import quat_from_rotvec, quat_multiply
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
 from plumbob.units import deg, dps
 
 TURN_SD: Final = float(deg(0.25))
@@ -31,6 +31,23 @@ def by_error(turns: Floats, angles: Floats, dt: Floats) -> Floats:
     """How attitudes (N, 3, 3) lean by bias and gain of a gyroscope that measures angles (N, 3) in dt (N, 1)."""
     by_gain = np.einsum("nij,nk->nijk", turns, angles).reshape(-1, 3, 9)
     return np.concatenate((-turns * dt[:, np.newaxis], by_gain), axis=2)
+
+
+def leaning(turns: Floats, angles: Floats, measured: Floats, dt: Floats) -> Floats:
+    """How attitudes (N, 3, 3) lean since the first, (N, 3, 12), by bias and gain of a gyroscope, by Simpson's rule.
+
+    Parameters
+    ----------
+    turns : ndarray (N, 3, 3)
+        Attitudes.
+    angles, measured : ndarray (N - 1, 3)
+        Rotations between them, rad, and as the gyroscope measured them.
+    dt : ndarray (N - 1, 1)
+        Times between them, s.
+    """
+    middle = turns[:-1] @ dcm_from_quat(quat_from_rotvec(0.5 * angles))
+    each = by_error((turns[:-1] + 4.0 * middle + turns[1:]) / 6.0, measured, dt)
+    return np.concatenate((np.zeros((1, 3, 12)), np.cumsum(each, axis=0)))
 
 
 def tightness(gain_sd: float) -> Floats:

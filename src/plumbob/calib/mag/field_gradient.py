@@ -43,7 +43,7 @@ ALONG: Final = 0.2
 Of the three components of its change along an arm, a length shows two. A usual room, counted as half a component more,
 leaves the third a variance of ½/(2 + ½) of its own, however small the two are."""
 
-_LINGERING: Final = 2  # samples of a visit, on average, from which on a hand turned the unit; fewer are poses
+_LINGERING: Final = 2  # mean samples per visit of a unit that a hand turns; with fewer they are single poses
 _LIKE_SEEN: Final = 2.0  # power of the unevenness over that shared by neighbours, which lie apart
 _LEAST_SHARE: Final = 0.2  # of the errors, that residuals are scaled up from
 _LIKELY: Final = 2.0  # standard deviations by chance

@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calib.ellipsoid.alike import memory
+from plumbob.calib.ellipsoid.alike import memory_of_each
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
 from plumbob.calib.mag.chained import inverse_of, tightness
 from plumbob.calib.mag.windows import Gyroscope, Windows, edges_of, parts_of, segment_of, segments_in, windows_of
@@ -43,7 +43,6 @@ _HARD_IRON_SD: Final = 3.0
 _SIZE_SD: Final = 1e-3  # of A, whose size is taken back
 _LEAST_WALK: Final = 1e-4  # of the field from window to window: a gyroscope's noise makes as much
 _LAGS: Final = ((15, 6), (150, 3))  # windows, and shares of all, between which differences of fields grow by the walk
-_ONE_VISIT: Final = np.zeros(1, dtype=np.intp)  # what lasts longer than from part to part is told by clusters
 _STEPS: Final = 60
 _ROUNDS: Final = 4
 _ENOUGH: Final = 0.05  # of the parameters' standard deviations
@@ -174,7 +173,7 @@ class _Fit:
         self.distortion: Floats = np.eye(3) if before is None else before.distortion
         self.bias: Floats = np.zeros(3) if before is None else before.bias
         self.h = self._fields()
-        self.noise: _Noise = _Noise(self._part_sd(), 1.0, 0.1) if before is None else before.noise
+        self.noise: _Noise = _Noise(_part_sd(self._left()[windows.known]), 1.0, 0.1) if before is None else before.noise
 
     @property
     def size(self) -> int:
@@ -289,9 +288,6 @@ class _Fit:
         lean = np.einsum("wij,wj->wi", self.windows.leant, self._errors())[self.links]
         return np.asarray(after - before + np.cross(lean, before))
 
-    def _part_sd(self) -> float:
-        return max(MAD * float(np.median(np.abs(self._left()[self.windows.known]))), 1e-6)
-
     def _noise(self, found: _Equations) -> _Noise:
         """Sizes of the noise; of the walk by the field of each window alone, less what its noise makes of it."""
         alone, own = self.h + found.free, found.sd**2
@@ -308,12 +304,8 @@ class _Fit:
             variances.append(_beyond(step, both) if same.any() else 0.0)
         walk = max(0.0, variances[1] - variances[0]) / max(1, lags[1] - lags[0])
         walk = math.sqrt(walk + _LEAST_WALK**2)
-        return _Noise(self._part_sd(), self._memory(), math.sqrt(self.noise.walk * walk))  # half way, lest it swing
-
-    def _memory(self) -> float:
-        """How many parts count as one."""
-        left = self._left()[self.windows.known]
-        return max(memory(column, _ONE_VISIT) for column in left.T)
+        walk, left = math.sqrt(self.noise.walk * walk), self._left()[self.windows.known]  # half way, lest it swing
+        return _Noise(_part_sd(left), memory_of_each(left), walk)
 
     def _equations(self) -> _Equations:
         n = self.size
@@ -422,6 +414,11 @@ class _Walks(NamedTuple):
     pull: Floats
 
 
+def _part_sd(left: Floats) -> float:
+    """Standard deviation of residuals (M, 3) about an axis."""
+    return max(MAD * float(np.median(np.abs(left))), 1e-6)
+
+
 def _beyond(steps: Floats, own: Floats) -> float:
     """Variance about an axis of steps (N, 3) beyond the variance (N,) that each has of its own."""
     return max(0.0, (MAD * float(np.median(np.abs(steps)))) ** 2 - float(np.median(own)))
@@ -453,7 +450,7 @@ def _solved(band: Floats, pull: Floats, cross: Floats) -> tuple[Floats, Floats]:
 
 
 def _larger(one: Floats, other: Floats) -> Floats:
-    """Covariance that is no smaller than either of two in any direction."""
+    """Smallest covariance that is at least as large as both in every direction of their common axes."""
     root = np.linalg.cholesky(one)
     inside = np.linalg.solve(root, np.linalg.solve(root, other).T)
     sizes, axes = np.linalg.eigh(0.5 * (inside + inside.T))

@@ -14,9 +14,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calib.ellipsoid.alike import Alike, memory
+from plumbob.calib.ellipsoid.alike import Alike, memory_of_each
 from plumbob.calib.ellipsoid.norm_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calib.mag.chained import by_error, chained, inverse_of, tightness
+from plumbob.calib.mag.chained import by_error, chained, inverse_of, leaning, tightness
 from plumbob.calib.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calib.mag.field_start import across, start_of
 from plumbob.check import Floats
@@ -29,7 +29,6 @@ PARAMETERS: Final = 27
 WALK: Final = float(dps(0.005))
 """Intensity of the attitude's random walk to start from, rad/√s: the noise of a good MEMS gyroscope."""
 
-_ONE_VISIT: Final = np.zeros(1, dtype=np.intp)  # what lasts longer than from sample to sample is unevenness
 _TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
 _NODE: Final = 0.05  # s between attitudes at most; rotations in between are taken as one
 _STEP: Final = 1.0  # s from knot to knot of the random walk
@@ -205,9 +204,7 @@ class _Fit:
         """Attitudes (M, 3, 3), and beside them how they lean by the gyroscope's errors."""
         angles = self.angles + self.angles @ self._gain().T - self.gyr_errors[:3] * self.dt
         whole = dcm_from_quat(chained(angles))
-        middle = whole[:-1] @ dcm_from_quat(quat_from_rotvec(0.5 * angles))
-        leans = by_error((whole[:-1] + 4.0 * middle + whole[1:]) / 6.0, self.angles, self.dt)
-        sums = np.concatenate((np.zeros((1, 3, 12)), np.cumsum(leans, axis=0)))[self.seen]
+        sums = leaning(whole, angles, self.angles, self.dt)[self.seen]
         self.now, delay = whole[self.seen], float(self.gyr_errors[12])
         self.by_gyr = sums - by_error(self.now, delay * self.gyr, np.full((len(self.now), 1), delay))
         self.rate = self.gyr + self.gyr @ self._gain().T - self.gyr_errors[:3]
@@ -246,7 +243,7 @@ class _Fit:
             left * self.size, seen, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP, lengths=False
         )
         spread = field.spread(np.linalg.norm(left, axis=1) * self.size / math.sqrt(3.0))
-        return Alike(max(memory(column, _ONE_VISIT) for column in left.T), spread), field
+        return Alike(memory_of_each(left), spread), field
 
     def _intensity(self) -> float:
         """Intensity of the random walk by expectation and maximisation, rad/√s."""

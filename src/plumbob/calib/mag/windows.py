@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calib.mag.chained import by_error, chained
+from plumbob.calib.mag.chained import chained, leaning
 from plumbob.check import Floats
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
 from plumbob.units import deg
@@ -156,7 +156,7 @@ def _chunk(
     angles = 0.5 * (rates[1:] + rates[:-1]) * np.diff(since)[:, np.newaxis]
     attitude = quat_multiply(q, chained(angles))
     turns = dcm_from_quat(attitude)
-    leans = _leans(turns, angles, np.diff(since)[:, np.newaxis])
+    leans = leaning(turns, angles, angles, np.diff(since)[:, np.newaxis])
     late = np.asarray(turns @ dcm_from_quat(quat_from_rotvec(-errors.delay * rates)))
     rows = np.concatenate([np.arange(a, b) for a, b in (edges - first).tolist()])
     window = np.repeat(np.arange(len(edges)), np.diff(edges, axis=1)[:, 0])
@@ -179,10 +179,3 @@ def _chunk(
     linked = np.zeros(len(edges), dtype=np.bool_)
     windows = Windows(started, linked, means(mag[first:stop]), known, turned, since_start, leant, means(rates))
     return windows, np.asarray(attitude[-1])
-
-
-def _leans(turns: Floats, angles: Floats, dt: Floats) -> Floats:
-    """How attitudes (N, 3, 3) lean since the first by a gyroscope's errors, (N, 3, 12)."""
-    middle = turns[:-1] @ dcm_from_quat(quat_from_rotvec(0.5 * angles))
-    each = by_error((turns[:-1] + 4.0 * middle + turns[1:]) / 6.0, angles, dt)
-    return np.concatenate((np.zeros((1, 3, 12)), np.cumsum(each, axis=0)))
