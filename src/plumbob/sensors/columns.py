@@ -5,12 +5,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.check import Floats
 from plumbob.sensors.checksum import algorithm, of_rows
 from plumbob.sensors.field import Checksum, Field
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
+
 
 _ORDER: Final = {"big": ">", "little": "<"}
 
