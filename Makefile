@@ -41,39 +41,39 @@ mutants: setup
 	$(BIN)/python benchmarks/mutants
 
 bench: $(VENV)/.bench
-	$(BIN)/python benchmarks/speed.py
-	$(BIN)/python benchmarks/allan_speed.py
-	$(BIN)/python benchmarks/calibration_speed.py
-	$(BIN)/python benchmarks/startup.py
+	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.allan_speed
+	$(BIN)/python -m benchmarks.calibration_speed
+	$(BIN)/python -m benchmarks.startup
 
 # Noise: coefficients and intervals on records of known noise, the intervals of a curve at every averaging time, and
 # records with a band of motion.
 noise: $(VENV)/.bench
-	$(BIN)/python benchmarks/allan_quality.py
-	$(BIN)/python benchmarks/allan_coverage.py
-	$(BIN)/python benchmarks/allan_bands.py
+	$(BIN)/python -m benchmarks.allan_quality
+	$(BIN)/python -m benchmarks.allan_coverage
+	$(BIN)/python -m benchmarks.allan_bands
 
 endurance: setup
-	$(BIN)/python benchmarks/endurance.py
+	$(BIN)/python -m benchmarks.endurance
 
 # Damaged streams, mutated bytes, decoding speed; recordings killed, damaged and full; ten minutes of a live line.
 wire: setup
-	$(BIN)/python benchmarks/decoder_faults.py
-	$(BIN)/python benchmarks/decode_speed.py
-	$(BIN)/python benchmarks/recorder_kill.py
-	$(BIN)/python benchmarks/recorder_damage.py
-	$(BIN)/python benchmarks/recorder_cost.py
-	$(BIN)/python benchmarks/acquire_latency.py
-	$(BIN)/python benchmarks/live.py --duration 600
+	$(BIN)/python -m benchmarks.decoder_faults
+	$(BIN)/python -m benchmarks.decode_speed
+	$(BIN)/python -m benchmarks.recorder_kill
+	$(BIN)/python -m benchmarks.recorder_damage
+	$(BIN)/python -m benchmarks.recorder_cost
+	$(BIN)/python -m benchmarks.acquire_latency
+	$(BIN)/python -m benchmarks.live --duration 600
 
 # Files of every format mutated, 5000 of each: exit codes, time and memory.
 fuzz: setup
-	$(BIN)/python benchmarks/fuzz.py
+	$(BIN)/python -m benchmarks.fuzz
 
 # Ten minutes of a recorder that is killed and started again; every verb that writes, killed and on a disk that fills.
 killed: setup
-	$(BIN)/python benchmarks/recorder_restart.py
-	$(BIN)/python benchmarks/interrupted.py
+	$(BIN)/python -m benchmarks.recorder_restart
+	$(BIN)/python -m benchmarks.interrupted
 
 clean:
 	rm -rf $(VENV) .mutants demo-out bench-out build dist

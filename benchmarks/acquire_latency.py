@@ -4,7 +4,7 @@ A child process writes frames of 40 bytes to a pseudo-terminal, on deadlines tha
 the monotonic time right before it was written. This process reads them with `SerialSource`. The latency of a frame is
 from that time to the stamp of the read that ended it; it holds the scheduler, and no UART.
 
-    python benchmarks/acquire_latency.py [--seconds 20] [--rate 1000] [--gather-ms 2] [--json]
+    python -m benchmarks.acquire_latency [--seconds 20] [--rate 1000] [--gather-ms 2] [--json]
 """
 
 import argparse
@@ -19,8 +19,8 @@ import time
 import tty
 from pathlib import Path
 
-from plumbob.acquire import SerialSource
-from plumbob.link import Received
+from plumbob.acquisition import SerialSource
+from plumbob.acquisition.transport import Received
 
 FRAME = struct.Struct("<qq24x")
 WRITER = """

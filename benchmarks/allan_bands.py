@@ -5,7 +5,7 @@ drives: 100, 300 and 600 µg, of quality 25 and 170, 10⁶ samples. And records 
 and without. Printed: bias and root mean square of the relative error, the share of the intervals of 68.3 % that hold
 the truth, and how often Q and K are called observable. A share of r runs scatters by 0.47/√r: 8.5 % of 30.
 
-    python benchmarks/allan_bands.py [--runs 30] [--walks 100] [--samples 1000000] [--json]
+    python -m benchmarks.allan_bands [--runs 30] [--walks 100] [--samples 1000000] [--json]
 """
 
 import argparse
@@ -20,7 +20,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from plumbob.noise import Analysis, analyse
-from plumbob.sim import noise
+from plumbob.simulation import errors
 
 RATE = 100.0
 TRUTH = {"N": 440.0, "B": 300.0, "K": 40.0}
@@ -36,9 +36,9 @@ SETTLING = 200_000
 def sensor(rng: np.random.Generator, count: int, walk: float) -> np.ndarray:
     """Noise (N,) without a band, µg."""
     one = np.ones(1)
-    found = noise.white(noise.white_sd(TRUTH["N"] * one, RATE), count, rng)
-    found = found + noise.flicker(TRUTH["B"] * one, 2 * count, rng)[count:]  # the second half has a past
-    return (found + noise.random_walk(walk * one, count, RATE, rng))[:, 0]
+    found = errors.white(errors.white_sd(TRUTH["N"] * one, RATE), count, rng)
+    found = found + errors.flicker(TRUTH["B"] * one, 2 * count, rng)[count:]  # the second half has a past
+    return (found + errors.random_walk(walk * one, count, RATE, rng))[:, 0]
 
 
 def band(rng: np.random.Generator, count: int, sd: float, quality: float) -> np.ndarray:

@@ -1,7 +1,7 @@
 """How often the intervals of an Allan deviation hold the truth, at every averaging time, on simulated noise.
 
-Records of white, flicker and random-walk noise as `plumbob.sim` makes them; flicker after a past of four times the
-record, a walk's differences need none. The truth is the deviation of the noise as it was generated, in closed form:
+Records of white, flicker and random-walk noise as `plumbob.simulation` makes them; flicker after a past of four times
+the record, a walk's differences need none. The truth is the deviation of the noise as it was generated, in closed form:
 1/√n for white noise, √((2n² + 1)/(6n)) for the sum of white steps, and for flicker that of the fractional integrator of
 order 1/2, √((3 s(0) − 4 s(n) + s(2n)) / n²) with s(k) = (k² − 1/4)(ψ(k + 3/2) + ψ(k − 1/2)) / 4π.
 
@@ -9,7 +9,7 @@ Side by side, at 68.3 %: ours, with the noise identified from each record's own 
 given; χ² with the edf alone and the true exponent; IEEE's relative error 1/√(2(N/n − 1)); and allantools' default, the
 deviation over the root of the number of its differences.
 
-    python benchmarks/allan_coverage.py [--records 400] [--samples 100000] [--every 4] [--json]
+    python -m benchmarks.allan_coverage [--records 400] [--samples 100000] [--every 4] [--json]
 """
 
 import argparse
@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.special import psi
 
-from plumbob.check import Floats
+from plumbob.core.check import Floats
 from plumbob.noise import Curve, curves, edf, interval, skew_edf
-from plumbob.sim.noise import flicker, random_walk, stream, white
+from plumbob.simulation.errors import flicker, random_walk, stream, white
 
 BAR = (0.60, 0.78)
 PAST = 4

@@ -4,7 +4,7 @@ Records of all five terms at once, drawn by the simulator's generators: Q 0.001�
 K 3.3e-4 °/s/√s and R 1e-5 °/s², 100 Hz, two hours. Printed for each method: bias and root mean square of the relative
 error, and the share of the intervals of 68.3 % that hold the truth. A share of r runs scatters by 0.47/√r.
 
-    python benchmarks/allan_quality.py [--runs 120] [--hours 2] [--json]
+    python -m benchmarks.allan_quality [--runs 120] [--hours 2] [--json]
 """
 
 import argparse
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from plumbob.noise import analyse
-from plumbob.sim import noise
+from plumbob.simulation import errors
 
 RATE = 100.0
 TRUTH = {"Q": 1e-3, "N": 0.02, "B": 0.005, "K": 3.3e-4, "R": 1e-5}
@@ -46,9 +46,9 @@ def records(seed: int, count: int) -> np.ndarray:
     angle = TRUTH["Q"] * rng.standard_normal((count + 1, 3))
     return (
         np.diff(angle, axis=0) * RATE
-        + noise.white(noise.white_sd(TRUTH["N"] * one, RATE), count, rng)
-        + noise.flicker(TRUTH["B"] * one, 2 * count, rng)[count:]  # it starts from nothing; the second half has a past
-        + noise.random_walk(TRUTH["K"] * one, count, RATE, rng)
+        + errors.white(errors.white_sd(TRUTH["N"] * one, RATE), count, rng)
+        + errors.flicker(TRUTH["B"] * one, 2 * count, rng)[count:]  # it starts from nothing; the second half has a past
+        + errors.random_walk(TRUTH["K"] * one, count, RATE, rng)
         + np.outer(np.arange(count) / RATE, TRUTH["R"] * one)
     )
 

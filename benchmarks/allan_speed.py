@@ -6,7 +6,7 @@ checks, mean and running sum included. The file is read by processes of their ow
 imports and all; it is compared with reading the same blocks, converting and summing them. allantools comes with the
 extra `bench`.
 
-    python benchmarks/allan_speed.py [--samples 1000000,10000000] [--every 100000] [--alone 1000000]
+    python -m benchmarks.allan_speed [--samples 1000000,10000000] [--every 100000] [--alone 1000000]
                                      [--rows 100000000] [--rounds 5] [--json]
 """
 

@@ -6,7 +6,7 @@ puts them right, by a refusal or a remark; and all axes of magnetometer or accel
 the other hemisphere, told as a field that points up. `silent` is a card that says nothing of axes, `other` a refusal
 that does not; a capture that is refused with right axes too is judged by the wrong ones alone, of all axes negated not.
 Prints what the sensors say of each other for all arrangements, and what calibrations with every seventh say.
-Run: python benchmarks/axes.py [--every K] [BROAD folder]
+Run: python -m benchmarks.axes [--every K] [BROAD folder]
 """
 
 import argparse
@@ -18,17 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
-from plumbob.benchmark.accuracy import read_trial
-from plumbob.calib.mag.axes import arrangements, suspects
-from plumbob.calib.refusal import CaptureRefusedError
+from plumbob.calibration.calibrate_mag import calibrate_mag
+from plumbob.calibration.mag.axes import arrangements, suspects
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core.errors import CalibrationError
 from plumbob.data import ImuData, ImuMeta
-from plumbob.errors import CalibrationError
-from plumbob.pipeline.calibrate_mag import calibrate_mag
+from plumbob.evaluation.many.accuracy import read_trial
 from plumbob.rotations import axes_letters, every_axes
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1])]
 
-from tests.calib import mag_scene  # noqa: E402
+from tests.calibration import mag_scene  # noqa: E402
 
 MODES = ("auto", "none", "acc", "gyr")
 SENSORS = ("mag", "acc", "gyr")

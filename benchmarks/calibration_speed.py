@@ -6,7 +6,7 @@ the same work with a free centre; our whole fit then chooses the shape by test, 
 and gives the covariance. Contenders run in turn within every round; the figure to quote is the median over rounds of
 the ratio within a round. magcal comes with the extra `bench`.
 
-    python benchmarks/calibration_speed.py [--samples 1000000] [--rounds 5] [--json]
+    python -m benchmarks.calibration_speed [--samples 1000000] [--rounds 5] [--json]
 """
 
 import argparse
@@ -19,8 +19,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from plumbob.calib.ellipsoid.quadric import fit_quadric
-from plumbob.calib.mag.alone import fit_mag
+from plumbob.calibration.ellipsoid.ellipsoid_fit import fit_quadric
+from plumbob.calibration.mag.alone import fit_mag
 
 SECONDS = 1.0
 

@@ -3,7 +3,7 @@
 Each unit is drawn anew and calibrated with a card whose errors are drawn from the covariance that it states; the claim
 is judged once per unit, at the end of its recording, so that the units are independent. Prints, for each case and
 motion, the rms errors beside the claimed ones, the mean NEES (3 is expected) and the share inside its 95 % bounds with
-the two-sided 95 % limits of a binomial count. Run: python benchmarks/claims.py [units]
+the two-sided 95 % limits of a binomial count. Run: python -m benchmarks.claims [units]
 """
 
 import sys
@@ -13,9 +13,9 @@ import numpy as np
 from scipy.stats import binom
 
 from plumbob import CalibrationCard, Filter, Frame, simulate
-from plumbob.calib.model import apply_card
-from plumbob.cards import TriadCalibration
-from plumbob.evaluate.consistency import BOUNDS, claimed_sd, nees
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import TriadCalibration
+from plumbob.evaluation.metrics import BOUNDS, claimed_sd, nees
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat
 
 SENSORS = "mpu6000+hmc5983"

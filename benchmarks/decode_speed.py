@@ -3,7 +3,7 @@
 Thread CPU time, the best of some rounds, for a stream of the format's first message that carries values. The target is
 50 MB/s or a million frames per second. It exits 1 where it is missed.
 
-    python benchmarks/decode_speed.py [--frames 1000000] [--rounds 5] [--only ahrs400,rion] [--json]
+    python -m benchmarks.decode_speed [--frames 1000000] [--rounds 5] [--only ahrs400,rion] [--json]
 """
 
 import argparse
@@ -15,12 +15,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from plumbob.benchmark import user_frame
-from plumbob.benchmark.decoder_streams import columns_for, settled
-from plumbob.sensors import catalog
-from plumbob.sensors.decode import decode
-from plumbob.sensors.encode import encode
-from plumbob.sensors.format import Format
+from benchmarks.harness.decoder_streams import columns_for, settled, user_frame
+from plumbob.protocols import catalog
+from plumbob.protocols.decode import decode
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format import Format
 
 FRAMES_PER_S, BYTES_PER_S = 1e6, 50e6
 

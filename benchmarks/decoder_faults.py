@@ -4,15 +4,16 @@ Per fault at most one undamaged frame may be lost, and never more than two in a 
 where a cyclic check or parity guards, and elsewhere no more than the check's size explains; mutated bytes may raise
 nothing and make nothing grow. Seeds are fixed. It exits 1 where a target is missed.
 
-    python benchmarks/decoder_faults.py [--frames 20000] [--noise 100000000] [--fuzz 10000000] [--json]
+    python -m benchmarks.decoder_faults [--frames 20000] [--noise 100000000] [--fuzz 10000000] [--json]
 """
 
 import argparse
 import json
 import sys
 
-from plumbob.benchmark import measure_decoders, user_frame
-from plumbob.sensors import catalog
+from benchmarks.harness.decoder_streams import user_frame
+from benchmarks.harness.decoders import measure_decoders
+from plumbob.protocols import catalog
 
 
 def main() -> int:

@@ -4,7 +4,7 @@ Random motion of a unit that turns through all attitudes, with noise, biases and
 rest. A few blocks of it are made and taken again and again while time goes on, so that the filter never starts anew;
 where two blocks meet, the attitude jumps, which is part of the test. Every sample's norm is looked at.
 
-    python benchmarks/endurance.py [--samples 100000000] [--filters mahony,mekf] [--json]
+    python -m benchmarks.endurance [--samples 100000000] [--filters mahony,mekf] [--json]
 """
 
 import argparse
@@ -17,10 +17,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from plumbob import Filter, Frame, ImuData
-from plumbob.constants import G0
+from plumbob.core.constants import G0
+from plumbob.core.units import to_dps
 from plumbob.filters import filter_names, load
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_rotate
-from plumbob.units import to_dps
 
 STEP_NS = 10_000_000
 BLOCKS = 3

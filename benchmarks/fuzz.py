@@ -5,7 +5,7 @@ and files whose content is wrong though their checksums hold. Each case must end
 traceback, in 10 s of one core, and with at most 300 MiB above what imports and whole files take. Those that do not are
 kept.
 
-    python benchmarks/fuzz.py [--cases 5000] [--only parquet,mcap] [--seed 1] [--out bench-out/fuzz] [--json]
+    python -m benchmarks.fuzz [--cases 5000] [--only parquet,mcap] [--seed 1] [--out bench-out/fuzz] [--json]
 """
 
 import argparse
@@ -38,7 +38,7 @@ ADDRESSES = 6 << 30
 
 def work(name: str, first: int, count: int, seed: int, folder: Path) -> None:
     """Run cases of one format in this process, and print one line of JSON for each."""
-    from fuzz_targets import make
+    from benchmarks.fuzz_targets import make
     from tests.battery.commandline import call
 
     told = os.fdopen(os.dup(1), "w")
@@ -148,7 +148,7 @@ def run(name: str, cases: int, seed: int, out: Path) -> Tally:
 
 def _said(name: str, first: int, count: int, seed: int, folder: Path) -> Iterator[dict[str, Any]]:
     """What a worker says, until it ends or has said nothing for too long."""
-    words = [sys.executable, __file__, "--worker", name, str(first), str(count), str(seed), str(folder)]
+    words = [sys.executable, "-m", "benchmarks.fuzz", "--worker", name, str(first), str(count), str(seed), str(folder)]
     lines: queue.Queue[str | None] = queue.Queue()
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as child:
 
@@ -178,7 +178,7 @@ def main() -> int:
         name, *numbers, folder = sys.argv[2:]
         work(name, *map(int, numbers), Path(folder))
         return 0
-    from fuzz_targets import NAMES
+    from benchmarks.fuzz_targets import NAMES
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cases", type=int, default=5000, help="of each format")

@@ -11,20 +11,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from fuzz_mutations import mutated, mutated_text
-from plumbob import Frame, io, simulate
-from plumbob.benchmark.decoder_streams import frames_of, settled
-from plumbob.errors import PlumbobError
+from benchmarks.fuzz_mutations import mutated, mutated_text
+from benchmarks.harness.decoder_streams import frames_of, settled
+from plumbob import Frame, files, simulate
+from plumbob.core.errors import PlumbobError
+from plumbob.files import Recording, header
+from plumbob.files.mcap import Recorder, open_log
 from plumbob.filters import Filter
-from plumbob.io import Recording, header
-from plumbob.pipeline import rows
-from plumbob.pipeline.exports import export
-from plumbob.pipeline.recorded import write_mcap
-from plumbob.record import Recorder, open_log
-from plumbob.rigs import find_format
-from plumbob.rigs import names as rig_names
-from plumbob.sensors import catalog
-from tests.pipeline.live_samples import FORMAT, SESSION, reads, record, stream
+from plumbob.protocols import catalog
+from plumbob.protocols.find import find_format
+from plumbob.protocols.rigs import names as rig_names
+from plumbob.session import rows
+from plumbob.session.exports import export
+from plumbob.session.recorded import write_mcap
+from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
 
 Words = Callable[[Path], Sequence[object]]
 
@@ -78,12 +78,12 @@ def _info(path: Path) -> Sequence[object]:
 
 
 def _parquet(folder: Path) -> Target:
-    from plumbob.io import parquet
+    from plumbob.files import parquet
 
     whole = _recording()
     parts = {"a": whole, "b": replace(whole, track=None), "c": replace(whole, imu=None)}
     for name, part in parts.items():
-        io.write(folder / f"{name}.parquet", part)
+        files.write(folder / f"{name}.parquet", part)
 
     def remade(rng: Random, path: Path) -> None:
         """Another header, or other numbers, with a checksum that fits."""
@@ -106,7 +106,7 @@ def _parquet(folder: Path) -> Target:
         if not isinstance(content, dict):
             content = {"imu": content}
         table = pa.table(columns)
-        known = {name: {b"unit": io.columns.COLUMNS[name].unit.encode()} for name in columns}
+        known = {name: {b"unit": files.columns.COLUMNS[name].unit.encode()} for name in columns}
         schema = pa.schema([table.field(name).with_metadata(known[name]).with_nullable(False) for name in columns])
         try:
             sealed = header.dump(content | {"crc32": parquet._checksum(content, columns)})
@@ -176,8 +176,8 @@ def _mat(folder: Path) -> Target:
 
 def _evaluated(folder: Path) -> Target:
     whole = _recording()
-    io.write(folder / "truth.parquet", whole)
-    io.write(folder / "a.csv", replace(whole, imu=None))
+    files.write(folder / "truth.parquet", whole)
+    files.write(folder / "a.csv", replace(whole, imu=None))
     shutil.copy(folder / "a.profile.toml", folder / "case.profile.toml")  # of the case's file, which lies beside it
     return Target([folder / "a.csv"], lambda path: ("eval", path, folder / "truth.parquet"), text=True)
 
@@ -286,7 +286,7 @@ def _cards(folder: Path) -> Path:
     """Write cards of a unit, and return a recording of it."""
     made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="drawn", seed=3, rate=100.0,
                     duration=0.6, mag_rate=100.0)  # fmt: skip
-    io.write(folder / "rec.parquet", made.imu)
+    files.write(folder / "rec.parquet", made.imu)
     made.calibration.save(folder / "card.json")
     made.noise.save(folder / "noise.json")
     return folder / "rec.parquet"

@@ -13,7 +13,7 @@ methods, of means at 10 Hz, and by ours with what it predicts; medians over the 
 numpy and jax than Plumbob, so it runs by another Python:
 
     python -m venv magyc && magyc/bin/pip install magyc==1.0.0
-    python benchmarks/in_use.py [--peer magyc/bin/python] [--seeds 10] [--minutes 10,60] [--real FOLDER]
+    python -m benchmarks.in_use [--peer magyc/bin/python] [--seeds 10] [--minutes 10,60] [--real FOLDER]
 """
 
 import argparse
@@ -27,16 +27,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from plumbob.benchmark.accuracy import read_trial
-from plumbob.benchmark.calibration_world import field_n, in_body, random_axes
-from plumbob.benchmark.room import Room, room_of
-from plumbob.calib.mag import fit_mag_in_use
-from plumbob.calib.mag.with_gyr import SHEET_GAIN_SD
-from plumbob.calib.predicted import TILT_RANGE
-from plumbob.calib.refusal import CaptureRefusedError
-from plumbob.cards import UNITS, TriadCalibration
-from plumbob.check import Floats
-from plumbob.errors import PlumbobError
+from benchmarks.harness.calibration_world import field_n, in_body, random_axes
+from benchmarks.harness.room import Room, room_of
+from benchmarks.simulated_rooms import turning
+from plumbob.calibration.mag import fit_mag_in_use
+from plumbob.calibration.mag.with_gyr import SHEET_GAIN_SD
+from plumbob.calibration.predicted import TILT_RANGE
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core.check import Floats
+from plumbob.core.errors import PlumbobError
+from plumbob.core.units import deg, dps, to_deg
+from plumbob.data.cards import UNITS, TriadCalibration
+from plumbob.evaluation.many.accuracy import read_trial
 from plumbob.rotations import (
     dcm_from_quat,
     quat_conjugate,
@@ -45,8 +47,6 @@ from plumbob.rotations import (
     quat_multiply,
     rotvec_from_quat,
 )
-from plumbob.units import deg, dps, to_deg
-from simulated_rooms import turning
 
 RATE = 50.0  # Hz
 DIP = deg(60.0)

@@ -8,7 +8,7 @@ whole, which its reader decides; and no temporary is left but by SIGKILL, which 
 A disk that fills is a file system in memory, where a user may mount one (`unshare -rm`); otherwise the limit of the
 size of a file. Recordings of a live line have benchmarks of their own (recorder_kill.py, recorder_damage.py).
 
-    python benchmarks/interrupted.py [--trials 20] [--verbs export,run] [--json]
+    python -m benchmarks.interrupted [--trials 20] [--verbs export,run] [--json]
 """
 
 import argparse
@@ -29,11 +29,11 @@ from io import StringIO
 from pathlib import Path
 from typing import NamedTuple
 
-from plumbob import io
-from plumbob.cards import CalibrationCard, NoiseCard
+from plumbob import files
 from plumbob.cli.main import main as plumbob
-from plumbob.pipeline.recorded import read_recorded
-from plumbob.record import verify
+from plumbob.data.cards import CalibrationCard, NoiseCard
+from plumbob.files.mcap import verify
+from plumbob.session.recorded import read_recorded
 
 SIGNALS = {"SIGKILL": signal.SIGKILL, "SIGTERM": signal.SIGTERM, "SIGINT": signal.SIGINT}
 DONE = (0, 3)
@@ -101,7 +101,7 @@ def _table(path: Path) -> None:
     """A table, or its profile, which is nothing alone."""
     table = path.with_name(path.name.replace(".profile.toml", ".csv"))
     if table.exists() and table.read_bytes() != OLD:
-        assert io.read(table).name
+        assert files.read(table).name
 
 
 def _json(path: Path) -> None:
@@ -126,12 +126,12 @@ def cases(inputs: Path) -> dict[str, Case]:
         "sim": Case(
             "sim buoy --frame NED --duration 120s --out a.parquet --card card.json --noise-card noise.json "
             "--sensors mpu6000+hmc5983 --module drawn",
-            {"a.parquet": io.read, "card.json": CalibrationCard.load, "noise.json": NoiseCard.load},
+            {"a.parquet": files.read, "card.json": CalibrationCard.load, "noise.json": NoiseCard.load},
         ),
         "sim .csv": Case(
             "sim buoy --frame NED --duration 120s --out a.csv", {"a.csv": _table, "a.profile.toml": _table}
         ),
-        "run": Case("run {}/sea.parquet --filter mahony --out a.parquet", {"a.parquet": io.read}),
+        "run": Case("run {}/sea.parquet --filter mahony --out a.parquet", {"a.parquet": files.read}),
         "run .csv": Case("run {}/sea.parquet --filter mahony --out a.csv", {"a.csv": _table, "a.profile.toml": _table}),
         "eval": Case("eval {}/track.parquet {}/sea.parquet --html a.html", {"a.html": _page}),
         "allan": Case(
@@ -149,17 +149,17 @@ def cases(inputs: Path) -> dict[str, Case]:
             "emulate buoy --duration 60s --write a.bin --truth b.parquet",
             {
                 "a.bin": _bytes(FRAME * frames),
-                "b.parquet": io.read,
+                "b.parquet": files.read,
                 "b.card.json": CalibrationCard.load,
             },
         ),
         "export .mcap": Case("export {}/sea.parquet --out a.mcap", {"a.mcap": _mcap}),
         "export .csv": Case("export {}/sea.parquet --out a.csv", {"a.csv": _table, "a.profile.toml": _table}),
-        "export .parquet": Case("export {}/sea.mcap --out a.parquet", {"a.parquet": io.read}),
+        "export .parquet": Case("export {}/sea.mcap --out a.parquet", {"a.parquet": files.read}),
         "export .tum": Case("export {}/sea.parquet --out a.tum", {"a.tum": _rows(12_001)}),
         "export .txt": Case("export {}/sea.parquet --out a.txt", {"a.txt": _rows(12_002)}),
         "repair": Case("repair {}/torn.mcap --out a.mcap", {"a.mcap": _mcap}),
-        "replay": Case("replay {}/line.mcap --out a.parquet", {"a.parquet": io.read}),
+        "replay": Case("replay {}/line.mcap --out a.parquet", {"a.parquet": files.read}),
     }
 
 

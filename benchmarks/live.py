@@ -4,7 +4,7 @@ A second process writes each frame when it is due and puts its monotonic time in
 estimates with mekf, and takes the age of every sample at the moment its attitude is there. Afterwards the recording is
 replayed and compared with what was live.
 
-    python benchmarks/live.py --duration 600
+    python -m benchmarks.live --duration 600
 """
 
 import argparse
@@ -84,9 +84,9 @@ filter = "mekf"
 def emit(seconds: float) -> None:
     """Be the unit: print the port, wait for a word, and write each frame when it is due."""
     from plumbob import Frame, simulate
-    from plumbob.sensors.encode import encode
-    from plumbob.sensors.format_toml import parse_format
-    from plumbob.sensors.triads import columns_of
+    from plumbob.protocols.decode import columns_of
+    from plumbob.protocols.encode import encode
+    from plumbob.protocols.format_toml import parse_format
 
     form = parse_format(FORMAT)
     made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=1, rate=RATE,
@@ -131,13 +131,13 @@ class Ages:
 
 def run(seconds: float, folder: Path) -> int:
     """Measure, and print."""
-    from plumbob.pipeline.keep import Keeper
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.replay import compare, open_recording, replay
-    from plumbob.pipeline.runner import run_line
-    from plumbob.pipeline.session import RecordSpec
-    from plumbob.pipeline.session_toml import parse_session
-    from plumbob.pipeline.sources import open_source
+    from plumbob.session.recording_sink import Keeper
+    from plumbob.session.replay import compare, open_recording, replay
+    from plumbob.session.runner import run_line
+    from plumbob.session.session import RecordSpec
+    from plumbob.session.session_toml import parse_session
+    from plumbob.session.sources import open_source
+    from plumbob.session.stream import Line
 
     me = [sys.executable, __file__, "--emit", "--duration", str(seconds)]
     with subprocess.Popen(me, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as unit:

@@ -4,7 +4,7 @@ Rows as a live line gives them, 1000 small JSON messages of about 250 bytes and 
 are written in real time, so that fsync, threads and the pace of chunks are those of a real recording. Processor time is
 that of the whole process, less that of the same loop without a recorder.
 
-    python benchmarks/recorder_cost.py [--seconds 20] [--folder .] [--json]
+    python -m benchmarks.recorder_cost [--seconds 20] [--folder .] [--json]
 """
 
 import argparse
@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from plumbob.record import Recorder, Schema, verify
+from plumbob.files.mcap import Recorder, Schema, verify
 
 LIMIT = 4.0
 """Largest share of a core, %."""

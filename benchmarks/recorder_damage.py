@@ -3,7 +3,7 @@
 Single flipped bits, zeroed and swapped blocks of 512 bytes, and cuts, each at random places. The same flips are read by
 the MCAP library's streaming reader with all its checks, for comparison.
 
-    python benchmarks/recorder_damage.py [--flips 10000] [--json]
+    python -m benchmarks.recorder_damage [--flips 10000] [--json]
 """
 
 import argparse
@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from plumbob.record import Recorder, Schema, open_log
+from plumbob.files.mcap import Recorder, Schema, open_log
 
 Row = tuple[str, int, int, bytes]
 BLOCK = 512

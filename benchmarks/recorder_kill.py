@@ -3,7 +3,7 @@
 The child records 2,000 rows a second and keeps its counters in shared memory, which outlive it. A row is acknowledged
 once the write of its chunk has returned. What a repair makes of the file is read by the MCAP library, with its checks.
 
-    python benchmarks/recorder_kill.py [--kills 50] [--folder .] [--json]
+    python -m benchmarks.recorder_kill [--kills 50] [--folder .] [--json]
 """
 
 import argparse
@@ -18,7 +18,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from plumbob.record import open_log, repair
+from plumbob.files.mcap import open_log, repair
 
 COUNTERS = struct.Struct("<QQQ")  # acknowledged, written, time of the last row
 LIMIT_MS = 100.0
@@ -27,7 +27,7 @@ SLACK_MS = 20.0
 
 CHILD = """
 import mmap, struct, sys, time
-from plumbob.record import Recorder
+from plumbob.files.mcap import Recorder
 with open(sys.argv[2], "r+b") as file:
     shared = mmap.mmap(file.fileno(), 24)
 r = Recorder(sys.argv[1], epoch_offset_ns=0, reserve=0)

@@ -5,7 +5,7 @@ recorder listens. `plumbob record` with `next_part` records it, estimates, and i
 acknowledged once the write of its chunk has returned: the recorder's count is kept in memory that outlives it.
 Afterwards all parts are read as one recording.
 
-    python benchmarks/recorder_restart.py [--seconds 600] [--kills 50] [--folder .] [--json]
+    python -m benchmarks.recorder_restart [--seconds 600] [--kills 50] [--folder .] [--json]
 """
 
 import argparse
@@ -26,11 +26,11 @@ from typing import Any
 
 import numpy as np
 
-from plumbob.pipeline.replay import compare, open_recording, replay
-from plumbob.record import open_log, verify
-from plumbob.record.names import existing_parts
-from plumbob.sensors.encode import encode
-from plumbob.sensors.format_toml import parse_format
+from plumbob.files.mcap import open_log, verify
+from plumbob.files.mcap.layout import existing_parts
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import parse_format
+from plumbob.session.replay import compare, open_recording, replay
 
 RATE = 200
 FORMAT = """
@@ -79,7 +79,7 @@ COUNTERS = struct.Struct("<Q")
 CHILD = """
 import mmap, sys, threading, time
 from plumbob.cli.main import main
-from plumbob.pipeline import keep
+from plumbob.session import keep
 
 class Watched(keep.Keeper):
     def __init__(self, *args, **options):

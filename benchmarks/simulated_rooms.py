@@ -4,8 +4,8 @@ A hand turns the unit about all its axes at some 60°/s. The sensor sits 5 to 30
 about, that point wanders by some 10 cm, and the field changes by a gradient of no preferred direction. Each unit has a
 hard iron of 10 µT, a soft iron of 10 to 20 % along random axes and noise of 0.2 µT; rates scatter by 0.05 °/s and are
 off by up to 1 °/s and 1 %, and the specific force is that of the moving hand. Prints, for each gradient and length and
-with and without the other sensors, what `plumbob benchmark rooms` prints, and the bars that are missed.
-Run: python benchmarks/simulated_rooms.py [rooms] [gradients, µT/m] [lengths, s]
+with and without the other sensors, what `python -m benchmarks.harness rooms` prints, and the bars that are missed.
+Run: python -m benchmarks.simulated_rooms [rooms] [gradients, µT/m] [lengths, s]
 """
 
 import sys
@@ -13,15 +13,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from plumbob.benchmark.bar import Bar, bar_lines
-from plumbob.benchmark.calibration_world import field_n, in_body, random_axes
-from plumbob.benchmark.room import Room
-from plumbob.benchmark.rooms import WAYS, Rooms, trial_of
-from plumbob.check import Floats
-from plumbob.constants import G0
+from benchmarks.harness.bar import Bar, bar_lines
+from benchmarks.harness.calibration_world import field_n, in_body, random_axes
+from benchmarks.harness.room import Room
+from benchmarks.harness.rooms import WAYS, Rooms, trial_of
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.units import deg, dps
 from plumbob.data import ImuData, ImuMeta
 from plumbob.rotations import Frame, quat_from_rotvec, quat_multiply, quat_rotate
-from plumbob.units import deg, dps
 
 GRADIENTS = (0.3, 1.0, 3.0)  # µT/m, root mean square over directions: outdoors, a large room, a laboratory
 LENGTHS = (15.0, 30.0, 60.0)  # s

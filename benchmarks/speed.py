@@ -5,7 +5,7 @@ figure to quote is the ratio: the median over rounds of the ratio within a round
 on the wall clock; what a hash gains beside it is what the machine has to give just then. Peers come with the extra
 `bench`.
 
-    python benchmarks/speed.py [--samples 1000000] [--rounds 7] [--only mahony,mekf] [--json]
+    python -m benchmarks.speed [--samples 1000000] [--rounds 7] [--only mahony,mekf] [--json]
 """
 
 import argparse

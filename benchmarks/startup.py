@@ -4,7 +4,7 @@ CPU seconds (user and system) of whole processes, in turn within every round, so
 all of them alike; the figure to quote is the median over rounds of the ratio within a round. Kernels are compiled, and
 files are in memory, before the first round that counts.
 
-    python benchmarks/startup.py [--rounds 7] [--only run,info] [--json]
+    python -m benchmarks.startup [--rounds 7] [--only run,info] [--json]
 """
 
 import argparse

@@ -24,12 +24,12 @@ READERS = {
 RUNNERS = {
     "tests": PYTEST,
     # the kernels as plain Python: what no other gate compares with the compiled ones
-    "plain Python": (*PYTEST, "-q", "tests/rotations", "tests/calib/test_calib_norm_fit.py"),
+    "plain Python": (*PYTEST, "-q", "tests/rotations", "tests/calibration/test_calibration_norm_fit.py"),
 }
 LONG = {
     "long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long"),
-    "plain Python": (*PYTEST, "-q", "tests/filters", "tests/rotations", "tests/noise", "tests/sensors",
-                     "tests/calib/test_calib_norm_fit.py", "tests/calib/test_calib_alike.py"),
+    "plain Python": (*PYTEST, "-q", "tests/filters", "tests/rotations", "tests/noise", "tests/protocols",
+                     "tests/calibration/test_calibration_norm_fit.py", "tests/calibration/test_calibration_alike.py"),
 }  # fmt: skip
 SETS = {"test": (READERS, RUNNERS), "lint": (READERS, {}), "long": ({}, LONG)}
 

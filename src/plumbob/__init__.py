@@ -44,59 +44,58 @@ up (forward-left-up) reads ``[0, 0, +9.81]``; with z down (forward-right-down) i
 
 Flags
 -----
-Every sample carries a `flags` integer; `plumbob.flags` names the bits. A flag never removes a value.
+Every sample carries a `flags` integer; `plumbob.core.flags` names the bits. A flag never removes a value.
 """
 
 from typing import TYPE_CHECKING
 
-from plumbob._lazy import lazily
+from plumbob.core.lazy import lazily
+from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
-    from plumbob.calib.model import apply_card
-    from plumbob.cards import CalibrationCard, NoiseCard
+    from plumbob.core.errors import PlumbobError, PlumbobWarning
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-    from plumbob.errors import PlumbobError, PlumbobWarning
-    from plumbob.evaluate import Evaluation
+    from plumbob.data.calibrated import apply_card
+    from plumbob.data.cards import CalibrationCard, NoiseCard
+    from plumbob.evaluation import Evaluation
+    from plumbob.files import Recording, read, write
+    from plumbob.files.draft import profile
     from plumbob.filters import Filter, filter_names
-    from plumbob.io import Recording, read, write
-    from plumbob.io.draft import profile
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.session import Session
-    from plumbob.pipeline.session_toml import load_session
-    from plumbob.rigs import find_format
+    from plumbob.protocols.decode import Decoder
+    from plumbob.protocols.find import find_format
+    from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
-    from plumbob.sensors.decode import Decoder
-    from plumbob.sensors.format import Format
-    from plumbob.sim import simulate
-
-__version__ = "0.1.0"
+    from plumbob.session.session import Session
+    from plumbob.session.session_toml import load_session
+    from plumbob.session.stream import Line
+    from plumbob.simulation import simulate
 
 _HOME = {
-    "AttitudeTrack": "data",
-    "CalibrationCard": "cards",
-    "Decoder": "sensors.decode",
-    "Evaluation": "evaluate",
+    "AttitudeTrack": "data.imu",
+    "CalibrationCard": "data.cards",
+    "Decoder": "protocols.decode",
+    "Evaluation": "evaluation",
     "Filter": "filters",
-    "Format": "sensors.format",
+    "Format": "protocols.format",
     "Frame": "rotations",
-    "ImuData": "data",
-    "ImuMeta": "data",
-    "ImuSample": "sample",
-    "Line": "pipeline.line",
-    "NoiseCard": "cards",
+    "ImuData": "data.imu",
+    "ImuMeta": "data.imu",
+    "ImuSample": "data.sample",
+    "Line": "session.stream",
+    "NoiseCard": "data.cards",
     "North": "rotations",
-    "PlumbobError": "errors",
-    "PlumbobWarning": "errors",
-    "Recording": "io",
-    "Session": "pipeline.session",
-    "apply_card": "calib.model",
+    "PlumbobError": "core.errors",
+    "PlumbobWarning": "core.errors",
+    "Recording": "files",
+    "Session": "session.session",
+    "apply_card": "data.calibrated",
     "filter_names": "filters",
-    "find_format": "rigs",
-    "load_session": "pipeline.session_toml",
-    "profile": "io.draft",
-    "read": "io",
-    "simulate": "sim",
-    "write": "io",
+    "find_format": "protocols.find",
+    "load_session": "session.session_toml",
+    "profile": "files.draft",
+    "read": "files",
+    "simulate": "simulation",
+    "write": "files",
 }
 
 __all__ = [
@@ -117,6 +116,7 @@ __all__ = [
     "PlumbobWarning",
     "Recording",
     "Session",
+    "__version__",
     "apply_card",
     "filter_names",
     "find_format",
@@ -132,4 +132,4 @@ __getattr__ = lazily(__name__, _HOME)[0]
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "__version__"]
+    return [*__all__]

@@ -17,8 +17,8 @@ STREAMS = ("stdin", "stdout", "stderr")
 PLUMBOB = (sys.executable, "-m", "plumbob.cli.main")
 
 
-def call(*words, data=b"", cwd=None):
-    """Run a command line in this process."""
+def call(*words, data=b"", cwd=None, main=main):
+    """Run a command line in this process, that of Plumbob or of another `main`."""
     streams = [io.TextIOWrapper(io.BytesIO(data if name == "stdin" else b""), encoding="utf-8") for name in STREAMS]
     kept = [getattr(sys, name) for name in STREAMS]
     words = [*map(str, words)]

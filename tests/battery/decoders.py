@@ -8,11 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
-from plumbob.benchmark.decoder_fuzz import fuzz, mutated
-from plumbob.benchmark.decoder_streams import columns_for, frames_of, settled
-from plumbob.sensors import catalog
-from plumbob.sensors.decode import Decoder, decode
-from plumbob.sensors.encode import encode
+from benchmarks.harness.decoder_fuzz import fuzz, mutated
+from benchmarks.harness.decoder_streams import columns_for, frames_of, settled
+from plumbob.protocols import catalog
+from plumbob.protocols.decode import Decoder, decode
+from plumbob.protocols.encode import encode
 from tests.battery import examples
 
 MILLION = 1_000_000

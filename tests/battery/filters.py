@@ -8,9 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData, ImuSample, flags
-from plumbob._jit import jit_disabled
-from plumbob.constants import G0
+from plumbob import Filter, Frame, ImuData, ImuSample
+from plumbob.core import flags
+from plumbob.core._jit import jit_disabled
+from plumbob.core.constants import G0
 from plumbob.filters import filter_names, load
 from plumbob.filters.layout import CLOCK, OWN
 from plumbob.filters.settling import UPRIGHT_FOR

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from plumbob import Frame, ImuData
-from plumbob.constants import G0
+from plumbob.core.constants import G0
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_from_rotvec, quat_multiply, quat_rotate
 
 FIELD_ENU = np.array([0.0, 20.0, -43.0])  # µT; dip 65°, as in central Europe

@@ -6,9 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.benchmark.bar import Bar
-from plumbob.benchmark.channel import PARTS, measure_channel
-from plumbob.benchmark.channel_records import (
+from benchmarks.harness.__main__ import main
+from benchmarks.harness.bar import Bar
+from benchmarks.harness.channel import PARTS, measure_channel
+from benchmarks.harness.channel_records import (
     FLICKER,
     RATIOS,
     STEP,
@@ -19,12 +20,12 @@ from plumbob.benchmark.channel_records import (
     on_turntable,
     scalar_filter,
 )
-from plumbob.benchmark.channel_static import LONG_TAUS, TAUS, WALK, degrees_of_freedom, measure_static
-from plumbob.benchmark.channel_turntable import SLOPE, SPIN_UP
-from plumbob.errors import ParameterError
+from benchmarks.harness.channel_static import LONG_TAUS, TAUS, WALK, degrees_of_freedom, measure_static
+from benchmarks.harness.channel_turntable import SLOPE, SPIN_UP
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg, dps
 from plumbob.filters.channel_scalar import ramp_lag, steady_gain, variance_ratio
 from plumbob.noise import deviation
-from plumbob.units import deg, dps
 from tests.battery.commandline import call
 
 SEEDS = range(6)
@@ -181,7 +182,7 @@ def test_same_seeds_same_figures_and_progress_is_told():
 
 
 def run(*words):
-    return call("benchmark", "channel", *words)
+    return call("channel", *words, main=main)
 
 
 def test_command_line():

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumbob import Filter, flags
+from plumbob import Filter
+from plumbob.core import flags
 from plumbob.filters import filter_names
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "endurance.py"

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from plumbob.calib.fitted import Fitted
-from plumbob.calib.regions import REGIONS
-from plumbob.cards import Quality, TriadCalibration
-from plumbob.units import deg, dps, g, to_si
+from plumbob.calibration.fit import Fitted
+from plumbob.calibration.predicted import REGIONS
+from plumbob.core.units import deg, dps, g, to_si
+from plumbob.data.cards import Quality, TriadCalibration
 
 
 def covariance(bias_sd, matrix_sd):
@@ -44,7 +44,7 @@ def acc_calibration(**changes):
 
 def mag_fit(model, *, count=300, missing="+x−z", remarks=()):
     """Samples of a field of 48.2 µT in every region but one, with noise of 0.25 µT and three planted outliers."""
-    from plumbob.calib.regions import NAMES, region_of
+    from plumbob.calibration.predicted import NAMES, region_of
 
     rng = np.random.default_rng(7)
     directions = rng.normal(size=(2 * count, 3))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from certificate_samples import gyr_calibration, gyr_fit, mag_calibration, mag_fit
 
-from plumbob.cards import CalibrationCard, Mount
+from plumbob.core.units import deg
+from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.rotations import quat_from_euler_zyx
-from plumbob.units import deg
 
 REMARKS = ("the dip is 62.1° ± 0.3°.",)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from certificate_samples import acc_calibration, covariance, mag_calibration
 
-from plumbob.certificate.axes import sensing_axes
-from plumbob.units import deg
+from plumbob.calibration.certificate.rows import sensing_axes
+from plumbob.core.units import deg
 
 EPS = np.finfo(float).eps
 

@@ -8,12 +8,12 @@ import pytest
 from certificate_samples import acc_calibration, gyr_fit, mag_calibration, mag_fit
 from matplotlib.figure import Figure
 
-from plumbob import certificate
-from plumbob.calib.regions import NAMES, REGIONS
-from plumbob.cards import CalibrationCard, Mount
-from plumbob.certificate import figure
-from plumbob.certificate.html import page
-from plumbob.units import from_si
+from plumbob.calibration import certificate
+from plumbob.calibration.certificate import figure
+from plumbob.calibration.certificate.html import page
+from plumbob.calibration.predicted import NAMES, REGIONS
+from plumbob.core.units import from_si
+from plumbob.data.cards import CalibrationCard, Mount
 from tests.battery.pages import HOSTILE, Outline, PageBattery
 
 

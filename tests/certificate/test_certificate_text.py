@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from certificate_samples import acc_calibration, covariance, gyr_calibration, mag_calibration
 
-from plumbob import certificate
-from plumbob.calib.fitted import Fitted
-from plumbob.calib.refusal import CaptureRefusedError, Reason
-from plumbob.cards import CalibrationCard
-from plumbob.units import to_si
+from plumbob.calibration import certificate
+from plumbob.calibration.fit import Fitted
+from plumbob.calibration.rejection import CaptureRefusedError, Reason
+from plumbob.core.units import to_si
+from plumbob.data.cards import CalibrationCard
 
 
 def one(name, model):

@@ -5,15 +5,15 @@ import sys
 
 import pytest
 
-from plumbob import Frame, io
+from plumbob import Frame, files
 from plumbob.cli.main import main
-from plumbob.sim import simulate
+from plumbob.simulation import simulate
 
 
 @pytest.fixture
 def folder(tmp_path):
     run = simulate("buoy", frame=Frame.ENU, sensors="ideal", module="calibrated", seed=1, duration=10.0)
-    io.write(tmp_path / "a.parquet", io.Recording(imu=run.imu, track=run.truth, name="a"))
+    files.write(tmp_path / "a.parquet", files.Recording(imu=run.imu, track=run.truth, name="a"))
     return str(tmp_path)
 
 

@@ -10,9 +10,9 @@ import pytest
 
 from plumbob import NoiseCard
 from plumbob.cli import allan
-from plumbob.io.numbers_binary import RAW
+from plumbob.core.units import dps, from_si, to_si
+from plumbob.files.numbers import RAW
 from plumbob.noise import KINDS
-from plumbob.units import dps, from_si, to_si
 from tests.battery.commandline import ok, refused
 
 DATA = Path(os.environ.get("PLUMBOB_DATA", "../shared/data"))

@@ -6,14 +6,15 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import CalibrationCard, ImuData, ImuMeta, io
-from plumbob.calib.acc.gravity import normal_gravity
-from plumbob.calib.regions import REGIONS
-from plumbob.constants import G0
-from plumbob.units import deg
+from plumbob import CalibrationCard, ImuData, ImuMeta
+from plumbob import files as io
+from plumbob.calibration.acc.poses import normal_gravity
+from plumbob.calibration.predicted import REGIONS
+from plumbob.core.constants import G0
+from plumbob.core.units import deg
 from tests.battery.commandline import ok, plumbob, refused
-from tests.calib.pose_capture import BIAS, GAIN, NOISE, pose_capture
-from tests.calib.test_calib_accel import symmetric
+from tests.calibration.pose_capture import BIAS, GAIN, NOISE, pose_capture
+from tests.calibration.test_calibration_accel import symmetric
 from tests.cli.test_cli import GOOD_PARAMS
 
 UP = np.array([0.2, -0.35, 0.9]) / np.linalg.norm([0.2, -0.35, 0.9])

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumbob import CalibrationCard, ImuData, ImuMeta, io
-from plumbob.calib.model import apply_card
-from plumbob.cards import TriadCalibration
-from plumbob.constants import G0
-from plumbob.units import dps, to_dps, to_g
+from plumbob import CalibrationCard, ImuData, ImuMeta, files
+from plumbob.core.constants import G0
+from plumbob.core.units import dps, to_dps, to_g
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import TriadCalibration
 from tests.battery.commandline import ok, plumbob, refused
-from tests.calib.gyro_sessions import ferraris, hand
+from tests.calibration.gyro_sessions import ferraris, hand
 
 DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data")
 SESSION = DATA / "ferraris" / "annotated_session.csv"
@@ -38,7 +38,7 @@ counts_per_unit = 16.384
 
 def recording(path, session, **more):
     meta = ImuMeta(device="unit 7", gyr_range=more.pop("gyr_range", None))
-    return io.write(path, ImuData(t=session.t, gyr=session.gyr, acc=session.acc, meta=meta, **more))
+    return files.write(path, ImuData(t=session.t, gyr=session.gyr, acc=session.acc, meta=meta, **more))
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def test_the_real_ferraris_session_in_one_command(tmp_path):
     words = ("calibrate", "gyro", SESSION, "--profile", tmp_path / "p.toml", "--method", "ferraris")
     ok(*words, "--part-column", "part", "--out", tmp_path / "card.json")
     card = CalibrationCard.load(tmp_path / "card.json")
-    # imucal 2.6.0, see tests/calib/test_calib_ferraris.py: b_a in counts of 1/2048 g, b_g in counts of 1/16.384 °/s
+    # imucal 2.6.0, see test_calibration_ferraris.py: b_a in counts of 1/2048 g, b_g in counts of 1/16.384 °/s
     assert to_g(card.acc.bias) * 2048.0 == pytest.approx([-6.018868019671572, -48.287874016760156, -28.96636637224333])
     counts = [1.960686204431737, -4.472837741243746, -3.6511794138670477]
     assert to_dps(card.gyr.bias) * 16.384 == pytest.approx(counts)
@@ -137,7 +137,7 @@ def test_the_trackball_preset_says_that_nothing_was_measured(captures, tmp_path)
     assert to_dps(gyr.g_sensitivity) * G0 == pytest.approx(0.1 * np.eye(3))
     # At 30 °C and 1 g along z, the paper's figures explain 0.5 °/s on every axis, and 0.1 °/s more on z.
     assert np.abs(to_dps(gyr.bias - hand(1).bias) + [0.5, 0.5, 0.6]).max() < 0.02
-    at_rest = apply_card(CalibrationCard.load(tmp_path / "card.json"), io.read(captures / "still.parquet").imu).gyr
+    at_rest = apply_card(CalibrationCard.load(tmp_path / "card.json"), files.read(captures / "still.parquet").imu).gyr
     assert np.abs(at_rest.mean(axis=0)).max() < dps(1e-3)  # the fit leaves out a part of a block: 4 of 1000 samples
     assert "none is given; pass temp_c" in refused(
         "calibrate", "gyro", captures / "hand.parquet", "--preset", "trackball"
@@ -175,7 +175,7 @@ def test_options_without_effect_are_refused(captures):
 def test_hand_motion_needs_an_accelerometer(tmp_path):
     t, rng = np.arange(3000) / 100.0, np.random.default_rng(0)
     gyro = ImuData(t=t, gyr=dps(0.1) * rng.standard_normal((t.size, 3)), meta=ImuMeta(device="unit 7"))
-    words = ("calibrate", "gyro", io.write(tmp_path / "gyro.parquet", gyro), "--method", "hand")
+    words = ("calibrate", "gyro", files.write(tmp_path / "gyro.parquet", gyro), "--method", "hand")
     assert "against the accelerometer, and there is no acc" in refused(*words)
 
 
@@ -195,7 +195,7 @@ def test_a_turning_table_is_no_rest_where_a_magnetometer_sees_it(tmp_path):
     gyr, acc = dps(0.1) * rng.standard_normal((2, t.size, 3)) + [[[0.0, 0.0, dps(3.0)]], [[0.0, 0.0, -G0]]]
     mag = np.stack((25.0 * np.cos(dps(3.0) * t), -25.0 * np.sin(dps(3.0) * t), np.full(t.size, 43.3)), axis=1)
     meta = ImuMeta(device="unit 7")
-    file = io.write(
+    file = files.write(
         tmp_path / "turning.parquet", ImuData(t=t, gyr=gyr, acc=acc, mag=mag + rng.normal(size=mag.shape), meta=meta)
     )
     for words in (("gyro",), ("gyro", "--method", "rest"), ("gyro", "--preset", "trackball")):

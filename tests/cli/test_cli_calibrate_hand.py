@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from plumbob import io
-from plumbob.calib.model import apply_card
-from plumbob.cards import CalibrationCard
-from plumbob.constants import G0
+from plumbob import files as io
+from plumbob.core.constants import G0
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from tests.battery.commandline import ok, plumbob, refused
 

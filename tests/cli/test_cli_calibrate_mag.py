@@ -6,12 +6,12 @@ import re
 import numpy as np
 import pytest
 
-from plumbob import io
-from plumbob.cards import CalibrationCard
+from plumbob import files as io
 from plumbob.data import ImuData, ImuMeta
+from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import quat_from_rotvec, quat_multiply
 from tests.battery.commandline import ok, plumbob, refused
-from tests.calib.mag_scene import (
+from tests.calibration.mag_scene import (
     Unit,
     attitudes,
     field,

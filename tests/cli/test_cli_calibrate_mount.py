@@ -5,12 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from plumbob import io
-from plumbob.cards import CalibrationCard
+from plumbob import files as io
+from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import Frame, quat_angle, quat_conjugate, quat_multiply, quat_rotate
-from plumbob.sim import simulate
+from plumbob.simulation import simulate
 from tests.battery.commandline import ok, plumbob, refused
-from tests.pipeline.test_pipeline_mounting import Q_BS, UNIT, Returning
+from tests.session.test_session_mounting import Q_BS, UNIT, Returning
 
 
 @pytest.fixture(scope="module")

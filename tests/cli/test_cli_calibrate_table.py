@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from plumbob.cards import CalibrationCard
+from plumbob.data.cards import CalibrationCard
 from tests.battery.commandline import ok, plumbob, refused
 
 RATES = "50, 100, 200 deg/s"

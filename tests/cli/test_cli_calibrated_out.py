@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import io
-from plumbob.errors import CalibrationError, ShapeError
-from plumbob.pipeline.recorded import read_recorded
+from plumbob import files
+from plumbob.core.errors import CalibrationError, ShapeError
+from plumbob.session.recorded import read_recorded
 from tests.battery.commandline import ok
 from tests.battery.commandline import plumbob as call
 
@@ -26,7 +26,9 @@ def made(tmp_path_factory):
     )
     imu = replace(found.imu, meta=replace(found.imu.meta, device="unit 7", calibration=None))
     plumbob.write(folder / "rest.parquet", plumbob.Recording(imu=imu, track=found.truth))
-    model = plumbob.cards.TriadCalibration(matrix=GAIN * np.eye(3), bias=np.zeros(3), unit_in="rad/s", unit_out="rad/s")
+    model = plumbob.data.cards.TriadCalibration(
+        matrix=GAIN * np.eye(3), bias=np.zeros(3), unit_in="rad/s", unit_out="rad/s"
+    )
     card = plumbob.CalibrationCard("unit 7", "2026-11-21", "test", gyr=model)
     card.save(folder / "card.json")
     replace(card, device="unit 8").save(folder / "other.json")
@@ -37,18 +39,18 @@ def made(tmp_path_factory):
 def test_export_writes_calibrated_samples(made, tmp_path, name):
     out = tmp_path / name
     ok("export", made / "rest.parquet", "--calibration", made / "card.json", "--out", out, "--what", "samples")
-    raw = io.read(made / "rest.parquet").imu
-    found = (read_recorded(out) if name.endswith("mcap") else io.read(out)).imu
+    raw = files.read(made / "rest.parquet").imu
+    found = (read_recorded(out) if name.endswith("mcap") else files.read(out)).imu
     np.testing.assert_allclose(found.gyr, GAIN * raw.gyr, rtol=1e-15)
     assert found.meta.calibration == "unit 7 2026-11-21 (test); NOT calibrated: acc"
     np.testing.assert_array_equal(found.acc, raw.acc)
 
 
 def test_export_is_what_python_gives(made, tmp_path):
-    raw = io.read(made / "rest.parquet").imu
+    raw = files.read(made / "rest.parquet").imu
     calibrated = plumbob.apply_card(plumbob.CalibrationCard.load(made / "card.json"), raw)
     ok("export", made / "rest.parquet", "--calibration", made / "card.json", "--out", tmp_path / "a.parquet")
-    found = io.read(tmp_path / "a.parquet")
+    found = files.read(tmp_path / "a.parquet")
     np.testing.assert_array_equal(found.imu.gyr, calibrated.gyr)
     assert found.imu.meta == calibrated.meta
     assert not any("uncalibrated" in note for note in found.notes)
@@ -65,9 +67,9 @@ def test_refusals(made, tmp_path):
     bare = ("--rate", "1Hz", "--scale", "1 deg/s", "--calibration", made / "card.json")
     assert "corrects a recording with its units" in call("allan", tmp_path / "numbers.txt", *bare).stderr
     with pytest.raises(CalibrationError, match="unit 8"):
-        plumbob.apply_card(plumbob.CalibrationCard.load(made / "other.json"), io.read(made / "rest.parquet").imu)
+        plumbob.apply_card(plumbob.CalibrationCard.load(made / "other.json"), files.read(made / "rest.parquet").imu)
     with pytest.raises(ShapeError, match=r"card must be a CalibrationCard, but it is .*CalibrationCard\.load"):
-        plumbob.apply_card(made / "card.json", io.read(made / "rest.parquet").imu)
+        plumbob.apply_card(made / "card.json", files.read(made / "rest.parquet").imu)
 
 
 def test_allan_before_and_after(made, tmp_path):

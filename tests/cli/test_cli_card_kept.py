@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from plumbob import io
-from plumbob.cards import UNITS, CalibrationCard, TriadCalibration
+from plumbob import files
 from plumbob.cli.main import main
 from plumbob.data import ImuData, ImuMeta
+from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
 
 N = 4000
 
@@ -20,7 +20,7 @@ def folder(tmp_path, monkeypatch):
     rng = np.random.default_rng(5)
     imu = ImuData(t=0.01 * np.arange(N), gyr=1e-3 * rng.normal(size=(N, 3)),
                   acc=[0.0, 0.0, 9.81] + 1e-2 * rng.normal(size=(N, 3)), meta=ImuMeta(device="SN7"))  # fmt: skip
-    io.write(tmp_path / "rest.parquet", imu)
+    files.write(tmp_path / "rest.parquet", imu)
     return tmp_path
 
 

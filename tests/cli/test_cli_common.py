@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from plumbob import Filter, Frame
-from plumbob._files import write_text
 from plumbob.cli import common
-from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobError
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError
+from plumbob.core.files import write_text
 from tests.battery.commandline import plumbob
 
 

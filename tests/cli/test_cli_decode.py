@@ -9,7 +9,7 @@ import pytest
 
 from plumbob.cli import decode
 from plumbob.cli.main import main
-from plumbob.constants import G0
+from plumbob.core.constants import G0
 from tests.battery.commandline import ok
 
 FORMAT = """

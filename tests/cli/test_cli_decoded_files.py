@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from pyarrow import parquet as pq
 
+from benchmarks.harness.decoder_streams import frames_of, settled
 from plumbob import read
-from plumbob.benchmark.decoder_streams import frames_of, settled
-from plumbob.errors import DecodeError
-from plumbob.rigs import find_format, names
-from plumbob.sensors import catalog
-from plumbob.sensors.decode import decode
-from plumbob.sensors.triads import prefixes_of, triads_of
+from plumbob.core.errors import DecodeError
+from plumbob.protocols import catalog
+from plumbob.protocols.decode import decode, prefixes_of, triads_of
+from plumbob.protocols.find import find_format
+from plumbob.protocols.rigs import names
 from tests.battery.commandline import call, ok, refused
 
 SENSORS = [name for name in (*catalog.names(), *names()) if any(map(prefixes_of, find_format(name).messages))]

@@ -6,16 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import io
+from plumbob import files
+from plumbob.acquisition.transport import Event, Received
 from plumbob.cli import demo
-from plumbob.cli.demo_sent import require_as_sent
-from plumbob.errors import DecodeError
-from plumbob.link import Event, Received
-from plumbob.pipeline.line import Line
-from plumbob.pipeline.recorded import read_recorded
-from plumbob.pipeline.session_toml import parse_session
-from plumbob.pipeline.sinks import Collected
-from plumbob.rigs import PLANS, load, make_rig
+from plumbob.cli.demo import require_as_sent
+from plumbob.core.errors import DecodeError
+from plumbob.protocols.rigs import load
+from plumbob.session.recorded import read_recorded
+from plumbob.session.session_toml import parse_session
+from plumbob.session.sinks import Collected
+from plumbob.session.stream import Line
+from plumbob.simulation.rigs.plan import PLANS
+from plumbob.simulation.rigs.rig import make_rig
 from tests.battery.commandline import call, ok
 
 SECONDS = 3.0
@@ -67,7 +69,7 @@ def test_a_small_sea_is_recorded_as_it_was_sent(small, tmp_path):
     assert str(tmp_path / "report.html") in done.stdout
     assert "<svg" in (tmp_path / "report.html").read_text()
     assert "2000 live attitudes come out again, every bit" in done.stdout
-    recorded, sent = read_recorded(tmp_path / "buoy.mcap").imu, io.read(tmp_path / "truth.parquet").imu
+    recorded, sent = read_recorded(tmp_path / "buoy.mcap").imu, files.read(tmp_path / "truth.parquet").imu
     np.testing.assert_array_equal(recorded.gyr, sent.gyr)
     np.testing.assert_array_equal(recorded.t_ns, sent.t_ns)
 

@@ -1,16 +1,16 @@
-"""plumbob benchmark faults as a user meets it."""
+"""The benchmark of faults as a user meets it."""
 
 import json
 
 import pytest
 
-from plumbob.benchmark import CASES
-from plumbob.cli.main import main
+from benchmarks.harness.__main__ import main
+from benchmarks.harness.fault_cases import CASES
 
 
 def run(capsys, *words):
     """Exit code, standard output and standard error."""
-    code = main(["benchmark", "faults", *words])
+    code = main(["faults", *words])
     return code, *capsys.readouterr()
 
 
@@ -41,8 +41,8 @@ def test_tables(capsys):
 
 def test_help(capsys):
     with pytest.raises(SystemExit, match="0"):
-        main(["benchmark", "faults", "--help"])
-    assert capsys.readouterr().out.startswith("usage: plumbob benchmark faults")
+        main(["faults", "--help"])
+    assert capsys.readouterr().out.startswith("usage: python -m benchmarks.harness faults")
 
 
 def test_list_needs_no_filter(capsys):

@@ -11,12 +11,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from plumbob import io
-from plumbob.calib.guide.guide import Moment, Progress
-from plumbob.calib.guide.turns import Turn
-from plumbob.cards import CalibrationCard
-from plumbob.cli.calibrating.board import Board, board_lines
+from plumbob import files
+from plumbob.calibration.guide.guide import Moment, Progress, Turn
+from plumbob.cli.calibrating.live import Board, board_lines
 from plumbob.cli.main import main
+from plumbob.data.cards import CalibrationCard
 from tests.battery.commandline import PLUMBOB, call
 
 TIMEOUT = 120
@@ -76,7 +75,7 @@ def test_a_live_capture_ends_by_itself_when_it_is_good(folder, kind, capture):
     done = plumbob(*live(kind, "--from", f"{capture}.bin", "--json"), cwd=folder)
     told = json.loads(done.stdout)
     assert told["guide"]["done"]
-    assert told["guide"]["elapsed_s"] < io.read(folder / f"{capture}.parquet").imu.t[-1] - 1.0
+    assert told["guide"]["elapsed_s"] < files.read(folder / f"{capture}.parquet").imu.t[-1] - 1.0
     assert "enough: the capture is good" in done.stderr
     assert "\033" not in done.stderr  # no terminal, no drawing
     card = CalibrationCard.load(folder / f"{kind}.json")
@@ -96,7 +95,7 @@ def test_a_ring_is_refused_live_too_and_its_bytes_are_kept(folder):
     assert "level-ring" in done.stderr
     assert "tilt it" in done.stderr
     plumbob("verify", "ring.mcap", cwd=folder)
-    sent = io.read(folder / "ring.parquet").imu
+    sent = files.read(folder / "ring.parquet").imu
     assert f"{len(sent)} samples" in plumbob("info", "ring.mcap", cwd=folder).stdout
 
 

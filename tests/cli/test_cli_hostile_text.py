@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumbob import io
-from plumbob.cards import NoiseCard, TriadNoise
+from plumbob import files
 from plumbob.cli.main import main
+from plumbob.core.text import visible
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.pipeline.exports import export
-from plumbob.plain import visible
-from plumbob.record import Recorder
-from plumbob.rigs import load
+from plumbob.data.cards import NoiseCard, TriadNoise
+from plumbob.files.mcap import Recorder
+from plumbob.protocols.c_header import c_header
+from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, North
-from plumbob.sensors.c_header import c_header
+from plumbob.session.exports import export
 
 STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
 SHOWN = "unit\\x1b]0;owned\\x07\\x1b[2J\\x9b31m\\u202edoog\\nverdict      whole"
@@ -30,7 +30,7 @@ def test_every_control_character_is_written_as_an_escape():
 def test_info_shows_the_device_of_a_recording(tmp_path, capsys):
     t = np.arange(100) * 0.01
     imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
-    io.write(tmp_path / "a.parquet", io.Recording(imu=imu, name="a", notes=(STEER,)))
+    files.write(tmp_path / "a.parquet", files.Recording(imu=imu, name="a", notes=(STEER,)))
     assert main(["info", str(tmp_path / "a.parquet")]) == 0
     shown = capsys.readouterr()
     assert f"device       {SHOWN}, body axes" in shown.out
@@ -76,8 +76,8 @@ def test_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path):
     t = np.arange(100) * 0.01
     imu = ImuData(t=t, gyr=np.random.default_rng(0).normal(size=(100, 3)), meta=ImuMeta(device=STEER))
     track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0, 0, 0], (100, 1)), frame=Frame.ENU, north=North.FREE, source=STEER)
-    whole = io.Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
+    whole = files.Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
     for suffix in (".csv", ".tum", ".txt"):
         text = export(tmp_path / f"a{suffix}", whole).read_text(encoding="utf-8")
         assert text.replace("\n", "").replace("\t", "").isprintable()
-    assert io.read(tmp_path / "a.csv").imu.meta.device == STEER  # its profile has it as it was
+    assert files.read(tmp_path / "a.csv").imu.meta.device == STEER  # its profile has it as it was

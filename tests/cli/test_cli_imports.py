@@ -18,9 +18,10 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cann
 
 PACKAGES = ("h5py", "lz4", "matplotlib", "mcap", "numba", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
             "serial", "zstandard")  # fmt: skip
-ROOMS = ("acquire.serial_line", "acquire.sockets", "benchmark", "calib", "cards.calibration", "certificate",
-         "clock.timebase", "datasheet", "evaluate", "filters", "noise", "page", "pipeline.line", "record", "rigs.rig",
-         "sensors", "sim")  # fmt: skip
+ROOMS = ("acquisition.serial_line", "acquisition.sockets", "acquisition.timing.timebase", "calibration",
+         "calibration.certificate", "data.cards.calibration", "evaluation", "evaluation.many", "files.mcap", "filters",
+         "noise", "noise.datasheet", "protocols", "report", "session.stream", "simulation",
+         "simulation.rigs.rig")  # fmt: skip
 PARTS = ("scipy.fft", "scipy.interpolate", "scipy.io", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats",
          "pyarrow.csv", "pyarrow.parquet")  # fmt: skip
 """What is looked for: packages, parts of packages, and rooms of this one."""
@@ -34,7 +35,7 @@ lines, packages, rooms, parts = json.load(sys.stdin)
 def found():
     known = {m for m in sys.modules if m in packages or m in parts}
     known |= {m.removeprefix("plumbob.") for m in sys.modules if m.removeprefix("plumbob.") in rooms}
-    jit = sys.modules.get("plumbob._jit")
+    jit = sys.modules.get("plumbob.core._jit")
     called = jit and any(isinstance(k, jit.Kernel) and k._compiled for k in gc.get_objects())
     return sorted(known | ({"numba"} if called else set()))
 
@@ -64,10 +65,10 @@ SIM = ["--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module"]
 PARQUET = {"numpy", "pyarrow", "pyarrow.parquet"}
 READ = PARQUET | {"filters"}
 """To open a recording, whose room imports what all filters share."""
-SIMULATED = PARQUET | {"cards.calibration", "sim"}
-RUN = READ | {"evaluate", "numba"}
-LIVE = {"calib", "cards.calibration", "clock.timebase", "filters", "mcap", "numba", "numpy", "pipeline.line", "record",
-        "sensors", "zstandard"}  # fmt: skip
+SIMULATED = PARQUET | {"data.cards.calibration", "simulation"}
+RUN = READ | {"evaluation", "numba"}
+LIVE = {"acquisition.timing.timebase", "calibration", "data.cards.calibration", "files.mcap", "filters", "mcap",
+        "numba", "numpy", "protocols", "session.stream", "zstandard"}  # fmt: skip
 
 LINES = {
     "sim": (["sim", "buoy", *SIM, "calibrated", "--duration", "12s", "--out", "sea.parquet"], SIMULATED),
@@ -76,29 +77,29 @@ LINES = {
     "run": (["run", "sea.parquet", "--filter", "mekf"], RUN),
     "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),
     "run, refused": (["run", "none.parquet", "--filter", "mekf"], {"numpy", "filters"}),
-    "eval": (["eval", "track.parquet", "sea.parquet"], READ | {"evaluate"}),
+    "eval": (["eval", "track.parquet", "sea.parquet"], READ | {"evaluation"}),
     "rest": (["sim", "static", *SIM, "drawn", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
     "allan": (
         ["allan", "rest.parquet", "--triads", "gyr"],
-        READ | {"cards.calibration", "datasheet", "noise", "numba", "page", "scipy", "scipy.fft", "scipy.interpolate",
-                "scipy.optimize", "scipy.special"},
+        READ | {"data.cards.calibration", "noise", "noise.datasheet", "numba", "report", "scipy", "scipy.fft",
+                "scipy.interpolate", "scipy.optimize", "scipy.special"},
     ),
     "calibrate": (
         ["calibrate", "gyro", "rest.parquet", "--method", "rest"],
-        READ | {"calib", "cards.calibration", "certificate", "numba", "page"},
+        READ | {"calibration", "data.cards.calibration", "calibration.certificate", "numba", "report"},
     ),
     "emulate": (
         ["emulate", "buoy", "--seed", "1", "--duration", "3s", "--write", "sea.bin"],
-        {"cards.calibration", "numpy", "rigs.rig", "sensors", "sim"},
+        {"data.cards.calibration", "numpy", "simulation.rigs.rig", "protocols", "simulation"},
     ),
-    "decode": (["decode", "sea.bin", "--format", "buoy", "--out", "sea-decoded.csv"], {"numba", "numpy", "sensors"}),
+    "decode": (["decode", "sea.bin", "--format", "buoy", "--out", "sea-decoded.csv"], {"numba", "numpy", "protocols"}),
     "record": (["record", "--from", "sea.bin", "--format", "buoy", "--out", "sea.mcap"], LIVE),
-    "verify": (["verify", "sea.mcap"], {"mcap", "record", "zstandard"}),
-    "repair": (["repair", "sea.mcap", "--out", "repaired.mcap"], {"mcap", "record", "zstandard"}),
+    "verify": (["verify", "sea.mcap"], {"mcap", "files.mcap", "zstandard"}),
+    "repair": (["repair", "sea.mcap", "--out", "repaired.mcap"], {"mcap", "files.mcap", "zstandard"}),
     "replay": (["replay", "sea.mcap"], LIVE),
     "export": (["export", "sea.mcap", "--out", "sea.csv"], LIVE | {"pyarrow", "pyarrow.csv"}),
     "profile": (["profile", "sea.csv", "--out", "draft.toml"], {"numpy"}),
-    "devices": (["devices"], {"numpy", "sensors"}),
+    "devices": (["devices"], {"numpy", "protocols"}),
 }  # fmt: skip
 """By name: a command line, and what it may import. Each may read what those above it wrote."""
 

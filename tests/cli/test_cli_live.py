@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumbob import io
+from plumbob import files
 from plumbob.cli import common
-from plumbob.record import open_log
+from plumbob.files.mcap import open_log
 from tests.battery.commandline import PLUMBOB, call
 
 TIMEOUT = 120
@@ -91,7 +91,7 @@ def test_replay_with_another_filter_differs_and_exits_3(recorded):
 def test_recorded_samples_are_the_simulated_ones(recorded):
     folder, _, _ = recorded
     plumbob("export", "a.mcap", "--what", "samples", "--out", "a.parquet", cwd=folder)
-    read, truth = io.read(folder / "a.parquet").imu, io.read(folder / "truth.parquet").imu
+    read, truth = files.read(folder / "a.parquet").imu, files.read(folder / "truth.parquet").imu
     np.testing.assert_allclose(read.gyr, truth.gyr, rtol=0, atol=1e-9)  # the rig's counts are the simulator's steps
     np.testing.assert_allclose(read.t, truth.t, rtol=0, atol=1e-6)
 
@@ -200,7 +200,7 @@ def test_recording_names_no_folder_of_its_maker(tmp_path):
 
 
 def plumbob_format():
-    return (resources.files("plumbob.rigs.formats") / "buoy.toml").read_text()
+    return (resources.files("plumbob.protocols.rigs") / "buoy.toml").read_text()
 
 
 def test_signals_say_stop_and_are_given_back():

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from plumbob.record import Recorder
+from plumbob.files.mcap import Recorder
 from tests.battery.commandline import plumbob
 
 

@@ -5,11 +5,11 @@ import threading
 
 import pytest
 
-from plumbob.record import verify
-from plumbob.rigs import find_format
-from plumbob.sensors.encode import encode
-from plumbob.sensors.format_toml import parse_format
-from plumbob.sensors.places import unassigned
+from plumbob.files.mcap import verify
+from plumbob.protocols.encode import encode
+from plumbob.protocols.find import find_format
+from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.overlap import unassigned
 from tests.battery.commandline import call
 
 FORMAT = """

@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from plumbob import io
+from plumbob import files
 from plumbob.cli import line as told
 from plumbob.cli.main import main
-from plumbob.pipeline import sources
+from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
-from plumbob.sensors.page import UNCHECKED
-from tests.pipeline.live_samples import FORMAT, SESSION, reads, record, stream
+from plumbob.session import sources
+from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def test_the_same_filter_gives_the_same_bits_and_exits_0(replay, recording, tmp_
     assert notes == []
     assert out.endswith(f"written      {tmp_path / 't.parquet'}\n")
     live = recording[1].track()
-    np.testing.assert_array_equal(io.read(tmp_path / "t.parquet").track.q_nb, live.q_nb)
+    np.testing.assert_array_equal(files.read(tmp_path / "t.parquet").track.q_nb, live.q_nb)
     yaw, pitch, roll = np.degrees(euler_zyx_from_quat(live.q_nb[-1]))
     assert f"at the end   roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°\n" in out
     assert "frame        NED, heading from magnetic north\n" in out

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from plumbob import AttitudeTrack, Filter, Frame, ImuData, ImuMeta, io
+from plumbob import AttitudeTrack, Filter, Frame, ImuData, ImuMeta, files
 from plumbob.cli.main import main
 from plumbob.rotations import North, dcm_from_quat, quat_conjugate, quat_from_euler_zyx
 from tests.battery.motion import seen_by
@@ -26,7 +26,7 @@ def run(capsys, tmp_path):
     """Run a filter on a recording; what it printed, and its notes."""
 
     def call(recording, *words, code=0):
-        file = io.write(tmp_path / "a.parquet", recording, overwrite=True)
+        file = files.write(tmp_path / "a.parquet", recording, overwrite=True)
         capsys.readouterr()
         assert main(["run", str(file), *map(str, words)]) == code
         said = capsys.readouterr()
@@ -119,7 +119,7 @@ def test_errors_are_those_against_the_recording_s_own_reference(run, report):
     """Turned by 5° about the vertical, all of it is heading; turned by 3° of roll beside, the total is both."""
     imu, truth = posed(*[(30.0, 10.0, -20.0)] * 5, frame=Frame.NED)
     turn = np.tile(quat_from_euler_zyx(np.radians([35.0, 10.0, -20.0])), (5, 1))
-    recording = io.Recording(imu=imu, track=truth.with_attitude(turn, frame=Frame.NED))
+    recording = files.Recording(imu=imu, track=truth.with_attitude(turn, frame=Frame.NED))
     errors = report(recording, "--filter", "tilt_compass")["errors"]
     assert errors["total_rmse_deg"] == errors["heading_rmse_deg"] == pytest.approx(5.0, abs=1e-6)
     assert errors["inclination_rmse_deg"] == pytest.approx(0.0, abs=1e-6)
@@ -131,7 +131,7 @@ def test_errors_are_those_against_the_recording_s_own_reference(run, report):
 def test_a_reference_that_cannot_be_compared_costs_no_estimate(run, report):
     imu, truth = posed(*[(30.0, 10.0, -20.0)] * 5, frame=Frame.NED)
     other_north = AttitudeTrack(t=truth.t, q_nb=truth.q_nb, frame=Frame.NED, north=North.TRUE)  # and no declination
-    recording = io.Recording(imu=imu, track=other_north)
+    recording = files.Recording(imu=imu, track=other_north)
     assert set(report(recording, "--filter", "tilt_compass")["errors"]) == {"not_compared"}
     assert "error        not compared: " in run(recording, "--filter", "tilt_compass")[0]
 
@@ -140,7 +140,7 @@ def test_the_track_that_is_written_is_the_estimate(run, tmp_path):
     imu, truth = posed((5.0, 2.0, 1.0), (60.0, -10.0, 20.0), frame=Frame.NED)
     out, _ = run(imu, "--filter", "tilt_compass", "--out", tmp_path / "t.parquet")
     assert out.splitlines()[-1] == f"written      {tmp_path / 't.parquet'}"
-    found = io.read(tmp_path / "t.parquet").track
+    found = files.read(tmp_path / "t.parquet").track
     apart = dcm_from_quat(found.q_nb) @ dcm_from_quat(quat_conjugate(truth.q_nb))
     assert np.abs(apart - np.eye(3)).max() < 1e-12
     assert found.source.startswith("tilt_compass(")
@@ -206,7 +206,7 @@ def spun(first_known=0):
     q = quat_from_euler_zyx(np.stack([math.radians(60.0) + 0.5 * t, 0.0 * t, 0.0 * t], axis=1))
     q[:first_known] = np.nan
     imu = ImuData(t=t, gyr=np.tile([0.0, 0.0, 0.5], (200, 1)), meta=ImuMeta(frame=Frame.NED))
-    return io.Recording(imu=imu, track=AttitudeTrack(t=t, q_nb=q, frame=Frame.ENU, north=North.TRUE))
+    return files.Recording(imu=imu, track=AttitudeTrack(t=t, q_nb=q, frame=Frame.ENU, north=North.TRUE))
 
 
 @pytest.mark.parametrize("unknown", [0, 40])

@@ -8,14 +8,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from plumbob import io
-from plumbob.cards import CalibrationCard, NoiseCard, TriadNoise
+from plumbob import files
 from plumbob.cli.main import main
+from plumbob.core.units import dps
 from plumbob.data import UNCALIBRATED, calibration_told
-from plumbob.record import open_log
+from plumbob.data.cards import CalibrationCard, NoiseCard, TriadNoise
+from plumbob.files.mcap import open_log
 from plumbob.rotations import Frame
-from plumbob.sim import simulate
-from plumbob.units import dps
+from plumbob.simulation import simulate
 
 FORMAT = """
 kind = "plumbob format"
@@ -67,15 +67,15 @@ def told(capsys):
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """An uncalibrated recording with its reference, the card of its unit, a capture of bytes, and their format."""
-    from plumbob.sensors.encode import encode
-    from plumbob.sensors.format_toml import load_format
-    from plumbob.sensors.triads import columns_of
+    from plumbob.protocols.decode import columns_of
+    from plumbob.protocols.encode import encode
+    from plumbob.protocols.format_toml import load_format
 
     folder = tmp_path_factory.mktemp("bare")
     unit = {"sensors": "mpu6000+hmc5983", "module": "drawn", "seed": 4}
     found = simulate("static", frame=Frame.NED, duration=4.0, rate=100.0, **unit)
     imu = replace(found.imu, meta=replace(found.imu.meta, device="unit 7"))
-    io.write(folder / "raw.parquet", io.Recording(imu=imu, track=found.truth, name="raw"))
+    files.write(folder / "raw.parquet", files.Recording(imu=imu, track=found.truth, name="raw"))
     card = replace(found.calibration, device="unit 7", date="2026-11-21", method="table")
     card.save(folder / "card.json")
     replace(card, device="unit 8").save(folder / "other.json")
@@ -96,8 +96,8 @@ class TestRun:
         said = told("run", made / "raw.parquet", "--filter", "mahony", "--out", out)
         assert f"calibration  {UNCALIBRATED}" in said.out
         assert "uncalibrated" in said.err
-        assert UNCALIBRATED in io.read(out).track.source
-        assert any(UNCALIBRATED in note for note in io.read(out).notes)
+        assert UNCALIBRATED in files.read(out).track.source
+        assert any(UNCALIBRATED in note for note in files.read(out).notes)
 
     def test_calibrated(self, made, told, tmp_path):
         out = tmp_path / "track.csv"
@@ -162,12 +162,12 @@ class TestFiles:
 
     def test_what_a_file_says_does_not_go_stale(self, made, told, tmp_path):
         """The note is made anew from the meta: a recording that is calibrated later does not keep the old one."""
-        first = io.read(io.write(tmp_path / "a.csv", io.read(made / "raw.parquet")))
+        first = files.read(files.write(tmp_path / "a.csv", files.read(made / "raw.parquet")))
         later = replace(first, imu=replace(first.imu, meta=replace(first.imu.meta, calibration="unit 7 table")))
         for name in ("b.csv", "b.parquet"):
-            io.write(tmp_path / name, later)
+            files.write(tmp_path / name, later)
             assert b"uncalibrated" not in (tmp_path / name).read_bytes()
-            assert not [note for note in io.read(tmp_path / name).notes if note.startswith("calibration")]
+            assert not [note for note in files.read(tmp_path / name).notes if note.startswith("calibration")]
 
     @pytest.mark.parametrize("suffix", [".tum", ".txt"])
     def test_exported_attitude(self, made, told, tmp_path, suffix):
@@ -207,7 +207,7 @@ class TestLine:
         assert f"calibration  {UNCALIBRATED}" in told("replay", tmp_path / "a.mcap").out
         out = tmp_path / "b.parquet"
         told("replay", tmp_path / "a.mcap", "--out", out)
-        assert UNCALIBRATED in io.read(out).track.source
+        assert UNCALIBRATED in files.read(out).track.source
 
     def test_the_status_on_a_terminal(self, made, told, tmp_path, monkeypatch, capsys):
         from plumbob.cli import line
@@ -272,12 +272,12 @@ class TestTemperature:
 
 class TestBenchmark:
     def test_accuracy_says_it_of_each_trial(self, made, told, tmp_path):
-        first = io.read(made / "raw.parquet")
-        io.write(tmp_path / "a.parquet", first)
+        first = files.read(made / "raw.parquet")
+        files.write(tmp_path / "a.parquet", first)
         words = ("benchmark", "accuracy", tmp_path, "--filters", "mahony", "--frame", "NED")
         assert told(*words).out.splitlines()[0] == f"calibration {UNCALIBRATED}: all"
         meta = replace(first.imu.meta, calibration="unit 7 table")
-        io.write(tmp_path / "b.parquet", replace(first, imu=replace(first.imu, meta=meta)))
+        files.write(tmp_path / "b.parquet", replace(first, imu=replace(first.imu, meta=meta)))
         assert told(*words).out.splitlines()[:2] == [f"calibration {UNCALIBRATED}: a", "calibration unit 7 table: b"]
         told_in_json = json.loads(told(*words, "--json").out)["calibration"]
         assert told_in_json == {"a": UNCALIBRATED, "b": "unit 7 table"}

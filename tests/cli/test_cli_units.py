@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from plumbob.errors import ParameterError
-from plumbob.rigs import find_format
-from plumbob.sensors.triads import unit_of
+from plumbob.core.errors import ParameterError
+from plumbob.protocols.decode import unit_of
+from plumbob.protocols.find import find_format
 from tests.battery.commandline import call
 
 UNITS = ["u1", "u2", "u3", "u4", "u5", "u6"]  # of the teaching arm, as its format names them

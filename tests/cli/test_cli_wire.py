@@ -14,11 +14,14 @@ import pytest
 
 from plumbob.cli import decode as cli_decode
 from plumbob.cli import emulate
-from plumbob.io import read
-from plumbob.rigs import PLANS, find_format, load, make_rig
-from plumbob.sensors import catalog
-from plumbob.sensors.decode import decode
-from plumbob.sensors.encode import encode
+from plumbob.files import read
+from plumbob.protocols import catalog
+from plumbob.protocols.decode import decode
+from plumbob.protocols.encode import encode
+from plumbob.protocols.find import find_format
+from plumbob.protocols.rigs import load
+from plumbob.simulation.rigs.plan import PLANS
+from plumbob.simulation.rigs.rig import make_rig
 from tests.battery.commandline import call
 
 BARE = "note: calibration NONE: these sensor values are uncalibrated\n"
@@ -218,7 +221,7 @@ def test_the_emulator_prints_its_port_first_and_ends_on_a_signal(tmp_path):
 def test_truth_card_and_faults_lie_beside(tmp_path):
     ok("emulate", "arm", "--duration", "5s", "--write", "a.bin", "--truth", "t.parquet", "--faults", "flip=5%,skip=0.1",
        "--fault-log", "f.jsonl", "--seed", "2", cwd=tmp_path)  # fmt: skip
-    from plumbob.cards import CalibrationCard
+    from plumbob.data.cards import CalibrationCard
 
     recording = read(tmp_path / "t-u4.parquet")
     assert len(recording.imu) == len(recording.track) == 50

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import flags, units
-from plumbob.calib.model import apply_card, temperature_beyond, temperature_drift
-from plumbob.cards import UNITS, CalibrationCard, Mount, TriadCalibration
-from plumbob.cards.left import NOTHING
+from plumbob.core import flags, units
+from plumbob.core.errors import CalibrationError
 from plumbob.data import ImuData, ImuMeta
-from plumbob.errors import CalibrationError
+from plumbob.data.calibrated import apply_card, temperature_beyond, temperature_drift
+from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
+from plumbob.data.cards.left import NOTHING
 
 N = 300
 EPS = np.finfo(float).eps

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis.extra import numpy as hnp
 
-from plumbob.cards import CalibrationCard, Mount, NoiseCard, Quality, TriadCalibration, TriadNoise
-from plumbob.errors import CalibrationError, DecodeError, ShapeError
+from plumbob.core.errors import CalibrationError, DecodeError, ShapeError
+from plumbob.data.cards import CalibrationCard, Mount, NoiseCard, Quality, TriadCalibration, TriadNoise
 
 MATRIX = [[1.01, 0.02, -0.03], [0.0, 0.98, 0.01], [0.004, -0.005, 1.02]]
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData
+from plumbob.core.errors import PlumbobWarning
 from plumbob.data import ENOUGH
-from plumbob.doubts import bursts, doubts, upside_down
-from plumbob.errors import PlumbobWarning
+from plumbob.data.plausibility import bursts, doubts, upside_down
 
 N = 3000
 T = 0.01 * np.arange(N)

@@ -5,8 +5,8 @@ import sys
 import numpy as np
 import pytest
 
-from plumbob.earth_field import earth_field_at, parse_place
-from plumbob.errors import MissingExtraError, ParameterError
+from plumbob.core.errors import MissingExtraError, ParameterError
+from plumbob.data.earth_field import earth_field_at, parse_place
 
 # Test values of WMM2025, NOAA, WMM2025_TEST_VALUES.txt: day, height km, latitude, longitude, F nT, I °, D °.
 # 2027.5 is the middle of 2 July, of which the day's start is half a day off: below 0.01 % of the yearly change.

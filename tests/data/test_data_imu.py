@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from plumbob import clock, flags, units
+from plumbob.core import flags, units
+from plumbob.core.errors import ClockError, FrameError, PlumbobError, ShapeError, UnitError
+from plumbob.core.time import to_s
 from plumbob.data import ENOUGH, TRIADS, ImuData, ImuMeta
-from plumbob.errors import ClockError, FrameError, PlumbobError, ShapeError, UnitError
 from plumbob.rotations import Frame, North
 
 N = 200
@@ -170,7 +171,7 @@ class TestRefusedTimes:
 
     def test_time_is_kept_to_the_nanosecond(self):
         t_ns = np.cumsum(np.random.default_rng(0).integers(1, 10**7, N))
-        data = made(t=clock.to_s(t_ns))
+        data = made(t=to_s(t_ns))
         assert np.array_equal(data.t_ns, t_ns)
         assert np.array_equal(made(t=data.t).t, data.t)
 
@@ -289,7 +290,7 @@ class TestRanges:
 
     @pytest.mark.parametrize(("name", "largest"), [("gyr", 100.0), ("acc", 2e4), ("mag", 1e5)])
     def test_a_range_up_to_what_parts_measure(self, name, largest):
-        """5730 °/s, 2000 g and 100 mT: the bounds that plumbob.constants gives with their parts."""
+        """5730 °/s, 2000 g and 100 mT: the bounds that plumbob.core.constants gives with their parts."""
         assert getattr(ImuMeta(**{f"{name}_range": largest}), f"{name}_range") == largest
         with pytest.raises(UnitError, match="no MEMS part measures beyond"):
             ImuMeta(**{f"{name}_range": 1.001 * largest})

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, ImuSample, flags
+from plumbob import Filter, Frame, ImuData, ImuSample
+from plumbob.core import flags
+from plumbob.core.errors import ClockError, ParameterError, ShapeError
 from plumbob.data import ImuMeta
-from plumbob.errors import ClockError, ParameterError, ShapeError
 from tests.battery.motion import noisy
 
 TRIADS = ("gyr", "acc", "mag")

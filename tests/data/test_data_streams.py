@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from plumbob.core.errors import ClockError, ShapeError
 from plumbob.data import ImuData, ImuMeta
-from plumbob.errors import ClockError, ShapeError
 
 T = 0.01 * np.arange(10)
 GYR = np.zeros((10, 3))

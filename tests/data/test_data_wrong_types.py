@@ -7,8 +7,8 @@ import pytest
 
 import plumbob
 from plumbob import Filter, Frame, ImuData, ImuMeta, ImuSample, North, Recording, find_format, simulate
-from plumbob.errors import FrameError, ParameterError, PlumbobError, ShapeError
-from plumbob.evaluate import evaluate
+from plumbob.core.errors import FrameError, ParameterError, PlumbobError, ShapeError
+from plumbob.evaluation import evaluate
 
 FORM = find_format("fin")
 MADE = simulate("static", frame="NED", sensors="ideal", module="drawn", seed=0, rate=20.0, duration=1.0)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from plumbob.core.units import Quantity, to_si
 from plumbob.noise import curve
 from plumbob.noise.findings import Analysis, Candidate, Coefficient, Estimates, GaussMarkov, Mask, Sinusoid
-from plumbob.sim import noise
-from plumbob.units import Quantity, to_si
+from plumbob.simulation import errors
 
 RATE = 100.0
 PLANTED = {  # of an MPU-6000-like unit: N, B, K in the unit of data sheets
@@ -20,8 +20,8 @@ def sampled(quantity, count, seed):
     rng = np.random.default_rng(seed)
     n, b, k = (to_si(value, unit) for unit, value in PLANTED[quantity])
     axes = np.array([1.0, 1.1, 0.9])
-    samples = noise.white(noise.white_sd(n * axes, RATE), count, rng)
-    samples += noise.flicker(b * axes, count, rng) + noise.random_walk(k * axes, count, RATE, rng)
+    samples = errors.white(errors.white_sd(n * axes, RATE), count, rng)
+    samples += errors.flicker(b * axes, count, rng) + errors.random_walk(k * axes, count, RATE, rng)
     return samples, [{"N": n * f, "B": b * f, "K": k * f} for f in axes]
 
 

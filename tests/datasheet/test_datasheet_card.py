@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, NoiseCard
-from plumbob.datasheet import noise_card
-from plumbob.datasheet.card import card_text
-from plumbob.errors import ShapeError, UnitError
+from plumbob.core.errors import ShapeError, UnitError
+from plumbob.core.units import Quantity, to_si
 from plumbob.filters import mekf
+from plumbob.noise.datasheet import noise_card
+from plumbob.noise.datasheet.card import card_text
 from plumbob.noise.findings import Coefficient, Estimates, Mask
-from plumbob.sim.errors import TriadErrors
-from plumbob.units import Quantity, to_si
+from plumbob.simulation.errors import TriadErrors
 
 
 def hide(analysis, letter, **fields):

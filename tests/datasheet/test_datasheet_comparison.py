@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from plumbob.datasheet import compared_as_dict, compared_text, write_comparison, write_comparison_png
+from plumbob.core.units import Quantity, dps
 from plumbob.noise import Compared, compare
-from plumbob.units import Quantity, dps
+from plumbob.noise.datasheet import compared_as_dict, compared_text, write_comparison, write_comparison_png
 from tests.battery.pages import HOSTILE, PageBattery
 
 

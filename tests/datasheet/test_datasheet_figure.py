@@ -7,10 +7,10 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from plumbob.datasheet import figure
-from plumbob.datasheet.reading import lowest
+from plumbob.core.units import from_si
+from plumbob.noise.datasheet import figure
+from plumbob.noise.datasheet.numbers import lowest
 from plumbob.noise.terms import variance
-from plumbob.units import from_si
 
 
 @pytest.fixture
@@ -64,7 +64,7 @@ def test_the_mask_ends_where_it_ends(axes, analyses):
 
 
 def test_each_axis_has_its_colour(axes, analyses):
-    from plumbob.datasheet.triads import triads
+    from plumbob.noise.datasheet.numbers import triads
 
     (gyr, _) = triads(analyses)
     ax = axes(figure.triad_figure, gyr)

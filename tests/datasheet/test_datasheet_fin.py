@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import pytest
 
-from plumbob.datasheet import fin_report, fin_section
-from plumbob.datasheet.fin import DURATION, TABLE, averaging_time, percent_error
-from plumbob.digits import measured
-from plumbob.errors import ShapeError
+from plumbob.core.errors import ShapeError
+from plumbob.core.text import measured
+from plumbob.core.units import from_si, to_si
+from plumbob.noise.datasheet import fin_report, fin_section
+from plumbob.noise.datasheet.fin import DURATION, TABLE, averaging_time, percent_error
 from plumbob.noise.findings import Coefficient, Estimates
-from plumbob.units import from_si, to_si
 from tests.battery.pages import Outline
 
 # Recomputed by hand from (7) of [Ou2017] and its Table 1: percentage, implied averaging time, and the least and the

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from plumbob.constants import G0
-from plumbob.datasheet import fin_section, write_html, write_png
-from plumbob.datasheet.figure import channel_figure
-from plumbob.datasheet.html import page
-from plumbob.datasheet.numbers import coefficient
-from plumbob.errors import MissingExtraError, ShapeError
+from plumbob.core.constants import G0
+from plumbob.core.errors import MissingExtraError, ShapeError
 from plumbob.noise.curve import Curve
+from plumbob.noise.datasheet import fin_section, write_html, write_png
+from plumbob.noise.datasheet.figure import channel_figure
+from plumbob.noise.datasheet.html import page
+from plumbob.noise.datasheet.numbers import coefficient
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask
 from plumbob.noise.terms import DATASHEET
 from tests.battery.pages import HOSTILE, Outline, PageBattery
@@ -114,7 +114,7 @@ def test_odd_curves_have_a_page_with_their_numbers(plain):
 @pytest.fixture
 def drawn(monkeypatch):
     """Figures that pictures are made of, in the order in which they are drawn."""
-    from plumbob.datasheet import figure
+    from plumbob.noise.datasheet import figure
 
     made, write = [], figure.png
 

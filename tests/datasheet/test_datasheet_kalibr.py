@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from plumbob.datasheet import kalibr_yaml
-from plumbob.errors import ParameterError, ShapeError, UnitError
+from plumbob.core.errors import ParameterError, ShapeError, UnitError
+from plumbob.core.units import Quantity
+from plumbob.noise.datasheet import kalibr_yaml
 from plumbob.noise.findings import Coefficient, Estimates
-from plumbob.units import Quantity
 
 # YAML 1.1 takes a number with exponent for a number only if it has a point and a signed exponent (yaml.org/type/float)
 FLOAT = re.compile(r"[-+]?[0-9]+\.[0-9]*([eE][-+][0-9]+)?")

@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from plumbob.datasheet import numbers
-from plumbob.digits import measured, number
+from plumbob.core.text import measured, number
+from plumbob.core.units import to_si
+from plumbob.noise.datasheet import numbers
 from plumbob.noise.findings import Coefficient
-from plumbob.units import to_si
 
 
 @pytest.mark.parametrize(

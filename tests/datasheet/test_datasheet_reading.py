@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.datasheet.reading import lowest, noise_name, points, rows, shown
 from plumbob.noise.curve import Curve
+from plumbob.noise.datasheet.numbers import lowest, noise_name, points, rows, shown
 from plumbob.noise.findings import Coefficient, Estimates, Mask
 
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from plumbob.datasheet import as_dict
+from plumbob.noise.datasheet import as_dict
 
 
 def test_it_is_strict_json(analyses, bare):

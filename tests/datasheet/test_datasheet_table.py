@@ -6,13 +6,12 @@ from dataclasses import replace
 
 import pytest
 
-from plumbob.datasheet import text
-from plumbob.datasheet.numbers import coefficient
-from plumbob.datasheet.reading import lowest, noise_name
-from plumbob.digits import measured, number
+from plumbob.core.text import measured, number
+from plumbob.core.units import from_si, to_si
+from plumbob.noise.datasheet import text
+from plumbob.noise.datasheet.numbers import coefficient, lowest, noise_name
 from plumbob.noise.findings import Coefficient, Estimates, Sinusoid
 from plumbob.noise.terms import DATASHEET
-from plumbob.units import from_si, to_si
 
 
 def row(table, label):

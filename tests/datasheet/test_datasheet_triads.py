@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from plumbob.datasheet.triads import triads
-from plumbob.errors import ShapeError
-from plumbob.units import Quantity
+from plumbob.core.errors import ShapeError
+from plumbob.core.units import Quantity
+from plumbob.noise.datasheet.numbers import triads
 
 
 def test_axes_of_one_name_are_a_triad(analyses, bare):

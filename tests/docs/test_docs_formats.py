@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.sensors import checksum, format_toml
-from plumbob.sensors.field import MARKS, ROLES, SIZES, WORDS
+from plumbob.protocols import checksum, format_toml
+from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS
 
 PAGE = (Path(__file__).parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
 FORMS = ("_FORMAT", "_FRAME", "_FIELD", "_EMBED", "_MESSAGE", "_OPTION", "_REGISTER", "_FACT", "_CHECKSUM", "_LENGTH")

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.pipeline.recorded import read_recorded
-from plumbob.record import verify
+from plumbob.files.mcap import verify
+from plumbob.session.recorded import read_recorded
 from tests.battery.commandline import call
 
 PAGE = (Path(__file__).parents[2] / "docs" / "sessions.md").read_text(encoding="utf-8")

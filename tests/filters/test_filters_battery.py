@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData, ImuSample
-from plumbob.errors import ClockError, DecodeError, ShapeError
+from plumbob.core.errors import ClockError, DecodeError, ShapeError
 from plumbob.filters import filter_names
 from plumbob.rotations import quat_from_euler_zyx
 from tests.battery.filters import FilterBattery, bits

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy import linalg, signal
 
-from plumbob import flags
-from plumbob._jit import jit_disabled
-from plumbob.errors import ClockError, ParameterError, ShapeError
+from plumbob.core import flags
+from plumbob.core._jit import jit_disabled
+from plumbob.core.errors import ClockError, ParameterError, ShapeError
+from plumbob.core.params import describe
+from plumbob.core.units import deg, dps
 from plumbob.filters import filter_names
 from plumbob.filters.channel import RateFilter, channel_names, load
 from plumbob.filters.channel_average import same_noise
 from plumbob.filters.channel_scalar import params_of, ramp_lag, steady_gain, variance_ratio
 from plumbob.filters.channel_two_state import ACC, P00, P01, P11
 from plumbob.filters.layout import CLOCK, OWN, RATE
-from plumbob.params import describe
-from plumbob.units import deg, dps
 
 EPS = np.finfo(float).eps
 RATIOS = [1e-1, 1e-2, 1e-3, 1e-4, 1e-6]

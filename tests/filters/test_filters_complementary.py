@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, flags
-from plumbob.constants import G0
-from plumbob.evaluate import attitude_errors
+from plumbob import Filter, Frame, ImuData
+from plumbob.core import flags
+from plumbob.core.constants import G0
+from plumbob.evaluation import attitude_errors
 from plumbob.filters.complementary import arc, share
 from plumbob.rotations import quat_angle, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
 from tests.battery.motion import consistent, seen_by
@@ -152,8 +153,8 @@ def test_what_has_no_direction_is_flagged_and_not_used():
 
 def test_on_real_trials_it_beats_the_buoy_paper_s_gains(broad_folder):
     """Mean total error of fifteen trials with one setting; the PI filter with that paper's gains is at 20.03°."""
-    from plumbob.benchmark import measure_accuracy, trials_in
-    from plumbob.pipeline import Stage
+    from plumbob.evaluation.many import measure_accuracy, trials_in
+    from plumbob.filters.offline import Stage
 
     mean = measure_accuracy(trials_in(broad_folder), [Stage("complementary", {})]).mean()["complementary"]
     assert mean["total_rmse_deg"] < 0.5 * 20.03

@@ -7,19 +7,13 @@ import numpy as np
 import pytest
 
 from benchmarks.claims import judged, limits
-from plumbob import CalibrationCard, Filter, Frame, ImuData, ImuMeta, io
-from plumbob.calib.model import apply_card
-from plumbob.cards import Mount, TriadCalibration
-from plumbob.cards.left import NOTHING, half_of, left_by, uncalibrated, whole_of
-from plumbob.evaluate.consistency import BOUNDS
-from plumbob.filters.consider import considered
-from plumbob.rotations import (
-    quat_conjugate,
-    quat_from_euler_zyx,
-    quat_multiply,
-    quat_rotate,
-    rotvec_from_quat,
-)
+from plumbob import CalibrationCard, Filter, Frame, ImuData, ImuMeta, files
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import Mount, TriadCalibration
+from plumbob.data.cards.left import NOTHING, half_of, left_by, uncalibrated, whole_of
+from plumbob.evaluation.metrics import BOUNDS
+from plumbob.filters.settling import considered
+from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_multiply, quat_rotate, rotvec_from_quat
 from tests.battery.motion import noisy, seen_by
 
 STEP = 1e-6
@@ -109,7 +103,7 @@ def test_an_applied_card_says_what_it_leaves_and_a_file_keeps_it(tmp_path):
     done = apply_card(CalibrationCard("unit", "2026-01-01", "made up", acc=acc), data)
     assert done.meta.acc_left == left_by("acc", acc, None)
     assert done.meta.mag_left == uncalibrated("mag")  # the card leaves it as it is
-    assert io.read(io.write(tmp_path / "a.parquet", done)).imu.meta == done.meta
+    assert files.read(files.write(tmp_path / "a.parquet", done)).imu.meta == done.meta
 
 
 def test_units_with_a_poor_card_are_as_wrong_as_is_claimed():

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, flags, simulate
-from plumbob._jit import jit_disabled, njit, specialise
-from plumbob.cards import TriadNoise
-from plumbob.constants import G0
-from plumbob.errors import ParameterError
-from plumbob.evaluate import attitude_errors
+from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, simulate
+from plumbob.core import flags
+from plumbob.core._jit import jit_disabled, njit, specialise
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError
+from plumbob.data.cards import TriadNoise
+from plumbob.evaluation import attitude_errors
 from plumbob.filters import ekf7, quaternion_bias
 from plumbob.filters.base import loops_of
 from plumbob.filters.layout import BIAS, OWN, Q

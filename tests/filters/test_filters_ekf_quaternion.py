@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData
-from plumbob.constants import G0
+from plumbob.core.constants import G0
 from plumbob.filters import ekf_quaternion
 from plumbob.filters.ekf_quaternion import P
 from plumbob.filters.layout import OWN, Q

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from plumbob.core.units import deg
 from plumbob.filters.field import (
     DIP_BAND,
     FIELD_SIZE,
@@ -19,7 +20,6 @@ from plumbob.filters.field import (
     known,
     near,
 )
-from plumbob.units import deg
 
 AT = 3
 DT = 0.02

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob.filters.fuzzy import SPACING, conclusion, grades, regulate, wind
+from plumbob.filters.fuzzy_pi import SPACING, conclusion, grades, regulate, wind
 
 EPS = np.finfo(float).eps
 PAPER = (0.2, 3.0, 0.02)  # near, far in deg/s and ki of the table that reproduces the paper: c = 0.3, s = 2c/3

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from plumbob import Filter, Frame, ImuData
-from plumbob.benchmark import measure_scenario
-from plumbob.constants import G0
-from plumbob.errors import ParameterError
-from plumbob.evaluate import evaluate
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError
+from plumbob.evaluation import evaluate
+from plumbob.evaluation.many import measure_scenario
 from plumbob.filters.fuzzy_pi import WOUND
-from plumbob.pipeline import Stage
+from plumbob.filters.offline import Stage
 from plumbob.rotations import (
     dcm_from_quat,
     quat_angle,
@@ -20,7 +20,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_normalize,
 )
-from plumbob.sim import Module, TriadErrors, simulate
+from plumbob.simulation import Module, TriadErrors, simulate
 from tests.battery.motion import noisy, seen_by
 from tests.filters.test_filters_fuzzy import PAPER, SUM, by_all_rules
 

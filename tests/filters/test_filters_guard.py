@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, flags
-from plumbob.constants import G0, IMPOSSIBLE_RATE
-from plumbob.filters import guard
-from plumbob.filters.admission import HOLD
-from plumbob.filters.guard import (
+from plumbob import Filter, Frame
+from plumbob.core import flags
+from plumbob.core.constants import G0, IMPOSSIBLE_RATE
+from plumbob.filters import input_checks
+from plumbob.filters.input_checks import (
     GUARD_SIZE,
+    HOLD,
     JUMP,
     LONG_STEP,
     UNKNOWN_CHANGE,
@@ -207,25 +208,25 @@ def test_trusted_passes_what_no_bad_flag_names(seen, passes):
 def test_a_vector_that_stays_while_the_body_turns_is_an_old_one(turned, passes):
     """The rate times the time that the triad has said the same, against the limit."""
     x = np.zeros(OWN)
-    x[SAME + 2], x[RATE + 1] = 0.1, -turned * guard.STALE / 0.1
-    found = guard.trusted.py_func(x, 2, 0, 0, 1.0, 2.0, 3.0)
+    x[SAME + 2], x[RATE + 1] = 0.1, -turned * input_checks.STALE / 0.1
+    found = input_checks.trusted.py_func(x, 2, 0, 0, 1.0, 2.0, 3.0)
     assert (found == (1.0, 2.0, 3.0)) is passes
 
 
 def test_gravity_alone_has_its_size_and_no_other():
     """Scaled by 1 %, it is gravity still once the scale is learned; an acceleration of 0.2 g makes it longer by 2 %."""
-    x = np.zeros(guard.GRAVITY_SIZE)
+    x = np.zeros(input_checks.GRAVITY_SIZE)
     for _ in range(20_000):
-        alone = guard.only_gravity.py_func(x, 0, 0.01, 0.0, 0.0, 1.01 * G0)
+        alone = input_checks.only_gravity.py_func(x, 0, 0.01, 0.0, 0.0, 1.01 * G0)
     assert alone
     for _ in range(200):
-        alone = guard.only_gravity.py_func(x, 0, 0.01, 0.2 * G0, 0.0, 1.01 * G0)
+        alone = input_checks.only_gravity.py_func(x, 0, 0.01, 0.2 * G0, 0.0, 1.01 * G0)
     assert not alone
 
 
 def test_who_keeps_accelerating_is_found_within_two_seconds():
     """5 m/s² makes the specific force longer by 12 %: 3 s ln(12/(12 − 6)) = 2.0 s until its mean is 6 % longer."""
-    x = np.zeros(guard.GRAVITY_SIZE)
+    x = np.zeros(input_checks.GRAVITY_SIZE)
     x[0] = G0
-    found = [guard.keeps_accelerating.py_func(x, 0, 0.01, 5.0, 0.0, G0) for _ in range(400)]
+    found = [input_checks.keeps_accelerating.py_func(x, 0, 0.01, 5.0, 0.0, G0) for _ in range(400)]
     assert 150 < found.index(True) < 250

@@ -7,7 +7,7 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData
 from plumbob.rotations import IDENTITY, quat_angle, quat_from_euler_zyx, quat_from_rotvec
-from plumbob.rotations.euler import body_rate_from_euler_zyx
+from plumbob.rotations.matrices import body_rate_from_euler_zyx
 
 
 def coning(t, half_angle, speed):
@@ -85,7 +85,7 @@ def test_mean_rates_are_integrated_exactly_when_they_are_declared():
 
 
 def test_gyroscope_alone_starts_from_the_identity_and_says_that_it_does_not_know():
-    from plumbob import flags
+    from plumbob.core import flags
 
     t = np.arange(10) / 100.0
     track = Filter("integrate", frame=Frame.NED).process(ImuData(t=t, gyr=np.zeros((10, 3))))

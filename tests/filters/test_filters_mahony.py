@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, flags
-from plumbob.constants import G0
-from plumbob.evaluate import attitude_errors
+from plumbob import Filter, Frame, ImuData
+from plumbob.core import flags
+from plumbob.core.constants import G0
+from plumbob.evaluation import attitude_errors
 from plumbob.filters import mahony
 from plumbob.filters.layout import BIAS, OWN
 from plumbob.rotations import dcm_from_quat, quat_angle, quat_from_euler_zyx, quat_multiply, quat_normalize
@@ -85,8 +86,8 @@ def test_a_constant_gyroscope_bias_is_learned():
 
 def test_fifteen_real_trials_agree_with_two_other_programs(broad_folder):
     """Mean over the trials, the paper's gains, no gate: ahrs 0.4.0 and qmt 0.2.4 both give 20.03/19.17/5.666°."""
-    from plumbob.benchmark import measure_accuracy, trials_in
-    from plumbob.pipeline import Stage
+    from plumbob.evaluation.many import measure_accuracy, trials_in
+    from plumbob.filters.offline import Stage
 
     files = trials_in(broad_folder)
     plain = measure_accuracy(files, [Stage("mahony", {"kp": 0.5, "ki": 0.03, "gate": None})])

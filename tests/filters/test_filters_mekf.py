@@ -7,11 +7,13 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard, flags
-from plumbob._jit import jit_disabled
-from plumbob.cards import TriadNoise
-from plumbob.constants import G0
-from plumbob.errors import ParameterError
+from plumbob import Filter, Frame, ImuData, ImuMeta, NoiseCard
+from plumbob.core import flags
+from plumbob.core._jit import jit_disabled
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg, dps
+from plumbob.data.cards import TriadNoise
 from plumbob.filters import mekf
 from plumbob.rotations import (
     dcm_from_quat,
@@ -24,8 +26,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.sim import simulate
-from plumbob.units import deg, dps
+from plumbob.simulation import simulate
 from tests.battery.jacobians import by_differences
 from tests.battery.motion import FIELD_ENU, consistent, seen_by
 

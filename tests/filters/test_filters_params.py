@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData, ImuMeta, flags
-from plumbob.constants import G0
-from plumbob.errors import FrameError, ParameterError, ShapeError
+from plumbob import Filter, Frame, ImuData, ImuMeta
+from plumbob.core import flags
+from plumbob.core.constants import G0
+from plumbob.core.errors import FrameError, ParameterError, ShapeError
+from plumbob.core.params import describe
 from plumbob.filters import CommonParams, Start, filter_names, load
-from plumbob.params import describe
 from plumbob.rotations import North, euler_zyx_from_quat
 
 

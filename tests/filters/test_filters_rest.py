@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.constants import G0
+from plumbob.core.constants import G0
+from plumbob.core.units import dps
 from plumbob.filters.rest import REST_SIZE, TAU, at_rest, mean_rate
-from plumbob.units import dps
 
 AT = 2
 AFTER = 1.5

@@ -4,11 +4,13 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import Filter, Frame, ImuData, clock, flags
+from plumbob import Filter, Frame, ImuData
+from plumbob.core import flags
+from plumbob.core.time import to_ns, to_s
+from plumbob.data.sample import ImuSample
 from plumbob.filters.layout import COUNT, OWN
 from plumbob.filters.timing import LATE, tick
 from plumbob.rotations import quat_angle
-from plumbob.sample import ImuSample
 from tests.battery.motion import consistent
 
 TODAY_NS = 1_790_000_000_123_456_789
@@ -31,9 +33,9 @@ def test_steps_are_exact_differences_at_any_time_of_day(steps_ns, start_ns):
 
 def test_differences_of_seconds_would_not_do():
     """Why steps are made from integers: t[i+1] − t[i] carries the rounding of t."""
-    t = clock.to_s(10_000_000 * np.arange(1000))
+    t = to_s(10_000_000 * np.arange(1000))
     assert len(set(np.diff(t))) > 1
-    assert set(ticks(clock.to_ns(t).tolist())[1:]) == {0.01}
+    assert set(ticks(to_ns(t).tolist())[1:]) == {0.01}
 
 
 def test_late_and_repeated_samples_are_not_used_and_do_not_turn_the_clock_back():

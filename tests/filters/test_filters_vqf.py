@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import Filter, Frame, ImuData, flags
-from plumbob._jit import jit_disabled
-from plumbob.constants import G0
+from plumbob import Filter, Frame, ImuData
+from plumbob.core import flags
+from plumbob.core._jit import jit_disabled
+from plumbob.core.constants import G0
+from plumbob.core.units import deg, dps
 from plumbob.filters import vqf
 from plumbob.filters.layout import BIAS
 from plumbob.filters.vqf import FORGET, FORGET_RATE, REJECT_SLOW, Params
@@ -19,7 +21,6 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
-from plumbob.units import deg, dps
 from tests.battery.motion import FIELD_ENU, consistent, seen_by
 
 FROZEN = {"bias_start": 1e-6, "bias_max": 1e-6, "bias_moving": 1e-7, "bias_resting": 1e-7}
@@ -317,8 +318,8 @@ def test_irregular_steps_are_the_same_filter():
 @pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 def test_fifteen_real_trials_keep_their_figures(broad_folder):
     """Means over the trials with the defaults: at most 2.60° in all and 0.78° of inclination."""
-    from plumbob.benchmark import measure_accuracy, trials_in
-    from plumbob.pipeline import Stage
+    from plumbob.evaluation.many import measure_accuracy, trials_in
+    from plumbob.filters.offline import Stage
 
     found = measure_accuracy(trials_in(broad_folder), [Stage("vqf", {})])
     assert len(found.trials) == 15

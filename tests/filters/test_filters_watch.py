@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob import flags
+from plumbob.core import flags
+from plumbob.filters.input_checks import LONG, MANY, watch
 from plumbob.filters.layout import LAST, OWN
-from plumbob.filters.watch import LONG, MANY, watch
 
 STUCK = (flags.GYR_STUCK, flags.ACC_STUCK, flags.MAG_STUCK)
 NAN = (math.nan,) * 3

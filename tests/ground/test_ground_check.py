@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from plumbob import check
-from plumbob.errors import ClockError, PlumbobError, ShapeError
+from plumbob.core import check
+from plumbob.core.errors import ClockError, PlumbobError, ShapeError
 
 
 class TestFloats:

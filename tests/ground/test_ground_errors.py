@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from plumbob import errors
+from plumbob.core import errors
 
 NO_VALUES = {errors.PlumbobError, errors.MissingExtraError, errors.LineError}
 TREE = [c for _, c in inspect.getmembers(errors, inspect.isclass) if not issubclass(c, Warning)]

@@ -14,24 +14,26 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from plumbob import _files, certificate, io
-from plumbob._files import MAX_TEXT, replacing, write_text
-from plumbob.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
+from plumbob import files as formats
+from plumbob.calibration import certificate
+from plumbob.calibration.rate_table import read_plan
 from plumbob.cli import common
 from plumbob.cli.main import main
+from plumbob.core import files
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.files import MAX_TEXT, replacing, write_text
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.errors import DecodeError, ParameterError
-from plumbob.io.profile_toml import load_profile
-from plumbob.io.text_labels import read_spans
-from plumbob.page.drawing import png
-from plumbob.pipeline.capture import CaptureSource
-from plumbob.pipeline.exports import export
-from plumbob.pipeline.rate_table import read_plan
-from plumbob.pipeline.session_toml import load_session
-from plumbob.record import repair, whole
-from plumbob.record.chunk import pack
-from plumbob.rigs import find_format
+from plumbob.data.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
+from plumbob.files.mcap import repair, verdict
+from plumbob.files.mcap.chunk import pack
+from plumbob.files.profile_toml import load_profile
+from plumbob.files.text import read_spans
+from plumbob.protocols.find import find_format
+from plumbob.report.drawing import png
 from plumbob.rotations import IDENTITY, Frame, North
+from plumbob.session.exports import export
+from plumbob.session.session_toml import load_session
+from plumbob.session.sources import CaptureSource
 
 ROOM = 256  # bytes: less than any file below has
 BEFORE = b"what was there before"
@@ -77,14 +79,14 @@ def written(path, **how):
 
 
 def both():
-    return io.Recording(imu=imu(), track=track(), name="a")
+    return formats.Recording(imu=imu(), track=track(), name="a")
 
 
 WRITERS = {
     "card.json": lambda path, **how: card().save(path, **how),
     "noise.json": lambda path, **how: noise_card().save(path, **how),
-    "a.parquet": lambda path, **how: io.write(path, imu(), **how),
-    "a.csv": lambda path, **how: io.write(path, imu(), **how),
+    "a.parquet": lambda path, **how: formats.write(path, imu(), **how),
+    "a.csv": lambda path, **how: formats.write(path, imu(), **how),
     "page.html": lambda path, **how: certificate.write_html(path, card(), {}, title="unit 7", facts={}, **how),
     "a.png": lambda path, **how: png(path, lambda figure: None, height=1.0, **how),
     "a.tum": lambda path, **how: export(path, both(), **how),
@@ -181,7 +183,7 @@ def test_ctrl_c_leaves_what_was_there(tmp_path):
 WAITS = """
 import sys, time
 from pathlib import Path
-from plumbob._files import replacing_all
+from plumbob.core.files import replacing_all
 with replacing_all(Path(sys.argv[1]), Path(sys.argv[2])) as (one, other):
     one.write_text("half"), other.write_text("half")
     print("writing", flush=True)
@@ -194,10 +196,10 @@ with replacing_all(Path(sys.argv[1]), Path(sys.argv[2])) as (one, other):
 )
 def test_a_signal_in_the_middle_leaves_what_was_there_and_a_sentence(tmp_path, monkeypatch, capsys, number, name):
     """After the first chunk of an export; the exit code is what a shell says of a process that a signal ended."""
-    io.write(tmp_path / "a.parquet", imu())
+    formats.write(tmp_path / "a.parquet", imu())
     out = tmp_path / "a.mcap"
     out.write_bytes(BEFORE)
-    monkeypatch.setattr(whole, "pack", lambda *what: (pack(*what), os.kill(os.getpid(), number))[0])
+    monkeypatch.setattr(verdict, "pack", lambda *what: (pack(*what), os.kill(os.getpid(), number))[0])
     assert main(["export", str(tmp_path / "a.parquet"), "--out", str(out), "--force"]) == 128 + number
     assert capsys.readouterr().err == f"plumbob export: ended by {name}; not written: {out}.\n"
     assert (out.read_bytes(), left(tmp_path)) == (BEFORE, ["a.mcap", "a.parquet"])
@@ -214,16 +216,16 @@ def test_a_signal_between_two_names_waits_for_the_second(tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "link", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        io.write(tmp_path / "a.csv", imu())
+        formats.write(tmp_path / "a.csv", imu())
     assert left(tmp_path) == ["a.csv", "a.profile.toml"]
 
 
 def test_files_that_belong_together_change_together(tmp_path):
     """A profile and its table, of which the second meets the full disk: the first keeps its old content as well."""
-    io.write(tmp_path / "a.csv", imu())
+    formats.write(tmp_path / "a.csv", imu())
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     with full_disk(), pytest.raises(DecodeError):
-        io.write(tmp_path / "a.csv", track(), overwrite=True)
+        formats.write(tmp_path / "a.csv", track(), overwrite=True)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
@@ -247,7 +249,7 @@ def test_pipes_and_the_standard_output_are_written_through(tmp_path):
     write_text(pipe, "through")
     reader.join(30)
     assert (got, left(tmp_path)) == ([b"through"], ["pipe"])
-    code = "from plumbob._files import write_text; write_text('/dev/stdout', 'through')"
+    code = "from plumbob.core.files import write_text; write_text('/dev/stdout', 'through')"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout == b"through"
     with (tmp_path / "own").open("wb") as own:  # the shell's > own: a rename would leave its content to nobody
         subprocess.run([sys.executable, "-c", code], stdout=own, check=True)
@@ -320,7 +322,7 @@ def test_only_regular_files_of_a_sane_size_are_read(tmp_path, what):
 @pytest.mark.parametrize("strike", [1, 2, 3])
 def test_a_signal_just_before_signals_are_held_back_leaves_nothing(tmp_path, monkeypatch, strike):
     """Before the temporary is created, before it takes its name, and before it is removed."""
-    hold, entered = _files._uninterrupted, []
+    hold, entered = files._uninterrupted, []
 
     @contextmanager
     def struck():
@@ -330,7 +332,7 @@ def test_a_signal_just_before_signals_are_held_back_leaves_nothing(tmp_path, mon
         with hold():
             yield
 
-    monkeypatch.setattr(_files, "_uninterrupted", struck)
+    monkeypatch.setattr(files, "_uninterrupted", struck)
     with pytest.raises(KeyboardInterrupt), replacing(tmp_path / "a.txt") as temporary:
         temporary.write_text("whole")
     assert [path.name for path in tmp_path.iterdir()] == (["a.txt"] if strike == 3 else [])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from plumbob import flags
+from plumbob.core import flags
 
 BITS = {name: value for name, value in vars(flags).items() if name.isupper() and name != "MEANING"}
 

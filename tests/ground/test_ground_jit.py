@@ -13,15 +13,14 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import _jit
-from plumbob._jit import njit, specialise
+from plumbob.core import _jit
+from plumbob.core._jit import njit, specialise
 from plumbob.rotations import kernels
 
 SOURCE = Path(plumbob.__file__).parent
-GROUND = ("__init__.py", "constants.py", "units.py", "errors.py", "check.py", "flags.py", "_jit.py", "_lazy.py")
 
 CALLEE = """
-from plumbob._jit import njit
+from plumbob.core._jit import njit
 
 
 @njit
@@ -29,7 +28,7 @@ def gain(x):
     return {factor} * x
 """
 PROBE = """
-from plumbob._jit import njit, specialise
+from plumbob.core._jit import njit, specialise
 from plumbob.filters.callee import gain
 
 
@@ -79,9 +78,9 @@ def tree(tmp_path):
     root = tmp_path / "tree"
     package = root / "plumbob"
     (package / "filters").mkdir(parents=True)
-    for name in GROUND:
-        shutil.copy(SOURCE / name, package / name)
-    shutil.copytree(SOURCE / "rotations", package / "rotations", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(SOURCE / "__init__.py", package / "__init__.py")
+    for room in ("core", "rotations"):
+        shutil.copytree(SOURCE / room, package / room, ignore=shutil.ignore_patterns("__pycache__"))
     (package / "filters" / "__init__.py").touch()
     (package / "filters" / "callee.py").write_text(CALLEE.format(factor=3.0))
     (package / "filters" / "probe.py").write_text(PROBE)
@@ -120,12 +119,12 @@ def right(found, factor=3.0):
 def test_cache_is_filled_used_and_never_stale(tree, tmp_path):
     """A callee's edit, a specialised twin, an edit between import and compilation: each must reach the caller."""
     cache = tmp_path / "cache"
-    first = probe(tree, cache, before="from plumbob import _jit; assert _jit.is_cold('loop')")
+    first = probe(tree, cache, before="from plumbob.core import _jit; assert _jit.is_cold('loop')")
     assert right(first)
     assert first["hits"] == [0, 0, 0]
     assert cached_files(cache)
     assert not cached_files(tree)
-    second = probe(tree, cache, before="from plumbob import _jit; assert not _jit.is_cold('loop')")
+    second = probe(tree, cache, before="from plumbob.core import _jit; assert not _jit.is_cold('loop')")
     assert right(second)
     assert second["hits"] == [1, 1, 1]
 
@@ -208,7 +207,7 @@ import plumbob.filters.probe as probe
 
 def test_a_compilation_says_so_once_on_standard_error(tree, tmp_path):
     """Without any set-up and where warnings are errors; and not where nothing is compiled, or somebody said it."""
-    impatient = "from plumbob import _jit; _jit._WAITING._left = 0.0"
+    impatient = "from plumbob.core import _jit; _jit._WAITING._left = 0.0"
     code = f"import plumbob.filters.probe as probe; {impatient}; {{}}; probe.caller(1.0)"
     cold = {"tree": tree, "PLUMBOB_CACHE_DIR": str(tmp_path / "cache")}
     said = process(code.format("pass"), **cold).stderr.splitlines()
@@ -317,7 +316,7 @@ import json, sys
 import plumbob
 heavy = ("numba", "scipy", "pyarrow", "matplotlib", "h5py", "pandas", "numpy")
 first = [name for name in heavy if name in sys.modules]
-import plumbob.rotations, plumbob.data, plumbob.cards, plumbob.clock, plumbob.units
+import plumbob.rotations, plumbob.data, plumbob.data.cards, plumbob.acquisition.timing, plumbob.core.units
 print(json.dumps([first, [name for name in heavy if name in sys.modules]]))"""
     assert python(code) == [[], ["numpy"]]
 

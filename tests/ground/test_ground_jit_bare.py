@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from plumbob import _jit
-from plumbob._jit import bare, njit, njit_reassociated, specialise
+from plumbob.core import _jit
+from plumbob.core._jit import bare, njit, njit_reassociated, specialise
 from plumbob.rotations.kernels import quat_exp, quat_mul
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import plumbob
-from plumbob import constants, units
-from plumbob.errors import PlumbobError, UnitError
-from plumbob.units import UNITS, Quantity, from_si, to_si, unit
+from plumbob.core import constants, units
+from plumbob.core.errors import PlumbobError, UnitError
+from plumbob.core.units import UNITS, Quantity, from_si, to_si, unit
 
 EPS = np.finfo(float).eps
 TURN = 2 * math.pi

@@ -6,18 +6,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from plumbob import _jit
-from plumbob.errors import ParameterError, ShapeError, UnitError
+from plumbob.core import _jit
+from plumbob.core.errors import ParameterError, ShapeError, UnitError
+from plumbob.core.units import Quantity, unit
 from plumbob.noise import analyse, compare, curve, edf
+from plumbob.noise.bands import find_mask, lines, mask_first_order
 from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.least_squares import least_squares
-from plumbob.noise.lines import lines
-from plumbob.noise.mask import find_mask, mask_first_order
 from plumbob.noise.sinusoids import find_sinusoids
 from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients
-from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
-from plumbob.noise.transfer import allan_transfer
-from plumbob.units import Quantity, unit
+from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
 
 slow_without_jit = pytest.mark.skipif(_jit.jit_disabled(), reason="sums over long records take minutes as plain Python")
 

@@ -6,15 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import _jit
+from plumbob.core import _jit
 from plumbob.noise import analyse, curve
+from plumbob.noise.analysis import within_the_curve
 from plumbob.noise.bands import leave_out
-from plumbob.noise.bounds import within_the_curve
-from plumbob.noise.densities import sampled_densities
 from plumbob.noise.findings import Band, Mask, Sinusoid
 from plumbob.noise.likelihood import coefficients, fit, octaves
-from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients, spectrum
-from plumbob.sim import noise
+from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients, sampled_densities, spectrum
+from plumbob.simulation import errors
 
 slow_without_jit = pytest.mark.skipif(_jit.jit_disabled(), reason="sums over long records take minutes as plain Python")
 
@@ -100,7 +99,7 @@ def test_an_analysis_with_a_band():
     t = np.arange(count) * DT
     phase = np.cumsum(0.04 * rng.standard_normal(count))
     hump = 600.0 * math.sqrt(2.0) * np.cos(2.0 * np.pi * 0.55 * t + phase)  # half as wide as 0.04²/(2π Δt) = 25 mHz
-    x = noise.white(noise.white_sd(440.0 * np.ones(3), 1.0 / DT), count, rng)[:, 0] + hump
+    x = errors.white(errors.white_sd(440.0 * np.ones(3), 1.0 / DT), count, rng)[:, 0] + hump
     found = analyse(x, DT)
     assert [b.low < 0.55 < b.high for b in found.bands] == [True]
     assert found.bands[0].sd == pytest.approx(600.0, rel=0.1)

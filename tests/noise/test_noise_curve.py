@@ -8,7 +8,7 @@ import pytest
 from scipy.special import psi
 from scipy.stats import chi2
 
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import ONE_SIGMA, curve, curve_of, curves, deviation, edf, interval, log_factors, skew_edf
 
 COMPILED = os.environ.get("NUMBA_DISABLE_JIT") != "1"

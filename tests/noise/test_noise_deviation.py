@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from plumbob._jit import jit_disabled
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core._jit import jit_disabled
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import KINDS, deviation, kernels
 from tests.noise.records import NBS14, drifting, exactly, flicker, riley_1000, walk, white
 

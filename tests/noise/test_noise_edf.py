@@ -6,9 +6,9 @@ import os
 import numpy as np
 import pytest
 
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, edf
-from plumbob.noise.kinds import SHAPES
+from plumbob.noise.factors import SHAPES
 
 KINDS = ("oadev", "adev", "mdev", "ohdev", "hdev")
 COMPILED = os.environ.get("NUMBA_DISABLE_JIT") != "1"

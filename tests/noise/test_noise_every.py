@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from plumbob._jit import jit_disabled
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core._jit import jit_disabled
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, every, every_adev, kernels
 from tests.noise.records import NBS14, drifting, exact_squares, exactly, flicker, walk, white, whole_numbers
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.errors import ParameterError
+from plumbob.core.errors import ParameterError
 from plumbob.noise import log_factors, stream_factors
 from plumbob.noise.factors import stream_steps
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, identify
 from plumbob.noise.edf import log_variance
-from plumbob.noise.kinds import SHAPES
+from plumbob.noise.factors import SHAPES
 
 N = np.unique(np.round(np.geomspace(1, 10_000, 65)).astype(int))
 LONG = 10**9  # samples, so that the values are known to 1e-4 and better

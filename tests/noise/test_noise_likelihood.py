@@ -9,12 +9,11 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-from plumbob.noise import least_squares, likelihood, observe
-from plumbob.noise.densities import LETTERS, densities, markov_bins, markov_density
+from plumbob.noise import analysis, least_squares, likelihood
 from plumbob.noise.findings import Coefficient
 from plumbob.noise.scoring import evaluate, point
-from plumbob.noise.spectrum import edges, ramp_coefficients, spectrum
-from plumbob.sim import noise
+from plumbob.noise.spectrum import LETTERS, densities, edges, markov_bins, markov_density, ramp_coefficients, spectrum
+from plumbob.simulation import errors
 
 EPS = np.finfo(float).eps
 ONE = np.ones(3)
@@ -34,7 +33,7 @@ def markov(count, time, rng, rows=1):
 
 def flicker(count, rng, rows):
     """With a past seven times its length, without which it has too little power at the lowest frequencies."""
-    return np.concatenate([noise.flicker(ONE, 8 * count, rng)[7 * count :].T for _ in range(rows // 3)])
+    return np.concatenate([errors.flicker(ONE, 8 * count, rng)[7 * count :].T for _ in range(rows // 3)])
 
 
 def mean_square(records):
@@ -105,9 +104,9 @@ def mixture(seed, count=60_000, rate=10.0, q=1e-3, n=0.02, b=0.004, k=2e-4, ramp
     rng = np.random.default_rng(seed)
     return (
         np.diff(q * rng.standard_normal((count + 1, 3)), axis=0) * rate
-        + noise.white(noise.white_sd(n * ONE, rate), count, rng)
-        + noise.flicker(b * ONE, 2 * count, rng)[count:]
-        + noise.random_walk(k * ONE, count, rate, rng)
+        + errors.white(errors.white_sd(n * ONE, rate), count, rng)
+        + errors.flicker(b * ONE, 2 * count, rng)[count:]
+        + errors.random_walk(k * ONE, count, rate, rng)
         + ramp * np.arange(count)[:, np.newaxis] / rate
     ).T
 
@@ -209,12 +208,12 @@ def test_how_long_a_record_must_be():
         "K": nothing,
         "R": Coefficient(0.0, upper=2.0 * r, observable=False),
     }
-    hours = observe.with_hours(terms, 0.1, 3600.0)["R"].hours
+    hours = analysis.with_hours(terms, 0.1, 3600.0)["R"].hours
     exact = (108.0 * n**2 / r**2) ** (1.0 / 3.0) / 3600.0
     assert exact <= hours <= 1.01 * math.sqrt(2.0) * exact  # lengths are tried in steps of √2
-    assert observe.with_hours(terms, 0.1, 3600.0)["N"].hours is None
+    assert analysis.with_hours(terms, 0.1, 3600.0)["N"].hours is None
     tiny = {**terms, "R": Coefficient(0.0, upper=1e-15, observable=False)}
-    assert observe.with_hours(tiny, 0.1, 3600.0)["R"].hours is None
+    assert analysis.with_hours(tiny, 0.1, 3600.0)["R"].hours is None
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(20, marks=pytest.mark.long(reason="5 s"))])
@@ -223,7 +222,7 @@ def test_terms_that_cannot_be_told_apart_are_still_there_together(count):
     together = 0
     for seed in range(count):
         rng = np.random.default_rng(seed)
-        x = noise.white(noise.white_sd(0.02 * ONE, 10.0), 6000, rng) + noise.flicker(0.006 * ONE, 12_000, rng)[6000:]
+        x = errors.white(errors.white_sd(0.02 * ONE, 10.0), 6000, rng) + errors.flicker(0.006 * ONE, 12_000, rng)[6000:]
         s = spectrum(x[:, 0], 0.1)
         terms, best = likelihood.coefficients(s, likelihood.fit(s))
         likely = likelihood.most_likely(best, terms["R"])

@@ -6,19 +6,13 @@ import os
 import numpy as np
 import pytest
 
-from plumbob.errors import ParameterError, ShapeError
-from plumbob.noise.static.clipped import clipped
-from plumbob.noise.static.held import held
-from plumbob.noise.static.interleaved import interleaved
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.units import Quantity
+from plumbob.noise.static.artefacts import Runs, Spikes, clipped, find_step, held, interleaved, shaking
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
-from plumbob.noise.static.periodic import shaking
-from plumbob.noise.static.runs import Runs
-from plumbob.noise.static.skip import bridged
-from plumbob.noise.static.spikes import Spikes
-from plumbob.noise.static.step import find_step
+from plumbob.noise.static.report import bridged
 from plumbob.noise.static.stillness import Stillness, bend_energies, joined, longest_gap, median_of_three
-from plumbob.sim.noise import flicker, random_walk
-from plumbob.units import Quantity
+from plumbob.simulation.errors import flicker, random_walk
 
 COUNT, DT = 6000, 0.01
 T = np.arange(COUNT) * DT

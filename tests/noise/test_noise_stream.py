@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from plumbob._jit import jit_disabled
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core._jit import jit_disabled
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import AllanStream, deviation, factors, log_factors, stream, stream_factors
 from tests.noise.records import drifting, walk, white
 

@@ -6,15 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob import flags
-from plumbob.errors import ParameterError
-from plumbob.rigs import KINDS, PLANS, Unit, find_format, load, make_rig, names, plan_for
+from plumbob.core import flags
+from plumbob.core.errors import ParameterError
+from plumbob.protocols.checksum import of_rows
+from plumbob.protocols.decode import decode, temperature_of, triads_of
+from plumbob.protocols.find import find_format
+from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.rigs import load, names
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_multiply, quat_rotate
-from plumbob.sensors.checksum import of_rows
-from plumbob.sensors.decode import decode
-from plumbob.sensors.format_toml import parse_format
-from plumbob.sensors.triads import temperature_of, triads_of
-from plumbob.sim import scenario
+from plumbob.simulation import scenario
+from plumbob.simulation.rigs.faults import KINDS
+from plumbob.simulation.rigs.plan import PLANS, Unit, plan_for
+from plumbob.simulation.rigs.rig import make_rig
 
 SHORT = {"buoy": 20.0, "fin": 4.0, "trackball": 20.0, "arm": 6.0, "rod": 10.0}
 CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}

@@ -11,9 +11,14 @@ from io import BytesIO
 import numpy as np
 import pytest
 
-from plumbob.errors import ParameterError
-from plumbob.rigs import PLANS, FilePort, PtyPort, TcpPort, UdpPort, load, make_rig, serve
-from plumbob.sensors.decode import decode
+from plumbob.core.errors import ParameterError
+from plumbob.protocols.decode import decode
+from plumbob.protocols.rigs import load
+from plumbob.simulation.rigs.plan import PLANS
+from plumbob.simulation.rigs.rig import make_rig
+from plumbob.simulation.rigs.serving import FilePort, serve
+from plumbob.simulation.rigs.sockets import TcpPort, UdpPort
+from plumbob.simulation.rigs.terminal import PtyPort
 
 LONG = 30.0
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.errors import ShapeError
+from plumbob.core.errors import ShapeError
 from plumbob.rotations import quat_angle, quat_from_rotvec, quat_mean, quat_multiply, quat_slerp
 
 EPS = np.finfo(float).eps

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from plumbob.errors import ShapeError
+from plumbob.core.errors import ShapeError
 from plumbob.rotations import dcm_from_quat, quat_angle, quat_from_dcm, quat_from_rotvec, quat_rotate
 
 EPS = np.finfo(float).eps

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 
-from plumbob.errors import ShapeError
+from plumbob.core.errors import ShapeError
 from plumbob.rotations import (
     body_rate_from_euler_zyx,
     euler_zyx_from_quat,
@@ -18,7 +18,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.rotations.euler import GIMBAL_MARGIN
+from plumbob.rotations.matrices import GIMBAL_MARGIN
 
 EPS = np.finfo(float).eps
 ROUNDING = 16 * EPS  # a dozen products of sines and cosines, there and back

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from plumbob.errors import FrameError
+from plumbob.core.errors import FrameError
 from plumbob.rotations import (
     Frame,
     North,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis.extra import numpy as hnp
 
-from plumbob.errors import ShapeError
+from plumbob.core.errors import ShapeError
 from plumbob.rotations import (
     IDENTITY,
     dcm_from_quat,

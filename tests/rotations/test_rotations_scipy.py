@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from plumbob.errors import ShapeError
+from plumbob.core.errors import ShapeError
 from plumbob.rotations import (
     dcm_from_quat,
     euler_zyx_from_quat,

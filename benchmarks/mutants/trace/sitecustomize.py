@@ -26,7 +26,7 @@ def note(code):
 
 
 def reach(kernel):
-    from plumbob import _jit
+    from plumbob.core import _jit
 
     for function in _jit._reachable(kernel):
         current.add(function.__code__)
@@ -56,8 +56,8 @@ def switch(name):
 
 
 def save():
-    if "plumbob._jit" in sys.modules:
-        from plumbob._jit import Kernel
+    if "plumbob.core._jit" in sys.modules:
+        from plumbob.core._jit import Kernel
 
         if not any(seen):  # a process of its own, whose kernels nobody watched
             for one in gc.get_objects():

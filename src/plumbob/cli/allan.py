@@ -10,13 +10,13 @@ from plumbob.cli import common
 if TYPE_CHECKING:
     from plumbob.noise import Analysis
     from plumbob.noise.static import StaticReport
-    from plumbob.pipeline.static_record import StaticRecord
+    from plumbob.noise.static_record import StaticRecord
 
 KINDS = ("oadev", "adev", "mdev", "ohdev", "hdev", "totdev")
 """As `plumbob.noise.KINDS`, which a help text shall not import."""
 
 RAW_TYPES = ("f32", "f64", "i8", "i16", "i32", "i64", "u8", "u16", "u32")
-"""As `plumbob.io.numbers_binary.RAW`."""
+"""As `plumbob.files.numbers.RAW`."""
 
 SUFFIXES = {"png": (".png",), "html": (".html", ".htm"), "card": (), "kalibr": ()}
 """Outputs, and how the names of those that are opened by their suffix must end."""
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
         return _compare(args, record, report)
     if args.deviation is not None:
         return _deviation_alone(args, record, report)
-    from plumbob.pipeline.characterise import characterise
+    from plumbob.noise.characterise import characterise
 
     with common.progress("noise", record.size) as advance:
         analyses = characterise(record, report, taus=_taus(args.taus), progress=_steps(advance))
@@ -117,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_what_does_not_go_together(args: argparse.Namespace) -> None:
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     for name, (does, others) in ALONE.items():
         given = [f"--{other}" for other in others if getattr(args, other)]
@@ -130,8 +130,8 @@ def _refuse_what_does_not_go_together(args: argparse.Namespace) -> None:
 
 def _check_outputs(args: argparse.Namespace) -> None:
     """Refuse, before a long analysis, what could not be written or would be lost."""
-    from plumbob.cards import NoiseCard
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
+    from plumbob.data.cards import NoiseCard
 
     outputs = {name: path for name in SUFFIXES if (path := getattr(args, name)) is not None}
     if args.card is not None:
@@ -144,11 +144,11 @@ def _check_outputs(args: argparse.Namespace) -> None:
 
 
 def _opened(args: argparse.Namespace, path: Path, *, card: Path | None) -> "tuple[StaticRecord, StaticReport]":
-    from plumbob.cards import CalibrationCard
+    from plumbob.core.errors import ShapeError
+    from plumbob.core.units import Quantity, parse
     from plumbob.data import TRIADS
-    from plumbob.errors import ShapeError
-    from plumbob.pipeline.static_record import check_static, load_static
-    from plumbob.units import Quantity, parse
+    from plumbob.data.cards import CalibrationCard
+    from plumbob.noise.static_record import check_static, load_static
 
     triads = TRIADS if args.triads is None else tuple(w.strip() for w in args.triads.split(",") if w.strip())
     record = load_static(
@@ -178,8 +178,8 @@ def _opened(args: argparse.Namespace, path: Path, *, card: Path | None) -> "tupl
 
 def _times(text: str | None) -> list[tuple[float, float]]:
     """Times to skip, as "12s..14s, 1min..65s"."""
-    from plumbob.errors import ParameterError
-    from plumbob.units import Quantity, parse
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
 
     found = []
     for word in (text or "").split(","):
@@ -193,8 +193,8 @@ def _times(text: str | None) -> list[tuple[float, float]]:
 
 
 def _refuse_what_is_for_recordings(args: argparse.Namespace, record: "StaticRecord") -> None:
-    from plumbob.errors import ParameterError
-    from plumbob.io.numbers import Numbers
+    from plumbob.core.errors import ParameterError
+    from plumbob.files.numbers import Numbers
 
     given = [f"--{name}" for name in ("triads", "profile", "calibration") if getattr(args, name) is not None]
     if given and any(isinstance(group.source, Numbers) for group in record.groups):
@@ -216,8 +216,8 @@ def _steps(advance: Any) -> Any:
 
 
 def _taus(text: str | None) -> "Sequence[float] | Literal['all'] | None":
-    from plumbob.errors import ParameterError
-    from plumbob.units import Quantity, parse
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
 
     if text is None:
         return None
@@ -232,7 +232,7 @@ def _taus(text: str | None) -> "Sequence[float] | Literal['all'] | None":
 
 
 def _print(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Analysis]") -> None:
-    from plumbob import datasheet
+    from plumbob.noise import datasheet
 
     if args.json:
         common.print_json({"file": str(record.path), **_card(args), **datasheet.as_dict(analyses)})
@@ -244,8 +244,9 @@ def _print(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Ana
 
 def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Analysis]") -> None:
     """Write files after the figures, which need neither matplotlib nor a place to write."""
-    from plumbob import __version__, datasheet
-    from plumbob._files import write_text
+    from plumbob.core.files import write_text
+    from plumbob.core.version import __version__
+    from plumbob.noise import datasheet
 
     device = args.device or record.path.stem
     record_name = f"{record.path.name}{_calibrated(args)}"
@@ -275,8 +276,8 @@ def _calibrated(args: argparse.Namespace) -> str:
 
 
 def _deviation_alone(args: argparse.Namespace, record: "StaticRecord", report: "StaticReport") -> int:
-    from plumbob import datasheet
-    from plumbob.pipeline.characterise import deviations
+    from plumbob.noise import datasheet
+    from plumbob.noise.characterise import deviations
 
     found = deviations(record, report, args.deviation, taus=_taus(args.taus))
     if args.json:
@@ -288,8 +289,9 @@ def _deviation_alone(args: argparse.Namespace, record: "StaticRecord", report: "
 
 
 def _compare(args: argparse.Namespace, record: "StaticRecord", report: "StaticReport") -> int:
-    from plumbob import __version__, datasheet
-    from plumbob.pipeline.characterise import comparisons
+    from plumbob.core.version import __version__
+    from plumbob.noise import datasheet
+    from plumbob.noise.characterise import comparisons
 
     after, judged = _opened(args, args.after, card=args.calibration)
     found = comparisons((record, report), (after, judged), taus=_taus(args.taus))

@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it; a refusal is a result, with its reasons."""
     if args.kind is None or args.live_first:
         args.usage.error(LIVE if args.live_first else f"name a KIND: {', '.join(KINDS)}")
-    from plumbob.calib.refusal import CaptureRefusedError
+    from plumbob.calibration.rejection import CaptureRefusedError
     from plumbob.cli.calibrating.capture import refused
 
     try:

@@ -9,17 +9,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
-from plumbob.plain import visible
+from plumbob.core.text import visible
 
 if TYPE_CHECKING:
+    from plumbob.acquisition.transport import Stop
     from plumbob.data import AttitudeTrack
+    from plumbob.files import Recording
     from plumbob.filters import Filter
-    from plumbob.io import Recording
-    from plumbob.link import Stop
-    from plumbob.pipeline import Stage
+    from plumbob.filters.offline import Stage
+    from plumbob.protocols.decode import Counts
+    from plumbob.protocols.format import Format, Message
     from plumbob.rotations import Frame
-    from plumbob.sensors.decode import Counts
-    from plumbob.sensors.format import Format, Message
 
 Adder = Any  # argparse's sub-parser action, whose type is private
 
@@ -86,7 +86,7 @@ def add_option(parser: argparse.ArgumentParser) -> None:
 
 def options_of(args: argparse.Namespace) -> dict[str, str]:
     """Choices that --option names."""
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     found: dict[str, str] = {}
     for item in args.option:
@@ -108,11 +108,11 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 
 def read(path: Path, profile: Path | None = None) -> "Recording":
     """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
-    from plumbob import io
-    from plumbob.pipeline import read_any
+    from plumbob import files
+    from plumbob.session.reading import read_any
 
     recording = read_any(path, profile=profile)
-    note(*(f"{path.name}: {line}" for line in io.found_in(recording.notes)))
+    note(*(f"{path.name}: {line}" for line in files.found_in(recording.notes)))
     return recording
 
 
@@ -133,8 +133,8 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
     inputs : sequence of path or None
         Files that are read; none of them is ever an output.
     """
-    from plumbob._files import require_place
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.files import require_place
 
     read = [
         path for given in inputs if given is not None for path in (given, *(_profiles(given) if args.force else ()))
@@ -152,8 +152,8 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
 
 def _profiles(path: Path) -> list[Path]:
     """Profiles that are read with a table."""
-    from plumbob.io import FORMATS
-    from plumbob.io.text import sidecars
+    from plumbob.files import FORMATS
+    from plumbob.files.text import sidecars
 
     described = any(kind.takes_profile and path.suffix.lower() in kind.suffixes for kind in FORMATS)
     return [beside for beside in sidecars(path) if beside.is_file()] if described else []
@@ -174,7 +174,7 @@ def _stamp(path: Path) -> tuple[int, int] | None:
 
 def with_profile(path: Path | None, tables: Sequence[str] = (".csv",)) -> tuple[Path | None, ...]:
     """A file to write, and the profile that a table, by its suffix, gets beside it."""
-    from plumbob._files import profile_beside
+    from plumbob.core.files import profile_beside
 
     return (path,) if path is None or path.suffix.lower() not in tables else (path, profile_beside(path))
 
@@ -201,9 +201,9 @@ def why_rejected(counts: "Counts") -> str:
 
 def note_unassigned(form: "Format", message: "Message") -> None:
     """Say which bytes of a message the user's own format leaves out; of a known device they are known to be spare."""
-    from plumbob.rigs import names
-    from plumbob.sensors import catalog
-    from plumbob.sensors.places import unassigned
+    from plumbob.protocols import catalog
+    from plumbob.protocols.overlap import unassigned
+    from plumbob.protocols.rigs import names
 
     if form.name in {*catalog.names(), *names()}:
         return
@@ -219,8 +219,8 @@ def zero_of(north: str) -> str:
 
 def declination_deg(filter_: "Filter", track: "AttitudeTrack") -> float | None:
     """Declination that makes a track's headings true, degrees; None where they are not."""
+    from plumbob.core.units import to_deg
     from plumbob.rotations import North
-    from plumbob.units import to_deg
 
     angle = filter_.common.declination
     return None if track.north is not North.TRUE or angle is None else to_deg(angle)
@@ -243,9 +243,9 @@ def stages(names: str, params: str | None) -> "list[Stage]":
     In `params`, ``name=value`` goes to the only filter, and ``filter.name=value`` to the one named. A TOML file holds
     the same: plain keys for the only filter, or a table per filter.
     """
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
     from plumbob.filters import load
-    from plumbob.pipeline import Stage
+    from plumbob.filters.offline import Stage
 
     wanted = [name.strip() for name in names.split(",") if name.strip()]
     if not wanted:
@@ -270,8 +270,8 @@ def given_noise(chosen: "Sequence[Stage]", path: Path | None) -> "list[Stage]":
     """Stages with the noise card of a file, where one is named, for each filter that takes one."""
     if path is None:
         return list(chosen)
-    from plumbob.cards import NoiseCard
-    from plumbob.pipeline import with_noise
+    from plumbob.data.cards import NoiseCard
+    from plumbob.filters.offline import with_noise
 
     card = NoiseCard.load(path)
     tell_noise(chosen)
@@ -289,7 +289,7 @@ def tell_noise(chosen: "Sequence[Stage]") -> None:
 
 def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
     """Names and values of ``name=value,...`` or of a TOML file, where a table's name goes before its keys."""
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     if not params:
         return
@@ -304,13 +304,13 @@ def pairs(params: str | None) -> Iterator[tuple[str, Any]]:
 
 
 def _toml_pairs(path: Path) -> Iterator[tuple[str, Any]]:
-    from plumbob import forms
-    from plumbob._files import text_of
-    from plumbob.errors import DecodeError, ParameterError
+    from plumbob.core import schema
+    from plumbob.core.errors import DecodeError, ParameterError
+    from plumbob.core.files import text_of
 
     text = text_of(path)
     try:
-        content = forms.toml(text, "docs/choose-a-filter.md")
+        content = schema.toml(text, "docs/choose-a-filter.md")
     except DecodeError as error:
         raise ParameterError(f"{path} is {error}") from error
     for key, value in content.items():
@@ -330,7 +330,7 @@ def stopped_by_signals() -> "Iterator[Stop]":
     """What SIGTERM, Ctrl-C and the loss of the terminal set: ending is how a live line is used, no mishap."""
     import signal
 
-    from plumbob.link import Stop
+    from plumbob.acquisition.transport import Stop
 
     stop = Stop()
     names = [name for name in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)]
@@ -370,7 +370,7 @@ def _may_draw(stream: TextIO) -> bool:
 
 def warn_of_compiling(names: Sequence[str]) -> None:
     """Say why the next call waits, where a filter has not been compiled on this machine yet."""
-    from plumbob import _jit
+    from plumbob.core import _jit
     from plumbob.filters import claims_covariance, filter_names
 
     loops = {name: "claiming" if name in filter_names() and claims_covariance(name) else "batch" for name in names}

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from plumbob.cli import common
-from plumbob.units import Quantity, parse, unit
+from plumbob.core.units import Quantity, parse, unit
 
 if TYPE_CHECKING:
-    from plumbob.sensors.decode import Counts, Frames
-    from plumbob.sensors.field import Field
-    from plumbob.sensors.format import Format
+    from plumbob.protocols.decode import Counts, Frames
+    from plumbob.protocols.field import Field
+    from plumbob.protocols.format import Format
 
 _READ = 1 << 20
 _TEXT = (".csv", ".txt")
@@ -48,10 +48,10 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob.core.errors import DecodeError, ParameterError
     from plumbob.data import UNCALIBRATED
-    from plumbob.errors import DecodeError, ParameterError
-    from plumbob.rigs import find_format
-    from plumbob.sensors.decode import Decoder
+    from plumbob.protocols.decode import Decoder
+    from plumbob.protocols.find import find_format
 
     form = find_format(args.format).bind(common.options_of(args))
     common.note_unassigned(form, form.message(args.message))
@@ -85,8 +85,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
     """Profile that reads the table as a recording; empty where the message has no triad."""
-    from plumbob.io.decoded import profile_text
-    from plumbob.sensors.triads import prefixes_of
+    from plumbob.files.decoded import profile_text
+    from plumbob.protocols.decode import prefixes_of
 
     message = form.message(table.message)
     units = prefixes_of(message)
@@ -139,7 +139,7 @@ class _Table:
 
     def write(self, path: Path, counts: "Counts", profile: str, *, overwrite: bool) -> None:
         """Write all into a file whose suffix says the kind; text gets its profile beside it, Parquet inside."""
-        from plumbob._files import replacing, write_text
+        from plumbob.core.files import replacing, write_text
         from plumbob.data import UNCALIBRATED
 
         if path.suffix in _TEXT:
@@ -164,7 +164,7 @@ class _Table:
             pq.write_table(pa.table(columns).replace_schema_metadata(metadata), temporary)
 
     def _write_text(self, path: Path, profile: str, overwrite: bool) -> None:
-        from plumbob._files import profile_beside, replacing_all
+        from plumbob.core.files import profile_beside, replacing_all
 
         beside = [profile_beside(path)] if profile else []
         with replacing_all(path, *beside, overwrite=overwrite) as (temporary, *described):
@@ -193,7 +193,7 @@ class _Table:
 
 def _columns(frames: "Frames") -> dict[str, list[Any]]:
     """Columns by name with unit; None where there is no value, or it is beyond all numbers, by a scale of 1e-320."""
-    from plumbob import flags
+    from plumbob.core import flags
 
     found: dict[str, list[Any]] = {"byte": frames.start.tolist()}
     for one in (f for f in frames.message.fields if f.name in frames.columns):
@@ -233,8 +233,8 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
 
 def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
     """Say on standard error what was not decoded, and why, and what could not be checked."""
-    from plumbob.sensors.odds import passes_anything
-    from plumbob.sensors.page import UNCHECKED
+    from plumbob.protocols.overlap import passes_anything
+    from plumbob.protocols.page import UNCHECKED
 
     if passes_anything(form):
         common.note(f"checks of {form.name}: {UNCHECKED.format(form.framing.length)}")
@@ -257,10 +257,11 @@ def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
 
 def _hint(form: "Format", head: bytes) -> str:
     """Which known formats would fit; only those that cannot fit by chance."""
-    from plumbob.errors import ParameterError
-    from plumbob.rigs import find_format, names
-    from plumbob.sensors import catalog
-    from plumbob.sensors.decode import decode
+    from plumbob.core.errors import ParameterError
+    from plumbob.protocols import catalog
+    from plumbob.protocols.decode import decode
+    from plumbob.protocols.find import find_format
+    from plumbob.protocols.rigs import names
 
     fitting = []
     for name in (*catalog.names(), *names()):

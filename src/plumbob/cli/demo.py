@@ -6,18 +6,146 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from plumbob.cli import common
-from plumbob.cli.demo_unit import CARD, CERTIFICATE, HAND, MOUNTING, calibrate_unit
 
 if TYPE_CHECKING:
+    from plumbob.core.check import Floats
     from plumbob.data import AttitudeTrack, ImuData
-    from plumbob.evaluate import Evaluation
-    from plumbob.pipeline import Stage
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.session import Session
+    from plumbob.data.cards import CalibrationCard
+    from plumbob.evaluation import Evaluation
+    from plumbob.filters.offline import Stage
+    from plumbob.protocols.decode import Counts
+    from plumbob.session.session import Session
+    from plumbob.session.stream import Line
+    from plumbob.simulation import Scenario
+
+_SAME_TIME: Final = 1e-6
+"""s: the buoy's clock counts microseconds."""
+
+
+def require_as_sent(recorded: "ImuData | None", sent: "ImuData", counts: "Counts") -> None:
+    """Refuse a recording that is not what was sent.
+
+    Parameters
+    ----------
+    recorded : ImuData or None
+        Samples in the recording, uncalibrated.
+    sent : ImuData
+        Samples that the emulation put into its frames.
+    counts : Counts
+        What became of the bytes.
+
+    Raises
+    ------
+    DecodeError
+        With all that differs.
+    """
+    from plumbob.core.errors import DecodeError
+
+    wrong = [*_bytes(counts), *(_samples(recorded, sent) if recorded is not None else ("no sample was recorded",))]
+    if wrong:
+        raise DecodeError(
+            f"the recording is not what was sent: {'; '.join(wrong)}. No figure of this demo can be trusted. Run it "
+            "again; if that gives the same, please report it, with what this machine was doing meanwhile."
+        )
+
+
+def _bytes(counts: "Counts") -> Iterator[str]:
+    if counts.framed < counts.received:
+        yield f"{counts.received - counts.framed} of {counts.received} bytes belong to no whole frame"
+
+
+def _samples(recorded: "ImuData", sent: "ImuData") -> Iterator[str]:
+    import numpy as np
+
+    from plumbob.core import flags
+
+    if len(recorded) != len(sent):
+        yield f"recorded {len(recorded)} of {len(sent)} samples"
+    size = min(len(recorded), len(sent))
+    ours, theirs = _values_table(recorded, size), _values_table(sent, size)
+    differ = ((ours != theirs) & ~(np.isnan(ours) & np.isnan(theirs))).any(axis=1)
+    if differ.any():
+        yield f"values differ in {np.count_nonzero(differ)} of {size}, first at {sent.t[np.argmax(differ)]:.2f} s"
+    late = float(np.abs(recorded.t[:size] - recorded.t[0] - sent.t[:size] + sent.t[0]).max())
+    if late > _SAME_TIME:
+        yield f"times are wrong by up to {late:.6g} s"
+    long, due = (float(imu.t[-1] - imu.t[0]) for imu in (recorded, sent))
+    if abs(long - due) > _SAME_TIME:
+        yield f"they last {long:.2f} s instead of {due:.2f} s"
+    if gaps := int(np.count_nonzero(recorded.flags & np.uint32(flags.GAP))):
+        yield "1 gap is flagged" if gaps == 1 else f"{gaps} gaps are flagged"
+
+
+def _values_table(imu: "ImuData", size: int) -> "Floats":
+    """What was measured, a row for each of the first samples; the emulation has rounded it to the wire's counts."""
+    import numpy as np
+
+    return np.column_stack([getattr(imu, name)[:size] for name in imu.triads])
+
+
+CARD: Final = "card.json"
+CERTIFICATE: Final = "certificate.html"
+HAND: Final = "hand.bin"
+MOUNTING: Final = "mounting.bin"
+
+
+def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
+    """Calibrate the buoy's unit of a seed by two captures, 40 poses by hand and a raised nose; card and page in `out`.
+
+    The seed is that of the unit and of its noise: the captures and the sea have the same one.
+    """
+    from plumbob.calibration import certificate
+    from plumbob.calibration.calibrate_gyro import calibrate_by_hand
+    from plumbob.calibration.calibrate_mount import mount_by_poses
+    from plumbob.calibration.calibration import capture, card_of
+    from plumbob.rotations import Frame
+    from plumbob.simulation import scenario
+
+    poses = _decoded(out / HAND, scenario("poses", move=2.0), seed)
+    raised = _decoded(out / MOUNTING, scenario("raise"), seed)
+    whole = capture(poses, triads=("acc",), if_present=("gyr", "mag"))
+    fits = calibrate_by_hand(whole)
+    mounted = mount_by_poses(capture(raised, triads=(), base=card_of(whole, fits)), frame=Frame.NED)
+    card = card_of(whole, fits, mounted=mounted)
+    card.save(out / CARD, overwrite=True)
+    facts = {"recording": f"{HAND} and {MOUNTING}, emulated"}
+    title = f"Calibration of {card.device}"
+    certificate.write_html(out / CERTIFICATE, card, fits, title=title, facts=facts, overwrite=True)
+    return card
+
+
+def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
+    """Samples of a capture, from the bytes that the unit says during a motion, in a file as a logger keeps them."""
+    from plumbob.core.errors import DecodeError
+    from plumbob.core.files import replacing
+    from plumbob.protocols.rigs import load
+    from plumbob.session.runner import run_line
+    from plumbob.session.session_toml import parse_session, plain_session
+    from plumbob.session.sinks import Collected
+    from plumbob.session.sources import open_source
+    from plumbob.session.stream import Line
+    from plumbob.simulation.rigs.plan import PLANS
+    from plumbob.simulation.rigs.rig import make_rig
+
+    rig = make_rig(replace(PLANS["buoy"], scenario=motion, duration=motion.duration), load("buoy"), seed=seed)
+    with replacing(path, overwrite=True) as temporary:
+        temporary.write_bytes(rig.stream())
+    device = next(iter(rig.units.values())).imu.meta.device
+    text = plain_session(
+        form="buoy", source={"kind": "file", "path": str(path)}, imu={"device": device, "frame": "NED"}
+    )
+    session, found = parse_session(text, str, name=path.stem), Collected()
+    run_line(Line(session), open_source(session.source), sinks=[found])
+    imu = found.imu(calibrated=False)
+    if imu is None:
+        raise DecodeError(f"{path} holds no sample that could be decoded.")
+    return imu
+
 
 TRUTH: Final = "truth.parquet"
 SESSION_FILE: Final = "session.toml"
@@ -91,7 +219,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def stages() -> "list[Stage]":
     """Filters that are compared with the live one: a compass alone, the paper's filter, and the same for waves."""
-    from plumbob.pipeline import Stage
+    from plumbob.filters.offline import Stage
 
     return [
         Stage("tilt_compass", {}, "accelerometer and compass"),
@@ -103,9 +231,9 @@ def stages() -> "list[Stage]":
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob.core.units import Quantity, parse
     from plumbob.data import calibration_told
-    from plumbob.evaluate import evaluate, write_html
-    from plumbob.units import Quantity, parse
+    from plumbob.evaluation import evaluate, write_html
 
     duration = parse(args.duration, Quantity.TIME)
     settle = min(SETTLE, SETTLE_SHARE * duration)
@@ -147,7 +275,7 @@ def _rig(out: Path, duration: float) -> Iterator[str]:
         try:
             port = child.stdout.readline().strip() if child.stdout else ""
             if not port:
-                from plumbob.errors import PlumbobError
+                from plumbob.core.errors import PlumbobError
 
                 raise PlumbobError(f"the emulated buoy did not start: {child.stderr.read() if child.stderr else ''}")
             yield port
@@ -162,11 +290,11 @@ def _command(out: Path, duration: float) -> list[str]:
 
 def _live(out: Path, port: str, device: str) -> "Line":
     """Run the line on the port until the buoy has said everything."""
-    from plumbob.pipeline.keep import Keeper
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.runner import run_line
-    from plumbob.pipeline.sinks import Collected, TextSink
-    from plumbob.pipeline.sources import open_source
+    from plumbob.session.recording_sink import Keeper
+    from plumbob.session.runner import run_line
+    from plumbob.session.sinks import Collected, TextSink
+    from plumbob.session.sources import open_source
+    from plumbob.session.stream import Line
 
     session = _session(out, port, device)
     line, found = Line(session), Collected()
@@ -181,8 +309,8 @@ def _live(out: Path, port: str, device: str) -> "Line":
 
 def _session(out: Path, port: str, device: str) -> "Session":
     """Write the session file as a user would, for this unit's card, and load it."""
-    from plumbob._files import write_text
-    from plumbob.pipeline.session_toml import load_session
+    from plumbob.core.files import write_text
+    from plumbob.session.session_toml import load_session
 
     for name in (RECORDING, TEXT):
         (out / name).unlink(missing_ok=True)
@@ -196,9 +324,9 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     """Attitudes by name, the live filter's, that without its card and the others', and how many live ones are equal."""
     from dataclasses import replace
 
-    from plumbob.cli.demo_sent import require_as_sent
-    from plumbob.errors import PlumbobError
-    from plumbob.pipeline.replay import compare, open_recording, replay
+    pass
+    from plumbob.core.errors import PlumbobError
+    from plumbob.session.replay import compare, open_recording, replay
 
     log, session = open_recording(out / RECORDING)
     first = replay(log, session)
@@ -218,10 +346,10 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
 
 def _truth(out: Path) -> "tuple[ImuData, AttitudeTrack]":
     """What the emulation put into its frames, and the attitude behind it."""
-    from plumbob import io
-    from plumbob.errors import DecodeError
+    from plumbob import files
+    from plumbob.core.errors import DecodeError
 
-    recording = io.read(out / TRUTH)
+    recording = files.read(out / TRUTH)
     if recording.imu is None or recording.track is None:
         raise DecodeError(f"{out / TRUTH} lacks samples or attitude.")
     return recording.imu, recording.track

@@ -5,10 +5,10 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from plumbob.cli import common
-from plumbob.plain import visible
+from plumbob.core.text import visible
 
 if TYPE_CHECKING:
-    from plumbob.sensors.format import Format
+    from plumbob.protocols.format import Format
 
 _HEAD = """\
 # Devices
@@ -36,9 +36,9 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.errors import ParameterError
-    from plumbob.rigs import find_format
-    from plumbob.sensors.c_header import c_header
+    from plumbob.core.errors import ParameterError
+    from plumbob.protocols.c_header import c_header
+    from plumbob.protocols.find import find_format
 
     if args.name is None and (args.c or args.option):
         raise ParameterError("name a device; 'plumbob devices' lists them.")
@@ -56,19 +56,19 @@ def run(args: argparse.Namespace) -> int:
 
 def catalogue() -> str:
     """Page of all devices of the catalogue, in Markdown."""
-    from plumbob.sensors import catalog
+    from plumbob.protocols import catalog
 
     return "\n".join([_HEAD, *(_markdown(catalog.load(name), 2) for name in catalog.names())])
 
 
 def _markdown(form: "Format", level: int) -> str:
-    from plumbob.sensors.page import as_markdown, tables
+    from plumbob.protocols.page import as_markdown, tables
 
     return f"{'#' * level} {form.name}\n\n{form.title}.\n\n{as_markdown(tables(form), level + 1)}"
 
 
 def _print_one(form: "Format", args: argparse.Namespace) -> None:
-    from plumbob.sensors.page import as_text, tables
+    from plumbob.protocols.page import as_text, tables
 
     if args.json:
         common.print_json(asdict(form) | {"framing": _plain(form)})
@@ -86,9 +86,10 @@ def _plain(form: "Format") -> dict[str, object]:
 
 
 def _print_all(as_json: bool) -> None:
-    from plumbob.rigs import find_format, names
-    from plumbob.sensors import catalog
-    from plumbob.sensors.page import Table, as_text, framing_of, marks_of
+    from plumbob.protocols import catalog
+    from plumbob.protocols.find import find_format
+    from plumbob.protocols.page import Table, as_text, framing_of, marks_of
+    from plumbob.protocols.rigs import names
 
     found = {}
     for kind, listed in (("Devices", catalog.names()), ("Rigs", names())):

@@ -9,12 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
-from plumbob.units import Quantity, parse
+from plumbob.core.units import Quantity, parse
 
 if TYPE_CHECKING:
-    from plumbob.link import Stop
-    from plumbob.rigs import Fault, Plan, Port, Rig, Served
-    from plumbob.sensors.format import Format
+    from plumbob.acquisition.transport import Stop
+    from plumbob.protocols.format import Format
+    from plumbob.simulation.rigs.faults import Fault
+    from plumbob.simulation.rigs.plan import Plan
+    from plumbob.simulation.rigs.rig import Rig
+    from plumbob.simulation.rigs.serving import Port, Served
 
 
 LOOPBACK = "127.0.0.1"
@@ -70,9 +73,10 @@ def _add_faults(p: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.errors import ParameterError
-    from plumbob.link import Stop
-    from plumbob.rigs import make_rig, serve
+    from plumbob.acquisition.transport import Stop
+    from plumbob.core.errors import ParameterError
+    from plumbob.simulation.rigs.rig import make_rig
+    from plumbob.simulation.rigs.serving import serve
 
     if args.list:
         _print_list()
@@ -110,10 +114,11 @@ def run(args: argparse.Namespace) -> int:
 def _plan(args: argparse.Namespace) -> "tuple[Format, Plan]":
     from dataclasses import replace
 
-    from plumbob.errors import ParameterError
-    from plumbob.rigs import PLANS, find_format, plan_for
+    from plumbob.core.errors import ParameterError
+    from plumbob.protocols.find import find_format
     from plumbob.rotations import Frame
-    from plumbob.sim import scenario
+    from plumbob.simulation import scenario
+    from plumbob.simulation.rigs.plan import PLANS, plan_for
 
     form = find_format(args.what).bind(common.options_of(args))
     rate = None if args.rate is None else parse(args.rate, Quantity.FREQUENCY)
@@ -133,7 +138,7 @@ def _plan(args: argparse.Namespace) -> "tuple[Format, Plan]":
 
 
 def _speed(args: argparse.Namespace) -> float | None:
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     text = args.speed or ("max" if args.write else "1")
     if text == "max":
@@ -154,8 +159,10 @@ def _faults(text: str | None) -> dict[str, float]:
 @contextmanager
 def _port(args: argparse.Namespace, stop: "Stop") -> "Iterator[Port]":
     """Open the port, and say its name before anything else."""
-    from plumbob._files import replacing
-    from plumbob.rigs import FilePort, PtyPort, TcpPort, UdpPort
+    from plumbob.core.files import replacing
+    from plumbob.simulation.rigs.serving import FilePort
+    from plumbob.simulation.rigs.sockets import TcpPort, UdpPort
+    from plumbob.simulation.rigs.terminal import PtyPort
 
     with ExitStack() as stack:
         port: Port
@@ -177,7 +184,7 @@ def _port(args: argparse.Namespace, stop: "Stop") -> "Iterator[Port]":
 
 
 def _address(text: str) -> tuple[str, int]:
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     host, colon, number = text.rpartition(":")
     if not colon or not number.isdecimal() or int(number) > 65535:
@@ -208,12 +215,12 @@ def _truth_of(path: Path, prefix: str) -> Path:
 
 
 def _write_truth(path: Path, rig: "Rig", *, overwrite: bool) -> None:
-    from plumbob import io
+    from plumbob import files
 
     for prefix, unit in rig.units.items():
         own = _truth_of(path, prefix)
-        recording = io.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=(unit.truth.source,))
-        io.write(own, recording, overwrite=overwrite)
+        recording = files.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=(unit.truth.source,))
+        files.write(own, recording, overwrite=overwrite)
         unit.calibration.save(own.with_suffix(".card.json"), overwrite=overwrite)
 
 
@@ -229,7 +236,8 @@ def _tell(served: "Served", count: int) -> None:
 
 
 def _print_list() -> None:
-    from plumbob.rigs import KINDS, PLANS
+    from plumbob.simulation.rigs.faults import KINDS
+    from plumbob.simulation.rigs.plan import PLANS
 
     print("rigs")
     for name, plan in PLANS.items():

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from plumbob.cli import common
 
 if TYPE_CHECKING:
+    from plumbob.core.units import Quantity
     from plumbob.data import AttitudeTrack
-    from plumbob.evaluate import Evaluation
-    from plumbob.units import Quantity
+    from plumbob.evaluation import Evaluation
 
 ALIGNMENTS = ("heading", "mounting", "time")
 PAGE_SUFFIXES = (".html", ".htm")
@@ -39,8 +39,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.evaluate import evaluate
-    from plumbob.units import Quantity
+    from plumbob.core.units import Quantity
+    from plumbob.evaluation import evaluate
 
     _refuse_mixed_up_files(args)
     settle, max_gap = _number(args.settle, Quantity.TIME), _number(args.max_gap, Quantity.TIME)
@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     if common.is_same_file(args.estimate, args.reference):
         raise ParameterError(f"{args.estimate} is both estimate and reference; name the track of 'plumbob run' first.")
@@ -75,7 +75,7 @@ def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
 
 def _write_page(args: argparse.Namespace, result: "Evaluation") -> None:
     """Write the page after the numbers, which need neither matplotlib nor a place to write."""
-    from plumbob.evaluate import write_html
+    from plumbob.evaluation import write_html
 
     if sys.stdout:
         sys.stdout.flush()
@@ -85,7 +85,7 @@ def _write_page(args: argparse.Namespace, result: "Evaluation") -> None:
 
 
 def _track(path: Path, profile: Path | None, *, estimated: bool = False) -> "AttitudeTrack":
-    from plumbob.errors import ShapeError
+    from plumbob.core.errors import ShapeError
 
     recording = common.read(path, profile)
     if recording.track is None:
@@ -97,13 +97,13 @@ def _track(path: Path, profile: Path | None, *, estimated: bool = False) -> "Att
 
 def alignments(text: str) -> tuple[str, ...]:
     """Words of a comma list, each a known alignment."""
-    from plumbob import check
+    from plumbob.core import check
 
     words = tuple(word.strip() for word in text.split(",") if word.strip())
     return tuple(check.one_of("--align", word, ALIGNMENTS) for word in words)
 
 
 def _number(text: str | None, quantity: "Quantity") -> float | None:
-    from plumbob.units import parse
+    from plumbob.core.units import parse
 
     return None if text is None else parse(text, quantity)

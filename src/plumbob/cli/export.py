@@ -25,9 +25,10 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.pipeline import SUFFIX, read_any, recalibrated
-    from plumbob.pipeline.exports import export, only
-    from plumbob.pipeline.recorded import read_recorded
+    from plumbob.filters.offline import recalibrated
+    from plumbob.session.exports import export, only
+    from plumbob.session.reading import SUFFIX, read_any
+    from plumbob.session.recorded import read_recorded
 
     common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile, args.calibration))
     if args.file.suffix == SUFFIX:
@@ -36,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
         recording = read_any(args.file, profile=args.profile)
     recording = only(recording, args.what)
     if args.calibration is not None:
-        from plumbob.cards import CalibrationCard
+        from plumbob.data.cards import CalibrationCard
 
         recording = recalibrated(recording, CalibrationCard.load(args.calibration))
         common.note(*(note for note in recording.notes if note.startswith("temperature: ")))

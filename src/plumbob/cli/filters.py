@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.params import Parameter
+    from plumbob.core.params import Parameter
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -26,8 +26,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob.core.params import describe
     from plumbob.filters import CommonParams, filter_names, load
-    from plumbob.params import describe
 
     names = filter_names() if args.name is None else (args.name,)
     listed = {name: _entry(load(name), described=args.name is not None) for name in names}
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _entry(module: Any, *, described: bool) -> dict[str, Any]:
-    from plumbob.params import describe
+    from plumbob.core.params import describe
 
     entry = {
         "summary": module.SUMMARY,
@@ -57,7 +57,7 @@ def _entry(module: Any, *, described: bool) -> dict[str, Any]:
 
 
 def _row(p: "Parameter") -> dict[str, Any]:
-    from plumbob.params import shown
+    from plumbob.core.params import shown
 
     return {
         "name": p.name,
@@ -78,7 +78,7 @@ def _bound(p: "Parameter", value: float) -> float | None:
 
 def _range(p: "Parameter") -> str:
     """Allowed values in the unit in which a value is shown, and whether it may be off."""
-    from plumbob.params import shown
+    from plumbob.core.params import shown
 
     low, high = _bound(p, p.spec.low), _bound(p, p.spec.high)
     if p.switch:

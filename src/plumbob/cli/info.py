@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from plumbob.cli import common
-from plumbob.plain import visible
+from plumbob.core.text import visible
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -40,8 +40,9 @@ def _card(args: argparse.Namespace) -> int:
     """Print what a card holds."""
     import json
 
-    from plumbob import certificate, datasheet
-    from plumbob.cards import CalibrationCard, open_card
+    from plumbob.calibration import certificate
+    from plumbob.data.cards import CalibrationCard, open_card
+    from plumbob.noise import datasheet
 
     card = open_card(args.file)
     if isinstance(card, CalibrationCard):
@@ -54,8 +55,8 @@ def _card(args: argparse.Namespace) -> int:
 
 def _sensors(imu: Any) -> dict[str, Any]:
 
-    from plumbob import flags
-    from plumbob.units import to_deg
+    from plumbob.core import flags
+    from plumbob.core.units import to_deg
 
     meta = imu.meta
     return {
@@ -73,7 +74,7 @@ def _sensors(imu: Any) -> dict[str, Any]:
 def _triad(imu: Any, name: str) -> dict[str, Any]:
     import numpy as np
 
-    from plumbob.cards import UNITS
+    from plumbob.data.cards import UNITS
 
     values = imu.usable(name)
     values = values[np.isfinite(values).all(axis=1)]
@@ -102,9 +103,9 @@ def _attitude(track: Any) -> dict[str, Any]:
 def _timing(t: Any) -> dict[str, Any]:
     import math
 
-    from plumbob import clock
+    from plumbob.core import time
 
-    timing = clock.timing(t)
+    timing = time.timing(t)
     return {
         "samples": timing.samples,
         "duration_s": timing.duration,
@@ -117,7 +118,7 @@ def _timing(t: Any) -> dict[str, Any]:
 
 def _print(report: dict[str, Any]) -> None:
     from plumbob.data import calibration_told
-    from plumbob.io import found_in
+    from plumbob.files import found_in
 
     print(report["file"])
     told = found_in(report["notes"])  # on standard error already

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.link import Event
-    from plumbob.pipeline.line import Line, Part
-    from plumbob.pipeline.session import Session
-    from plumbob.sensors.decode import Counts
+    from plumbob.acquisition.transport import Event
+    from plumbob.protocols.decode import Counts
+    from plumbob.session.session import Session
+    from plumbob.session.stream import Line, Part
 
 
 LONG = 60.0
@@ -34,7 +34,7 @@ def add_estimate(p: argparse.ArgumentParser) -> None:
 
 def estimate_tables(args: argparse.Namespace) -> dict[str, Mapping[str, Any]]:
     """Tables of a session from the options of the estimate."""
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     tables: dict[str, Mapping[str, Any]] = {}
     if args.calibration:
@@ -89,8 +89,8 @@ class Status:
 
     def _watch(self, part: "Part") -> None:
         """Say once each that the temperature leaves the span of the card, and the bias the filter's prior."""
-        from plumbob.calib.model import temperature_beyond
-        from plumbob.pipeline.bias_prior import bias_beyond
+        from plumbob.data.calibrated import temperature_beyond
+        from plumbob.filters.offline import bias_beyond
 
         card, filter_ = self._line.session.card, self._line.filter
         at = f"at {float(part.imu.t[0]):.1f} s"
@@ -168,8 +168,8 @@ def _look_at(counts: "Counts") -> str:
 
 def attitude_of(part: "Part | None") -> str:
     """Last attitude of a part in words."""
+    from plumbob.core.units import to_deg
     from plumbob.rotations import euler_zyx_from_quat
-    from plumbob.units import to_deg
 
     if part is None or part.track is None:
         return ""
@@ -179,9 +179,9 @@ def attitude_of(part: "Part | None") -> str:
 
 def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any]:
     """What a run gave, for JSON."""
-    from plumbob.io import inferred
-    from plumbob.pipeline.sources import KERNEL
-    from plumbob.sensors.odds import passes_anything
+    from plumbob.files import inferred
+    from plumbob.protocols.overlap import passes_anything
+    from plumbob.session.sources import KERNEL
 
     last = status.last
     by_kernel = session.source is not None and session.source.kind in KERNEL
@@ -208,7 +208,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
 def print_report(report: Mapping[str, Any], last: str) -> None:
     """Print what a run gave, as text."""
     from plumbob.data import calibration_told
-    from plumbob.sensors.page import UNCHECKED
+    from plumbob.protocols.page import UNCHECKED
 
     told, counts = report["time"], report["bytes"]
     rate = "unknown" if told["rate"] is None else f"{told['rate']:.6g} Hz"

@@ -9,17 +9,17 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NoReturn, TextIO, cast
 
-from plumbob import __version__
 from plumbob.cli import common
-from plumbob.errors import PlumbobError
-from plumbob.plain import visible
+from plumbob.core.errors import PlumbobError
+from plumbob.core.text import visible
+from plumbob.core.version import __version__
 
 _LAYOUT: Final = "\n\t"
 
@@ -53,7 +53,7 @@ units: SI and radians inside; every other unit is written, as in --params gate=0
 """
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
     """Parser that takes no abbreviations, as --noise for --noise-card; verbs and what is nested in them inherit it."""
 
     def __init__(self, **settings: Any) -> None:
@@ -62,7 +62,7 @@ class _Parser(argparse.ArgumentParser):
 
 def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
     """Parser of the command line with these verbs; with one alone, its own help and errors read as with all."""
-    parser = _Parser(
+    parser = Parser(
         prog="plumbob",
         description="Attitude from MEMS inertial sensors: decode, record, replay, characterise, calibrate, estimate, "
         "evaluate.",
@@ -89,6 +89,16 @@ def _joined(words: Sequence[str]) -> list[str]:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line and return its exit code."""
+    return run(argv, _parser_for, "plumbob")
+
+
+def _parser_for(words: Sequence[str]) -> argparse.ArgumentParser:
+    """Parser of the one verb that is asked for, which imports no other; of all where none is."""
+    return build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS)
+
+
+def run(argv: Sequence[str] | None, parser: Callable[[Sequence[str]], argparse.ArgumentParser], program: str) -> int:
+    """Run the command line of a program and return its exit code; an error becomes a line."""
     for stream in (sys.stdout, sys.stderr):  # a terminal that cannot show µ or ² must not cost the result
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
@@ -98,27 +108,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = argparse.Namespace(verb=" ".join(words[:1]))  # until they are parsed
     try:
         with _ending_by_signal():
-            args = build_parser(words[:1] if words[:1] and words[0] in VERBS else VERBS).parse_args(_joined(words))
+            args = parser(words).parse_args(_joined(words))
             with _visible_output():
                 code: int = args.run(args)
         if sys.stdout:
             sys.stdout.flush()
     except PlumbobError as error:
-        print(f"plumbob {args.verb}: {visible(str(error), _LAYOUT)}", file=sys.stderr)
+        print(f"{program} {args.verb}: {visible(str(error), _LAYOUT)}", file=sys.stderr)
         return 1
     except (KeyboardInterrupt, _SignalledError) as ended:
-        return _ended(args, getattr(ended, "number", signal.SIGINT))
+        return _ended(program, args, getattr(ended, "number", signal.SIGINT))
     except BrokenPipeError:  # the reader of a pipe went away; that is its right
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        print(f"plumbob {args.verb}: {visible(_words(error), _LAYOUT)}", file=sys.stderr)
+        print(f"{program} {args.verb}: {visible(_words(error), _LAYOUT)}", file=sys.stderr)
         return 1
     except Exception:
         import traceback
 
         traceback.print_exc()
-        print(f"plumbob {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
+        print(f"{program} {args.verb}: this is a defect of plumbob {__version__}; please report it.", file=sys.stderr)
         return 70
     return code
 
@@ -149,12 +159,12 @@ def _raise(number: int, _frame: FrameType | None) -> NoReturn:
     raise _SignalledError(number)
 
 
-def _ended(args: argparse.Namespace, number: int) -> int:
+def _ended(program: str, args: argparse.Namespace, number: int) -> int:
     """Say by what the verb was ended, and which of its files it had not written; its exit code is the shell's."""
     how = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
     lacking = ", ".join(map(str, common.unwritten(args)))
     told = f"; not written: {lacking}" if lacking else ""
-    print(f"plumbob {args.verb}: ended by {how}{visible(told)}.", file=sys.stderr)
+    print(f"{program} {args.verb}: ended by {how}{visible(told)}.", file=sys.stderr)
     return 128 + number
 
 

@@ -24,9 +24,9 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob._files import profile_beside
-    from plumbob.io.draft import profile
-    from plumbob.plain import listed
+    from plumbob.core.files import profile_beside
+    from plumbob.core.text import listed
+    from plumbob.files.draft import profile
 
     out = args.out or profile_beside(args.file)
     draft = profile(args.file, out=out)

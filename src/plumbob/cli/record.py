@@ -10,7 +10,7 @@ from plumbob.cli import line as told
 from plumbob.cli import session as lines
 
 if TYPE_CHECKING:
-    from plumbob.pipeline.session import Session
+    from plumbob.session.session import Session
 
 
 LOSSY = 3
@@ -47,13 +47,13 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.errors import DecodeError
-    from plumbob.pipeline.keep import Keeper, named_at
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.runner import run_line
-    from plumbob.pipeline.sinks import Sink, TextSink
-    from plumbob.pipeline.sources import open_source
-    from plumbob.units import Quantity, parse
+    from plumbob.core.errors import DecodeError
+    from plumbob.core.units import Quantity, parse
+    from plumbob.session.recording_sink import Keeper, named_at
+    from plumbob.session.runner import run_line
+    from plumbob.session.sinks import Sink, TextSink
+    from plumbob.session.sources import open_source
+    from plumbob.session.stream import Line
 
     session = named_at(session_of(args), time.time_ns())
     duration = None if args.duration is None else parse(args.duration, Quantity.TIME)
@@ -99,8 +99,8 @@ def session_of(args: argparse.Namespace) -> "Session":
     """Session from the file, or from the options; --out and --text go before what the file says."""
     from dataclasses import replace
 
-    from plumbob.errors import ParameterError
-    from plumbob.pipeline.session import RecordSpec
+    from plumbob.core.errors import ParameterError
+    from plumbob.session.session import RecordSpec
 
     imu = {key: value for key in ("device", "frame", "place", "date") if (value := getattr(args, key))}
     tables = told.estimate_tables(args) | ({"imu": imu} if imu else {})

@@ -24,7 +24,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.record import repair
+    from plumbob.files.mcap import repair
 
     common.check_outputs(args, args.out, inputs=args.files)
     verdict = repair(args.files[0] if len(args.files) == 1 else args.files, args.out, overwrite=args.force)

@@ -8,10 +8,10 @@ from plumbob.cli import common
 from plumbob.cli import line as told
 
 if TYPE_CHECKING:
-    from plumbob.link import Event
-    from plumbob.pipeline.session import Session
-    from plumbob.pipeline.sinks import Sink
-    from plumbob.record import Log
+    from plumbob.acquisition.transport import Event
+    from plumbob.files.mcap import Log
+    from plumbob.session.session import Session
+    from plumbob.session.sinks import Sink
 
 DIFFERENT = 3
 
@@ -50,14 +50,14 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from dataclasses import asdict
 
-    from plumbob.errors import ParameterError
-    from plumbob.io import Recording, inferred
-    from plumbob.pipeline.exports import export
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.replay import Check, open_recording
-    from plumbob.pipeline.runner import run_line
-    from plumbob.pipeline.sinks import Tracks
-    from plumbob.pipeline.sources import ReplaySource
+    from plumbob.core.errors import ParameterError
+    from plumbob.files import Recording, inferred
+    from plumbob.session.exports import export
+    from plumbob.session.replay import Check, open_recording
+    from plumbob.session.runner import run_line
+    from plumbob.session.sinks import Tracks
+    from plumbob.session.sources import ReplaySource
+    from plumbob.session.stream import Line
 
     if args.speed is not None and not args.speed > 0.0:
         raise ParameterError(f"--speed must be above 0, but it is {args.speed:g}.")
@@ -102,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _day(log: "Log") -> str | None:
     """Day of the first row, ISO 8601; None where it is not known."""
-    from plumbob.earth_field import day_of
+    from plumbob.data.earth_field import day_of
 
     info, first = log.first_info, next(iter(log), None)
     return None if info is None or first is None else day_of(info.epoch_offset_ns + first.t_ns)
@@ -112,9 +112,9 @@ def _changed(args: argparse.Namespace, log: "Log", session: "Session") -> "Sessi
     """The recording's session, or what the options make of it."""
     from dataclasses import replace
 
-    from plumbob.cards import CalibrationCard
-    from plumbob.errors import FrameError, ParameterError
-    from plumbob.pipeline.session_toml import load_session, of_unit
+    from plumbob.core.errors import FrameError, ParameterError
+    from plumbob.data.cards import CalibrationCard
+    from plumbob.session.session_toml import load_session, of_unit
 
     if args.session is not None:
         session = load_session(args.session, date=_day(log))

@@ -9,7 +9,7 @@ from plumbob.cli import common
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack, ImuData
-    from plumbob.pipeline import Stage
+    from plumbob.filters.offline import Stage
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -38,10 +38,11 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from dataclasses import replace
 
-    from plumbob import io, pipeline
-    from plumbob.doubts import upside_down
-    from plumbob.errors import ParameterError, ShapeError
-    from plumbob.pipeline.bias_prior import bias_beyond
+    from plumbob import files
+    from plumbob.core.errors import ParameterError, ShapeError
+    from plumbob.data.plausibility import upside_down
+    from plumbob.filters.offline import bias_beyond, estimate, filter_of, navigation_frame
+    from plumbob.session.reading import read_any
 
     chosen = common.stages(args.filter, args.params)
     if len(chosen) != 1:
@@ -49,26 +50,26 @@ def run(args: argparse.Namespace) -> int:
     inputs = (args.file, args.profile, args.calibration, args.noise)
     common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)
     stage = replace(common.given_noise(chosen, args.noise)[0], init=args.init)
-    recording = pipeline.read_any(args.file, profile=args.profile)
+    recording = read_any(args.file, profile=args.profile)
     if recording.imu is None:
         raise ShapeError(f"{args.file} holds an attitude but no sensor data, so there is nothing to estimate from.")
-    frame = pipeline.navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
+    frame = navigation_frame(recording.imu, common.frame_of(args), where=str(args.file))
     imu, beyond = _calibrated(_placed(args, recording.imu, stage), args.calibration)
-    doubt = io.inferred_in(recording.notes)
-    found = io.found_in(recording.notes) if args.calibration is None else (*doubt, *io.findings(imu))
+    doubt = files.inferred_in(recording.notes)
+    found = files.found_in(recording.notes) if args.calibration is None else (*doubt, *files.findings(imu))
     if beyond is not None:
         found = (*found, f"temperature: {beyond}")
     common.note(*(f"{args.file.name}: {line}" for line in (*found, *upside_down(imu, frame))))
     common.warn_of_compiling([stage.filter])
     with common.progress(f"{stage.name}", len(imu)) as advance:
-        track = pipeline.estimate(imu, stage, frame=frame, reference=recording.track, progress=advance)
+        track = estimate(imu, stage, frame=frame, reference=recording.track, progress=advance)
     _warn_of_restarts(imu, track)
-    filter_ = pipeline.filter_of(stage, frame, imu.meta)
+    filter_ = filter_of(stage, frame, imu.meta)
     if (contradiction := bias_beyond(filter_, track)) is not None:
         common.note(contradiction)
     if args.out:
         notes = (f"estimated from {args.file.name} by {track.source}", *doubt)
-        io.write(args.out, track, notes=notes, overwrite=args.force)
+        files.write(args.out, track, notes=notes, overwrite=args.force)
     report = _report(args, imu, track) | {"filter": filter_.describe(), "bias_beyond": contradiction}
     report["declination_deg"] = common.declination_deg(filter_, track)
     report |= {"temperature_beyond": beyond, "noise_card": _noise(stage), "claimed_sd_deg": _claimed(track)}
@@ -80,8 +81,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _placed(args: argparse.Namespace, imu: "ImuData", stage: "Stage") -> "ImuData":
     """Samples with the declination of --place, and a note of the field there."""
-    from plumbob.earth_field import located
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
+    from plumbob.data.earth_field import located
 
     if args.place is None:
         if args.date is not None:
@@ -98,8 +99,8 @@ def _calibrated(imu: "ImuData", path: Path | None) -> "tuple[ImuData, str | None
     """Samples with the card of a file applied, and how far beyond its temperatures they are."""
     if path is None:
         return imu, None
-    from plumbob.calib.model import apply_card, temperature_beyond
-    from plumbob.cards import CalibrationCard
+    from plumbob.data.calibrated import apply_card, temperature_beyond
+    from plumbob.data.cards import CalibrationCard
 
     card = CalibrationCard.load(path)
     imu = apply_card(card, imu)
@@ -110,11 +111,12 @@ def _warn_of_restarts(imu: "ImuData", track: "AttitudeTrack") -> None:
     """A filter that starts anew all the time is no filter: most often time is in another unit than declared."""
     import numpy as np
 
-    from plumbob import clock, flags
+    from plumbob.core import flags
+    from plumbob.core.time import timing
 
     share = float(np.mean((np.asarray(track.flags) & flags.GAP) != 0))
     if share > 0.05:
-        step = 1.0 / clock.timing(imu.t).rate
+        step = 1.0 / timing(imu.t).rate
         common.note(
             f"{100.0 * share:.0f} % of the samples come after a gap, at which a filter starts anew where it exceeds "
             f"max_gap; the median step is {step:.4g} s. Check the unit of time, and max_gap."
@@ -129,9 +131,9 @@ def _claimed(track: "AttitudeTrack") -> dict[str, float | None] | None:
     """Standard deviations that the filter claims for its last attitude; none for a heading that is free."""
     if track.cov_b is None:
         return None
-    from plumbob.evaluate import claimed_sd
+    from plumbob.core.units import to_deg
+    from plumbob.evaluation import claimed_sd
     from plumbob.rotations import North
-    from plumbob.units import to_deg
 
     tilt, heading = (float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:]))
     known = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
@@ -141,9 +143,9 @@ def _claimed(track: "AttitudeTrack") -> dict[str, float | None] | None:
 def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") -> dict[str, Any]:
     import numpy as np
 
-    from plumbob import flags
+    from plumbob.core import flags
+    from plumbob.core.units import to_deg
     from plumbob.rotations import euler_zyx_from_quat, quat_rotate
-    from plumbob.units import to_deg
 
     last = track.q_nb[-1]
     yaw, pitch, roll = to_deg(euler_zyx_from_quat(last))
@@ -164,8 +166,8 @@ def _report(args: argparse.Namespace, imu: "ImuData", track: "AttitudeTrack") ->
 
 def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any]:
     """Errors against the reference that the recording carries; a word where they cannot be compared."""
-    from plumbob.errors import PlumbobError
-    from plumbob.evaluate import evaluate
+    from plumbob.core.errors import PlumbobError
+    from plumbob.evaluation import evaluate
 
     try:
         summary = evaluate(track, reference).summary()

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from plumbob.pipeline.session import Session
+    from plumbob.session.session import Session
 
 
 def add_line(p: argparse._ActionsContainer) -> None:
@@ -51,9 +51,9 @@ def session_of(
     PlumbobError
         If not exactly one line is named, the options do not fit it, or the file cannot be read.
     """
-    from plumbob._files import text_of
-    from plumbob.errors import ParameterError
-    from plumbob.pipeline.session_toml import load_session, parse_session, plain_session
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.files import text_of
+    from plumbob.session.session_toml import load_session, parse_session, plain_session
 
     if [file, args.port, capture, args.iio].count(None) != 3:
         raise ParameterError("give either a session file, or --port or --from with --format, or --iio.")

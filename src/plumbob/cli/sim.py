@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
-from plumbob.units import Quantity
+from plumbob.core.units import Quantity
 
 if TYPE_CHECKING:
     from plumbob.rotations import Frame
@@ -61,10 +61,10 @@ def add_scenario_options(p: argparse.ArgumentParser, *, optional: bool = False) 
 
 
 def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]":
-    """Frame and keyword arguments of `plumbob.sim.simulate` that the options name."""
-    from plumbob.errors import FrameError, ParameterError
+    """Frame and keyword arguments of `plumbob.simulation.simulate` that the options name."""
+    from plumbob.core.errors import FrameError, ParameterError
+    from plumbob.core.units import parse
     from plumbob.rotations import Frame
-    from plumbob.units import parse
 
     frame = common.frame_of(args)
     if frame is None:
@@ -82,11 +82,11 @@ def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob import io
-    from plumbob.cards import NoiseCard
+    from plumbob import files
+    from plumbob.core.errors import ParameterError
     from plumbob.data import calibration_told
-    from plumbob.errors import ParameterError
-    from plumbob.sim import simulate
+    from plumbob.data.cards import NoiseCard
+    from plumbob.simulation import simulate
 
     if args.list:
         _print_list()
@@ -99,8 +99,8 @@ def run(args: argparse.Namespace) -> int:
     choice = {"sensors": args.sensors, "module": args.module, "seed": args.seed, "noise": noise}
     result = simulate(args.scenario, frame=frame, **choice, **given)
     notes = (result.truth.source, *(() if noise is None else (f"noise {result.noise.source}",)))
-    recording = io.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
-    io.write(args.out, recording, overwrite=args.force)
+    recording = files.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
+    files.write(args.out, recording, overwrite=args.force)
     for path, card in ((args.card, result.calibration), (args.noise_card, result.noise)):
         if path:
             card.save(path, overwrite=args.force)
@@ -113,8 +113,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _print_list() -> None:
-    from plumbob.params import describe, shown
-    from plumbob.sim import SCENARIOS, preset, preset_names
+    from plumbob.core.params import describe, shown
+    from plumbob.simulation import SCENARIOS, preset, preset_names
 
     for name, kind in SCENARIOS.items():
         print(f"{name}: {(kind.__doc__ or '').splitlines()[0]}")

@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumbob.cli import common
-from plumbob.plain import visible
+from plumbob.core.text import visible
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from plumbob.record import Verdict
+    from plumbob.files.mcap import Verdict
 
 DAMAGED = 3
 """Exit code for a recording that is not whole."""
@@ -34,7 +34,7 @@ PATH_HELP = "recording (all its parts), one part, several parts, or a folder of 
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.record import verify
+    from plumbob.files.mcap import verify
 
     verdict = verify(args.files[0] if len(args.files) == 1 else args.files)
     common.print_json(verdict.as_dict()) if args.json else print_verdict(verdict)

@@ -25,14 +25,15 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob import _jit
-    from plumbob.errors import PlumbobError
+    from plumbob.calibration.guide import sink
+    from plumbob.core import _jit
+    from plumbob.core.errors import PlumbobError
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.channel import RateFilter, channel_names
-    from plumbob.pipeline import characterise, guided
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.session_toml import parse_session
+    from plumbob.noise import characterise
     from plumbob.rotations import Frame
+    from plumbob.session.session_toml import parse_session
+    from plumbob.session.stream import Line
 
     _jit.compiling("everything")  # which the user has asked for, and need not be told
     names, channels = filter_names(), channel_names()
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
             advance(1)
         Line(parse_session(SESSION, str, name="warmup")).warm_up()
         advance(1)
-        for part in (characterise, guided):
+        for part in (characterise, sink):
             part.warm_up()
             advance(1)
     if (why := _jit.why_no_cache()) is not None:

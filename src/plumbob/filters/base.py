@@ -14,14 +14,18 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check, flags
-from plumbob._jit import Kernel, bare, njit, specialise
-from plumbob._repr import Shown
-from plumbob.check import Floats
-from plumbob.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
+from plumbob.core import check, flags
+from plumbob.core._jit import Kernel, bare, njit, specialise
+from plumbob.core.check import Floats
+from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
+from plumbob.core.params import Spec, build, describe, shown
+from plumbob.core.repr import Shown
+from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
-from plumbob.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
-from plumbob.filters.admission import judge, usable
+from plumbob.data.sample import ImuSample
+from plumbob.filters.input_checks import judge, usable, watch
+from plumbob.filters.known import load
 from plumbob.filters.layout import (
     BIAS,
     BLIND,
@@ -43,15 +47,11 @@ from plumbob.filters.layout import (
 from plumbob.filters.settling import settle, trial_time
 from plumbob.filters.start import Start, start_of
 from plumbob.filters.timing import tick
-from plumbob.filters.watch import watch
-from plumbob.params import Spec, build, describe, shown
 from plumbob.rotations import Frame, North
 from plumbob.rotations.kernels import rotate
-from plumbob.sample import ImuSample
-from plumbob.units import Quantity, to_deg
 
 if TYPE_CHECKING:
-    from plumbob.cards import NoiseCard
+    from plumbob.data.cards import NoiseCard
 
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
@@ -274,8 +274,6 @@ class Filter(Shown):
         init: Start | ArrayLike | str | None = None,
         meta: ImuMeta | None = None,
     ) -> None:
-        from plumbob.filters import load
-
         self.name = name
         self.frame = frame = Frame.parse(frame)
         self.module = load(name)
@@ -345,7 +343,7 @@ class Filter(Shown):
         """Covariance of the attitude error in body axes now, rad², (3, 3); None for a filter that claims none.
 
         It counts what the calibration leaves, as the meta of the recording or of the filter says; see
-        `plumbob.filters.consider`.
+        `plumbob.filters.settling`.
         """
         place = self._covariance
         if place.start == place.stop:
@@ -358,7 +356,7 @@ class Filter(Shown):
         """Covariance (N, 3, 3) of the filter's own entries, and of what the calibration leaves, by the field seen."""
         module: Any = self.module
         own: Floats = module.covariance(q_nb, entries[:, :-2])
-        from plumbob.filters.consider import considered
+        from plumbob.filters.settling import considered
 
         north = float(self._c[NORTH_X]), float(self._c[NORTH_Y])
         return own + considered(q_nb, entries[:, -2:], float(self._c[UP]), north, *self._left)
@@ -602,7 +600,7 @@ def _saved_start(saved: Any) -> Start | None:
 
 
 def _warn_of_doubts(data: ImuData, frame: Frame) -> None:
-    from plumbob.doubts import doubts, upside_down
+    from plumbob.data.plausibility import doubts, upside_down
 
     first = data[:_LOOKED_AT]
     for doubt in (*doubts(first), *upside_down(first, frame)):

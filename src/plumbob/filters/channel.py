@@ -24,14 +24,15 @@ from typing import Any, NamedTuple, Protocol, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check, clock, flags
-from plumbob._jit import Kernel, njit, specialise
-from plumbob.check import Floats
-from plumbob.constants import IMPOSSIBLE_RATE
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core import check, flags
+from plumbob.core._jit import Kernel, njit, specialise
+from plumbob.core.check import Floats
+from plumbob.core.constants import IMPOSSIBLE_RATE
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.params import build, describe, shown
+from plumbob.core.time import to_ns
 from plumbob.filters.layout import COUNT, OWN, RATE
 from plumbob.filters.timing import tick
-from plumbob.params import build, describe, shown
 
 _MODULES: Mapping[str, str] = {
     "scalar": "channel_scalar",
@@ -182,9 +183,9 @@ class RateFilter:
         time = check.column("t", t)
         check.increasing_time("t", time)
         if self.channels is None:
-            out, found = self._run(clock.to_ns(time), check.column("rate", rate, time.size)[:, np.newaxis])
+            out, found = self._run(to_ns(time), check.column("rate", rate, time.size)[:, np.newaxis])
             return Smoothed(out[:, 0], found)
-        return Smoothed(*self._run(clock.to_ns(time), check.rows("rate", rate, self.channels, time.size)))
+        return Smoothed(*self._run(to_ns(time), check.rows("rate", rate, self.channels, time.size)))
 
     def update(self, t_ns: int, *rate: float) -> int:
         """Take the next sample, one rate, rad/s, for each channel, and return its flags; `rate` is then the result."""

@@ -22,12 +22,12 @@ n          samples       1        length of the window
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.errors import ParameterError
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity
 from plumbob.filters.layout import OWN, RATE
-from plumbob.params import Spec
-from plumbob.units import Quantity
 
 LENGTH: Final = 0
 

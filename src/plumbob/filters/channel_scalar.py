@@ -27,12 +27,12 @@ unit.
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.errors import ParameterError
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity, dps
 from plumbob.filters.layout import BLIND, LEVEL, OWN, RATE, STAGE
-from plumbob.params import Spec
-from plumbob.units import Quantity, dps
 
 Q: Final = 0
 R: Final = 1

@@ -25,11 +25,11 @@ Departures from [Chen2013]: the second state. The paper's one-state filter is `c
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob._jit import njit
-from plumbob.check import Floats
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity, deg, dps
 from plumbob.filters.layout import BLIND, LEVEL, OWN, RATE, STAGE
-from plumbob.params import Spec
-from plumbob.units import Quantity, deg, dps
 
 DENSITY: Final = 0
 R: Final = 1

@@ -32,16 +32,16 @@ accelerometer's. The rate between two samples is taken as a straight line.
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.admission import admit, refused, usable
-from plumbob.filters.alignment import heading_offset, initialise, turn_about_vertical, up_in_body
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity
+from plumbob.filters.input_checks import admit, refused, usable
 from plumbob.filters.integrate import turn
 from plumbob.filters.layout import HEADED, OWN_C, RATE, STAGE, UP, Q
-from plumbob.params import Spec
+from plumbob.filters.start import heading_offset, initialise, turn_about_vertical, up_in_body
 from plumbob.rotations.kernels import Vec, cross, quat_unit
-from plumbob.units import Quantity
 
 SUMMARY: Final = "classic complementary filter, time constants for tilt and heading"
 REFERENCES: Final = ("Higgins1975",)

@@ -45,12 +45,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.constants import G0
-from plumbob.filters.admission import admit, refused, usable
-from plumbob.filters.alignment import initialise, level
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity, deg, dps, g
+from plumbob.filters.input_checks import admit, refused, usable
 from plumbob.filters.layout import BIAS, HEADED, OWN, OWN_C, STAGE, UP, Q
 from plumbob.filters.quaternion_bias import (
     P_BB,
@@ -62,12 +63,11 @@ from plumbob.filters.quaternion_bias import (
     predict,
     set_covariance,
 )
-from plumbob.params import Spec
+from plumbob.filters.start import initialise, level
 from plumbob.rotations.kernels import quat_mul, quat_unit
-from plumbob.units import Quantity, deg, dps, g
 
 if TYPE_CHECKING:
-    from plumbob.cards import NoiseCard
+    from plumbob.data.cards import NoiseCard
 
 SUMMARY: Final = "quaternion and bias Kalman filter with a rest detector (rod paper); heading is free"
 REFERENCES: Final = ("Li2012",)

@@ -31,15 +31,15 @@ half out.
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.admission import admit, refused, usable
-from plumbob.filters.alignment import initialise
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity
+from plumbob.filters.input_checks import admit, refused, usable
 from plumbob.filters.layout import HEADED, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
-from plumbob.params import Spec
+from plumbob.filters.start import initialise
 from plumbob.rotations.kernels import Vec, quat_mul, quat_unit, rotate
-from plumbob.units import Quantity
 
 SUMMARY: Final = "quaternion Kalman filter on two directions (arm-teaching paper), without bias"
 REFERENCES: Final = ("HuangJiang",)

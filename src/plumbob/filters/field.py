@@ -8,10 +8,10 @@ turns with it) becomes the new reference, [Laidig2023]. The dip is kept as its s
 import math
 from typing import Final
 
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.smooth import kept_weights, smooth
-from plumbob.units import deg, dps
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.units import deg, dps
+from plumbob.filters.timing import kept_weights, smooth
 
 TAU_NOW: Final = 0.05
 """Smoothing of the field now, s."""

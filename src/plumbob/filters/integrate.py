@@ -15,14 +15,14 @@ Departures from [Bortz1971]: the non-commuting integral is cut after its first t
 
 from typing import Annotated, Final, NamedTuple
 
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.admission import admit
-from plumbob.filters.alignment import initialise
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity
+from plumbob.filters.input_checks import admit
 from plumbob.filters.layout import HEADED, OWN, OWN_C, RATE, STAGE, Q
-from plumbob.params import Spec
+from plumbob.filters.start import initialise
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit
-from plumbob.units import Quantity
 
 SUMMARY: Final = "gyroscope integration, exact exponential with coning term"
 REFERENCES: Final = ("Bortz1971",)

@@ -8,12 +8,12 @@ Departures from [Yu2018]: the indices of its equation (3) are corrected, and q i
 
 from typing import Final, NamedTuple
 
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.admission import admit
-from plumbob.filters.alignment import initialise
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.filters.input_checks import admit
 from plumbob.filters.layout import HEADED, STAGE
 from plumbob.filters.mahony import integrate
+from plumbob.filters.start import initialise
 
 SUMMARY: Final = "gyroscope integration, first order and normalised (drifting-buoy paper)"
 REFERENCES: Final = ("Yu2018",)

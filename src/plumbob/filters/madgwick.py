@@ -25,15 +25,15 @@ the error out; the start is taken from the first samples instead of the identity
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.admission import admit, refused, usable
-from plumbob.filters.alignment import initialise
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity
+from plumbob.filters.input_checks import admit, refused, usable
 from plumbob.filters.layout import BIAS, HEADED, NORTH_X, NORTH_Y, OWN_C, STAGE, UP, Q
-from plumbob.params import Spec
+from plumbob.filters.start import initialise
 from plumbob.rotations.kernels import Quat, quat_mul, quat_unit, rotate
-from plumbob.units import Quantity
 
 SUMMARY: Final = "gradient descent of the 2010 report (Madgwick), with optional bias"
 REFERENCES: Final = ("Madgwick2010",)

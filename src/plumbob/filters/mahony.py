@@ -31,16 +31,16 @@ and Ki by 0 until 1/t has fallen to Kp.
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.constants import G0
-from plumbob.filters.admission import admit, refused, usable
-from plumbob.filters.alignment import initialise, up_in_body
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity
+from plumbob.filters.input_checks import admit, refused, usable
 from plumbob.filters.layout import BIAS, BLIND, HEADED, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
-from plumbob.params import Spec
+from plumbob.filters.start import initialise, up_in_body
 from plumbob.rotations.kernels import Vec, cross, quat_mul, quat_unit, rows
-from plumbob.units import Quantity
 
 SUMMARY: Final = "PI complementary filter with a norm gate (drifting-buoy paper; Mahony 2008)"
 REFERENCES: Final = ("Mahony2008", "Yu2018")

@@ -36,14 +36,14 @@ from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
 
 import numpy as np
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.constants import G0
-from plumbob.filters.admission import refused, usable
-from plumbob.filters.alignment import angle_to, has_heading, initialise, upright
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity, deg, dps
 from plumbob.filters.field import FIELD_SIZE, disturbed, known, unlike2
-from plumbob.filters.guard import (
+from plumbob.filters.input_checks import (
     GRAVITY_SIZE,
     GUARD_SIZE,
     JUMP_SD,
@@ -53,17 +53,18 @@ from plumbob.filters.guard import (
     keeps_accelerating,
     may_be_gravity,
     only_gravity,
+    refused,
     trusted,
+    usable,
 )
 from plumbob.filters.integrate import turn
 from plumbob.filters.layout import BIAS, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_speed
-from plumbob.params import Spec
+from plumbob.filters.start import angle_to, has_heading, initialise, upright
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate, rows
-from plumbob.units import Quantity, deg, dps
 
 if TYPE_CHECKING:
-    from plumbob.cards import NoiseCard
+    from plumbob.data.cards import NoiseCard
 
 SUMMARY: Final = "multiplicative EKF: attitude, bias and bounded velocity, with a covariance that is meant; gates, rest"
 REFERENCES: Final = ("Sola2017",)

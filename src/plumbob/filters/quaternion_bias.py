@@ -7,9 +7,9 @@ columns.
 
 from typing import Final
 
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.constants import G0
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.filters.layout import BIAS, OWN, Q
 from plumbob.rotations.kernels import Quat, Vec, half_angle, quat_mul, third_row
 

@@ -7,12 +7,12 @@ the rate is small enough to be a bias, [Laidig2023] section on rest detection.
 import math
 from typing import Annotated
 
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.smooth import kept_weights, smooth
-from plumbob.params import Spec
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity
+from plumbob.filters.timing import kept_weights, smooth
 from plumbob.rotations.kernels import Vec
-from plumbob.units import Quantity
 
 RestRate = Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)]
 RestForce = Annotated[

@@ -1,20 +1,113 @@
-"""The attitude that a filter is started from, where its first samples are not to give it."""
+"""The attitude that a filter starts from: given, or the best that its first samples agree on.
 
+Attitude from one look at gravity and the magnetic field: how filters start, and what tilt and compass say.
+
+Tilt comes from the accelerometer alone and the heading from the field in the level plane, so that a magnetic
+disturbance never tips the horizon.
+"""
+
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core import check, flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.units import Quantity, parse
+from plumbob.filters.input_checks import usable
+from plumbob.filters.layout import HEADED, LEVEL, NORTH_X, NORTH_Y, STAGE, UP, Q
 from plumbob.rotations import Frame, North, quat_from_euler_zyx, quat_normalize
-from plumbob.units import Quantity, parse
+from plumbob.rotations.kernels import Quat, Vec, quat_mul, quat_unit, rotate, third_row
+
+
+@njit
+def up_in_body(up: float, q0: float, q1: float, q2: float, q3: float) -> Vec:
+    """Unit vector away from the Earth in body axes, where an accelerometer at rest points."""
+    zx, zy, zz = third_row(q0, q1, q2, q3)
+    return up * zx, up * zy, up * zz
+
+
+@njit
+def level(up: float, ax: float, ay: float, az: float) -> Quat:
+    """Attitude of yaw zero whose up direction is that of the specific force a."""
+    zx, zy, zz = up * ax, up * ay, up * az
+    half_pitch = 0.5 * math.atan2(-zx, math.sqrt(zy * zy + zz * zz))
+    half_roll = 0.5 * math.atan2(zy, zz)
+    cp, sp, cr, sr = math.cos(half_pitch), math.sin(half_pitch), math.cos(half_roll), math.sin(half_roll)
+    return cp * cr, cp * sr, sp * cr, -sp * sr
+
+
+@njit
+def has_heading(hx: float, hy: float, hz: float) -> bool:
+    """False for a field that stands (nearly) vertical, within 0.1 % of its size."""
+    level2 = hx * hx + hy * hy
+    return level2 > 1e-6 * (level2 + hz * hz)
+
+
+@njit
+def angle_to(hx: float, hy: float, nx: float, ny: float) -> float:
+    """Angle about z, rad, that brings the level vector h to the direction n."""
+    return math.atan2(hx * ny - hy * nx, hx * nx + hy * ny)
+
+
+@njit
+def upright(up: float, ex: float, ey: float, ez: float) -> Quat:
+    """Shortest turn that brings the unit vector e up, which is +z or −z as `up` says."""
+    w = math.sqrt(max(0.5 * (up * ez + 1.0), 1e-12))
+    half = 0.5 * up / w
+    return w, half * ey, -half * ex, 0.0
+
+
+@njit
+def heading_offset(
+    c: Floats, q0: float, q1: float, q2: float, q3: float, mx: float, my: float, mz: float
+) -> tuple[bool, float]:
+    """Angle about the navigation z axis, rad, that brings the level part of the field m to north.
+
+    Returns
+    -------
+    tuple
+        False and 0 where the field has no heading.
+    """
+    hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
+    if not has_heading(hx, hy, hz):
+        return False, 0.0
+    return True, angle_to(hx, hy, c[NORTH_X], c[NORTH_Y])
+
+
+@njit
+def turn_about_vertical(angle: float, q0: float, q1: float, q2: float, q3: float) -> Quat:
+    """Attitude q turned by an angle, rad, about the navigation z axis."""
+    return quat_mul(math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle), q0, q1, q2, q3)
+
+
+@njit
+def initialise(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: float, mz: float) -> int:
+    """Take up tilt, then heading, as soon as a sample shows them; returns what is still missing as flags."""
+    if x[STAGE] < LEVEL:
+        if not usable(ax, ay, az):
+            return flags.NOT_CONVERGED | flags.HEADING_FREE
+        x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = level(c[UP], ax, ay, az)
+        x[STAGE] = LEVEL
+    if not usable(mx, my, mz):
+        return flags.HEADING_FREE
+    found, angle = heading_offset(c, x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
+    if not found:
+        return flags.HEADING_FREE
+    q0, q1, q2, q3 = turn_about_vertical(angle, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
+    x[STAGE] = HEADED
+    return 0
+
 
 LEVEL_WORD: Final = "level"
 """Roll and pitch zero; the heading is free until a magnetometer sets it."""
 TRUTH_WORD: Final = "truth"
-"""The first attitude of the recording's reference, which `plumbob.pipeline.start_from` looks up."""
+
+"""The first attitude of the recording's reference, which `plumbob.session.start_from` looks up."""
 
 
 class Start(NamedTuple):
@@ -48,7 +141,7 @@ def start_of(init: "Start | ArrayLike | str", frame: Frame) -> Start:
         return Start(quat_from_euler_zyx([0.0, 0.0, 0.0]), North.FREE)
     if init == TRUTH_WORD:
         raise ParameterError(
-            "init='truth' needs the recording's reference: plumbob.pipeline.start_from(reference, imu, ...) gives it."
+            "init='truth' needs the recording's reference: plumbob.session.start_from(reference, imu, ...) gives it."
         )
     return Start(_of_angles(init, frame))
 

@@ -12,12 +12,12 @@ given.
 import math
 from typing import Final, NamedTuple
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.filters.admission import admit, refused, usable
-from plumbob.filters.alignment import heading_offset, level, turn_about_vertical
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.filters.input_checks import admit, refused, usable
 from plumbob.filters.layout import COUNT, HEADED, LEVEL, OWN, STAGE, UP, Q
+from plumbob.filters.start import heading_offset, level, turn_about_vertical
 from plumbob.rotations.kernels import quat_unit
 
 SUMMARY: Final = "tilt and tilt-compensated compass, no gyroscope (reference estimator)"

@@ -30,14 +30,14 @@ calling for.
 import math
 from typing import Annotated, Final, NamedTuple
 
-from plumbob import flags
-from plumbob._jit import njit
-from plumbob.check import Floats
-from plumbob.constants import G0
-from plumbob.filters.admission import refused, usable
-from plumbob.filters.alignment import angle_to, has_heading, initialise, upright
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity, deg, dps
 from plumbob.filters.field import FIELD_SIZE, disturbed
-from plumbob.filters.guard import (
+from plumbob.filters.input_checks import (
     GRAVITY_SIZE,
     GUARD_SIZE,
     JUMP_SD,
@@ -46,14 +46,15 @@ from plumbob.filters.guard import (
     admit_rate,
     may_be_gravity,
     only_gravity,
+    refused,
     trusted,
+    usable,
 )
 from plumbob.filters.layout import BIAS, BLIND, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
 from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_rate, mean_speed
-from plumbob.filters.smooth import kept_weights, smooth
-from plumbob.params import Spec
+from plumbob.filters.start import angle_to, has_heading, initialise, upright
+from plumbob.filters.timing import kept_weights, smooth
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate
-from plumbob.units import Quantity, deg, dps
 
 SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"
 REFERENCES: Final = ("Laidig2023",)

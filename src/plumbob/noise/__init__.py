@@ -1,17 +1,14 @@
 """Noise: how much a sensor at rest wanders, by averaging time, and what of it belongs into a data sheet."""
 
 from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
-from plumbob.noise.averages import Averager
 from plumbob.noise.compare import Compared, Comparison, compare
 from plumbob.noise.curve import Curve, curve, curve_of, curves
-from plumbob.noise.deviation import deviation
-from plumbob.noise.edf import edf
+from plumbob.noise.deviation import Averager, deviation
+from plumbob.noise.edf import ONE_SIGMA, edf, interval, skew_edf
 from plumbob.noise.every import every_adev
-from plumbob.noise.factors import log_factors, stream_factors
+from plumbob.noise.factors import KINDS, log_factors, stream_factors
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.identify import identify
-from plumbob.noise.interval import ONE_SIGMA, interval, skew_edf
-from plumbob.noise.kinds import KINDS
 from plumbob.noise.stream import AllanStream, StreamResult
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS
 

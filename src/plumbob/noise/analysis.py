@@ -1,30 +1,266 @@
 """Noise of a channel from its samples: curve, sinusoids, mask, choice of a model, coefficients by three methods."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import ParameterError, UnitError
-from plumbob.noise.bands import LeftOut, leave_out
-from plumbob.noise.bounds import within_the_curve
-from plumbob.noise.choice import Choice, choose
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, UnitError
+from plumbob.core.units import Quantity
+from plumbob.noise.bands import LeftOut, leave_out, lines, mask_first_order
 from plumbob.noise.curve import Curve, curve, with_noise
-from plumbob.noise.findings import Analysis, Coefficient, Estimates, Mask
+from plumbob.noise.edf import interval, skew_edf
+from plumbob.noise.findings import Analysis, Band, Candidate, Coefficient, Estimates, GaussMarkov, Mask
 from plumbob.noise.least_squares import least_squares
-from plumbob.noise.likelihood import Fit, departures, is_more_than, most_likely, octaves
-from plumbob.noise.lines import lines
-from plumbob.noise.mask import mask_first_order
-from plumbob.noise.observe import with_hours
+from plumbob.noise.likelihood import (
+    Fit,
+    coefficients,
+    departures,
+    fit,
+    is_more_than,
+    markov_coefficients,
+    most_likely,
+    octaves,
+)
 from plumbob.noise.sinusoids import find_sinusoids
-from plumbob.noise.spectrum import Spectrum, spectrum
-from plumbob.noise.terms import DATASHEET
-from plumbob.units import Quantity
+from plumbob.noise.spectrum import LETTERS, Spectrum, densities, edges, ramp_coefficients, spectrum
+from plumbob.noise.terms import DATASHEET, variance
+
+BETTER: Final = 10.0
+"""By so much must the criterion of Schwarz be smaller for a Gauss–Markov process to be taken in: strong evidence."""
+
+_FIVE, _SEVEN = "Q N B K R", "Q N B K R + Gauss-Markov"
+_TIMES = 7  # correlation times from which the search for a Gauss–Markov process starts
+_INSIDE = 4.0  # times must a process's corner lie below the highest frequency; nearer, it is the device's filter
+
+
+class Choice(NamedTuple):
+    """A model of a record.
+
+    Attributes
+    ----------
+    best : Fit
+        The fit that was chosen.
+    markov : GaussMarkov or None
+        Its Gauss–Markov process.
+    candidates : tuple of Candidate
+        What was weighed.
+    notes : tuple of str
+        What a reader must know of it.
+    smoothed : float or None
+        Where nothing but that process is left at high frequencies: the time constant, s, of the filter that would make
+        it of white noise. A sensor without any white noise is yet to be built.
+    """
+
+    best: Fit
+    markov: GaussMarkov | None
+    candidates: tuple[Candidate, ...]
+    notes: tuple[str, ...]
+    smoothed: float | None = None
+
+
+def choose(kept: Spectrum) -> Choice:
+    """Fit with or without a Gauss–Markov process, by the criterion of Schwarz [Schwarz1978].
+
+    Parameters
+    ----------
+    kept : Spectrum
+        Of the frequencies that no filter has bent.
+    """
+    plain = fit(kept)
+    low, high = _INSIDE / (2.0 * math.pi * float(kept.frequency[-1])), 0.1 * kept.count * kept.step
+    starts = np.geomspace(low, high, _TIMES) if high > low else ()
+    fits = (fit(kept, markov_time=float(t)) for t in starts)
+    richer = min((f for f in fits if math.exp(f.logs[-1]) > low), key=lambda f: f.deviance, default=None)
+    if richer is None:
+        return Choice(plain, None, (Candidate(_FIVE, 0.0, chosen=True),), ())
+    worse = richer.deviance + 2.0 * math.log(float(kept.terms.sum())) - plain.deviance  # by its criterion
+    taken = worse < -BETTER
+    markov = GaussMarkov(*markov_coefficients(kept, richer)) if taken else None
+    least = min(worse, 0.0)
+    candidates = Candidate(_FIVE, -least, not taken), Candidate(_SEVEN, worse - least, taken)
+    notes = (_tie(richer),) if abs(worse) <= BETTER else ()
+    if not taken:
+        return Choice(plain, None, candidates, notes)
+    smoothed = math.exp(richer.logs[-1]) if _alone_at_the_top(kept, richer) else None
+    return Choice(richer, markov, candidates, notes, smoothed)
+
+
+def _alone_at_the_top(kept: Spectrum, richer: Fit) -> bool:
+    """Whether the process makes more of the highest frequencies than all other terms."""
+    others = float(richer.squares @ densities(kept)[:, -1])
+    return others < 0.5 * float(richer.density[-1])
+
+
+def _tie(richer: Fit) -> str:
+    time = math.exp(richer.logs[-1])
+    return (
+        f"a Gauss-Markov process with a correlation time of about {time:.2g} s would explain the record as well "
+        "as bias instability does; it cannot tell which"
+    )
+
+
+SHOWN: Final = 3.0
+"""A record shows a term when the coefficient is so many of its standard deviations."""
+LONGEST: Final = 10_000.0
+"""Hours beyond which no length is named: more than a year."""
+
+_RAMP = 64  # coefficients in which all is that is known about a ramp, but for 1e-4
+_STEPS = np.arange(0.0, 40.0)  # of √2 in length
+
+
+def with_hours(terms: Mapping[str, Coefficient], dt: float, duration: float) -> dict[str, Coefficient]:
+    """Say for each term that the record does not show how long one would have to be that shows half of its limit.
+
+    Parameters
+    ----------
+    terms : mapping of str to Coefficient
+        By letter.
+    dt : float
+        Sampling time, s.
+    duration : float
+        Of the record, s.
+    """
+    return {letter: replace(c, hours=_hours(letter, terms, dt, duration)) for letter, c in terms.items()}
+
+
+def _hours(letter: str, terms: Mapping[str, Coefficient], dt: float, duration: float) -> float | None:
+    asked = terms[letter]
+    size = 0.5 * asked.upper
+    if asked.observable or not size > 0.0:
+        return None
+    squares = np.array([terms[k].value ** 2 if terms[k].observable else 0.0 for k in LETTERS])
+    if letter != "R":
+        squares[LETTERS.index(letter)] = size**2
+    if not squares.any():
+        return None
+    for length in duration * math.sqrt(2.0) ** _STEPS[1:]:
+        if length > 3600.0 * LONGEST:
+            return None
+        if size >= SHOWN * _sd(letter, squares, dt, length):
+            return float(length / 3600.0)
+    return None
+
+
+def _sd(letter: str, squares: Floats, dt: float, duration: float) -> float:
+    """Standard deviation of a coefficient that a record of this length will have."""
+    count = max(round(duration / dt), 2)
+    thought, rows = _imagined(count, dt)
+    parts = squares[:, np.newaxis] * rows
+    density = np.sum(parts, axis=0)
+    if letter == "R":
+        return float(1.0 / math.sqrt(np.sum(thought.ramp / density)))
+    there = np.flatnonzero(squares)
+    relative = 2.0 * parts[there] / density
+    information = 0.5 * (relative * thought.terms) @ relative.T
+    k = int(np.flatnonzero(there == LETTERS.index(letter))[0])
+    inverse = np.linalg.pinv(information, hermitian=True)
+    return float(math.sqrt(squares[there[k]] * max(inverse[k, k], 0.0)))
+
+
+@lru_cache(maxsize=_STEPS.size)
+def _imagined(count: int, dt: float) -> tuple[Spectrum, Floats]:
+    """Bins of a record of which nothing is known but its length, and their densities; as of the last channel."""
+    start = edges(count)
+    nothing = np.zeros(start.size - 1)
+    ramp = nothing.copy()
+    single = start[:-1] < min(_RAMP, count)
+    ramp[single] = ramp_coefficients(start[:-1][single], count, dt) ** 2
+    thought = Spectrum(dt, count, 1, start[:-1], start[1:], nothing, nothing, ramp)
+    return thought, densities(thought)
+
+
+SURE: Final = 0.9973
+"""Confidence of the curve's interval whose upper end no term may exceed: three standard deviations, for it is asked at
+every averaging time."""
+
+_KNOWN: Final = 0.1  # of the record: of longer averages, nobody knows an interval that holds in so many cases
+_LONGEST: Final = 0.25  # of the record; of longer averages there are less than three differences
+_LEAST: Final = 2.0  # ratio of the averaging times at which a slow term is judged
+_JUDGED: Final = "QBKR"
+_SLOW: Final = "KR"
+
+
+def within_the_curve(
+    kept: Spectrum, best: Fit, of: Curve, mask: Mask, bands: Sequence[Band] = ()
+) -> tuple[dict[str, Coefficient], Fit, tuple[str, ...]]:
+    """Coefficients around a fit of which the curve contradicts none, the fit they are quoted from, and what to tell.
+
+    Quantization is held to the whole curve, masked or not, for no filter of a device takes it away and leaves the
+    angle; the others to what is not masked. White noise is not judged: it is what short averages show.
+    """
+    sure = interval(of.dev, of.edf, skew_edf(of.kind, of.alpha, of.count, of.n), SURE)[1]
+    limits = {letter: _limit(letter, of, sure, mask) for letter in _JUDGED}
+    told: dict[str, str] = {}
+    while True:
+        found, fitted = coefficients(kept, best, barred=told, bands=bands)
+        shown = [letter for letter in _JUDGED if found[letter].observable]
+        more = {w: why for w in shown if (why := _against(w, found, limits[w], of, mask))}
+        if not more:
+            return (
+                {w: _limited(c, limits[w].most) if w in told else c for w, c in found.items()},
+                fitted,
+                (*told.values(),),
+            )
+        told |= more
+
+
+class _Limit(NamedTuple):
+    """Largest coefficient that the curve allows a term that is there alone, and the averaging time that says so, s."""
+
+    most: float
+    tau: float
+
+
+def _limit(letter: str, of: Curve, sure: Floats, mask: Mask) -> _Limit:
+    judged = _judged(letter, of, mask, _KNOWN)
+    tau = of.tau[judged]
+    allowed = sure[judged] / np.sqrt(variance(letter, 1.0, tau))
+    if not allowed.size:
+        return _Limit(math.inf, math.nan)
+    return _Limit(float(allowed.min()), float(tau[np.argmin(allowed)]))
+
+
+def _against(letter: str, found: Mapping[str, Coefficient], limit: _Limit, of: Curve, mask: Mask) -> str | None:
+    """Say in words why the curve contradicts a coefficient, by its lower end; None where it does not."""
+    if letter in _SLOW:
+        return _leaves(letter, found, of, mask)
+    if found[letter].lo <= limit.most:
+        return None
+    return (
+        f"{letter} is not quoted: what the spectrum gives it would alone exceed the measured curve at {limit.tau:.3g} s"
+    )
+
+
+def _leaves(letter: str, found: Mapping[str, Coefficient], of: Curve, mask: Mask) -> str | None:
+    """Say in words that the model lies above the curve's interval wherever a slow term is most of it."""
+    judged = _judged(letter, of, mask, _LONGEST)
+    parts = {w: variance(w, c.value, of.tau) for w, c in found.items() if c.observable}
+    model = np.sum(list(parts.values()), axis=0)
+    judged &= parts[letter] > 0.5 * model
+    tau = of.tau[judged]
+    if not tau.size or tau[-1] < _LEAST * tau[0] or (np.sqrt(model) <= of.hi)[judged].any():
+        return None
+    return (
+        f"{letter} is not quoted: with it the model lies above the interval of the measured curve from {tau[0]:.3g} to "
+        f"{tau[-1]:.3g} s"
+    )
+
+
+def _limited(one: Coefficient, most: float) -> Coefficient:
+    """A coefficient with the limit that the curve sets it."""
+    return replace(one, value=min(one.value, most), lo=0.0, hi=min(one.hi, most), upper=min(one.upper, most))
+
+
+def _judged(letter: str, of: Curve, mask: Mask, longest: float) -> NDArray[np.bool_]:
+    return (of.dev > 0.0) & (of.n <= longest * of.count) & ((letter == "Q") | (of.n >= mask.n))
+
 
 FEWEST: Final = 100
 """Samples below which not even the white noise of a record is worth a number."""

@@ -4,6 +4,18 @@ A structure that swings, a machine next door or a supply's ripple puts its power
 and narrower than an octave. No term has such a shape: a fit that must explain it takes the power for quantization or
 bias instability, and cutting everything above it throws the white noise away. What is outside of the band is as good as
 before, so only the band is left out.
+
+Which high frequencies, and so which short averaging times, no fit may use: those that the device itself has shaped.
+
+A low-pass filter in the device, or noise that sampling folds down, bends the spectrum as none of the terms does. One
+bent octave spoils all coefficients: it holds more samples than all lower ones together.
+
+Coefficients read off lines of fixed slope, as papers and data sheets do it: [Ou2017] steps 5 to 7.
+
+Where the curve runs along a slope of −1, −1/2, 0, +1/2 or +1, a line of just that slope is laid through it and read
+where its term has its coefficient. This is biased wherever two terms overlap, which is nearly everywhere: it is here to
+be compared with. The ± is IEEE Std 952's 1/√(2(N/n − 1)) at the averaging time where the line is read; it is a
+statement about one value of the curve, not about a coefficient.
 """
 
 import math
@@ -12,20 +24,181 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.check import Floats
-from plumbob.noise.densities import densities
-from plumbob.noise.findings import Band, Mask
-from plumbob.noise.likelihood import Fit, fit
-from plumbob.noise.mask import find_mask
-from plumbob.noise.spectrum import Spectrum
-from plumbob.runs import runs
+from plumbob.core.check import Floats
+from plumbob.core.runs import runs
+from plumbob.noise.curve import Curve
+from plumbob.noise.findings import Band, Coefficient, Estimates, Mask
+from plumbob.noise.likelihood import Fit, departures, fit
+from plumbob.noise.spectrum import Spectrum, densities
+from plumbob.noise.terms import FAR, TERMS, Term, allan_transfer
+
+_BENT = 0.2  # of the density: from here on something has shaped it
+_MARGIN = 2.0**1.5  # a low-pass of first order that takes 6 % at a frequency takes 0.8 % so much further down
+_TOLERATED = 0.03  # of the density: what unevenness is nobody's filter
+
+_SURE_OF_A_MASK = 4.0  # standard deviations
+
+_JUDGED = 2.0  # octaves below the cut whose fit is judged
+_PER_OCTAVE = 4
+_LEAST = 100.0  # coefficients without which nothing can be judged
+_SHARE = 0.02  # of an Allan variance that may come from masked frequencies
+
+
+def find_mask(spectrum: Spectrum, n: NDArray[np.int64]) -> tuple[Mask, Spectrum]:
+    """Mask of a record, and the spectrum below it.
+
+    A spectrum that is bent somewhere in its highest octaves is cut, in half octaves from half the sampling rate down,
+    until the terms fit the octaves next to the cut; and once more by `_MARGIN`, for a bend that is not seen yet has
+    already begun. Mere unevenness is no bend: real sensors have some per cent of it.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Of the record.
+    n : ndarray (m,)
+        Averaging factors that there are, increasing.
+    """
+    cut, kept = 0.5 / spectrum.step, spectrum
+    found = fit(kept)
+    if _fits(kept, found, cut, _BENT):
+        return Mask(), spectrum
+    while not _fits(kept, found, cut, _TOLERATED):
+        cut /= math.sqrt(2.0)
+        kept = spectrum.below(cut)
+        if kept.terms.sum() < _LEAST:  # bent everywhere: no filter of the device, but no noise of these terms either
+            return Mask(reason="no frequency could be found below which the terms fit; nothing masked"), spectrum
+        found = fit(kept)
+    safe = spectrum.below(cut / _MARGIN)
+    if safe.terms.sum() >= _LEAST:
+        cut, kept, found = cut / _MARGIN, safe, fit(safe)
+    factor, excess = _first_factor(spectrum, found, cut, n)
+    reason = f"the spectrum {'falls' if excess < 0.0 else 'rises'} there as none of the terms does"
+    return Mask(factor, cut, reason), kept
+
+
+def mask_first_order(spectrum: Spectrum, time: float, n: NDArray[np.int64]) -> tuple[Mask, Spectrum | None]:
+    """Mask of a record that a filter of first order has smoothed, and the spectrum below it, if that is enough to fit.
+
+    Such a filter makes a Gauss–Markov process of white noise, whose spectrum falls like that of a random walk: nothing
+    that the highest octaves alone would tell.
+
+    Parameters
+    ----------
+    spectrum : Spectrum
+        Of the record.
+    time : float
+        Time constant of the filter, s.
+    n : ndarray (m,)
+        Averaging factors that there are, increasing.
+    """
+    cut = float(np.sqrt(_TOLERATED)) / (2.0 * np.pi * time)
+    reason = f"the record looks smoothed, as by a filter of first order with a time constant of {time:.2g} s"
+    kept = spectrum.below(cut)
+    if kept.terms.sum() >= _LEAST:
+        factor, _ = _first_factor(spectrum, fit(kept), cut, n)
+        return Mask(factor, cut, reason), kept
+    beyond = int(n[min(int(np.searchsorted(n * spectrum.dt, FAR * time)), n.size - 1)])
+    return Mask(beyond, cut, f"{reason}; it is too short to tell more than that"), None
+
+
+def _fits(spectrum: Spectrum, found: Fit, cut: float, tolerated: float) -> bool:
+    """Whether no part of the octaves below the cut departs from a fit by more than what is tolerated, or by chance."""
+    group = np.floor(np.log2(cut / spectrum.frequency) * _PER_OCTAVE).astype(np.int64)
+    judged = np.where(group < _JUDGED * _PER_OCTAVE, group, -1)
+    return not any(
+        abs(excess) > max(tolerated, _SURE_OF_A_MASK * sd) for _, excess, sd in departures(spectrum, found, judged)
+    )
+
+
+def _first_factor(spectrum: Spectrum, found: Fit, cut: float, n: NDArray[np.int64]) -> tuple[int, float]:
+    """Smallest factor from which on masked frequencies hardly count, and what they add to the spectrum on the whole."""
+    model = found.squares @ densities(spectrum)
+    width = spectrum.width
+    weights = _mean_transfer(n, spectrum)
+    beyond = spectrum.frequency > cut
+    excess = (spectrum.power / spectrum.terms - model) * width * beyond
+    share = np.abs(weights @ excess) / (weights @ (model * width))
+    large = np.flatnonzero(share > _SHARE)
+    first = int(n[min(large[-1] + 1, n.size - 1)]) if large.size else int(n[0])
+    return first, float(excess.sum())
+
+
+def _mean_transfer(n: NDArray[np.int64], spectrum: Spectrum) -> Floats:
+    """Transfer averaged over each bin at a few places of it."""
+    places = np.random.default_rng(0).uniform(-0.5, 0.5, size=(8, spectrum.width.size)) * spectrum.width
+    return np.asarray(np.mean([allan_transfer(n, spectrum.frequency + p, spectrum.dt) for p in places], axis=0))
+
+
+_WITHIN = 0.15  # of the slope
+_DECADES = 0.3  # that a line needs
+_LEAST_EDF = 4.0  # less is not a slope but chance
+
+_REACH_DECADES = 0.15  # decades to either side over which the local slope is taken
+
+
+def lines(curve: Curve, *, first: int = 1) -> Estimates:
+    """Read off every term whose slope the curve shows.
+
+    Parameters
+    ----------
+    curve : Curve
+        Overlapping Allan deviation.
+    first : int
+        Smallest averaging factor to use.
+    """
+    used = (curve.n >= first) & (curve.edf >= _LEAST_EDF) & (curve.dev > 0.0)
+    if np.count_nonzero(used) < 3:
+        return Estimates("lines", {})
+    x, y = np.log10(curve.tau[used]), np.log10(curve.dev[used])
+    slope = _local_slope(x, y)
+    found = {}
+    for letter, term in TERMS.items():
+        run = _longest_run(np.abs(slope - term.slope) <= _WITHIN)
+        if run is not None and x[run.stop - 1] - x[run.start] >= _DECADES:
+            height = float(np.mean(y[run] - term.slope * x[run]))
+            found[letter] = _read(curve, term, height)
+    return Estimates("lines", found)
+
+
+def _read(curve: Curve, term: Term, height: float) -> Coefficient:
+    value = 10.0**height / math.sqrt(term.share)
+    tau = read_at(term)
+    samples = tau / curve.dt
+    if not 1.0 <= samples <= 0.5 * curve.count:
+        return Coefficient(value)
+    error = 1.0 / math.sqrt(2.0 * (curve.count / samples - 1.0))
+    return Coefficient(value, value * (1.0 - error), value * (1.0 + error))
+
+
+def read_at(term: Term) -> float:
+    """Averaging time that the ± of a line belongs to, s; [Ou2017] takes √3 s for the flat line too."""
+    return math.sqrt(3.0) if term.read_at is None else term.read_at
+
+
+def _local_slope(x: Floats, y: Floats) -> Floats:
+    """Slope of a straight line through the points within `_REACH` of each."""
+    found = np.empty(x.size)
+    for i in range(x.size):
+        near = np.abs(x - x[i]) <= _REACH_DECADES
+        near[max(i - 1, 0) : i + 2] = True
+        dx = x[near] - np.mean(x[near])
+        found[i] = np.dot(dx, y[near]) / np.dot(dx, dx)
+    return found
+
+
+def _longest_run(inside: NDArray[np.bool_]) -> slice | None:
+    return slice(*max(found, key=lambda r: r[1] - r[0])) if (found := runs(inside)) else None
+
 
 Inside = NDArray[np.bool_]
 
-_REACH = 0.75  # octaves to either side whose median is the floor round about
+_REACH_OCTAVES = 0.75  # octaves to either side whose median is the floor round about
+
 _LOWEST = 64  # coefficients: 32 cycles in the record; below, a slow wander cannot be told from a band
 _RUNS = (1, 2, 4, 8)  # bins together in which a band is looked for
-_SURE = 5.0  # standard deviations above the floor
+
+_SURE_OF_A_BAND = 5.0  # standard deviations above the floor
+
 _TALL: Final = 1.2  # times the floor: less is the unevenness of real sensors
 _SKIRT = 0.03  # of the density: where a band ends
 _STEP = 4  # bins by which it is widened
@@ -84,7 +257,7 @@ def _cores(spectrum: Spectrum) -> Inside:
         power, below, count = (_sums(row, run) for row in (spectrum.power[first:], floor, terms))
         ratio, spread = power / below, 2.0 / (9.0 * count)
         sure = (np.cbrt(ratio) - (1.0 - spread)) / np.sqrt(spread)  # [Wilson1931]: of a χ², as if it were normal
-        for k in np.flatnonzero((sure > _SURE) & (ratio > _TALL)).tolist():
+        for k in np.flatnonzero((sure > _SURE_OF_A_BAND) & (ratio > _TALL)).tolist():
             inside[first + k : first + k + run] = True
     for one in _runs(inside):
         low, high = spectrum.frequency[one][[0, -1]]
@@ -96,8 +269,8 @@ def _cores(spectrum: Spectrum) -> Inside:
 def _floor(mean: Floats, frequency: Floats) -> Floats:
     """Median of the bins as far below as above, `_REACH` at most: of a slope, its own middle."""
     octave = np.log2(frequency)
-    behind = np.arange(mean.size) - np.searchsorted(octave, octave - _REACH)
-    ahead = np.searchsorted(octave, octave + _REACH, side="right") - np.arange(mean.size) - 1
+    behind = np.arange(mean.size) - np.searchsorted(octave, octave - _REACH_OCTAVES)
+    ahead = np.searchsorted(octave, octave + _REACH_OCTAVES, side="right") - np.arange(mean.size) - 1
     reach = np.minimum(behind, ahead)
     return np.array([np.median(mean[i - r : i + r + 1]) for i, r in enumerate(reach.tolist())])
 

@@ -13,13 +13,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import ParameterError
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import Quantity
 from plumbob.noise.curve import Curve, curve
 from plumbob.noise.spectrum import Spectrum, spectrum
-from plumbob.noise.transfer import FAR
-from plumbob.units import Quantity
+from plumbob.noise.terms import FAR
 
 _SAME = 0.05  # of the power: what is no filter
 _LOWEST = 64  # coefficients whose power no filter that can be recognised has changed

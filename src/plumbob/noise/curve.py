@@ -6,15 +6,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise.deviation import deviation
-from plumbob.noise.edf import edf
-from plumbob.noise.factors import Factors, log_factors
+from plumbob.noise.edf import ONE_SIGMA, edf, interval, skew_edf
+from plumbob.noise.factors import Factors, factors_of, kind_of, log_factors
 from plumbob.noise.identify import identify
-from plumbob.noise.interval import ONE_SIGMA, interval, skew_edf
-from plumbob.noise.kinds import factors_of, kind_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,9 +25,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import ParameterError
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
 from plumbob.noise.deviation import running_sums
 from plumbob.noise.factors import Factors
 from plumbob.noise.kernels import add_triangles, second_squares, sum_accurately

@@ -8,11 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob.check import Floats
+from plumbob.core.check import Floats
+from plumbob.core.units import Quantity
 from plumbob.noise.curve import Curve
-from plumbob.noise.terms import variance
-from plumbob.noise.transfer import allan_transfer
-from plumbob.units import Quantity
+from plumbob.noise.terms import allan_transfer, variance
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import psi, zeta
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise.edf import edf, log_variance
-from plumbob.noise.kinds import Kind, kind_of
+from plumbob.noise.factors import Kind, kind_of
 
 PER_OCTAVE = 1.5
 """Values of a curve that are worth independent ones, in each octave; nearer ones share their noise."""

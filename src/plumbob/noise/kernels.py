@@ -7,8 +7,8 @@ factors at a time share one reading of the points, for it is reading that these 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob._jit import njit, njit_reassociated
-from plumbob.check import Floats
+from plumbob.core._jit import njit, njit_reassociated
+from plumbob.core.check import Floats
 
 TILE = 4096
 """Differences that are taken for all factors before the next are. Their sum passes no more than so many roundings,

@@ -13,14 +13,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.check import Floats
+from plumbob.core.check import Floats
 from plumbob.noise.curve import Curve
-from plumbob.noise.densities import LETTERS, sampled_densities
 from plumbob.noise.edf import edf
 from plumbob.noise.findings import Band, Coefficient, Estimates, GaussMarkov, Sinusoid
 from plumbob.noise.likelihood import CLEAR
-from plumbob.noise.terms import TERMS, variance
-from plumbob.noise.transfer import allan_transfer, grid
+from plumbob.noise.spectrum import LETTERS, sampled_densities
+from plumbob.noise.terms import TERMS, allan_transfer, grid, variance
 
 _ROUNDS = 6
 _SAMPLED_TO = 64  # from so many samples on, sampled flicker noise has its flat line to 0.1 %

@@ -18,11 +18,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.check import Floats
-from plumbob.noise.densities import LETTERS, densities, markov_bins, markov_density
+from plumbob.core.check import Floats
 from plumbob.noise.findings import Band, Coefficient
 from plumbob.noise.scoring import Bins, point, search
-from plumbob.noise.spectrum import Spectrum
+from plumbob.noise.spectrum import LETTERS, Spectrum, densities, markov_bins, markov_density
 
 CLEAR: Final = 2.0
 """A term is observable when the likelihood with it is larger by as much as that of a value so many sd from 0."""

@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob._jit import njit, njit_reassociated
-from plumbob.check import Floats
-from plumbob.noise.densities import MarkovBins, markov_density
+from plumbob.core._jit import njit, njit_reassociated
+from plumbob.core.check import Floats
+from plumbob.noise.spectrum import MarkovBins, markov_density
 
 _ROUNDS: Final = 100
 _SMALL_STEP: Final = 1e-5

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from plumbob.check import Floats
+from plumbob.core.check import Floats
 from plumbob.noise.findings import Sinusoid
 
 _AT_MOST = 8

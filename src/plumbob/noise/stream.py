@@ -17,9 +17,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import ParameterError, ShapeError
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise.factors import Factors, stream_steps, whole_factors
 from plumbob.noise.kernels import accumulate, moments, second_squares_of_tile
 

@@ -1,8 +1,5 @@
 """Rotations: Hamilton quaternions, scalar first, ``q_nb`` from body to navigation; everything in radians."""
 
-from plumbob.rotations.average import quat_mean
-from plumbob.rotations.dcm import dcm_from_quat, quat_from_dcm
-from plumbob.rotations.euler import body_rate_from_euler_zyx, euler_zyx_from_quat, near_gimbal, quat_from_euler_zyx
 from plumbob.rotations.frames import (
     Frame,
     North,
@@ -16,19 +13,29 @@ from plumbob.rotations.frames import (
     in_body_axes,
     signed_axes,
 )
-from plumbob.rotations.quat import (
+from plumbob.rotations.matrices import (
+    body_rate_from_euler_zyx,
+    dcm_from_quat,
+    euler_zyx_from_quat,
+    near_gimbal,
+    quat_from_dcm,
+    quat_from_euler_zyx,
+)
+from plumbob.rotations.quaternions import (
     IDENTITY,
     quat_angle,
     quat_conjugate,
     quat_continuous,
+    quat_from_rotation,
     quat_from_xyzw,
+    quat_mean,
     quat_multiply,
     quat_normalize,
     quat_rotate,
     quat_slerp,
     quat_to_xyzw,
+    rotation_from_quat,
 )
-from plumbob.rotations.scipy_bridge import quat_from_rotation, rotation_from_quat
 from plumbob.rotations.so3 import (
     left_jacobian,
     left_jacobian_inverse,

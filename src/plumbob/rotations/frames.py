@@ -11,11 +11,11 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.errors import FrameError
-from plumbob.rotations.dcm import quat_from_dcm
-from plumbob.rotations.quat import quat_multiply
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import FrameError
+from plumbob.rotations.matrices import quat_from_dcm
+from plumbob.rotations.quaternions import quat_multiply
 
 
 class Frame(StrEnum):

@@ -1,12 +1,12 @@
 """Scalar rotation kernels: the one home of each formula, used by the filters' steps and by the array functions.
 
 Hamilton product, scalar first. A quaternion is four floats, a vector three. Kernels without a branch also accept NumPy
-arrays component by component through ``.py_func``; that is how :mod:`plumbob.rotations.quat` uses them.
+arrays component by component through ``.py_func``; that is how :mod:`plumbob.rotations.quaternions` uses them.
 """
 
 import math
 
-from plumbob._jit import njit
+from plumbob.core._jit import njit
 
 Vec = tuple[float, float, float]
 Quat = tuple[float, float, float, float]

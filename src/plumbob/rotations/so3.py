@@ -8,8 +8,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check
-from plumbob.check import Floats
+from plumbob.core import check
+from plumbob.core.check import Floats
 
 _SMALL2 = 1e-4  # squared angle below which the exponential and the first Jacobian term use their series
 # The other terms lose 1/angle² of their digits to cancellation, so their series serve up to 1 rad. Both end where the

@@ -3,7 +3,7 @@
 import argparse
 
 from plumbob.cli import common
-from plumbob.cli.calibrating import capture, place
+from plumbob.cli.calibrating import capture
 
 EPILOG = """\
 Hold the unit still for 2 s or more in each of 18 poses, or in 40 any: every face and every edge of its case once up.
@@ -31,15 +31,15 @@ def add_parser(kinds: common.Adder) -> None:
         help="what to find: six or axes, bias and scale, by pairs of faces or any poses; ellipsoid, misalignment too",
     )
     p.add_argument("--moving", action="store_true", help="turned slowly without rests, beside a gyroscope")
-    place.add_gravity(p)
+    capture.add_gravity(p)
     p.set_defaults(find=find)
 
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.pipeline.calibrate_accel import calibrate_accel
+    from plumbob.calibration.calibrate_accel import calibrate_accel
 
-    gravity = place.gravity_of(args)
+    gravity = capture.gravity_of(args)
     opened = capture.opened(args, "acc")
     found = calibrate_accel(opened.imu, shape=args.shape, gravity=gravity, moving=args.moving)
     return capture.finish(args, opened, {"acc": found})

@@ -9,16 +9,84 @@ from plumbob.cli import common
 from plumbob.cli.calibrating import live, room
 
 if TYPE_CHECKING:
-    from plumbob.calib.fitted import Fitted
-    from plumbob.calib.mount import Mounted
-    from plumbob.calib.refusal import CaptureRefusedError
-    from plumbob.pipeline.calibration import Capture
+    from plumbob.calibration.calibration import Capture
+    from plumbob.calibration.fit import Fitted
+    from plumbob.calibration.mount import Mounted
+    from plumbob.calibration.rejection import CaptureRefusedError
+
+
+def add_gravity(p: argparse.ArgumentParser) -> None:
+    """Options that say what gravity is."""
+    p.add_argument("--gravity", metavar="ACCELERATION", help="gravity at the place with its unit, m/s2")
+    p.add_argument("--latitude", metavar="ANGLE", help="latitude of the place instead, as '52.5 deg'")
+    p.add_argument("--height", metavar="LENGTH", help="height of the place above the sea, as '40 m'; with --latitude")
+
+
+def add_field(p: argparse.ArgumentParser) -> None:
+    """Options that say what the magnetic field is."""
+    field = p.add_mutually_exclusive_group()
+    field.add_argument("--strength", metavar="FIELD", help="strength of the field at the place with unit, as '48.5 uT'")
+    field.add_argument(
+        "--place",
+        metavar="LAT,LON[,HEIGHT]",
+        help="where the capture was taken, degrees and metres: the World Magnetic Model of its day tells the field",
+    )
+
+
+def gravity_of(args: argparse.Namespace) -> float:
+    """Gravity that the options tell, m/s²: its value, else the latitude, else the place."""
+    from plumbob.calibration.acc.poses import normal_gravity
+    from plumbob.core.constants import G0
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
+    from plumbob.data.earth_field import parse_place
+
+    place = getattr(args, "place", None)
+    if args.latitude is None and args.height is not None:
+        raise ParameterError("--height says nothing about gravity without --latitude; give both.")
+    if args.gravity is not None and args.latitude is not None:
+        raise ParameterError("--gravity and --latitude both say what gravity is; give one.")
+    if args.latitude is not None and place is not None:
+        raise ParameterError("--latitude and --place both say where the capture was taken; give one.")
+    if args.gravity is not None:
+        return parse(args.gravity, Quantity.ACCELERATION)
+    if args.latitude is not None:
+        height = 0.0 if args.height is None else parse(args.height, Quantity.LENGTH)
+        return normal_gravity(parse(args.latitude, Quantity.ANGLE), height)
+    if place is not None:
+        latitude, _, height = parse_place(place)
+        return normal_gravity(latitude, height)
+    return G0
+
+
+def field_of(args: argparse.Namespace, capture: "Capture") -> tuple[float | None, float | None, tuple[str, ...]]:
+    """Strength, µT, and dip, rad, of the field on the day of a capture, as far as the options tell them; and a remark.
+
+    The remark keeps the declination in the card. No verb takes it from there: a unit is used elsewhere too.
+    """
+    from plumbob.core.units import Quantity, parse
+    from plumbob.data.earth_field import earth_field_at, parse_place
+
+    if args.place is None:
+        return None if args.strength is None else parse(args.strength, Quantity.FIELD), None, ()
+    if not capture.dated:
+        common.note(f"the recording does not tell its date; the field is that of today, {capture.date}")
+    field = earth_field_at(*parse_place(args.place), capture.date)
+    common.note(f"field at the place: {field.told}")
+    return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
+
+
+def kept(fits: "Mapping[str, Fitted]", told: tuple[str, ...]) -> "dict[str, Fitted]":
+    """Fits with what the place told as a remark of the magnetometer."""
+    from dataclasses import replace
+
+    return {n: replace(fit, remarks=(*fit.remarks, *told)) if n == "mag" else fit for n, fit in fits.items()}
 
 
 def add_options(
     p: argparse.ArgumentParser, *, file: str = "recording of the capture", guide: str | None = None
 ) -> None:
-    """Options that every kind has; a kind with a guide of `plumbob.pipeline.guided` also those of a live capture."""
+    """Options that every kind has; a kind with a guide also those of a live capture."""
     p.add_argument("file", type=Path, nargs="?" if guide else None, metavar="INPUT", help=file)
     common.add_profile(p)
     raw = "; with --live: raw bytes in a file, as a logger keeps them" if guide else ""
@@ -45,8 +113,8 @@ def opened(
 
     Without a triad it is the mounting that is found. What else is read is among `inputs`.
     """
-    from plumbob.cards import CalibrationCard
-    from plumbob.pipeline.calibration import capture_of
+    from plumbob.calibration.calibration import capture_of
+    from plumbob.data.cards import CalibrationCard
 
     out = None if room.completes(args) else args.out
     common.check_outputs(args, out, args.html, inputs=(args.file, args.profile, args.calibration, *inputs))
@@ -76,8 +144,8 @@ def finish(
     args: argparse.Namespace, capture: "Capture", fits: "Mapping[str, Fitted]", *, mounted: "Mounted | None" = None
 ) -> int:
     """Print what was found, and write the card."""
-    from plumbob import certificate
-    from plumbob.pipeline.calibration import card_of
+    from plumbob.calibration import certificate
+    from plumbob.calibration.calibration import card_of
 
     card = card_of(capture, fits, mounted=mounted)
     if args.out is not None:
@@ -101,8 +169,8 @@ def refused(args: argparse.Namespace, why: "CaptureRefusedError") -> int:
     """Print the reasons, as text on standard error or as JSON; nothing is written."""
     import sys
 
-    from plumbob import certificate
-    from plumbob.plain import visible
+    from plumbob.calibration import certificate
+    from plumbob.core.text import visible
 
     if args.json:
         common.print_json(_read(args) | {"out": None, "html": None} | certificate.refusal_as_dict(why))
@@ -118,7 +186,7 @@ def _read(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _span(args: argparse.Namespace) -> tuple[float, float] | None:
-    from plumbob.units import Quantity, parse
+    from plumbob.core.units import Quantity, parse
 
     if args.start is None and args.stop is None:
         return None

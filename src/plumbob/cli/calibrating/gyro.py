@@ -8,7 +8,7 @@ from plumbob.cli import common
 from plumbob.cli.calibrating.capture import add_options, finish, opened
 
 if TYPE_CHECKING:
-    from plumbob.pipeline.calibration import Capture
+    from plumbob.calibration.calibration import Capture
 
 EPILOG = """\
 rest      30 s at rest: bias.
@@ -44,7 +44,7 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Fit and print."""
-    from plumbob.pipeline import calibrate_gyro as gyro
+    from plumbob.calibration import calibrate_gyro as gyro
 
     _refuse_idle(args)
     if args.method == "ferraris":
@@ -58,7 +58,7 @@ def find(args: argparse.Namespace) -> int:
 
 def _refuse_idle(args: argparse.Namespace) -> None:
     """Refuse options that would have no effect."""
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     if args.live and args.method not in ("auto", "rest"):
         raise ParameterError(f"--live guides a rest only; record for --method {args.method}, and give the recording.")
@@ -76,8 +76,8 @@ def _refuse_idle(args: argparse.Namespace) -> None:
 
 
 def _ferraris(args: argparse.Namespace) -> int:
-    from plumbob.pipeline.calibrate_gyro import ferraris_session
-    from plumbob.units import Quantity, parse
+    from plumbob.calibration.calibrate_gyro import ferraris_session
+    from plumbob.core.units import Quantity, parse
 
     capture = opened(args, "acc", "gyr", inputs=(args.parts,))
     angle = parse(args.angle or "360 deg", Quantity.ANGLE)
@@ -85,8 +85,8 @@ def _ferraris(args: argparse.Namespace) -> int:
 
 
 def _parts(args: argparse.Namespace, capture: "Capture") -> dict[str, slice] | None:
-    from plumbob.calib.gyr.ferraris_parts import parts_of_labels, parts_of_times
-    from plumbob.io.text_labels import read_labels, read_spans
+    from plumbob.calibration.gyr.ferraris_parts import parts_of_labels, parts_of_times
+    from plumbob.files.text import read_labels, read_spans
 
     if args.parts is not None:
         return parts_of_times(capture.imu.t, read_spans(args.parts))

@@ -3,7 +3,7 @@
 import argparse
 
 from plumbob.cli import common
-from plumbob.cli.calibrating import capture, place
+from plumbob.cli.calibrating import capture
 
 EPILOG = """\
 Away from iron, hold the unit still for 3 s in each of 18 poses, every face and every edge of its case once up, or in
@@ -24,21 +24,21 @@ def add_parser(kinds: common.Adder) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     capture.add_options(p)
-    place.add_gravity(p)
-    place.add_field(p)
+    capture.add_gravity(p)
+    capture.add_field(p)
     p.set_defaults(find=find)
 
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
+    from plumbob.calibration.calibrate_gyro import calibrate_by_hand
     from plumbob.data import TITLES
-    from plumbob.pipeline.calibrate_hand import calibrate_by_hand
 
-    gravity = place.gravity_of(args)
+    gravity = capture.gravity_of(args)
     opened = capture.opened(args, "acc", if_present=("gyr", "mag"))
     lacking = [title for name, title in TITLES.items() if name not in opened.imu.triads]
     if lacking:
         common.note(f"the recording has no {' and no '.join(lacking)}, which {'are' if lacking[1:] else 'is'} left out")
-    strength, dip, told = place.field_of(args, opened)
+    strength, dip, told = capture.field_of(args, opened)
     fits = calibrate_by_hand(opened, gravity=gravity, strength=strength, dip=dip, force=args.force)
-    return capture.finish(args, opened, place.kept(fits, told))
+    return capture.finish(args, opened, capture.kept(fits, told))

@@ -1,20 +1,127 @@
 """Guided captures of `plumbob calibrate`: live from a line, and over a recording."""
 
 import argparse
+import shutil
+import sys
+import textwrap
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from plumbob.cli import common
 from plumbob.cli import session as lines
 from plumbob.cli.calibrating import room
 
 if TYPE_CHECKING:
-    from plumbob.calib.guide.guide import Guide, Progress
-    from plumbob.cards import CalibrationCard
+    from plumbob.acquisition.transport import Event
+    from plumbob.calibration.calibration import Capture
+    from plumbob.calibration.guide.guide import Guide, Progress
     from plumbob.data import ImuData
-    from plumbob.link import Event
-    from plumbob.pipeline.calibration import Capture
-    from plumbob.pipeline.session import Session
+    from plumbob.data.cards import CalibrationCard
+    from plumbob.session.session import Session
+
+_EVERY: Final = 0.25
+_SELDOM: Final = 5.0
+_SEEN, _MISSING, _GOAL, _HERE = "■", "·", "○", "▣"
+_LAYERS: Final = ("+z", "across z", "−z")
+_ROWS: Final = ((1, -1), (1, 0), (1, 1)), ((0, -1), (0, 0), (0, 1)), ((-1, -1), (-1, 0), (-1, 1))
+
+
+class Board:
+    """Draws progress on standard error, over itself where that is a terminal.
+
+    Elsewhere each event gets a line, and every 5 s what to do next.
+
+    Parameters
+    ----------
+    title : str
+        First line.
+    guide : Guide
+        Whose timeline is told.
+    out : file
+        Where to draw.
+    """
+
+    def __init__(self, title: str, guide: "Guide", out: TextIO | None = None) -> None:
+        self._title, self._guide, self._out = title, guide, out or sys.stderr
+        self._told = self._lines = 0
+        self._next = 0.0
+
+    def show(self, progress: "Progress") -> None:
+        """Show how it stands, a few times in a second, and what is new at once."""
+        drawn = self._out.isatty()
+        now = time.monotonic() if drawn else progress.elapsed
+        new = self._guide.timeline[self._told :]
+        if now < self._next and not new:
+            return
+        self.erase()
+        self._told += len(new)
+        for moment in new:
+            self._tell(moment.t, moment.text)
+        if drawn:
+            self._out.write("\a" if new else "")  # who holds the unit does not look at the screen
+            self._draw(progress)
+        elif now >= self._next and not progress.done:
+            self._tell(now, f"next: {progress.next_step}")
+        if now >= self._next:
+            self._next = now + (_EVERY if drawn else _SELDOM)
+        self._out.flush()
+
+    def erase(self) -> None:
+        """Take away what was drawn, to write something else."""
+        if self._lines:
+            self._out.write(f"\033[{self._lines}F\033[J")
+            self._lines = 0
+
+    def _tell(self, t: float, text: str) -> None:
+        self._out.write(f"{t:7.1f} s  {text}\n")
+
+    def _draw(self, progress: "Progress") -> None:
+        width = shutil.get_terminal_size().columns - 1
+        lines = [
+            row
+            for line in board_lines(self._title, progress)
+            for row in textwrap.wrap(line, width, subsequent_indent=" " * 9) or [""]
+        ]
+        self._out.write("\n".join(lines) + "\n")
+        self._lines = len(lines)
+
+
+def board_lines(title: str, progress: "Progress") -> list[str]:
+    """Lines of a board."""
+    lines = ["", f"{title}, {progress.elapsed:.0f} s; Ctrl-C ends it with what there is", ""]
+    if progress.filled is not None:
+        lines += [*map_lines(progress), ""]
+    lines.append(f"now      {f'at rest for {progress.still_for:.1f} s' if progress.at_rest else 'moving'}")
+    lines.append(f"next     {progress.next_step}")
+    if progress.predicted:
+        lines.append(f"so far   {progress.predicted}, {progress.grade or 'not usable'} as far as it goes")
+    return [*lines, *(f"WARNING  {text}" for text in progress.warnings)]
+
+
+def map_lines(progress: "Progress") -> list[str]:
+    """Map of the 18 directions: +x upward and +y to the right, in the three layers of z."""
+    cells = _cells(progress)
+    layers = [[" ".join(cells.get((x, y, z), " ") for x, y in row) for row in _ROWS] for z in (1, 0, -1)]
+    count = 0 if progress.filled is None else int(progress.filled.sum())
+    notes = (f"{count} of 18 seen", f"{_SEEN} seen  {_MISSING} missing", f"{_HERE} here  {_GOAL} next")
+    head = "    ".join(f"{name:^8}" for name in _LAYERS) + "    +x upward, +y to the right"
+    return [head, *("    ".join(f"{row:^8}" for row in rows) + f"    {note}"
+                    for *rows, note in zip(*layers, notes, strict=True))]  # fmt: skip
+
+
+def _cells(progress: "Progress") -> dict[tuple[int, int, int], str]:
+    from plumbob.calibration.predicted import REGIONS
+
+    cells = {}
+    for region, place in enumerate(REGIONS.tolist()):
+        seen = progress.filled is not None and progress.filled[region]
+        mark = _SEEN if seen else _MISSING
+        mark = _GOAL if region == progress.goal else mark
+        mark = _HERE if region == progress.direction else mark
+        x, y, z = (round(1.2 * value) for value in place)
+        cells[x, y, z] = mark
+    return cells
 
 
 def add_options(p: argparse.ArgumentParser) -> None:
@@ -30,8 +137,8 @@ def add_options(p: argparse.ArgumentParser) -> None:
 
 def live_capture(args: argparse.Namespace, triads: tuple[str, ...], base: "CalibrationCard | None") -> "Capture":
     """Guided capture from a line; what would spoil its end is refused before it begins."""
-    from plumbob.errors import CalibrationError
-    from plumbob.pipeline.calibration import capture, unit_of
+    from plumbob.calibration.calibration import capture, unit_of
+    from plumbob.core.errors import CalibrationError
 
     _require_end(args)
     session = _session(args)
@@ -47,7 +154,7 @@ def live_capture(args: argparse.Namespace, triads: tuple[str, ...], base: "Calib
 
 def require_recording(args: argparse.Namespace) -> None:
     """Refuse what names no recording, or a line beside it."""
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     if args.file is None:
         raise ParameterError(f"name the recording of the capture, or a line: 'plumbob calibrate {args.kind} --live'.")
@@ -58,7 +165,7 @@ def require_recording(args: argparse.Namespace) -> None:
 
 def tell(args: argparse.Namespace, imu: "ImuData") -> None:
     """Say how the capture of a recording went."""
-    from plumbob.pipeline.guided import GUIDES, guided
+    from plumbob.calibration.guide.sink import GUIDES, guided
 
     guide = GUIDES[args.guided]()
     progress = guided(guide, imu)
@@ -69,15 +176,16 @@ def tell(args: argparse.Namespace, imu: "ImuData") -> None:
 
 def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     """Samples of the line until the guide or somebody says stop; None where there are none."""
-    from plumbob import _jit
-    from plumbob.cli.calibrating.board import Board
+    from plumbob.core import _jit
+
+    pass
+    from plumbob.calibration.guide.sink import GUIDES, GuideSink, warm_up
     from plumbob.cli.line import Status
-    from plumbob.pipeline.guided import GUIDES, GuideSink, warm_up
-    from plumbob.pipeline.keep import Keeper
-    from plumbob.pipeline.line import Line
-    from plumbob.pipeline.runner import run_line
-    from plumbob.pipeline.sinks import Collected, Sink
-    from plumbob.pipeline.sources import open_source
+    from plumbob.session.recording_sink import Keeper
+    from plumbob.session.runner import run_line
+    from plumbob.session.sinks import Collected, Sink
+    from plumbob.session.sources import open_source
+    from plumbob.session.stream import Line
 
     line, guide, collected = Line(session), GUIDES[args.guided](), Collected()
     if _jit.is_cold("accumulate"):
@@ -116,7 +224,7 @@ class _Notes:
 
 def _require_end(args: argparse.Namespace) -> None:
     """Refuse options with which the card of a whole capture could not be made or written."""
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     if args.profile or args.stop:
         raise ParameterError(
@@ -128,7 +236,7 @@ def _require_end(args: argparse.Namespace) -> None:
 
 def _require_triads(session: "Session", triads: tuple[str, ...]) -> None:
     """Refuse a line that has not what is calibrated."""
-    from plumbob.errors import CalibrationError
+    from plumbob.core.errors import CalibrationError
 
     fields = session.form.message(session.message).fields
     parts = [f.triad.rpartition(".") for f in fields if f.triad]
@@ -145,7 +253,7 @@ def _session(args: argparse.Namespace) -> "Session":
     from dataclasses import replace
 
     from plumbob.data import ImuMeta
-    from plumbob.pipeline.session import RecordSpec
+    from plumbob.session.session import RecordSpec
 
     named = {"imu": {"device": args.device}} if args.device and args.file is None else {}
     session = lines.session_of(args, args.file, args.start, named)
@@ -157,7 +265,7 @@ def _session(args: argparse.Namespace) -> "Session":
 
 
 def _told(guide: "Guide", progress: "Progress") -> dict[str, Any]:
-    from plumbob.calib.regions import NAMES
+    from plumbob.calibration.predicted import NAMES
 
     return {
         "guide": {
@@ -174,8 +282,9 @@ def _told(guide: "Guide", progress: "Progress") -> dict[str, Any]:
 
 
 def _lines(guide: "Guide", progress: "Progress") -> list[str]:
-    from plumbob.calib.regions import names_of
-    from plumbob.cli.calibrating.board import map_lines
+    from plumbob.calibration.predicted import names_of
+
+    pass
 
     lines = [f"{moment.t:7.1f} s  {moment.text}" for moment in guide.timeline]
     lines.append(f"{progress.elapsed:7.1f} s  end of the capture")

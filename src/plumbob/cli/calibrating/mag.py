@@ -3,7 +3,7 @@
 import argparse
 
 from plumbob.cli import common
-from plumbob.cli.calibrating import capture, place
+from plumbob.cli.calibrating import capture
 
 
 def add_parser(kinds: common.Adder) -> None:
@@ -31,17 +31,17 @@ def add_parser(kinds: common.Adder) -> None:
         help="a long record of a unit at work, which nobody turned for it: hard and soft iron by the gyroscope, from "
         "moment to moment",
     )
-    place.add_field(p)
+    capture.add_field(p)
     p.add_argument("--tilt", metavar="ANGLE", help="inclination up to which headings count (default 45deg)")
     p.set_defaults(find=find)
 
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.calib.predicted import TILT_RANGE
-    from plumbob.errors import ParameterError
-    from plumbob.pipeline.calibrate_mag import calibrate_mag
-    from plumbob.units import Quantity, parse
+    from plumbob.calibration.calibrate_mag import calibrate_mag
+    from plumbob.calibration.predicted import TILT_RANGE
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
 
     if args.shape == "level" and args.tilt is not None:
         raise ParameterError("--shape level finds headings while level only, so --tilt says nothing; leave one out.")
@@ -49,7 +49,7 @@ def find(args: argparse.Namespace) -> int:
         raise ParameterError("--in-use takes a recording of a unit at work and does not go with --live; record first.")
     tilt_range = TILT_RANGE if args.tilt is None else parse(args.tilt, Quantity.ANGLE)
     opened = capture.opened(args, "mag")
-    strength, dip, told = place.field_of(args, opened)
+    strength, dip, told = capture.field_of(args, opened)
     fit = calibrate_mag(
         opened.imu,
         with_=args.helper,
@@ -62,4 +62,4 @@ def find(args: argparse.Namespace) -> int:
         in_use=args.in_use,
         force=args.force,
     )
-    return capture.finish(args, opened, place.kept({"mag": fit}, told))
+    return capture.finish(args, opened, capture.kept({"mag": fit}, told))

@@ -8,9 +8,9 @@ from plumbob.cli import common
 from plumbob.cli.calibrating import capture
 
 if TYPE_CHECKING:
-    from plumbob.calib.mount import Mounted
+    from plumbob.calibration.calibration import Capture
+    from plumbob.calibration.mount import Mounted
     from plumbob.data import AttitudeTrack
-    from plumbob.pipeline.calibration import Capture
 
 
 def add_parser(kinds: common.Adder) -> None:
@@ -37,7 +37,7 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.errors import ParameterError
+    from plumbob.core.errors import ParameterError
 
     if (args.reference is None) != (args.estimate is None):
         raise ParameterError("--reference and --estimate belong together: attitudes of the body and of the unit.")
@@ -49,8 +49,8 @@ def find(args: argparse.Namespace) -> int:
 
 
 def _by_poses(args: argparse.Namespace, unit: "Capture") -> "Mounted":
-    from plumbob.errors import FrameError
-    from plumbob.pipeline.mounting import mount_by_poses
+    from plumbob.calibration.calibrate_mount import mount_by_poses
+    from plumbob.core.errors import FrameError
     from plumbob.rotations import Frame
 
     frame = common.frame_of(args)
@@ -61,14 +61,14 @@ def _by_poses(args: argparse.Namespace, unit: "Capture") -> "Mounted":
 
 
 def _by_reference(args: argparse.Namespace) -> "Mounted":
-    from plumbob.pipeline.mounting import mount_by_reference
+    from plumbob.calibration.calibrate_mount import mount_by_reference
 
     return mount_by_reference(_track(args.estimate), _track(args.reference))
 
 
 def _track(path: Path) -> "AttitudeTrack":
-    from plumbob.errors import DecodeError
-    from plumbob.pipeline import read_any
+    from plumbob.core.errors import DecodeError
+    from plumbob.session.reading import read_any
 
     track = read_any(path).track
     if track is None:
@@ -77,8 +77,8 @@ def _track(path: Path) -> "AttitudeTrack":
 
 
 def _span(text: str) -> tuple[float, float]:
-    from plumbob.errors import ParameterError
-    from plumbob.units import Quantity, parse
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
 
     first, dots, last = text.partition("..")
     if not dots:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.cards import CalibrationCard
+    from plumbob.data.cards import CalibrationCard
 
 
 def completes(args: argparse.Namespace) -> bool:
@@ -18,8 +18,8 @@ def completes(args: argparse.Namespace) -> bool:
 
 def require_room(args: argparse.Namespace, device: str, made: Collection[str], base: "CalibrationCard | None") -> None:
     """Refuse to write a card over that of another unit, one that has more, or a part over another without --force."""
-    from plumbob.cards import CalibrationCard
-    from plumbob.errors import DecodeError, ParameterError
+    from plumbob.core.errors import DecodeError, ParameterError
+    from plumbob.data.cards import CalibrationCard
 
     out = args.out
     if out is None or not out.is_file():

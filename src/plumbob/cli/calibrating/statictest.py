@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from plumbob.cli import common
 
 if TYPE_CHECKING:
+    from plumbob.calibration.static_test import StaticTest
     from plumbob.data import AttitudeTrack
-    from plumbob.evaluate.static_test import StaticTest
-    from plumbob.io import Recording
+    from plumbob.files import Recording
 
 
 def add_parser(kinds: common.Adder) -> None:
@@ -36,12 +36,12 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.cards import CalibrationCard
+    from plumbob.calibration.calibration import capture
+    from plumbob.calibration.static_test import static_test
     from plumbob.cli.eval import alignments
-    from plumbob.errors import CalibrationError
-    from plumbob.pipeline.calibration import capture
-    from plumbob.pipeline.static_test import static_test
-    from plumbob.units import Quantity, parse
+    from plumbob.core.errors import CalibrationError
+    from plumbob.core.units import Quantity, parse
+    from plumbob.data.cards import CalibrationCard
 
     inputs = (args.file, args.reference, args.calibration, args.profile)
     common.check_outputs(args, args.html, inputs=inputs)
@@ -62,7 +62,7 @@ def find(args: argparse.Namespace) -> int:
 
 
 def _reference(args: argparse.Namespace, recording: "Recording") -> "AttitudeTrack":
-    from plumbob.errors import ShapeError
+    from plumbob.core.errors import ShapeError
 
     track = recording.track if args.reference is None else common.read(args.reference).track
     if track is None:
@@ -72,7 +72,7 @@ def _reference(args: argparse.Namespace, recording: "Recording") -> "AttitudeTra
 
 
 def _write_page(args: argparse.Namespace, result: "StaticTest") -> None:
-    from plumbob.evaluate.static_test_html import write_static_test
+    from plumbob.calibration.static_test_html import write_static_test
 
     facts = {
         "recording": args.file.name,

@@ -28,8 +28,8 @@ def find(args: argparse.Namespace) -> int:
     """Do it."""
     from dataclasses import replace
 
-    from plumbob.pipeline.rate_table import calibrate_table, found_plateaus, read_plan
-    from plumbob.units import Quantity, parse
+    from plumbob.calibration.rate_table import calibrate_table, found_plateaus, read_plan
+    from plumbob.core.units import Quantity, parse
 
     mounting = parse(args.mounting, Quantity.ANGLE)
     latitude = None if args.latitude is None else parse(args.latitude, Quantity.ANGLE)
@@ -42,7 +42,7 @@ def find(args: argparse.Namespace) -> int:
 
 def _rates(text: str) -> list[float]:
     """Rates of a list whose last one carries the unit for all."""
-    from plumbob.units import Quantity, parse, split
+    from plumbob.core.units import Quantity, parse, split
 
     *others, last = (one.strip() for one in text.split(","))
     unit = split(last)[1]

@@ -26,7 +26,7 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Fit and print."""
-    from plumbob.pipeline.calibrate_gyro import gyro_over_temperature
+    from plumbob.calibration.calibrate_gyro import gyro_over_temperature
 
     capture = opened(args, "gyr")
     return finish(args, capture, gyro_over_temperature(capture))

@@ -1,8 +1,7 @@
 """Is a record static, and fit for a noise analysis? Findings in words, and the longest still stretch."""
 
+from plumbob.noise.static.artefacts import find_step
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
-from plumbob.noise.static.report import Finding, StaticReport
-from plumbob.noise.static.skip import bridged
-from plumbob.noise.static.step import find_step
+from plumbob.noise.static.report import Finding, StaticReport, bridged
 
 __all__ = ["FEWEST_SAMPLES", "Finding", "StaticCheck", "StaticReport", "bridged", "find_step", "judge"]

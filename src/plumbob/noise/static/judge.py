@@ -11,21 +11,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from plumbob import check
-from plumbob.check import Floats
-from plumbob.constants import G0
-from plumbob.errors import ParameterError, ShapeError
-from plumbob.noise.static.clipped import clipped
-from plumbob.noise.static.held import held
-from plumbob.noise.static.interleaved import interleaved
-from plumbob.noise.static.periodic import shaking
-from plumbob.noise.static.report import Finding, StaticReport
-from plumbob.noise.static.runs import Runs
-from plumbob.noise.static.skip import LONGEST, MARGIN, MOST, MOST_ASKED, jumped, total, widened
-from plumbob.noise.static.spikes import Spikes
-from plumbob.noise.static.step import find_step
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.units import Quantity, deg, dps
+from plumbob.noise.static.artefacts import Runs, Spikes, clipped, find_step, held, interleaved, shaking
+from plumbob.noise.static.report import LONGEST, MARGIN, MOST, MOST_ASKED, Finding, StaticReport, jumped, total, widened
 from plumbob.noise.static.stillness import Parts, Stillness, between, joined, longest_gap
-from plumbob.units import Quantity, deg, dps
 
 FEWEST_SAMPLES: Final = 1000
 """From here on averages over 1 to 100 samples, two decades of time, are known to 20 % (13 degrees of freedom of white

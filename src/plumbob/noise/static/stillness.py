@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob._jit import njit
-from plumbob.check import Floats
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
 
 Parts = list[tuple[float, float]]
 """Intervals, first and end."""

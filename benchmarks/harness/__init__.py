@@ -1,0 +1,1 @@
+"""The proof harness: what is measured about Plumbob, from a checkout; not installed."""

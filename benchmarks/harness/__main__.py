@@ -1,0 +1,216 @@
+"""What Plumbob promises, measured: filters under faults, a gyroscope channel, calibrations, rooms, decoders.
+
+Run: python -m benchmarks.harness faults|channel|calibration|rooms|decoders [options]
+"""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from plumbob.cli import common
+from plumbob.cli.benchmark import add_filters, add_peers, add_seeds, require_some, seeds_of, show
+from plumbob.cli.main import Parser, run
+
+if TYPE_CHECKING:
+    from benchmarks.harness.fault_cases import Case
+    from plumbob.protocols.format import Format
+
+PROGRAM = "python -m benchmarks.harness"
+
+
+def build_parser(_words: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Parser of what can be measured."""
+    parser = Parser(
+        prog=PROGRAM,
+        description="Measure filters under faults of their input, calibrations of many units, "
+        "magnetometers in real rooms, and decoders on damaged streams.",
+    )
+    kinds = parser.add_subparsers(dest="verb", metavar="KIND", required=True)
+    _add_faults(kinds)
+    _add_channel(kinds)
+    _add_calibration(kinds)
+    _add_rooms(kinds)
+    _add_decoders(kinds)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Measure, and return the exit code."""
+    return run(argv, build_parser, PROGRAM)
+
+
+def _add_faults(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "faults",
+        help="damaged samples, time stamps, starts and arguments, beside other libraries",
+        description="Damage a simulated stream in many ways, feed it to filters and to other libraries sample by "
+        "sample, and print what each makes of it beside its own clean run.",
+    )
+    add_filters(p, required=False)
+    add_peers(p)
+    p.add_argument("--cases", default="", metavar="A,B", help="cases or groups, F1 to F9 (default all)")
+    p.add_argument("--list", action="store_true", help="list the cases with what they inject")
+    common.add_json(p)
+    p.set_defaults(run=run_faults)
+
+
+def _add_channel(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "channel",
+        help="the trackball paper's filter of a gyroscope channel, at rest and on a turntable",
+        description="Repeat the trackball paper's tests of its rate filter on simulated data, beside a moving average "
+        "and a filter with two states, and print noise, lag, angle, and what long averaging shows.",
+    )
+    add_seeds(p)
+    common.add_json(p)
+    p.set_defaults(run=run_channel)
+
+
+def _add_calibration(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "calibration",
+        help="calibrations of many simulated units: errors, predictions, refusals",
+        description="Calibrate many simulated units from captures of many kinds, turn them on the tilted table of the "
+        "buoy paper, offer captures that must be refused, and print what is reached beside what it should be.",
+    )
+    p.add_argument(
+        "--sections",
+        default="",
+        metavar="A,B",
+        help="some of static, refusals, mag, accel, table, temperature (default all)",
+    )
+    add_seeds(p, default=200)
+    common.add_json(p)
+    p.set_defaults(run=run_calibration)
+
+
+def _add_rooms(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "rooms",
+        help="magnetometers that were turned in real rooms: calibrations beside a reference",
+        description="Calibrate the magnetometer of every recording of a folder that carries a reference, by its own "
+        "samples alone and with the help that is chosen without being told, and print the heading error that each "
+        "calibration predicts beside that by the reference.",
+    )
+    p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
+    p.add_argument(
+        "--window", metavar="S", help="calibrate windows of this length each, as 30s (default: whole recordings)"
+    )
+    common.add_json(p)
+    p.set_defaults(run=run_rooms)
+
+
+def _add_decoders(kinds: common.Adder) -> None:
+    p = kinds.add_parser(
+        "decoders",
+        help="sensor formats: damaged streams, noise, mutated bytes",
+        description="Damage streams of every format in seven ways, let its decoder hear random and mutated bytes, and "
+        "print how many undamaged frames are lost and how many wrong ones believed.",
+    )
+    p.add_argument(
+        "--formats", default="", metavar="A,B", help="names, or .toml files (default: all known, and a user's)"
+    )
+    p.add_argument("--frames", type=int, default=20_000, metavar="N", help="frames per stream (default 20000)")
+    p.add_argument("--noise", type=int, default=100_000_000, metavar="N", help="random bytes each (default 100000000)")
+    p.add_argument("--fuzz", type=int, default=10_000_000, metavar="N", help="mutated bytes each (default 10000000)")
+    common.add_json(p)
+    p.set_defaults(run=run_decoders)
+
+
+def run_faults(args: argparse.Namespace) -> int:
+    """Do it under faults."""
+    from benchmarks.harness.fault_cases import ARGUMENTS, listing
+    from benchmarks.harness.faults import measure_faults
+    from plumbob.core.errors import ParameterError
+    from plumbob.evaluation.many import OurFilter, peers
+
+    if args.list:
+        print(listing())
+        return 0
+    if args.filters is None:
+        raise ParameterError("--filters is missing; 'plumbob filters' shows what there is, --list shows the cases.")
+    chosen = common.stages(args.filters, args.params)
+    cases, wanted = _cases(args.cases)
+    others, absent = peers(args.peers)
+    contenders = [*map(OurFilter, chosen), *others]
+    common.warn_of_compiling([stage.filter for stage in chosen])
+    with common.progress(f"{len(cases)} cases, {len(contenders)} contenders", len(cases) * len(contenders)) as advance:
+        result = measure_faults(
+            contenders, cases, arguments=ARGUMENTS in wanted or not wanted, absent=absent, progress=advance
+        )
+    return show(result, args)
+
+
+def _cases(names: str) -> "tuple[list[Case], list[str]]":
+    """Cases that a comma list names, all where it is empty, and the names."""
+    from benchmarks.harness.fault_cases import CASES, choose
+
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    return (choose(wanted) if wanted else list(CASES)), wanted
+
+
+def run_channel(args: argparse.Namespace) -> int:
+    """Do it on a gyroscope channel."""
+    from benchmarks.harness.channel import PARTS, measure_channel
+    from plumbob.filters.channel import channel_names
+
+    seeds = seeds_of(args)
+    common.warn_of_compiling([f"channel_{name}" for name in channel_names()])
+    with common.progress(f"{args.seeds} seeds", PARTS * args.seeds) as advance:
+        result = measure_channel(seeds, progress=advance)
+    return show(result, args)
+
+
+def run_calibration(args: argparse.Namespace) -> int:
+    """Do it on calibrations."""
+    from benchmarks.harness.calibration import PARTS, measure_calibration
+
+    seeds = seeds_of(args)
+    names = [name.strip() for name in args.sections.split(",") if name.strip()]
+    steps = sum(part.steps for name, part in PARTS.items() if name in names or not names)
+    with common.progress(f"{args.seeds} units", steps) as advance:
+        result = measure_calibration(seeds, names, progress=advance)
+    return show(result, args)
+
+
+def run_rooms(args: argparse.Namespace) -> int:
+    """Do it in rooms."""
+    from benchmarks.harness.rooms import measure_rooms
+    from plumbob.core.units import Quantity, parse
+    from plumbob.evaluation.many import trials_in
+
+    files = trials_in(args.folder)
+    window = None if args.window is None else parse(args.window, Quantity.TIME)
+    with common.progress(f"{len(files)} files", len(files)) as advance:
+        result = measure_rooms(files, window=window, progress=advance)
+    return show(result, args)
+
+
+def run_decoders(args: argparse.Namespace) -> int:
+    """Do it on decoders."""
+    from benchmarks.harness.decoders import measure_decoders
+
+    for name in ("frames", "noise", "fuzz"):
+        require_some(f"--{name}", getattr(args, name))
+    forms = _formats(args.formats)
+    with common.progress(f"{len(forms)} formats", len(forms)) as advance:
+        result = measure_decoders(forms, frames=args.frames, noise=args.noise, fuzzing=args.fuzz, progress=advance)
+    return show(result, args)
+
+
+def _formats(names: str) -> "list[Format]":
+    """Formats of a comma list; the whole catalogue and a user's own frame where it is empty."""
+    from benchmarks.harness.decoder_streams import user_frame
+    from plumbob.protocols import catalog
+    from plumbob.protocols.format_toml import load_format
+
+    wanted = [name.strip() for name in names.split(",") if name.strip()]
+    if not wanted:
+        return [*map(catalog.load, catalog.names()), user_frame()]
+    return [load_format(name) if name.endswith(".toml") else catalog.load(name) for name in wanted]
+
+
+if __name__ == "__main__":
+    sys.exit(main())

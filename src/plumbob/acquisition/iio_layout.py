@@ -1,0 +1,348 @@
+"""What one scan of a Linux IIO buffer holds, and its numbers in the units used inside.
+
+Sources: Linux, Documentation/ABI/testing/sysfs-bus-iio (types, units, mount matrix); drivers/iio/industrialio-buffer.c
+(order, alignment and padding of a scan).
+
+How one number lies in a scan of a Linux IIO buffer.
+
+Source: Linux, Documentation/ABI/testing/sysfs-bus-iio.
+"""
+
+import json
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from plumbob.core.errors import DecodeError, ParameterError, ShapeError, UnitError
+from plumbob.core.units import Unit, unit
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Column = NDArray[np.float64]
+
+_TYPE: Final = re.compile(r"(le|be):([su])(\d+)/(\d+)(?:X(\d+))?(?:>>(\d+))?")
+
+
+@dataclass(frozen=True, slots=True)
+class IioType:
+    """How a number lies in memory.
+
+    Attributes
+    ----------
+    order : str
+        ``"<"`` or ``">"``.
+    signed : bool
+        Two's complement.
+    bits, storage, shift : int
+        Bits that hold the number, of so many in memory, after a shift to the right.
+    repeat : int
+        How many of them follow each other.
+    """
+
+    order: str
+    signed: bool
+    bits: int
+    storage: int
+    repeat: int = 1
+    shift: int = 0
+
+    @property
+    def size(self) -> int:
+        """Bytes of all repeats, which is their alignment too."""
+        return self.storage // 8 * self.repeat
+
+    def __str__(self) -> str:
+        order, sign = "le" if self.order == "<" else "be", "s" if self.signed else "u"
+        repeat = f"X{self.repeat}" if self.repeat > 1 else ""
+        return f"{order}:{sign}{self.bits}/{self.storage}{repeat}>>{self.shift}"
+
+
+def parse_type(text: str) -> IioType:
+    """Read a type as the kernel writes it, such as ``le:s12/16>>4`` or ``be:s32/32X4>>0``.
+
+    Raises
+    ------
+    ParameterError
+        If it is none, or its bits have no room.
+    """
+    match = _TYPE.fullmatch(text.strip())
+    if match is None:
+        raise ParameterError(f"{text!r} is no type of a scan element; it looks like le:s12/16>>4.")
+    order, sign, bits, storage, repeat, shift = match.groups()
+    kind = IioType(
+        "<" if order == "le" else ">", sign == "s", int(bits), int(storage), int(repeat or 1), int(shift or 0)
+    )
+    if kind.storage not in {8, 16, 32, 64} or not 0 < kind.bits <= kind.storage - kind.shift or kind.repeat < 1:
+        raise ParameterError(f"{text!r}: {bits} bits do not fit into {storage} after a shift by {shift or 0}.")
+    return kind
+
+
+TIMESTAMP: Final = "timestamp"
+_CLOCKS: Final = ("", "monotonic", "realtime")
+
+_NAME = re.compile(r"([a-z]+)(.*)")
+_KINDS: Final = {
+    "anglvel": ("gyr", "rad/s"),
+    "accel": ("acc", "m/s2"),
+    "magn": ("mag", "gauss"),
+    "temp": ("temp_c", "mdegC"),
+}
+_AXES = "xyz"
+Matrix = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class IioChannel:
+    """One element of a scan.
+
+    Attributes
+    ----------
+    name : str
+        As the kernel calls it, such as ``anglvel_x``.
+    index : int
+        Its place in the order of the scan.
+    type : IioType
+        How it lies in memory.
+    scale, offset : float
+        ``(raw + offset) * scale`` is in IIO's unit.
+    """
+
+    name: str
+    index: int
+    type: IioType
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def column(self) -> str:
+        """Our name, such as ``gyr_x``; ``temp_c`` is in °C."""
+        kind, rest = _split(self.name)
+        return _KINDS[kind][0] + rest
+
+    @property
+    def unit(self) -> Unit:
+        """IIO's unit."""
+        return unit(self.unit_name)
+
+    @property
+    def unit_name(self) -> str:
+        """Its name."""
+        return iio_unit(self.name)
+
+
+def iio_unit(name: str) -> str:
+    """Name of the unit in which IIO gives a channel: rad/s, m/s², gauss, or thousandths of °C.
+
+    Raises
+    ------
+    UnitError
+        If it measures something that Plumbob has no use for.
+    """
+    kind, _ = _split(name)
+    if kind not in _KINDS:
+        raise UnitError(
+            f"The IIO channel '{name}' is none of {', '.join(_KINDS)}, so its unit is not known; leave it out."
+        )
+    return _KINDS[kind][1]
+
+
+def is_known(name: str) -> bool:
+    """Whether a channel is a time stamp, or measures something whose unit is known."""
+    return name == TIMESTAMP or _split(name)[0] in _KINDS
+
+
+def _split(name: str) -> tuple[str, str]:
+    match = _NAME.fullmatch(name)
+    return (match[1], match[2]) if match else (name, "")
+
+
+def _channel_words(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a channel of a text says that is not text, each as its type."""
+    if type(entry["index"]) is not int:
+        raise TypeError(f"index {entry['index']!r}")
+    words = {key: _number(entry[key]) for key in ("scale", "offset")}
+    return {"type": parse_type(entry["type"]), **words}
+
+
+def _matrix(rows: Any) -> Any:
+    matrix = tuple(tuple(map(_number, row)) for row in rows)
+    if [len(row) for row in matrix] != [3, 3, 3]:
+        raise ValueError(f"a matrix of {len(matrix)} rows")
+    return matrix
+
+
+def _number(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise TypeError(f"{value!r} is no number")
+    return float(value)
+
+
+@dataclass(frozen=True)
+class IioLayout:
+    """What the bytes of a device's scans mean.
+
+    Each element lies at a multiple of its own size, in the order of its index, and the whole is padded to a multiple
+    of the largest. (Kernels before 5.5 do not pad, which only shows where no time stamp is enabled.)
+
+    Attributes
+    ----------
+    device : str
+        Name of the device.
+    channels : tuple of IioChannel
+        In the order of the scan.
+    mounts : mapping of str to 3×3 matrix
+        For ``gyr``, ``acc`` and ``mag``: from the chip's axes to those of the board, as the device tree says.
+    clock : str
+        Clock of the time stamps as `IioSource` sets it: ``"monotonic"``, or ``"realtime"`` where the kernel knows no
+        other (before 4.5); empty where there are none.
+    size : int
+        Bytes in a scan.
+
+    Raises
+    ------
+    ParameterError
+        If there are no channels, or a mount matrix needs an axis that is not there.
+    UnitError
+        If the unit of a channel is not known.
+    """
+
+    device: str
+    channels: tuple[IioChannel, ...]
+    mounts: Mapping[str, Matrix] = field(default_factory=dict)
+    clock: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.channels:
+            raise ParameterError(f"{self.device}: no channel is chosen.")
+        for channel in self.channels:
+            if channel.name != TIMESTAMP:
+                iio_unit(channel.name)
+        for triad, matrix in self.mounts.items():
+            _check_mount(self.device, triad, matrix, self._axes(triad))
+
+    @property
+    def size(self) -> int:
+        """Bytes in a scan."""
+        return self._places()[1]
+
+    @property
+    def places(self) -> list[int]:
+        """Byte of a scan at which each channel begins."""
+        return self._places()[0]
+
+    def to_json(self) -> str:
+        """One line of text that `from_json` reads, to lie beside raw scans in a recording."""
+        channels = [
+            {"name": c.name, "index": c.index, "type": str(c.type), "scale": c.scale, "offset": c.offset}
+            for c in self.channels
+        ]
+        told = {"device": self.device, "channels": channels, "mounts": dict(self.mounts), "clock": self.clock}
+        return json.dumps(told)
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Layout from the text of `to_json`; DecodeError where it is none."""
+        try:
+            raw = json.loads(text)
+            channels = tuple(IioChannel(**{**entry, **_channel_words(entry)}) for entry in raw["channels"])
+            mounts = {triad: _matrix(rows) for triad, rows in raw["mounts"].items()}
+            if not isinstance(raw["device"], str) or raw["clock"] not in _CLOCKS:
+                raise ValueError(f"device {raw['device']!r}, clock {raw['clock']!r}")
+            return cls(raw["device"], channels, mounts, raw["clock"])
+        except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
+            raise DecodeError(f"This is no layout of IIO scans, or a damaged one: {error!r}.") from error
+
+    def decode(self, data: bytes) -> "tuple[NDArray[np.int64] | None, dict[str, Column]]":
+        """Take whole scans apart.
+
+        Parameters
+        ----------
+        data : bytes
+            N scans.
+
+        Returns
+        -------
+        t_ns : ndarray (N,) of int64, or None
+            The kernel's time stamps, ns, on the clock that the device was told to use.
+        columns : dict of str to ndarray (N,)
+            Such as ``gyr_x``, rad/s, ``acc_x``, m/s², ``mag_x``, µT, in the board's axes, and ``temp_c``, °C.
+
+        Raises
+        ------
+        ShapeError
+            If the bytes are not whole scans.
+        """
+        import numpy as np
+
+        places, size = self._places()
+        if len(data) % size:
+            raise ShapeError(f"{self.device}: {len(data)} bytes are no whole number of scans of {size} bytes.")
+        table = np.frombuffer(data, np.uint8).reshape(-1, size)
+        t_ns: NDArray[np.int64] | None = None
+        columns: dict[str, Column] = {}
+        for channel, at in zip(self.channels, places, strict=True):
+            raw = _raw(channel.type, table[:, at : at + channel.type.size])
+            if channel.name == TIMESTAMP:
+                t_ns = raw
+            else:
+                u = channel.unit
+                columns[channel.column] = (
+                    raw.astype(np.float64) + channel.offset
+                ) * channel.scale * u.factor + u.offset
+        for triad, matrix in self.mounts.items():
+            _mount(columns, triad, matrix, self._axes(triad))
+        return t_ns, columns
+
+    def _places(self) -> tuple[list[int], int]:
+        places, end, largest = [], 0, 1
+        for channel in self.channels:
+            size = channel.type.size
+            places.append(_aligned(end, size))
+            end = places[-1] + size
+            largest = max(largest, size)
+        return places, _aligned(end, largest)
+
+    def _axes(self, triad: str) -> list[int]:
+        there = {channel.column for channel in self.channels if channel.name != TIMESTAMP}
+        return [i for i, axis in enumerate(_AXES) if f"{triad}_{axis}" in there]
+
+
+def _aligned(at: int, size: int) -> int:
+    return -(-at // size) * size
+
+
+def _raw(kind: IioType, table: "NDArray[np.uint8]") -> "NDArray[np.int64]":
+    """Numbers (N,), or (N, repeat), as the driver counts them."""
+    import numpy as np
+
+    words = np.ascontiguousarray(table).view(f"{kind.order}u{kind.storage // 8}").astype(np.uint64)
+    if kind.repeat == 1:
+        words = words[:, 0]
+    counts = ((words >> np.uint64(kind.shift)) & np.uint64(2**kind.bits - 1)).view(np.int64)
+    if kind.signed and kind.bits < 64:
+        sign = np.int64(1 << (kind.bits - 1))
+        counts = (counts ^ sign) - sign
+    return counts
+
+
+def _rows(matrix: Matrix, axes: Sequence[int]) -> list[int]:
+    """Axes of the board that the chip's `axes` are enough for."""
+    return [i for i in range(3) if all(matrix[i][j] == 0.0 for j in range(3) if j not in axes)]
+
+
+def _check_mount(device: str, triad: str, matrix: Matrix, axes: list[int]) -> None:
+    if axes and len(_rows(matrix, axes)) != len(axes):
+        raise ParameterError(
+            f"{device}: the mount matrix of {triad} mixes axes that are not all enabled "
+            f"({', '.join(_AXES[j] for j in axes)} are); choose all of them."
+        )
+
+
+def _mount(columns: "dict[str, Column]", triad: str, matrix: Matrix, axes: list[int]) -> None:
+    chip = {j: columns.pop(f"{triad}_{_AXES[j]}") for j in axes}
+    for i in _rows(matrix, axes) if axes else ():
+        columns[f"{triad}_{_AXES[i]}"] = sum((matrix[i][j] * chip[j] for j in axes), start=0.0 * chip[axes[0]])

@@ -1,0 +1,380 @@
+"""Accelerometer from poses at rest, in which it measures gravity: bias, scale and misalignment by its length alone.
+
+The poses need no known attitude, only many different ones: n positions on a table, or forty by hand [Tedaldi2014]. The
+shape is chosen as far as the poses can tell, and what they cannot is refused or said. The length of a vector tells no
+rotation, so the matrix is symmetric, the one that turns the measured vectors least: how the axes sit in the case is a
+matter of the mounting.
+
+The classic calibration of an accelerometer: each axis held up and down, bias and scale from the pairs.
+
+For axis i, f₊ measured with it up and f₋ with it down: bias (f₊ + f₋)/2, gain (f₊ − f₋)/2 over gravity.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from plumbob.calibration.ellipsoid.autocorrelation import alike_in
+from plumbob.calibration.ellipsoid.ellipsoid_fit import Ellipsoid, NormFit, Shape, fit_norm, linearised
+from plumbob.calibration.ellipsoid.scale import radius_of, scaled
+from plumbob.calibration.ellipsoid.shape_choice import SPARE, choose
+from plumbob.calibration.fit import TILT, Fitted, grade_of
+from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, names_of, tilt_sd
+from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.constants import EARTH_RATE, G0, WGS84_A, WGS84_F, WGS84_GM, WGS84_GRAVITY_EQUATOR, WGS84_GRAVITY_POLE
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg, to_deg
+from plumbob.data.cards import UNITS, Quality, TriadCalibration
+
+HIGHEST = 20_000.0
+"""Height up to which the series holds to a hundredth of the anomalies, m; and as far down."""
+
+
+def normal_gravity(latitude: float, height: float = 0.0) -> float:
+    """Gravity of the WGS 84 ellipsoid, m/s²: the closed form of Somigliana, and a series for the height [WGS84].
+
+    What mountains and dense rock add is left out: some 0.0003 m/s² (0.03 mg) as a rule, 0.003 m/s² at most.
+
+    Parameters
+    ----------
+    latitude : float
+        Geodetic latitude, rad.
+    height : float
+        Height above the ellipsoid, m; above the sea does, for the geoid's 100 m are 0.0003 m/s².
+
+    Raises
+    ------
+    ParameterError
+        If there is no such latitude, or the height is beyond 20 km.
+    """
+    if not abs(latitude) <= math.pi / 2.0:
+        raise ParameterError(f"a latitude is from −90° to 90°, but it is {to_deg(latitude):g}°.")
+    if not abs(height) <= HIGHEST:
+        raise ParameterError(f"the height must be within ±{HIGHEST:g} m of the ellipsoid, but it is {height:g} m.")
+    polar = WGS84_A * (1.0 - WGS84_F)
+    sin2 = math.sin(latitude) ** 2
+    k = polar * WGS84_GRAVITY_POLE / (WGS84_A * WGS84_GRAVITY_EQUATOR) - 1.0
+    eccentricity2 = WGS84_F * (2.0 - WGS84_F)
+    ground = WGS84_GRAVITY_EQUATOR * (1.0 + k * sin2) / math.sqrt(1.0 - eccentricity2 * sin2)  # [WGS84] (4-1)
+    m = EARTH_RATE**2 * WGS84_A**2 * polar / WGS84_GM
+    slope = 1.0 + WGS84_F + m - 2.0 * WGS84_F * sin2
+    return ground * (1.0 - 2.0 * slope * height / WGS84_A + 3.0 * (height / WGS84_A) ** 2)  # [WGS84] (4-3)
+
+
+NEAR: Final = deg(15.0)
+"""How far from upright a face may be held, rad."""
+
+
+def faces(poses: Floats) -> list[int] | None:
+    """Which of six poses (6, 3) is +x, −x, +y, −y, +z, −z; None where they are not one of each within `NEAR`."""
+    cosines = REGIONS[:6] @ (poses / np.linalg.norm(poses, axis=1, keepdims=True)).T
+    found = np.argmax(cosines, axis=1)
+    one_each = len(poses) == 6 and len(set(found.tolist())) == 6 and cosines.max(axis=1).min() >= math.cos(NEAR)
+    return found.tolist() if one_each else None
+
+
+def six_positions(poses: Floats, *, noise: float = 0.0) -> NormFit | None:
+    """Bias and scale by pairs; None where the poses are not the six faces within 15°.
+
+    It cannot see misalignment, and it takes faces for upright: a face held at the angle θ reads low by 1 − cos θ, 1.4 %
+    at 10° and 0.004 % at 0.5°. `norm_fit` with the shape of the axes takes the same poses and does not mind the tilt.
+
+    Parameters
+    ----------
+    poses : ndarray (6, 3)
+        Mean specific force of each pose, of any unit.
+    noise : float
+        Standard deviation of a mean, same unit; what the lengths scatter after the fit is added to it.
+    """
+    order = faces(poses)
+    if order is None:
+        return None
+    read = poses[order].reshape(3, 2, 3)
+    up, down = np.diag(read[:, 0]), np.diag(read[:, 1])
+    bias, gain = 0.5 * (up + down), 0.5 * (up - down)
+    ellipsoid = Ellipsoid(bias, np.diag(1.0 / gain))
+    residuals = _distances(poses, ellipsoid)
+    sd = math.hypot(noise, float(np.sqrt(np.mean(residuals**2))))
+    variance = 0.5 * sd**2  # of half the sum, and of half the difference
+    covariance = np.diag(np.concatenate((np.full(3, variance), variance / gain**4, np.zeros(3))))
+    used = np.ones(6, dtype=np.bool_)
+    return NormFit(Shape.AXES, ellipsoid, covariance, sd, residuals, used, 1.0, float(residuals @ residuals))
+
+
+def _distances(poses: Floats, ellipsoid: Ellipsoid) -> Floats:
+    """Orthogonal distances from an ellipsoid along the axes, to first order."""
+    scaled = (poses - ellipsoid.centre) @ ellipsoid.shape
+    size = np.linalg.norm(scaled, axis=1)
+    slope = np.linalg.norm(scaled @ ellipsoid.shape, axis=1) / size
+    return np.asarray((size - 1.0) / slope)
+
+
+SHAPES: Final = ("auto", "six", "axes", "ellipsoid")
+"""What can be asked for."""
+
+MOST_OUTLIERS: Final = 0.1
+"""Share of poses that may not fit the others."""
+
+WRONG: Final = 0.1
+"""Relative error of gravity's size from which on the unit or the range must be wrong."""
+
+LIGHTEST, HEAVIEST = G0 - 0.05, G0 + 0.035
+"""Gravity on Earth, m/s²: of high mountains at the equator, and of the poles."""
+
+FAR_SCALE: Final = 0.05
+"""Relative error of gravity's size beyond which a remark says so: data sheets of MEMS parts have ±1 to 3 %."""
+
+CROSS_AXIS: Final = 0.01
+"""Sensitivity across the axes to expect where it was not fitted: data sheets of MEMS parts have ±1 to 2 %."""
+
+_SIDE: Final = 0.5  # cosine: each axis must have been up, and down, within 60°
+_WRONG_UNFITTED: Final = 0.4  # before the bias is known
+_SINGULAR: Final = 1e10
+_RESTLESS: Final = 3.0
+_WORDS: Final = {
+    Shape.SPHERE: "bias and one scale, 4 parameters",
+    Shape.AXES: "bias and scale, 6 parameters",
+    Shape.ELLIPSOID: "bias, scale and misalignment, 9 parameters",
+}
+_SMALLEST: Final = {"auto": Shape.AXES, "axes": Shape.AXES, "ellipsoid": Shape.ELLIPSOID}
+_ADVICE: Final = "Hold the unit still in 18 poses, each face and each edge of its case once up."
+
+
+class _Found(NamedTuple):
+    fit: NormFit
+    why: str
+
+
+def fit_accel(
+    poses: Floats,
+    *,
+    shape: str = "auto",
+    noise: float = 0.0,
+    gravity: float = G0,
+    tilt_range: float = TILT_RANGE,
+) -> Fitted:
+    """Fit the means of poses at rest.
+
+    Parameters
+    ----------
+    poses : ndarray (N, 3)
+        Mean specific force of each pose, m/s².
+    shape : {"auto", "six", "axes", "ellipsoid"}
+        "ellipsoid" finds bias, scale and misalignment, "axes" bias and scale, as the buoy paper's fit [Yu2018], "six"
+        the same by pairs of opposite faces. "auto" takes the ellipsoid where the poses determine it and contradict the
+        axes.
+    noise : float
+        Standard deviation of a mean, m/s², where it is known: as many poses as parameters then do.
+    gravity : float
+        Gravity at the place, m/s².
+    tilt_range : float
+        Inclination up to which the predicted error holds, rad.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the poses cannot determine the calibration, with the reasons.
+    ParameterError
+        If there is no such gravity on Earth.
+    """
+    check.one_of("shape", shape, SHAPES)
+    if not LIGHTEST <= gravity <= HEAVIEST:
+        raise ParameterError(
+            f"gravity on Earth is from {LIGHTEST:.3g} to {HEAVIEST:.3g} m/s², but it was given as {gravity:g} m/s²."
+        )
+    poses = check.rows("poses", poses, 3)
+    refuse(_unusable(poses, shape, noise, gravity))
+    fit, why = _found(poses, shape, noise)
+    matrix, covariance = scaled(fit, gravity, alike=alike_in(fit, poses).factor)
+    tilt = tilt_sd(matrix, covariance, size=gravity, tilt_range=tilt_range)
+    refuse(_untrue(fit, tilt, gravity))
+    left = np.linalg.norm((poses - fit.ellipsoid.centre) @ matrix, axis=1)[fit.used] - gravity
+    calibration = TriadCalibration(
+        matrix=matrix,
+        bias=fit.ellipsoid.centre,
+        unit_in=UNITS["acc"],
+        unit_out=UNITS["acc"],
+        residual_rms=float(np.sqrt(np.mean(left**2))),
+        covariance=covariance,
+        reference=gravity,
+        method=f"accelerometer in {len(poses)} poses: {_WORDS[fit.shape]}{' by pairs' if shape == 'six' else ''}",
+        quality=_quality(poses, fit, tilt, tilt_range),
+    )
+    return Fitted(calibration, poses, fit.residuals, fit.used, _remarks(fit, why, gravity, noise))
+
+
+def _found(poses: Floats, shape: str, noise: float) -> _Found:
+    found = _chosen(poses, noise) if shape == "auto" else _asked(poses, shape, noise)
+    if found is not None:
+        return found
+    if shape != "six":
+        raise CaptureRefusedError(Reason("ill-conditioned", "no ellipsoid fits the poses.", _ADVICE))
+    text = f"{len(poses)} poses are not the six faces, each once up within 15°."
+    advice = "Hold each face up once, exactly, and nothing else; or let the shape be chosen, which takes any poses."
+    raise CaptureRefusedError(Reason("ill-conditioned", text, advice))
+
+
+def _asked(poses: Floats, shape: str, noise: float) -> _Found | None:
+    fit = six_positions(poses, noise=noise) if shape == "six" else _fit(poses, _SMALLEST[shape], noise)
+    return None if fit is None else _Found(_doubted(fit, poses), "asked for")
+
+
+def _chosen(poses: Floats, noise: float) -> _Found | None:
+    """The shape that the poses can tell and ask for."""
+    choice = choose(poses)
+    full = _fit(poses, Shape.ELLIPSOID, noise) if choice is None else choice.full
+    if full is not None and _determined(full):
+        if choice is None:
+            return _Found(full, "too few poses to try less")
+        return _Found(_held_against(choice.fit, full), choice.why)
+    fit = _fit(poses, Shape.AXES, noise)
+    return None if fit is None else _Found(_doubted(fit, poses), "the poses do not tell misalignment")
+
+
+def _fit(poses: Floats, shape: Shape, noise: float) -> NormFit | None:
+    """Fit from the nominal sensor, which is never far off."""
+    if len(poses) < _least(shape, noise):
+        return None
+    start = Ellipsoid(np.zeros(3), np.eye(3) / float(np.median(np.linalg.norm(poses, axis=1))))
+    return fit_norm(poses, shape, start, robust=len(poses) >= shape.value + SPARE, noise=noise)
+
+
+def _least(shape: Shape, noise: float) -> int:
+    return shape.value if noise > 0.0 else shape.value + 1
+
+
+def _determined(fit: NormFit) -> bool:
+    """Whether the poses say more of the sensitivity across the axes than a data sheet does."""
+    across = float(np.sqrt(np.diag(fit.covariance)[6:].max())) * radius_of(fit.ellipsoid.shape)
+    return fit.condition < _SINGULAR and across < CROSS_AXIS
+
+
+def _doubted(fit: NormFit, poses: Floats) -> NormFit:
+    """Fit of the axes whose covariance counts misalignment as data sheets have it: in itself, and in what it spoils."""
+    if fit.shape is Shape.ELLIPSOID:
+        return fit
+    rows, _ = linearised(poses[fit.used], fit.ellipsoid)
+    spoilt = np.vstack((-np.linalg.lstsq(rows[:, :6], rows[:, 6:], rcond=None)[0], np.eye(3)))
+    variance = (CROSS_AXIS / radius_of(fit.ellipsoid.shape)) ** 2
+    return fit._replace(covariance=fit.covariance + variance * spoilt @ spoilt.T)
+
+
+def _held_against(fit: NormFit, full: NormFit) -> NormFit:
+    """Smaller fit that was chosen by test; what it has not is known as well as in the full one."""
+    covariance = fit.covariance.copy()
+    covariance[6:, 6:] = full.covariance[6:, 6:]
+    return fit._replace(covariance=covariance)
+
+
+def _unusable(poses: Floats, shape: str, noise: float, gravity: float) -> list[Reason]:
+    """Reasons that need no fit."""
+    if not np.isfinite(poses).all():
+        raise CaptureRefusedError(Reason("not-still", "a pose has no finite mean.", "Leave it out."))
+    sizes = np.linalg.norm(poses, axis=1)
+    wrong = _wrong_gravity(float(np.median(sizes)) if sizes.size else gravity, gravity, _WRONG_UNFITTED)
+    return [r for r in (wrong, _sides(poses, sizes), _too_few(len(poses), shape, noise)) if r is not None]
+
+
+def _too_few(count: int, shape: str, noise: float) -> Reason | None:
+    if shape == "six":
+        return None  # it wants six and no other, and says so
+    need = _least(_SMALLEST[shape], noise)
+    if count >= need:
+        return None
+    text = f"{count} {'pose' if count == 1 else 'poses'}; {_WORDS[_SMALLEST[shape]]} need {need} at least."
+    fewer = "Six faces are enough for bias and scale alone (shape axes)."
+    less = f" {fewer}" if shape == "ellipsoid" and count >= Shape.AXES.value else ""
+    return Reason("too-few", text, _ADVICE + less)
+
+
+def _sides(poses: Floats, sizes: Floats) -> Reason | None:
+    """Reason to refuse poses that left out a side of the case."""
+    cosines = (poses / np.maximum(sizes, np.finfo(float).tiny)[:, np.newaxis]) @ REGIONS[:6].T
+    empty = np.flatnonzero((cosines < _SIDE).all(axis=0)).tolist()
+    if not empty:
+        return None
+    return Reason(
+        "too-few-regions",
+        f"no pose had {names_of(empty)} up within 60°, so bias and scale cannot be told apart there.",
+        f"Hold the unit still with {names_of(empty)} up as well, one after the other.",
+    )
+
+
+def _wrong_gravity(size: float, gravity: float, limit: float) -> Reason | None:
+    ratio = size / gravity
+    if abs(ratio - 1.0) <= limit:
+        return None
+    guess = " That is 1 g: the values are in g." if abs(size - 1.0) < 0.1 else ""
+    return Reason(
+        "wrong-gravity",
+        f"at rest the sensor measures {size:.4g} m/s², {ratio:.3g} times gravity ({gravity:.5f} m/s²).{guess}",
+        "Check the unit of the values and the range that the sensor was set to.",
+    )
+
+
+def _untrue(fit: NormFit, tilt: float, gravity: float) -> list[Reason]:
+    """Reasons not to believe a fit."""
+    reasons = [_wrong_gravity(radius_of(fit.ellipsoid.shape), gravity, WRONG)]
+    out = np.flatnonzero(~fit.used)
+    if out.size > MOST_OUTLIERS * fit.used.size:
+        text = f"{out.size} of {fit.used.size} poses do not fit the others (poses {_numbers(fit)})."
+        reasons.append(Reason("outliers", text, "Hold the unit really still in each pose, away from engines."))
+    if not tilt <= TILT.poor or fit.condition > _SINGULAR:
+        text = f"the poses leave an inclination error of {to_deg(tilt):.2g}° (1 sd); condition {fit.condition:.2g}."
+        reasons.append(Reason("ill-conditioned", text, _ADVICE))
+    return [reason for reason in reasons if reason is not None]
+
+
+def _quality(poses: Floats, fit: NormFit, tilt: float, tilt_range: float) -> Quality:
+    used = int(np.count_nonzero(fit.used))
+    grade = grade_of(tilt, TILT) or "poor"
+    return Quality(
+        grade="fair" if grade == "good" and used < fit.shape.value + SPARE else grade,
+        samples=used,
+        outliers=len(poses) - used,
+        regions=int(np.count_nonzero(filled((poses - fit.ellipsoid.centre)[fit.used]))),
+        condition=fit.condition,
+        tilt_sd=tilt,
+        tilt_range=tilt_range,
+    )
+
+
+def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str, ...]:
+    told = [f"Shape: {_WORDS[fit.shape]} ({why}).", *_far_scale(radius_of(fit.ellipsoid.shape) / gravity)]
+    if gravity == G0:
+        told.append("Gravity is the standard one; at the place it may differ by 0.3 %, in scale but not in direction.")
+    if fit.shape is not Shape.ELLIPSOID:
+        sd = to_deg(float(np.sqrt(np.diag(fit.covariance)[6:].max())) * radius_of(fit.ellipsoid.shape))
+        told.append(
+            f"Misalignment was left at zero; the predicted error counts it with {sd:.2g}° (1 sd) per pair of axes."
+        )
+    if np.count_nonzero(fit.used) < fit.shape.value + SPARE:
+        told.append(
+            f"{len(fit.used)} poses leave too few over to notice a bad one; take {fit.shape.value + SPARE} or more."
+        )
+    if noise > 0.0 and fit.sd > _RESTLESS * noise:
+        told.append(f"The poses scatter {fit.sd / noise:.0f} times as much about the fit as noise at rest explains.")
+    if not fit.used.all():
+        told.append(f"Set aside, for they do not fit the others: poses {_numbers(fit)} of {len(fit.used)}.")
+    told.append(
+        "Gravity's length does not tell how the axes are turned in the case, about 0.3° as a rule; 'plumbob calibrate "
+        "mount' finds that turn."
+    )
+    return tuple(told)
+
+
+def _far_scale(ratio: float) -> tuple[str, ...]:
+    if abs(ratio - 1.0) <= FAR_SCALE:
+        return ()
+    return (
+        f"SCALE OFF BY {100.0 * (ratio - 1.0):+.1f} %: at rest the sensor measures {ratio:.3f} times gravity, and data "
+        "sheets allow 3 %. A factor like that is usually a wrong unit, range or count per g; check them in the profile "
+        "or format before the card takes it out.",
+    )
+
+
+def _numbers(fit: NormFit) -> str:
+    return ", ".join(str(i + 1) for i in np.flatnonzero(~fit.used))

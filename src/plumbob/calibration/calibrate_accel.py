@@ -1,0 +1,176 @@
+"""Accelerometer from a recording: by the means of its stretches at rest, or by slow tumbling beside a gyroscope."""
+
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.acc.moving import fit_accel_moving
+from plumbob.calibration.acc.poses import fit_accel
+from plumbob.calibration.fit import Fitted
+from plumbob.calibration.predicted import TILT_RANGE
+from plumbob.calibration.rejection import CaptureRefusedError, Reason
+from plumbob.calibration.static_periods import stills
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError
+from plumbob.data import ImuData
+from plumbob.data.cards import TriadCalibration
+
+LEAST: Final = 1.0
+"""Shortest stretch at rest that counts as a pose, s."""
+
+FEWEST_ROWS: Final = 100
+"""Samples of accelerometer and gyroscope that a capture without rests must have."""
+
+_PARTS: Final = 4  # of a pose, whose scatter says how well its mean is known
+
+
+class Poses(NamedTuple):
+    """Stretches at rest.
+
+    Attributes
+    ----------
+    means : ndarray (N, 3)
+        Mean specific force of each, m/s².
+    noise : float
+        Standard deviation of a mean's length, m/s², by what the parts of each pose scatter.
+    spans : tuple of (float, float)
+        First and last time of each, s.
+    temp_c : ndarray (M,)
+        Temperatures at rest, °C; empty where unknown.
+    """
+
+    means: Floats
+    noise: float
+    spans: tuple[tuple[float, float], ...]
+    temp_c: Floats
+
+
+def calibrate_accel(
+    imu: ImuData,
+    *,
+    shape: str = "auto",
+    gravity: float = G0,
+    tilt_range: float = TILT_RANGE,
+    moving: bool = False,
+) -> Fitted:
+    """Fit the accelerometer of a capture by its poses at rest; a gyroscope helps to find them and is not needed.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The capture, with specific force as measured.
+    shape, gravity, tilt_range
+        As in `plumbob.calibration.acc.poses.fit_accel`.
+    moving : bool
+        Whether the unit tumbled slowly without rests: the gyroscope then stands in for them, and must be there.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the capture cannot determine the calibration, with the reasons.
+    ParameterError
+        If a capture without rests has no gyroscope.
+    """
+    if moving:
+        return _tumbled(imu, shape, gravity, tilt_range)
+    poses = poses_at_rest(imu)
+    found = fit_accel(poses.means, shape=shape, noise=poses.noise, gravity=gravity, tilt_range=tilt_range)
+    told = [f"{len(poses.spans)} poses were found at rest, of {_shortest(poses):.1f} s at least."]
+    for i in np.flatnonzero(~found.used).tolist():
+        told.append(f"Pose {i + 1} is that from {poses.spans[i][0]:.2f} to {poses.spans[i][1]:.2f} s.")
+    return replace(found, calibration=_warmed(found.calibration, poses.temp_c), remarks=(*told, *found.remarks))
+
+
+def _tumbled(imu: ImuData, shape: str, gravity: float, tilt_range: float) -> Fitted:
+    """Fit of a capture without rests."""
+    rows, gyr = _whole(imu)
+    if gyr is None or rows.size < FEWEST_ROWS:
+        raise ParameterError(
+            "a capture without rests needs a gyroscope beside the accelerometer, but there are "
+            f"{0 if gyr is None else rows.size} samples of both; rest in many poses instead, and leave 'moving' out."
+        )
+    if (clipped := int(np.count_nonzero(imu.flags[rows] & np.uint32(flags.ACC_CLIPPED | flags.GYR_CLIPPED)))) > 0:
+        text = f"in {clipped} of {rows.size} samples a sensor is at the end of its range."
+        raise CaptureRefusedError(Reason("clipping", text, "Turn more slowly, or set a wider range."))
+    found = fit_accel_moving(
+        imu.t[rows], imu.usable("acc")[rows], gyr, shape=shape, gravity=gravity, tilt_range=tilt_range
+    )
+    temp_c = np.zeros(0) if imu.temp_c is None else imu.temp_c[rows]
+    return replace(found, calibration=_warmed(found.calibration, temp_c[np.isfinite(temp_c)]))
+
+
+def poses_at_rest(imu: ImuData) -> Poses:
+    """Stretches of at least `LEAST` at rest.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If there are none, or the accelerometer is at the end of its range in one.
+    """
+    rows, gyr = _whole(imu)
+    t, acc = imu.t[rows], imu.usable("acc")[rows]
+    spans = stills(t, acc, gyr, least=LEAST) if t.size else []
+    if not spans:
+        raise CaptureRefusedError(_not_still(imu, int(t.size)))
+    _refuse_clipped(imu, rows, spans)
+    means = np.array([acc[span].mean(axis=0) for span in spans])
+    variances = [_variance(acc[span]) for span in spans]
+    temp_c = np.zeros(0) if imu.temp_c is None else np.concatenate([imu.temp_c[rows][span] for span in spans])
+    times = tuple((float(t[span.start]), float(t[span.stop - 1])) for span in spans)
+    return Poses(means, float(np.sqrt(np.mean(variances))), times, temp_c[np.isfinite(temp_c)])
+
+
+def _whole(imu: ImuData) -> tuple[NDArray[np.int64], Floats | None]:
+    """Rows with a specific force, and the rates there; none where most of those rows have no rate."""
+    known = np.isfinite(imu.usable("acc")).all(axis=1)
+    turned = known & np.isfinite(imu.usable("gyr")).all(axis=1)
+    if 2 * np.count_nonzero(turned) <= np.count_nonzero(known):
+        return np.flatnonzero(known), None
+    rows = np.flatnonzero(turned)
+    return rows, imu.usable("gyr")[rows]
+
+
+def _variance(acc: Floats) -> float:
+    """Variance of the length of a pose's mean, by that of its parts: with slow noise, without tremor of hands."""
+    parts = acc[: len(acc) // _PARTS * _PARTS].reshape(_PARTS, -1, 3).mean(axis=1)
+    return float(np.linalg.norm(parts, axis=1).var(ddof=1)) / _PARTS
+
+
+def _refuse_clipped(imu: ImuData, rows: NDArray[np.int64], spans: list[slice]) -> None:
+    clipped = (imu.flags[rows] & np.uint32(flags.ACC_CLIPPED)) != 0
+    bad = [i + 1 for i, span in enumerate(spans) if clipped[span].any()]
+    if bad:
+        raise CaptureRefusedError(
+            Reason(
+                "clipping",
+                f"in {len(bad)} of {len(spans)} poses, the first being pose {bad[0]}, the accelerometer is at the end "
+                f"of its range of ±{imu.meta.acc_range:.4g} m/s².",
+                "Set a range beyond 1 g, or correct the range that the recording declares.",
+            )
+        )
+
+
+def _not_still(imu: ImuData, known: int) -> Reason:
+    lasting = float(imu.t[-1] - imu.t[0])
+    return Reason(
+        "not-still",
+        f"nothing in {lasting:.1f} s ({known} of {len(imu)} samples with a specific force) is at rest for {LEAST:g} s.",
+        "Hold each pose for 2 s or more against something solid, and turn the unit quickly in between; or, where it "
+        "tumbled slowly beside a gyroscope, ask for that with --moving.",
+    )
+
+
+def _shortest(poses: Poses) -> float:
+    return min(stop - start for start, stop in poses.spans)
+
+
+def _warmed(calibration: TriadCalibration, temp_c: Floats) -> TriadCalibration:
+    """Calibration that says at which temperature it was made."""
+    if not temp_c.size:
+        return calibration
+    span = float(temp_c.min()), float(temp_c.max())
+    return replace(calibration, temp_ref_c=float(temp_c.mean()), temp_span_c=span)

@@ -1,0 +1,199 @@
+"""From a capture to the calibration of a gyroscope: at rest, by hand, in a Ferraris session or over temperature."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.calibrate_accel import calibrate_accel
+from plumbob.calibration.calibrate_mag import calibrate_mag
+from plumbob.calibration.calibration import Capture, capture, card_of
+from plumbob.calibration.fit import Fitted
+from plumbob.calibration.gyr.ferraris import fit_ferraris
+from plumbob.calibration.gyr.ferraris_parts import find_parts, fit_trackball
+from plumbob.calibration.gyr.hand import fit_hand
+from plumbob.calibration.gyr.motion_fit import find_motions
+from plumbob.calibration.gyr.plausible import UNCALIBRATED
+from plumbob.calibration.gyr.rest import fit_rest
+from plumbob.calibration.gyr.temperature import fit_temperature
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.static_periods import stills
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError
+from plumbob.data import TITLES
+from plumbob.data.cards import TriadCalibration
+
+
+def gyro_at_rest(capture: Capture) -> dict[str, Fitted]:
+    """Bias of the gyroscope from what of the capture is at rest."""
+    imu = capture.imu
+    clipped, known = _clipped(capture, flags.GYR_CLIPPED), _known(capture)
+    fit = fit_rest(
+        imu.t, _gyr(capture), acc=imu.acc, mag=_mag(capture), temp_c=imu.temp_c, clipped=clipped, known=known
+    )
+    return {"gyr": fit}
+
+
+def gyro_by_hand(capture: Capture) -> dict[str, Fitted]:
+    """Bias and matrix of the gyroscope from hand motion between poses at rest."""
+    imu = capture.imu
+    if imu.acc is None:
+        raise CalibrationError("hand motion calibrates a gyroscope against the accelerometer, and there is no acc.")
+    fit = fit_hand(
+        imu.t,
+        _gyr(capture),
+        imu.acc,
+        acc_calibrated=capture.base is not None and capture.base.acc is not None,
+        mag=_mag(capture),
+        temp_c=imu.temp_c,
+        clipped=_clipped(capture, flags.GYR_CLIPPED),
+        known=_known(capture),
+    )
+    return {"gyr": fit}
+
+
+def gyro_by_choice(capture: Capture) -> dict[str, Fitted]:
+    """By hand where the capture has motions that tilt the unit between poses at rest, else at rest."""
+    moved = _has_motions(capture)
+    fit = (gyro_by_hand if moved else gyro_at_rest)(capture)["gyr"]
+    why = (
+        "The capture has motions between poses at rest, so scale and axes were found too (--method hand)."
+        if moved
+        else "The capture has no motion between poses at rest, so only the bias was found (--method rest)."
+    )
+    return {"gyr": replace(fit, remarks=(why, *fit.remarks))}
+
+
+def ferraris_session(capture: Capture, parts: Mapping[str, slice] | None, *, angle: float) -> dict[str, Fitted]:
+    """Accelerometer and gyroscope from a Ferraris session; its parts are looked for where they are None."""
+    imu = capture.imu
+    if imu.acc is None:
+        raise CalibrationError("a Ferraris session needs acc and gyr, and there is no acc.")
+    found = find_parts(imu.t, imu.acc, _gyr(capture)) if parts is None else parts
+    clipped = _clipped(capture, flags.GYR_CLIPPED | flags.ACC_CLIPPED)
+    fits = fit_ferraris(imu.t, imu.acc, _gyr(capture), found, angle=angle, clipped=clipped)
+    if _known(capture).bias_per_k.any():
+        told = "The card's polynomial of temperature is gone; 'plumbob calibrate temperature' finds it again."
+        fits["gyr"] = replace(fits["gyr"], remarks=(*fits["gyr"].remarks, told))
+    return fits
+
+
+def gyro_of_trackball(capture: Capture) -> dict[str, Fitted]:
+    """Bias at rest with the coefficients that the trackball paper takes for every part."""
+    imu, clipped = capture.imu, _clipped(capture, flags.GYR_CLIPPED)
+    fit = fit_trackball(imu.t, _gyr(capture), acc=imu.acc, mag=_mag(capture), temp_c=imu.temp_c, clipped=clipped)
+    return {"gyr": fit}
+
+
+def gyro_over_temperature(capture: Capture) -> dict[str, Fitted]:
+    """Polynomial of the gyroscope's bias from a soak at rest."""
+    imu = capture.imu
+    clipped, known = _clipped(capture, flags.GYR_CLIPPED), _known(capture)
+    fit = fit_temperature(
+        imu.t, _gyr(capture), imu.temp_c, acc=imu.acc, mag=_mag(capture), clipped=clipped, known=known
+    )
+    return {"gyr": fit}
+
+
+def _has_motions(capture: Capture) -> bool:
+    imu = capture.imu
+    if imu.acc is None:
+        return False
+    motions, spoilt = find_motions(imu.t, _gyr(capture), imu.acc, stills(imu.t, imu.acc, _gyr(capture)))
+    return bool(motions) or any(spoilt.values())
+
+
+def _gyr(capture: Capture) -> Floats:
+    if capture.imu.gyr is None:
+        raise CalibrationError("the capture has no gyr.")
+    return capture.imu.gyr
+
+
+def _mag(capture: Capture) -> Floats | None:
+    return None if capture.imu.mag is None else capture.imu.usable("mag")
+
+
+def _known(capture: Capture) -> TriadCalibration:
+    """Gyroscope of the card so far."""
+    return UNCALIBRATED if capture.base is None or capture.base.gyr is None else capture.base.gyr
+
+
+def _clipped(capture: Capture, mark: int) -> NDArray[np.bool_]:
+    return np.asarray((capture.imu.flags & np.uint32(mark)) != 0)
+
+
+def calibrate_by_hand(
+    whole: Capture, *, gravity: float = G0, strength: float | None = None, dip: float | None = None, force: bool = False
+) -> dict[str, Fitted]:
+    """Fit accelerometer, then gyroscope, then magnetometer, each with those before it calibrated.
+
+    The capture is one of poses at rest with quick turns between them. A triad that it lacks is left out; if one cannot
+    be calibrated, none is, because the others may rest on what is wrong with it.
+
+    Parameters
+    ----------
+    whole : Capture
+        The capture, none of its triads calibrated, with the card so far.
+    gravity : float
+        At the place, m/s².
+    strength, dip : float, optional
+        Of the magnetic field at the place, µT and rad.
+    force : bool
+        As in `calibrate_mag`.
+
+    Returns
+    -------
+    dict of str to Fitted
+        By triad, in the order in which they were found.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If a triad cannot be calibrated; the reasons name it, and what can be calibrated without it.
+    CalibrationError
+        If the capture has no accelerometer.
+    """
+    with _named("acc"):
+        fits = {"acc": calibrate_accel(_on(whole, {}, "acc").imu, gravity=gravity)}
+    if whole.imu.gyr is not None:
+        with _named("gyr"):
+            fits |= gyro_by_choice(_on(whole, fits, "gyr"))
+    if whole.imu.mag is not None:
+        with _named("mag"):
+            on = _on(whole, fits, "mag")
+            fits["mag"] = calibrate_mag(
+                on.imu,
+                strength=strength,
+                dip=dip,
+                acc_calibrated=on.acc_calibrated,
+                gyr_calibrated=on.gyr_calibrated,
+                force=force,
+            )
+    return fits
+
+
+_ALONE = {
+    "acc": "The other triads are calibrated by the accelerometer, so it comes first.",
+    "gyr": "'plumbob calibrate accel' alone would do with this capture.",
+    "mag": "'plumbob calibrate accel', then 'gyro', would do with this capture.",
+}
+
+
+def _on(whole: Capture, fits: dict[str, Fitted], triad: str) -> Capture:
+    """Capture of one triad, on the card so far with what has been fitted."""
+    return capture(whole.imu, triads=(triad,), device=whole.device, base=card_of(whole, fits))
+
+
+@contextmanager
+def _named(triad: str) -> Iterator[None]:
+    """Name the triad in a refusal, and what can be done without it."""
+    try:
+        yield
+    except CaptureRefusedError as refused:
+        reasons = [replace(one, text=f"{TITLES[triad]}: {one.text}") for one in refused.reasons]
+        last = replace(reasons[-1], advice=f"{reasons[-1].advice} {_ALONE[triad]}")
+        raise CaptureRefusedError(*reasons[:-1], last) from refused

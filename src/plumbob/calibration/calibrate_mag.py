@@ -1,0 +1,393 @@
+"""Magnetometer of a capture: which samples count, and which of the fits says most about them."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.fit import HEADING, Fitted
+from plumbob.calibration.mag.alone import fit_mag, unturned
+from plumbob.calibration.mag.arguments import WEAKEST, stuck
+from plumbob.calibration.mag.in_use import fit_mag_in_use
+from plumbob.calibration.mag.level import fit_mag_level
+from plumbob.calibration.mag.turning import LEAST_SLOPE, agreement
+from plumbob.calibration.mag.with_acc import FEWEST, fit_mag_acc
+from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
+from plumbob.calibration.mag_axes import wrong_axes
+from plumbob.calibration.mag_checks import require_field_turns, told_by_others, without_gain
+from plumbob.calibration.predicted import TILT_RANGE
+from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
+from plumbob.calibration.static_periods import stills
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError, ParameterError
+from plumbob.core.units import dps, to_deg, to_dps
+from plumbob.data import ImuData
+
+HELPERS: Final = ("auto", "none", "acc", "gyr")
+"""What may help the magnetometer."""
+
+SHAPES: Final = {"sphere": Shape.SPHERE, "axes": Shape.AXES, "ellipsoid": Shape.ELLIPSOID}
+"""Shapes that may be asked for, by name; "auto" chooses, and "level" is for what only turns level."""
+
+MOST_CLIPPED: Final = 0.01
+"""Share of clipped samples above which a capture is refused."""
+
+STEADY: Final = 0.03
+"""Departure of the specific force from gravity, of itself, beyond which a sample tells no vertical: 1.7° at worst."""
+
+SLOW: Final = float(dps(15.0))
+"""Rate up to which a sample tells a vertical, rad/s: beyond, delays between the sensors turn it."""
+
+LEAST_SLOW: Final = 0.1
+"""Share of slow samples from which on the accelerometer helps without being told so."""
+
+LONG: Final = 300.0
+"""Shortest record that may be that of a unit at work, s."""
+
+TRUSTED: Final = 0.01
+"""Median of that departure up to which a capture's specific force is taken for gravity without being told so."""
+
+
+def calibrate_mag(
+    imu: ImuData,
+    *,
+    with_: str = "auto",
+    shape: str = "auto",
+    strength: float | None = None,
+    dip: float | None = None,
+    tilt_range: float = TILT_RANGE,
+    acc_calibrated: bool = False,
+    gyr_calibrated: bool = False,
+    in_use: bool = False,
+    force: bool = False,
+) -> Fitted:
+    """Calibrate the magnetometer of a capture.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The capture; the accelerometer should be calibrated, the magnetometer must not be.
+    with_ : {"auto", "none", "acc", "gyr"}
+        What helps. The accelerometer, where its specific force is gravity, tells how the magnetometer is turned against
+        it. The gyroscope tells how the field turns, which needs little inclination. "auto" takes the accelerometer
+        where its specific force is gravity in most samples of slow turning, nothing where it is not or a smaller shape
+        than the ellipsoid is asked for, and the gyroscope where the capture is poor or refused otherwise.
+    shape : {"auto", "sphere", "axes", "ellipsoid", "level"}
+        Shape of the field's ellipsoid; "auto" is the smallest that the capture does not contradict, and "level" finds
+        two axes only, from turning level.
+    strength : float, optional
+        Strength of the field at the place, µT.
+    dip : float, optional
+        Dip of the field at the place, rad: what the capture says must agree, where an accelerometer tells it; the
+        predicted heading error rests on it where none does.
+    tilt_range : float
+        Inclination up to which the predicted heading error holds, rad.
+    acc_calibrated, gyr_calibrated : bool
+        Whether a card was applied to them; of the gyroscope, one with scale and axes.
+    in_use : bool
+        Whether it is a long record of a unit at work, which nobody turned for the purpose: bias and matrix, and the
+        gyroscope's bias, by how the field turns from moment to moment, beside the rates.
+    force : bool
+        Whether a calibration that would rather harm than help is made all the same, with a remark not to use it.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the capture cannot determine the calibration, or other sensors contradict it, with the reasons.
+    CalibrationError
+        If what should help is missing.
+    ParameterError
+        If a choice is unknown, or two of them contradict each other.
+    """
+    _require_choices(with_, shape, in_use=in_use)
+    use = _magnetic_rows(imu)
+    mag = imu.usable("mag")[use]
+    if shape == "level":
+        level = fit_mag_level(mag, acc=_whole(imu.usable("acc")[use]), strength=strength, dip=dip)
+        return replace(level, remarks=("Fitted without other sensors: level, as asked for.", *level.remarks))
+    refuse(_unfit(mag))
+    slow = _slow(imu)
+    steady = use & slow & _steady(imu.usable("acc"))
+    work = _Work(imu, use, steady, shape, strength, dip, tilt_range, acc_calibrated, gyr_calibrated)
+    try:
+        helper, why = _in_use(imu) if in_use else _helper(imu, with_, shape, use, slow, steady)
+        auto = with_ == shape == "auto" and not in_use and imu.gyr is not None
+        fit, why = _best(work, helper, why, auto=auto)
+    except CaptureRefusedError as refused:
+        if refused.reasons[0].kind in _FINAL:
+            raise
+        raise work.with_axes(refused, rates=in_use or with_ == "gyr") from None
+    doubt = work.doubt(fit)
+    if doubt is not None and not force:
+        refuse([doubt])
+    told = () if doubt is None else (f"DO NOT USE: {doubt.text}",)
+    return replace(fit, remarks=(*told, why, *fit.remarks))
+
+
+class _OfGyroscope(TypedDict):
+    strength: float | None
+    gyr_gain_sd: float
+    tilt_range: float
+
+
+_FINAL: Final = {"mirrored", "turned-axes", "wrong-field"}  # refusals that no other fit can help
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """A capture, its samples that count and those with a vertical, and what is asked for."""
+
+    imu: ImuData
+    use: NDArray[np.bool_]
+    steady: NDArray[np.bool_]
+    shape: str
+    strength: float | None
+    dip: float | None
+    tilt_range: float
+    acc_calibrated: bool
+    gyr_calibrated: bool
+
+    def fit(self, helper: str) -> Fitted:
+        """Fit with a helper, or none, and what other sensors say about it."""
+        by = {"gyr": self._with_gyr, "acc": self._with_acc, "none": self._alone, "in use": self._in_use}
+        fit = by[helper]()
+        told = told_by_others(self.imu, fit, self.steady, helper=helper, dip=self.dip)
+        return replace(fit, remarks=(*told, *fit.remarks))
+
+    def with_axes(self, refused: CaptureRefusedError, *, rates: bool) -> CaptureRefusedError:
+        """Refusal that names wrong axes too, first where they mirror: these may be why a fit was refused."""
+        mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
+        wrong = wrong_axes(self.imu, mag, dip=self.dip)
+        if rates and not wrong:
+            require_field_turns(self.imu, mag)
+        mirrored = [reason for reason in wrong if reason.kind == "mirrored"]
+        turned = [reason for reason in wrong if reason.kind != "mirrored"]
+        return CaptureRefusedError(*mirrored, *refused.reasons, *turned)
+
+    def advising(self, refused: CaptureRefusedError, advice: str) -> CaptureRefusedError:
+        """Refusal with another advice, and of a long record with rates that it may be one in use."""
+        if self.imu.gyr is not None and self.imu.t[-1] - self.imu.t[0] >= LONG:
+            advice = f"{advice} If it is a long record of a unit at work, say --in-use, in Python in_use=True."
+        return CaptureRefusedError(replace(refused.reasons[0], advice=advice), *refused.reasons[1:])
+
+    def doubt(self, fit: Fitted) -> Reason | None:
+        """Reason not to use a fit; None where it helps."""
+        return without_gain(self.imu, fit, self.steady, self.dip)
+
+    def _alone(self) -> Fitted:
+        force = self.imu.usable("acc")[self.use]
+        return fit_mag(
+            self.imu.usable("mag")[self.use],
+            shape=SHAPES.get(self.shape),
+            strength=self.strength,
+            acc=_whole(force),
+            dip=self.dip,
+            tilt_range=self.tilt_range,
+        )
+
+    def _with_acc(self) -> Fitted:
+        mag, force = (self.imu.usable(name)[self.steady] for name in ("mag", "acc"))
+        fit = fit_mag_acc(mag, force, strength=self.strength, tilt_range=self.tilt_range)
+        if self.acc_calibrated:
+            return fit
+        told = "UNCALIBRATED accelerometer: its errors turn the field; calibrate it first, and give its card."
+        return replace(fit, remarks=(told, *fit.remarks))
+
+    def _with_gyr(self) -> Fitted:
+        return fit_mag_gyr(*self._turning(), acc=self._force(), **self._of_gyroscope())
+
+    def _in_use(self) -> Fitted:
+        return fit_mag_in_use(*self._turning(), acc=self._force(), dip=self.dip, **self._of_gyroscope())
+
+    def _turning(self) -> tuple[Floats, Floats, Floats]:
+        """Time, field and rates of the samples that have a rate."""
+        gyr = self.imu.usable("gyr")
+        known = np.isfinite(gyr).all(axis=1)
+        mag = np.where(self.use[:, np.newaxis], self.imu.usable("mag"), np.nan)
+        return self.imu.t[known], mag[known], gyr[known]
+
+    def _force(self) -> Floats | None:
+        """Specific force of those; None where there is none."""
+        force = self.imu.usable("acc")[np.isfinite(self.imu.usable("gyr")).all(axis=1)]
+        return force if np.isfinite(force).all(axis=1).any() else None
+
+    def _of_gyroscope(self) -> _OfGyroscope:
+        gain_sd = GAIN_SD if self.gyr_calibrated else SHEET_GAIN_SD
+        return {"strength": self.strength, "gyr_gain_sd": gain_sd, "tilt_range": self.tilt_range}
+
+
+def _best(work: _Work, helper: str, why: str, *, auto: bool) -> tuple[Fitted, str]:
+    """Fit with a helper, or with another one where nothing is asked for and that leaves less."""
+    try:
+        fit = work.fit(helper)
+    except CaptureRefusedError as refused:
+        if not auto or refused.reasons[0].kind in _FINAL:
+            raise
+        fit, why = _rescued(work, helper, refused)
+    unsure = auto and (_left(fit) > HEADING.fair or work.doubt(fit) is not None)
+    return _bettered(work, fit, why) if unsure else (fit, why)
+
+
+def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fitted, str]:
+    """Fit of a capture that the accelerometer did not help, or that saw too few directions; else the first refusal."""
+    if helper == "acc" and not work.steady[work.use].all():
+        count, kind = int(np.count_nonzero(work.steady)), refused.reasons[0].kind
+        why = f"Fitted without the accelerometer, for the {count} samples with a vertical are refused as {kind}."
+        try:
+            return work.fit("none"), why
+        except CaptureRefusedError as without:
+            refused = without
+    first = refused.reasons[0]
+    if first.kind in {"level-ring", "cone"}:
+        advice = f"{first.advice} If it leaned by some degrees, and that is all it can, choose the gyroscope to help."
+        if first.kind == "level-ring":
+            advice += " A vehicle that stays level has the shape 'level' (--shape level)."
+        raise work.advising(refused, advice)
+    if first.kind not in {"too-few-regions", "uneven-field"}:
+        raise refused
+    try:
+        return work.fit("gyr"), f"Fitted with the gyroscope, because otherwise {first.text}"
+    except CalibrationError:
+        raise work.advising(refused, first.advice) from None
+
+
+def _bettered(work: _Work, fit: Fitted, why: str) -> tuple[Fitted, str]:
+    """Fit with the gyroscope, where it leaves less of a heading error than a poor one."""
+    try:
+        other = work.fit("gyr")
+    except CalibrationError:
+        return fit, why
+    before, after = to_deg(_left(fit)), to_deg(_left(other))
+    if not after < before:
+        return fit, why
+    return other, f"Fitted with the gyroscope, which leaves {after:.2g}° of heading, for otherwise it is {before:.2g}°."
+
+
+def _left(fit: Fitted) -> float:
+    """Heading error that a fit leaves, rad."""
+    quality = fit.calibration.quality
+    return math.inf if quality is None or quality.heading_sd is None else quality.heading_sd
+
+
+def _unfit(mag: Floats) -> list[Reason]:
+    """Reasons to refuse a field (N, 3), µT, before anything is fitted: a dead axis, or a unit that lay still."""
+    if len(mag) == 0:
+        return []
+    dead = stuck(mag)
+    if dead is None and float(np.sqrt(np.mean(np.sum(mag * mag, axis=1)))) >= WEAKEST:
+        dead = unturned(mag, "Turn the unit slowly through all attitudes: each face and each edge once up.")
+    return [] if dead is None else [dead]
+
+
+def _require_choices(with_: str, shape: str, *, in_use: bool) -> None:
+    check.one_of("with_", with_, HELPERS)
+    check.one_of("shape", shape, ("auto", *SHAPES, "level"))
+    if in_use and (with_ not in {"auto", "gyr"} or shape not in {"auto", "ellipsoid"}):
+        raise ParameterError(
+            "in use, the gyroscope helps to find the whole matrix, so with_ must be auto or gyr and shape auto or "
+            f"ellipsoid, but they are {with_} and {shape}; leave them out."
+        )
+    if with_ in {"acc", "gyr"} and shape not in {"auto", "ellipsoid"}:
+        raise ParameterError(
+            f"with {with_} the whole matrix is found, so shape must be auto or ellipsoid, but it is {shape}; "
+            "choose with none for another shape."
+        )
+
+
+def _magnetic_rows(imu: ImuData) -> NDArray[np.bool_]:
+    """Samples (N,) with a field that is not clipped."""
+    present = np.isfinite(imu.usable("mag")).all(axis=1)
+    clipped = present & ((imu.flags & np.uint32(flags.MAG_CLIPPED)) != 0)
+    share = float(np.count_nonzero(clipped)) / max(1, int(np.count_nonzero(present)))
+    if share > MOST_CLIPPED:
+        what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {100.0 * MOST_CLIPPED:.0f} % may be."
+        refuse([Reason("clipping", what, "Choose a wider range, and remove magnets and steel from around the sensor.")])
+    return np.asarray(present & ~clipped)
+
+
+def _whole(force: Floats) -> Floats | None:
+    """Specific force (N, 3) where every sample tells a direction; None where one is absent or zero."""
+    return force if np.isfinite(force).all() and force.any(axis=1).all() else None
+
+
+def _steady(force: Floats) -> NDArray[np.bool_]:
+    """Samples (N,) whose specific force (N, 3) may be gravity."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(np.linalg.norm(force, axis=1) / G0 - 1.0) <= STEADY)
+
+
+def _slow(imu: ImuData) -> NDArray[np.bool_]:
+    """Samples (N,) in which the unit turns slowly, by the gyroscope; all where there is none."""
+    known = np.asarray(np.isfinite(imu.usable("gyr")).all(axis=1))
+    if not known.any():
+        return np.ones(len(imu), dtype=np.bool_)
+    t, rate = imu.t[known], imu.usable("gyr")[known]
+    bias = _rate_bias(t, imu.usable("mag")[known], imu.usable("acc")[known], rate)
+    size = np.linalg.norm(np.subtract(rate, bias), axis=1)
+    return np.asarray(np.interp(imu.t, t, size) < SLOW)
+
+
+def _rate_bias(t: Floats, mag: Floats, acc: Floats, rate: Floats) -> Floats:
+    """Bias of rates (N, 3), rad/s: by the field, for even turning looks like rest; else at rest; else none."""
+    found = agreement(t, mag, rate)
+    if found is not None and found.slope > LEAST_SLOPE:
+        return found.rate_bias
+    rests = stills(t, acc, rate)
+    return np.asarray(np.median(np.concatenate([rate[rest] for rest in rests]), axis=0)) if rests else np.zeros(3)
+
+
+def _in_use(imu: ImuData) -> tuple[str, str]:
+    """What helps a unit at work, and why, in words."""
+    if imu.gyr is None:
+        raise CalibrationError("the record has no gyr, by which a magnetometer is calibrated in use; turn it by hand.")
+    return "in use", "Fitted in use, as asked for: with the gyroscope, from moment to moment."
+
+
+def _helper(
+    imu: ImuData,
+    with_: str,
+    shape: str,
+    use: NDArray[np.bool_],
+    slow: NDArray[np.bool_],
+    steady: NDArray[np.bool_],
+) -> tuple[str, str]:
+    """What helps, and why, in words."""
+    if with_ not in {"auto", "none", *imu.triads}:
+        raise CalibrationError(f"the capture has no {with_} to help the magnetometer; choose with none.")
+    if with_ == "gyr":
+        return "gyr", "Fitted with the gyroscope, as asked for."
+    count, all_, calm = (int(np.count_nonzero(which)) for which in (steady, use, use & slow))
+    told = f"{count} of {all_} samples have a specific force within {100.0 * STEADY:.0f} % of gravity"
+    if imu.gyr is not None:
+        told += f" and turn by less than {to_dps(SLOW):.0f}°/s"
+    if with_ == "acc":
+        if count < FEWEST:
+            what = f"{told}; {FEWEST} are needed."
+            refuse([Reason("not-still", what, "Turn the unit slowly, calibrate the accelerometer first.")])
+        return "acc", f"Fitted with the accelerometer, as asked for: {told}."
+    if with_ == "none" or imu.acc is None:
+        return "none", f"Fitted without other sensors: {'as asked for' if with_ == 'none' else 'there is no acc'}."
+    if shape not in {"auto", "ellipsoid"}:
+        return "none", "Fitted without other sensors: they need the whole matrix, and a smaller shape is asked for."
+    return _by_gravity(told, count, calm, all_, _departure(imu.usable("acc")[use & slow]))
+
+
+def _by_gravity(told: str, count: int, calm: int, all_: int, typical: float) -> tuple[str, str]:
+    """Whether the accelerometer helps without being told so, and why, in words."""
+    if calm < max(FEWEST, LEAST_SLOW * all_):
+        return "none", f"Fitted without the accelerometer, for the unit turned too fast: {told}."
+    if count >= FEWEST and 2 * count > calm and typical <= TRUSTED:
+        return "acc", f"Fitted with the accelerometer, whose specific force is gravity: {told}."
+    doubt = f"{told}, and the median departure is {100.0 * typical:.1f} %"
+    return "none", f"Fitted without the accelerometer, which moved or is not calibrated: {doubt}."
+
+
+def _departure(force: Floats) -> float:
+    """Median departure of the specific force (N, 3) from gravity, of itself; infinite where there is none."""
+    departure = np.abs(np.linalg.norm(force[np.isfinite(force).all(axis=1)], axis=1) / G0 - 1.0)
+    return float(np.median(departure)) if departure.size else math.inf

@@ -1,0 +1,209 @@
+"""From a recording of a capture to a calibration card: what the fits are given, and what becomes of their results."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from plumbob.calibration.fit import Fitted
+from plumbob.calibration.mount import Mounted
+from plumbob.core.errors import CalibrationError, ParameterError
+from plumbob.core.version import __version__
+from plumbob.data import ImuData
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import CalibrationCard
+from plumbob.files.notes import found_in
+from plumbob.session.reading import read_any
+
+SOFTWARE = f"plumbob {__version__}"
+_UNNAMED = "unknown"
+_STALE = "It was found with the axes that the accelerometer had before its calibration of"
+
+
+@dataclass(frozen=True, eq=False)
+class Capture:
+    """A recording that was made to calibrate a unit.
+
+    Attributes
+    ----------
+    imu : ImuData
+        Samples; triads of the card so far are applied, others are as measured.
+    device : str
+        The unit that the card will belong to.
+    base : CalibrationCard or None
+        The card so far, which the new one completes.
+    date : str
+        Day of the capture, ISO 8601.
+    found : tuple of str
+        What the reader found wrong with the recording, a line each.
+    """
+
+    imu: ImuData
+    device: str
+    base: CalibrationCard | None
+    date: str
+    found: tuple[str, ...] = ()
+
+    @property
+    def acc_calibrated(self) -> bool:
+        """Whether the card so far has the accelerometer."""
+        return self.base is not None and self.base.acc is not None
+
+    @property
+    def gyr_calibrated(self) -> bool:
+        """Whether the card so far has a matrix of the gyroscope that was found: a bias alone tells no scale."""
+        sd = None if self.base is None or self.base.gyr is None else self.base.gyr.matrix_sd
+        return sd is not None and bool((sd > 0.0).any())
+
+    @property
+    def dated(self) -> bool:
+        """Whether the recording tells its time, so that `date` is its day and not today."""
+        return bool(self.imu.meta.t0_ns)
+
+
+def capture_of(
+    path: str | Path,
+    *,
+    triads: tuple[str, ...],
+    if_present: tuple[str, ...] = (),
+    profile: Path | None = None,
+    span: tuple[float, float] | None = None,
+    device: str | None = None,
+    base: CalibrationCard | None = None,
+) -> Capture:
+    """Read a capture; arguments as in `capture`.
+
+    Raises
+    ------
+    PlumbobError
+        If the file cannot be read, or as in `capture`.
+    """
+    recording = read_any(path, profile=profile)
+    if recording.imu is None:
+        raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
+    read = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)
+    # That it is uncalibrated is what a capture is for.
+    found = tuple(line for line in found_in(recording.notes) if not line.startswith("calibration: "))
+    return replace(read, found=found)
+
+
+def capture(
+    imu: ImuData,
+    *,
+    triads: tuple[str, ...],
+    if_present: tuple[str, ...] = (),
+    span: tuple[float, float] | None = None,
+    device: str | None = None,
+    base: CalibrationCard | None = None,
+) -> Capture:
+    """Samples of a capture with the card so far applied to every triad but those that are calibrated anew.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording, uncalibrated.
+    triads : tuple of str
+        What is calibrated; the recording must have it.
+    if_present : tuple of str
+        What is calibrated too where the recording has it.
+    span : (float, float), optional
+        The part of the recording that counts, s.
+    device : str, optional
+        The unit, where the recording does not name it.
+    base : CalibrationCard, optional
+        The card so far.
+
+    Raises
+    ------
+    CalibrationError
+        If the recording lacks a triad, is already calibrated, names no unit, or another one than `device` or `base`.
+    ParameterError
+        If nothing lies in `span`.
+    """
+    if imu.meta.calibration is not None:
+        raise CalibrationError(
+            f"the recording is already calibrated, with {imu.meta.calibration}; a calibration needs what was measured."
+        )
+    missing = [name for name in triads if name not in imu.triads]
+    if missing:
+        raise CalibrationError(f"the recording has no {', '.join(missing)}, only {', '.join(imu.triads)}.")
+    unit = unit_of(imu.meta.device, device, base)
+    whole = replace(imu, meta=replace(imu.meta, device=unit))
+    used = whole if span is None else _cut(whole, span)
+    others = None if base is None else base.without("mount", *triads, *if_present)
+    known = others is not None and any(name in others.parts for name in imu.triads)
+    return Capture(apply_card(others, used) if others is not None and known else used, unit, base, _date(imu))
+
+
+def card_of(capture: Capture, fits: Mapping[str, Fitted], *, mounted: Mounted | None = None) -> CalibrationCard:
+    """Return the card of fits by triad and a mounting, with their remarks, and what the card so far has of others.
+
+    Where the accelerometer is calibrated anew, others that were found with its axes as they were say so.
+
+    Parameters
+    ----------
+    capture : Capture
+        What was fitted.
+    fits : mapping of str to Fitted
+        By triad.
+    mounted : Mounted, optional
+        How the unit sits on its body.
+    """
+    dated = {n: replace(fit.calibration, date=capture.date, remarks=fit.remarks) for n, fit in fits.items()}
+    mount = None if mounted is None else replace(mounted.mount, date=capture.date, remarks=mounted.remarks)
+    told = dict.fromkeys([*(part.method for part in dated.values()), *([mount.method] if mount else [])])
+    new = CalibrationCard(
+        device=capture.device,
+        date=capture.date,
+        method="; ".join(told),
+        mount=mount,
+        software=SOFTWARE,
+        **dated,
+    )
+    return new if capture.base is None else _outdated(capture.base, new).merged(new)
+
+
+def unit_of(named: str, device: str | None, base: CalibrationCard | None) -> str:
+    """Return the unit that a recording names, or `device`, or the card so far.
+
+    Raises
+    ------
+    CalibrationError
+        If none does, or they differ.
+    """
+    names = {name for name in (named, device, base and base.device) if name and name != _UNNAMED}
+    if len(names) > 1:
+        raise CalibrationError(
+            f"recording, --device and card name different units: {', '.join(sorted(names))}. A card belongs to one."
+        )
+    if not names:
+        raise CalibrationError(
+            "the recording does not say which unit it is of, and a card belongs to one unit; name it with --device."
+        )
+    return names.pop()
+
+
+def _outdated(base: CalibrationCard, new: CalibrationCard) -> CalibrationCard:
+    """Card so far, with a remark on what stays of it and hangs on an accelerometer that is calibrated anew."""
+    if new.acc is None:
+        return base
+    free = base.gyr is not None and not base.gyr.matrix_found  # a bias at rest needs no axes
+    parts = base.without("acc", *(["gyr"] if free else []), *new.parts).parts
+    told = f"{_STALE} {new.acc.date}: calibrate it again."
+    remarks = {name: (*(r for r in part.remarks if not r.startswith(_STALE)), told) for name, part in parts.items()}
+    return replace(base, **{name: replace(part, remarks=remarks[name]) for name, part in parts.items()})
+
+
+def _cut(imu: ImuData, span: tuple[float, float]) -> ImuData:
+    first, stop = imu.t.searchsorted(span).tolist()
+    if stop <= first:
+        raise ParameterError(
+            f"nothing lies from {span[0]:g} to {span[1]:g} s; the recording goes to {float(imu.t[-1]):g} s."
+        )
+    return imu[first:stop]
+
+
+def _date(imu: ImuData) -> str:
+    """Day of the recording where its time is known, else today."""
+    when = datetime.fromtimestamp(imu.meta.t0_ns / 1e9, UTC) if imu.meta.t0_ns else datetime.now(UTC)
+    return when.date().isoformat()

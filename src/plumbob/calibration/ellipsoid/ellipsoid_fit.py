@@ -1,0 +1,422 @@
+"""The ellipsoid on which samples of one vector lie: start by a quadric, orthogonal distances, outliers.
+
+One by one is not enough: two outliers hide each other, for the misfit that is left without the one is that of the
+other. So pairs and threes are tried as well, all of them, in closed form: deleting a set S of samples from a linear
+fit with the hat matrix H lowers the sum of squares by e_Sᵀ (I − H_SS)⁻¹ e_S.
+
+Algebraic fits of an ellipsoid to measured vectors: closed forms, from sums alone.
+
+They need no start and cost one pass, and their error is that of noise squared: the maximum likelihood in `norm_fit`
+starts from here. The axis-aligned one is the buoy paper's [Yu2018].
+
+Maximum likelihood of a triad that measures a vector of one length in many directions: gravity, or the Earth's field.
+
+The model is ``|T (m − b)| = 1`` with T symmetric: length alone cannot tell a rotation of the triad. What is squared and
+summed is the orthogonal distance of each sample from the ellipsoid, ``(|T (m − b)| − 1) / |T n|``, n the direction of
+T (m − b): an error in the unit of the measurement, whose noise is the same all around. Dividing by the gradient also
+removes the false minimum T → 0, b → ∞ of the plain norm. Large errors are weighted down as of a Cauchy distribution,
+with the weights and the constant of 95 % efficiency of [Holland1977]; what then is an outlier is set aside, and the
+rest is fitted by plain least squares, so that the covariance means what it says.
+"""
+
+from enum import Enum
+from itertools import combinations
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.fit import inverse_of
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+
+
+class Ellipsoid(NamedTuple):
+    """Vectors m with ``|shape @ (m − centre)| = 1``; `shape` is symmetric and positive definite."""
+
+    centre: Floats
+    shape: Floats
+
+
+def fit_axes(vectors: Floats) -> Ellipsoid | None:
+    """Ellipsoid along the axes, 6 parameters, by least squares of [Yu2018] (13), (14); None where it is none.
+
+    Parameters
+    ----------
+    vectors : ndarray (N, 3)
+        Measured vectors, of any size about the same; finite.
+    """
+    x, y, z = vectors.T
+    rows = np.column_stack((-y * y, -z * z, 2.0 * x, 2.0 * y, 2.0 * z, np.ones_like(x)))
+    w, *_ = np.linalg.lstsq(rows, x * x, rcond=None)  # [Yu2018] (13)
+    ey2, ez2 = float(w[0]), float(w[1])
+    if not (ey2 > 0.0 and ez2 > 0.0):
+        return None
+    centre = np.array([w[2], w[3] / ey2, w[4] / ez2])
+    radius2 = float(w[5] + centre[0] ** 2 + ey2 * centre[1] ** 2 + ez2 * centre[2] ** 2)
+    if not radius2 > 0.0:
+        return None
+    return Ellipsoid(centre, np.diag(np.sqrt(np.array([1.0, ey2, ez2]) / radius2)))  # [Yu2018] (14) with its first /R
+
+
+@njit
+def square_sums(vectors: Floats, middle: Floats, size: float, sums: Floats) -> None:
+    """Add the products of the ten terms of a quadric, of vectors brought to the origin and to length 1, to `sums`."""
+    row = np.empty(10)
+    for n in range(vectors.shape[0]):
+        x, y, z = vectors[n, 0] - middle[0], vectors[n, 1] - middle[1], vectors[n, 2] - middle[2]
+        x, y, z = x / size, y / size, z / size
+        row[0], row[1], row[2] = x * x, y * y, z * z
+        row[3], row[4], row[5] = 2.0 * x * y, 2.0 * x * z, 2.0 * y * z
+        row[6], row[7], row[8], row[9] = 2.0 * x, 2.0 * y, 2.0 * z, 1.0
+        for j in range(10):
+            for k in range(j + 1):
+                sums[j, k] += row[j] * row[k]
+
+
+def fit_quadric(vectors: Floats) -> Ellipsoid | None:
+    """General ellipsoid, 9 parameters, by least squares on vectors brought to the origin and to length 1.
+
+    Without that, the constraint of the fit depends on where the ellipsoid lies, and captures of small tilt fail.
+
+    Parameters
+    ----------
+    vectors : ndarray (N, 3)
+        Measured vectors; finite.
+    """
+    middle = vectors.mean(axis=0)
+    size = float(np.sqrt(np.mean(np.sum((vectors - middle) ** 2, axis=1))))
+    if not size > 0.0:
+        return None
+    sums = np.zeros((10, 10))
+    square_sums(vectors, middle, size, sums)
+    a, b, c, d, e, f, g, h, i, k = np.linalg.eigh(sums)[1][:, 0].tolist()  # eigh reads the lower triangle
+    form = np.array([[a, d, e], [d, b, f], [e, f, c]])
+    if np.linalg.matrix_rank(form) < 3:
+        return None
+    centre = -np.linalg.solve(form, [g, h, i])
+    level = float(centre @ form @ centre - k)
+    sizes, axes = np.linalg.eigh(form / level if level else form)
+    if not (sizes > 0.0).all():
+        return None
+    return Ellipsoid(middle + size * centre, (axes * np.sqrt(sizes)) @ axes.T / size)
+
+
+CAUCHY: Final = 2.385
+"""Constant of 95 % efficiency on normal errors [Holland1977]."""
+
+FALSE_ALARM: Final = 1e-3
+"""Probability that a capture without outliers loses a sample."""
+
+MAD: Final = 1.482602218505602  # standard deviation over median absolute deviation of a normal distribution
+_STEPS: Final = 200
+_SOME: Final = 20_000  # samples on which outliers are told and a start is found; the result is that of all
+_FEW: Final = 60  # samples up to which outliers are told by trying all groups of them
+_ROUNDS: Final = 6
+_ROUND: Final = 20
+_ENOUGH: Final = 1e-5  # of the parameters' standard deviations
+_EXACT: Final = 1e-13  # of the vectors' size, where there is no noise
+
+
+class Shape(Enum):
+    """What the ellipsoid may be; the value is the number of parameters, three of them for the centre."""
+
+    SPHERE = 4
+    AXES = 6
+    ELLIPSOID = 9
+
+
+_SYMMETRIC: Final = {  # columns: parameters; rows: xx, yy, zz, xy, xz, yz of T
+    Shape.SPHERE: np.array([[1.0], [1.0], [1.0], [0.0], [0.0], [0.0]]),
+    Shape.AXES: np.eye(6)[:, :3],
+    Shape.ELLIPSOID: np.eye(6),
+}
+
+
+class NormFit(NamedTuple):
+    """Fit of a shape.
+
+    Attributes
+    ----------
+    shape : Shape
+        What was fitted.
+    ellipsoid : Ellipsoid
+        Centre b, in the unit of the measurement, and T, its inverse unit.
+    covariance : ndarray (9, 9)
+        Of b and of xx, yy, zz, xy, xz, yz of T; zero for what the shape has not.
+    sd : float
+        Standard deviation of the residuals, parameters counted, unit of the measurement.
+    residuals : ndarray (N,)
+        Orthogonal distances, positive outward.
+    used : ndarray (N,) of bool
+        False for outliers.
+    condition : float
+        Of the normal matrix scaled to a diagonal of one.
+    cost : float
+        Sum of the squares of the residuals that are used.
+    """
+
+    shape: Shape
+    ellipsoid: Ellipsoid
+    covariance: Floats
+    sd: float
+    residuals: Floats
+    used: NDArray[np.bool_]
+    condition: float
+    cost: float
+
+
+@njit
+def accumulate(
+    points: Floats, p: Floats, soft: float, use: NDArray[np.bool_], residuals: Floats, normal: Floats
+) -> float:
+    """Residuals (N,) and the normal equations (9, 10) of a step from p (9,); gives the cost.
+
+    `soft` is the size of Cauchy's weights, or infinite for plain least squares.
+    """
+    normal[:] = 0.0
+    cost = 0.0
+    bx, by, bz, xx, yy, zz, xy, xz, yz = p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8]
+    row = np.empty(9)
+    for i in range(points.shape[0]):
+        dx, dy, dz = points[i, 0] - bx, points[i, 1] - by, points[i, 2] - bz
+        ux = xx * dx + xy * dy + xz * dz
+        uy = xy * dx + yy * dy + yz * dz
+        uz = xz * dx + yz * dy + zz * dz
+        size = np.sqrt(ux * ux + uy * uy + uz * uz)
+        nx, ny, nz = ux / size, uy / size, uz / size
+        gx = xx * nx + xy * ny + xz * nz
+        gy = xy * nx + yy * ny + yz * nz
+        gz = xz * nx + yz * ny + zz * nz
+        slope = np.sqrt(gx * gx + gy * gy + gz * gz)
+        r = (size - 1.0) / slope
+        residuals[i] = r
+        if not use[i]:
+            continue
+        wx, wy, wz = gx / slope, gy / slope, gz / slope
+        tx = xx * wx + xy * wy + xz * wz
+        ty = xy * wx + yy * wy + yz * wz
+        tz = xz * wx + yz * wy + zz * wz
+        along = tx * nx + ty * ny + tz * nz
+        # r depends on the parameters through T (m − b), whose length and direction both count, and through T itself
+        ax, ay, az = (
+            nx - r * (tx - along * nx) / size,
+            ny - r * (ty - along * ny) / size,
+            nz - r * (tz - along * nz) / size,
+        )
+        row[0] = -(xx * ax + xy * ay + xz * az) / slope
+        row[1] = -(xy * ax + yy * ay + yz * az) / slope
+        row[2] = -(xz * ax + yz * ay + zz * az) / slope
+        row[3] = (ax * dx - r * wx * nx) / slope
+        row[4] = (ay * dy - r * wy * ny) / slope
+        row[5] = (az * dz - r * wz * nz) / slope
+        row[6] = (ax * dy + ay * dx - r * (wx * ny + wy * nx)) / slope
+        row[7] = (ax * dz + az * dx - r * (wx * nz + wz * nx)) / slope
+        row[8] = (ay * dz + az * dy - r * (wy * nz + wz * ny)) / slope
+        ratio = r / soft
+        weight = 1.0 / (1.0 + ratio * ratio)
+        cost += r * r if soft == np.inf else soft * soft * np.log1p(ratio * ratio)
+        for j in range(9):
+            scaled = weight * row[j]
+            for k in range(j + 1):
+                normal[j, k] += scaled * row[k]
+            normal[j, 9] += scaled * r
+    return cost
+
+
+def fit_norm(
+    vectors: Floats, shape: Shape, start: Ellipsoid, *, robust: bool = True, noise: float = 0.0
+) -> NormFit | None:
+    """Fit a shape; None where no ellipsoid comes out.
+
+    Parameters
+    ----------
+    vectors : ndarray (N, 3)
+        Measured vectors, finite, more than `shape.value` of them; as many do where `noise` is known.
+    shape : Shape
+        What to fit.
+    start : Ellipsoid
+        Where to start, such as `quadric.fit_quadric` gives.
+    robust : bool
+        Whether outliers are looked for.
+    noise : float
+        Known standard deviation of a vector's length: a smaller one of the residuals is luck.
+    """
+    middle, size = start.centre, 3.0 / float(np.trace(start.shape))
+    points = np.ascontiguousarray((vectors - middle) / size)
+    descent = _Descent(points, shape, _parameters(start.shape * size))
+    if robust and len(points) <= _FEW:
+        descent.set_aside_groups()
+    elif robust:
+        some = _Descent(np.ascontiguousarray(points[:: max(1, len(points) // _SOME)]), shape, descent.p)
+        for _ in range(_ROUNDS):  # the scale of the weights settles with the fit
+            some.run(CAUCHY * some.scale(), steps=_ROUND)
+        descent.p = some.p
+        descent.set_aside()
+    return descent.result(middle, size, noise) if descent.run(np.inf) else None
+
+
+def linearised(vectors: Floats, ellipsoid: Ellipsoid) -> tuple[Floats, Floats]:
+    """Derivatives (N, 9) of the orthogonal distances by centre and shape, and the distances (N,), near an ellipsoid."""
+    centre, shape = ellipsoid
+    arm = vectors - centre
+    inside = arm @ shape
+    size = np.linalg.norm(inside, axis=1, keepdims=True)
+    n = inside / size
+    gradient = n @ shape
+    slope = np.linalg.norm(gradient, axis=1, keepdims=True)
+    (x, y, z), (a, b, c) = arm.T, n.T
+    bend = np.stack((a * x, b * y, c * z, a * y + b * x, a * z + c * x, b * z + c * y), axis=1)
+    return np.hstack((-gradient, bend)) / slope, ((size - 1.0) / slope)[:, 0]
+
+
+class _Descent:
+    """Levenberg's and Marquardt's steps in the space of a shape's parameters."""
+
+    def __init__(self, points: Floats, shape: Shape, start: Floats) -> None:
+        self.points, self.shape, self.p = points, shape, start
+        self.used = np.ones(len(points), dtype=np.bool_)
+        self.residuals, self.normal = np.empty(len(points)), np.empty((9, 10))
+        space = np.zeros((9, shape.value))
+        space[:3, :3] = np.eye(3)
+        space[3:, 3:] = _SYMMETRIC[shape]
+        self.space = space
+        self.p = space @ np.linalg.lstsq(space, start, rcond=None)[0]
+
+    def run(self, soft: float, *, steps: int = _STEPS) -> bool:
+        """Go to the minimum; False where it was not reached."""
+        self.cost, damping = self._at(self.p, soft), 1e-6
+        for _ in range(steps):
+            a, g = self._equations()
+            step = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]
+            if float(np.sqrt(step @ a @ step)) < _ENOUGH * np.sqrt(self.cost / len(self.points)) + _EXACT:
+                return True
+            trial, kept = self.p + self.space @ step, self.normal.copy()
+            cost = self._at(trial, soft) if _is_shape(trial) else np.inf
+            if cost < self.cost:
+                self.p, self.cost, damping = trial, cost, max(0.1 * damping, 1e-12)
+            else:
+                self.normal[:], damping = kept, 10.0 * max(damping, 1e-6)
+        return False
+
+    def scale(self) -> float:
+        """Standard deviation of the residuals by their median, parameters counted."""
+        self._at(self.p, np.inf)
+        free = max(1, len(self.points) - self.shape.value)
+        typical = MAD * float(np.median(np.abs(self.residuals)))
+        return max(typical * float(np.sqrt(len(self.points) / free)), 1e-12)
+
+    def set_aside(self) -> None:
+        """Mark as outliers what no normal error of this scale explains."""
+        scale = self.scale()
+        self.used = np.abs(self.residuals) <= self._limit(len(self.points) - self.shape.value) * scale
+
+    def set_aside_groups(self) -> None:
+        """Mark outliers among few samples, of which a median says little: each pulls the fit to itself."""
+        while self.run(np.inf):
+            kept = np.flatnonzero(self.used)
+            rows, left = linearised(self.points[kept], Ellipsoid(self.p[:3], _matrix(self.p[3:])))
+            worst = outlying(rows @ self.space, left, false_alarm=FALSE_ALARM, rounding=_EXACT)
+            if not worst.size:
+                return
+            self.used[kept[worst]] = False
+
+    def _limit(self, free: int) -> float:
+        """Residual over its standard deviation that one of all samples exceeds by chance with `FALSE_ALARM`."""
+        from scipy.stats import t
+
+        return float(t.ppf(1.0 - 0.5 * FALSE_ALARM / len(self.points), max(1, free)))
+
+    def result(self, middle: Floats, size: float, noise: float) -> NormFit | None:
+        """Take the scaling back."""
+        self.cost = self._at(self.p, np.inf)
+        a, _ = self._equations()
+        free = int(np.count_nonzero(self.used)) - self.shape.value
+        if free < 0 or (free == 0 and not noise > 0.0):
+            return None
+        inverse = inverse_of(a)
+        sd = max(noise / size, float(np.sqrt(self.cost / free)) if free else 0.0)
+        back = np.concatenate((np.full(3, size), np.full(6, 1.0 / size)))
+        cov = self.space @ inverse.matrix @ self.space.T
+        return NormFit(
+            self.shape,
+            Ellipsoid(middle + size * self.p[:3], _matrix(self.p[3:]) / size),
+            sd * sd * cov * np.outer(back, back),
+            float(sd * size),
+            self.residuals * size,
+            self.used,
+            inverse.condition,
+            float(self.cost * size * size),
+        )
+
+    def _at(self, p: Floats, soft: float) -> float:
+        return accumulate(self.points, p, soft, self.used, self.residuals, self.normal)
+
+    def _equations(self) -> tuple[Floats, Floats]:
+        """Normal matrix and gradient of the shape's own parameters."""
+        lower = np.tril(self.normal[:, :9])
+        whole = lower + np.tril(lower, -1).T
+        return self.space.T @ whole @ self.space, self.space.T @ self.normal[:, 9]
+
+
+def _parameters(shape: Floats) -> Floats:
+    """Parameters (9,) of a symmetric matrix about the origin."""
+    return np.concatenate((np.zeros(3), np.diag(shape), [shape[0, 1], shape[0, 2], shape[1, 2]]))
+
+
+def _matrix(t: Floats) -> Floats:
+    """Symmetric matrix of xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = t.tolist()
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _is_shape(p: Floats) -> bool:
+    return bool(np.isfinite(p).all() and np.linalg.eigvalsh(_matrix(p[3:]))[0] > 0.0)
+
+
+LARGEST: Final = 3
+"""Most samples that are deleted at once."""
+
+_ALONE: Final = 1e-6  # determinant of I − H_SS below which nothing else knows some parameter
+
+
+def outlying(rows: Floats, left: Floats, *, false_alarm: float, rounding: float) -> NDArray[np.int64]:
+    """Indices of the smallest group of outliers; empty where no group is beyond chance.
+
+    Parameters
+    ----------
+    rows : ndarray (N, p)
+        Derivatives of the residuals by the parameters.
+    left : ndarray (N,)
+        Residuals of the fit.
+    false_alarm : float
+        Probability that normal errors lose a sample.
+    rounding : float
+        Standard deviation of residuals that are rounding errors only.
+    """
+    from scipy.stats import f
+
+    q, _ = np.linalg.qr(rows)
+    spare = np.eye(len(left)) - q @ q.T
+    left = spare @ left  # what the curvature of the model makes of the rest would pass for misfit
+    cost = float(left @ left)
+    for count in range(1, LARGEST + 1):
+        free = len(left) - rows.shape[1] - count
+        if free < 2:
+            break
+        groups = np.array(list(combinations(range(len(left)), count)))
+        gains = _gains(spare, left, groups)
+        best = int(np.argmax(gains))
+        rest = max((cost - float(gains[best])) / free, rounding**2)
+        if f.sf(gains[best] / count / rest, count, free) * len(groups) * LARGEST < false_alarm:
+            return np.asarray(groups[best])
+    return np.zeros(0, dtype=np.int64)
+
+
+def _gains(spare: Floats, left: Floats, groups: NDArray[np.int64]) -> Floats:
+    """What the deletion of each group (M, k) takes off the sum of squares, (M,)."""
+    inner = spare[groups[:, :, np.newaxis], groups[:, np.newaxis, :]]
+    alone = np.linalg.det(inner) < _ALONE
+    inner[alone] = np.eye(groups.shape[1])
+    gains = np.einsum("mi,mi->m", left[groups], np.linalg.solve(inner, left[groups][:, :, np.newaxis])[:, :, 0])
+    return np.where(alone, 0.0, gains)

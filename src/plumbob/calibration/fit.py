@@ -1,0 +1,104 @@
+"""What a calibration of one triad is: the fitted triad with its grade, and the linear algebra of fits."""
+
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.units import deg
+from plumbob.data.cards import TriadCalibration
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Fit of one triad.
+
+    Attributes
+    ----------
+    calibration : TriadCalibration
+        The result, with covariance and quality.
+    measured : ndarray (N, 3)
+        What was fitted: samples, or means of poses or plateaus, unit of the triad.
+    residuals : ndarray (N,) or (N, 3)
+        What the fit leaves of each, in the unit of the triad.
+    used : ndarray (N,) of bool
+        False for outliers.
+    remarks : tuple of str
+        What to know about it, each a sentence.
+    """
+
+    calibration: TriadCalibration
+    measured: Floats
+    residuals: Floats
+    used: NDArray[np.bool_]
+    remarks: tuple[str, ...] = ()
+
+
+class Limits(NamedTuple):
+    """Largest standard deviation of each grade; beyond the last there is none."""
+
+    good: float
+    fair: float
+    poor: float
+
+
+HEADING: Final = Limits(deg(0.5), deg(2.0), deg(5.0))
+"""Of a heading, rad: a survey compass, the buoy paper's bar, the buoy paper's claim."""
+
+TILT: Final = Limits(deg(0.1), deg(0.5), deg(2.0))
+"""Of an inclination, rad."""
+
+RATE: Final = Limits(deg(0.005), deg(0.05), deg(0.5))
+"""Of a gyroscope's bias, rad/s: 0.3° a minute, 3° a minute, a data sheet's offset at turn-on."""
+
+SCALE: Final = Limits(0.002, 0.01, 0.02)
+"""Of entries of a gyroscope's matrix; beyond, a data sheet's tolerance of 3 % is not improved on."""
+
+
+def worst_of(*grades: str | None) -> str:
+    """Worst of grades; one beyond all counts as poor."""
+    return max((grade or Limits._fields[-1] for grade in grades), key=Limits._fields.index)
+
+
+def grade_of(sd: float, limits: Limits) -> str | None:
+    """Grade of a standard deviation; None where it is beyond all."""
+    return next((name for name, limit in zip(Limits._fields, limits, strict=True) if sd <= limit), None)
+
+
+BLOCKS = 10
+"""Parts whose means tell how far the mean of all is off: noise that is correlated over less than a part is covered."""
+
+
+def mean_of_whole(values: Floats) -> Floats:
+    """Mean (3,) of the rows of (N, 3) that have no NaN; NaN where there is none."""
+    whole = values[np.isfinite(values).all(axis=1)]
+    return np.asarray(whole.mean(axis=0)) if len(whole) else np.full(3, np.nan)
+
+
+def mean_and_sd(values: Floats) -> tuple[Floats, Floats]:
+    """Mean of (N, 3) and its standard deviation (3,), from the scatter of the means of `BLOCKS` parts.
+
+    Parameters
+    ----------
+    values : ndarray (N, 3)
+        Samples in their order, N of at least 2 `BLOCKS`.
+    """
+    parts = np.array([part.mean(axis=0) for part in np.array_split(values, BLOCKS)])
+    return values.mean(axis=0), np.asarray(parts.std(axis=0, ddof=1) / np.sqrt(BLOCKS))
+
+
+class Inverse(NamedTuple):
+    """Pseudoinverse (P, P) of a normal matrix, and its condition number, the parameters scaled to a diagonal of one."""
+
+    matrix: Floats
+    condition: float
+
+
+def inverse_of(normal: Floats) -> Inverse:
+    """Invert a normal matrix (P, P) with its parameters scaled, so that all count alike."""
+    spread = np.sqrt(np.diag(normal))
+    sizes = np.outer(spread, spread)
+    unit = normal / sizes
+    return Inverse(np.asarray(np.linalg.pinv(unit, hermitian=True) / sizes), float(np.linalg.cond(unit)))

@@ -1,0 +1,260 @@
+"""Ferraris session: six positions at rest and three turns by a known angle [Ferraris1995].
+
+::
+
+    accelerometer   A = (U⁺ − U⁻) / 2g            columns: mean reading with axis x, y, z up (+) and down (−)
+                    b = diag (U⁺ + U⁻) / 2
+    gyroscope       b = mean of all positions     S = (G⁺ − G⁻) / 2g, G as U
+                    A = ∫ (reading − b − S f) dt / angle, a column for each turn, f the calibrated specific force
+    card            calibrated = A⁻¹ (reading − b [− S f])
+
+A is what [Ferraris1995] writes as K R, scale times directions; the card holds its inverse, which leads from readings to
+quantities. The axes are those of the faces that the unit was put on, for both triads.
+
+Departures: which way a turn went is taken from the gyroscope's own sign, so only its size must be known; the standard
+deviations are no part of the method. They are formed from what six positions tell about how exactly the unit was put
+down: the readings across the vertical repeat the bias six times over.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, grade_of, mean_and_sd
+from plumbob.calibration.gyr.ferraris_parts import FACES, TURNS, integral, require_parts
+from plumbob.calibration.gyr.plausible import inverse_covariance
+from plumbob.calibration.predicted import TILT_RANGE, tilt_sd
+from plumbob.calibration.rejection import Reason, refuse
+from plumbob.calibration.static_periods import MOVED, TURNED
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError
+from plumbob.core.units import deg, to_deg, to_dps
+from plumbob.data.cards import UNITS, Quality, TriadCalibration
+
+ANGLE_SD: Final = float(deg(1.0))
+"""How exactly a hand ends a turn at a stop, rad, standard deviation: assumed, the session cannot tell."""
+
+TOLERANCE: Final = 0.2
+"""Largest difference of A from the identity that a working sensor in the right unit has."""
+
+
+def fit_ferraris(
+    t: Floats,
+    acc: Floats,
+    gyr: Floats,
+    parts: Mapping[str, slice],
+    *,
+    angle: float = 2.0 * np.pi,
+    angle_sd: float = ANGLE_SD,
+    gravity: float = G0,
+    clipped: NDArray[np.bool_] | None = None,
+) -> dict[str, Fitted]:
+    """Accelerometer and gyroscope from a Ferraris session.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s; only differences within a part count.
+    acc, gyr : ndarray (N, 3)
+        Specific force, m/s², and rates, rad/s, uncalibrated.
+    parts : mapping of str to slice
+        Where `FACES` and `TURNS` lie.
+    angle : float
+        Size of each turn, rad.
+    angle_sd : float
+        Standard deviation of that, rad.
+    gravity : float
+        Local gravity, m/s².
+    clipped : ndarray (N,) of bool, optional
+        Samples at the end of the range of either triad.
+
+    Returns
+    -------
+    dict
+        ``acc`` and ``gyr``.
+
+    Raises
+    ------
+    CalibrationError
+        If parts are missing or hold samples without a number.
+    CaptureRefusedError
+        too-few, clipping, not-still, wrong-gravity, no-motion, implausible.
+    """
+    require_parts(parts)
+    force, rate = check.rows("acc", acc, 3, t.size), check.rows("gyr", gyr, 3, t.size)
+    refuse(_unfit(force, rate, parts, clipped))
+    session = _Session(t, force, rate, parts, gravity)
+    accelerometer, placing = _accelerometer(session)
+    return {"acc": accelerometer, "gyr": _gyroscope(session, accelerometer.calibration, placing, angle, angle_sd)}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Session:
+    t: Floats
+    acc: Floats
+    gyr: Floats
+    parts: Mapping[str, slice]
+    gravity: float
+
+    def faces(self, values: Floats) -> tuple[Floats, Floats, Floats]:
+        """Mean readings, a column for each axis up and each axis down, and how well one is known (3,)."""
+        found = [mean_and_sd(values[self.parts[face]]) for face in FACES]
+        mean = np.array([m for m, _ in found])
+        sd = np.sqrt(np.mean([s**2 for _, s in found], axis=0))
+        return mean[::2].T, mean[1::2].T, np.asarray(sd)
+
+
+def _unfit(acc: Floats, gyr: Floats, parts: Mapping[str, slice], clipped: NDArray[np.bool_] | None) -> list[Reason]:
+    """Reasons why the parts are not what they should be."""
+    reasons = []
+    for name, part in parts.items():
+        if not (np.isfinite(acc[part]).all() and np.isfinite(gyr[part]).all()):
+            raise CalibrationError(f"{name} has samples without a number; cut it so that it is whole.")
+    short = [name for name, part in parts.items() if part.stop - part.start < 2 * BLOCKS]
+    if short:
+        text = f"{', '.join(short)} have fewer than {2 * BLOCKS} samples."
+        return [Reason("too-few", text, "Hold each position for 5 s.")]
+    cut = [name for name, part in parts.items() if clipped is not None and clipped[part].any()]
+    if cut:
+        text = f"Samples of {', '.join(cut)} are at the end of the range."
+        reasons.append(Reason("clipping", text, "Turn more slowly, or set a larger range."))
+    rest = np.median([gyr[parts[face]].mean(axis=0) for face in FACES], axis=0)
+    moved = [face for face in FACES if _moved(acc[parts[face]], gyr[parts[face]] - rest)]
+    if moved:
+        text = f"The unit was moved during {', '.join(moved)}."
+        reasons.append(Reason("not-still", text, "Let go of the unit, or cut the parts shorter."))
+    return reasons
+
+
+def _moved(acc: Floats, gyr: Floats) -> bool:
+    """Tell whether a tenth of a face differs from the whole by more than noise does."""
+    for values, limit in ((acc, MOVED), (gyr, TURNED)):
+        means = np.array([part.mean(axis=0) for part in np.array_split(values, BLOCKS)])
+        noise = values.std(axis=0, ddof=1) / np.sqrt(len(values) / BLOCKS)
+        if (np.abs(means - (values.mean(axis=0) if values is acc else 0.0)) > limit + 6.0 * noise).any():
+            return True
+    return False
+
+
+def _accelerometer(session: _Session) -> tuple[Fitted, float]:
+    """Fit of the accelerometer, and the standard deviation of a face's direction, rad."""
+    up, down, noise = session.faces(session.acc)
+    forward = (up - down) / (2.0 * session.gravity)  # [Ferraris1995]: K R
+    both = (up + down) / 2.0
+    bias = np.diag(both).copy()
+    refuse(_implausible(forward))
+    matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
+    across = (both - bias[:, np.newaxis])[~np.eye(3, dtype=bool)]
+    placing = float(np.sqrt(2.0 * np.mean(across**2))) / session.gravity  # either position is off by so much
+    variance = np.full((3, 3), 0.5 * placing**2) + noise[:, np.newaxis] ** 2 / (2.0 * session.gravity**2)
+    np.fill_diagonal(variance, noise**2 / (2.0 * session.gravity**2) + 0.5 * placing**4)  # 1 − cos of the placing
+    covariance = np.zeros((12, 12))
+    covariance[:3, :3] = np.diag(0.5 * noise**2 + 0.5 * (session.gravity * placing**2) ** 2)
+    covariance[3:, 3:] = inverse_covariance(np.diag(variance.ravel()), matrix)
+    measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
+    left = np.linalg.norm((measured - bias) @ matrix.T, axis=1) - session.gravity
+    tilt = tilt_sd(matrix, covariance, size=session.gravity)
+    calibration = TriadCalibration(
+        matrix,
+        bias,
+        UNITS["acc"],
+        UNITS["acc"],
+        covariance=covariance,
+        residual_rms=float(np.sqrt(np.mean(left**2))),
+        reference=session.gravity,
+        method="acc by a Ferraris session, 6 positions",
+        quality=Quality(grade=grade_of(tilt, TILT) or "poor", samples=6, tilt_sd=tilt, tilt_range=TILT_RANGE),
+    )
+    told = (
+        f"The faces were put down to {to_deg(placing):.2g}° (standard deviation); the axes are known to "
+        f"{to_deg(placing / np.sqrt(2.0)):.2g}°."
+    )
+    return Fitted(calibration, measured, left, np.ones(6, dtype=bool), (told,)), placing
+
+
+def _gyroscope(
+    session: _Session, accelerometer: TriadCalibration, placing: float, angle: float, angle_sd: float
+) -> Fitted:
+    up, down, noise = session.faces(session.gyr)
+    bias = np.concatenate([session.gyr[session.parts[face]] for face in FACES]).mean(axis=0)
+    coupling = (up - down) / (2.0 * session.gravity)
+    turned = np.stack([_turned(session, name, accelerometer, bias, coupling) for name in TURNS], axis=1)
+    signs = np.sign(np.diag(turned))
+    forward = turned * signs / angle
+    refuse(_unturned(forward, angle))
+    matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
+    measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
+    tilts = np.repeat(np.eye(3), 2, axis=0) * np.tile([session.gravity, -session.gravity], 3)[:, np.newaxis]
+    left = measured - bias - tilts @ coupling.T
+    face_sd = np.maximum(noise, np.sqrt(np.sum(left**2, axis=0) / 2.0))  # 6 faces less 4 parameters for each axis
+    bias_sd, coupling_sd = face_sd / np.sqrt(6.0), face_sd / (np.sqrt(2.0) * session.gravity)
+    seconds = np.array([_seconds(session, name) for name in TURNS])
+    held = float(np.mean([_seconds(session, face) for face in FACES]))
+    drift = noise[:, np.newaxis] ** 2 * held * seconds + np.outer(bias_sd**2, seconds**2)  # of an integral
+    variance = drift / angle**2 + placing**2
+    np.fill_diagonal(variance, np.diag(drift) / angle**2 + (angle_sd / angle) ** 2)
+    covariance = np.zeros((12, 12))
+    covariance[:3, :3] = np.diag(bias_sd**2)
+    covariance[3:, 3:] = inverse_covariance(np.diag(variance.ravel()), matrix)
+    scale_sd = float(np.sqrt(np.diag(covariance)[[3, 7, 11]]).max())
+    calibration = TriadCalibration(
+        matrix,
+        bias,
+        UNITS["gyr"],
+        UNITS["gyr"],
+        covariance=covariance,
+        g_sensitivity=coupling,
+        g_sensitivity_sd=np.repeat(coupling_sd[:, np.newaxis], 3, axis=1),
+        residual_rms=float(np.sqrt(np.mean(left**2))),
+        method=f"gyr by a Ferraris session, 3 turns of {to_deg(angle):g}°",
+        quality=Quality(grade=grade_of(scale_sd, SCALE) or "poor", samples=9, scale_sd=scale_sd),
+    )
+    told = (
+        f"Each turn is taken to be {to_deg(angle):g}° to {to_deg(angle_sd):g}° (standard deviation, assumed): that "
+        f"makes {100.0 * angle_sd / angle:.2g} % of the scale factors.",
+        f"The bias repeats to {to_dps(float(face_sd.max())):.2g} °/s from face to face.",
+    )
+    return Fitted(calibration, measured, left, np.ones(6, dtype=bool), told)
+
+
+def _turned(session: _Session, name: str, accelerometer: TriadCalibration, bias: Floats, coupling: Floats) -> Floats:
+    """What the gyroscope says of a turn (3,), rad."""
+    part = session.parts[name]
+    force = (session.acc[part] - accelerometer.bias) @ accelerometer.matrix.T
+    return integral(session.t[part], session.gyr[part] - bias - force @ coupling.T)
+
+
+def _seconds(session: _Session, name: str) -> float:
+    t = session.t[session.parts[name]]
+    return float(t[-1] - t[0])
+
+
+def _implausible(forward: Floats) -> list[Reason]:
+    """Reasons why A of the accelerometer is none."""
+    away = np.abs(forward - np.eye(3))
+    if away.max() <= TOLERANCE:
+        return []
+    scale = np.diag(forward)
+    if np.abs(scale / scale.mean() - 1.0).max() < TOLERANCE and scale.mean() > 0.0:
+        text = f"Gravity measures {scale.mean():.3g} times what it is."
+        return [Reason("wrong-gravity", text, "Check the accelerometer's unit in the profile.")]
+    text = f"The faces give the matrix {np.round(forward, 2).tolist()}, far from that of an accelerometer."
+    return [Reason("implausible", text, "Check that each part bears the name of the axis that pointed up or down.")]
+
+
+def _unturned(forward: Floats, angle: float) -> list[Reason]:
+    """Reasons why A of the gyroscope is none."""
+    reasons = []
+    for k, name in enumerate(TURNS):
+        if abs(forward[k, k] - 1.0) > TOLERANCE:
+            text = f"{name} turned by {to_deg(angle * float(forward[k, k])):.0f}° instead of {to_deg(angle):.0f}°."
+            reasons.append(Reason("no-motion", text, "Say how far it was turned, and check the gyroscope's unit."))
+    if not reasons and np.abs(forward - np.diag(np.diag(forward))).max() > TOLERANCE:
+        text = f"The turns give the matrix {np.round(forward, 2).tolist()}: they were not about the axes."
+        reasons.append(Reason("implausible", text, "Turn about each axis while it stands on end."))
+    return reasons

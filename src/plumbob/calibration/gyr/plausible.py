@@ -1,0 +1,174 @@
+"""Whether a capture can be of a gyroscope at rest: dead axes, biases beyond any data sheet, what is known before.
+
+Constant turning about the vertical looks like rest to gyroscope and accelerometer alike, and its rate like a bias. A
+magnetometer sees it, calibrated or not, for the field turns against the unit.
+"""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from plumbob.calibration.rejection import Reason
+from plumbob.core.check import Floats
+from plumbob.core.errors import CalibrationError
+from plumbob.core.units import deg, dps, to_deg, to_dps
+from plumbob.data.calibrated import temperature_drift
+from plumbob.data.cards import UNITS, TriadCalibration
+
+UNCALIBRATED: Final = TriadCalibration(np.eye(3), np.zeros(3), UNITS["gyr"], UNITS["gyr"])
+"""A gyroscope of which nothing is known but its data sheet."""
+
+
+def without_known(gyr: Floats, known: TriadCalibration, *, temp_c: Floats | None, acc: Floats | None) -> Floats:
+    """Rates less what temperature and specific force are known to add, (N, 3); the bias stays.
+
+    Parameters
+    ----------
+    gyr : ndarray (N, 3)
+        Measured rates, rad/s.
+    known : TriadCalibration
+        Calibration so far.
+    temp_c : ndarray (N,) or None
+        Temperature, °C; needed where `known` has a polynomial.
+    acc : ndarray (N, 3) or None
+        Calibrated specific force, m/s²; needed where `known` has a g-sensitivity.
+
+    Raises
+    ------
+    CalibrationError
+        If one that is needed is missing.
+    """
+    left = gyr
+    if known.bias_per_k.any():
+        if temp_c is None:
+            raise CalibrationError("the card so far corrects the gyroscope for temperature; record temp_c too.")
+        left = left - temperature_drift(known, temp_c)
+    if known.g_sensitivity.any():
+        if acc is None:
+            raise CalibrationError("the card so far corrects the gyroscope for specific force; record acc too.")
+        left = left - acc @ known.g_sensitivity.T
+    return left
+
+
+def new_bias_covariance(known: TriadCalibration, bias: Floats) -> Floats:
+    """Covariance (12, 12) after the bias was found anew, with covariance (3, 3), and the matrix was kept."""
+    whole = np.zeros((12, 12))
+    if known.covariance is not None:
+        whole[3:, 3:] = known.covariance[3:, 3:]
+    whole[:3, :3] = bias
+    return whole
+
+
+def inverse_covariance(matrix: Floats, inverse: Floats) -> Floats:
+    """Covariance (9, 9) of an inverse, row by row, from that of the matrix: d(A⁻¹) = −A⁻¹ dA A⁻¹.
+
+    Parameters
+    ----------
+    matrix : ndarray (9, 9)
+        Covariance of A, row by row.
+    inverse : ndarray (3, 3)
+        A⁻¹.
+    """
+    change = np.kron(inverse, inverse.T)
+    return np.asarray(change @ matrix @ change.T)
+
+
+LARGEST: Final = float(dps(40.0))
+"""Largest bias of a MEMS gyroscope that works, rad/s: data sheets of consumer parts have ±1 to ±40 °/s."""
+
+FIELD_TURNED: Final = float(deg(3.0))
+"""Turn of the field beyond its noise from which on a stretch is no rest, rad."""
+
+UPRIGHT: Final = float(deg(15.0))
+"""Tilt between stretches at rest that would show a turn about the vertical as a bias that changes, rad."""
+
+PART: Final = 0.5
+"""Length over which the field is averaged, s: no bias within `LARGEST` turns it by more than 20° meanwhile."""
+
+UNSEEN: Final = (
+    "A slow turn about the vertical would be in this bias: no magnetometer and no tilt could tell it from rest."
+)
+"""Remark where nothing told rest from turning."""
+
+_NEARLY = 0.8  # of the stretches: an axis may die on the way
+_NOISE = 5.0  # standard deviations
+_MOST = 90.0  # percentile of the parts' turns: a passing disturbance is no turn
+
+
+def dead_axes(*stretches: Floats) -> list[Reason]:
+    """Reason to refuse rates, stretches of (N, 3), rad/s, of which an axis does not change within nearly all."""
+    whole = [rate[np.isfinite(rate).all(axis=1)] for rate in stretches]
+    constant = [(rate == rate[0]).all(axis=0) for rate in whole if len(rate) > 1]
+    dead = np.flatnonzero(np.mean(constant, axis=0) > _NEARLY) if constant else np.zeros(0, dtype=np.intp)
+    if not dead.size:
+        return []
+    last = next(rate[-1] for rate in reversed(whole) if len(rate))
+    told = " and ".join(f"{'xyz'[i]} ({to_dps(float(last[i])):.4g} °/s)" for i in dead.tolist())
+    text = f"The rate about {told} never changes: no working gyroscope is without noise."
+    return [Reason("implausible", text, "That axis is dead or stuck, or the profile names another column for it.")]
+
+
+def beyond_bias(bias: Floats) -> list[Reason]:
+    """Reason to refuse a bias (3,), rad/s, that no gyroscope which works has."""
+    worst = int(np.argmax(np.abs(bias)))
+    if abs(bias[worst]) <= LARGEST:
+        return []
+    text = (
+        f"The bias about {'xyz'[worst]} would be {to_dps(float(bias[worst])):.3g} °/s, and data sheets have up to "
+        f"{to_dps(LARGEST):.0f} °/s."
+    )
+    advice = "The unit turned steadily instead of lying at rest, or the unit of the rates in the profile is wrong."
+    return [Reason("implausible", text, advice)]
+
+
+def field_turns(t: Floats, mag: Floats, where: Sequence[slice]) -> Floats:
+    """How far the field turned against the unit in each stretch (K,), rad; zero where that is noise, or unknown.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    mag : ndarray (N, 3)
+        Flux density, calibrated or not, any unit; rows with NaN are left out.
+    where : sequence of slice
+        The stretches.
+    """
+    return np.array([_turn(t[one], mag[one]) for one in where])
+
+
+def turned(turns: Floats) -> Reason:
+    """Reason to refuse a capture in which the field turned by so much in each stretch (K,), rad."""
+    text = (
+        f"It turned about the vertical: the field turned by {to_deg(float(turns.max())):.0f}° while it seemed at rest."
+    )
+    return Reason("not-still", text, "Lay the unit on something that does not turn, away from moving iron.")
+
+
+def unseen_turn(acc: Floats | None, mag: Floats | None, where: Sequence[slice]) -> tuple[str, ...]:
+    """Remark where neither the field nor the tilts of the stretches could tell a turn about the vertical."""
+    if mag is not None and any(np.isfinite(mag[one]).all(axis=1).any() for one in where):
+        return ()
+    if acc is not None:
+        up = np.array([acc[one].mean(axis=0) for one in where])
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(np.float64).tiny)
+        if float((up @ up[0]).min()) < np.cos(UPRIGHT):
+            return ()
+    return (UNSEEN,)
+
+
+def _turn(t: Floats, mag: Floats) -> float:
+    """Angle between the field at first and what it turned to, rad; zero within the noise."""
+    known = np.isfinite(mag).all(axis=1)
+    t, mag = t[known], mag[known]
+    count = int((t[-1] - t[0]) / PART) if t.size else 0
+    if count < 2 or t.size < 2 * count:
+        return 0.0
+    parts = np.array([part.mean(axis=0) for part in np.array_split(mag, count)])
+    size = float(np.median(np.linalg.norm(mag, axis=1)))
+    if not size > 0.0:
+        return 0.0
+    noise = float(np.diff(mag, axis=0).std(axis=0).max()) / np.sqrt(mag.shape[0] / count) / size  # of a difference
+    cross = np.linalg.norm(np.cross(parts[0], parts[1:]), axis=1)
+    angle = float(np.percentile(np.arctan2(cross, parts[1:] @ parts[0]), _MOST))
+    return angle if angle > FIELD_TURNED + _NOISE * noise else 0.0

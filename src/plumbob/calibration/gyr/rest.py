@@ -1,0 +1,157 @@
+"""Bias of a gyroscope from stretches at rest; whatever else its calibration has is kept."""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.fit import RATE, Fitted, grade_of, mean_and_sd
+from plumbob.calibration.gyr.plausible import (
+    UNCALIBRATED,
+    beyond_bias,
+    dead_axes,
+    field_turns,
+    new_bias_covariance,
+    turned,
+    unseen_turn,
+    without_known,
+)
+from plumbob.calibration.rejection import Reason, refuse
+from plumbob.calibration.static_periods import stills
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.constants import EARTH_RATE
+from plumbob.core.units import to_deg, to_dps
+from plumbob.data.cards import Quality, TriadCalibration
+
+LEAST: Final = 2.0
+"""Shortest time at rest that gives a bias, s."""
+
+LONG: Final = 20.0
+"""Shortest time at rest whose bias can be good, s: a shorter one sees the noise and not how the bias wanders."""
+
+
+def fit_rest(
+    t: Floats,
+    gyr: Floats,
+    *,
+    acc: Floats | None = None,
+    mag: Floats | None = None,
+    temp_c: Floats | None = None,
+    clipped: NDArray[np.bool_] | None = None,
+    known: TriadCalibration = UNCALIBRATED,
+) -> Fitted:
+    """Bias at rest.
+
+    Its standard deviation is the larger of two: what the noise within all stretches leaves of their mean, and, from
+    three stretches on, what the scatter of their means does, in which slow drift and g-sensitivity show.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    gyr : ndarray (N, 3)
+        Measured rates, rad/s.
+    acc : ndarray (N, 3), optional
+        Specific force, m/s², which helps to tell rest.
+    mag : ndarray (N, 3), optional
+        Flux density, calibrated or not, which tells constant turning from rest.
+    temp_c : ndarray (N,), optional
+        Temperature, °C.
+    clipped : ndarray (N,) of bool, optional
+        Samples at the end of the gyroscope's range.
+    known : TriadCalibration
+        Calibration so far; its matrix, polynomial and g-sensitivity are kept.
+
+    Raises
+    ------
+    CaptureRefusedError
+        not-still, clipping, implausible.
+    CalibrationError
+        If `known` needs a temperature or a specific force that is missing.
+    """
+    rates = check.rows("gyr", gyr, 3, t.size)
+    where, told = rest(t, rates, acc, clipped, mag)
+    left = without_known(rates, known, temp_c=temp_c, acc=acc)
+    bias, spread, means = bias_of([left[one] for one in where])
+    refuse(beyond_bias(bias))
+    seconds = sum(float(t[one.stop - 1] - t[one.start]) for one in where)
+    calibration = replace(
+        known,
+        bias=bias,
+        covariance=new_bias_covariance(known, np.diag(spread**2)),
+        residual_rms=float(np.sqrt(np.mean((means - bias) ** 2))),
+        temp_ref_c=_temperature(known, temp_c, where),
+        method=f"gyr at rest, {seconds:.0f} s in {len(where)} stretches",
+        quality=Quality(grade=_grade(spread, seconds), samples=sum(one.stop - one.start for one in where)),
+    )
+    remarks = (*_remarks(calibration, spread, seconds), *told, *unseen_turn(acc, mag, where))
+    return Fitted(calibration, means, means - bias, np.ones(len(where), dtype=bool), remarks)
+
+
+def rest(
+    t: Floats, gyr: Floats, acc: Floats | None, clipped: NDArray[np.bool_] | None, mag: Floats | None = None
+) -> tuple[list[slice], tuple[str, ...]]:
+    """Stretches at rest, and what to say of them, or a refusal; arguments as in `fit_rest`."""
+    refuse(dead_axes(gyr))
+    force = np.zeros_like(gyr) if acc is None else acc  # an accelerometer that says nothing against rest
+    where, told = _unturned(t, mag, stills(t, force, gyr))
+    seconds = sum(float(t[one.stop - 1] - t[one.start]) for one in where)
+    reasons = []
+    if clipped is not None and any(clipped[one].any() for one in where):
+        advice = "A sensor that reads its full scale at rest is broken or its unit is wrong; check the profile's range."
+        reasons.append(Reason("clipping", "The gyroscope is at the end of its range while at rest.", advice))
+    if seconds < LEAST:
+        text = f"The unit was at rest for {seconds:.1f} s of {float(t[-1] - t[0]):.0f} s; {LEAST:.0f} s are needed."
+        reasons.append(Reason("not-still", text, "Lay the unit on something solid and let go of it for 30 s."))
+    refuse(reasons)
+    return where, told
+
+
+def _unturned(t: Floats, mag: Floats | None, where: list[slice]) -> tuple[list[slice], tuple[str, ...]]:
+    """Stretches in which the field stood still, and how many others there were; a refusal where it did in none."""
+    turns = np.zeros(len(where)) if mag is None else field_turns(t, mag, where)
+    if not turns.any():
+        return where, ()
+    if turns.all():
+        refuse([turned(turns)])
+    told = (
+        f"{np.count_nonzero(turns)} of {len(where)} stretches were left out: the field turned in them, by up to "
+        f"{to_deg(float(turns.max())):.0f}°.",
+    )
+    return [one for one, turn in zip(where, turns.tolist(), strict=True) if not turn], told
+
+
+def _grade(spread: Floats, seconds: float) -> str:
+    grade = grade_of(float(spread.max()), RATE) or "poor"
+    return "fair" if grade == "good" and round(seconds) < LONG else grade
+
+
+def bias_of(stretches: list[Floats]) -> tuple[Floats, Floats, Floats]:
+    """Bias (3,), its standard deviation (3,) and the mean of each stretch (k, 3), from rates at rest."""
+    bias, spread = mean_and_sd(np.concatenate(stretches))
+    means = np.array([one.mean(axis=0) for one in stretches])
+    if len(means) >= 3:
+        spread = np.maximum(spread, means.std(axis=0, ddof=1) / np.sqrt(len(means)))
+    return bias, spread, means
+
+
+def _temperature(known: TriadCalibration, temp_c: Floats | None, where: list[slice]) -> float:
+    """Temperature that the bias belongs to, °C: that of the polynomial, else that of the rest, where it is known."""
+    if known.bias_per_k.any() or temp_c is None:
+        return known.temp_ref_c
+    found = np.concatenate([temp_c[one] for one in where])
+    return float(np.nanmean(found)) if np.isfinite(found).any() else known.temp_ref_c
+
+
+def _remarks(found: TriadCalibration, spread: Floats, seconds: float) -> tuple[str, ...]:
+    told = [
+        f"The bias is known to {to_dps(float(spread.max())):.2g} °/s where the unit lay; it includes up to "
+        f"{to_dps(EARTH_RATE):.4f} °/s of the Earth's rotation."
+    ]
+    if round(seconds) < LONG:
+        told.append(f"{seconds:.0f} s at rest do not show how the bias wanders; lay it down for 30 s or longer.")
+    if not found.bias_per_k.any():
+        told.append("It holds at the temperature of the capture: 'plumbob calibrate temperature' finds its drift.")
+    return tuple(told)

@@ -1,0 +1,297 @@
+"""Gyroscope on a rate table: bias, scale and misalignment, and what gravity does, from the means of plateaus.
+
+::
+
+    measured = b + S ω + G f        12 parameters without G, 21 with it
+
+ω is the rate of the table in the axes of the unit, f the specific force. A unit never sits on the table exactly: one
+mounting (a face that is up, spun about one axis) has a tilt of its own, which reads as cross-axis sensitivity in
+proportion to the rate; and from face to face the bias has drifted. Both are random effects of the linear regression:
+tilts inflate neither the noise nor the bias, and what they do to the misalignment stays in its covariance; G is tested
+against the drift between faces (a split-plot F-test), not against the noise of the many plateaus of one face. Of second
+order, and left out: a tilt of 0.1° makes a rate smaller by 1.5 parts in a million.
+
+The card's matrix is S⁻¹, its bias b and its g-sensitivity G: `plumbob.data.cards.TriadCalibration`.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plumbob.calibration.fit import Fitted
+from plumbob.calibration.gyr.table_session import SIMPLE, TableSession, scaled, session_of
+from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.constants import EARTH_RATE
+from plumbob.core.units import deg, to_deg, to_dps
+from plumbob.data.cards import Quality, TriadCalibration
+
+MODELS: Final = ("auto", "12", "21")
+"""Without g-sensitivity, with it, or with it where it shows."""
+
+MOUNTING: Final = float(deg(0.1))
+"""Tilt of a mounting on the table that is taken as usual, standard deviation per axis, rad."""
+
+SCALE_GRADES: Final = {"good": 1e-4, "fair": 1e-3}
+"""Largest standard deviation of a scale factor for each grade; above, it is poor."""
+
+_AXES = "xyz"
+_NAMES = ("the bias", *(f"the rate about {a}" for a in _AXES), *(f"the specific force along {a}" for a in _AXES))
+_WORST_CONDITION = 100.0  # columns scaled to one size: 1 is an orthogonal session
+_SURE = 0.01  # chance of a g-sensitivity that is none
+_DEFORMED = 0.3  # departure of the response from the unit matrix that no gyroscope has
+_FINEST = 1e-7  # of the highest rate: no mean of a plateau is known better
+
+
+class _Solution(NamedTuple):
+    """Parameters (3, p), their covariance (3p, 3p), residuals (N, 3), and the tilt that opposite mountings show."""
+
+    parameters: Floats
+    covariance: Floats
+    residuals: Floats
+    tilt: float
+
+    @property
+    def response(self) -> Floats:
+        return self.parameters[:, 1:SIMPLE]
+
+
+def fit_table(
+    rate: ArrayLike,
+    measured: ArrayLike,
+    *,
+    force: ArrayLike | None = None,
+    seconds: ArrayLike | None = None,
+    clipped: ArrayLike | None = None,
+    model: str = "auto",
+    mounting: float = MOUNTING,
+    latitude: float | None = None,
+) -> Fitted:
+    """Calibrate a gyroscope from plateaus on a rate table.
+
+    Parameters
+    ----------
+    rate : array_like (N, 3)
+        Rate of the table in the axes of the unit, rad/s; zero for a face at rest.
+    measured : array_like (N, 3)
+        Mean of the gyroscope over each plateau, rad/s.
+    force : array_like (N, 3), optional
+        Mean specific force, m/s², calibrated; without it there is no g-sensitivity.
+    seconds : array_like (N,), optional
+        Length of each plateau; the variance of a mean goes with its inverse.
+    clipped : array_like (N,), optional
+        Share of the samples of each plateau that are at the end of the range.
+    model : {"auto", "12", "21"}
+        Parameters; "auto" takes 21 where the session tells them apart and an F-test finds g-sensitivity.
+    mounting : float
+        Tilt of one mounting against the table's axis, standard deviation per axis, rad; taken as larger where opposite
+        mountings disagree by more.
+    latitude : float, optional
+        Of a table with a vertical axis, rad: the Earth's rate about the vertical is added to the table's.
+
+    Returns
+    -------
+    Fitted
+        Residuals are those of the means, tilts of the mountings and drift between faces removed.
+
+    Raises
+    ------
+    ParameterError
+        If a latitude is given, but no specific force that tells where the vertical is.
+    CaptureRefusedError
+        If plateaus are too few, clipped, or do not tell the parameters apart, or no gyroscope responds like that.
+    """
+    check.one_of("model", model, MODELS)
+    whole = session_of(rate, measured, force=force, seconds=seconds, latitude=latitude)
+    _refuse_clipped(check.floats("rate", rate), clipped)
+    _refuse_few(whole)
+    session, remarks = _chosen(whole, model)
+    first = _solve(session, mounting, np.eye(3))
+    solution = _solve(session, max(mounting, first.tilt), first.response)
+    _refuse_deformed(solution)
+    if first.tilt > 2.0 * mounting:
+        told, usual = (f"{to_deg(angle):.2g}°" for angle in (first.tilt, mounting))
+        remarks.append(f"opposite mountings differ by {told} of tilt, more than the {usual} that was assumed.")
+    return _fitted(session, solution, (*remarks, *_unknown_earth(latitude, session)))
+
+
+def _chosen(whole: TableSession, model: str) -> tuple[TableSession, list[str]]:
+    """Session with the columns of the model, and what to know about the choice."""
+    why_not = _why_no_coupling(whole)
+    if model == "21":
+        refuse([] if why_not is None else [why_not])
+        return whole, []
+    if why_not is not None:
+        told = "g-sensitivity cannot be told from bias, and is in it"
+        return whole.without_force(), [f"{told}: {why_not.text} {why_not.advice}"]
+    chance = _chance_of_no_coupling(whole)
+    if model == "auto" and chance <= _SURE:
+        return whole, []
+    seen = (
+        f"no g-sensitivity shows against the drift from face to face (F-test, p = {chance:.2g}); it is taken as zero."
+    )
+    ignored = f"g-sensitivity shows (F-test, p = {chance:.2g}), but 12 parameters leave it in the bias."
+    return whole.without_force(), [seen if chance > _SURE else ignored]
+
+
+def _why_no_coupling(whole: TableSession) -> Reason | None:
+    """Say why a session cannot tell the g-sensitivity, if so."""
+    if whole.parameters == SIMPLE:
+        told = "there is no specific force."
+        return Reason("too-few", told, "Record the accelerometer, or put acc_x_g, acc_y_g, acc_z_g into the plan.")
+    unclear = _why_unclear(whole, 21)
+    if unclear is None and _freedom_of_drift(whole) < 1:
+        told = f"{whole.faces.shape[1]} faces leave nothing over to tell it from the drift of the bias by."
+        return Reason("too-few", told, "Spin about each axis with either end of it up.")
+    return unclear
+
+
+def _freedom_of_drift(session: TableSession) -> int:
+    """Degrees of freedom that the faces have beyond the parameters."""
+    return session.left(by_face=False)[1] - session.left(by_face=True)[1]
+
+
+def _why_unclear(session: TableSession, parameters: int) -> Reason | None:
+    """Say why a session does not determine that many parameters, if so."""
+    if session.condition > _WORST_CONDITION:
+        weakest = np.linalg.svd(scaled(session.columns))[2][-1]
+        names = [_NAMES[i] for i in np.flatnonzero(np.abs(weakest) > 0.1)]
+        told = f"{_listed(names)} change together, so that nothing tells them apart."
+        advice = "Spin both ways round about each axis, with either end of it up, and let each face rest too."
+        return Reason("ill-conditioned", told, advice)
+    if session.left(by_face=False)[1] < 1:
+        told = f"{len(session.measured)} plateaus leave nothing over {parameters} parameters to tell the noise by."
+        return Reason("too-few", told, "Add rates, and spin both ways round.")
+    return None
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join((", ".join(names[:-1]), names[-1])) if len(names) > 1 else names[0]
+
+
+def _chance_of_no_coupling(whole: TableSession) -> float:
+    """Chance that drift from face to face makes the 9 terms of G fit that much better."""
+    from scipy.special import fdtrc
+
+    simple, _ = whole.without_force().left(by_face=False)
+    coupled, _ = whole.left(by_face=False)
+    free, _ = whole.left(by_face=True)
+    freedom = 3.0 * _freedom_of_drift(whole)
+    gained, drift = float((simple - coupled).sum()) / 9.0, float((coupled - free).sum()) / freedom
+    return float(fdtrc(9.0, freedom, gained / max(drift, 1e-300)))
+
+
+def _noise_and_drift(session: TableSession) -> tuple[Floats, float]:
+    """Standard deviation of a mean (3,), and of the bias from face to face, all axes alike."""
+    free, freedom = session.left(by_face=True)
+    noise = np.maximum(np.sqrt(free / freedom), _FINEST * float(np.abs(session.rate).max()))
+    spare = _freedom_of_drift(session)
+    if spare < 1:
+        return noise, 0.0
+    between = float((session.left(by_face=False)[0] - free).mean()) / spare
+    per_face = len(session.measured) / session.faces.shape[1]
+    return noise, float(np.sqrt(max(0.0, (between - float((noise**2).mean())) / per_face)))
+
+
+def _solve(session: TableSession, mounting: float, response: Floats) -> _Solution:
+    """Least squares of all axes at once, with the spread of the tilts as further observations; response as known."""
+    noise, drift = _noise_and_drift(session)
+    root = (np.sqrt(session.weight) / noise[:, np.newaxis]).ravel()
+    known, tilting, faces = np.kron(np.eye(3), session.columns), session.tilting(response), session.faces
+    spread = np.repeat([mounting, drift], [tilting.shape[1], 3 * faces.shape[1]])
+    chances = np.hstack((tilting, np.kron(np.eye(3), faces))) * spread
+    parameters = known.shape[1]
+    above = np.hstack((known, chances)) * root[:, np.newaxis]
+    design = np.vstack((above, np.eye(spread.size, above.shape[1], parameters)))
+    size = np.linalg.norm(design, axis=0)
+    q, r = np.linalg.qr(design / size)
+    inverse = np.linalg.solve(r, q.T) / size[:, np.newaxis]
+    wanted = session.measured.T.ravel()
+    found = inverse @ np.append(wanted * root, np.zeros(spread.size))
+    tilt = mounting * found[parameters : parameters + tilting.shape[1]]
+    spare = int(np.linalg.matrix_rank(scaled(np.hstack((known, tilting))))) - parameters
+    return _Solution(
+        found[:parameters].reshape(3, -1),
+        (inverse @ inverse.T)[:parameters, :parameters],
+        (wanted - known @ found[:parameters] - chances @ found[parameters:]).reshape(3, -1).T,
+        float(np.sqrt((tilt**2).sum() / spare)) if spare > 0 else 0.0,
+    )
+
+
+def _fitted(session: TableSession, solution: _Solution, remarks: tuple[str, ...]) -> Fitted:
+    matrix = np.asarray(np.linalg.inv(solution.response), dtype=np.float64)
+    covariance = _covariance(matrix, solution.covariance)
+    scale_sd = float(np.sqrt(np.diag(covariance)[[3, 7, 11]]).max())
+    coupled = session.parameters > SIMPLE
+    calibration = TriadCalibration(
+        matrix=matrix,
+        bias=solution.parameters[:, 0],
+        unit_in="rad/s",
+        unit_out="rad/s",
+        residual_rms=float(np.sqrt((solution.residuals**2).mean())),
+        g_sensitivity=solution.parameters[:, SIMPLE:] if coupled else np.zeros((3, 3)),
+        g_sensitivity_sd=np.sqrt(np.diag(solution.covariance)).reshape(3, -1)[:, SIMPLE:] if coupled else None,
+        covariance=covariance,
+        method=f"rate table, {len(session.measured)} plateaus, {21 if coupled else 12} parameters",
+        quality=Quality(
+            grade=next((grade for grade, limit in SCALE_GRADES.items() if scale_sd <= limit), "poor"),
+            samples=len(session.measured),
+            condition=session.condition,
+            scale_sd=scale_sd,
+        ),
+    )
+    used = np.ones(len(session.measured), dtype=np.bool_)
+    return Fitted(calibration, session.measured, solution.residuals, used, remarks)
+
+
+def _covariance(matrix: Floats, of_all: Floats) -> Floats:
+    """Covariance (12, 12) of bias and matrix from that of all parameters: d(S⁻¹) = −S⁻¹ dS S⁻¹."""
+    first = np.arange(3)[:, np.newaxis] * (len(of_all) // 3)
+    places = np.concatenate((first.ravel(), (first + np.arange(1, SIMPLE)).ravel()))
+    slope = np.eye(12)
+    slope[3:, 3:] = -np.kron(matrix, matrix.T)
+    return np.asarray(slope @ of_all[np.ix_(places, places)] @ slope.T)
+
+
+def _unknown_earth(latitude: float | None, session: TableSession) -> tuple[str, ...]:
+    if latitude is not None:
+        return ()
+    where = "g-sensitivity" if session.parameters > SIMPLE else "bias"
+    most = f"{to_dps(EARTH_RATE):.4f} °/s"
+    return (f"the Earth's rate about the vertical, up to {most}, is in the {where}; the latitude takes it out.",)
+
+
+def _refuse_clipped(rates: Floats, clipped: ArrayLike | None) -> None:
+    shares = np.zeros(len(rates)) if clipped is None else check.column("clipped", clipped, len(rates))
+    if (shares > 0.0).any():
+        i = int(np.argmax(shares))
+        told = f"{100.0 * shares[i]:.0f} % of the plateau at {_dps(rates[i])} are at the end of the range"
+        advice = "Leave such rates out, or record with a wider range."
+        raise CaptureRefusedError(Reason("clipping", f"{told} ({np.count_nonzero(shares)} such plateaus).", advice))
+
+
+def _refuse_few(whole: TableSession) -> None:
+    rates = whole.rate
+    speed = np.abs(rates).max(axis=0, initial=0.0)
+    resting = [_AXES[i] for i in range(3) if speed[i] <= 0.02 * speed.max(initial=0.0)]
+    if resting:
+        told = f"no plateau turns about {' or '.join(resting)}, of {len(rates)} plateaus."
+        advice = "Spin the unit about each of its axes, both ways round, at two rates or more."
+        raise CaptureRefusedError(Reason("too-few", told, advice))
+    why_not = _why_unclear(whole.without_force(), 12)
+    refuse([] if why_not is None else [why_not])
+
+
+def _refuse_deformed(solution: _Solution) -> None:
+    if np.abs(solution.response - np.eye(3)).max() > _DEFORMED:
+        shown = "; ".join(" ".join(f"{x:.3g}" for x in row) for row in solution.response)
+        told = f"measured over true rate comes out as [{shown}], which is far from the unit matrix."
+        advice = "Check the unit of the recording, the axes, and the signs and units of the rates."
+        raise CaptureRefusedError(Reason("implausible", told, advice))
+
+
+def _dps(rate: Floats) -> str:
+    return f"({', '.join(f'{x:.4g}' for x in to_dps(rate))}) °/s"

@@ -1,0 +1,340 @@
+"""Bias of a gyroscope over temperature: a polynomial of one unit, from a soak at rest.
+
+The record is averaged in equal blocks; the mean of each power of the temperature over a block is the regressor, so the
+polynomial is that of the samples however much the temperature changes within a block. A bias also wanders by itself,
+and a wander that takes as long as the soak would pass for a curve: each axis is taken for white noise with a random
+walk, whose ratio the record tells by its restricted likelihood [Patterson1971]. The degree is the lowest that the
+highest one does not improve on by the F test.
+
+Departure from [Chen2013], whose coefficient of 0.1 °/s/°C is one for all parts: here each unit has its own, by axis,
+with as many powers as it shows.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.fit import RATE, Fitted, grade_of
+from plumbob.calibration.gyr.plausible import (
+    UNCALIBRATED,
+    beyond_bias,
+    dead_axes,
+    field_turns,
+    new_bias_covariance,
+    turned,
+    unseen_turn,
+    without_known,
+)
+from plumbob.calibration.rejection import Reason, refuse
+from plumbob.calibration.static_periods import stills
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.units import to_dps
+from plumbob.data.cards import Quality, TriadCalibration
+
+LEAST_SPAN: Final = 5.0
+"""Smallest span of temperature that shows a slope, K."""
+
+LEAST_REST: Final = 0.9
+"""Smallest share of the record that must be at rest."""
+
+WINDOW: Final = 300.0
+"""Time within which the field must not turn, s."""
+
+HIGHEST: Final = 3
+"""Highest degree."""
+
+SIGNIFICANCE: Final = 0.001
+"""Chance at which a power that is not there is taken for one."""
+
+SURE: Final = 4.0
+"""Standard deviations from which on warming and cooling differ."""
+
+BLOCKS: Final = 200
+"""Blocks that a record is averaged in; of the length of `SHORTEST` at least."""
+
+SHORTEST: Final = 5.0
+"""Shortest block, s."""
+
+FEWEST: Final = 20
+"""Fewest blocks."""
+
+_RATIOS = np.logspace(-5.0, 3.0, 41)  # from nothing that is seen in 200 blocks to nothing but a random walk
+
+USUAL: Final = 25.0
+"""Temperature at which data sheets state a bias, °C."""
+
+
+def fit_temperature(
+    t: Floats,
+    gyr: Floats,
+    temp_c: Floats | None,
+    *,
+    acc: Floats | None = None,
+    mag: Floats | None = None,
+    clipped: NDArray[np.bool_] | None = None,
+    known: TriadCalibration = UNCALIBRATED,
+) -> Fitted:
+    """Polynomial of the bias over temperature, of degree 1 to 3.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    gyr : ndarray (N, 3)
+        Measured rates at rest, rad/s.
+    temp_c : ndarray (N,) or None
+        Temperature, °C.
+    acc : ndarray (N, 3), optional
+        Specific force, m/s², which helps to tell rest.
+    mag : ndarray (N, 3), optional
+        Flux density, calibrated or not, which tells constant turning from rest.
+    clipped : ndarray (N,) of bool, optional
+        Samples at the end of the gyroscope's range.
+    known : TriadCalibration
+        Calibration so far; its matrix and g-sensitivity are kept.
+
+    Raises
+    ------
+    CaptureRefusedError
+        no-temperature, too-few, clipping, not-still, implausible.
+    CalibrationError
+        If `known` has a g-sensitivity and there is no `acc`.
+    """
+    rates = check.rows("gyr", gyr, 3, t.size)
+    temperature = np.full(t.size, np.nan) if temp_c is None else check.column("temp_c", temp_c, t.size)
+    refuse([*dead_axes(rates), *_unfit(t, rates, temperature, clipped)])
+    reference = _reference(temperature)
+    steady = replace(known, bias_per_k=np.zeros((1, 3)))
+    left = without_known(rates, steady, temp_c=None, acc=acc)
+    drift = _powers(temperature, reference) @ _rough(_blocks(t, left, temperature, reference))
+    rest = _at_rest(t, left - drift, acc)
+    refuse(_restless(rest))
+    refuse([] if mag is None else _turning(t, mag))
+    blocks = _blocks(t, np.where(rest[:, np.newaxis], left, np.nan), temperature, reference)
+    fit = _choose(blocks)
+    refuse(beyond_bias(fit.bias))
+    found = _fitted(fit, blocks, temperature, known, float(t[-1] - t[0]))
+    return replace(found, remarks=(*unseen_turn(None, mag, [slice(0, t.size)]), *found.remarks))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Blocks:
+    powers: Floats  # (n, 4): means of 1, T − ref, its square and cube
+    rate: Floats  # (n, 3)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Polynomial:
+    bias: Floats  # (3,)
+    slopes: Floats  # (degree, 3)
+    covariance: Floats  # (degree, degree, 3), of the slopes
+    residuals: Floats  # (n, 3), of the blocks
+    squares: Floats  # (3,), sum of the whitened residuals' squares
+    free: int
+    wander: Floats  # (3,), variance of a step of the random walk over that of the white noise
+
+
+def _unfit(t: Floats, gyr: Floats, temp_c: Floats, clipped: NDArray[np.bool_] | None) -> list[Reason]:
+    """Reasons why there is nothing to fit."""
+    advice = "Let the unit warm up from cold, or cool down in a box, over 10 K or more, and record its temperature."
+    missing = int(np.count_nonzero(~np.isfinite(temp_c)))
+    if missing:
+        return [Reason("no-temperature", f"The temperature is missing in {missing} of {t.size} samples.", advice)]
+    reasons = []
+    span = float(np.ptp(temp_c))
+    if span < LEAST_SPAN:
+        text = f"The temperature changes by {span:.1f} K only; {LEAST_SPAN:g} K are needed to show a slope."
+        reasons.append(Reason("no-temperature", text, advice))
+    if float(t[-1] - t[0]) < FEWEST * SHORTEST:
+        text = f"The record has {float(t[-1] - t[0]):.0f} s; {FEWEST * SHORTEST:.0f} s are needed."
+        reasons.append(Reason("too-few", text, "Record for half an hour or longer."))
+    if clipped is not None and clipped.any():
+        text = f"{int(clipped.sum())} samples are at the end of the gyroscope's range."
+        reasons.append(
+            Reason("clipping", text, "A unit at rest is far from its range: check the range, or let it lie.")
+        )
+    if not np.isfinite(gyr).any(axis=0).all():
+        reasons.append(Reason("too-few", "An axis of the gyroscope has no number.", "Check the profile's columns."))
+    return reasons
+
+
+def _reference(temp_c: Floats) -> float:
+    """Temperature of the bias, °C: that of data sheets, or the middle of a span that does not hold it."""
+    low, high = float(temp_c.min()), float(temp_c.max())
+    return USUAL if low <= USUAL <= high else 0.5 * (low + high)
+
+
+def _powers(temp_c: Floats, reference: float) -> Floats:
+    return np.vander(temp_c - reference, HIGHEST + 1, increasing=True)
+
+
+def _blocks(t: Floats, rate: Floats, temp_c: Floats, reference: float) -> _Blocks:
+    """Block means over samples that have a rate; blocks without one are left out."""
+    count = int(np.clip((t[-1] - t[0]) / SHORTEST, FEWEST, BLOCKS))
+    place = np.minimum(((t - t[0]) / (t[-1] - t[0]) * count).astype(np.intp), count - 1)
+    whole = np.isfinite(rate).all(axis=1)
+    place, values = place[whole], np.hstack((_powers(temp_c, reference), rate))[whole]
+    size = np.bincount(place, minlength=count)
+    sums = np.array([np.bincount(place, column, minlength=count) for column in values.T])
+    mean = (sums[:, size > 0] / size[size > 0]).T
+    return _Blocks(mean[:, : HIGHEST + 1], mean[:, HIGHEST + 1 :])
+
+
+def _at_rest(t: Floats, gyr: Floats, acc: Floats | None) -> NDArray[np.bool_]:
+    """Samples at rest, (N,): of the rates less their drift with temperature."""
+    rest = np.zeros(t.size, dtype=bool)
+    for one in stills(t, np.zeros_like(gyr) if acc is None else acc, gyr):
+        rest[one] = True
+    return rest
+
+
+def _restless(rest: NDArray[np.bool_]) -> list[Reason]:
+    share = float(rest.mean())
+    if share >= LEAST_REST:
+        return []
+    text = f"The unit was at rest for {100.0 * share:.0f} % of the record; {100.0 * LEAST_REST:.0f} % are needed."
+    return [Reason("not-still", text, "Put it where nobody touches it, or cut the record with --from and --to.")]
+
+
+def _turning(t: Floats, mag: Floats) -> list[Reason]:
+    """Reason why the field turned in more than few windows: over a whole soak a magnetometer may drift by as much."""
+    edges = np.searchsorted(t, np.arange(t[0], t[-1], WINDOW)).tolist()
+    turns = field_turns(t, mag, [slice(a, b) for a, b in pairwise([*edges, t.size])])
+    return [turned(turns)] if np.count_nonzero(turns) > (1.0 - LEAST_REST) * turns.size else []
+
+
+def _rough(blocks: _Blocks) -> Floats:
+    """Plain least squares of the highest degree, (4, 3): enough to tell rest from motion."""
+    return np.asarray(np.linalg.lstsq(blocks.powers, blocks.rate, rcond=None)[0])
+
+
+def _choose(blocks: _Blocks) -> _Polynomial:
+    """Lowest degree that the highest one does not improve on significantly, on any axis."""
+    from scipy.special import fdtrc
+
+    seen = _Differences.of(blocks)
+    wander = np.array([_wander(seen, axis) for axis in range(3)])
+    fits = [_poly(blocks, seen, degree, wander) for degree in range(1, HIGHEST + 1)]
+    full = fits[-1]
+    for fit in fits[:-1]:
+        more = fit.free - full.free
+        ratio = (fit.squares - full.squares) / more / np.maximum(full.squares / full.free, np.finfo(np.float64).tiny)
+        if (3.0 * fdtrc(more, full.free, ratio) > SIGNIFICANCE).all():  # three axes are three chances
+            return fit
+    return full
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Differences:
+    """Sine transform of the differences of neighbouring blocks, whose rows are independent.
+
+    Differences of white noise have the covariance 2, and −1 beside the diagonal, those of a walk the unit matrix;
+    the sine transform diagonalises both.
+    """
+
+    regressors: Floats  # (m, 4): T − ref, its square and cube, and half of whether it rises (1) or falls (−1)
+    rate: Floats  # (m, 3)
+    white: Floats  # (m,), variance of a row for white noise of variance 1; for a random walk it is that of a step
+
+    @classmethod
+    def of(cls, blocks: _Blocks) -> "_Differences":
+        from scipy.fft import dst
+
+        way = 0.5 * np.sign(np.gradient(blocks.powers[:, 1]))
+        regressors, rate = (
+            np.asarray(dst(np.diff(values, axis=0), type=1, axis=0, norm="ortho"))
+            for values in (np.column_stack((blocks.powers[:, 1:], way)), blocks.rate)
+        )
+        m = len(rate)
+        return cls(regressors, rate, 2.0 - 2.0 * np.cos(np.pi * np.arange(1, m + 1) / (m + 1)))
+
+
+def _wander(seen: _Differences, axis: int) -> float:
+    """Variance of a step of the random walk over that of the white noise of a block: the largest likely one.
+
+    A short soak says little about it, and one that is taken too small makes a wander a curve. So it is not the maximum
+    of the restricted likelihood but the end of its interval of one standard deviation.
+    """
+    powers = seen.regressors[:, :HIGHEST]
+    size = np.sqrt(np.mean(powers**2, axis=0))
+
+    def cost(ratio: float) -> float:
+        weight = 1.0 / np.sqrt(seen.white + ratio)
+        x, y = powers / size * weight[:, np.newaxis], seen.rate[:, axis] * weight
+        left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+        power = max(float(left @ left), np.finfo(np.float64).tiny)
+        seen_by = float(np.linalg.slogdet(x.T @ x)[1])
+        return seen_by - 2.0 * float(np.log(weight).sum()) + (len(y) - HIGHEST) * float(np.log(power))
+
+    costs = np.array([cost(ratio) for ratio in _RATIOS])
+    return float(_RATIOS[np.flatnonzero(costs <= costs.min() + 1.0)[-1]])
+
+
+def _poly(blocks: _Blocks, seen: _Differences, degree: int, wander: Floats) -> _Polynomial:
+    """Weighted least squares of one degree; the bias is the mean of what the powers leave."""
+    slopes, covariance, squares = _weighted(seen.regressors[:, :degree], seen, wander)
+    left = blocks.rate - blocks.powers[:, 1 : degree + 1] @ slopes
+    bias = left.mean(axis=0)
+    return _Polynomial(bias, slopes, covariance, left - bias, squares, len(seen.rate) - degree, wander)
+
+
+def _weighted(columns: Floats, seen: _Differences, wander: Floats) -> tuple[Floats, Floats, Floats]:
+    """Coefficients of k columns (k, 3), their covariance (k, k, 3) and the weighted squares that are left (3,)."""
+    k = columns.shape[1]
+    found, covariance, squares = np.zeros((k, 3)), np.zeros((k, k, 3)), np.zeros(3)
+    size = np.sqrt(np.mean(columns**2, axis=0))  # they differ by powers of the span
+    for axis in range(3):
+        weight = 1.0 / np.sqrt(seen.white + wander[axis])
+        x, y = columns / size * weight[:, np.newaxis], seen.rate[:, axis] * weight
+        scaled = np.linalg.lstsq(x, y, rcond=None)[0]
+        found[:, axis], squares[axis] = scaled / size, float(np.sum((y - x @ scaled) ** 2))
+        inverse = np.linalg.inv(x.T @ x) / np.outer(size, size)
+        covariance[:, :, axis] = inverse * squares[axis] / (len(y) - k)
+    return found, covariance, squares
+
+
+def _fitted(fit: _Polynomial, blocks: _Blocks, temp_c: Floats, known: TriadCalibration, seconds: float) -> Fitted:
+    span, degree = (float(temp_c.min()), float(temp_c.max())), len(fit.slopes)
+    wandered = fit.residuals.var(axis=0)  # the bias is known no better than it wandered during the soak
+    centred = (_powers(np.linspace(*span, 41), _reference(temp_c)) - blocks.powers.mean(axis=0))[:, 1 : degree + 1]
+    spread = float(np.sqrt((np.einsum("nk,klj,nl->nj", centred, fit.covariance, centred) + wandered).max()))
+    mean = blocks.powers.mean(axis=0)[1 : degree + 1]
+    bias_variance = wandered + np.einsum("k,klj,l->j", mean, fit.covariance, mean)
+    calibration = replace(
+        known,
+        bias=fit.bias,
+        bias_per_k=fit.slopes,
+        bias_per_k_sd=np.sqrt(np.einsum("kkj->kj", fit.covariance)),
+        temp_ref_c=_reference(temp_c),
+        temp_span_c=span,
+        covariance=new_bias_covariance(known, np.diag(bias_variance)),
+        residual_rms=float(np.sqrt(np.mean(fit.residuals**2))),
+        method=f"gyr over temperature, degree {degree}, {span[0]:.1f} to {span[1]:.1f} °C in {seconds:.0f} s",
+        quality=Quality(grade=grade_of(spread, RATE) or "poor", samples=len(blocks.rate)),
+    )
+    told = (
+        f"The bias is known to {to_dps(spread):.2g} °/s anywhere from {span[0]:.1f} to {span[1]:.1f} °C "
+        f"(standard deviation; polynomial of degree {degree}); beyond, it goes on as its tangent.",
+        *_hysteresis(blocks, fit),
+    )
+    return Fitted(calibration, blocks.rate, fit.residuals, np.ones(len(blocks.rate), dtype=bool), told)
+
+
+def _hysteresis(blocks: _Blocks, fit: _Polynomial) -> tuple[str, ...]:
+    """Say where warming and cooling give another bias at the same temperature."""
+    rising = np.gradient(blocks.powers[:, 1]) > 0.0
+    if min(rising.sum(), (~rising).sum()) < FEWEST // 2:
+        return ()
+    seen = _Differences.of(blocks)
+    found, covariance, _ = _weighted(seen.regressors[:, [*range(len(fit.slopes)), HIGHEST]], seen, fit.wander)
+    apart = np.abs(found[-1])
+    if not (apart > SURE * np.sqrt(covariance[-1, -1])).any():
+        return ()
+    return (
+        f"Warming and cooling differ by {to_dps(float(apart.max())):.2g} °/s at the same temperature (hysteresis, or a "
+        "thermometer that lags); a polynomial cannot follow that.",
+    )

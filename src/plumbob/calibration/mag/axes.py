@@ -1,0 +1,318 @@
+"""Whose axes are wrong: how magnetometer, accelerometer and gyroscope are arranged, told by what they see of a motion.
+
+A triad with wrong axes measures ``P v`` of a vector v in the axes of the case, P one of the 48 signed permutations, of
+which 24 are left-handed. Three pairs of triads tell of it, whatever the attitudes were:
+
+* The field keeps one dip: ``(A u) · X P h`` is constant over all attitudes only for ``X = ± A Pᵀ``, u the vertical, h
+  the field, A and P the arrangements of accelerometer and magnetometer. The sign is that of the dip.
+* Field and vertical are constant in space, so they turn in the body as the rates say: ``P h`` as by the rates
+  ``det(P) P Gᵀ`` of the measured ones, G the arrangement of the gyroscope, and ``A u`` as by ``det(A) A Gᵀ``. All axes
+  of a triad that is not the gyroscope may be negated, and nothing shows.
+
+Turned back by the rates over some seconds, the means of field and specific force stay where they are; what pushes a
+unit by hand averages out there. Two triads that agree convict the third; of two alone, one is wrong. All of it is a
+choice among few arrangements, so hard and soft iron of tens of percents do no harm, and what a capture does not tell is
+left open.
+"""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.mag.chained import chained
+from plumbob.core.check import Floats
+from plumbob.rotations import dcm_from_quat, every_axes, skew
+
+CLEARLY: Final = 3.0
+"""How many times as large the squares that an arrangement leaves must be as the least ones, for it to be excluded."""
+
+QUIET: Final = 0.05
+"""Departure of the specific force from its usual length, of itself, up to which it is taken for the vertical."""
+
+FEWEST: Final = 14
+"""Fewest samples in which a dip is looked for."""
+
+SPAN: Final = 4.0
+"""Windows over which vectors are turned back, s: pushes average out, and a gyroscope's errors turn by few degrees."""
+
+_KEPT: Final = 0.3  # scatter of the field along the vertical, of its size, beyond which nothing keeps a dip
+_LEAST: Final = 0.1  # scatter that iron may make
+_SOME: Final = 5000
+_PARTS: Final = 4  # of a window
+_GAPS: Final = 1.2  # times the time that a window should take
+_FEWEST_WINDOWS: Final = 4
+_WINDOWS: Final = 60
+_FOLLOWED: Final = 0.2  # squares, of the vectors', beyond which nothing turns as the rates say
+_LEAST_SQUARES: Final = 1e-3  # which errors of 3 % may leave
+_TINY: Final = 1e-300
+_ROUNDS: Final = 3  # until the bias is settled
+_SAME: Final = np.eye(3)
+_TURNS: Final = tuple(way for way in every_axes() if np.linalg.det(way) > 0.0)
+
+
+class Suspect(NamedTuple):
+    """A triad whose axes are wrong.
+
+    Attributes
+    ----------
+    triad : str
+        "mag", "acc" or "gyr".
+    way : ndarray (3, 3)
+        Its arrangement: measured = way @ true. Of magnetometer and accelerometer, the opposite says the same but for
+        the sign of the dip, and the right-handed one is given.
+    beside : str
+        The triad that it is held against; of two, one.
+    sure : bool
+        Whether two other triads agree, so that it cannot be one of them.
+    """
+
+    triad: str
+    way: Floats
+    beside: str
+    sure: bool
+
+
+class Arrangements(NamedTuple):
+    """What each pair of triads tells: arrangements that are not excluded, best first; none where a pair tells nothing.
+
+    Attributes
+    ----------
+    field_dip : tuple of ndarray (3, 3)
+        ``± P Aᵀ``, of which the right-handed one stands for both.
+    field_turn : tuple of ndarray (3, 3)
+        ``det(P) P Gᵀ``.
+    force_turn : tuple of ndarray (3, 3)
+        ``det(A) A Gᵀ``.
+    """
+
+    field_dip: tuple[Floats, ...]
+    field_turn: tuple[Floats, ...]
+    force_turn: tuple[Floats, ...]
+
+    @property
+    def keeps_dip(self) -> bool:
+        """Whether the field keeps its dip with the axes as they are, but for the sign."""
+        dip = _completed(self)[0]
+        return dip is not None and _is_same(dip)
+
+
+def arrangements(t: Floats, mag: Floats, *, acc: Floats, gyr: Floats) -> Arrangements:
+    """What the pairs of triads tell of their axes.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    mag : ndarray (N, 3)
+        Field in the axes of the magnetometer, calibrated or not, µT.
+    acc, gyr : ndarray (N, 3)
+        Specific force, m/s², and rates, rad/s, calibrated or not; rows with NaN do not count, as those of all three.
+    """
+    return Arrangements(_keeping_dip(mag, acc), *_by_rates(t, mag, acc, gyr))
+
+
+def wander(t: Floats, field: Floats, gyr: Floats) -> float | None:
+    """Root mean square angle, rad, by which a calibrated field, turned back by the rates, wanders over `SPAN`.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    field, gyr : ndarray (N, 3)
+        Field, µT, and rates, rad/s, of which a constant bias is found; rows with NaN do not count.
+
+    Returns
+    -------
+    float or None
+        The angle; None where there are not enough samples.
+    """
+    rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
+    bias, left = np.zeros(3), None
+    for _ in range(_ROUNDS if rows.size else 0):
+        found = _kept(_turned_by(t, gyr - bias, rows, 1.0), field, [_SAME], offset=False)
+        bias, left = (bias + found[0].bias, found[0].left) if found else (bias, None)
+    return None if left is None else float(np.sqrt(left))
+
+
+def suspects(found: Arrangements) -> tuple[Suspect, ...]:
+    """Triads whose axes are wrong; none where they are right, or the capture does not tell."""
+    dip, field, force = _completed(found)
+    if dip is None:
+        return () if field is None or _is_same(field) else (_by_turn_alone(field),)
+    if field is None or force is None:
+        return () if _is_same(dip) else (Suspect("mag", dip, "acc", sure=False),)
+    if _is_same(field):
+        return () if _is_same(force) else (Suspect("acc", dip.T, "mag", sure=True),)
+    if _is_same(dip):
+        return (Suspect("gyr", field.T, "acc", sure=True),)
+    if _is_same(force):
+        return (Suspect("mag", dip, "acc", sure=True),)
+    return (Suspect("mag", dip, "acc", sure=False), Suspect("gyr", force.T, "acc", sure=False))
+
+
+def _by_turn_alone(field: Floats) -> Suspect:
+    """Suspect by field and rates: only a gyroscope makes the one left-handed against the other."""
+    if np.linalg.det(field) < 0.0:
+        return Suspect("gyr", field.T, "mag", sure=False)
+    return Suspect("mag", field, "gyr", sure=False)
+
+
+def _completed(found: Arrangements) -> tuple[Floats | None, Floats | None, Floats | None]:
+    """The one arrangement of each pair, where it is told; two of them tell the third, those with rates first."""
+    dip, field, force = (ways[0] if len(ways) == 1 else None for ways in found)
+    if field is not None and force is not None:
+        return field @ force.T, field, force
+    if dip is not None and force is not None:
+        return dip, dip @ force, force
+    if dip is not None and field is not None:
+        return dip, field, dip.T @ field
+    return dip, field, force
+
+
+def _is_same(way: Floats) -> bool:
+    return bool(np.array_equal(way, _SAME))
+
+
+def _keeping_dip(mag: Floats, acc: Floats) -> tuple[Floats, ...]:
+    """Right-handed arrangements of the magnetometer in which the field (N, 3) keeps one angle to the vertical."""
+    size = np.linalg.norm(acc, axis=1)
+    known = np.isfinite(mag).all(axis=1) & np.isfinite(size)
+    if known.any():
+        usual = float(np.median(size[known]))
+        known[known] = np.abs(size[known] - usual) <= QUIET * usual
+    count = int(np.count_nonzero(known))
+    if count < FEWEST or not size[known].all():
+        return ()
+    step = -(-count // _SOME)
+    mag, up = mag[known][::step], (acc[known] / size[known, np.newaxis])[::step]
+    mag = mag - mag.mean(axis=0)
+    strength = float(np.mean(np.sum(mag * mag, axis=1)))
+    rows = np.column_stack((np.ones(len(up)), up))  # hard iron is along the vertical as that turns
+    share = (len(up) - rows.shape[1]) * strength
+    left = [_solved(rows, np.sum(up * (mag @ way), axis=1))[1] / share for way in _TURNS]
+    return _not_excluded(_TURNS, left, _KEPT**2, _LEAST**2)
+
+
+def _not_excluded(ways: Sequence[Floats], left: Sequence[float], most: float, least: float) -> tuple[Floats, ...]:
+    """Ways that leave not clearly more than the best one, best first; none where that leaves too much."""
+    order = np.argsort(left, kind="stable").tolist()
+    if not order or not left[order[0]] <= most:
+        return ()
+    limit = max(CLEARLY * left[order[0]], least)
+    return tuple(ways[i] for i in order if left[i] <= limit)
+
+
+class _TurnedBack(NamedTuple):
+    """Samples of a capture, W windows of four parts with n samples each, turned back by rates of one sense.
+
+    Attributes
+    ----------
+    rows : ndarray (W, 4, n) of int
+        The samples.
+    sense : float
+        1.0 for the rates as measured, −1.0 for their opposite, as left-handed axes make them.
+    turns : ndarray (W, 4, n, 3, 3)
+        Attitudes, against a start that does not matter.
+    by_bias : ndarray (W, 4, n, 3, 3)
+        Turn since the window's start by a bias of 1, s.
+    """
+
+    rows: NDArray[np.intp]
+    sense: float
+    turns: Floats
+    by_bias: Floats
+
+
+class _Followed(NamedTuple):
+    """An arrangement of a gyroscope's axes, the squares that it leaves, of all, and the bias of the rates, rad/s."""
+
+    way: Floats
+    left: float
+    bias: Floats
+
+
+def _by_rates(t: Floats, mag: Floats, acc: Floats, gyr: Floats) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+    """Arrangements of the gyroscope's axes, not excluded, in which the field turns as the rates say, and the force.
+
+    No hand pushes the field, so it tells the bias of the rates and their sense, by which the force is turned back.
+    """
+    rows = _windows(t, np.flatnonzero(np.isfinite(gyr).all(axis=1)))
+    if len(rows) < _FEWEST_WINDOWS:
+        return (), ()
+    bias, turned, field = np.zeros(3), [], []
+    for _ in range(_ROUNDS):
+        turned = [_turned_by(t, gyr - bias, rows, sense) for sense in (1.0, -1.0)]
+        field = _followed(turned, mag, offset=True)
+        bias = bias + min(field, key=lambda one: one.left).bias if field else bias
+    ways = _of(field)
+    senses = {float(np.linalg.det(way)) for way in ways} or {1.0, -1.0}
+    return ways, _of(_followed([one for one in turned if one.sense in senses], acc, offset=False))
+
+
+def _of(found: Sequence["_Followed"]) -> tuple[Floats, ...]:
+    return _not_excluded([one.way for one in found], [one.left for one in found], _FOLLOWED, _LEAST_SQUARES)
+
+
+def _windows(t: Floats, known: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Samples (W, 4, n) of windows without gaps, spread over the capture."""
+    if len(known) < 2:
+        return np.zeros((0, _PARTS, 1), dtype=np.intp)
+    size = max(1, round(SPAN / _PARTS / float(np.median(np.diff(t[known])))))
+    windows = known[: len(known) // (_PARTS * size) * _PARTS * size].reshape(-1, _PARTS, size)
+    windows = windows[t[windows[:, -1, -1]] - t[windows[:, 0, 0]] < _GAPS * SPAN]
+    return windows[:: 1 + len(windows) // _WINDOWS]
+
+
+def _turned_by(t: Floats, rates: Floats, rows: NDArray[np.intp], sense: float) -> _TurnedBack:
+    flat = rows.ravel()
+    step = np.diff(t[flat])[:, np.newaxis]
+    turns = dcm_from_quat(chained(0.5 * sense * (rates[flat[1:]] + rates[flat[:-1]]) * step))
+    each = 0.5 * (turns[1:] + turns[:-1]) * step[:, :, np.newaxis]
+    by_bias = np.concatenate((np.zeros((1, 3, 3)), np.cumsum(each, axis=0))).reshape(*rows.shape, 3, 3)
+    return _TurnedBack(rows, sense, turns.reshape(by_bias.shape), by_bias - by_bias[:, :1, :1])
+
+
+def _followed(turned: Sequence[_TurnedBack], vectors: Floats, *, offset: bool) -> list[_Followed]:
+    """How vectors (N, 3) keep their direction once turned back, by each arrangement; none where they are too few.
+
+    A bias of the rates is found too, and a constant one of the vectors where they may have an `offset`.
+    """
+    return [one for each in turned for one in _kept(each, vectors, _TURNS, offset=offset)]
+
+
+def _kept(turned: _TurnedBack, vectors: Floats, ways: Sequence[Floats], *, offset: bool) -> list[_Followed]:
+    some = vectors[turned.rows]
+    known = np.asarray(np.isfinite(some).all(axis=3))
+    whole = np.flatnonzero(np.all(known.any(axis=2), axis=1))
+    if whole.size < _FEWEST_WINDOWS:
+        return []
+    some, known, turns, by_bias = some[whole], known[whole], turned.turns[whole], turned.by_bias[whole]
+    middle = some[known].mean(axis=0) if offset else np.zeros(3)
+    some = np.where(known[..., np.newaxis], some - middle, 0.0)
+    share = known / known.sum(axis=2, keepdims=True)
+    turns = turns * share[..., np.newaxis, np.newaxis]
+    products = np.einsum("wpnij,wpnk->wpijk", turns, some)
+    turns, by_bias = turns.sum(axis=2), np.einsum("wpn,wpnij->wpij", share, by_bias)
+    found = []
+    for way in ways:
+        back = np.einsum("wpijk,kj->wpi", products, way)
+        columns = np.concatenate((skew(back) @ by_bias, turns), axis=3) if offset else skew(back) @ by_bias
+        left, step = _within(back, columns)
+        found.append(_Followed(turned.sense * way, left / max(float(np.sum(back * back)), _TINY), -turned.sense * step))
+    return found
+
+
+def _within(values: Floats, columns: Floats) -> tuple[float, Floats]:
+    """Squares of values (W, 4, 3) about the means of windows, beside columns (W, 4, 3, K), and the first of these."""
+    values, columns = (each - each.mean(axis=1, keepdims=True) for each in (values, columns))
+    found, left = _solved(columns.reshape(-1, columns.shape[3]), values.ravel())
+    return left, found[:3]
+
+
+def _solved(rows: Floats, values: Floats) -> tuple[Floats, float]:
+    """Solution of rows (N, K) for values (N,), and the squares that it leaves."""
+    found = np.asarray(np.linalg.lstsq(rows, values, rcond=None)[0], dtype=np.float64)
+    left = values - rows @ found
+    return found, float(left @ left)

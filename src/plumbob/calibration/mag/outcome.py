@@ -1,0 +1,219 @@
+"""What every fit of a magnetometer ends in: the calibration, the reasons that all share, and the remarks."""
+
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.ellipsoid.autocorrelation import Alike
+from plumbob.calibration.fit import HEADING, grade_of
+from plumbob.calibration.mag.field_gradient import Unevenness
+from plumbob.calibration.predicted import filled
+from plumbob.calibration.rejection import Reason
+from plumbob.core.check import Floats
+from plumbob.core.units import deg, to_deg
+from plumbob.data.cards import UNITS, Quality, TriadCalibration
+
+DIP: Final = deg(60.0)
+"""Dip that is assumed for the predicted heading error where nothing tells it, rad: that of Central Europe."""
+
+MOST_OUTLIERS: Final = 0.1
+"""Share of outliers above which a capture is refused."""
+
+EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit slowly about one place."
+"""Advice where the field differed from place to place."""
+
+LONGER: Final = "Turn it on for a minute or two, through all attitudes, each several times."
+"""Advice where the field may have been uneven."""
+
+LOST: Final = deg(30.0)
+"""Predicted heading error from which on there is no heading, rad: three of it are a quarter of a turn."""
+
+DIRECTION: Final = "An accelerometer in slow turning shows it (--with acc), or a gyroscope (--with gyr)."
+"""Advice where only the field's direction could tell."""
+
+_LONG_MEMORY: Final = 10.0  # samples that count as one from which on it is told
+_COUNTS: Final = 1.5  # predicted error over that of an even field, above which it is told
+
+STEEL: Final = "Look for switched currents, moving iron and steel nearby."
+"""Advice where samples do not fit each other."""
+
+
+class Doubt(NamedTuple):
+    """What is predicted, and why.
+
+    Attributes
+    ----------
+    sd, even : float
+        Heading error, rad: of the calibration, and were the field even.
+    field : Unevenness
+        How uneven it was, or may have been.
+    memory : float
+        How many neighbouring samples count as one.
+    shown : bool
+        Whether the residuals show that the field was uneven.
+    """
+
+    sd: float
+    even: float
+    field: Unevenness
+    memory: float
+    shown: bool
+
+    @classmethod
+    def of(cls, sd: float, even: float, field: Unevenness, shared: Alike) -> Self:
+        """Of a fit; residuals show an uneven field where that makes more of them count as one than their memory."""
+        return cls(sd, even, field, shared.memory, shared.unevenness > shared.memory)
+
+
+def calibration_of(
+    *,
+    matrix: Floats,
+    bias: Floats,
+    covariance: Floats,
+    residuals: Floats,
+    used: NDArray[np.bool_],
+    radius: float,
+    strength: float | None,
+    method: str,
+    condition: float,
+    heading_sd: float,
+    tilt_range: float,
+    directions: Floats | None = None,
+) -> TriadCalibration:
+    """Calibration of a magnetometer.
+
+    Parameters
+    ----------
+    matrix, bias, covariance : ndarray (3, 3), (3,), (12, 12)
+        Of the calibration.
+    residuals : ndarray (N, ...)
+        What the fit leaves, in the sensor's own scale, µT.
+    used : ndarray (N,) of bool
+        False for outliers.
+    radius : float
+        Strength of the field in the sensor's own scale, µT.
+    strength : float or None
+        Strength that it was scaled to, µT.
+    method : str
+        How it was found.
+    condition, heading_sd, tilt_range : float
+        Of the `Quality`.
+    directions : ndarray (N, 3), optional
+        Measured field from its centre, where directions count.
+    """
+    return TriadCalibration(
+        matrix=matrix,
+        bias=bias,
+        unit_in=UNITS["mag"],
+        unit_out=UNITS["mag"],
+        residual_rms=float(np.sqrt(np.mean(residuals[used] ** 2))) * (strength or radius) / radius,
+        covariance=covariance,
+        reference=strength,
+        method=method,
+        quality=Quality(
+            grade=grade_of(heading_sd, HEADING) or "poor",
+            samples=int(np.count_nonzero(used)),
+            outliers=int(np.count_nonzero(~used)),
+            regions=None if directions is None else int(np.count_nonzero(filled(directions[used]))),
+            condition=condition,
+            heading_sd=heading_sd,
+            tilt_range=tilt_range,
+        ),
+    )
+
+
+def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) -> Reason | None:
+    """Reason to refuse a fit with too many outliers (N,), with what to do; None where there are few."""
+    share = float(np.mean(~used))
+    if share <= most:
+        return None
+    what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * most:.0f} % may."
+    return Reason("outliers", what, advice)
+
+
+def uncertain(doubt: Doubt, advice: str) -> Reason | None:
+    """Reason to refuse a fit that leaves a heading error beyond *poor*, with what to do; None where less."""
+    if doubt.sd <= HEADING.poor:
+        return None
+    what = f"the capture leaves {heading_told(doubt.sd)}."
+    return (uneven(doubt) if doubt.shown else None) or Reason("ill-conditioned", what, advice)
+
+
+def where_known(sd: float, *reasons: Reason | None) -> tuple[Reason | None, ...]:
+    """Reasons that rest on the result; none where its heading error, rad, is beyond *poor*: they would tell noise."""
+    return reasons if sd <= HEADING.poor else ()
+
+
+def uneven(doubt: Doubt) -> Reason | None:
+    """Reason to refuse a heading error beyond *poor* only because of an uneven field, shown or not; None else."""
+    if not doubt.even <= HEADING.poor < doubt.sd:
+        return None
+    if not doubt.shown:
+        what = (
+            "the unit turned too little to show whether the field is even, and in most rooms it is not; that leaves "
+            f"{heading_told(doubt.sd)}."
+        )
+        return Reason("too-few-regions", what, f"{LONGER} {EVEN}")
+    what = (
+        "what the fit leaves does not average out as noise does, but stays while the unit turns, as where the field "
+        f"differs from place to place, or the sensor is slow; that leaves {heading_told(doubt.sd)}."
+    )
+    return Reason("uneven-field", what, EVEN)
+
+
+def heading_told(sd: float) -> str:
+    """Heading error, rad, in words."""
+    return f"a heading error of {to_deg(sd):.2g}° (1 sd)" if sd < LOST else "no heading at all"
+
+
+def uneven_told(doubt: Doubt) -> tuple[str, ...]:
+    """Remarks where the field differed from place to place or may have, or errors have a long memory."""
+    more = doubt.sd / doubt.even if doubt.even > 0.0 else 1.0
+    told = f"the predicted error is {more:.2g} times that of an even field for it."
+    if doubt.shown:
+        return (
+            "UNEVEN: what the fit leaves stays while the unit turns, as where the field differs from place to place; "
+            f"{told} {EVEN}",
+        )
+    found = []
+    if more > _COUNTS and doubt.field.short:
+        found.append(
+            "SHORT: the unit turned too little to show whether the field is even, so that what a usual room does is "
+            f"counted, up to {doubt.field.sd:.2g} µT; {told} {LONGER}"
+        )
+    elif more > _COUNTS:
+        found.append(
+            "LENGTH ALONE: no length shows a field that changes along itself, as about the arm of a hand, so that "
+            f"{doubt.field.sd:.2g} µT are counted; {told} {DIRECTION}"
+        )
+    if doubt.memory > _LONG_MEMORY:
+        found.append(
+            f"What the fit leaves has a memory: {doubt.memory:.0f} neighbouring samples count as one. Filters, drifts "
+            "and uneven fields make one."
+        )
+    return tuple(found)
+
+
+def own_scale(strength: float | None, size: float) -> tuple[str, ...]:
+    """Remark where the strength of the field was not given, and is `size`, µT, by the sensor."""
+    if strength is not None:
+        return ()
+    return (f"Field strength: {size:.4g} µT, the sensor's own scale; only the directions are calibrated.",)
+
+
+def thinned(stride: int) -> tuple[str, ...]:
+    """Remark where not every sample was fitted."""
+    return (f"One of every {stride} samples was fitted.",) if stride > 1 else ()
+
+
+def set_aside(used: NDArray[np.bool_]) -> tuple[str, ...]:
+    """Remark on outliers (N,)."""
+    count = int(np.count_nonzero(~used))
+    return (f"{count} of {len(used)} samples were set aside as outliers.",) if count else ()
+
+
+def dip_of(field: Floats, force: Floats) -> float:
+    """Dip of calibrated fields (N, 3), rad, by the specific forces (N, 3) at the same instants, which point up."""
+    down = -np.sum(field * force, axis=1) / np.linalg.norm(field, axis=1) / np.linalg.norm(force, axis=1)
+    return float(np.arcsin(np.clip(np.median(down), -1.0, 1.0)))

@@ -1,0 +1,181 @@
+"""Windows of a long record, and what the field was in the parts of each: hours in few figures, nothing lost by it.
+
+The mean of ``A Rᵀ h + b`` over a part is that of R put in, so samples are averaged with the turns they were taken at.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.mag.chained import chained, leaning
+from plumbob.core.check import Floats
+from plumbob.core.units import deg
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
+
+PART: Final = 0.25
+"""Longest part of a window, s."""
+
+TURN: Final = float(deg(10.0))
+"""Turn within a part up to which the mean attitude tells how it leans by a gyroscope's errors, rad."""
+
+GAP: Final = 0.5
+"""Longest time without a rate across which an attitude is followed, s."""
+
+SEGMENT: Final = 600.0
+"""Time over which a gyroscope's bias is taken as constant, s, but for records of more than `MOST_SEGMENTS`."""
+
+MOST_SEGMENTS: Final = 36
+
+FEWEST: Final = 10
+"""Samples of the field in a window."""
+
+_CHUNK: Final = 100_000  # samples
+
+
+class Gyroscope(NamedTuple):
+    """Errors of a gyroscope: bias (K, 3) of each segment, rad/s, gain (3, 3) beyond one, and the field's delay, s."""
+
+    bias: Floats
+    gain: Floats
+    delay: float
+
+
+class Windows(NamedTuple):
+    """Means over the P parts of W windows; attitudes are against axes that stay until rates are missing for long.
+
+    Attributes
+    ----------
+    start : ndarray (W,)
+        Time at which each begins, s since the first sample.
+    linked : ndarray (W,) of bool
+        Whether the next one begins where it ends.
+    fields : ndarray (W, P, 3)
+        Measured field; zero where `known` is not.
+    known : ndarray (W, P) of bool
+        Whether a part has samples of the field.
+    turns : ndarray (W, P, 3, 3)
+        Transposed attitude: to the axes of the body.
+    leans : ndarray (W, P, 3, 12)
+        How the attitude leans, since the window's start, by the gyroscope's bias and gain.
+    leant : ndarray (W, 3, 12)
+        The same at the window's end.
+    rates : ndarray (W, P, 3)
+        Rates, rad/s.
+    """
+
+    start: Floats
+    linked: NDArray[np.bool_]
+    fields: Floats
+    known: NDArray[np.bool_]
+    turns: Floats
+    leans: Floats
+    leant: Floats
+    rates: Floats
+
+
+def edges_of(t: Floats, present: NDArray[np.bool_], length: float) -> NDArray[np.intp]:
+    """First sample and end (W, 2) of windows in which no rate is missing for long, and some of the field are there."""
+    bounds = np.searchsorted(t, np.arange(t[0], t[-1] + 1e-9, length))
+    edges = np.column_stack((bounds[:-1], bounds[1:]))
+    counts = np.concatenate(([0], np.cumsum(present)))
+    edges = edges[edges[:, 1] - edges[:, 0] >= 2]
+    gaps = _gaps(t)
+    whole = gaps[edges[:, 1] - 1] == gaps[edges[:, 0]]
+    spans = t[edges[:, 1] - 1] - t[edges[:, 0]] > 0.5 * length
+    enough = counts[edges[:, 1]] - counts[edges[:, 0]] >= FEWEST
+    return np.asarray(edges[whole & spans & enough])
+
+
+def parts_of(t: Floats, gyr: Floats, length: float) -> int:
+    """How many parts a window has, so that the unit turns little within each."""
+    rate = math.sqrt(float(np.mean(np.sum(gyr * gyr, axis=1))))
+    longest = min(PART, TURN / rate) if rate > 0.0 else PART
+    return max(1, math.ceil(length / max(float(np.median(np.diff(t))), longest)))
+
+
+def windows_of(
+    t: Floats, mag: Floats, gyr: Floats, edges: NDArray[np.intp], part: float, parts: int, errors: Gyroscope
+) -> Windows:
+    """Means over the parts of windows (W, 2) of samples, some windows at a time.
+
+    Parameters
+    ----------
+    t, mag, gyr : ndarray (N,), (N, 3), (N, 3)
+        Time, s, field, NaN where there is none, and rates, rad/s.
+    edges : ndarray (W, 2) of int
+        First sample and end of each window.
+    part, parts : float, int
+        Length of a part, s, and how many there are.
+    errors : Gyroscope
+        What the rates are corrected by.
+    """
+    found, k, q = [], 0, np.array([1.0, 0.0, 0.0, 0.0])
+    while k < len(edges):
+        stop = max(k + 1, int(np.searchsorted(edges[:, 1], edges[k, 0] + _CHUNK, side="right")))
+        windows, q = _chunk(t, mag, gyr, edges[k:stop], part, parts, errors, q)
+        found.append(windows)
+        k = stop
+    whole = Windows(*(np.concatenate(each) for each in zip(*found, strict=True)))
+    gaps = _gaps(t)
+    linked = (edges[:-1, 1] == edges[1:, 0]) & (gaps[edges[1:, 0]] == gaps[edges[:-1, 0]])
+    return whole._replace(linked=np.append(linked, False))
+
+
+def segments_in(lasting: float) -> int:
+    """How many segments a record of so many seconds has."""
+    return min(MOST_SEGMENTS, max(1, round(lasting / SEGMENT)))
+
+
+def segment_of(since: Floats, lasting: float, count: int) -> NDArray[np.intp]:
+    """Segment of times (N,), s since the first sample, in a record of so many seconds that has `count` of them."""
+    return np.minimum((since * (count / lasting)).astype(np.intp), count - 1)
+
+
+def _gaps(t: Floats) -> NDArray[np.intp]:
+    """How many gaps there are before each sample."""
+    return np.concatenate(([0], np.cumsum(np.diff(t) > GAP)))
+
+
+def _chunk(
+    t: Floats,
+    mag: Floats,
+    gyr: Floats,
+    edges: NDArray[np.intp],
+    part: float,
+    parts: int,
+    errors: Gyroscope,
+    q: Floats,
+) -> tuple[Windows, Floats]:
+    """Some windows that follow each other, and the attitude at their end, from that at their start."""
+    first, stop = int(edges[0, 0]), min(int(edges[-1, 1]) + 1, len(t))
+    since = t[first:stop] - t[0]
+    bias = errors.bias[segment_of(since, float(t[-1] - t[0]), len(errors.bias))]
+    rates = gyr[first:stop] + gyr[first:stop] @ errors.gain.T - bias
+    angles = 0.5 * (rates[1:] + rates[:-1]) * np.diff(since)[:, np.newaxis]
+    attitude = quat_multiply(q, chained(angles))
+    turns = dcm_from_quat(attitude)
+    leans = leaning(turns, angles, angles, np.diff(since)[:, np.newaxis])
+    late = np.asarray(turns @ dcm_from_quat(quat_from_rotvec(-errors.delay * rates)))
+    rows = np.concatenate([np.arange(a, b) for a, b in (edges - first).tolist()])
+    window = np.repeat(np.arange(len(edges)), np.diff(edges, axis=1)[:, 0])
+    started = since[edges[:, 0] - first]
+    place = window * parts + np.minimum(((since[rows] - started[window]) / part).astype(np.intp), parts - 1)
+    present = np.isfinite(mag[first:stop][rows]).all(axis=1)
+    rows, place = rows[present], place[present]
+    count = np.bincount(place, minlength=len(edges) * parts)
+
+    def means(values: Floats) -> Floats:
+        flat = values[rows].reshape(len(rows), -1)
+        sums = np.stack([np.bincount(place, weights=column, minlength=len(count)) for column in flat.T], axis=1)
+        return np.asarray(sums / np.maximum(count, 1)[:, np.newaxis]).reshape(len(edges), parts, *values.shape[1:])
+
+    begin, end = (edges - first).T
+    leant = leans[np.minimum(end, len(leans) - 1)] - leans[begin]
+    known = (count > 0).reshape(len(edges), parts)
+    since_start = (means(leans) - leans[begin][:, np.newaxis]) * known[:, :, np.newaxis, np.newaxis]
+    turned = means(np.swapaxes(late, 1, 2))
+    linked = np.zeros(len(edges), dtype=np.bool_)
+    windows = Windows(started, linked, means(mag[first:stop]), known, turned, since_start, leant, means(rates))
+    return windows, np.asarray(attitude[-1])

@@ -1,0 +1,114 @@
+"""Where a unit was at rest: the stretches of a capture whose means are poses.
+
+Every block of a quarter of a second is judged: it must be as quiet as the quiet blocks of the capture, its mean
+specific force must be that of its neighbours, and its mean rate that of the other quiet blocks. A pose is a run
+of such blocks. The idea of static intervals told by the variance is that of [Tedaldi2014]; here no threshold has to be
+searched.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.runs import runs
+from plumbob.core.units import dps
+
+BLOCK: Final = 0.25
+"""Length of a block, s."""
+
+LOUDER: Final = 3.0
+"""Scatter of a block over that of the quiet ones from which on the unit was touched."""
+
+MOVED: Final = 0.05
+"""Change of the mean specific force from block to block that noise does not make, m/s²: 0.3° of tilt."""
+
+TURNED: Final = float(dps(1.0))
+"""Mean rate over that of the quiet blocks from which on the unit turned, rad/s."""
+
+_LOUDEST = (0.5, float(dps(5.0)))  # scatter at rest of the worst MEMS parts, m/s² and rad/s
+_QUIET = 0.1
+FEWEST: Final = 4
+"""Fewest samples of a block."""
+
+
+class Moments(NamedTuple):
+    """Means and standard deviations (count, 3) of a triad in each block."""
+
+    mean: Floats
+    sd: Floats
+
+
+def stills(t: Floats, acc: Floats, gyr: Floats | None = None, *, least: float = 1.0) -> list[slice]:
+    """Stretches in which the unit was at rest, in order.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    acc : ndarray (N, 3)
+        Specific force, m/s²; a row with NaN is not at rest.
+    gyr : ndarray (N, 3), optional
+        Rates, rad/s, bias included.
+    least : float
+        Shortest stretch, s.
+    """
+    size = max(FEWEST, round(BLOCK / float(np.median(np.diff(t))))) if t.size > FEWEST else t.size
+    count = t.size // max(1, size)
+    if count < 3:
+        return []
+    quiet = at_rest(_moments(acc, count, size), None if gyr is None else _moments(gyr, count, size), size)
+    need = max(1, round(least / (size * float(np.median(np.diff(t))))))
+    return [slice(a * size, b * size) for a, b in runs(quiet) if b - a >= need]
+
+
+def at_rest(acc: Moments, gyr: Moments | None, size: float) -> NDArray[np.bool_]:
+    """Blocks in which the unit was at rest, (count,).
+
+    Parameters
+    ----------
+    acc : Moments
+        Of the specific force of each block in their order, m/s².
+    gyr : Moments, optional
+        Of the rates, rad/s, bias included.
+    size : float
+        Samples in a block.
+    """
+    quiet = _quiet(acc.sd, _LOUDEST[0]) & _steady(acc, size)
+    if gyr is not None:
+        quiet &= _quiet(gyr.sd, _LOUDEST[1])
+        quiet &= _unturned(gyr.mean, quiet)
+    return quiet
+
+
+def _moments(values: Floats, count: int, size: int) -> Moments:
+    blocks = values[: count * size].reshape(count, size, 3)
+    return Moments(blocks.mean(axis=1), blocks.std(axis=1, ddof=1))
+
+
+def _quiet(sd: Floats, loudest: float) -> NDArray[np.bool_]:
+    """Blocks that scatter no more than the quiet ones do, (count,)."""
+    scatter = np.sqrt((sd * sd).sum(axis=1))
+    known = scatter[np.isfinite(scatter)]
+    floor = float(np.quantile(known, _QUIET)) if known.size else 0.0
+    with np.errstate(invalid="ignore"):
+        return np.asarray(scatter <= min(LOUDER * floor, loudest))
+
+
+def _steady(acc: Moments, size: float) -> NDArray[np.bool_]:
+    """Blocks whose mean is that of both neighbours, (count,)."""
+    mean, scatter = acc.mean, acc.sd.max(axis=1)
+    with np.errstate(invalid="ignore"):
+        limit = MOVED + 6.0 * np.minimum(scatter[1:], scatter[:-1]) / np.sqrt(size)
+        same = np.abs(np.diff(mean, axis=0)).max(axis=1) <= limit
+    return np.asarray(np.append(same, True) & np.append(True, same))
+
+
+def _unturned(rate: Floats, quiet: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Blocks whose mean rate (count, 3) is the bias: what most of the quiet blocks have."""
+    if not quiet.any():
+        return quiet
+    bias = np.median(rate[quiet], axis=0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.abs(rate - bias).max(axis=1) <= TURNED)

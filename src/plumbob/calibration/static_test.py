@@ -1,0 +1,196 @@
+"""The static test of the buoy paper [Yu2018]: a unit at rest in many poses beside a reference."""
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.calibration.fit import mean_of_whole
+from plumbob.calibration.rejection import CaptureRefusedError, Reason
+from plumbob.calibration.static_periods import stills
+from plumbob.core.check import Floats
+from plumbob.core.units import to_deg
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.calibrated import apply_card
+from plumbob.data.cards import CalibrationCard
+from plumbob.evaluation import evaluate
+from plumbob.evaluation.evaluation import Evaluation
+from plumbob.evaluation.metrics import Stats
+from plumbob.filters.offline import Stage, estimate
+from plumbob.rotations import euler_zyx_from_quat, quat_mean
+
+ANGLES: Final = ("yaw", "pitch", "roll")
+
+
+@dataclass(frozen=True, eq=False)
+class StaticTest:
+    """Result of a static test of M rests.
+
+    Attributes
+    ----------
+    spans : ndarray (M, 2)
+        Beginning and end of each rest, s.
+    before, after : Evaluation
+        Tilt and compass of the means of each rest, as measured and calibrated; one sample per rest.
+    """
+
+    spans: Floats
+    before: Evaluation
+    after: Evaluation
+
+    @property
+    def reference(self) -> Floats:
+        """Yaw, pitch and roll of the reference, (M, 3), rad; NaN where it tells none."""
+        return euler_zyx_from_quat(self.before.match.q_ref)
+
+    def errors(self, which: str) -> Floats:
+        """Errors of yaw, pitch and roll, (M, 3), rad, "before" or "after"; NaN where there is no reference."""
+        e: Evaluation = getattr(self, which)
+        nothing = np.full(len(self.spans), np.nan)
+        return np.stack([e.errors[name] if name in e.stats else nothing for name in ANGLES], axis=1)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What to know about it, each a line."""
+        removed = [
+            f"heading {which}: a constant offset of {to_deg(e.alignment.heading):+.2f}° was removed"
+            for which, e in (("before", self.before), ("after", self.after))
+            if e.alignment.heading is not None
+        ]
+        made = f"after: {self.after.estimate.source}"
+        return (made, *removed, *dict.fromkeys((*self.after.not_scored.values(), *self.after.notes)))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Ready for JSON: degrees and seconds; None where there is no figure."""
+        rows = zip(self.spans.tolist(), self.reference, self.errors("before"), self.errors("after"), strict=True)
+        return {
+            "rests": [
+                {"from_s": first, "to_s": last, "reference_deg": _degrees(ref), **_pair(before, after)}
+                for (first, last), ref, before, after in rows
+            ],
+            "summary": {name: _summary(self.before.stats.get(name), self.after.stats.get(name)) for name in ANGLES},
+            "remarks": list(self.remarks),
+        }
+
+    def text(self) -> str:
+        """Table of the rests, largest errors and root mean squares below, degrees."""
+        return "\n".join(_lines(self))
+
+
+def _lines(test: StaticTest) -> Iterator[str]:
+    yield f"Static test, {len(test.spans)} rests: tilt and compass of their means against the reference, degrees"
+    yield ""
+    yield f"{'':>4}{'at, s':>8}{'reference':^24}{'error before':^24}{'error after':^24}"
+    yield f"{'':12}{''.join(f'{name:>8}' for _ in range(3) for name in ANGLES)}"
+    numbers = np.hstack((test.reference, test.errors("before"), test.errors("after")))
+    for i, (span, row) in enumerate(zip(test.spans, numbers, strict=True), start=1):
+        yield f"{i:4d}{span.mean():8.1f}{''.join(map(_cell, row.tolist()))}"
+    for label, figure in (("max |error|", "max_abs"), ("rms", "rmse")):
+        stats = [getattr(test, which).stats.get(name) for which in ("before", "after") for name in ANGLES]
+        yield f"{label:36}{''.join(_cell(math.nan if s is None else getattr(s, figure)) for s in stats)}"
+    yield from test.remarks
+
+
+def _cell(angle: float) -> str:
+    return f"{to_deg(angle):z8.2f}" if math.isfinite(angle) else f"{'-':>8}"
+
+
+def _degrees(angles: Floats) -> dict[str, float | None]:
+    return {n: to_deg(a) if math.isfinite(a) else None for n, a in zip(ANGLES, angles.tolist(), strict=True)}
+
+
+def _pair(before: Floats, after: Floats) -> dict[str, dict[str, float | None]]:
+    return {"before_deg": _degrees(before), "after_deg": _degrees(after)}
+
+
+def _summary(before: Stats | None, after: Stats | None) -> dict[str, float | None]:
+    both = (("before", before), ("after", after))
+    return {
+        f"{figure}_{label}_deg": None if s is None else to_deg(getattr(s, name))
+        for figure, name in (("max", "max_abs"), ("rms", "rmse"))
+        for label, s in both
+    }
+
+
+FEWEST: Final = 2
+"""Rests that make a test: one alone shows no difference between headings."""
+
+
+def static_test(
+    imu: ImuData,
+    reference: AttitudeTrack,
+    card: CalibrationCard,
+    *,
+    align: Collection[str] = (),
+    declination: float | None = None,
+    least: float = 1.0,
+) -> StaticTest:
+    """Compare what accelerometer and magnetometer say at rest with a reference, before and after a calibration.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording, uncalibrated, with acc and mag.
+    reference : AttitudeTrack
+        Attitude on the same time line.
+    card : CalibrationCard
+        Of the unit.
+    align : collection of str
+        Constants to find and remove, as in `plumbob.evaluation.evaluate`; by default none.
+    declination : float, optional
+        Of the place, rad, where one heading is true and the other magnetic.
+    least : float
+        Shortest rest, s.
+
+    Raises
+    ------
+    CaptureRefusedError
+        If the unit rested less than twice where the reference tells an attitude.
+    CalibrationError
+        If the card does not fit the recording.
+    FrameError, ParameterError, ShapeError
+        As in `plumbob.evaluation.evaluate`.
+    """
+    rests = stills(imu.t, imu.usable("acc"), None if imu.gyr is None else imu.usable("gyr"), least=least)
+    spans = np.array([(imu.t[rest.start], imu.t[rest.stop - 1]) for rest in rests]).reshape(-1, 2)
+    means = [_mean_attitude(reference, *span) for span in spans]
+    known = [i for i, mean in enumerate(means) if mean is not None]
+    if len(known) < FEWEST:
+        raise CaptureRefusedError(_too_few(len(rests), len(known)))
+    kept, spans = [rests[i] for i in known], spans[known]
+    truth = AttitudeTrack(
+        t=spans.mean(axis=1),
+        q_nb=np.stack([mean for mean in means if mean is not None]),
+        frame=reference.frame,
+        north=reference.north,
+        source=reference.source,
+    )
+    before, after = (
+        evaluate(_tilt_and_compass(used, kept, truth), truth, align=align, declination=declination)
+        for used in (imu, apply_card(card, imu))
+    )
+    return StaticTest(spans, before, after)
+
+
+def _tilt_and_compass(imu: ImuData, rests: list[slice], truth: AttitudeTrack) -> AttitudeTrack:
+    """Attitude of the mean specific force and field of each rest."""
+    acc, mag = (np.stack([mean_of_whole(imu.usable(name)[rest]) for rest in rests]) for name in ("acc", "mag"))
+    looks = ImuData(t=truth.t, acc=acc, mag=mag, meta=replace(imu.meta, rate_nominal=None))
+    return estimate(looks, Stage("tilt_compass", {}), frame=imu.meta.frame or truth.frame)
+
+
+def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | None:
+    """Mean attitude of a track over a time, (4,), or None where it has none."""
+    q = track.q_nb[(track.t >= first) & (track.t <= last)]
+    return quat_mean(q) if np.isfinite(q).all(axis=1).any() else None
+
+
+def _too_few(rests: int, known: int) -> Reason:
+    return Reason(
+        "too-few",
+        f"The unit was at rest {rests} times, {known} of them while the reference tells an attitude; a static test "
+        f"needs {FEWEST} at least.",
+        "Let the unit rest for some seconds in each pose, and let both recordings have one time line.",
+    )

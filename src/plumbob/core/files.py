@@ -1,0 +1,364 @@
+"""Files: what may be opened, how an error names its file, and how a file appears whole or not at all.
+
+Every file of this package is written by `replacing`. What is not a file on a disk (a pipe, a terminal, the standard
+output by any of its names) is written as it comes. Recordings and logs that grow while a line is read are
+made to be cut anywhere, and have their own writers.
+"""
+
+import os
+import re
+import secrets
+import shutil
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+from typing import Any, Final
+
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, one_line
+
+if sys.platform != "win32":
+    import fcntl
+
+MAX_TEXT: Final = 16 * 1024 * 1024
+"""Bytes of a file that a person writes, or that is kept as text in memory: cards, sessions, formats, profiles."""
+
+_FREE_BYTES: Final = 64 << 20
+_MAX_RATIO: Final = 128
+_MEMORY: Final = "PLUMBOB_MEMORY"
+
+
+def require_room(unpacked: int, stored: int) -> None:
+    """Refuse what a file unpacks to by its own word, before any of it is unpacked.
+
+    Sensors that rest and hardly stir pack to a seventieth of their size (measured; to a fifth with their usual noise),
+    and numbers that never change to a fifteen-hundredth. Where `PLUMBOB_MEMORY` says so, as in ``4GiB``, a file may
+    unpack to more.
+
+    Parameters
+    ----------
+    unpacked, stored : int
+        Bytes in memory, and in the file.
+
+    Raises
+    ------
+    DecodeError
+        If that is more than 64 MiB and 128 times the file's size, or the environment says no size.
+    """
+    allowed = max(_FREE_BYTES + _MAX_RATIO * stored, _given_memory())
+    if unpacked > allowed:
+        raise DecodeError(
+            f"its {stored} bytes unpack to {unpacked}, but {allowed} are allowed: 64 MiB and {_MAX_RATIO} times the "
+            f"file. If you trust the file, allow more, for example {_MEMORY}={1 + (unpacked >> 30)}GiB."
+        )
+
+
+def _given_memory() -> int:
+    """Bytes that the environment allows."""
+    text = os.environ.get(_MEMORY, "0")
+    found = re.fullmatch(r"(\d{1,9}) ?(|B|KiB|MiB|GiB)", text)
+    if found is None:
+        raise DecodeError(f"{_MEMORY} must be a size, for example 4GiB, but it is {text!r}.")
+    return int(found[1]) << {"": 0, "B": 0, "KiB": 10, "MiB": 20, "GiB": 30}[found[2]]
+
+
+def existing_file(path: str | os.PathLike[str], most: int | None = None) -> Path:
+    """Path of a regular file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    most : int, optional
+        Bytes that it may have.
+
+    Raises
+    ------
+    DecodeError
+        If there is none, it is a folder, a pipe or a device, or it is larger.
+    """
+    from plumbob.core import check
+
+    file = check.path("path", path)
+    if file.is_dir():
+        raise DecodeError(f"{file} is a folder; name one file in it.")
+    if not file.exists():
+        missing = "" if file.parent.is_dir() else f"there is no folder {file.parent}; "
+        raise DecodeError(f"{file} does not exist; {missing}check the path.")
+    if not file.is_file():
+        raise DecodeError(f"{file} is not a regular file; copy its content to one first.")
+    if most is not None and (size := file.stat().st_size) > most:
+        raise DecodeError(f"{file} has {size} bytes, but such a file has {most} at most; check the path.")
+    return file
+
+
+def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
+    """Text of a file of at most `MAX_TEXT` bytes; `what` it should be is for messages.
+
+    Raises
+    ------
+    DecodeError
+        If it is not a regular file, is larger, cannot be read, or is not UTF-8.
+    """
+    file = existing_file(path, MAX_TEXT)
+    try:
+        return file.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        rule = "is no UTF-8 text" if what is None else f"is not a {what}, which is UTF-8 text"
+        raise DecodeError(f"{file} {rule}: byte {error.start + 1} is none; save it so.") from error
+    except OSError as error:
+        raise DecodeError(f"{file} cannot be read: {error.strerror}.") from error
+
+
+def profile_beside(path: Path) -> Path:
+    """Name of the profile that is written beside a table, and found there again."""
+    return path.with_name(f"{path.stem}.profile.toml")
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Put the file's name before every error of its content, and make one line of it."""
+    import numpy as np  # what only writes needs no arrays
+
+    try:
+        # A damaged file may hold any number; the validators judge it, so NumPy need not warn of it as well.
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
+    except PlumbobError as error:
+        raise type(error)(f"{path}: {one_line(error)}") from error
+    except OSError as error:
+        raise DecodeError(f"{path} cannot be read: {error.strerror or one_line(error)}.") from error
+
+
+def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = False) -> Path:
+    """Write a whole file of UTF-8 text, or nothing; errors as in `replacing`."""
+    with replacing(Path(path), overwrite=overwrite) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return Path(path)
+
+
+def require_place(path: Path, *, overwrite: bool = False) -> None:
+    """Refuse a place where no file can be written, or where one lies that is not to be replaced.
+
+    What is not a regular file, as a pipe, is always a place: bytes go through it.
+
+    Raises
+    ------
+    ParameterError
+        If a file lies there and `overwrite` is false.
+    DecodeError
+        If the folder does not exist, the path is a folder or a circle of links, or the file is write-protected.
+    """
+    if not path.parent.is_dir():
+        raise DecodeError(f"{path} cannot be written: there is no folder {path.parent}; create it first.")
+    if path.is_dir():
+        raise DecodeError(f"{path} cannot be written: it is a folder; name a file.")
+    if Path(os.path.realpath(path)).is_symlink():
+        raise DecodeError(f"{path} cannot be written: it is a link that leads back to itself; remove it.")
+    if not path.exists() or _is_stream(path):
+        return
+    if not overwrite:
+        raise _exists(path)
+    if not os.access(path, os.W_OK):  # a rename would not ask
+        raise DecodeError(f"{path} cannot be written: it is write-protected. Nothing was changed there.")
+
+
+def _exists(path: Path) -> ParameterError:
+    return ParameterError(
+        f"{path} exists already and is not replaced. Name another file, or add --force (in Python, overwrite=True)."
+    )
+
+
+@contextmanager
+def replacing(path: Path, *, overwrite: bool = False, seeks: bool = False) -> Iterator[Path]:
+    """Give an empty temporary file in the same folder that takes the final name only once it is complete and on disk.
+
+    What is not a regular file is given itself, or refused where the writer `seeks` in it: such writers remove what they
+    fail to write, and that may be a device. After an error or Ctrl-C nothing is left behind; a temporary of a process
+    that was killed is removed when a file of that name is written again.
+
+    Raises
+    ------
+    ParameterError
+        If a file lies there and `overwrite` is false, also where it has come into being meanwhile.
+    DecodeError
+        If the system refuses; then whatever was at `path` before is still there, untouched.
+    """
+    if seeks and _is_stream(path):
+        raise DecodeError(
+            f"{path} cannot be written: it is a pipe or a device, and this format needs a file on a disk."
+        )
+    with replacing_all(path, overwrite=overwrite) as (temporary,):
+        yield temporary
+
+
+@contextmanager
+def replacing_all(*paths: Path, overwrite: bool = False) -> Iterator[tuple[Path, ...]]:
+    """As `replacing`, for files that belong together: all are on disk before the first takes its name."""
+    targets = [_Target(path, overwrite) for path in paths]
+    try:
+        for target in targets:
+            target.create()
+        yield tuple(target.temporary for target in targets)
+        for target in targets:
+            target.sync()
+        with _uninterrupted():
+            for path in paths:  # none is renamed where one cannot be
+                require_place(path, overwrite=overwrite)
+            for target in targets:
+                target.rename()
+    except (PlumbobError, BrokenPipeError):
+        raise
+    except OSError as error:
+        raise DecodeError(_refusal(" and ".join(map(str, paths)), error)) from error
+    finally:
+        try:
+            _remove(targets)
+        finally:
+            _remove(targets)  # again: a signal may have struck just before the first time could hold it back
+
+
+def _remove(targets: Sequence["_Target"]) -> None:
+    with _uninterrupted():
+        for target in targets:
+            target.remove()
+
+
+class _Target:
+    """A file to write: where its bytes go until they are complete, and where it lies then.
+
+    The temporary is locked as long as its writer lives, so that nobody takes it for one that was left behind.
+    """
+
+    def __init__(self, path: Path, overwrite: bool) -> None:
+        require_place(path, overwrite=overwrite)
+        self._path, self._overwrite = path, overwrite
+        self._is_stream = _is_stream(path)
+        self._final = path if self._is_stream else Path(os.path.realpath(path))  # a link stays one
+        self._start = f".{self._final.name[:40]}.plumbob-"  # cut: a name may be as long as names may be
+        name = f"{self._start}{secrets.token_hex(4)}.tmp"
+        self.temporary = path if self._is_stream else self._final.with_name(name)
+        self._lock = -1
+
+    def create(self) -> None:
+        """Create the temporary, and remove what a killed process left of such a file."""
+        if self._is_stream:
+            return
+        with suppress(OSError):  # a folder that may be written to but not be read
+            for other in self._final.parent.iterdir():
+                if other.name.startswith(self._start) and other.suffix == ".tmp":
+                    _remove_abandoned(other)
+        with _uninterrupted():
+            self._lock = os.open(self.temporary, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
+        with suppress(OSError):  # a disk without locks
+            lock(self._lock)
+
+    def sync(self) -> None:
+        """Wait until the disk has it, with the rights of what it replaces."""
+        if self._is_stream:
+            return
+        if self._final.exists():
+            shutil.copymode(self._final, self.temporary)
+        with self.temporary.open("rb+") as file:
+            os.fsync(file.fileno())
+
+    def rename(self) -> None:
+        """Give it its name."""
+        if self._is_stream:
+            return
+        if self._overwrite:
+            self.temporary.replace(self._final)
+        else:
+            self._rename_to_new()
+        with suppress(OSError):  # the file is whole and has its name; some disks refuse to sync folders
+            sync_folder(self._final.parent)
+
+    def _rename_to_new(self) -> None:
+        """Give it its name unless a file has taken that meanwhile: a link is refused then, where a rename is not."""
+        try:
+            os.link(self.temporary, self._final)
+        except FileExistsError:
+            raise _exists(self._path) from None
+        except OSError:  # a disk without links
+            if self._final.exists():
+                raise _exists(self._path) from None
+            self.temporary.rename(self._final)
+
+    def remove(self) -> None:
+        """Remove the temporary, if it has not taken its name."""
+        if self._lock >= 0:
+            self.temporary.unlink(missing_ok=True)
+            os.close(self._lock)
+            self._lock = -1
+
+
+def _remove_abandoned(temporary: Path) -> None:
+    """Remove a temporary file whose writer does not live any more: then nobody has it locked."""
+    with suppress(OSError):  # locked, gone, or another user's
+        descriptor = os.open(temporary, os.O_RDWR)
+        try:
+            lock(descriptor)
+            temporary.unlink()
+        finally:
+            os.close(descriptor)
+
+
+def lock(descriptor: int) -> None:
+    """Lock a file for as long as it is open, or raise OSError where somebody else has; Windows does so by itself."""
+    if sys.platform != "win32":
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+def sync_folder(folder: Path) -> None:
+    """Wait until the disk knows the names in a folder; where folders cannot be synced, do nothing."""
+    if sys.platform == "win32":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether bytes go to a pipe or a device, or to a file that is this process's own output already."""
+    if not path.exists():
+        return False
+    found = path.stat()
+    return not path.is_file() or any(os.path.samestat(found, own) for own in _own_outputs())
+
+
+def _own_outputs() -> Iterator[os.stat_result]:
+    for descriptor in (1, 2):
+        with suppress(OSError):  # closed
+            yield os.fstat(descriptor)
+
+
+def _refusal(what: str, error: OSError) -> str:
+    why = error.strerror or one_line(error)
+    return f"{what} cannot be written: {why}. Nothing was changed there."
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Hold back Ctrl-C, and every other signal that this program handles, until all names are changed, or none.
+
+    Signals are handled in the main thread; in another one there is nothing to hold back.
+    """
+    came: list[tuple[int, FrameType | None]] = []
+    before: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    if threading.current_thread() is threading.main_thread():
+        for number in signal.valid_signals():
+            if callable(handler := signal.getsignal(number)):
+                before[number] = handler
+                signal.signal(number, lambda *what: came.append(what))
+    try:
+        yield
+    finally:
+        for which, handler in before.items():
+            signal.signal(which, handler)
+        for which, frame in came:
+            before[which](which, frame)

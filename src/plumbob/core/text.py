@@ -1,0 +1,92 @@
+"""Text for people: control characters shown, numbers with the digits that their uncertainty allows."""
+
+import math
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+
+WIDTH = 80
+_STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+_LABEL, _CELL, _NAME = 26, 17, 12
+
+
+def visible(text: str, keep: str = "") -> str:
+    """Text of a file as it may be shown: what would steer a terminal, or turn the reading, is written as an escape.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    keep : str
+        Control characters that stay, as line breaks where the text has several lines.
+    """
+    if text.isprintable():
+        return text
+    return _STEERING.sub(lambda c: c[0] if c[0] in keep else c[0].encode("unicode_escape").decode("ascii"), text)
+
+
+def aligned(*lines: Sequence[str]) -> list[str]:
+    """Lines of a table whose columns are as wide as their longest cell, and usually fill `WIDTH`."""
+    width = max(_CELL, *(len(cell) for _, *cells in lines for cell in cells))
+    return [(f"{label:<{_LABEL}}" + "".join(f" {cell:>{width}}" for cell in cells)).rstrip() for label, *cells in lines]
+
+
+def listed(remarks: Iterable[str]) -> list[str]:
+    """Remarks, each with a dash, broken at `WIDTH`."""
+    return [line for r in remarks for line in textwrap.wrap(r, WIDTH, initial_indent="- ", subsequent_indent="  ")]
+
+
+def pair(name: str, value: str) -> str:
+    """Name and value, which goes on below itself at `WIDTH`."""
+    return textwrap.fill(value, WIDTH, initial_indent=f"{name:<{_NAME}}", subsequent_indent=" " * _NAME)
+
+
+ALIKE = 1.1
+"""Up to this ratio, the two sides of an interval are printed as one ±, the larger of them."""
+
+PLAIN = (1e-4, 1e6)  # magnitudes that are written without a power of ten
+
+
+def measured(value: float, lo: float, hi: float) -> str:
+    """Value with its uncertainty: ``1.234 ± 0.056``, or ``1.23 +0.56 −0.34`` where the sides differ."""
+    if not (math.isfinite(lo) and math.isfinite(hi)):
+        return number(value)
+    above, below = hi - value, value - lo
+    if not 0.0 < max(above, below) < math.inf:
+        return number(value)
+    power = _power(max(abs(value), above, below))
+    scale = 10.0**power
+    value, above, below = value / scale, above / scale, below / scale
+    if max(above, below) <= ALIKE * min(above, below):
+        decimals = places(max(above, below))
+        text = f"{rounded(value, decimals)} ± {rounded(max(above, below), decimals)}"
+    else:
+        decimals = places(min(side for side in (above, below) if side > 0.0))
+        text = f"{rounded(value, decimals)} +{rounded(above, decimals)} -{rounded(below, decimals)}"
+    return f"({text})e{power}" if power else text
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Value alone, with so many digits; a dash where it is not known."""
+    if not math.isfinite(value):
+        return "-"
+    if value == 0.0:
+        return "0"
+    power = _power(abs(value))
+    value /= 10.0**power
+    text = rounded(value, digits - 1 - math.floor(math.log10(abs(value))))
+    return f"{text}e{power}" if power else text
+
+
+def places(uncertainty: float) -> int:
+    """Decimals that show two digits of an uncertainty, as it is once rounded."""
+    return 1 - math.floor(math.log10(float(f"{uncertainty:.1e}")))
+
+
+def rounded(value: float, decimals: int) -> str:
+    """Value with so many decimals; fewer than none round to tens, hundreds and so on."""
+    return f"{round(value, decimals):.{max(0, decimals)}f}"
+
+
+def _power(size: float) -> int:
+    return 0 if size == 0.0 or PLAIN[0] <= size < PLAIN[1] else math.floor(math.log10(size))

@@ -1,0 +1,134 @@
+"""Time: integer nanoseconds on the wire and on disk, float64 seconds since the start, steps, gaps and delays.
+
+A time base has two in one array: of all frames, and of those that shaped its line.
+"""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.errors import ClockError
+
+_LONGEST = float(2**23)  # 97 days: beyond, neighbouring float64 seconds are more than a nanosecond apart
+
+
+def to_ns(t: Floats) -> NDArray[np.int64]:
+    """Round seconds to integer nanoseconds.
+
+    Raises
+    ------
+    ClockError
+        If a time is 97 days or farther from the start, where seconds can no longer hold the nanosecond.
+    """
+    if t.size and not float(np.max(np.abs(t))) < _LONGEST:
+        raise ClockError(
+            f"t reaches {float(np.max(np.abs(t))):.6g} s, but seconds count from the start of the recording and end at "
+            f"{_LONGEST:.0f} s. For unix time use t - t[0] and put the start into meta.t0_ns."
+        )
+    whole = np.trunc(t)  # t * 1e9 would round twice, and miss by 1 ns from 48 days on
+    return whole.astype(np.int64) * 1_000_000_000 + np.rint((t - whole) * 1e9).astype(np.int64)
+
+
+def to_s(t_ns: NDArray[np.int64]) -> Floats:
+    """Integer nanoseconds to seconds; exactly the float64 nearest to the decimal number."""
+    return t_ns / 1e9
+
+
+GAP_FACTOR = 5.0
+"""A step longer than this many median steps is a gap."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """What the time stamps of a recording say.
+
+    Attributes
+    ----------
+    samples : int
+        Number of samples.
+    duration : float
+        From the first to the last, s.
+    rate : float
+        One over the median step, Hz; NaN for fewer than two samples.
+    jitter : float
+        Standard deviation of the steps that are no gap, s.
+    gaps : int
+        Number of steps longer than `GAP_FACTOR` median steps.
+    longest : float
+        Longest step, s.
+    """
+
+    samples: int
+    duration: float
+    rate: float
+    jitter: float
+    gaps: int
+    longest: float
+
+
+def timing(t: Floats) -> Timing:
+    """Measure rate, jitter and gaps of increasing times (N,), s."""
+    dt_ns = np.diff(to_ns(t))
+    if not dt_ns.size:
+        return Timing(t.size, 0.0, float("nan"), 0.0, 0, 0.0)
+    gaps = _is_gap(dt_ns)
+    return Timing(
+        samples=t.size,
+        duration=int(dt_ns.sum()) / 1e9,
+        rate=1e9 / float(np.median(dt_ns)),
+        jitter=float(np.std(dt_ns[~gaps])) / 1e9,
+        gaps=int(np.count_nonzero(gaps)),
+        longest=int(dt_ns.max()) / 1e9,
+    )
+
+
+def after_gap(t: Floats) -> NDArray[np.bool_]:
+    """Mark the samples (N,) that come after a gap."""
+    late = np.zeros(t.size, dtype=bool)
+    late[1:] = _is_gap(np.diff(to_ns(t)))
+    return late
+
+
+def _is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Decide on integers, so that rounding of t does not."""
+    return np.asarray(dt_ns > GAP_FACTOR * np.median(dt_ns) if dt_ns.size else np.zeros(0, dtype=bool))
+
+
+BINS: Final = 16 * 58
+"""Up to 10¹⁸ ns; everything below 32 ns has a bin of its own."""
+
+
+@njit
+def bin_of(delay: float) -> int:
+    """Bin of a delay, ns."""
+    value = int(min(max(delay, 0.0), 1e18))
+    octave = 0
+    while value >= 32:
+        value >>= 1
+        octave += 1
+    return 16 * octave + value
+
+
+@njit
+def middle_of(place: int) -> float:
+    """Delay in the middle of a bin, ns."""
+    octave = max(place // 16 - 1, 0)
+    return (place - 16 * octave + 0.5) * 2.0**octave if octave else float(place)
+
+
+@njit
+def quantile(histogram: NDArray[np.int64], first: int, share: float) -> float:
+    """Delay that this share of the frames keeps, ns, in the histogram that begins there; 0 where there are none."""
+    total = 0
+    for place in range(BINS):
+        total += histogram[first + place]
+    reached = 0
+    for place in range(BINS):
+        reached += histogram[first + place]
+        if reached > 0 and reached >= share * total:
+            return middle_of(place)
+    return 0.0

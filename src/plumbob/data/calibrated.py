@@ -1,0 +1,146 @@
+"""Apply a calibration card to a recording."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import CalibrationError
+from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
+from plumbob.data.cards.left import left_by
+from plumbob.data.imu import TRIADS, ImuData
+from plumbob.rotations import dcm_from_quat
+
+
+def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> ImuData:
+    """Return the recording with each triad of the card corrected, and the card's name in its meta.
+
+    The meta also names the triads of the recording that the card leaves uncalibrated.
+
+    Where the card knows how the unit sits on its body, all triads are turned into the axes of the body. Where it knows
+    the gyroscope's g-sensitivity, a sample without a specific force has no rate either, and its flags say so.
+
+    Parameters
+    ----------
+    card : CalibrationCard
+        The card.
+    data : ImuData
+        The recording.
+    live : bool
+        Whether it is a part of a stream, in which a sample without the temperature that the card needs becomes absent
+        instead of an error.
+
+    Raises
+    ------
+    CalibrationError
+        If the card belongs to another device or unit or has nothing for this recording, the recording is already
+        calibrated, or a temperature or the accelerometer is missing where the card needs one.
+    """
+    check.kind("card", card, CalibrationCard, hint="CalibrationCard.load(path) reads one.")
+    check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
+    if card.device != data.meta.device:
+        raise CalibrationError(
+            f"the card is for device '{card.device}', but the recording is of '{data.meta.device}'. A card "
+            "belongs to one unit: use the card of that unit, or let the recording say which unit it is of."
+        )
+    if data.meta.calibration is not None:
+        raise CalibrationError(f"the recording is already calibrated, with {data.meta.calibration}.")
+    _require_units(card)
+    meta, changed = data.meta, dict[str, Any]()
+    for name in ("acc", "gyr", "mag"):  # the gyroscope's g-sensitivity asks for the calibrated specific force
+        model: TriadCalibration | None = getattr(card, name)
+        measured: Floats | None = getattr(data, name)
+        if model is not None and measured is not None:
+            changed[name] = _corrected(model, measured, _offset(model, data, changed.get("acc"), live))
+    if not changed and card.mount is None:
+        raise CalibrationError(f"the card has nothing for {', '.join(data.triads)}, the triads of the recording.")
+    if card.mount is not None:
+        dcm_bs = dcm_from_quat(card.mount.q_bs)
+        changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
+        meta = meta.turned(dcm_bs)
+    acc_left, mag_left = left_by("acc", card.acc, card.mount), left_by("mag", card.mag, card.mount)
+    meta = replace(meta, calibration=_told(card, data), acc_left=acc_left, mag_left=mag_left)
+    return data.corrected(**changed, meta=meta)
+
+
+def temperature_beyond(card: CalibrationCard, data: ImuData) -> str | None:
+    """Say in words how far a recording's temperature leaves the span of the card's temperature terms; None if not."""
+    for name in TRIADS:
+        model: TriadCalibration | None = getattr(card, name)
+        if model is None or model.temp_span_c is None or data.temp_c is None or not model.bias_per_k.any():
+            continue
+        low, high = model.temp_span_c
+        known = data.temp_c[np.isfinite(data.temp_c)]
+        share = float(np.mean((known < low) | (known > high))) if known.size else 0.0
+        if share > 0.0:
+            return (
+                f"{100.0 * share:.0f} % of the samples are at {known.min():.1f} to {known.max():.1f} °C, beyond the "
+                f"{low:.1f} to {high:.1f} °C of the calibration of {name}, where its polynomial is only prolonged."
+            )
+    return None
+
+
+def temperature_drift(model: TriadCalibration, temp_c: Floats) -> Floats:
+    """Change of the bias from that at the reference temperature, (N, 3): a polynomial, and its tangent beyond the span.
+
+    Parameters
+    ----------
+    model : TriadCalibration
+        The model.
+    temp_c : ndarray (N,)
+        Temperature, °C.
+    """
+    inside = temp_c if model.temp_span_c is None else np.clip(temp_c, *model.temp_span_c)
+    warmer, beyond = inside - model.temp_ref_c, temp_c - inside
+    drift, slope, power = np.zeros((temp_c.size, 3)), np.zeros((temp_c.size, 3)), np.ones_like(temp_c)
+    for k, row in enumerate(model.bias_per_k, start=1):
+        slope += np.outer(k * power, row)
+        power = power * warmer
+        drift += np.outer(power, row)
+    return np.asarray(drift + beyond[:, np.newaxis] * slope)
+
+
+def _told(card: CalibrationCard, data: ImuData) -> str:
+    left = [name for name in data.triads if name not in card.parts]
+    return f"{card.name}; NOT calibrated: {', '.join(left)}" if left else card.name
+
+
+def _require_units(card: CalibrationCard) -> None:
+    for name in TRIADS:
+        model: TriadCalibration | None = getattr(card, name)
+        if model is not None and (model.unit_in, model.unit_out) != (UNITS[name], UNITS[name]):
+            raise CalibrationError(
+                f"the card's {name} goes from {model.unit_in} to {model.unit_out}; the recording is in {UNITS[name]}."
+            )
+
+
+def _offset(model: TriadCalibration, data: ImuData, acc: Floats | None, live: bool) -> Floats:
+    """What is taken off the measurement, (3,) or (N, 3)."""
+    offset: Floats = model.bias
+    if model.bias_per_k.any():
+        if data.temp_c is None or not (live or np.isfinite(data.temp_c).all()):
+            raise CalibrationError(
+                "the card corrects for temperature, but the recording has no temp_c, or not in every sample; fill it."
+            )
+        offset = offset + temperature_drift(model, data.temp_c)
+    if model.g_sensitivity.any():
+        if data.acc is None:
+            raise CalibrationError("the card corrects for g-sensitivity, but the recording has no acc; record it too.")
+        force = data.acc if acc is None else acc
+        unusable = (data.flags & np.uint32(flags.ACC_ABSENT | flags.ACC_INVALID)) != 0
+        offset = offset + _times(model.g_sensitivity, np.where(unusable[:, np.newaxis], np.nan, force))
+    return offset
+
+
+def _corrected(model: TriadCalibration, measured: Floats, offset: Floats) -> Floats:
+    with np.errstate(invalid="ignore", over="ignore"):  # an infinite value stays flagged and becomes what it may
+        return _times(model.matrix, measured - offset)
+
+
+def _times(matrix: Floats, vectors: Floats) -> Floats:
+    """Matrix times each row; in components, because a matrix product may round a part otherwise than the whole."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        x, y, z = np.moveaxis(vectors, 1, 0)
+        return np.stack([row[0] * x + row[1] * y + row[2] * z for row in matrix], axis=1)

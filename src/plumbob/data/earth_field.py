@@ -1,0 +1,154 @@
+"""The Earth's magnetic field by place and date, of the World Magnetic Model [WMM2025]."""
+
+import calendar
+import datetime
+import math
+from dataclasses import replace
+from typing import NamedTuple
+
+from plumbob.core.errors import MissingExtraError, ParameterError
+from plumbob.core.units import deg, to_deg
+from plumbob.data.imu import ImuData
+
+HIGHEST, LOWEST = 850e3, -1e3
+"""Heights above the ellipsoid between which the model holds, m."""
+
+
+class EarthField(NamedTuple):
+    """Field at a place.
+
+    Attributes
+    ----------
+    strength : float
+        Strength, µT.
+    dip : float
+        Angle below the horizon, rad.
+    declination : float
+        Angle of magnetic north from true north, east positive, rad.
+    model : str
+        Name of the model, and the day that it was asked for.
+    """
+
+    strength: float
+    dip: float
+    declination: float
+    model: str
+
+    @property
+    def told(self) -> str:
+        """The field in words."""
+        return (
+            f"{self.strength:.2f} uT, dip {to_deg(self.dip):.2f} deg, declination {to_deg(self.declination):.2f} deg, "
+            f"by {self.model}"
+        )
+
+
+def earth_field_at(latitude: float, longitude: float, height: float, date: str) -> EarthField:
+    """Field at a place and day; the model is that of the day.
+
+    Parameters
+    ----------
+    latitude, longitude : float
+        WGS 84, north and east positive, rad.
+    height : float
+        Above the ellipsoid, m.
+    date : str
+        Day, ISO 8601.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such place or day, or no model for it.
+    MissingExtraError
+        If pygeomag is not installed.
+    """
+    _require_place(latitude, longitude, height)
+    year = _decimal_year(date)
+    try:
+        from pygeomag import GeoMag
+    except ImportError as error:
+        raise MissingExtraError(
+            'the field of a place needs pygeomag: pip install "plumbob[geomag]", or give the strength itself.'
+        ) from error
+    try:
+        model = GeoMag(base_year=int(year))
+        found = model.calculate(to_deg(latitude), to_deg(longitude), height / 1e3, year)
+        name = f"{model.model} of {model.release_date} for {date}"
+    except ValueError as error:
+        raise ParameterError(f"no World Magnetic Model is installed for {date}: {error}. Update pygeomag.") from error
+    return EarthField(found.f / 1e3, deg(found.i), deg(found.d), name)
+
+
+def located(imu: ImuData, place: str, *, date: str | None = None) -> tuple[ImuData, EarthField]:
+    """Return the recording with the declination of its place, and the field there: its headings can then be true.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording; a declination that it has is replaced.
+    place : str
+        ``LAT,LON[,HEIGHT]`` in degrees and metres.
+    date : str, optional
+        Day of the recording, ISO 8601, where it does not know it.
+
+    Raises
+    ------
+    ParameterError
+        If the day is not known, or as in `earth_field_at`.
+    MissingExtraError
+        As in `earth_field_at`.
+    """
+    field = earth_field_at(*parse_place(place), day_of(imu.meta.t0_ns) if date is None else date)
+    return imu.corrected(meta=replace(imu.meta, declination=field.declination)), field
+
+
+def day_of(t0_ns: int) -> str:
+    """Day, ISO 8601, of a time in ns since 1970.
+
+    Raises
+    ------
+    ParameterError
+        If it is 0, which says that it is not known.
+    """
+    if t0_ns == 0:
+        raise ParameterError(
+            "the recording does not say when it was made, and the Earth's field changes from year to year; give the "
+            "day as YYYY-MM-DD: --date, or 'date' beside 'place'."
+        )
+    return datetime.datetime.fromtimestamp(t0_ns // 10**9, datetime.UTC).date().isoformat()
+
+
+def parse_place(text: str) -> tuple[float, float, float]:
+    """Latitude and longitude, rad, and height, m, of ``LAT,LON[,HEIGHT]`` in degrees and metres.
+
+    Raises
+    ------
+    ParameterError
+        If the text is no place.
+    """
+    try:
+        latitude, longitude, *rest = (float(part) for part in text.split(","))
+        (height,) = rest or (0.0,)
+    except ValueError as error:
+        raise ParameterError(
+            f"a place is LAT,LON[,HEIGHT] in degrees and metres, north and east positive, but got '{text}'."
+        ) from error
+    place = deg(latitude), deg(longitude), height
+    _require_place(*place)
+    return place
+
+
+def _require_place(latitude: float, longitude: float, height: float) -> None:
+    if not (abs(latitude) <= math.pi / 2 and abs(longitude) <= math.pi and LOWEST <= height <= HIGHEST):
+        raise ParameterError(
+            f"no place of the World Magnetic Model: latitude {to_deg(latitude):g}°, longitude "
+            f"{to_deg(longitude):g}°, height {height:g} m; they go to ±90°, ±180°, and from −1 to 850 km."
+        )
+
+
+def _decimal_year(text: str) -> float:
+    try:
+        day = datetime.date.fromisoformat(text)
+    except ValueError as error:
+        raise ParameterError(f"a day is YYYY-MM-DD, but got '{text}'.") from error
+    return day.year + (day.timetuple().tm_yday - 1) / (366 if calendar.isleap(day.year) else 365)

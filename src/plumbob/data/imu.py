@@ -1,0 +1,744 @@
+"""The two central types: what sensors said, and what an attitude was or is believed to be.
+
+Both are frozen, hold read-only C-contiguous float64 arrays, and are validated once, when they are made. Arrays that
+somebody could still write to are copied; to hand over large ones without a copy, set ``array.flags.writeable = False``.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields, replace
+from numbers import Integral, Real
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
+from plumbob.core.errors import ClockError, ShapeError, UnitError
+from plumbob.core.repr import Shown
+from plumbob.core.time import after_gap, to_ns, to_s
+from plumbob.core.units import to_deg
+from plumbob.data.sample import ImuSample
+from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat, quat_normalize
+
+Half = tuple[float, ...]
+TRIADS = ("gyr", "acc", "mag")
+TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
+UNCALIBRATED = "NONE: these sensor values are uncalibrated"
+"""What stands in every output about sensor values that no calibration card has been applied to."""
+
+ENOUGH = 100
+"""Samples from which on a recording's units are judged by its typical size."""
+
+TRIAD_FLAGS = {
+    "gyr": (flags.GYR_ABSENT, flags.GYR_CLIPPED, flags.GYR_INVALID),
+    "acc": (flags.ACC_ABSENT, flags.ACC_CLIPPED, flags.ACC_INVALID),
+    "mag": (flags.MAG_ABSENT, flags.MAG_CLIPPED, flags.MAG_INVALID),
+}
+"""By triad: the flags that say absent, clipped and invalid."""
+_IMPOSSIBLE = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
+_SI = {"gyr": "rad/s", "acc": "m/s²", "mag": "µT"}
+
+Range = float | tuple[float, float, float] | None
+"""Full scale of a triad: one number for all its axes, one for each, or not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImuMeta:
+    """What is known about a recording besides its numbers.
+
+    Attributes
+    ----------
+    device : str
+        Name of the sensor unit.
+    gyr_range, acc_range, mag_range : float or tuple of 3 floats or None
+        Full scale of each triad, rad/s, m/s², µT; of each body axis where they differ. Values at it are flagged as
+        clipped.
+    rate_nominal : float or None
+        Sampling rate as configured, Hz; for display only, mathematics uses the measured steps.
+    t0_ns : int
+        UTC of t = 0, ns since 1970; 0 where unknown.
+    axes : str
+        How the body axes lie in the sensor case, as in `plumbob.rotations.body_axes`.
+    frame : Frame or None
+        Navigation frame that attitudes of this recording are meant in, where someone said so.
+    north : North or None
+        What headings of this recording's reference count from, where known.
+    declination : float or None
+        Magnetic declination at the place, east positive, rad, from −π to π, where known.
+    calibration : str or None
+        Name of the calibration card that has been applied; None says uncalibrated.
+    acc_left, mag_left : tuple of 78 floats or None
+        What errors the calibration leaves, as `plumbob.data.cards.calibration` has it; None: nothing of a calibrated
+        recording, and of an uncalibrated one all that the data sheet of a common part allows.
+    unit_check : bool
+        Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower; it is
+        off where a format said the units.
+    """
+
+    device: str = "unknown"
+    gyr_range: Range = None
+    acc_range: Range = None
+    mag_range: Range = None
+    rate_nominal: float | None = None
+    t0_ns: int = 0
+    axes: str = "x y z"
+    frame: Frame | None = None
+    north: North | None = None
+    declination: float | None = None
+    calibration: str | None = None
+    acc_left: Half | None = field(default=None, repr=False)
+    mag_left: Half | None = field(default=None, repr=False)
+    unit_check: bool = True
+
+    def __post_init__(self) -> None:
+        """Validate ranges and names."""
+        for name in TRIADS:
+            object.__setattr__(self, f"{name}_range", _checked_range(name, getattr(self, f"{name}_range")))
+        if self.rate_nominal is not None and not 0.0 < check.number("rate_nominal", self.rate_nominal, "Hz") < np.inf:
+            raise ShapeError(f"rate_nominal must be a positive number of Hz, or None, but it is {self.rate_nominal}.")
+        for name, known in (("frame", Frame), ("north", North)):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, known.parse(getattr(self, name)))
+        object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
+        object.__setattr__(self, "declination", _declination(self.declination))
+        body_axes(self.axes)
+        for name in ("acc_left", "mag_left"):
+            object.__setattr__(self, name, _half(name, getattr(self, name)))
+
+    @property
+    def left(self) -> tuple[Half, Half]:
+        """What errors are left of accelerometer and magnetometer, as far as is known."""
+        from plumbob.data.cards.left import NOTHING, uncalibrated
+
+        acc, mag = (uncalibrated("acc"), uncalibrated("mag")) if self.calibration is None else (NOTHING, NOTHING)
+        return acc if self.acc_left is None else self.acc_left, mag if self.mag_left is None else self.mag_left
+
+    def full_scale(self, name: str) -> Floats | None:
+        """Full scale of the three axes of a triad (3,), in the unit of its values; None where it is not known.
+
+        Parameters
+        ----------
+        name : {"gyr", "acc", "mag"}
+            Which triad.
+        """
+        told: Range = getattr(self, f"{name}_range")
+        return None if told is None else np.broadcast_to(np.asarray(told, dtype=np.float64), 3)
+
+    def turned(self, dcm: Floats) -> Self:
+        """Return the meta of a recording whose triads are turned: each range is the greatest value of the turned axis.
+
+        Parameters
+        ----------
+        dcm : ndarray (3, 3)
+            Rotation matrix that the triads are multiplied by.
+        """
+        ranges: dict[str, Any] = {}
+        for name in TRIADS:
+            full_scale = self.full_scale(name)
+            if full_scale is not None:
+                ranges[f"{name}_range"] = np.minimum(np.abs(dcm) @ full_scale, _IMPOSSIBLE[name])
+        return replace(self, **ranges)
+
+
+def calibration_told(calibration: str | None) -> str:
+    """Name of the card that has been applied, or `UNCALIBRATED`; the one place that words it."""
+    return UNCALIBRATED if calibration is None else calibration
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuData(Shown):
+    """Samples of a gyroscope, an accelerometer and a magnetometer on one time line.
+
+    A triad that the unit does not have is None; one that has no value in some samples (a slower magnetometer, a lost
+    packet) is NaN there. Time is kept to the nanosecond. Arrays are read-only; what insists on writable ones (some of
+    SciPy does) takes a ``.copy()``.
+
+    Parameters
+    ----------
+    t : array_like (N,)
+        Time since the start of the recording, s, strictly increasing; equal steps are not needed.
+    gyr : array_like (N, 3), optional
+        Angular rate of the body in body axes, rad/s.
+    acc : array_like (N, 3), optional
+        Specific force in body axes, m/s²: at rest it points up and measures +g.
+    mag : array_like (N, 3), optional
+        Magnetic flux density in body axes, µT.
+    temp_c : array_like (N,), optional
+        Temperature, °C.
+    flags : array_like (N,), optional
+        Flags already known, from `plumbob.core.flags`; clipped, invalid and gap are added here. Absent is not taken
+        over but read from the values: it means NaN.
+    meta : ImuMeta
+        What else is known.
+
+    Raises
+    ------
+    ShapeError
+        If lengths or shapes differ, or a triad holds no number at all.
+    ClockError
+        If time is not finite and increasing.
+    UnitError
+        If the values cannot be in the unit that they should be in.
+    """
+
+    t: Floats
+    gyr: Floats | None = None
+    acc: Floats | None = None
+    mag: Floats | None = None
+    temp_c: Floats | None = None
+    flags: NDArray[np.uint32] = field(default=None)  # type: ignore[arg-type]
+    meta: ImuMeta = field(default_factory=ImuMeta)
+
+    def __post_init__(self) -> None:
+        """Validate everything, once."""
+        check.kind("meta", self.meta, ImuMeta)
+        t = check.column("t", self.t)
+        check.increasing_time("t", t)
+        t = to_s(to_ns(t))
+        check.increasing_time("t, rounded to nanoseconds,", t)
+        known: Any = self.flags
+        found = np.zeros(t.size, dtype=np.uint32) if known is None else check.bits("flags", known, t.size)
+        found[after_gap(t)] |= flags.GAP
+        self._set("t", t)
+        for name in TRIADS:
+            value = getattr(self, name)
+            if value is None:
+                found |= np.uint32(TRIAD_FLAGS[name][0])
+                continue
+            triad = check.rows(name, value, 3, t.size)
+            found &= ~np.uint32(TRIAD_FLAGS[name][0])
+            found |= _judge(name, triad, self.meta.full_scale(name), self.meta.unit_check)
+            self._set(name, triad)
+        if all(getattr(self, name) is None for name in TRIADS):
+            raise ShapeError("a recording needs at least one of gyr, acc and mag, but none was given.")
+        if self.temp_c is not None:
+            self._set("temp_c", check.column("temp_c", self.temp_c, t.size))
+        self._set("flags", found)
+
+    def _set(self, name: str, array: NDArray[Any]) -> None:
+        object.__setattr__(self, name, check.read_only(array))
+
+    @classmethod
+    def live(
+        cls,
+        t_ns: NDArray[np.int64],
+        triads: Mapping[str, Floats],
+        *,
+        temp_c: Floats | None = None,
+        flags: NDArray[np.uint32],
+        meta: ImuMeta,
+    ) -> Self:
+        """Part of a stream: each row is judged by itself, so that it does not matter how the stream was cut.
+
+        What only a whole recording can tell is left out: gaps, which the flags say, and whether the unit is plausible.
+        A triad may be absent in all rows of a part. The arrays are handed over and must not change any more.
+
+        Parameters
+        ----------
+        t_ns : ndarray (N,)
+            Time since the start of the stream, ns, strictly increasing from part to part.
+        triads : mapping of str to ndarray (N, 3)
+            ``gyr``, ``acc``, ``mag``, the same ones in every part.
+        temp_c : ndarray (N,), optional
+            Temperature, °C.
+        flags : ndarray (N,) of uint32
+            What the source knows.
+        meta : ImuMeta
+            What else is known.
+        """
+        found = flags.copy()
+        for name in TRIADS:
+            if name not in triads:
+                found |= np.uint32(TRIAD_FLAGS[name][0])
+                continue
+            found &= ~np.uint32(TRIAD_FLAGS[name][0])
+            found |= _marks(name, triads[name], meta.full_scale(name))
+        part = object.__new__(cls)
+        values = {name: triads.get(name) for name in TRIADS}
+        _refreeze(part, {"t": to_s(t_ns), **values, "temp_c": temp_c, "flags": found, "meta": meta})
+        return part
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: samples, sensors, device, frame and calibration."""
+        columns = (*self.triads, *(() if self.temp_c is None else ("temp_c",)))
+        return {
+            "samples": _extent(self.t),
+            "sensors": ", ".join(columns),
+            "device": self.meta.device,
+            "frame": str(self.meta.frame or "not named"),
+            "calibration": self.meta.calibration or "none",
+        }
+
+    @property
+    def t_ns(self) -> NDArray[np.int64]:
+        """Time since the start, integer ns."""
+        return to_ns(self.t)
+
+    @property
+    def triads(self) -> tuple[str, ...]:
+        """Names of the triads that this recording has."""
+        return tuple(name for name in TRIADS if getattr(self, name) is not None)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        _refreeze(self, state)
+
+    def __getitem__(self, rows: slice) -> Self:
+        """Samples of a slice with step 1, with their times and flags unchanged; no copy is made."""
+        if not isinstance(rows, slice):
+            raise ShapeError(f"a recording is cut by a slice, as in data[10:20], but not by {type(rows).__name__}.")
+        start, stop, step = rows.indices(len(self))
+        if step != 1 or stop <= start:
+            count = len(range(start, stop, step))
+            raise ShapeError(
+                f"a recording is cut by a non-empty slice of step 1, but {rows} selects {count} of {len(self)} samples."
+            )
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        return self._like({k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()})
+
+    def _like(self, state: dict[str, Any]) -> Self:
+        part = object.__new__(type(self))  # already validated
+        for name, value in state.items():
+            object.__setattr__(part, name, value)
+        return part
+
+    def chunks(self, size: int) -> Iterator[Self]:
+        """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
+        if not isinstance(size, Integral) or size < 1:
+            raise ShapeError(f"size must be a whole number from 1 on, but it is {check.said(size)}.")
+        for start in range(0, len(self), int(size)):
+            yield self[start : start + int(size)]
+
+    def samples(self) -> Iterator[ImuSample]:
+        """Yield the samples one by one, as a live source would."""
+        values = np.column_stack(
+            [np.full((len(self), 3), np.nan) if v is None else v for v in map(self._triad, TRIADS)]
+        )
+        temp_c = [None] * len(self) if self.temp_c is None else self.temp_c.tolist()
+        yield from map(ImuSample.packed, self.t_ns.tolist(), values, temp_c, self.flags.tolist())
+
+    def _triad(self, name: str) -> Floats | None:
+        triad: Floats | None = getattr(self, name)
+        return triad
+
+    def usable(self, name: str) -> Floats:
+        """Triad (N, 3) as a filter should see it, read-only: absent and invalid samples are NaN on all three axes.
+
+        Parameters
+        ----------
+        name : {"gyr", "acc", "mag"}
+            Which triad.
+        """
+        value = self._triad(check.one_of("name", name, TRIADS))
+        if value is None:
+            return check.read_only(np.full((len(self), 3), np.nan))
+        absent, _, invalid = TRIAD_FLAGS[name]
+        out = (self.flags & np.uint32(absent | invalid)) != 0
+        if not out.any() or np.isnan(value[out]).all():
+            return value
+        return check.read_only(np.where(out[:, np.newaxis], np.nan, value))
+
+    def unit_doubts(self) -> tuple[str, ...]:
+        """Why triads are hardly in their units, in words: what `unit_check` refuses, where it is switched off."""
+        found = []
+        for name in self.triads:
+            invalid = (self.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
+            if doubt := _unit_doubt(name, getattr(self, name), invalid, self.meta.full_scale(name)):
+                found.append(doubt[0])
+        return tuple(found)
+
+    def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
+        """Return the same samples with corrected values of some triads.
+
+        Nothing is judged again, so that a part of a recording can be corrected as the whole; and flags stay, for they
+        tell what the sensor said: a value at the end of its range is clipped, whatever a calibration makes of it.
+
+        Parameters
+        ----------
+        meta : ImuMeta
+            The new meta.
+        **triads : array_like (N, 3)
+            New values of triads that the recording has.
+        """
+        state = {f.name: getattr(self, f.name) for f in fields(self)} | {"meta": meta}
+        found = self.flags.copy()
+        for name, value in triads.items():
+            if name not in self.triads:
+                raise ShapeError(f"the recording has no {name} to correct, only {', '.join(self.triads)}.")
+            state[name] = check.read_only(check.rows(name, value, 3, len(self)))
+            absent, _, invalid = TRIAD_FLAGS[name]
+            found[np.isnan(state[name]).any(axis=1) & (self.flags & np.uint32(invalid) == 0)] |= absent
+        return self._like(state | {"flags": check.read_only(found)})
+
+    @classmethod
+    def from_streams(
+        cls,
+        t: Floats,
+        *,
+        gyr: Floats | None = None,
+        acc: Floats | None = None,
+        t_mag: Floats,
+        mag: Floats,
+        meta: ImuMeta | None = None,
+    ) -> Self:
+        """Join a magnetometer that has its own time stamps: each of its samples goes to the next inertial sample.
+
+        Later, not nearest, because a live filter has a magnetic sample only once it has arrived. Where two fall on one
+        inertial sample, the last wins; those after the last inertial sample are left out. Times are compared to the
+        nanosecond.
+
+        Parameters
+        ----------
+        t : array_like (N,)
+            Inertial time, s.
+        gyr, acc : array_like (N, 3), optional
+            Rates, rad/s, and specific force, m/s².
+        t_mag : array_like (M,)
+            Magnetometer time on the same clock, s.
+        mag : array_like (M, 3)
+            Flux density, µT.
+        meta : ImuMeta, optional
+            What else is known.
+
+        Raises
+        ------
+        ClockError
+            If a clock does not increase, or no magnetic sample lies before the end of the inertial ones.
+        """
+        inertial, own = check.column("t", t), check.column("t_mag", t_mag)
+        check.increasing_time("t", inertial)
+        check.increasing_time("t_mag", own)
+        values = check.rows("mag", mag, 3, own.size)
+        place = np.searchsorted(to_ns(inertial), to_ns(own))
+        inside = (place < inertial.size) & ~np.isnan(values).any(axis=1)
+        if not inside.any():
+            raise ClockError(
+                f"no sample of mag, at {own[0]:.9g} to {own[-1]:.9g} s, has an inertial one after it: those are at "
+                f"{inertial[0]:.9g} to {inertial[-1]:.9g} s. Put both on one clock."
+            )
+        joined = np.full((inertial.size, 3), np.nan)
+        joined[place[inside]] = values[inside]
+        return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=ImuMeta() if meta is None else meta)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class AttitudeTrack(Shown):
+    """Attitude over time: an estimate or a reference.
+
+    Parameters
+    ----------
+    t : array_like (N,)
+        Time since the start of the recording, s, strictly increasing.
+    q_nb : array_like (N, 4)
+        Body to navigation, wxyz, normalised here; NaN rows where the attitude is not known.
+    frame : Frame
+        Navigation frame.
+    north : North
+        What the heading counts from.
+    bias_b : array_like (N, 3), optional
+        Estimated gyroscope bias in body axes, rad/s.
+    cov_b : array_like (N, 3, 3), optional
+        Covariance of the attitude error as a rotation vector in body axes, rad².
+    flags : array_like (N,), optional
+        Flags, from `plumbob.core.flags`.
+    score : array_like (N,) of bool, optional
+        Which samples count in an evaluation (a data set's movement mask); all where None.
+    source : str
+        Where it comes from: filter and parameters, or reference system.
+
+    Raises
+    ------
+    ShapeError
+        If lengths or shapes differ, or a norm is not 1 within 1e-3.
+    ClockError
+        If time is not finite and increasing.
+    FrameError
+        If no frame is given.
+    """
+
+    t: Floats
+    q_nb: Floats
+    frame: Frame
+    north: North
+    bias_b: Floats | None = None
+    cov_b: Floats | None = None
+    flags: NDArray[np.uint32] | None = None
+    score: NDArray[np.bool_] | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        """Validate everything, once."""
+        object.__setattr__(self, "frame", Frame.parse(self.frame))
+        object.__setattr__(self, "north", North.parse(self.north))
+        t = check.column("t", self.t)
+        check.increasing_time("t", t)
+        t = to_s(to_ns(t))
+        check.increasing_time("t, rounded to nanoseconds,", t)
+        self._set("t", t)
+        q = check.rows("q_nb", self.q_nb, 4, t.size)
+        check.unit_norm("q_nb", q, tolerance=1e-3)  # files hold rounded digits
+        # What is already normalised to the last bits stays as it is, so that storing a track changes nothing.
+        exact = np.abs(np.sum(q * q, axis=1) - 1.0) < 1e-12
+        self._set("q_nb", np.where(exact[:, np.newaxis], q, quat_normalize(q)))
+        if self.bias_b is not None:
+            self._set("bias_b", check.rows("bias_b", self.bias_b, 3, t.size))
+        if self.cov_b is not None:
+            cov = check.floats("cov_b", self.cov_b)
+            if cov.shape != (t.size, 3, 3):
+                raise ShapeError(f"cov_b must have shape ({t.size}, 3, 3), but its shape is {cov.shape}.")
+            self._set("cov_b", cov)
+        if self.flags is not None:
+            self._set("flags", check.bits("flags", self.flags, t.size))
+        if self.score is not None:
+            self._set("score", check.mask("score", self.score, t.size))
+
+    def _set(self, name: str, array: NDArray[Any]) -> None:
+        object.__setattr__(self, name, check.read_only(array))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        _refreeze(self, state)
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: samples, frame, what headings count from, what else it has, and its source."""
+        more = [name for name in ("bias_b", "cov_b", "flags", "score") if getattr(self, name) is not None]
+        return {
+            "samples": _extent(self.t),
+            "known": str(int(np.count_nonzero(self.known))),
+            "frame": str(self.frame),
+            "north": str(self.north),
+            "with": ", ".join(more) or "nothing else",
+            "source": self.source.partition("(")[0] or "not named",
+        }
+
+    @property
+    def euler_zyx(self) -> Floats:
+        """Yaw, pitch, roll (N, 3), rad: about z, then y, then x, as `plumbob.rotations.euler_zyx_from_quat`.
+
+        Yaw counts from the navigation frame's x axis, North in NED and NWU and East in ENU, about its z axis; NaN where
+        the attitude is not known. `units.to_deg` gives degrees, for a person to read.
+        """
+        return euler_zyx_from_quat(self.q_nb)
+
+    @property
+    def yaw(self) -> Floats:
+        """Yaw (N,), rad, in (−π, π]; see `euler_zyx`."""
+        return self.euler_zyx[:, 0]
+
+    @property
+    def pitch(self) -> Floats:
+        """Pitch (N,), rad, in [−π/2, π/2]; see `euler_zyx`."""
+        return self.euler_zyx[:, 1]
+
+    @property
+    def roll(self) -> Floats:
+        """Roll (N,), rad, in (−π, π]; see `euler_zyx`."""
+        return self.euler_zyx[:, 2]
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """True where the attitude is known, (N,)."""
+        return np.asarray(np.isfinite(self.q_nb).all(axis=1))
+
+    @classmethod
+    def trusted(cls, **values: Any) -> Self:
+        """Track of arrays that are known to be valid and are handed over: nothing is judged or copied, all is frozen.
+
+        Parameters
+        ----------
+        **values
+            The fields; those left out keep their defaults.
+        """
+        track = object.__new__(cls)
+        _refreeze(track, {f.name: f.default for f in fields(cls) if f.default is not MISSING} | values)
+        return track
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        """One track of parts that follow each other, as a filter gives them."""
+        first = parts[0]
+        if len(parts) == 1:
+            return first
+        whole = {f.name: getattr(first, f.name) for f in fields(cls)}
+        arrays = [name for name, value in whole.items() if isinstance(value, np.ndarray)]
+        return cls.trusted(**whole | {name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays})
+
+    def with_attitude(self, q_nb: Floats, **changes: Any) -> Self:
+        """Return the same track with another attitude (N, 4) and, where given, other fields."""
+        return replace(self, q_nb=q_nb, **changes)
+
+
+def _refreeze(made: Any, state: dict[str, Any]) -> None:
+    """Fill a frozen object with arrays that nobody else writes to."""
+    for name, value in state.items():
+        if isinstance(value, np.ndarray):
+            value.flags.writeable = False
+        object.__setattr__(made, name, value)
+
+
+def _extent(t: Floats) -> str:
+    if t.size < 2:
+        return f"{t.size}"
+    return f"{t.size} in {t[-1] - t[0]:.6g} s at {1.0 / float(np.median(np.diff(t))):.5g} Hz"
+
+
+def _whole_ns(t0_ns: Any) -> int:
+    if not isinstance(t0_ns, Integral) or isinstance(t0_ns, bool):
+        raise ShapeError(f"t0_ns must be an int, UTC in ns since 1970, but it is {t0_ns!r}.")
+    return int(t0_ns)
+
+
+def _half(name: str, value: Any) -> Half | None:
+    if value is None:
+        return None
+    half = check.column(name, value, 78)
+    if not np.isfinite(half).all():
+        raise ShapeError(f"{name} must hold finite numbers, but it does not.")
+    return tuple(half.tolist())
+
+
+def _declination(angle: Any) -> float | None:
+    if angle is None:
+        return None
+    if not isinstance(angle, Real) or isinstance(angle, bool):
+        raise ShapeError(f"declination must be a number in rad, or None, but it is {angle!r}; use units.deg(...).")
+    declination = float(angle)
+    if not abs(declination) <= np.pi:
+        raise UnitError(f"declination must be an angle in rad from −π to π, but it is {angle}; use units.deg(...).")
+    return declination
+
+
+def _checked_range(name: str, told: Any) -> Range:
+    """Range of a triad; one number where all axes have the same."""
+    if told is None:
+        return None
+    axes = check.floats(f"{name}_range", told)
+    if axes.shape not in {(), (3,)}:
+        raise ShapeError(
+            f"{name}_range must be one number for all axes, three for x, y and z, or None, but its shape is "
+            f"{axes.shape}."
+        )
+    for full_scale in axes.ravel().tolist():
+        _check_range(name, full_scale)
+    x, y, z = np.broadcast_to(axes, 3).tolist()
+    return float(x) if x == y == z else (x, y, z)
+
+
+def _check_range(name: str, full_scale: float) -> None:
+    if not full_scale > 0.0:
+        raise UnitError(f"{name}_range must be a positive full scale in {_SI[name]}, or None, but it is {full_scale}.")
+    if full_scale > _IMPOSSIBLE[name]:
+        raise UnitError(
+            f"{name}_range = {full_scale:.6g} {_SI[name]}, but no MEMS part measures beyond {_IMPOSSIBLE[name]:g} "
+            f"{_SI[name]}. Ranges have the units of their values: {name}_range=units.{_CONVERTER[name]}(...)."
+        )
+
+
+def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool) -> NDArray[np.uint32]:
+    """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
+    _, _, invalid = TRIAD_FLAGS[name]
+    missing = np.asarray(np.isnan(triad).any(axis=1))
+    if not np.isfinite(triad).any():  # a unit may lack an axis, but not all of them
+        what = "is NaN" if missing.all() else "has no finite number"
+        raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
+    found = _marks(name, triad, full_scale)
+    if unit_check and (doubt := _unit_doubt(name, triad, (found & np.uint32(invalid)) != 0, full_scale)):
+        raise UnitError(". ".join(doubt))
+    return found
+
+
+def _limit(name: str, full_scale: Floats | None) -> Floats:
+    """Largest value of each axis that can be true, (3,)."""
+    reach = np.inf if full_scale is None else 1.05 * full_scale
+    return np.broadcast_to(np.minimum(_IMPOSSIBLE[name], reach), 3)
+
+
+def _marks(name: str, triad: Floats, full_scale: Floats | None) -> NDArray[np.uint32]:
+    """Flags of one triad (N, 3), each row by itself: absent, impossible, at the end of the range of an axis."""
+    limit = _limit(name, full_scale)
+    end = np.inf if full_scale is None else 0.999 * full_scale  # the last code below full scale is already the end
+    if (np.abs(triad) < np.minimum(limit, end)).all():  # nearly every part of a stream; a missing value is not below
+        return np.zeros(len(triad), dtype=np.uint32)
+    absent, clipped, invalid = TRIAD_FLAGS[name]
+    missing = np.asarray(np.isnan(triad).any(axis=1))
+    size = np.abs(np.where(missing[:, np.newaxis], 0.0, triad))
+    too_big = (size > limit).any(axis=1)
+    found: NDArray[np.uint32] = np.where(missing, np.uint32(absent), np.uint32(0))
+    found[too_big] |= invalid
+    found[(size >= end).any(axis=1) & ~too_big] |= clipped
+    return found
+
+
+def _finite(triad: Floats) -> NDArray[np.bool_]:
+    return np.asarray(np.isfinite(triad).all(axis=1))
+
+
+def _unit_doubt(
+    name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: Floats | None
+) -> tuple[str, str] | None:
+    """Why a triad is hardly in its unit, and what to do; None where it may well be."""
+    wrong = too_big & _finite(triad)  # infinity has no unit
+    if np.count_nonzero(wrong) > max(1, 0.01 * wrong.size):
+        i = int(np.argmax(wrong))
+        axis = int(np.argmax(np.abs(triad[i]) / _limit(name, full_scale)))
+        return (
+            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {_bound(name, full_scale, axis)}, "
+            f"and {np.count_nonzero(wrong)} of {wrong.size} samples exceed it",
+            _ADVICE[name],
+        )
+    return None if name == "gyr" else _unusual_size(name, triad[~too_big])
+
+
+def _unusual_size(name: str, possible: Floats) -> tuple[str, str] | None:
+    norm = np.sqrt(np.sum(possible * possible, axis=1))
+    norm = norm[np.isfinite(norm)]
+    if norm.size < ENOUGH:
+        return None
+    typical = float(np.median(norm))
+    low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
+    if low <= typical <= high:
+        return None
+    usual = f"{low:.3g} to {high:.3g} {_SI[name]}"
+    zeros = int(np.count_nonzero(norm == 0.0))
+    if 2 * zeros > norm.size:
+        return (
+            f"|{name}| is exactly zero in {zeros} of {norm.size} samples, but on Earth it lies in {usual}",
+            f"The sensor was off or its columns were never filled: make those samples NaN, or leave {name} out.",
+        )
+    return (
+        f"|{name}| is {typical:.4g} {_SI[name]} in the middle of {norm.size} samples, but on Earth it lies in "
+        f"{usual}{_guess(name, typical)}",
+        _ADVICE[name],
+    )
+
+
+_CONVERTER = {"gyr": "dps", "acc": "g", "mag": "gauss"}
+_ADVICE = {
+    "gyr": "If the source holds °/s, convert it: units.dps(gyr), or unit = 'dps' in its profile.",
+    "acc": "If the source holds g, convert it: units.g(acc), or unit = 'g' in its profile; for a centrifuge or a drop "
+    "set unit_check=False.",
+    "mag": "If the source holds gauss or nT, convert it: units.gauss(mag) or units.to_si(mag, 'nT'), or unit = 'gauss' "
+    "in its profile.",
+}
+
+
+def _bound(name: str, full_scale: Floats | None, axis: int) -> str:
+    if full_scale is None:
+        return f"limit is {_IMPOSSIBLE[name]:g} {_SI[name]}"
+    end = float(full_scale[axis])
+    degrees = f" ({to_deg(end):.6g} °/s)" if name == "gyr" else ""
+    return f"range is ±{end:.6g} {_SI[name]}{degrees}"
+
+
+def _guess(name: str, typical: float) -> str:
+    guesses = {
+        "acc": ((0.5, 2.5, "g"), (500.0, 2500.0, "mg"), (1e3, 7e4, "raw counts")),
+        "mag": ((0.1, 1.0, "gauss"), (2e3, 1e5, "nT or raw counts"), (0.0, 1e-3, "tesla")),
+    }
+    return next((f"; it looks like {unit}" for low, high, unit in guesses[name] if low <= typical <= high), "")

@@ -1,0 +1,254 @@
+"""What contradicts the declared units and signs: sizes of readings at rest, and gravity that turns with the rate."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.units import deg, to_deg
+from plumbob.data.imu import ENOUGH, ImuData
+from plumbob.rotations import Frame
+
+LONGEST_STEP: Final = 0.5
+"""A gyroscope whose usual step is longer tells no attitude, s; the slowest in use give some 10 samples a second."""
+SHORTEST_STEP: Final = 1e-5
+"""No MEMS part gives samples at shorter steps, s: the fastest give 32 kHz (ICM-42688-P, DS-000347)."""
+USUAL_RATE: Final = 10.0
+"""A body that turns faster half of the time is rare, rad/s: 573 °/s. Walking, hands and vehicles stay far below."""
+QUIET: Final = 0.2
+"""Specific forces count that are as long as usual within this fraction: mostly gravity."""
+PAUSE: Final = 1.5
+"""Steps longer than so many mean ones are pauses between bursts."""
+BURST: Final = 0.5
+"""Where the usual step is so much shorter than the mean one, rows come in bursts."""
+FEW_PAUSES: Final = 0.005
+STEADY: Final = 0.03
+"""Typical departure of the rows in a time of twenty bursts from their usual number."""
+FEWEST_WINDOWS: Final = 5
+THROUGHOUT: Final = 0.99
+STEEP: Final = math.cos(float(deg(135.0)))
+
+
+def doubts(imu: ImuData) -> tuple[str, ...]:
+    """Lines about times and rates that are hardly in their units, and gyroscopes that turn against the accelerometer.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording; too few samples or no gyroscope leave no doubt.
+    """
+    if imu.gyr is None or len(imu) < ENOUGH:
+        return ()
+    return tuple(_steps(imu)) or _turning(imu) or _rates(imu)
+
+
+def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
+    """A line where a unit is upside down throughout, as one is whose signs or axes are declared wrongly.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording.
+    frame : Frame
+        Navigation frame of its attitudes, with whose axes those of the body agree at zero angles.
+    """
+    if imu.acc is None or len(imu) < ENOUGH:
+        return ()
+    acc = imu.usable("acc")
+    norm = np.sqrt(np.sum(acc * acc, axis=1))
+    if not np.isfinite(norm).any():
+        return ()
+    usual = float(np.median(norm[np.isfinite(norm)]))
+    counts = np.abs(norm - usual) < QUIET * usual
+    upward = acc[counts, 2] * frame.up[2] / norm[counts]
+    if upward.size < ENOUGH or np.mean(upward < 0.0) < THROUGHOUT or np.median(upward) > STEEP:
+        return ()
+    level = "+g" if frame.up[2] > 0.0 else "−g"
+    return (
+        f"accelerometer: the unit is upside down throughout: in {frame} a level body reads {level} about z, and this "
+        "one the opposite. Is `sign` right (acc is specific force and points up at rest), and are `axes`?",
+    )
+
+
+def _steps(imu: ImuData) -> Iterator[str]:
+    if imu.t.size < 2:
+        return
+    usual, mean = float(np.median(np.diff(imu.t))), float(imu.t[-1] - imu.t[0]) / (imu.t.size - 1)
+    if usual >= LONGEST_STEP:
+        yield (
+            f"time: the usual step is {usual:.4g} s, too long to follow a gyroscope; if the times are ms or µs, "
+            "convert them: t / 1000, or unit = 'ms' in the profile"
+        )
+    elif mean <= SHORTEST_STEP:
+        yield f"time: the mean step is {mean:.4g} s, shorter than any MEMS part's; check the unit of the times"
+    elif (told := bursts(imu.t)) is not None:
+        yield f"time: {told}"
+
+
+def bursts(t: Floats) -> str | None:
+    """Say in words that the times (N,), s, are those at which bursts of even samples came; None where they are not.
+
+    Rows come at a steady rate over a second, but not from one to the next.
+    """
+    step = np.diff(t)
+    if step.size < ENOUGH:
+        return None
+    usual, span = float(np.median(step)), float(t[-1] - t[0])
+    mean = span / step.size
+    pauses = float(np.mean(step > PAUSE * mean))
+    if not (usual < BURST * mean and pauses > FEW_PAUSES):
+        return None
+    window = max(1.0, 20.0 / (pauses / mean))  # of twenty bursts
+    counts = np.diff(np.searchsorted(t, np.arange(t[0], t[-1], window)))
+    if counts.size < FEWEST_WINDOWS or np.median(np.abs(counts - np.median(counts))) > STEADY * np.median(counts):
+        return None
+    rate = f'rate = "{1.0 / mean:.6g} Hz"'
+    return (
+        f"the stamps come in bursts: the usual step is {usual:.4g} s, but {t.size} rows in {span:.6g} s are one every "
+        f"{mean:.4g} s; if the device samples evenly, declare it: [time] of the profile with {rate} alone"
+    )
+
+
+def _turning(imu: ImuData) -> tuple[str, ...]:
+    found = turning(imu)
+    if not found.tells:
+        return ()
+    times = to_deg(1.0)
+    if found.factor < 0.0:
+        return ("gyroscope: it turns against the accelerometer: a sign or an axis is wrong",)
+    if _is_about(found.factor * times):
+        return (
+            f"gyroscope: the acceleration turns {times:.0f} times slower than the rates say; they look like °/s "
+            "declared as rad/s",
+        )
+    if _is_about(found.factor / times):
+        return (
+            f"gyroscope: the acceleration turns {times:.0f} times faster than the rates say; they look like rad/s "
+            "declared as °/s",
+        )
+    return ()
+
+
+def _rates(imu: ImuData) -> tuple[str, ...]:
+    gyr = imu.usable("gyr")
+    rates = np.sqrt(np.sum(gyr * gyr, axis=1))
+    rates = rates[np.isfinite(rates)]
+    usual = float(np.median(rates)) if rates.size >= ENOUGH else 0.0
+    if usual <= USUAL_RATE:
+        return ()
+    return (
+        f"gyroscope: |gyr| is {usual:.3g} rad/s ({to_deg(usual):.0f} °/s) in the middle of {rates.size} samples; if "
+        "the source holds °/s, convert it: units.dps(gyr), or unit = 'dps' in the profile",
+    )
+
+
+def _is_about(factor: float) -> bool:
+    """Within a factor of two: a buoy in waves shows only 0.6 of its turning, since the waves push it, too."""
+    return abs(math.log2(factor)) < 1.0
+
+
+WINDOW: Final = 0.2
+"""Time over which samples are averaged before they are compared, s."""
+LARGEST_TURN: Final = 0.5
+"""Turns of the acceleration from window to window beyond it are left out, rad: they are no small angles."""
+
+QUIET_WHILE_TURNING: Final = 0.05
+
+"""Windows count whose mean acceleration is as long as usual, within this fraction: little but gravity."""
+MOST_PAIRS = 50_000
+"""About so many pairs of windows are compared, spread over the recording; more would only take longer."""
+ENOUGH_WINDOWS: Final = 50
+ENOUGH_EFFECTIVE: Final = 5.0
+"""A body that lies still and starts to spin within one window says anything: that one outweighs all others."""
+ENOUGH_CORRELATION: Final = 0.7
+"""From here on the rates explain half of what the acceleration does, and their factor can be trusted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """How the direction of the acceleration follows the rates.
+
+    Attributes
+    ----------
+    factor : float
+        Seen turning over that which the rates say; 1 where both are right.
+    correlation : float
+        Of the two, −1 to 1; the constant bias of the gyroscope is taken out first.
+    windows : int
+        Pairs of neighbouring windows that count.
+    effective : float
+        How many pairs the rates are spread over: 1 where a single one has them all.
+    """
+
+    factor: float
+    correlation: float
+    windows: int
+    effective: float = 0.0
+
+    @property
+    def tells(self) -> bool:
+        """Whether there is enough motion, and little enough acceleration, to judge the factor."""
+        enough = self.windows >= ENOUGH_WINDOWS and self.effective >= ENOUGH_EFFECTIVE
+        return enough and abs(self.correlation) >= ENOUGH_CORRELATION
+
+
+def turning(imu: ImuData) -> Turning:
+    """Compare the turning of the acceleration with the rates, where the recording has both.
+
+    A fixed direction a seen from a turning body changes by −ω × a dt. The change of the mean direction from window to
+    window is fitted by k (−ω × a) dt + b × a dt, by least squares, with the factor k and a constant b.
+    """
+    nothing = Turning(float("nan"), 0.0, 0)
+    size = _window(imu.t)
+    if imu.gyr is None or imu.acc is None or len(imu) < 3 * size:
+        return nothing
+    t = _means(imu.t[:, np.newaxis], size)[:, 0]
+    rate, acc = _means(imu.usable("gyr"), size), _means(imu.usable("acc"), size)
+    norm = np.sqrt(np.sum(acc * acc, axis=1))
+    if not (np.isfinite(norm).any() and np.nanmedian(norm) > 0.0):
+        return nothing
+    quiet = np.abs(norm / np.nanmedian(norm) - 1.0) < QUIET_WHILE_TURNING  # False where unknown
+    with np.errstate(divide="ignore", invalid="ignore"):
+        up = acc / norm[:, np.newaxis]
+    i = np.arange(0, t.size - 1, 1 + t.size // MOST_PAIRS)
+    step = t[i + 1] - t[i]
+    seen = up[i + 1] - up[i]
+    middle = 0.5 * (up[i + 1] + up[i]) * step[:, np.newaxis]
+    said = -np.cross(0.5 * (rate[i + 1] + rate[i]), middle)
+    counts = quiet[i + 1] & quiet[i] & (step < 1.5 * np.median(step)) & np.isfinite(said).all(axis=1)
+    counts &= np.sum(seen * seen, axis=1) < LARGEST_TURN**2
+    return _fit(seen[counts], said[counts], middle[counts]) if counts.any() else nothing
+
+
+def _window(t: Floats) -> int:
+    return max(1, round(WINDOW / float(np.median(np.diff(t))))) if t.size > 1 else 1
+
+
+def _means(values: Floats, size: int) -> Floats:
+    """Means of windows of `size` samples; NaN where fewer than half of them are known."""
+    windows = values[: values.shape[0] // size * size].reshape(-1, size, values.shape[1])
+    known = np.isfinite(windows)
+    count = known.sum(axis=1)
+    total = np.where(known, windows, 0.0).sum(axis=1)
+    return np.where(2 * count >= size, total / np.maximum(count, 1), np.nan)
+
+
+def _fit(seen: Floats, said: Floats, middle: Floats) -> Turning:
+    """Least squares with the constant taken out of both sides first."""
+    x, y, z = middle.T
+    zero = np.zeros_like(x)
+    constant = np.stack(
+        (np.column_stack((zero, -z, y)), np.column_stack((z, zero, -x)), np.column_stack((-y, x, zero))), axis=2
+    ).reshape(-1, 3)  # columns e × a dt
+    basis, _ = np.linalg.qr(constant)
+    both = np.column_stack((seen.ravel(), said.ravel()))
+    seen_left, said_left = (both - basis @ (basis.T @ both)).T
+    product, seen_power, said_power = seen_left @ said_left, seen_left @ seen_left, said_left @ said_left
+    if not (seen_power > 0.0 and said_power > 0.0):
+        return Turning(float("nan"), 0.0, len(seen))
+    correlation = float(product / np.sqrt(seen_power) / np.sqrt(said_power))
+    share = np.sum(said_left.reshape(-1, 3) ** 2, axis=1) / said_power
+    return Turning(float(product / said_power), correlation, len(seen), float(1.0 / (share @ share)))

@@ -1,0 +1,431 @@
+"""Compare an estimate with a reference: associate, align where asked, measure, and keep every decision.
+
+One rule holds throughout: the estimate is judged as it was delivered. Whatever must be converted or aligned, frame,
+declination, time, mounting or heading, is done to the reference, and the result says so.
+"""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from plumbob.core import flags
+from plumbob.core.check import Floats, number, said
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.repr import Shown
+from plumbob.core.units import deg, to_deg
+from plumbob.data import UNCALIBRATED, AttitudeTrack
+from plumbob.evaluation import report
+from plumbob.evaluation.align import (
+    ALIGNMENTS,
+    Alignment,
+    find_heading,
+    find_mounting,
+    find_mounting_and_heading,
+)
+from plumbob.evaluation.associate import Fate, Mask, Match, associate, not_converged
+from plumbob.evaluation.metrics import (
+    GIMBAL_GUARD,
+    NEEDS_HEADING,
+    QUANTITIES,
+    Consistency,
+    Stats,
+    attitude_errors,
+    consistency,
+    total_rmse,
+)
+from plumbob.evaluation.timeshift import find_time_offset
+from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
+from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
+
+if TYPE_CHECKING:
+    pass
+
+RATE_BASELINE = 0.1
+"""Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What was asked for; times in s, angles in rad, None where left to the default."""
+
+    align: tuple[str, ...] = ()
+    max_gap: float | None = None
+    max_offset: float = 1.0
+    declination: float | None = None
+    settle: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Evaluation(Shown):
+    """An estimate judged by a reference.
+
+    Attributes
+    ----------
+    estimate, reference : AttitudeTrack
+        As they were given.
+    settings : Settings
+        As they were asked for.
+    match : Match
+        Which samples met, and why others did not; `match.q_ref` is the reference in the estimate's frame, brought to
+        its times and aligned.
+    alignment : Alignment
+        What was found.
+    errors : mapping of str to ndarray (N,)
+        Error of each quantity that may be scored, rad, at the estimate's times, wherever both are known; NaN before the
+        estimate had converged. The statistics take only the rows where `match.scored`.
+    stats : mapping of str to Stats
+        Of each quantity that is scored.
+    not_scored : mapping of str to str
+        Why the others are not.
+    near_gimbal : int
+        Scored samples without yaw and roll, because a pitch is within `GIMBAL_GUARD` of ±90°.
+    consistency : Consistency or None
+        Where the estimate claims a covariance.
+    reference_rate : float or None
+        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be told.
+    notes : tuple of str
+        What a reader should know.
+    """
+
+    estimate: AttitudeTrack
+    reference: AttitudeTrack
+    settings: Settings
+    match: Match
+    alignment: Alignment
+    errors: Mapping[str, Floats]
+    stats: Mapping[str, Stats]
+    not_scored: Mapping[str, str]
+    near_gimbal: int
+    consistency: Consistency | None
+    reference_rate: float | None
+    notes: tuple[str, ...]
+
+    @property
+    def t(self) -> Floats:
+        """Times of the estimate, s, (N,)."""
+        return self.estimate.t
+
+    @property
+    def not_converged_until(self) -> float | None:
+        """Time of the last sample that is left out because the estimate had not converged, s; None without one."""
+        times = self.t[self.match.fate == Fate.NOT_CONVERGED]
+        return float(times[-1]) if times.size else None
+
+    def flag_counts(self) -> dict[str, int]:
+        """Scored samples that carry each flag of the estimate that occurs."""
+        if self.estimate.flags is None:
+            return {}
+        return flags.counts(self.estimate.flags[self.match.scored])
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, in words: scored samples and the root mean square of each error, degrees."""
+        found = {"scored": f"{int(np.count_nonzero(self.match.scored))} of {len(self.estimate)} samples"}
+        found |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
+        return found | {"source": self.estimate.source.partition("(")[0] or "not named"}
+
+    def summary(self) -> dict[str, Any]:
+        """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluation.report`."""
+        return report.summary(self)
+
+    def text(self) -> str:
+        """Plain table of at most 80 columns."""
+        return report.text(self)
+
+
+class Tracked(Protocol):
+    """What holds an attitude, such as a `plumbob.Recording` with its reference."""
+
+    @property
+    def track(self) -> AttitudeTrack | None:
+        """The attitude."""
+
+
+def evaluate(
+    estimate: AttitudeTrack | Tracked,
+    reference: AttitudeTrack | Tracked,
+    *,
+    align: Collection[str] = (),
+    max_gap: float | None = None,
+    max_offset: float = 1.0,
+    declination: float | None = None,
+    settle: float = 0.0,
+) -> Evaluation:
+    """Judge an estimate by a reference.
+
+    Parameters
+    ----------
+    estimate : AttitudeTrack or Recording
+        Judged at its own times, in its own frame; not where it carries `flags.NOT_CONVERGED`, because nothing had
+        shown there that it is right.
+    reference : AttitudeTrack or Recording
+        The truth; where it has a ``score``, only those samples count. Of a recording, its ``track``.
+    align : collection of {"time", "mounting", "heading"}
+        Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
+        time also removes the delay of a filter.
+    max_gap : float, optional
+        Largest step of the reference that is bridged, s; by default 5 of its median steps.
+    max_offset : float
+        Largest time offset sought, s.
+    declination : float, optional
+        Of the place, rad, east positive; needed where one heading is true and the other magnetic.
+    settle : float
+        Time after the estimate's first sample that is left out, s.
+
+    Returns
+    -------
+    Evaluation
+
+    Raises
+    ------
+    ParameterError
+        If a setting is unknown or out of range, or mounting and heading cannot be told apart.
+    ClockError
+        If the two have no time in common, or no time offset can be found.
+    FrameError
+        If one heading is true, the other magnetic, and neither declination nor alignment bridges them.
+    ShapeError
+        If no sample is left to score, or one of the two is not an attitude and holds none.
+    """
+    estimate, reference = _attitude("estimate", estimate), _attitude("reference", reference)
+    for name, value in (("max_gap", max_gap), ("max_offset", max_offset), ("settle", settle)):
+        if value is not None or name != "max_gap":
+            number(name, value, "s")
+    if declination is not None:
+        number("declination", declination, "rad")
+    settings = Settings(_asked(align), max_gap, max_offset, declination, settle)
+    policy = heading_policy(
+        estimate.north, reference.north, aligned="heading" in settings.align, declination=declination
+    )
+    _refuse_blind_mounting(policy, settings)
+    truth = _in_frame_of(estimate, reference, policy)
+    time = _time_alignment(estimate, truth, settings)
+    match = associate(
+        estimate, truth, max_gap=max_gap, settle=settle, offset=0.0 if time.time is None else time.time.offset
+    )
+    _refuse_empty(estimate, match)
+    alignment = replace(_rotation_alignment(estimate, match, settings), time=time.time)
+    match = replace(match, q_ref=alignment.apply(match.q_ref, estimate.frame))
+    return _measure(estimate, reference, settings, match, alignment, policy)
+
+
+def _attitude(name: str, given: AttitudeTrack | Tracked) -> AttitudeTrack:
+    if isinstance(given, AttitudeTrack):
+        return given
+    if isinstance(held := getattr(given, "track", None), AttitudeTrack):
+        return held
+    what = "has no track" if hasattr(given, "track") else f"is {said(given)}"
+    raise ShapeError(
+        f"{name} must be an AttitudeTrack, or a Recording that has one, but it {what}. A filter's process gives an "
+        "estimate; a file is read with plumbob.read."
+    )
+
+
+def _asked(align: Collection[str]) -> tuple[str, ...]:
+    words = (align,) if isinstance(align, str) or not isinstance(align, Collection) else tuple(align)
+    if unknown := [word for word in words if not isinstance(word, str) or word not in ALIGNMENTS]:
+        raise ParameterError(f"align knows {', '.join(ALIGNMENTS)}, but not {', '.join(map(said, unknown))}.")
+    return tuple(word for word in ALIGNMENTS if word in words)
+
+
+def _refuse_blind_mounting(policy: HeadingPolicy, settings: Settings) -> None:
+    if "mounting" in settings.align and not policy.comparable:
+        raise ParameterError(f"a mounting is found from whole attitudes, but {policy.reason} together with it.")
+
+
+def _in_frame_of(estimate: AttitudeTrack, reference: AttitudeTrack, policy: HeadingPolicy) -> AttitudeTrack:
+    """Reference in the frame and from the north of the estimate; untouched to the last bit where they agree."""
+    if reference.frame is estimate.frame and not policy.turn:
+        return reference
+    q = change_frame(reference.q_nb, to=estimate.frame, from_=reference.frame)
+    return reference.with_attitude(turn_heading(q, policy.turn, estimate.frame), frame=estimate.frame)
+
+
+def _as_converged(estimate: AttitudeTrack) -> AttitudeTrack:
+    """Estimate without what it holds before it has converged: the step or turn away from that is not a motion."""
+    early = not_converged(estimate)
+    return estimate.with_attitude(np.where(early[:, np.newaxis], np.nan, estimate.q_nb)) if early.any() else estimate
+
+
+def _time_alignment(estimate: AttitudeTrack, truth: AttitudeTrack, settings: Settings) -> Alignment:
+    if "time" not in settings.align:
+        return Alignment()
+    offset = find_time_offset(_as_converged(estimate), truth, max_offset=settings.max_offset, max_gap=settings.max_gap)
+    return Alignment(time=offset)
+
+
+def _rotation_alignment(estimate: AttitudeTrack, match: Match, settings: Settings) -> Alignment:
+    q_est, q_ref = estimate.q_nb[match.scored], match.q_ref[match.scored]
+    if {"mounting", "heading"} <= set(settings.align):
+        return find_mounting_and_heading(q_est, q_ref, estimate.frame)
+    if "mounting" in settings.align:
+        return Alignment(mounting=find_mounting(q_est, q_ref))
+    if "heading" in settings.align:
+        return Alignment(heading=find_heading(q_est, q_ref, estimate.frame))
+    return Alignment()
+
+
+def _refuse_empty(estimate: AttitudeTrack, match: Match) -> None:
+    if match.scored.any():
+        return
+    if not_converged(estimate).all():
+        raise ShapeError(
+            f"no sample is left to score: the filter did not converge in {len(estimate)} samples. Give it an attitude "
+            "to start from (--init, Filter(..., init=...)), or a recording with an accelerometer that begins at rest."
+        )
+    why = "; ".join(f"{count} {fate.meaning}" for fate, count in match.counts().items() if fate is not Fate.SCORED)
+    raise ShapeError(f"no sample is left to score. Of {match.fate.size} samples of the estimate: {why}.")
+
+
+def _measure(
+    estimate: AttitudeTrack,
+    reference: AttitudeTrack,
+    settings: Settings,
+    match: Match,
+    alignment: Alignment,
+    policy: HeadingPolicy,
+) -> Evaluation:
+    scored = match.scored
+    errors = attitude_errors(_as_converged(estimate).q_nb, match.q_ref)
+    near_gimbal = int(np.count_nonzero(np.isnan(errors["roll"][scored])))
+    not_scored = dict.fromkeys(() if policy.comparable else NEEDS_HEADING, policy.reason)
+    stats: dict[str, Stats] = {}
+    for name in QUANTITIES:
+        found = None if name in not_scored else Stats.of(errors[name][scored], estimate.t[scored])
+        if found is not None:
+            stats[name] = found
+        else:
+            not_scored.setdefault(name, "pitch is near ±90° in every scored sample")
+    evaluation = Evaluation(
+        estimate=estimate,
+        reference=reference,
+        settings=settings,
+        match=match,
+        alignment=alignment,
+        errors={name: errors[name] for name in stats},
+        stats=stats,
+        not_scored=not_scored,
+        near_gimbal=near_gimbal,
+        consistency=_consistency(estimate, match, policy),
+        reference_rate=_reference_rate(estimate.t, match.q_ref, scored),
+        notes=(),
+    )
+    return replace(evaluation, notes=remarks(evaluation, policy))
+
+
+def _consistency(estimate: AttitudeTrack, match: Match, policy: HeadingPolicy) -> Consistency | None:
+    if estimate.cov_b is None or not policy.comparable:
+        return None
+    rows = match.scored
+    return consistency(estimate.q_nb[rows], match.q_ref[rows], estimate.cov_b[rows])
+
+
+def _reference_rate(t: Floats, q_ref: Floats, scored: Mask) -> float | None:
+    """Rms rate over pairs of scored samples about `RATE_BASELINE` apart, rad/s."""
+    if t.size < 2:
+        return None
+    stride = min(t.size - 1, max(1, round(RATE_BASELINE / float(np.median(np.diff(t))))))
+    both = scored[:-stride] & scored[stride:]
+    if not both.any():
+        return None
+    rate = quat_angle(q_ref[:-stride][both], q_ref[stride:][both]) / (t[stride:][both] - t[:-stride][both])
+    return float(np.sqrt(np.mean(rate * rate)))
+
+
+_SUSPICIOUS = deg(2.0)
+_EXPLAINED = 1.0 / 3.0
+_PROBE = 20_000  # samples that suffice to suspect a constant
+_REPEATS = 0.95
+
+
+def remarks(evaluation: "Evaluation", policy: HeadingPolicy) -> tuple[str, ...]:
+    """Remarks in the order in which things were done; none where there is nothing to say."""
+    found = [_frames(evaluation), policy.note, _repeating_motion(evaluation), _fitted(evaluation)]
+    found += [_gimbal(evaluation), _free_heading(evaluation), _uncalibrated(evaluation)]
+    if policy.comparable and not evaluation.settings.align:
+        found.append(_constant_part(evaluation))
+    return tuple(remark for remark in found if remark)
+
+
+def _frames(e: "Evaluation") -> str:
+    if e.estimate.frame is e.reference.frame:
+        return ""
+    return f"the reference was converted from {e.reference.frame} to the estimate's frame, {e.estimate.frame}"
+
+
+def _repeating_motion(e: "Evaluation") -> str:
+    time = e.alignment.time
+    if time is None or time.rival is None or time.rival_at is None or time.rival < _REPEATS * time.correlation:
+        return ""
+    return (
+        f"the motion repeats: an offset of {1e3 * time.rival_at:+.0f} ms matches nearly as well "
+        f"(correlation {time.rival:.3f} against {time.correlation:.3f})"
+    )
+
+
+def _fitted(e: "Evaluation") -> str:
+    if not e.settings.align:
+        return ""
+    delay = ", and a delay of the filter is not in the errors" if "time" in e.settings.align else ""
+    return f"{', '.join(e.settings.align)} fitted to the samples that are scored{delay}"
+
+
+def _gimbal(e: "Evaluation") -> str:
+    if not e.near_gimbal:
+        return ""
+    return (
+        f"yaw and roll leave out {e.near_gimbal} scored samples with a pitch within {to_deg(GIMBAL_GUARD):.0f}° of ±90°"
+    )
+
+
+def _free_heading(e: "Evaluation") -> str:
+    name = flags.MEANING[flags.HEADING_FREE][0]
+    count = e.flag_counts().get(name, 0)
+    if not count or "heading" in e.not_scored or e.alignment.heading is not None:
+        return ""
+    return (
+        f"{count} scored samples carry {name}: their heading counts from an arbitrary zero and is scored all the same"
+    )
+
+
+def _uncalibrated(e: "Evaluation") -> str:
+    if UNCALIBRATED not in e.estimate.source:
+        return ""
+    return "the estimate was made from uncalibrated sensor values, whose errors are in these figures"
+
+
+def _constant_part(e: "Evaluation") -> str:
+    """Point at a heading or mounting that explains most of the error: conventions or a screw, rather than a filter."""
+    rows = np.flatnonzero(e.match.scored)
+    rows = rows[:: max(1, rows.size // _PROBE)]
+    q_est, q_ref = e.estimate.q_nb[rows], e.match.q_ref[rows]
+    before = total_rmse(q_est, q_ref)
+    if before < _SUSPICIOUS:
+        return ""
+    for name, alignment in _constants(q_est, q_ref, e.estimate.frame):
+        after = total_rmse(q_est, alignment.apply(q_ref, e.estimate.frame))
+        if after < _EXPLAINED * before:
+            return (
+                f"most of the error is {_describe(alignment)}: without it, total RMSE would be {to_deg(after):.2f}° "
+                f"instead of {to_deg(before):.2f}°. If that constant is no error, align it (align=, "
+                f"--align {name})"
+            )
+    return ""
+
+
+def _constants(q_est: Floats, q_ref: Floats, frame: Frame) -> list[tuple[str, Alignment]]:
+    found = []
+    try:
+        found.append(("heading", Alignment(heading=find_heading(q_est, q_ref, frame))))
+        found.append(("mounting", Alignment(mounting=find_mounting(q_est, q_ref))))
+    except ShapeError:  # no constant is better than another, so none explains anything
+        pass
+    return found
+
+
+def _describe(alignment: Alignment) -> str:
+    if alignment.heading is not None:
+        return f"a constant heading of {to_deg(alignment.heading):+.1f}°"
+    angle = to_deg(float(quat_angle(IDENTITY, alignment.mounting if alignment.mounting is not None else IDENTITY)))
+    return f"a constant turn of {angle:.1f}° between the two bodies"

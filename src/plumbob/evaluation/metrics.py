@@ -1,0 +1,234 @@
+"""Errors of an attitude against a reference, sample by sample, their statistics, and whether a claimed sd holds.
+
+Total, heading and inclination are those of the BROAD benchmark [Laidig2021]: with e = q_est ⊗ q_ref⁻¹ in a navigation
+frame whose z axis is vertical, e = (w, x, y, z) is a turn about the vertical after a tilt, and
+
+=============  ==========================  ========================================================
+total          2 acos |w|                  angle of e
+heading        2 atan |z / w|              angle of the turn about the vertical
+inclination    2 acos √(w² + z²)           angle between the vertical and where the estimate puts it
+=============  ==========================  ========================================================
+
+all in [0, π], independent of the sign of a quaternion and the same in ENU, NED and NWU. They are computed by atan2:
+acos loses half of the digits of a small angle.
+
+Yaw, pitch and roll errors are signed, estimate minus reference, in (−π, π]. They are differences of Euler angles, not
+angles of a rotation: near pitch ±90° a small rotation is a large difference, so yaw and roll are left out there.
+
+Does the error fit the covariance that the filter claims? Normalised estimation error squared, [BarShalom2001] 5.4.
+
+With d the attitude error as a rotation vector in body axes and P its claimed covariance, dᵀ P⁻¹ d follows a chi-square
+law of 3 degrees of freedom where the filter is consistent: 3 on average, and within its 95 % bounds in 95 % of the
+samples. Far above, the filter trusts itself too much; far below, too little. Errors of one recording are correlated in
+time, so the bounds of the average over independent runs do not apply to the average over one recording.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.units import deg
+from plumbob.rotations import dcm_from_quat, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
+
+QUANTITIES = ("total", "heading", "inclination", "yaw", "pitch", "roll")
+NEEDS_HEADING = ("total", "heading", "yaw")
+"""Quantities that mean nothing unless both headings count from the same zero."""
+
+GIMBAL_GUARD = deg(5.0)
+"""Distance of a pitch from ±90°, rad, inside which yaw and roll are not scored: there they magnify an error by 11.5."""
+
+
+def attitude_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:
+    """Errors of an estimate, one array (N,) in rad for each of `QUANTITIES`.
+
+    Parameters
+    ----------
+    q_est, q_ref : array_like (N, 4)
+        Attitudes at the same times, in the same frame, whose z axis is vertical. NaN where not known.
+
+    Returns
+    -------
+    dict of str to ndarray (N,)
+        NaN where one of the two is not known; yaw and roll also where one of the two is within `GIMBAL_GUARD` of
+        pitch ±90°.
+    """
+    w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
+    return {
+        "total": 2.0 * np.arctan2(np.sqrt(x * x + y * y + z * z), w),
+        "heading": 2.0 * np.arctan2(z, w),
+        "inclination": 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z)),
+        **_euler_errors(q_est, q_ref),
+    }
+
+
+def error_quat(q_est: Floats, q_ref: Floats) -> Floats:
+    """Error e = q_est ⊗ q_ref⁻¹ in the navigation frame, (N, 4)."""
+    return quat_multiply(q_est, quat_conjugate(q_ref))
+
+
+def total_rmse(q_est: Floats, q_ref: Floats) -> float:
+    """Root mean square of the total error, rad, of attitudes that are all known."""
+    return float(np.sqrt(np.mean(attitude_errors(q_est, q_ref)["total"] ** 2)))
+
+
+def wrap(angle: Floats) -> Floats:
+    """Bring angles, rad, to (−π, π]."""
+    return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+
+
+def _euler_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:
+    est, ref = euler_zyx_from_quat(q_est), euler_zyx_from_quat(q_ref)
+    yaw, pitch, roll = np.moveaxis(wrap(est - ref), -1, 0)
+    steepest = np.maximum(np.abs(est[:, 1]), np.abs(ref[:, 1]))
+    steep = steepest > 0.5 * np.pi - GIMBAL_GUARD
+    return {"yaw": np.where(steep, np.nan, yaw), "pitch": pitch, "roll": np.where(steep, np.nan, roll)}
+
+
+DOF: Final = 3
+CONFIDENCE: Final = 0.95
+BOUNDS: Final = (0.21579528262389797, 9.348403604496148)
+"""Quantiles at (1 ∓ CONFIDENCE) / 2 of a chi-square variable of DOF degrees of freedom, as SciPy's `gammaincinv` gives
+them, whose import would take longer than the whole judgement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Consistency:
+    """Agreement of errors with their claimed covariance.
+
+    Attributes
+    ----------
+    mean : float
+        Mean of dᵀ P⁻¹ d; `DOF` is expected.
+    lower, upper : float
+        Bounds that hold a consistent sample with probability `CONFIDENCE`.
+    share_inside : float
+        Share of samples between them.
+    count : int
+        Samples used.
+    unusable : int
+        Samples left out because their covariance is not positive definite.
+    """
+
+    mean: float
+    lower: float
+    upper: float
+    share_inside: float
+    count: int
+    unusable: int
+
+
+def nees(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Floats:
+    """Squared errors dᵀ P⁻¹ d, (N,); NaN where the covariance is not positive definite.
+
+    Parameters
+    ----------
+    q_est, q_ref : ndarray (N, 4)
+        Attitudes, known in every row.
+    cov_b : ndarray (N, 3, 3)
+        Claimed covariance of the error as a rotation vector in body axes, rad².
+    """
+    d = rotvec_from_quat(quat_multiply(quat_conjugate(q_est), q_ref))
+    usable = _positive_definite(cov_b)
+    squared = np.full(d.shape[0], np.nan)
+    weighted = np.linalg.solve(cov_b[usable], d[usable, :, np.newaxis])[..., 0]
+    squared[usable] = np.sum(d[usable] * weighted, axis=1)
+    return squared
+
+
+def consistency(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Consistency | None:
+    """Judge claimed covariances (N, 3, 3) of attitudes (N, 4); None where none is usable."""
+    squared = nees(q_est, q_ref, cov_b)
+    usable = squared[np.isfinite(squared)]
+    if not usable.size:
+        return None
+    lower, upper = BOUNDS
+    inside = (usable >= lower) & (usable <= upper)
+    return Consistency(
+        mean=float(np.mean(usable)),
+        lower=lower,
+        upper=upper,
+        share_inside=float(np.mean(inside)),
+        count=int(usable.size),
+        unusable=int(squared.size - usable.size),
+    )
+
+
+def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
+    """Standard deviations (N,), rad, that a covariance claims for inclination and heading, to first order.
+
+    The error's two level parts in the navigation frame make the inclination, its vertical part the heading; so a
+    consistent filter's errors have these rms values. NaN where nothing is claimed yet: a variance that is not positive.
+    """
+    c_nb = dcm_from_quat(q_nb)
+    xx, yy, zz = np.moveaxis(np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb), -1, 0)
+    return _sd(xx + yy), _sd(zz)
+
+
+def _sd(variance: Floats) -> Floats:
+    return np.sqrt(np.where(variance > 0.0, variance, np.nan))
+
+
+def _positive_definite(p: Floats) -> NDArray[np.bool_]:
+    """Sylvester's criterion: all leading minors are positive (NaN is not)."""
+    second = p[:, 0, 0] * p[:, 1, 1] - p[:, 0, 1] * p[:, 1, 0]
+    third = np.sum(p[:, 0] * np.cross(p[:, 1], p[:, 2]), axis=1)
+    return np.asarray((p[:, 0, 0] > 0.0) & (second > 0.0) & (third > 0.0))
+
+
+PERCENTILES = (50, 95, 99)
+
+
+@dataclass(frozen=True, slots=True)
+class Stats:
+    """What is told about an error; angles in rad.
+
+    Attributes
+    ----------
+    count : int
+        Samples.
+    rmse : float
+        Root mean square: the constant part is in it.
+    mean, std : float
+        The constant part, and what remains without it: rmse² = mean² + std². A std alone hides a constant error.
+    max_abs : float
+        Largest magnitude.
+    max_at : float
+        Time of it, s.
+    p50, p95, p99 : float
+        Percentiles of the magnitude, interpolated linearly.
+    """
+
+    count: int
+    rmse: float
+    mean: float
+    std: float
+    max_abs: float
+    max_at: float
+    p50: float
+    p95: float
+    p99: float
+
+    @classmethod
+    def of(cls, error: Floats, t: Floats) -> Self | None:
+        """Statistics of the values (N,) that are not NaN, at times (N,); None where there is none."""
+        keep = np.isfinite(error)
+        if not keep.any():
+            return None
+        values, times = error[keep], t[keep]
+        size = np.abs(values)
+        worst = int(np.argmax(size))
+        p50, p95, p99 = (float(p) for p in np.percentile(size, PERCENTILES))
+        return cls(
+            count=int(values.size),
+            rmse=float(np.sqrt(np.mean(values * values))),
+            mean=float(np.mean(values)),
+            std=float(np.std(values)),
+            max_abs=float(size[worst]),
+            max_at=float(times[worst]),
+            p50=p50,
+            p95=p95,
+            p99=p99,
+        )

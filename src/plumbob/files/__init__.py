@@ -1,0 +1,50 @@
+"""Files: `read` and `write` choose the format by the suffix; `FORMATS` lists what there is."""
+
+from typing import TYPE_CHECKING
+
+from plumbob.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from plumbob.files.formats import FORMATS, Format, read, write
+    from plumbob.files.notes import findings, found_in, inferred, inferred_in
+    from plumbob.files.numbers import Numbers, open_numbers
+    from plumbob.files.profile import Profile
+    from plumbob.files.profile_toml import load_profile, parse_profile
+    from plumbob.files.recording import Recording
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "FORMATS": "formats",
+        "Format": "formats",
+        "Numbers": "numbers",
+        "Profile": "profile",
+        "Recording": "recording",
+        "findings": "notes",
+        "found_in": "notes",
+        "inferred": "notes",
+        "inferred_in": "notes",
+        "load_profile": "profile_toml",
+        "open_numbers": "numbers",
+        "parse_profile": "profile_toml",
+        "read": "formats",
+        "write": "formats",
+    },
+)
+
+__all__ = [
+    "FORMATS",
+    "Format",
+    "Numbers",
+    "Profile",
+    "Recording",
+    "findings",
+    "found_in",
+    "inferred",
+    "inferred_in",
+    "load_profile",
+    "open_numbers",
+    "parse_profile",
+    "read",
+    "write",
+]

@@ -1,0 +1,134 @@
+"""Columns between Arrow and NumPy by their buffers: Arrow's own conversions import pandas wherever it is installed.
+
+What the pages of a Parquet file unpack to, by the headers in front of them.
+
+Arrow believes a page's own size, whatever the table of contents says of its column: 33 kB unpacked to a gigabyte.
+Headers are in Thrift's compact protocol (parquet.thrift, PageHeader; thrift-compact-protocol.md).
+"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.errors import DecodeError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+
+def numbers_of(column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
+    """Numbers (N,) of a column; where some are missing, float64 with NaN."""
+    import pyarrow as pa
+
+    if column.null_count:
+        column = column.cast(pa.float64()).fill_null(math.nan)  # type: ignore[arg-type]
+    elif column.type == pa.bool_():
+        column = column.cast(pa.uint8())
+    parts = [np.from_dlpack(chunk) for chunk in column.chunks]
+    if len(parts) == 1:
+        return parts[0]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+def column_of(values: NDArray[Any]) -> "pa.Array[Any]":
+    """Arrow column of numbers (N,), which share its memory; of truths, eight to a byte."""
+    import pyarrow as pa
+
+    whole = np.ascontiguousarray(values)
+    stored = np.packbits(whole, bitorder="little") if whole.dtype == bool else whole
+    return pa.Array.from_buffers(pa.from_numpy_dtype(whole.dtype), whole.size, [None, pa.py_buffer(stored.data)])
+
+
+_UNPACKED, _STORED = 2, 3  # fields of a PageHeader
+_HEADER_BYTES: Final = 64 * 1024
+_DEPTH: Final = 8
+_BOOLEANS, _BYTE, _INTEGERS, _DOUBLE, _TEXT, _STRUCT = (1, 2), 3, (4, 5, 6), 7, 8, 12  # types of a field
+
+
+def unpacked_bytes(file: Path, contents: "pq.FileMetaData") -> int:
+    """Bytes that the pages of all columns say that they unpack to.
+
+    Raises
+    ------
+    DecodeError
+        If a page lies outside the file, or its header is damaged.
+    """
+    size, total = file.stat().st_size, 0
+    with file.open("rb") as stream:
+        for group in range(contents.num_row_groups):
+            for number in range(contents.num_columns):
+                column = contents.row_group(group).column(number)
+                start = min(filter(None, (column.dictionary_page_offset, column.data_page_offset)), default=0)
+                end = start + column.total_compressed_size
+                if not 0 < start <= end <= size:
+                    raise DecodeError("its table of contents names a place outside it; take a copy that is whole.")
+                stream.seek(start)
+                total += _of_pages(stream.read(end - start))
+    return total
+
+
+def _of_pages(chunk: bytes) -> int:
+    """Bytes that a column chunk unpacks to."""
+    at, total = 0, 0
+    while at < len(chunk):
+        header = _Header(chunk, at)
+        unpacked, stored = header.fields.get(_UNPACKED, -1), header.fields.get(_STORED, -1)
+        if unpacked < 0 or stored < 0 or header.after + stored > len(chunk):
+            raise DecodeError("a page of it is damaged; take a copy that is whole.")
+        total += unpacked
+        at = header.after + stored
+    return total
+
+
+class _Header:
+    """Whole numbers of a struct by their field numbers, and where it ends; its other fields are passed over."""
+
+    def __init__(self, data: bytes, at: int) -> None:
+        self._data = data[at : at + _HEADER_BYTES]
+        self._at = 0
+        try:
+            self.fields = self._struct(0)
+        except IndexError as error:
+            raise DecodeError("the header of a page is cut; take a copy that is whole.") from error
+        self.after = at + self._at
+
+    def _struct(self, depth: int) -> dict[int, int]:
+        fields, number = {}, 0
+        while head := self._byte():
+            step, kind = head >> 4, head & 15
+            number = number + step if step else self._integer()
+            if kind in _INTEGERS:
+                fields[number] = self._integer()
+            elif kind == _STRUCT and depth < _DEPTH:
+                self._struct(depth + 1)
+            else:
+                self._pass_over(kind)
+        return fields
+
+    def _pass_over(self, kind: int) -> None:
+        if kind in (_BYTE, _DOUBLE):
+            self._at += 1 if kind == _BYTE else 8
+        elif kind == _TEXT:
+            size = self._unsigned()
+            self._at += size
+        elif kind not in _BOOLEANS:
+            raise DecodeError(f"the header of a page holds a field of type {kind}; take a copy that is whole.")
+
+    def _byte(self) -> int:
+        self._at += 1
+        return self._data[self._at - 1]
+
+    def _unsigned(self) -> int:
+        value, shift = 0, 0
+        while (part := self._byte()) & 0x80:
+            value |= (part & 0x7F) << shift
+            shift += 7
+        return value | part << shift
+
+    def _integer(self) -> int:
+        value = self._unsigned()
+        return value >> 1 ^ -(value & 1)

@@ -1,0 +1,273 @@
+"""MCAP as this project writes it: records, names of parts, channels and their rules (https://mcap.dev/spec).
+
+Records that are written ten or more times a second are packed here; the others by the MCAP library.
+"""
+
+import re
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Literal, Self
+
+from plumbob.core.errors import ParameterError
+
+if TYPE_CHECKING:
+    from mcap.data_stream import ReadDataStream
+    from mcap.records import McapRecord
+
+MAGIC: Final = b"\x89MCAP0\r\n"
+
+HEADER: Final = 0x01
+FOOTER: Final = 0x02
+SCHEMA: Final = 0x03
+CHANNEL: Final = 0x04
+MESSAGE: Final = 0x05
+CHUNK: Final = 0x06
+MESSAGE_INDEX: Final = 0x07
+CHUNK_INDEX: Final = 0x08
+STATISTICS: Final = 0x0B
+METADATA: Final = 0x0C
+METADATA_INDEX: Final = 0x0D
+SUMMARY_OFFSET: Final = 0x0E
+DATA_END: Final = 0x0F
+
+RECORD_HEAD: Final = struct.Struct("<BQ")  # opcode, length of what follows
+MESSAGE_HEAD: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+CHUNK_HEAD: Final = struct.Struct("<BQQQQII")  # opcode, length, first, last, plain size, CRC, length of compression
+INDEX_HEAD: Final = struct.Struct("<BQHI")  # opcode, length, channel, bytes of entries
+FOOTER_BODY: Final = struct.Struct("<QQI")  # start of the summary, start of its offsets, CRC
+SIZE: Final = struct.Struct("<Q")
+CRC: Final = struct.Struct("<I")
+
+FOOTER_SIZE: Final = RECORD_HEAD.size + FOOTER_BODY.size
+DATA_END_SIZE: Final = RECORD_HEAD.size + CRC.size
+SEQUENCES: Final = 1 << 32
+"""Sequence numbers of messages are 32 bits wide on disk, and start over."""
+
+
+def encode(record: "McapRecord") -> bytes:
+    """Bytes of a record of the MCAP library, with opcode and length."""
+    from mcap.data_stream import RecordBuilder
+
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+def chunk_record(content: bytes, stored: bytes, compression: str, first: int, last: int) -> bytes:
+    """Chunk of `content`, which is `stored` compressed; `first` and `last` are log times, ns."""
+    name = compression.encode()
+    head = CHUNK_HEAD.pack(
+        CHUNK,
+        chunk_length(len(name), len(stored)),
+        first,
+        last,
+        len(content),
+        zlib.crc32(content),
+        len(name),
+    )
+    return b"".join((head, name, SIZE.pack(len(stored)), stored))
+
+
+def chunk_length(name: int, stored: int) -> int:
+    """Length that a chunk record states: everything after opcode and length."""
+    return CHUNK_HEAD.size - RECORD_HEAD.size + name + SIZE.size + stored
+
+
+def index_records(entries: Mapping[int, Sequence[int]]) -> dict[int, bytes]:
+    """Message index record of each channel.
+
+    Parameters
+    ----------
+    entries : mapping of int to sequence of int
+        Per channel, log time and offset in the chunk's content, in turn.
+    """
+    return {
+        channel: INDEX_HEAD.pack(MESSAGE_INDEX, 6 + 8 * len(flat), channel, 8 * len(flat))
+        + struct.pack(f"<{len(flat)}Q", *flat)
+        for channel, flat in entries.items()
+    }
+
+
+SUFFIX: Final = ".mcap"
+UTC_FIELD: Final = "{utc}"
+"""What a name may hold for the time of the start."""
+
+
+def dated(path: str, utc_ns: int) -> str:
+    """Name with the time of the start, as 20260314T150926Z: it sorts by time, and every file system takes it.
+
+    Parameters
+    ----------
+    path : str
+        Name that may hold ``{utc}``.
+    utc_ns : int
+        UTC, ns since 1970.
+
+    Raises
+    ------
+    ParameterError
+        If another word stands in braces.
+    """
+    for place in re.findall(r"\{[^{}]*\}", path):
+        if place != UTC_FIELD:
+            raise ParameterError(f"{path}: a name can hold {UTC_FIELD} for the time of the start, but not {place}.")
+    return path.replace(UTC_FIELD, f"{datetime.fromtimestamp(utc_ns // 10**9, UTC):%Y%m%dT%H%M%SZ}")
+
+
+def next_path(path: Path) -> Path:
+    """The name itself where nothing has it, else the name of the next part."""
+    parts = existing_parts(path)
+    return part_path(path, number_of(path, parts[-1]) + 1) if parts else path
+
+
+def number_of(path: Path, part: Path) -> int:
+    """Number of a part that `existing_parts` found."""
+    return 1 if part.name == path.name else int(part.stem.rpartition(".")[2])
+
+
+def part_path(path: Path, part: int) -> Path:
+    """Path of a part; the first has the name of the recording."""
+    return path if part == 1 else path.with_name(f"{path.stem}.{part:04d}{path.suffix}")
+
+
+def existing_parts(path: Path) -> list[Path]:
+    """Parts of a recording that are there, in order of their numbers."""
+    if not path.parent.is_dir():
+        return []
+    pattern = re.compile(rf"{re.escape(path.stem)}\.(\d{{4,}}){re.escape(path.suffix)}")
+    found = {1: path} if path.exists() else {}
+    for other in path.parent.iterdir():
+        if (match := pattern.fullmatch(other.name)) and int(match[1]) > 1:
+            found[int(match[1])] = other
+    return [found[part] for part in sorted(found)]
+
+
+State = Literal["new", "recording", "stopped", "closed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a recording is written; see `Recorder`, whose units these are."""
+
+    path: Path
+    rotate: float | None
+    rotate_bytes: int | None
+    reserve: int
+    fsync: float | None
+    compression: str
+    first: int = 1
+    """Number of the first part."""
+
+
+RECORDING_KEY: Final = "plumbob.recording"
+OFFSET_KEY: Final = "plumbob.epoch_offset_ns"
+
+
+@dataclass(frozen=True, slots=True)
+class Schema:
+    """What the messages of a channel hold.
+
+    Attributes
+    ----------
+    name : str
+        Name of the type.
+    encoding : str
+        Language of the schema, such as ``"jsonschema"``.
+    data : bytes
+        The schema itself.
+    """
+
+    name: str
+    encoding: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """A channel as it stands in a file.
+
+    Attributes
+    ----------
+    topic : str
+        Name, unique in the recording.
+    encoding : str
+        Encoding of the messages, such as ``"json"``.
+    schema : Schema or None
+        What the messages hold.
+    metadata : mapping of str to str
+        What else the channel's owner said.
+    recording : str
+        The recording it belongs to; empty in a file that Plumbob has not written.
+    epoch_offset_ns : int
+        What was added to the monotonic clock to get the times in the file, ns.
+    """
+
+    topic: str
+    encoding: str
+    schema: Schema | None = None
+    metadata: Mapping[str, str] = field(default_factory=dict)
+    recording: str = ""
+    epoch_offset_ns: int = 0
+
+    def records(self, number: int) -> tuple[bytes, bytes]:
+        """Schema record (empty without a schema) and channel record; schema and channel have the same number."""
+        from mcap import records
+
+        schema = b""
+        if self.schema is not None:
+            schema = encode(
+                records.Schema(
+                    id=number, name=self.schema.name, encoding=self.schema.encoding, data=bytes(self.schema.data)
+                )
+            )
+        own = {RECORDING_KEY: self.recording, OFFSET_KEY: str(self.epoch_offset_ns)}
+        channel = records.Channel(
+            id=number,
+            topic=self.topic,
+            message_encoding=self.encoding,
+            metadata={**self.metadata, **own},
+            schema_id=number if self.schema is not None else 0,
+        )
+        return schema, encode(channel)
+
+    @classmethod
+    def parse(cls, body: bytes, schema: Schema | None) -> Self:
+        """Channel from the body of its record.
+
+        Raises
+        ------
+        ValueError, struct.error, mcap.exceptions.McapError
+            If the body is damaged.
+        """
+        from mcap import records
+
+        found = records.Channel.read(_stream(body))
+        metadata = dict(found.metadata)
+        return cls(
+            topic=found.topic,
+            encoding=found.message_encoding,
+            schema=schema,
+            recording=metadata.pop(RECORDING_KEY, ""),
+            epoch_offset_ns=int(metadata.pop(OFFSET_KEY, "0")),
+            metadata=metadata,
+        )
+
+
+def parse_schema(body: bytes) -> Schema:
+    """Schema from the body of its record; raises as `Channel.parse` does."""
+    from mcap import records
+
+    found = records.Schema.read(_stream(body))
+    return Schema(found.name, found.encoding, found.data)
+
+
+def _stream(body: bytes) -> "ReadDataStream":
+    from io import BytesIO
+
+    from mcap.data_stream import ReadDataStream
+
+    return ReadDataStream(BytesIO(body))

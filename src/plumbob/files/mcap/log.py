@@ -1,0 +1,447 @@
+"""Read a recording: every row that is whole, in the order of the files, and a list of what is not."""
+
+from bisect import bisect_right
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
+from os import PathLike
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from plumbob.core.errors import DecodeError
+from plumbob.files.mcap import layout
+from plumbob.files.mcap.identity import Identity, identify
+from plumbob.files.mcap.info import PartInfo
+from plumbob.files.mcap.layout import Channel
+from plumbob.files.mcap.resync import Source
+from plumbob.files.mcap.scan import Block, Damage, Scan
+
+
+class Ledger:
+    """Sequence numbers of one channel.
+
+    Parameters
+    ----------
+    base : int or None
+        First number that can come; None where nobody knows.
+
+    Attributes
+    ----------
+    next : int or None
+        One more than the largest number that has come.
+    missing : int
+        How many numbers are missing.
+    """
+
+    def __init__(self, base: int | None) -> None:
+        self.next = base
+        self.missing = 0
+        self._holes: list[tuple[int, int]] = []  # in order
+
+    def place(self, on_disk: int) -> int:
+        """Number that 32 bits on disk mean: the one that is nearest to the number expected."""
+        if self.next is None:
+            return on_disk
+        half = layout.SEQUENCES // 2
+        return self.next + (on_disk - self.next + half) % layout.SEQUENCES - half
+
+    def is_new(self, low: int, count: int) -> bool:
+        """Whether none of the `count` numbers from `low` on has come before."""
+        if self.next is None or low >= self.next:
+            return True
+        i = self._hole_before(low)
+        return i >= 0 and low + count <= self._holes[i][1]
+
+    def take(self, low: int, count: int) -> None:
+        """Take in numbers that are new."""
+        if self.next is None or low >= self.next:
+            self.reach(low)
+            self.next = low + count
+            return
+        i = self._hole_before(low)
+        a, b = self._holes[i]
+        self.missing -= count
+        self._holes[i : i + 1] = [hole for hole in ((a, low), (low + count, b)) if hole[0] < hole[1]]
+
+    def reach(self, end: int) -> None:
+        """All numbers before `end` should have come."""
+        if self.next is not None and end > self.next:
+            self._holes.append((self.next, end))
+            self.missing += end - self.next
+        if self.next is None or end > self.next:
+            self.next = end
+
+    def _hole_before(self, low: int) -> int:
+        """Place of the last hole that begins at `low` or before."""
+        return bisect_right(self._holes, low, key=itemgetter(0)) - 1
+
+
+UNKNOWN_NS: Final = 10_000_000_000
+"""Distance of two starts of which no clock tells it, ns."""
+
+
+class LogMessage(NamedTuple):
+    """A row of a recording.
+
+    Attributes
+    ----------
+    channel : Channel
+        Its channel.
+    sequence : int
+        Which row of its channel, from 0; in files of other programs whatever they wrote.
+    t_ns : int
+        Host's monotonic clock, ns; in files of other programs the log time.
+    data : bytes
+        The message.
+    """
+
+    channel: Channel
+    sequence: int
+    t_ns: int
+    data: bytes
+
+    @property
+    def topic(self) -> str:
+        """Topic of its channel."""
+        return self.channel.topic
+
+
+@dataclass(slots=True)
+class _Run:
+    """What a recorder wrote from one start to its end.
+
+    Attributes
+    ----------
+    recording : str or None
+        Its name.
+    boot : str
+        Which start of the host it was, whose monotonic clock counts from it; empty where that is not known.
+    base : dict of str to int
+        Rows per topic that the starts before it wrote.
+    damages : int
+        How many damages belong to them.
+    shift_ns : int or None
+        What is added to its times; None where the wall clock has to tell.
+    begun : bool
+        Whether a row of it has come.
+    """
+
+    recording: str | None
+    boot: str = ""
+    base: dict[str, int] = field(default_factory=dict)
+    damages: int = 0
+    shift_ns: int | None = None
+    begun: bool = False
+
+
+class Log:
+    """A recording to be read, as `open_log` returns it. Each iteration reads it anew, holding one chunk at a time.
+
+    Parameters
+    ----------
+    parts : sequence of Identity
+        Its files, in order.
+
+    Attributes
+    ----------
+    damage : list of Damage
+        What is wrong with the files, as far as they have been read.
+    dropped : dict of str to int
+        Rows per topic that the recorder gave up itself, and said so.
+    unchecked : int
+        Chunks, and messages outside chunks, that came without a CRC; only in files of other programs.
+    clean : bool
+        Whether every part has its end; known once all has been read. A crash leaves none.
+
+    Notes
+    -----
+    Where a recorder was started again and went on with the next part, sequence numbers and times go on too.
+    """
+
+    def __init__(self, parts: Sequence[Identity]) -> None:
+        self._parts = tuple(parts)
+        self._infos: dict[Path, PartInfo] = {part.path: part.info for part in parts if part.info is not None}
+        self._start()
+
+    def again(self) -> "Log":
+        """The same recording, to be read beside this one."""
+        return Log(self._parts)
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """The files."""
+        return tuple(part.path for part in self._parts)
+
+    @property
+    def recording(self) -> str | None:
+        """Name of the recording; empty where it cannot be told any more, None in files of other programs."""
+        return next((part.recording for part in self._parts if part.recording), self._parts[0].recording)
+
+    @property
+    def starts(self) -> int:
+        """How often a recorder was started to write it."""
+        return max(1, len({part.recording for part in self._parts if part.recording}))
+
+    @property
+    def first_info(self) -> PartInfo | None:
+        """What the first part says about itself."""
+        return self._parts[0].info
+
+    @property
+    def metadata(self) -> Mapping[str, str]:
+        """What the recording's owner said of the whole."""
+        return next((info.metadata for info in self._infos.values()), {})
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Rows per topic that are missing, as sequence numbers tell, besides those that the recorder dropped."""
+        missing = {topic: ledger.missing - self.dropped.get(topic, 0) for topic, ledger in self._ledgers.items()}
+        return {topic: count for topic, count in missing.items() if count > 0}
+
+    @property
+    def missing(self) -> dict[str, int]:
+        """Rows per topic that are missing for whatever reason."""
+        return {topic: ledger.missing for topic, ledger in self._ledgers.items() if ledger.missing}
+
+    @property
+    def ends(self) -> dict[str, int]:
+        """Per topic, one more than the last sequence number that is known of."""
+        return {topic: ledger.next for topic, ledger in self._ledgers.items() if ledger.next is not None}
+
+    def __iter__(self) -> Iterator[LogMessage]:
+        for block in self.blocks():
+            yield from block
+
+    def blocks(self) -> Iterator[list[LogMessage]]:
+        """Rows of one chunk after the other."""
+        self._start()
+        for part in self._parts:
+            self._begin_part(part)
+            with Source(part.path) as source:
+                scan = Scan(source, self._run.recording or self.recording)
+                for item in scan.items():
+                    if isinstance(item, Damage):
+                        self.damage.append(item)
+                        continue
+                    rows = self._foreign(item) if self.recording is None else self._own(part.path, item)
+                    if rows:
+                        yield rows
+            self._end_part(part, scan)
+
+    def _start(self) -> None:
+        self.damage: list[Damage] = []
+        self.dropped: dict[str, int] = {}
+        self.unchecked = 0
+        self.clean = True
+        self._ledgers: dict[str, Ledger] = {}
+        self._last_part: int | None = None
+        self._run = _Run(self.recording)
+        self._channels: dict[str, Channel] = {}
+        self._origin_ns: int | None = None
+        self._latest_ns: int | None = None
+
+    @property
+    def shift_ns(self) -> int:
+        """What was added to the times of the latest rows, ns.
+
+        After a restart of the host its monotonic clock counts from another moment, and rows go on by the wall clock.
+        """
+        return self._run.shift_ns or 0
+
+    # --- parts --------------------------------------------------------------------------------------------------
+
+    def _begin_part(self, part: Identity) -> None:
+        goes_on = not part.recording or part.recording == self._run.recording
+        if part.info is not None and self._last_part is not None and part.info.part > self._last_part + 1:
+            absent = f"parts {self._last_part + 1} to {part.info.part - 1} of the recording are not here, or are empty"
+            self.damage.append(Damage(part.path, 0, 0, absent, certain=goes_on))
+        if not goes_on:
+            same_boot = part.info is not None and part.info.boot == self._run.boot != ""
+            shift_ns = self._run.shift_ns if same_boot else None
+            self._run = _Run(part.recording, "", dict(self.ends), len(self.damage), shift_ns)
+        if part.info is not None:
+            self._last_part, self._run.boot = part.info.part, part.info.boot
+            self._settle(part.info.starts)
+
+    def _end_part(self, part: Identity, scan: Scan) -> None:
+        self.clean &= scan.clean
+        self.unchecked += scan.unchecked
+        if scan.orphans:
+            self.damage.append(Damage(part.path, 0, 0, f"{scan.orphans} rows belong to channels that are not declared"))
+        info = scan.info or part.info
+        if info is not None and info.ends is None and scan.clean:  # its last word is damaged, its summary is not
+            self._settle({topic: info.starts.get(topic, 0) + count for topic, count in scan.counts.items()})
+        if info is None or info.ends is None:
+            return
+        for topic, count in info.dropped.items():
+            self.dropped[topic] = self.dropped.get(topic, 0) + count
+        self._settle(info.ends)
+
+    def _settle(self, reached: Mapping[str, int]) -> None:
+        """All rows before these numbers should have come: what is missing belongs to the damages so far."""
+        before, since = self.missing, self._run.damages
+        for topic, end in reached.items():
+            self._ledger(topic).reach(self._run.base.get(topic, 0) + end)
+        self._attribute(before)
+        self.damage[since:] = [replace(damage, certain=True) for damage in self.damage[since:]]
+
+    # --- rows ---------------------------------------------------------------------------------------------------
+
+    def _foreign(self, block: Block) -> list[LogMessage]:
+        rows, channels = block.rows, block.channels
+        return [
+            LogMessage(channels[number], sequence, log_time - channels[number].epoch_offset_ns, data)
+            for number, sequence, log_time, data in rows
+        ]
+
+    def _own(self, path: Path, block: Block) -> list[LogMessage]:
+        """Rows of a chunk, unless they have come before."""
+        lows: dict[int, int] = {}
+        counts: dict[int, int] = {}
+        for number, sequence, _, _ in block.rows:
+            lows.setdefault(number, sequence)
+            counts[number] = counts.get(number, 0) + 1
+        offset = self._offset_of(block)
+        channels = {number: self._joined(block.channels[number]) for number in lows}
+        ledgers = {number: self._ledger(channels[number].topic) for number in lows}
+        base = {number: self._run.base.get(channel.topic, 0) for number, channel in channels.items()}
+        places = {number: ledgers[number].place(base[number] + low) for number, low in lows.items()}
+        if not all(ledgers[number].is_new(places[number], count) for number, count in counts.items()):
+            self.damage.append(Damage(path, block.offset, 0, "a chunk stands here once more; its rows are left out"))
+            return []
+        if any(places[number] < (ledger.next or 0) for number, ledger in ledgers.items()):
+            self.damage.append(Damage(path, block.offset, 0, "a chunk stands out of order; its rows are whole"))
+        before = self.missing
+        for number, count in counts.items():
+            ledgers[number].take(places[number], count)
+        self._attribute(before)
+        found = [
+            LogMessage(
+                channels[number],
+                places[number] + (sequence - lows[number]) % layout.SEQUENCES,
+                log_time - offset,
+                data,
+            )
+            for number, sequence, log_time, data in block.rows
+        ]
+        self._latest_ns = max(row.t_ns for row in found)
+        return found
+
+    def _offset_of(self, block: Block) -> int:
+        """What is taken from the times of a block, ns; by a clock set back, a start comes `UNKNOWN_NS` later."""
+        number, _, log_time, _ = block.rows[0]
+        offset, run = block.channels[number].epoch_offset_ns, self._run
+        if self._origin_ns is None:
+            self._origin_ns = offset
+        if not run.begun:
+            run.begun = True
+            run.shift_ns = offset - self._origin_ns if run.shift_ns is None else run.shift_ns
+            first_ns = log_time - offset + run.shift_ns
+            if self._latest_ns is not None and first_ns <= self._latest_ns:
+                run.shift_ns += self._latest_ns + UNKNOWN_NS - first_ns
+        return offset - self.shift_ns
+
+    def _joined(self, channel: Channel) -> Channel:
+        """Channel as the first start wrote it."""
+        if self._run.recording == self.recording or self._origin_ns is None:
+            return channel
+        known = self._channels.get(channel.topic)
+        if known is None:
+            known = replace(channel, recording=self.recording or "", epoch_offset_ns=self._origin_ns)
+            self._channels[channel.topic] = known
+        return known
+
+    def _ledger(self, topic: str) -> Ledger:
+        ledger = self._ledgers.get(topic)
+        if ledger is None:
+            first = self.first_info
+            ledger = self._ledgers[topic] = Ledger(None if first is None else first.starts.get(topic, 0))
+        return ledger
+
+    def _attribute(self, before: Mapping[str, int]) -> None:
+        """Rows that are newly known to be missing belong to the last damage that may have held rows."""
+        new = {topic: count - before.get(topic, 0) for topic, count in self.missing.items()}
+        new = {topic: count for topic, count in new.items() if count > 0}
+        place = (
+            next((i for i in reversed(range(self._run.damages, len(self.damage))) if not self.damage[i].certain), None)
+            if new
+            else None
+        )
+        if place is not None:
+            damage = self.damage[place]
+            lost = {topic: damage.lost.get(topic, 0) + new.get(topic, 0) for topic in {**damage.lost, **new}}
+            self.damage[place] = replace(damage, lost=lost)
+
+
+def open_log(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Log:
+    """Open a recording, whole or damaged, or an MCAP file of another program.
+
+    Parameters
+    ----------
+    path : path or sequence of path
+        The name that the recorder was given, for all parts of a recording; one part, for this part; a folder that
+        holds the parts of one recording and nothing else; or a list of parts.
+
+    Raises
+    ------
+    DecodeError
+        If there is no such file, it is not MCAP, or the files are not of one recording.
+    """
+    files = _files(path)
+    found = _identified(files, strict=not isinstance(path, str | PathLike))
+    if all(part.info is not None for part in found):
+        found.sort(key=lambda part: part.info.part if part.info else 0)
+    if other := _other_recording(found):
+        raise DecodeError(
+            f"{files[0].parent} holds parts of several recordings ({', '.join(file.name for file in files[:6])}): "
+            f"{other.path.name} does not go on from the part before it. Name the parts of one."
+        )
+    return Log(found)
+
+
+def _other_recording(parts: Sequence[Identity]) -> Identity | None:
+    """First part that belongs neither to the recording of those before it nor to one that goes on from it."""
+    known: list[Identity] = []
+    for part in parts:
+        if known and (part.recording is None or known[-1].recording is None):
+            return part
+        if known and part.recording not in {"", known[-1].recording} and not _goes_on(known, part):
+            return part
+        if part.recording != "":
+            known.append(part)
+    return None
+
+
+def _goes_on(known: Sequence[Identity], part: Identity) -> bool:
+    """Whether a part of another name goes on from those before it; one whose beginning is damaged cannot tell."""
+    before, info = known[-1].info, part.info
+    if part.recording in {other.recording for other in known}:
+        return False
+    later = info is None or before is None or info.part > before.part
+    return later and (info is None or info.follows is not None)
+
+
+def _identified(files: Sequence[Path], strict: bool) -> list[Identity]:
+    """Whose files these are; among parts found by their names, one of which nothing is left is damage, no error."""
+    found, refused = [], []
+    for file in files:
+        try:
+            found.append(identify(file))
+        except DecodeError as error:
+            refused.append(error)
+            found.append(Identity(file, ""))
+    if refused and (strict or len(refused) == len(files)):
+        raise refused[0]
+    return found
+
+
+def _files(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Path]:
+    if not isinstance(path, str | PathLike):
+        files = [Path(one) for one in path]
+    elif Path(path).is_dir():
+        files = sorted(Path(path).glob(f"*{layout.SUFFIX}"))
+    else:
+        files = layout.existing_parts(Path(path))
+    if not files:
+        raise DecodeError(f"{path} is no recording: there is no such file, or no {layout.SUFFIX} file in it.")
+    return files

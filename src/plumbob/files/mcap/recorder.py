@@ -1,0 +1,344 @@
+"""Write a recording: rows from the caller's loop, who never waits for the disk."""
+
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from operator import index
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import Final, Self
+
+from plumbob.acquisition.transport import Event
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.files.mcap import disk, info, layout
+from plumbob.files.mcap.chunk import CHUNK_BYTES, MESSAGE_BYTES, OpenChunk
+from plumbob.files.mcap.identity import identify
+from plumbob.files.mcap.layout import Channel, Rules, Schema, State
+from plumbob.files.mcap.writer import Backlog, Scribe
+
+BACKLOG: Final = 64 << 20
+"""Bytes of rows that may wait for a slow or full disk."""
+VERSION_KEY: Final = "plumbob"
+"""Under this name the metadata have the version of the program, which may change from a part to the next."""
+COMPRESSIONS: Final = ("zstd", "none")
+_TIMES: Final = 1 << 64
+
+
+class Recorder:
+    """A log of messages on channels, in MCAP, that survives a crash.
+
+    Rows are gathered in chunks of at most `every` seconds; a thread writes each chunk whole, so that a killed process
+    loses at most the last one. Parts are named ``name.mcap``, ``name.0002.mcap`` and so on.
+
+    Parameters
+    ----------
+    path : path
+        First part; neither it nor a later part may exist, unless `next_part`.
+    epoch_offset_ns : int
+        What is added to the host's monotonic clock to get UTC, ns; fixed for the recording.
+    every : float
+        Longest time of a chunk, s.
+    rotate, rotate_bytes : float, int, optional
+        A part ends after so many seconds of rows, or at this size in bytes.
+    reserve : int, optional
+        Bytes that stay free on the disk; the smaller of 1 GiB and 5 % of the disk if not given.
+    fsync : float or None
+        Longest time until the disk is asked to confirm, s; None asks only at the end of a part.
+    compression : {"zstd", "none"}
+        Of chunks.
+    backlog : int
+        Bytes of rows that may wait for the disk; rows beyond are dropped and counted.
+    next_part : bool
+        Where parts of this name exist already, as after a crash, go on with a new part behind them. They are left as
+        they are, and `open_log` reads them and the new ones as one recording, if the metadata are the same.
+
+    Attributes
+    ----------
+    path : Path
+        First part that this recorder writes; known once it has started.
+    follows : Path or None
+        Part behind which it goes on; None where it begins.
+    alone : bool
+        Whether the parts before it are of another kind, so that they are not read together with its own.
+    metadata : dict of str to str
+        What is to be said of the whole recording; fixed once it has started.
+    written, dropped : int
+        Rows taken by `write`, and those of them that no disk will ever have.
+
+    Notes
+    -----
+    Sequence numbers count each channel's rows from 0 over all parts; a dropped row leaves a hole in them. One thread
+    calls the methods.
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        *,
+        epoch_offset_ns: int,
+        every: float = 0.1,
+        rotate: float | None = None,
+        rotate_bytes: int | None = None,
+        reserve: int | None = None,
+        fsync: float | None = 1.0,
+        compression: str = "zstd",
+        backlog: int = BACKLOG,
+        next_part: bool = False,
+    ) -> None:
+        self.metadata: dict[str, str] = {}
+        self.written = 0
+        self.path = self._path = Path(path)
+        self.follows: Path | None = None
+        self.alone = False
+        self._next_part = next_part
+        self._offset = epoch_offset_ns
+        self._every_ns = round(every * 1e9)
+        self._options = (rotate, rotate_bytes, reserve, fsync, compression)
+        self._backlog = Backlog(backlog)
+        self._recording = secrets.token_hex(16)
+        self._channels: dict[int, tuple[str, tuple[bytes, bytes]]] = {}
+        self._next: dict[int, int] = {}
+        self._chunk: OpenChunk | None = None
+        self._scribe: Scribe | None = None
+        self._events: deque[Event] = deque()
+        self._lost = 0
+        self._drops: dict[str, int] = {}
+        self._drops_lock = threading.Lock()
+        self._untold = 0
+        self._overflowing = False
+
+    @property
+    def state(self) -> State:
+        """Whether it writes: ``new``, ``recording``, ``stopped`` (the disk refuses; rows wait), ``closed``."""
+        return "new" if self._scribe is None else self._scribe.state
+
+    @property
+    def acknowledged(self) -> int:
+        """Rows whose chunk has been written; rows that a failed fsync puts in doubt are taken back and written anew."""
+        return 0 if self._scribe is None else self._scribe.acknowledged
+
+    @property
+    def dropped(self) -> int:
+        """Rows that had no room, were too large, or were still unwritten at the end."""
+        return self._lost + (0 if self._scribe is None else self._scribe.unwritten)
+
+    def start(self) -> Self:
+        """Create the first part and begin to write.
+
+        A full disk is no error here: the recording starts as ``stopped`` and goes on once there is room.
+
+        Raises
+        ------
+        ParameterError
+            If an option has no meaning, or a part of this name exists already and is not to be followed by the next, or
+            is being written.
+        DecodeError
+            If the system does not let the file be created.
+        """
+        if self._scribe is not None:
+            raise ParameterError(f"the recording {self._path.name} has been started before; make another Recorder.")
+        rules = self._rules()
+        existing = layout.existing_parts(self._path)
+        self._refuse(existing)
+        if existing:
+            self.follows, self.path = existing[-1], layout.next_path(self._path)
+            rules = replace(rules, first=layout.number_of(self._path, self.path))
+        before = self._recording_before(existing)
+        self.alone = bool(existing) and before is None
+        own = info.PartInfo(
+            self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before, boot=disk.boot()
+        )
+        scribe = Scribe(rules, own, self._backlog, self._channels, self._take_drops, self._tell)
+        try:
+            scribe.start()
+        except FileExistsError:
+            self._refuse(layout.existing_parts(self._path))
+            raise
+        except OSError as error:
+            raise DecodeError(f"{self._path} cannot be written: {error.strerror}. Choose another place.") from error
+        self._scribe = scribe
+        return self
+
+    def channel(
+        self, topic: str, encoding: str, schema: Schema | None = None, metadata: Mapping[str, str] | None = None
+    ) -> int:
+        """Declare a channel, before or after the start, and return its number.
+
+        Raises
+        ------
+        ParameterError
+            If the topic is taken, or metadata has a key that begins with ``plumbob.``.
+        """
+        if any(name == topic for name, _ in self._channels.values()):
+            raise ParameterError(f"the recording {self._path.name} has a channel '{topic}' already.")
+        _refuse_reserved(metadata or {})
+        number = len(self._next) + 1
+        found = Channel(topic, encoding, schema, metadata or {}, self._recording, self._offset)
+        self._channels[number] = (topic, found.records(number))
+        self._next[number] = 0
+        return number
+
+    def write(self, channel: int, t_ns: int, data: bytes) -> None:
+        """Take a row; it is on its way to the disk within `every` seconds.
+
+        Parameters
+        ----------
+        channel : int
+            Number from `channel`.
+        t_ns : int
+            Host's monotonic clock, ns.
+        data : bytes
+            The message, which must not change any more; larger than 8 MiB it is dropped and counted.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such channel, or the row is no bytes.
+        """
+        if channel not in self._next:
+            raise ParameterError(f"the recording {self._path.name} has no channel {channel}; declare it first.")
+        if not isinstance(data, bytes):  # the writing thread could not say whose fault it was
+            raise ParameterError(f"a row of a recording is bytes, but this one is {type(data).__name__}; encode it.")
+        t_ns = index(t_ns)
+        sequence = self._next[channel]
+        self._next[channel] = sequence + 1
+        self.written += 1
+        log_time = t_ns + self._offset
+        if len(data) > MESSAGE_BYTES or not 0 <= log_time < _TIMES:
+            self._drop({channel: 1}, f"a row of {len(data)} bytes at {log_time} ns cannot be stored")
+            return
+        chunk = self._chunk
+        if chunk is None or abs(t_ns - chunk.t_ns) >= self._every_ns or chunk.size >= CHUNK_BYTES:
+            chunk = self._next_chunk(t_ns)
+        if channel not in chunk.entries:
+            chunk.introduce(channel, sequence, self._channels[channel][1])
+        chunk.add(channel, sequence, log_time, data)
+
+    def tick(self, t_ns: int) -> None:
+        """Send off the rows gathered if they are due at this time; to be called often, also when nothing comes."""
+        if self._chunk is not None and abs(t_ns - self._chunk.t_ns) >= self._every_ns:
+            self._hand_over()
+
+    def take_events(self) -> list[Event]:
+        """What has happened since the last call, oldest first."""
+        found = []
+        while self._events:
+            found.append(self._events.popleft())
+        return found
+
+    def close(self, timeout: float = 10.0) -> None:
+        """Write everything that waits and end the part; more than once does no harm.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait for the disk, s; after it, an event says how many rows are in doubt.
+        """
+        if self._scribe is None or self.state == "closed":
+            return
+        self._hand_over()
+        self._tell_drops("rows have been dropped")
+        if not self._scribe.close(timeout):
+            waiting = self.written - self.acknowledged - self.dropped
+            self._tell("unfinished", f"the disk did not take the last rows within {timeout:g} s", waiting)
+
+    def __enter__(self) -> Self:
+        return self if self._scribe is not None else self.start()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _rules(self) -> Rules:
+        rotate, rotate_bytes, reserve, fsync, compression = self._options
+        if compression not in COMPRESSIONS:
+            raise ParameterError(f"compression must be one of {', '.join(COMPRESSIONS)}, but it is '{compression}'.")
+        if self._path.suffix != layout.SUFFIX:
+            raise ParameterError(f"a recording must be named *{layout.SUFFIX}, but it is '{self._path.name}'.")
+        if not 0 < self._every_ns <= 10**10:
+            raise ParameterError(f"every must lie in 0 to 10 s, but it is {self._every_ns / 1e9:g} s.")
+        for name, value in (("rotate", rotate), ("rotate_bytes", rotate_bytes)):
+            if value is not None and not value > 0:
+                raise ParameterError(f"{name} must be positive, or None for no such limit, but it is {value:g}.")
+        _refuse_reserved(self.metadata)
+        folder = self._path.parent
+        if not folder.is_dir():
+            raise DecodeError(f"{self._path} cannot be written: there is no folder {folder}; create it first.")
+        reserve = disk.default_reserve(folder) if reserve is None else reserve
+        return Rules(self._path, rotate, rotate_bytes, reserve, fsync, compression)
+
+    def _refuse(self, existing: Sequence[Path]) -> None:
+        for part in existing:
+            if disk.is_locked(part):
+                raise ParameterError(f"{part} is being recorded by another process or recorder; name another file.")
+        if existing and not self._next_part:
+            raise ParameterError(
+                f"{existing[0]} exists already, and a recording never overwrites; name another file, one with "
+                f"{layout.UTC_FIELD} for the time of the start, or ask for the next part."
+            )
+
+    def _recording_before(self, existing: Sequence[Path]) -> str | None:
+        """Recording that this one goes on from: that of the last part that can be read, if it is of the same kind."""
+        for part in reversed(existing):
+            with suppress(DecodeError):
+                before = identify(part)
+                if before.info is not None:
+                    return before.recording if self._is_like(before.info.metadata) else None
+        return "" if existing else None
+
+    def _is_like(self, metadata: Mapping[str, str]) -> bool:
+        """Whether the owner says the same of both; only the version of the program may differ."""
+        mine, other = ({k: v for k, v in all_.items() if k != VERSION_KEY} for all_ in (self.metadata, metadata))
+        return mine == other
+
+    def _next_chunk(self, t_ns: int) -> OpenChunk:
+        self._hand_over()
+        self._chunk = OpenChunk(t_ns)
+        return self._chunk
+
+    def _hand_over(self) -> None:
+        chunk, self._chunk = self._chunk, None
+        if chunk is None or not chunk.rows:
+            return
+        if self._backlog.put(chunk):
+            self._tell_drops("rows find room again")
+        else:
+            self._drop(chunk.counts(), "the disk is too slow or stands still, and no more rows may wait")
+
+    def _drop(self, counts: Mapping[int, int], why: str) -> None:
+        """Count rows that are lost; say so at once, and how many more there were when rows find room again."""
+        self._untold += sum(counts.values())
+        self._lost += sum(counts.values())
+        with self._drops_lock:
+            for channel, rows in counts.items():
+                topic = self._channels[channel][0]
+                self._drops[topic] = self._drops.get(topic, 0) + rows
+        if not self._overflowing:
+            self._tell_drops(f"rows are dropped: {why}")
+        self._overflowing = True
+
+    def _tell_drops(self, text: str) -> None:
+        if self._untold:
+            self._tell("dropped", text, self._untold)
+        self._untold = 0
+        self._overflowing = False
+
+    def _take_drops(self) -> dict[str, int]:
+        with self._drops_lock:
+            found, self._drops = self._drops, {}
+        return found
+
+    def _tell(self, kind: str, text: str, count: int) -> None:
+        self._events.append(Event(time.monotonic_ns(), kind, text, count))
+
+
+def _refuse_reserved(metadata: Mapping[str, str]) -> None:
+    for key in metadata:
+        if key.startswith(info.RESERVED):
+            raise ParameterError(f"metadata key '{key}' begins with '{info.RESERVED}', which is kept for the recorder.")

@@ -1,0 +1,352 @@
+"""Read a file record by record, go on behind every damage, and count what was found."""
+
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+
+from plumbob.files.mcap import layout
+from plumbob.files.mcap.chunk import PLAIN_BYTES
+from plumbob.files.mcap.content import (
+    FOREIGN_BYTES,
+    FREE_BYTES,
+    MAX_RATIO,
+    BrokenRecordError,
+    Content,
+    Parser,
+    Row,
+    inflate,
+)
+from plumbob.files.mcap.info import PartInfo
+from plumbob.files.mcap.layout import Channel
+from plumbob.files.mcap.resync import Source, footer_after, next_landmark
+
+_LARGEST = 1 << 24
+
+
+def rows_by_topic(source: Source, summary: int, end: int) -> dict[str, int]:
+    """Rows per topic by the statistics of a summary whose CRC holds, up to its end; empty where it has none."""
+    try:
+        return _read(source, summary, end)
+    except (McapError, ValueError, struct.error):  # its CRC holds, but no recorder wrote that
+        return {}
+
+
+def _read(source: Source, at: int, end: int) -> dict[str, int]:
+    topics: dict[int, str] = {}
+    while True:
+        opcode, length = layout.RECORD_HEAD.unpack(source.at(at, layout.RECORD_HEAD.size))
+        if opcode not in (layout.SCHEMA, layout.CHANNEL, layout.STATISTICS) or length > min(_LARGEST, end - at):
+            return {}
+        body = ReadDataStream(BytesIO(source.at(at + layout.RECORD_HEAD.size, length)))
+        if opcode == layout.CHANNEL:
+            channel = records.Channel.read(body)
+            topics[channel.id] = channel.topic
+        elif opcode == layout.STATISTICS:
+            counts = records.Statistics.read(body).channel_message_counts
+            return {topics[channel]: count for channel, count in counts.items() if channel in topics}
+        at += layout.RECORD_HEAD.size + length
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """A place where a file does not hold what was written.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    offset, size : int
+        Where, bytes.
+    what : str
+        What is wrong.
+    lost : mapping of str to int
+        Rows per topic that are missing there, as later sequence numbers tell.
+    certain : bool
+        False where rows may be missing of which nothing later tells, as at the torn end of a file.
+    """
+
+    path: Path
+    offset: int
+    size: int
+    what: str
+    lost: Mapping[str, int] = field(default_factory=dict)
+    certain: bool = True
+
+    def __str__(self) -> str:
+        rows = ", ".join(f"{count} of {topic}" for topic, count in self.lost.items())
+        cost = f"; rows lost: {rows}" if rows else ("" if self.certain else "; rows lost: not known")
+        return f"{self.path.name}: {self.size} bytes at {self.offset}: {self.what}{cost}"
+
+
+_DATA_END = layout.RECORD_HEAD.pack(layout.DATA_END, layout.CRC.size)
+_RECORDS = (layout.SCHEMA, layout.CHANNEL, layout.MESSAGE)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Rows that stand together in a file and are whole."""
+
+    offset: int
+    channels: dict[int, Channel]
+    rows: list[Row]
+
+
+@dataclass(frozen=True, slots=True)
+class _Chunk:
+    content: Content
+    after: int
+    times_hold: bool
+
+
+class Scan:
+    """One pass over a file.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    recording : str or None
+        Name of the recording whose chunks are wanted, empty if it is not known; None for a file of another program,
+        where CRCs may be absent and messages may stand outside chunks.
+
+    Attributes
+    ----------
+    clean : bool
+        Whether the file has its end: a summary whose CRC holds.
+    info : PartInfo or None
+        The last word of the part about itself, so far.
+    counts : dict of str to int
+        Rows per topic by the summary of a file of ours.
+    unchecked : int
+        Chunks and messages that had no CRC.
+    orphans : int
+        Rows whose channel is not known, in files of other programs.
+    """
+
+    def __init__(self, source: Source, recording: str | None) -> None:
+        self.clean = False
+        self.info: PartInfo | None = None
+        self.counts: dict[str, int] = {}
+        self.unchecked = 0
+        self.orphans = 0
+        self._source = source
+        self._recording = recording
+        self._ours = recording is not None
+        self._parser = Parser()
+        self._channels: dict[int, Channel] = {}
+        self._schemas: dict[int, bytes] = {}
+        self._damaged = False
+        self._summary_at: int | None = None
+        self._crc, self._crc_end = 0, 0
+
+    def items(self) -> Iterator[Block | Damage]:
+        """Blocks and damages in the order of the file."""
+        source = self._source
+        at = len(layout.MAGIC)
+        if source.at(0, at) != layout.MAGIC:
+            yield self._damage(0, min(at, source.size), "the first bytes are not those of MCAP")
+            if source.at(at, 1) != bytes([layout.HEADER]):  # nothing says that records begin there
+                at = 0
+        while at < source.size:
+            try:
+                found, after = self._record(at)
+            except BrokenRecordError as error:
+                after, self._summary_at = next_landmark(source, at + 1, self._is_good, checked=self._ours)
+                found = [self._damage(at, after - at, str(error), certain=False)]
+            yield from found
+            at = after
+
+    def _damage(self, offset: int, size: int, what: str, certain: bool = True) -> Damage:
+        self._damaged = True
+        return Damage(self._source.path, offset, size, what, certain=certain)
+
+    def _record(self, at: int) -> tuple[list[Block | Damage], int]:
+        """What stands at an offset, and the offset behind it."""
+        head = self._source.at(at, layout.RECORD_HEAD.size)
+        if len(head) < layout.RECORD_HEAD.size:
+            raise BrokenRecordError("the file ends within a record")
+        opcode, length = layout.RECORD_HEAD.unpack(head)
+        after = at + layout.RECORD_HEAD.size + length
+        if at == self._summary_at:
+            return [], self._summary(at)
+        if opcode == layout.CHUNK:
+            return self._block(at)
+        if after > self._source.size:
+            raise BrokenRecordError("a record reaches beyond the end of the file")
+        if opcode == layout.DATA_END:
+            return self._data_end(at, length), after
+        if opcode == layout.FOOTER and not self._ours:  # the other program wrote no end of data
+            return [], self._summary(at)
+        return self._other(opcode, at, length), after
+
+    def _other(self, opcode: int, at: int, length: int) -> list[Block | Damage]:
+        if opcode == layout.METADATA and self._ours:
+            return self._metadata(at, length)
+        if self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
+            raise BrokenRecordError("this is no record that the recorder writes here")
+        if opcode in _RECORDS and not self._ours:
+            return self._bare(at, length)
+        return []
+
+    def _metadata(self, at: int, length: int) -> list[Block | Damage]:
+        """What the part says about itself."""
+        info = self._info_at(at)
+        if info is not None:
+            self.info = info
+        elif not self._goes_on(at + layout.RECORD_HEAD.size + length):
+            raise BrokenRecordError("what the part says about itself is damaged")
+        else:
+            return [self._damage(at, 9 + length, "what the part says about itself is damaged; no row is lost")]
+        return []
+
+    def _info_at(self, at: int) -> PartInfo | None:
+        opcode, length = layout.RECORD_HEAD.unpack(self._source.at(at, 9).ljust(9, b"\0"))
+        whole = opcode == layout.METADATA and length <= self._source.size - at and self._source.may_search(length)
+        info = PartInfo.parse(self._source.at(at + 9, length)) if whole else None
+        return None if info is None or (self._recording and info.recording != self._recording) else info
+
+    def _goes_on(self, at: int) -> bool:
+        """Whether the file ends at an offset, or goes on with a record that can follow."""
+        return at == self._source.size or self._source.at(at, 9) == _DATA_END or self._is_good(at)
+
+    def _is_good(self, at: int) -> bool:
+        return self.is_chunk(at) or (self._ours and self._info_at(at) is not None)
+
+    # --- rows ---------------------------------------------------------------------------------------------------
+
+    def _bare(self, at: int, length: int) -> list[Block | Damage]:
+        """A schema, channel or message outside chunks."""
+        content = self._parser.parse(self._source.at(at, 9 + length), self._schemas)
+        self.unchecked += len(content.rows)
+        return self._known(at, content)
+
+    def _known(self, at: int, content: Content) -> list[Block | Damage]:
+        """Rows of other programs' files, whose channels may have been declared earlier."""
+        self._channels.update(content.channels)
+        rows = [row for row in content.rows if row[0] in self._channels]
+        self.orphans += len(content.rows) - len(rows)
+        return [Block(at, self._channels, rows)] if rows else []
+
+    def _block(self, at: int) -> tuple[list[Block | Damage], int]:
+        chunk = self._chunk(at)
+        if not self._ours:
+            return self._known(at, chunk.content), chunk.after
+        found: list[Block | Damage] = [Block(at, chunk.content.channels, chunk.content.rows)]
+        if not chunk.times_hold:
+            found.append(self._damage(at + 9, 16, "the times at a chunk's head are wrong; its rows are whole"))
+        after, damage = self._index(chunk)
+        return found + damage, after
+
+    def _index(self, chunk: _Chunk) -> tuple[int, list[Block | Damage]]:
+        """Compare the message indexes behind a chunk with what they must be; they have no CRC."""
+        index = b"".join(layout.index_records(chunk.content.entries).values())
+        there = self._source.at(chunk.after, len(index))
+        end = chunk.after + len(there)
+        if there == index or not there:
+            return end, []
+        if len(there) < len(index) and index.startswith(there):
+            return end, [self._damage(chunk.after, len(there), "the file ends within a message index; no row is torn")]
+        if self._goes_on(end):
+            return end, [self._damage(chunk.after, len(there), "a message index is damaged; no row is lost")]
+        return chunk.after, []
+
+    def recording_at(self, at: int) -> str:
+        """Name of the recording to which the chunk at an offset belongs."""
+        return next(iter(self._chunk(at).content.channels.values())).recording
+
+    def is_chunk(self, at: int) -> bool:
+        """Whether a chunk that is wanted, and whole, stands at an offset."""
+        unchecked = self.unchecked
+        try:
+            return bool(self._chunk(at).content.rows)
+        except BrokenRecordError:
+            return False
+        finally:
+            self.unchecked = unchecked
+
+    def _chunk(self, at: int) -> _Chunk:
+        """Read a chunk and check it.
+
+        Raises
+        ------
+        BrokenRecordError
+            If it is not whole, or not of this recording.
+        """
+        head = self._source.at(at, layout.CHUNK_HEAD.size)
+        if len(head) < layout.CHUNK_HEAD.size:
+            raise BrokenRecordError("the file ends within a chunk")
+        opcode, length, first, last, size, crc, name_size = layout.CHUNK_HEAD.unpack(head)
+        after = at + layout.RECORD_HEAD.size + length
+        if opcode != layout.CHUNK:
+            raise BrokenRecordError("this is no chunk")
+        if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
+            raise BrokenRecordError(f"a chunk claims {size} bytes, more than can be believed")
+        if after > self._source.size:
+            raise BrokenRecordError("a chunk reaches beyond the end of the file")
+        if not self._source.may_search(length):
+            raise BrokenRecordError("it is not searched any further, for most that looks like records is none")
+        rest = self._source.at(at + layout.CHUNK_HEAD.size, min(name_size, 16) + 8)
+        if name_size > 16 or len(rest) < name_size + 8:
+            raise BrokenRecordError("a chunk's compression has no name")
+        name, (stored,) = rest[:name_size], layout.SIZE.unpack_from(rest, name_size)
+        fits = layout.chunk_length(name_size, stored)
+        if length != fits and (self._ours or length < fits):
+            raise BrokenRecordError("the lengths at a chunk's head contradict each other")
+        content = inflate(self._source.at(at + layout.CHUNK_HEAD.size + name_size + 8, stored), name, size)
+        if self._ours or crc:
+            if zlib.crc32(content) != crc:
+                raise BrokenRecordError("the CRC of a chunk does not hold")
+        else:
+            self.unchecked += 1
+        parsed = self._parser.parse(content, None if self._ours else self._schemas)
+        if self._ours:
+            self._belongs(parsed)
+        times = [row[2] for row in parsed.rows]
+        return _Chunk(parsed, after, not times or (first, last) == (min(times), max(times)))
+
+    def _belongs(self, content: Content) -> None:
+        if not content.rows or not content.entries.keys() <= content.channels.keys():
+            raise BrokenRecordError("a chunk is not self-contained")
+        if len({channel.topic for channel in content.channels.values()}) < len(content.channels):
+            raise BrokenRecordError("a chunk has two channels of one topic")
+        recordings = {channel.recording for channel in content.channels.values()}
+        if self._recording and recordings != {self._recording}:
+            raise BrokenRecordError("a chunk belongs to another recording")
+
+    # --- the end ------------------------------------------------------------------------------------------------
+
+    def _data_end(self, at: int, length: int) -> list[Block | Damage]:
+        if length != layout.CRC.size:
+            raise BrokenRecordError("the end of the data cannot be read")
+        (crc,) = layout.CRC.unpack(self._source.at(at + layout.RECORD_HEAD.size, length))
+        self._summary_at = at + layout.DATA_END_SIZE
+        if crc == 0 and not self._ours:
+            return []
+        if self._crc_until(at) != crc and not self._damaged:
+            return [self._damage(0, at, "the CRC of all data does not hold, though that of every chunk does")]
+        return []
+
+    def _crc_until(self, end: int) -> int:
+        """CRC of everything before an offset that is never less than the last one."""
+        for _, window in self._source.windows(self._crc_end, end):
+            self._crc = zlib.crc32(window, self._crc)
+        self._crc_end = end
+        return self._crc
+
+    def _summary(self, at: int) -> int:
+        """Offset behind the end of the file proper, whose summary begins here."""
+        pass
+
+        footer = footer_after(self._source, at, checked=self._ours)
+        if footer is None:
+            raise BrokenRecordError("the summary is damaged, or bytes follow the end")
+        self.clean = True
+        self.counts = rows_by_topic(self._source, at, footer) if self._ours else {}
+        return footer + layout.FOOTER_SIZE + len(layout.MAGIC)

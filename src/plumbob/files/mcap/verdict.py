@@ -1,0 +1,217 @@
+"""Judge a recording: whether every row that was written is there, and what is missing if not."""
+
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.core.errors import ParameterError
+from plumbob.core.files import replacing
+from plumbob.files.mcap import disk
+from plumbob.files.mcap.chunk import CHUNK_BYTES, OpenChunk, compressor, pack
+from plumbob.files.mcap.info import PartInfo
+from plumbob.files.mcap.layout import Channel, Schema
+from plumbob.files.mcap.log import Log, LogMessage, open_log
+from plumbob.files.mcap.part import Part
+from plumbob.files.mcap.scan import Damage
+
+CHUNK_NS: Final = 10**9
+"""Longest time of a chunk, ns: what a damaged place costs at most."""
+_TIMES: Final = 1 << 64
+
+
+@contextmanager
+def whole_part(file: Path, info: PartInfo) -> Iterator[tuple[Part, Callable[[OpenChunk], None]]]:
+    """Give the only part of a recording, to be finished, and what writes a chunk to it.
+
+    Parameters
+    ----------
+    file : Path
+        An empty file, as `plumbob.core.files.replacing` gives it.
+    info : PartInfo
+        What the part says of itself.
+    """
+    part = Part(file, info, disk.open_empty)
+    compression, compress = compressor("zstd")
+    part.begin()
+    try:
+        yield part, lambda chunk: part.write(chunk, pack(chunk, compression, compress))
+    finally:
+        part.close(keep=True)
+
+
+def write_rows(
+    path: str | PathLike[str],
+    topics: Mapping[str, tuple[str, Schema | None]],
+    rows: Iterable[tuple[int, str, bytes]],
+    *,
+    epoch_offset_ns: int,
+    metadata: Mapping[str, str],
+    overwrite: bool = False,
+) -> None:
+    """Write a complete recording of rows, in one file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    topics : mapping
+        Encoding and schema of the rows of each topic.
+    rows : iterable of (int, str, bytes)
+        Time, ns, topic and content, in the order of time.
+    epoch_offset_ns : int
+        What is added to the times to get UTC, ns.
+    metadata : mapping of str to str
+        What is said of the whole recording.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
+
+    Raises
+    ------
+    ParameterError, DecodeError
+        As `plumbob.core.files.replacing` does; also if a time cannot be stored.
+    """
+    info = PartInfo(secrets.token_hex(16), 1, epoch_offset_ns, metadata=metadata)
+    names = {topic: number for number, topic in enumerate(topics, 1)}
+    records = {
+        names[topic]: Channel(topic, encoding, schema, {}, info.recording, epoch_offset_ns).records(names[topic])
+        for topic, (encoding, schema) in topics.items()
+    }
+    whole = replacing(Path(path), overwrite=overwrite, seeks=True)
+    with whole as temporary, whole_part(temporary, info) as (part, write):
+        ends = dict.fromkeys(names, 0)
+        for chunk in _chunks(rows, names, records, ends, epoch_offset_ns):
+            write(chunk)
+        part.finish(records, ends, {})
+
+
+def _chunks(
+    rows: Iterable[tuple[int, str, bytes]],
+    names: Mapping[str, int],
+    records: Mapping[int, tuple[bytes, bytes]],
+    ends: dict[str, int],
+    epoch_offset_ns: int,
+) -> Iterator[OpenChunk]:
+    """Rows in chunks; `ends` counts those of each topic."""
+    chunk: OpenChunk | None = None
+    for t_ns, topic, data in rows:
+        if not 0 <= t_ns + epoch_offset_ns < _TIMES:
+            raise ParameterError(f"a time of {t_ns / 1e9:g} s cannot be stored in MCAP, which counts from 1970.")
+        if chunk is not None and (t_ns - chunk.t_ns >= CHUNK_NS or chunk.size >= CHUNK_BYTES):
+            yield chunk
+            chunk = None
+        chunk = chunk or OpenChunk(t_ns)
+        number = names[topic]
+        if number not in chunk.entries:
+            chunk.introduce(number, ends[topic], records[number])
+        chunk.add(number, ends[topic], t_ns + epoch_offset_ns, data)
+        ends[topic] += 1
+    if chunk is not None:
+        yield chunk
+
+
+@dataclass(slots=True)
+class Verdict:
+    """What a recording holds and what it lacks.
+
+    Attributes
+    ----------
+    paths : tuple of Path
+        Its files.
+    recording : str or None
+        Name of the recording; None in a file of another program.
+    rows : dict of str to int
+        Whole rows per topic.
+    lost, dropped : dict of str to int
+        Rows per topic that are missing: through damage, and because the recorder had to give them up.
+    damage : list of Damage
+        What is wrong with the files.
+    clean : bool
+        Whether every part has its end, which a crash does not leave.
+    unchecked : int
+        Chunks and messages without a CRC, which nobody can check.
+    open : bool
+        Whether a recorder still writes it.
+    first_ns, last_ns : int or None
+        Earliest and latest time of a row, ns.
+    """
+
+    paths: tuple[Path, ...]
+    recording: str | None
+    rows: dict[str, int] = field(default_factory=dict)
+    lost: dict[str, int] = field(default_factory=dict)
+    dropped: dict[str, int] = field(default_factory=dict)
+    damage: list[Damage] = field(default_factory=list)
+    clean: bool = True
+    unchecked: int = 0
+    open: bool = False
+    first_ns: int | None = None
+    last_ns: int | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether the files are complete and undamaged."""
+        return self.clean and not self.damage and not self.lost
+
+    @property
+    def lossy(self) -> bool:
+        """Whether rows that had been written are missing, or may be."""
+        return bool(self.lost) or any(not damage.certain for damage in self.damage)
+
+    @property
+    def duration(self) -> float:
+        """From the earliest to the latest row, s."""
+        return 0.0 if self.first_ns is None or self.last_ns is None else (self.last_ns - self.first_ns) / 1e9
+
+    def count(self, rows: list[LogMessage]) -> None:
+        """Take in rows that are whole."""
+        for row in rows:
+            topic = row.channel.topic
+            self.rows[topic] = self.rows.get(topic, 0) + 1
+        times = [row.t_ns for row in rows]
+        self.first_ns = min(times if self.first_ns is None else [self.first_ns, *times])
+        self.last_ns = max(times if self.last_ns is None else [self.last_ns, *times])
+
+    def conclude(self, log: Log) -> None:
+        """Take over what a log knows once all of it has been read."""
+        self.lost, self.dropped, self.damage = log.lost, dict(log.dropped), list(log.damage)
+        self.clean, self.unchecked = log.clean, log.unchecked
+
+    def as_dict(self) -> dict[str, Any]:
+        """The verdict as JSON has it."""
+        return {
+            "files": [str(path) for path in self.paths],
+            "recording": self.recording,
+            "whole": self.whole,
+            "clean": self.clean,
+            "still_recording": self.open,
+            "rows": self.rows,
+            "duration_s": self.duration,
+            "lost": self.lost,
+            "dropped": self.dropped,
+            "unchecked": self.unchecked,
+            "damage": [
+                {
+                    "file": damage.path.name,
+                    "offset": damage.offset,
+                    "bytes": damage.size,
+                    "what": damage.what,
+                    "lost": dict(damage.lost),
+                    "certain": damage.certain,
+                }
+                for damage in self.damage
+            ],
+        }
+
+
+def verify(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Verdict:
+    """Read a recording from the first byte to the last and judge it; parameters and errors are those of `open_log`."""
+    log = open_log(path)
+    verdict = Verdict(log.paths, log.recording, open=any(disk.is_locked(file) for file in log.paths))
+    for rows in log.blocks():
+        verdict.count(rows)
+    verdict.conclude(log)
+    return verdict

@@ -1,0 +1,154 @@
+"""What a user must know about a recording before trusting it.
+
+Most of it is found in the data at each reading and never stored; what only the reading of a live line shows is stored.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+from typing import Final
+
+import numpy as np
+
+from plumbob.acquisition.timing.report import TimeReport
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.time import timing
+from plumbob.data import UNCALIBRATED, ImuData, calibration_told
+from plumbob.data.plausibility import doubts
+from plumbob.files.recording import Recording
+
+EARTH_FIELD: Final = (22.0, 67.0)
+"""Smallest and largest flux density at the surface of the Earth, µT (IGRF-13, doi:10.1186/s40623-020-01288-x)."""
+
+TOPICS: Final = (
+    "calibration: ",
+    "magnetic field: ",
+    "clipped: ",
+    "invalid: ",
+    "gaps: ",
+    "stuck: ",
+    "time: ",
+    "gyroscope: ",
+)
+"""How the lines of `findings` begin."""
+
+INFERRED: Final = "inferred gaps: "
+"""How the line of `inferred` begins, which goes from file to file: samples alone do not show it again."""
+
+STUCK_FOR: Final = 1.0
+"""A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
+STUCK_SAMPLES: Final = 50
+
+_CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
+_INVALID = {"gyr": flags.GYR_INVALID, "acc": flags.ACC_INVALID, "mag": flags.MAG_INVALID}
+
+
+def findings(imu: ImuData) -> tuple[str, ...]:
+    """Lines about calibration, the magnetic field, clipped and invalid samples, gaps, stuck sensors, and `doubts`."""
+    return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *doubts(imu))
+
+
+def inferred(report: TimeReport) -> tuple[str, ...]:
+    """Line about gaps that nothing but the host's delays spoke for; none where there are none."""
+    if not report.inferred:
+        return ()
+    gaps = "1 gap" if report.inferred == 1 else f"{report.inferred} gaps"
+    rate = "" if math.isfinite(report.drift_ppm) else ", declare its rate"
+    count = f"add a counter or a clock to the frame{rate}, or" if report.mode == "host" else "its frames' counts go on;"
+    return (
+        f"{INFERRED}{gaps}, {report.inferred_time:.3g} s in all, by the host's delays alone: a stall of the host looks "
+        f'the same, and times around them may be wrong; {count} where the line waits for its reader set time = "count" '
+        "(docs/time.md)",
+    )
+
+
+def inferred_in(notes: Iterable[str]) -> tuple[str, ...]:
+    """The line of `inferred` among notes, for what is made of the recording."""
+    return tuple(note for note in notes if note.startswith(INFERRED))
+
+
+def found_in(notes: Iterable[str]) -> tuple[str, ...]:
+    """Findings among the notes of a recording that has been read, so that nobody looks for them twice."""
+    return tuple(note for note in notes if note.startswith((INFERRED, *TOPICS)))
+
+
+def provenance(notes: Iterable[str]) -> tuple[str, ...]:
+    """Notes without findings, which would go stale in a file, and without repetitions."""
+    return tuple(dict.fromkeys(note for note in notes if not note.startswith(TOPICS)))
+
+
+def stored_notes(recording: Recording) -> tuple[str, ...]:
+    """Notes as a file keeps them: provenance, and in words whether the sensor values are calibrated."""
+    return (*provenance(recording.notes), *_stored(recording.imu))
+
+
+def read_notes(notes: Iterable[str], imu: ImuData | None) -> tuple[str, ...]:
+    """Notes of a file without what `stored_notes` added, which its meta says too."""
+    return tuple(note for note in notes if note not in _stored(imu))
+
+
+def _stored(imu: ImuData | None) -> tuple[str, ...]:
+    return () if imu is None else (f"calibration: {calibration_told(imu.meta.calibration)}",)
+
+
+def _calibration(imu: ImuData) -> Iterator[str]:
+    if imu.meta.calibration is None:
+        yield f"calibration: {UNCALIBRATED}, as the device gave them"
+
+
+def _field(imu: ImuData) -> Iterator[str]:
+    if imu.mag is None:
+        return
+    norm = _norms(imu.mag)
+    low, high = EARTH_FIELD
+    typical = float(np.median(norm)) if norm.size else float("inf")
+    if not low <= typical <= high:
+        yield (
+            f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
+            f"{high:g} µT; the magnetometer is disturbed, uncalibrated, or in another unit"
+        )
+
+
+def _norms(triad: Floats) -> Floats:
+    # An absurd value gives an infinite norm, which the median leaves out; a signalling NaN is a NaN like any other.
+    with np.errstate(over="ignore", invalid="ignore"):
+        norm: Floats = np.sqrt(np.sum(triad * triad, axis=1))
+    return norm[np.isfinite(norm)]
+
+
+def _flagged(imu: ImuData) -> Iterator[str]:
+    meanings = {"clipped": (_CLIPPED, "at the end of the range"), "invalid": (_INVALID, "infinite or impossible")}
+    for topic, (bits, what) in meanings.items():
+        for name in imu.triads:
+            count = int(np.count_nonzero(imu.flags & np.uint32(bits[name])))
+            if count:
+                yield f"{topic}: {name} is {what} in {count} of {len(imu)} samples"
+
+
+def _gaps(imu: ImuData) -> Iterator[str]:
+    count = int(np.count_nonzero(imu.flags & np.uint32(flags.GAP)))
+    if count:
+        yield f"gaps: samples are missing before {count} of {len(imu)}; the longest step is {_longest(imu):.6g} s"
+
+
+def _longest(imu: ImuData) -> float:
+    return timing(imu.t).longest
+
+
+def _stuck(imu: ImuData) -> Iterator[str]:
+    for name in imu.triads:
+        values = imu.usable(name)
+        known = np.flatnonzero(~np.isnan(values).any(axis=1))
+        t, values = imu.t[known], values[known]
+        starts = np.flatnonzero(np.concatenate(([True], (values[1:] != values[:-1]).any(axis=1))))[: known.size]
+        if starts.size < 2:  # it never changes: a simulation without noise, at rest
+            continue
+        ends = np.append(starts[1:], known.size) - 1
+        lasting = t[ends] - t[starts]
+        lasting[ends - starts + 1 < STUCK_SAMPLES] = 0.0
+        i = int(np.argmax(lasting))
+        if lasting[i] >= STUCK_FOR:
+            what = "does not change" if values[starts[i]].any() else "is exactly zero"
+            count = int(np.count_nonzero(lasting >= STUCK_FOR))
+            more = f", the longest of {count} such stretches" if count > 1 else ""
+            yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[starts[i]]:.6g} s{more}"

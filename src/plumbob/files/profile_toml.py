@@ -1,0 +1,426 @@
+"""Read a profile from TOML, strictly: an unknown key, a missing unit or a wrong type is an error that says so."""
+
+import codecs
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.core import schema
+from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt, guide
+from plumbob.core.files import MAX_TEXT, existing_file, reading
+from plumbob.core.schema import Parse
+from plumbob.core.units import Quantity
+from plumbob.data import TRIADS, Range
+from plumbob.files.profile import (
+    AS_MOUNTED,
+    ColumnRef,
+    GroupSource,
+    Layout,
+    Profile,
+    ReferenceSource,
+    TimeColumn,
+    TimeRate,
+    TimeStamps,
+)
+from plumbob.files.timestamps import FORM, zone_ns
+from plumbob.rotations import Frame, North, body_axes, in_body_axes, signed_axes
+
+_MIRRORED: Final = 'axes and mirrored = true in its own table, as in [mag] axes = "x y -z"'
+GUIDE: Final = guide("file-formats.md")
+VERSION: Final = 1
+
+_EXAMPLE = {"gyr": "deg/s", "acc": "g", "mag": "uT", "temperature": "degC", "time": "s", "reference": "deg"}
+_SEPARATORS = {",": ",", ";": ";", "tab": "\t", "\t": "\t", "\\t": "\t", " ": " "}  # TOML's '\t' is two characters
+_ORDERS = {"wxyz": 4, "xyzw": 4, "yaw pitch roll": 3}
+_META = ("device", "axes", "frame", "north", "declination", "rate_nominal", "t0_ns", "calibration", "unit_check")
+_LAYOUT = ("separator", "decimal", "encoding", "comment", "missing", "rows")
+
+
+def load_profile(path: str | Path) -> Profile:
+    """Read a profile.
+
+    Raises
+    ------
+    DecodeError
+        If it is no TOML, or a key is unknown, missing or of the wrong type.
+    UnitError
+        If a unit is missing or unknown.
+    FrameError
+        If body axes, a navigation frame or a heading reference is missing or unknown.
+    """
+    file = existing_file(path, MAX_TEXT)
+    with reading(file):
+        try:
+            text = file.read_bytes().decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise DecodeError(f"a profile is UTF-8 text, but byte {error.start + 1} is not; save it so.") from error
+        return parse_profile(text, origin=file.name)
+
+
+def parse_profile(text: str, *, origin: str = "profile") -> Profile:
+    """Profile from TOML text; errors as in `load_profile`."""
+    raw = schema.toml(text, GUIDE)
+    if isinstance(raw.get("kind"), str):
+        raise DecodeError(f"it is a {raw['kind']}, not a profile of a text file; give the profile with --profile.")
+    _refuse_questions(raw)
+    found = _section("profile", raw, _PROFILE, ("separator", "header", "time"))
+    profile = Profile(
+        layout=Layout(**{key: found[key] for key in _LAYOUT if key in found}, **found["header"]),
+        time=found["time"],
+        triads={name: found[name] for name in TRIADS if name in found},
+        temperature=found.get("temperature"),
+        flags=found.get("flags", {}).get("column"),
+        flag_words=found.get("flags", {}).get("words", False),
+        reference=found.get("reference"),
+        meta={key: found[key] for key in _META if key in found}
+        | {f"{name}_range": _in_body(found[name], found) for name in TRIADS if name in found},
+        notes=found.get("notes", ()),
+        axes_applied=found.get("axes_applied", False),
+        place=found.get("place"),
+        date=found.get("date"),
+        origin=origin,
+    )
+    _require_sense(profile)
+    return profile
+
+
+def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
+    """Keys whose value is still a question: a text that begins with ``?``, or a list that begins with one."""
+    found = []
+    for key, value in raw.items():
+        first = value[0] if isinstance(value, list) and value else value
+        if isinstance(value, dict):
+            found += questions(value, f"{where}{key}.")
+        elif isinstance(first, str) and first.lstrip().startswith("?"):
+            found.append(f"{where}{key}")
+    return found
+
+
+def _refuse_questions(raw: Mapping[str, Any]) -> None:
+    if open_ := questions(raw):
+        many = "1 question is" if len(open_) == 1 else f"{len(open_)} questions are"
+        raise DecodeError(
+            f"{many} not answered: {', '.join(open_)}. Open the file, and behind each '?' correct what is wrong and "
+            "delete the '?'; a number or true loses its quotes."
+        )
+
+
+def _in_body(group: GroupSource, found: Mapping[str, Any]) -> Range:
+    """Range of body axes, where that of three columns differs."""
+    told = group.full_scale
+    if not isinstance(told, tuple):
+        return told
+    in_case = in_body_axes(group.axes, np.array(told))
+    axes = AS_MOUNTED if found.get("axes_applied") else found.get("axes", AS_MOUNTED)
+    x, y, z = np.abs(in_body_axes(axes, in_case)).tolist()
+    return x, y, z
+
+
+def _require_sense(profile: Profile) -> None:
+    layout, reference = profile.layout, profile.reference
+    if layout.separator == layout.decimal:
+        raise DecodeError(f"separator and decimal are both '{layout.decimal}', so cells cannot be told apart.")
+    if not profile.triads and reference is None:
+        raise DecodeError("it declares no data; add at least one of [gyr], [acc], [mag] and [reference].")
+    if not profile.triads and (profile.temperature is not None or profile.flags is not None):
+        raise DecodeError("[temperature] and [flags] belong to a triad; add [gyr], [acc] or [mag].")
+    absolute = 'time.epoch = "unix"' if isinstance(profile.time, TimeColumn) and profile.time.unix else ""
+    absolute = f'time.format = "{FORM}"' if profile.stamps else absolute
+    if absolute and "t0_ns" in profile.meta:
+        raise DecodeError(f"{absolute} already says when the recording starts; remove t0_ns.")
+    if profile.axes_applied and any(group.axes != AS_MOUNTED for group in profile.triads.values()):
+        raise DecodeError("axes_applied = true says that the columns are in body axes; remove the axes of the sensors.")
+    if reference is not None and reference.of is None and profile.turn is not None:
+        raise FrameError(
+            f"axes = '{profile.turn}' turns the sensor axes, so reference needs 'of': \"case\" if its attitude is the "
+            "sensor case's, \"body\" if it is already the body's."
+        )
+    if profile.place is None and profile.date is not None:
+        raise DecodeError("date is the day of a place, which is missing; add place, or leave date out.")
+    if profile.place is not None and "declination" in profile.meta:
+        raise DecodeError("place says the declination too; keep one of place and declination.")
+    repeated = [ref for i, ref in enumerate(profile.used) if ref in profile.used[:i]]
+    if repeated:
+        raise DecodeError(f"column {excerpt(str(repeated[0]))} is declared twice; each column has one meaning.")
+
+
+def _section(where: str, raw: Any, known: Mapping[str, Parse], required: tuple[str, ...] = ()) -> dict[str, Any]:
+    return schema.section(where, raw, known, required, top=where == "profile", missing=_absent)
+
+
+def _absent(where: str, key: str) -> PlumbobError:
+    if key in {"unit", "angle_unit"}:
+        example = "rad" if key == "angle_unit" else _EXAMPLE.get(where, "rad/s")
+        return UnitError(f'{where} needs its unit, because a bare number has none; add {key} = "{example}" or such.')
+    if key in {"frame", "north"}:
+        words = ", ".join(Frame if key == "frame" else North)
+        return FrameError(f"{where} needs '{key}', because there is no default; known are {words}.")
+    return DecodeError(f"{where} needs the key '{key}', because nothing is guessed; {GUIDE} explains it.")
+
+
+def _separator(where: str, value: Any) -> str:
+    if not isinstance(value, str) or value not in _SEPARATORS:
+        raise DecodeError(f"{where} must be one of ',', ';', 'tab' and ' ' (blanks), but it is {excerpt(str(value))}.")
+    return _SEPARATORS[value]
+
+
+def _encoding(where: str, value: Any) -> str:
+    try:
+        codecs.lookup(schema.text(where, value))
+        "".encode(value)  # refuses Python's codecs that are no text encodings
+    except (LookupError, ValueError) as error:
+        raise DecodeError(f"{where} = {excerpt(value)} is no text encoding; usual are utf-8, gbk, latin-1.") from error
+    return str(value)
+
+
+def _column(where: str, value: Any) -> ColumnRef:
+    if isinstance(value, str) and value.strip():
+        return value.strip()
+    if isinstance(value, int) and not isinstance(value, bool) and value >= 1:
+        return value
+    raise DecodeError(f"{where} must be a column's name or its number from 1, but it is {excerpt(str(value))}.")
+
+
+def _columns(*sizes: int) -> Parse:
+    def parse(where: str, value: Any) -> tuple[ColumnRef, ...]:
+        if not isinstance(value, list) or len(value) not in sizes:
+            many = " or ".join(map(str, sizes))
+            raise DecodeError(f"{where} must be a list of {many} columns, but it is {excerpt(str(value))}.")
+        return tuple(_column(where, item) for item in value)
+
+    return parse
+
+
+def _axes(where: str, value: Any) -> str:
+    try:
+        body_axes(schema.text(where, value))
+    except FrameError as error:
+        raise FrameError(f"{where}: {error} One sensor whose own axes are left-handed: {_MIRRORED}.") from error
+    return str(value)
+
+
+def _own_axes(where: str, found: Mapping[str, Any]) -> str:
+    """Axes of one sensor; a left-handed set is said twice, so that no slip of a sign makes one."""
+    words = " ".join(found.get("axes", AS_MOUNTED).replace(",", " ").split())
+    try:
+        left_handed = np.linalg.det(signed_axes(words)) < 0.0
+    except FrameError as error:
+        raise FrameError(f"{where}.axes: {error}") from error
+    if left_handed != found.get("mirrored", False):
+        which = "left-handed; if the sensor's own axes are, say" if left_handed else "right-handed; remove"
+        raise FrameError(f"{where}.axes = '{words}' are {which} {where}.mirrored = true.")
+    return words
+
+
+def _frame(where: str, value: Any) -> Frame:
+    return Frame.parse(schema.text(where, value))
+
+
+def _north(where: str, value: Any) -> North:
+    return North.parse(schema.text(where, value))
+
+
+def _header(where: str, value: Any) -> dict[str, Any]:
+    found = _section(where, value, _HEADER, ("names",))
+    if "occurrence" in found and "marker" not in found:
+        raise DecodeError(f"{where}.occurrence counts a marker, but none is declared; add {where}.marker.")
+    if not found["names"] and "after_names" in found:
+        raise DecodeError(f"{where}.after_names needs names = true; use {where}.skip instead.")
+    return found
+
+
+def _time(where: str, value: Any) -> TimeColumn | TimeStamps | TimeRate:
+    found = _section(where, value, _TIME)
+    if "format" in found:
+        return _time_stamps(where, found)
+    if alone := [key for key in ("columns", "zone") if key in found]:
+        raise DecodeError(f'{where}.{alone[0]} is for dates and clock times; add {where}.format = "{FORM}".')
+    if ("column" in found) == ("rate" in found):
+        raise DecodeError(
+            f'{where} needs either column and unit (or format = "{FORM}" for dates and clock times), '
+            'or a declared rate such as rate = "100 Hz".'
+        )
+    if "rate" in found:
+        if len(found) > 1:
+            raise DecodeError(
+                f"{where} has a rate, so it can have nothing else; remove {', '.join(set(found) - {'rate'})}."
+            )
+        return TimeRate(rate=found["rate"])
+    if "unit" not in found:
+        raise _absent(where, "unit")
+    return TimeColumn(column=found["column"], unit=found["unit"], unix="epoch" in found)
+
+
+def _time_stamps(where: str, found: Mapping[str, Any]) -> TimeStamps:
+    if other := [key for key in ("unit", "epoch", "rate") if key in found]:
+        raise DecodeError(f"{where} has a format, so it can have no {' and no '.join(other)}; remove it.")
+    if ("column" in found) == ("columns" in found):
+        raise DecodeError(f"{where} needs column, or columns = [date, time] where these are two.")
+    return TimeStamps(columns=found.get("columns") or (found["column"],), zone=found.get("zone"))
+
+
+def _zone(where: str, value: Any) -> int:
+    try:
+        return zone_ns(schema.text(where, value))
+    except DecodeError as error:
+        raise DecodeError(f"{where}: {error}") from error
+
+
+def _group(kind: Quantity, extra: Mapping[str, Parse], required: tuple[str, ...] = ()) -> Parse:
+    known = {"columns": _columns(3), "unit": schema.unit_of(kind), **_COUNTS, **extra, **_MOUNT}
+
+    def parse(where: str, value: Any) -> GroupSource:
+        found = _section(where, value, known, ("columns", "unit", *required))
+        return GroupSource(
+            columns=found["columns"],
+            unit=found["unit"],
+            unit_per_count=_per_count(where, found),
+            zero=_zero_counts(where, found),
+            axes=_own_axes(where, found),
+            gravity=found.get("sign") == "gravity",
+            full_scale=found.get("range"),
+        )
+
+    return parse
+
+
+def _range(kind: Quantity) -> Parse:
+    """One size with its unit, or one for each of three columns."""
+    one = schema.size(kind)
+
+    def parse(where: str, value: Any) -> float | tuple[float, ...]:
+        if not isinstance(value, list):
+            return float(one(where, value))
+        if len(value) != 3:
+            raise DecodeError(f"{where} must be one range, or three in a list, but it has {len(value)}.")
+        return tuple(one(f"{where}[{i}]", item) for i, item in enumerate(value))
+
+    return parse
+
+
+def _per_count(where: str, found: Mapping[str, Any]) -> float:
+    if "counts_per_unit" in found and "unit_per_count" in found:
+        raise DecodeError(f"{where} has both counts_per_unit and unit_per_count; keep the one from the data sheet.")
+    return float(found.get("unit_per_count", 1.0 / found.get("counts_per_unit", 1.0)))
+
+
+def _zero_counts(where: str, found: Mapping[str, Any]) -> tuple[float, ...] | None:
+    zero: tuple[float, ...] | None = found.get("zero")
+    if zero is not None and not {"counts_per_unit", "unit_per_count"} & set(found):
+        raise DecodeError(f"{where}.zero is in counts; add {where}.counts_per_unit or {where}.unit_per_count.")
+    return zero
+
+
+def _three_or_one(where: str, value: Any) -> tuple[float, ...]:
+    if isinstance(value, list) and len(value) == 3:
+        return tuple(schema.number(f"{where}[{i}]", item) for i, item in enumerate(value, 1))
+    return (schema.number(where, value),) * 3
+
+
+def _scale(where: str, value: Any) -> float:
+    found = schema.number(where, value)
+    if found == 0.0:
+        raise DecodeError(f"{where} must not be 0; a negative number turns the sign.")
+    return found
+
+
+def _temperature(where: str, value: Any) -> GroupSource:
+    found = _section(
+        where, value, {"column": _column, "unit": schema.unit_of(Quantity.TEMPERATURE)}, ("column", "unit")
+    )
+    return GroupSource(columns=(found["column"],), unit=found["unit"])
+
+
+def _flags(where: str, value: Any) -> dict[str, Any]:
+    return _section(where, value, {"column": _column, "words": schema.truth}, ("column",))
+
+
+def _covariance(where: str, value: Any) -> GroupSource:
+    known = {"columns": _columns(9), "angle_unit": schema.unit_of(Quantity.ANGLE)}
+    found = _section(where, value, known, ("columns", "angle_unit"))
+    return GroupSource(columns=found["columns"], unit=found["angle_unit"])
+
+
+def _reference(where: str, value: Any) -> ReferenceSource:
+    found = _section(where, value, _REFERENCE, ("columns", "order", "frame", "north"))
+    size = _ORDERS[found["order"]]
+    if len(found["columns"]) != size:
+        raise DecodeError(f"{where}.order = '{found['order']}' needs {size} columns, but {len(found['columns'])} came.")
+    if (size == 3) != ("unit" in found):
+        if size == 3:
+            raise _absent(where, "unit")
+        raise DecodeError(f"{where}.unit is for angles, but a quaternion has none; remove it.")
+    return ReferenceSource(**found)
+
+
+_COUNTS: Final[dict[str, Parse]] = {
+    "counts_per_unit": _scale,
+    "unit_per_count": _scale,
+    "zero": _three_or_one,
+}
+_MOUNT: Final[dict[str, Parse]] = {"axes": schema.text, "mirrored": schema.truth}
+_HEADER: Final[dict[str, Parse]] = {
+    "marker": schema.text,
+    "occurrence": schema.whole(1),
+    "skip": schema.whole(0),
+    "names": schema.truth,
+    "after_names": schema.whole(0),
+}
+_TIME: Final[dict[str, Parse]] = {
+    "column": _column,
+    "unit": schema.unit_of(Quantity.TIME),
+    "epoch": schema.one_of("unix"),
+    "rate": schema.size(Quantity.FREQUENCY),
+    "format": schema.one_of(FORM),
+    "columns": _columns(2),
+    "zone": _zone,
+}
+_REFERENCE: Final[dict[str, Parse]] = {
+    "columns": _columns(3, 4),
+    "order": schema.one_of(*_ORDERS),
+    "unit": schema.unit_of(Quantity.ANGLE),
+    "frame": _frame,
+    "north": _north,
+    "of": schema.one_of("body", "case"),
+    "source": schema.text,
+    "score": _column,
+    "flags": _column,
+    "bias": _group(Quantity.RATE, {}),
+    "covariance": _covariance,
+}
+_PROFILE: Final[dict[str, Parse]] = {
+    "format_version": schema.version(VERSION),
+    "separator": _separator,
+    "decimal": schema.one_of(".", ","),
+    "encoding": _encoding,
+    "comment": schema.text,
+    "missing": schema.texts,
+    "rows": schema.whole(1),
+    "header": _header,
+    "time": _time,
+    "gyr": _group(Quantity.RATE, {"range": _range(Quantity.RATE)}),
+    "acc": _group(
+        Quantity.ACCELERATION,
+        {"range": _range(Quantity.ACCELERATION), "sign": schema.one_of("specific-force", "gravity")},
+        ("sign",),
+    ),
+    "mag": _group(Quantity.FIELD, {"range": _range(Quantity.FIELD)}),
+    "temperature": _temperature,
+    "flags": _flags,
+    "reference": _reference,
+    "device": schema.text,
+    "axes": _axes,
+    "axes_applied": schema.truth,
+    "frame": _frame,
+    "north": _north,
+    "declination": schema.quantity(Quantity.ANGLE),
+    "place": schema.text,
+    "date": schema.text,
+    "rate_nominal": schema.size(Quantity.FREQUENCY),
+    "t0_ns": schema.whole(None),
+    "calibration": schema.text,
+    "unit_check": schema.truth,
+    "notes": schema.texts,
+}

@@ -1,0 +1,308 @@
+"""Read text files as their profile declares them: units to SI, signs, body axes, references, labels."""
+
+import csv
+import math
+import shlex
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import flags, units
+from plumbob.core.check import Floats
+from plumbob.core.errors import DecodeError, excerpt
+from plumbob.core.files import existing_file, profile_beside, reading, text_of
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.files.notes import read_notes
+from plumbob.files.profile import (
+    AS_MOUNTED,
+    NO_COLUMN,
+    ColumnRef,
+    GroupSource,
+    Profile,
+    ReferenceSource,
+    TimeColumn,
+    TimeRate,
+    TimeStamps,
+)
+from plumbob.files.profile_toml import load_profile
+from plumbob.files.recording import Recording
+from plumbob.files.text_head import Body, decode, find_head, is_idle, split_row
+from plumbob.files.text_table import Table, place_of, read_table
+from plumbob.files.timestamps import StampError, seconds_of
+from plumbob.rotations import (
+    body_axes,
+    in_body_axes,
+    quat_conjugate,
+    quat_from_dcm,
+    quat_from_euler_zyx,
+    quat_from_xyzw,
+    quat_multiply,
+)
+
+_FIRST_LINE_BYTES = 4096
+
+
+def read_text(path: str | Path, profile: Profile | str | Path | None = None) -> Recording:
+    """Read a CSV or TXT file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    profile : Profile or path, optional
+        What it does not say about itself; without one, ``NAME.toml`` or ``NAME.profile.toml`` beside it is taken.
+
+    Raises
+    ------
+    DecodeError
+        If there is no profile, it is invalid, or the file does not fit it.
+    UnitError
+        If the values cannot be in the declared units.
+    ClockError
+        If time is missing or does not increase.
+    ShapeError
+        If a declared triad holds no number.
+    """
+    file = existing_file(path)
+    declared, note = profile_of(file, profile)
+    with reading(file):
+        time = declared.time
+        exact = time.column if isinstance(time, TimeColumn) and time.unix else None
+        table = read_table(file.read_bytes(), declared.layout, declared.used, exact, declared.texts)
+        return recording_of(declared, table, file.stem, note)
+
+
+def recording_of(profile: Profile, table: Table, name: str, note: str) -> Recording:
+    """Recording of a table, by its profile; `note` says which. Errors as in `read_text`."""
+    t, t0_ns = _time(profile, table)
+    imu = _imu(profile, table, t, t0_ns) if profile.triads else None
+    track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
+    notes = (*read_notes(profile.notes, imu), note, *table.notes, *_changes(profile, t0_ns))
+    return Recording(imu=imu, track=track, name=name, notes=notes)
+
+
+def sidecars(path: Path) -> tuple[Path, Path]:
+    """Names that a profile beside a text file may have."""
+    return path.with_name(f"{path.stem}.toml"), profile_beside(path)
+
+
+def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:
+    """Profile that is given or lies beside a text file, and a note that says which; errors as in `read_text`."""
+    if isinstance(given, Profile):
+        return given, f"read with the profile {given.origin}"
+    if given is not None:
+        return load_profile(given), f"read with the profile {Path(given).name}"
+    found = [path for path in sidecars(file) if path.is_file()]
+    if len(found) > 1:
+        raise DecodeError(
+            f"{file}: both {found[0].name} and {found[1].name} lie beside it; name one: --profile FILE.toml."
+        )
+    if not found:
+        raise DecodeError(
+            f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
+            f"it); its first line is {_first_line(file)}. plumbob profile {shlex.quote(str(file))} drafts one. "
+            "Bare numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
+        )
+    return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
+
+
+def _first_line(file: Path) -> str:
+    with reading(file), file.open("rb") as stream:
+        return excerpt(stream.readline(_FIRST_LINE_BYTES).decode("utf-8", "replace").strip())
+
+
+def _time(profile: Profile, table: Table) -> tuple[Floats, int]:
+    source = profile.time
+    if isinstance(source, TimeRate):
+        return np.arange(table.rows) / source.rate, 0
+    if isinstance(source, TimeStamps):
+        return _of_stamps(source, table)
+    nanoseconds = Fraction(units.unit(source.unit).factor).limit_denominator(10**9) * 10**9
+    t0_ns = round(Fraction(table.zero) * nanoseconds)
+    return _inside(table.columns[source.column], source.unit), t0_ns
+
+
+def _of_stamps(source: TimeStamps, table: Table) -> tuple[Floats, int]:
+    try:
+        return seconds_of([table.texts[ref] for ref in source.columns], source.zone)
+    except StampError as error:
+        raise DecodeError(f"line {table.line_of(error.row)}: {error}") from error
+
+
+def _imu(profile: Profile, table: Table, t: Floats, t0_ns: int) -> ImuData:
+    triads: dict[str, Any] = {name: _vector(group, table, profile.turn) for name, group in profile.triads.items()}
+    temperature = profile.temperature
+    time = profile.time
+    implied = {"rate_nominal": time.rate} if isinstance(time, TimeRate) else {"t0_ns": t0_ns}
+    imu = ImuData(
+        t=t,
+        temp_c=None if temperature is None else _inside(table.columns[temperature.columns[0]], temperature.unit),
+        flags=_flags(profile, table),  # type: ignore[arg-type]
+        meta=ImuMeta(**{**implied, **profile.meta}),
+        **triads,
+    )
+    if profile.place is None:
+        return imu
+    from plumbob.data.earth_field import located
+
+    return located(imu, profile.place, date=profile.date)[0]
+
+
+def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -> AttitudeTrack:
+    turn = turn if source.of == "case" else None
+    q_nb = _attitude(source, table)
+    if turn is not None:
+        q_nb = quat_multiply(q_nb, quat_conjugate(quat_from_dcm(body_axes(turn))))  # q_nb = q_ns ⊗ q_sb
+    return AttitudeTrack(
+        t=t,
+        q_nb=q_nb,
+        frame=source.frame,
+        north=source.north,
+        bias_b=None if source.bias is None else _vector(source.bias, table, turn),
+        cov_b=None if source.covariance is None else _covariance(source.covariance, table, turn),
+        flags=_optional(table, source.flags),  # type: ignore[arg-type]
+        score=_optional(table, source.score),  # type: ignore[arg-type]
+        source=source.source,
+    )
+
+
+def _flags(profile: Profile, table: Table) -> Floats | NDArray[np.uint32] | None:
+    if profile.flags is None or not profile.flag_words:
+        return _optional(table, profile.flags)
+    cells = table.texts[profile.flags]
+    try:
+        bits = {cell: flags.of_names(cell.split("+") if cell else ()) for cell in dict.fromkeys(cells)}
+    except KeyError as error:
+        row = next(i for i, cell in enumerate(cells) if error.args[0] in cell.split("+"))
+        raise DecodeError(f"line {table.line_of(row)}: {excerpt(error.args[0])} is not the name of a flag.") from error
+    return np.array([bits[cell] for cell in cells], dtype=np.uint32)
+
+
+def _optional(table: Table, ref: ColumnRef | None) -> Floats | None:
+    return None if ref is None else table.columns[ref]
+
+
+def _inside(values: Floats, unit: str) -> Floats:
+    known = units.unit(unit)
+    # What is already in the unit used inside keeps every bit, the sign of zero included.
+    return values if (known.factor, known.offset) == (1.0, 0.0) else units.to_si(values, unit)
+
+
+def _stacked(columns: tuple[ColumnRef, ...], table: Table) -> Floats:
+    none = np.full(table.rows, np.nan) if NO_COLUMN in columns else None
+    return np.stack([none if ref == NO_COLUMN else table.columns[ref] for ref in columns], axis=1)  # type: ignore[misc]
+
+
+def _vector(group: GroupSource, table: Table, turn: str | None) -> Floats:
+    counts = _stacked(group.columns, table)
+    if group.zero is not None:
+        counts = counts - group.zero
+    values = _inside(counts if group.unit_per_count == 1.0 else counts * group.unit_per_count, group.unit)
+    values = -values if group.gravity else values
+    if group.axes != AS_MOUNTED:
+        values = in_body_axes(group.axes, values)
+    return values if turn is None else in_body_axes(turn, values)
+
+
+def _covariance(group: GroupSource, table: Table, turn: str | None) -> Floats:
+    cov = _stacked(group.columns, table).reshape(-1, 3, 3)
+    if turn is not None:
+        place, sign = _picks(turn)
+        cov = cov[:, place][:, :, place] * np.outer(sign, sign)
+    factor = units.unit(group.unit).factor
+    return cov if factor == 1.0 else cov * factor**2
+
+
+def _picks(axes: str) -> tuple[Any, Floats]:
+    """Which sensor axis each body axis is, and its sign; picking spoils no component where another is missing."""
+    c_bs = body_axes(axes)
+    return np.abs(c_bs).argmax(axis=1), c_bs.sum(axis=1)
+
+
+def _attitude(source: ReferenceSource, table: Table) -> Floats:
+    values = _stacked(source.columns, table)
+    if source.unit is not None:
+        return quat_from_euler_zyx(_inside(values, source.unit))
+    return quat_from_xyzw(values) if source.order == "xyzw" else values
+
+
+def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
+    notes = []
+    if profile.stamps and not t0_ns and "t0_ns" not in profile.meta:
+        notes.append("the time stamps name no date or no zone (see time.zone), so the start in UTC is not known")
+    for name, group in profile.triads.items():
+        if group.axes != AS_MOUNTED:
+            notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
+    if any(group.gravity for group in profile.triads.values()):
+        notes.append("acc was negated: the profile says that it points down at rest, as gravity does")
+    if profile.turn is not None:
+        notes.append(f"body axes are '{profile.turn}' of the sensor case, as the profile says")
+    return tuple(notes)
+
+
+SPANS = ("part", "from_s", "to_s")
+"""Columns of a table of spans."""
+
+
+def read_labels(path: str | Path, column: ColumnRef, profile: Profile | str | Path | None = None) -> list[str]:
+    """Cells of one column, one for each sample that `plumbob.files.text.read_text` gives.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    column : int or str
+        The column.
+    profile : Profile or path, optional
+        As for `read_text`.
+
+    Raises
+    ------
+    DecodeError
+        If there is no such column, or as `read_text`.
+    """
+    file = existing_file(path)
+    layout = profile_of(file, profile)[0].layout
+    with reading(file):
+        raw = file.read_bytes()
+        text = decode(raw, layout.encoding)
+        head = find_head(text, layout)
+        body = Body(raw, text, head.start, text.rfind("\n") + 1, head.line)
+        rows = [split_row(row, layout.separator, n) for n, row in body.rows() if not is_idle(row, layout.comment)]
+        place = place_of(column, head.names, min(map(len, rows), default=0), layout)
+        return [row[place].strip() for row in rows]
+
+
+def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
+    """Spans of time by name, s, from a CSV file with the columns `SPANS`.
+
+    Raises
+    ------
+    DecodeError
+        If it is no such table, a name comes twice or a span has no length.
+    """
+    file, text = Path(path), text_of(path)
+    found: dict[str, tuple[float, float]] = {}
+    with reading(file):
+        rows = csv.reader(text.splitlines())
+        if tuple(cell.strip() for cell in next(rows, [])) != SPANS:
+            raise DecodeError(f"the first line must be {','.join(SPANS)}.")
+        for line, row in enumerate(rows, start=2):
+            name, span = _span(line, row)
+            if name in found:
+                raise DecodeError(f"line {line}: {excerpt(name)} comes twice.")
+            found[name] = span
+    return found
+
+
+def _span(line: int, row: list[str]) -> tuple[str, tuple[float, float]]:
+    try:
+        name, first, last = row[0].strip(), float(row[1]), float(row[2])
+    except (IndexError, ValueError):
+        raise DecodeError(f"line {line}: {excerpt(','.join(row))} is not a name and two numbers of seconds.") from None
+    if not (math.isfinite(first) and first < last < math.inf):
+        raise DecodeError(f"line {line}: {name} goes from {first:g} to {last:g} s; a span needs a length.")
+    return name, (first, last)

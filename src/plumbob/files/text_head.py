@@ -1,0 +1,199 @@
+"""Where the numbers of a text file begin: markers, lines to skip, comments, the row of names.
+
+Rows of numbers in a text file.
+
+A last line without a line end is left out and said so: a cut in its last cell (``9.81`` to ``9.8``) would read as a
+good number, so it cannot be trusted, and one sample is the cheaper loss.
+"""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from plumbob.core.errors import DecodeError, excerpt, one_line
+from plumbob.files.profile import Layout
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """Rows of numbers in a text.
+
+    Attributes
+    ----------
+    raw : bytes
+        The file.
+    text : str
+        Its text.
+    start, end : int
+        Where the rows begin and, after the last line end, stop.
+    line : int
+        Number of the first line, counted from 1.
+    """
+
+    raw: bytes
+    text: str
+    start: int
+    end: int
+    line: int
+
+    def rows(self) -> Iterator[tuple[int, str]]:
+        """Give each line with its number."""
+        place, line = self.start, self.line
+        while place < self.end:
+            stop = self.text.find("\n", place)
+            yield line, self.text[place:stop]
+            place, line = stop + 1, line + 1
+
+    def packed(self, layout: Layout) -> bytes | memoryview:
+        """UTF-8 without comments and with single blanks, as Arrow takes it; no copy where the file is that already."""
+        if self._has(layout.comment):
+            text = "".join(f"{row}\n" for _, row in self.rows() if not row.startswith(layout.comment))
+        elif layout.separator != " " and self.text.isascii() and len(self.text) == len(self.raw):
+            return memoryview(self.raw)[self.start : self.end]
+        else:
+            text = self.text[self.start : self.end]
+        return (single_blanks(text) if layout.separator == " " else text).encode()
+
+    def remark(self) -> tuple[str, ...]:
+        """Say what of the text was left out."""
+        if not self.text[self.end :].strip():
+            return ()
+        line = self.line + self.text.count("\n", self.start)
+        return (f"line {line}, the last, has no line end and may be cut; it was left out",)
+
+    def _has(self, comment: str) -> bool:
+        if not comment:
+            return False
+        return self.text.startswith(comment, self.start) or self.text.find(f"\n{comment}", self.start, self.end) >= 0
+
+
+def single_blanks(text: str) -> str:
+    """Text with runs of blanks and tabs made one blank, and none at the ends of its lines."""
+    text = text.replace("\t", " ")
+    while "  " in text:
+        text = text.replace("  ", " ")
+    return text.replace("\n ", "\n").replace(" \n", "\n").removeprefix(" ")
+
+
+_LONGEST_ROW = 1 << 20
+"""Characters of a row; cells of a longer one, which no logger writes, would take ten times its size in memory."""
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """What comes before the numbers.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Column names; empty where the file has none.
+    start : int
+        Index of the first character after the head.
+    line : int
+        Number of the line that begins there, counted from 1.
+    """
+
+    names: tuple[str, ...]
+    start: int
+    line: int
+
+
+def decode(raw: bytes, encoding: str) -> str:
+    r"""Text of a file: without a byte order mark, its lines ended by ``\n``.
+
+    Raises
+    ------
+    DecodeError
+        If a byte does not belong to the encoding.
+    """
+    try:
+        text = raw.decode(encoding)
+    except UnicodeError as error:
+        at = getattr(error, "start", 0)
+        line = raw.count(b"\n", 0, at) + 1
+        raise DecodeError(
+            f"byte {at + 1} (line {line}) is not {encoding}; declare the file's own encoding, such as encoding = 'gbk'."
+        ) from error
+    text = text.removeprefix("\ufeff")
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
+
+
+def find_head(text: str, layout: Layout) -> Head:
+    """Find where the numbers begin.
+
+    Raises
+    ------
+    DecodeError
+        If the marker does not come, or the file ends before.
+    """
+    place, line = _after_marker(text, layout) if layout.marker else (0, 1)
+    place, line = _forward(text, place, line, layout.skip)
+    names: tuple[str, ...] = ()
+    if layout.names:
+        place, line = _past_comments(text, place, line, layout.comment)
+        row = text[place : _end(text, place)]
+        names = tuple(cell.strip() for cell in split_row(row, layout.separator, line))
+        place, line = _forward(text, place, line, 1 + layout.after_names)
+    if place >= len(text):
+        raise DecodeError("the file ends before its first row of numbers; check the profile's [header].")
+    return Head(names, place, line)
+
+
+def split_row(row: str, separator: str, line: int) -> list[str]:
+    """Cells of one row, which is line number `line`; quoted cells may hold the separator.
+
+    Raises
+    ------
+    DecodeError
+        If a quote is not closed, or the row or a cell is absurdly long.
+    """
+    if len(row) > _LONGEST_ROW:
+        raise DecodeError(
+            f"line {line} has {len(row)} characters, but a row of numbers has {_LONGEST_ROW} at most; is this the file?"
+        )
+    if separator == " ":
+        return row.split()
+    if '"' not in row:
+        return row.split(separator)
+    try:
+        return next(csv.reader([row], delimiter=separator, strict=True))
+    except csv.Error as error:
+        raise DecodeError(f"line {line}: {excerpt(row)} cannot be split in cells ({one_line(error)}).") from error
+
+
+def _after_marker(text: str, layout: Layout) -> tuple[int, int]:
+    place, line, left = 0, 1, layout.occurrence
+    while place < len(text):
+        end = _end(text, place)
+        left -= text[place:end].rstrip(" \t,;") == layout.marker.rstrip(" \t,;")
+        place, line = end + 1, line + 1
+        if left == 0:
+            return place, line
+    raise DecodeError(
+        f"the marker {excerpt(layout.marker)} comes {layout.occurrence - left} times, but the profile expects it "
+        f"{layout.occurrence} times; check header.marker and header.occurrence."
+    )
+
+
+def _forward(text: str, place: int, line: int, lines: int) -> tuple[int, int]:
+    for _ in range(lines):
+        if place >= len(text):
+            break
+        place, line = _end(text, place) + 1, line + 1
+    return place, line
+
+
+def _past_comments(text: str, place: int, line: int, comment: str) -> tuple[int, int]:
+    while place < len(text) and is_idle(text[place : _end(text, place)], comment):
+        place, line = _end(text, place) + 1, line + 1
+    return place, line
+
+
+def is_idle(row: str, comment: str) -> bool:
+    """Tell whether a line is blank or a comment."""
+    return not row.strip(" ") or bool(comment and row.startswith(comment))
+
+
+def _end(text: str, place: int) -> int:
+    end = text.find("\n", place)
+    return len(text) if end < 0 else end

@@ -1,0 +1,158 @@
+"""Write a recording as CSV with units in its header, and beside it the profile that reads it back to the bit."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.core.errors import DecodeError
+from plumbob.core.files import replacing_all
+from plumbob.core.text import visible
+from plumbob.core.time import to_s
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.cards import UNITS
+from plumbob.files.arrow import column_of
+from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
+from plumbob.files.header import plain_meta
+from plumbob.files.notes import stored_notes
+from plumbob.files.recording import Recording
+from plumbob.files.text import sidecars
+
+_FORMULA: Final = ("=", "+", "-", "@")
+
+
+def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None:
+    """Write ``NAME.csv`` and ``NAME.profile.toml``.
+
+    Raises
+    ------
+    ClockError
+        If imu and track have different time stamps.
+    DecodeError
+        If a profile of another name lies beside the file, or the system refuses to write.
+    ParameterError
+        If one of the two exists and `overwrite` is false.
+    """
+    columns = to_columns(recording)
+    other, profile = sidecars(path)
+    if other.exists():
+        raise DecodeError(f"{path} would have two profiles, {other.name} and {profile.name}; choose another name.")
+    # The profile takes its name first: alone it reads nothing, where a table alone would be read by guess.
+    with replacing_all(profile, path, overwrite=overwrite) as (profile_file, csv_file):
+        profile_file.write_bytes(_encoded("\n".join(_profile(recording, columns)) + "\n"))
+        with csv_file.open("wb") as stream:
+            stream.write(_encoded("".join(f"{line}\n" for line in _head(path, recording, columns))))
+            _write_numbers(stream, columns)
+
+
+def text_cell(text: str) -> str:
+    """Cell that neither a spreadsheet nor a terminal takes for a command, on one line, quoted where it must be."""
+    words = visible(" ".join(text.split()))
+    cell = f"'{words}" if words.startswith(_FORMULA) else words
+    return '"' + cell.replace('"', '""') + '"' if any(sign in cell for sign in ',;\t"') else cell
+
+
+def _head(path: Path, recording: Recording, columns: Columns) -> Iterator[str]:
+    yield f"# recording,{text_cell(recording.name or path.stem)}"
+    if recording.imu is not None:
+        yield f"# device,{text_cell(recording.imu.meta.device)}"
+    for note in stored_notes(recording):
+        yield f"# note,{text_cell(note)}"
+    yield ",".join(_title(name) for name in columns)
+
+
+def _title(name: str) -> str:
+    if name == TIME:
+        return "t [s]"
+    unit = COLUMNS[name].unit
+    return name if unit == "1" else f"{name} [{unit}]"
+
+
+def _write_numbers(stream: Any, columns: Columns) -> None:
+    import pyarrow as pa
+    from pyarrow import csv
+
+    numbers = {name: values.astype(np.uint8) if values.dtype == bool else values for name, values in columns.items()}
+    numbers[TIME] = to_s(columns[TIME])
+    table = pa.table({name: column_of(values) for name, values in numbers.items()})
+    csv.write_csv(table, stream, csv.WriteOptions(include_header=False, quoting_style="none"))
+
+
+def _profile(recording: Recording, columns: Columns) -> Iterator[str]:
+    yield "# Reads the CSV file of the same name. SI and radians, uT, degC."
+    yield "format_version = 1"
+    yield 'separator = ","'
+    yield 'comment = "#"'
+    yield f"rows = {columns[TIME].size}"
+    if recording.imu is not None:
+        yield from _meta(plain_meta(recording.imu.meta))
+    yield f"notes = [{', '.join(_toml(note) for note in stored_notes(recording))}]"
+    yield from ("", "[header]", "names = true")
+    yield from ("", "[time]", f"column = {_toml(_title(TIME))}", 'unit = "s"')
+    if recording.imu is not None:
+        yield from _samples(recording.imu)
+    if recording.track is not None:
+        yield from _reference(recording.track)
+
+
+def _meta(meta: ImuMeta) -> Iterator[str]:
+    yield f"device = {_toml(meta.device)}"
+    yield f"axes = {_toml(meta.axes)}"
+    yield "axes_applied = true"
+    yield f"t0_ns = {meta.t0_ns}"
+    yield f"unit_check = {str(meta.unit_check).lower()}"
+    for key in ("frame", "north", "calibration"):
+        if getattr(meta, key) is not None:
+            yield f"{key} = {_toml(getattr(meta, key))}"
+    if meta.declination is not None:
+        yield f'declination = "{meta.declination!r} rad"'
+    if meta.rate_nominal is not None:
+        yield f'rate_nominal = "{meta.rate_nominal!r} Hz"'
+
+
+def _samples(imu: ImuData) -> Iterator[str]:
+    meta = plain_meta(imu.meta)
+    for name in imu.triads:
+        yield from ("", f"[{name}]", _listed("columns", name), f'unit = "{UNITS[name]}"')
+        full_scale = getattr(meta, f"{name}_range")
+        if full_scale is not None:
+            yield f"range = {_range(full_scale, UNITS[name])}"
+        if name == "acc":
+            yield 'sign = "specific-force"'
+    if imu.temp_c is not None:
+        yield from ("", "[temperature]", f"column = {_toml(_title('temp_c'))}", 'unit = "degC"')
+    yield from ("", "[flags]", 'column = "flags"')
+
+
+def _range(full_scale: float | tuple[float, ...], unit: str) -> str:
+    if isinstance(full_scale, tuple):
+        return f"[{', '.join(_range(axis, unit) for axis in full_scale)}]"
+    return f'"{full_scale!r} {unit}"'
+
+
+def _reference(track: AttitudeTrack) -> Iterator[str]:
+    yield from ("", "[reference]", _listed("columns", "q"), 'order = "wxyz"')
+    yield from (f'frame = "{track.frame}"', f'north = "{track.north}"', f"source = {_toml(track.source)}")
+    if track.flags is not None:
+        yield 'flags = "track_flags"'
+    if track.score is not None:
+        yield 'score = "score"'
+    if track.bias_b is not None:
+        yield from ("", "[reference.bias]", _listed("columns", "bias"), f'unit = "{UNITS["gyr"]}"')
+    if track.cov_b is not None:
+        yield from ("", "[reference.covariance]", _listed("columns", "cov"), 'angle_unit = "rad"')
+
+
+def _listed(key: str, group: str) -> str:
+    return f"{key} = [{', '.join(_toml(_title(name)) for name in GROUPS[group])}]"
+
+
+def _toml(text: str) -> str:
+    """TOML text; JSON's escapes are TOML's, except that TOML wants DEL escaped and no surrogates."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _encoded(text: str) -> bytes:
+    return text.encode("utf-8", "replace")

@@ -1,0 +1,249 @@
+"""From a recording to an attitude: calibrate and estimate in chunks, with progress."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import FrameError, ParameterError, ShapeError
+from plumbob.core.units import to_dps
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.reading import default_max_gap, read_at
+from plumbob.filters import Filter, Start, takes_noise
+from plumbob.filters.start import TRUTH_WORD
+from plumbob.rotations import Frame, North, change_frame
+from plumbob.rotations.headings import heading_policy, turn_heading
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
+    from plumbob.files import Recording
+
+BEYOND: Final = 3.0
+"""Standard deviations of the prior from which on an estimate contradicts it."""
+
+
+def bias_beyond(filter_: Filter, track: AttitudeTrack) -> str | None:
+    """Say in words that the last estimated bias contradicts the filter's prior, and what to do; None where not.
+
+    Parameters
+    ----------
+    filter_ : Filter
+        What made the track; a filter without a prior of the bias says nothing.
+    track : AttitudeTrack
+        Its estimate, or a part of it.
+    """
+    prior = filter_.bias_prior
+    if prior is None or track.bias_b is None:
+        return None
+    name, sd = prior
+    last = track.bias_b[-1]  # the first ones are those of a start in motion
+    largest = float(np.max(np.abs(last), initial=0.0, where=np.isfinite(last)))
+    if largest <= BEYOND * sd:
+        return None
+    return (
+        f"the estimated gyroscope bias, {to_dps(largest):.3g} °/s, is far outside of the prior of {to_dps(sd):.3g} °/s "
+        f"(1 sd) that {filter_.name} assumes: calibrate the gyroscope (plumbob calibrate gyro), or set {name}."
+    )
+
+
+CHUNK = 1 << 16
+"""Samples handed to a filter at a time; the result does not depend on it."""
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One way to estimate: a filter, its parameters, and a label for tables.
+
+    Attributes
+    ----------
+    filter : str
+        Name of the filter.
+    params : Mapping
+        Its parameters; numbers in SI, text with its unit.
+    label : str
+        How results are called; the filter's name where empty.
+    noise : NoiseCard or None
+        Noise of the unit, for a filter that takes its parameters from it; `params` has the last word.
+    init : str or None
+        What it starts from: "level", "ROLL,PITCH,HEADING" with units, or "truth", the reference's first attitude;
+        None: its first samples.
+    """
+
+    filter: str
+    params: Mapping[str, Any]
+    label: str = ""
+    noise: "NoiseCard | None" = None
+    init: str | None = None
+
+    @property
+    def name(self) -> str:
+        """Label, or the filter's name."""
+        return self.label or self.filter
+
+
+def with_noise(stages: Sequence[Stage], card: "NoiseCard") -> list[Stage]:
+    """Stages with a noise card for each filter that takes one; for all where none does, so that the filter refuses it.
+
+    Parameters
+    ----------
+    stages : sequence of Stage
+        Filters with their parameters.
+    card : NoiseCard
+        Noise of the unit.
+    """
+    takers = [stage.filter for stage in stages if takes_noise(stage.filter)]
+    return [replace(stage, noise=card) if stage.filter in takers or not takers else stage for stage in stages]
+
+
+def navigation_frame(imu: ImuData, asked: Frame | None, *, where: str) -> Frame:
+    """Frame that was asked for, or that the recording names; never a guess.
+
+    Raises
+    ------
+    FrameError
+        If neither says one.
+    """
+    frame = asked or imu.meta.frame
+    if frame is None:
+        raise FrameError(f"{where} does not name a navigation frame; say --frame {', --frame '.join(Frame)}.")
+    return frame
+
+
+def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = False) -> ImuData:
+    """Recording, or a part of a stream (`live`), with the card applied, or as it is where there is none."""
+    if card is None:
+        return imu
+    from plumbob.data.calibrated import apply_card
+
+    return apply_card(card, imu, live=live)
+
+
+def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None) -> Filter:
+    """Filter of a stage for samples with this meta; `Filter` has the rule of its headings.
+
+    Parameters
+    ----------
+    stage : Stage
+        Filter, parameters, noise card and start.
+    frame : Frame
+        Navigation frame of the result.
+    meta : ImuMeta, optional
+        What is known about the samples.
+    start : Start, optional
+        The start, where the stage leaves it to the truth.
+    """
+    init = None if stage.init == TRUTH_WORD else stage.init
+    return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, init=start or init, meta=meta)
+
+
+def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":
+    """Recording with the card applied to its samples, and what is then found in them in its notes.
+
+    Parameters
+    ----------
+    recording : Recording
+        Uncalibrated samples; an attitude that comes with them stays as it is.
+    card : CalibrationCard
+        Of this very unit.
+
+    Raises
+    ------
+    ShapeError
+        If it has no samples.
+    CalibrationError
+        As `plumbob.apply_card`.
+    """
+    from plumbob.data.calibrated import temperature_beyond
+    from plumbob.files.notes import findings, provenance
+
+    if recording.imu is None:
+        raise ShapeError(f"{recording.name} holds an attitude but no samples that a calibration card could correct.")
+    imu = calibrated(recording.imu, card)
+    beyond = () if (told := temperature_beyond(card, imu)) is None else (f"temperature: {told}",)
+    return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
+
+
+def estimate(
+    imu: ImuData,
+    stage: Stage,
+    *,
+    frame: Frame,
+    reference: AttitudeTrack | None = None,
+    progress: Progress | None = None,
+) -> AttitudeTrack:
+    """Attitude at every sample of a recording, with its covariance where the filter claims one.
+
+    Headings are true where the recording knows its declination, and magnetic where it does not; see `located`.
+
+    Parameters
+    ----------
+    imu : ImuData
+        Calibrated samples.
+    stage : Stage
+        Filter, parameters and noise card.
+    frame : Frame
+        Navigation frame of the result.
+    reference : AttitudeTrack, optional
+        What a stage with init "truth" starts from; the track then begins with the first sample whose attitude it knows.
+    progress : callable, optional
+        Called with the number of samples done since the last call.
+    """
+    start = None
+    if stage.init == TRUTH_WORD:
+        imu, start = start_from(reference, imu, filter_of(stage, frame, imu.meta))
+    filter_ = filter_of(stage, frame, imu.meta, start=start)
+    parts = []
+    for chunk in imu.chunks(CHUNK):
+        parts.append(filter_.process(chunk, covariance=True, look=False))  # the findings have been told
+        if progress:
+            progress(len(chunk))
+    return AttitudeTrack.joined(parts)
+
+
+def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter) -> tuple[ImuData, Start]:
+    """Samples from the first one on whose attitude a reference knows, and that attitude as the filter's start.
+
+    Parameters
+    ----------
+    reference : AttitudeTrack or None
+        The truth, on the time line of the samples.
+    imu : ImuData
+        The recording.
+    filter_ : Filter
+        What is started; it says frame, declination and whether a magnetometer tells its north.
+
+    Raises
+    ------
+    ParameterError
+        If there is no reference, or it knows no attitude at any sample.
+    FrameError
+        If its heading is true and the filter's magnetic, or the other way round, and no declination is known.
+    """
+    if reference is None:
+        raise ParameterError(
+            "init 'truth' takes the first attitude of the recording's reference, but it has none; give "
+            "ROLL,PITCH,HEADING with units, or level."
+        )
+    reading = read_at(reference, imu.t_ns, max_gap=default_max_gap(reference))
+    known = np.flatnonzero(np.isfinite(reading.q_nb).all(axis=1))
+    if not known.size:
+        raise ParameterError(
+            "init 'truth' takes the first attitude of the reference, but that knows none at any sample of the "
+            "recording; do both count time from the same start?"
+        )
+    first = int(known[0])
+    return imu[first:], start_at(reading.q_nb[first], reference.frame, reference.north, filter_, "mag" in imu.triads)
+
+
+def start_at(q_nb: Floats, frame: Frame, north: North, filter_: Filter, has_mag: bool) -> Start:
+    """Start of a true attitude (4,), whose frame and north are given."""
+    q_nb = change_frame(q_nb, to=filter_.frame, from_=frame)
+    own = filter_.north(has_mag)
+    if own is North.FREE or north is North.FREE:  # a gyroscope alone keeps the north that it is given
+        return Start(q_nb, north)
+    policy = heading_policy(own, north, aligned=False, declination=filter_.common.declination)
+    return Start(turn_heading(q_nb, policy.turn, filter_.frame))

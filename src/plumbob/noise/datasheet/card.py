@@ -1,0 +1,219 @@
+"""The noise card of a unit, from the analyses of its triads.
+
+Kalibr's ``imu.yaml``.
+
+Kalibr wants five numbers that are greater than zero, noise densities of continuous time in SI, one for all axes, and
+divides by √Δt itself (its wiki page "IMU Noise Model", and ``kalibr_common/ConfigReader.py``): the densities are N, the
+random walks are K.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError, UnitError
+from plumbob.core.text import aligned, listed, number, visible
+from plumbob.core.units import Quantity, from_si, written
+from plumbob.data import TITLES
+from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
+from plumbob.noise.datasheet import numbers
+from plumbob.noise.datasheet.numbers import AXES, Triad, triads
+from plumbob.noise.datasheet.table import facts
+from plumbob.noise.findings import Analysis, Coefficient
+from plumbob.noise.terms import DATASHEET, TERMS
+
+
+def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:
+    """Card of a unit, for the simulator and the Kalman filters.
+
+    N is taken as it was estimated. Where the record does not show B or K, the card has the value that together with all
+    other terms is the most likely one, often 0: so the card makes the curve that was measured, even where B and K
+    cannot be told apart. Their upper limits would be no estimates, and a short record would make a good sensor look
+    bad; the limits are told in the card's `source`. Each value comes with its interval of 68.3 %.
+
+    Parameters
+    ----------
+    analyses : sequence of Analysis
+        Channels "gyr x", "gyr y", "gyr z", and likewise "acc" and "mag". What is no whole triad is left out, and the
+        card's `source` says so.
+    device : str
+        The unit that was recorded.
+    source : str
+        Recording and method.
+
+    Raises
+    ------
+    ShapeError
+        If there is no triad of three axes, or the white noise of one is not known.
+    UnitError
+        If a triad measures something else than its name says, as bare numbers do.
+    """
+    found = {triad.name: triad for triad in triads(analyses)}
+    whole = {name: found[name] for name in UNITS if name in found and set(found[name].channels) == set(AXES)}
+    if not whole:
+        raise ShapeError(f"a noise card needs x, y and z of gyr, acc or mag, but there are {_names(found)}.")
+    for name, triad in whole.items():
+        if triad.quantity.value != UNITS[name]:
+            raise UnitError(f"{name} is in '{triad.quantity}', but a card holds {UNITS[name]}; scale the recording.")
+    said = [source, *(remark for triad in whole.values() for remark in _remarks(triad))]
+    others = {name: triad for name, triad in found.items() if name not in whole}
+    said += [f"left out, no triad of three axes: {_names(others)}"] if others else []
+    noises = {name: _noise(triad) for name, triad in whole.items()}
+    return NoiseCard(device, "; ".join(said), **noises)
+
+
+def card_text(card: NoiseCard) -> str:
+    """Tell what a noise card holds, in the units of data sheets."""
+    lines = [f"{card.device}: noise card", *listed([card.source])]
+    for name in UNITS:
+        triad: TriadNoise | None = getattr(card, name)
+        if triad is not None:
+            lines += ["", TITLES[name], *aligned(["", *AXES], *_rows(name, triad))]
+    return "\n".join(lines)
+
+
+def _rows(name: str, triad: TriadNoise) -> list[list[str]]:
+    units = DATASHEET[Quantity(UNITS[name])]
+    found = {
+        "N": (triad.n_rpsd, triad.n_interval),
+        "B": (triad.b, triad.b_interval),
+        "K": (triad.k_rpsd, triad.k_interval),
+    }
+    rows = []
+    for k, (values, ends) in found.items():
+        rows.append([f"{k} {TERMS[k].name} [{written(units[k])}]", *_numbers(values, units[k])])
+        if ends is not None:
+            cells = (f"{lo} to {hi}" for lo, hi in zip(*(_numbers(end, units[k]) for end in ends), strict=True))
+            rows.append(["  68.3 %", *cells])
+    return rows
+
+
+def _numbers(values: Floats, unit: str) -> list[str]:
+    return [number(v) for v in from_si(values, unit).tolist()]
+
+
+def _noise(triad: Triad) -> TriadNoise:
+    for axis in AXES:
+        if "N" not in triad.channels[axis].terms:
+            raise ShapeError(
+                f"the white noise of {triad.name} {axis} is not known ({triad.channels[axis].mask.reason}), and "
+                "without it there is no card; record without smoothing, or for longer."
+            )
+    return TriadNoise(*(_axes(triad, letter) for letter in "NBK"), *(_interval(triad, letter) for letter in "NBK"))
+
+
+def _axes(triad: Triad, letter: str) -> Floats:
+    """Coefficient of x, y and z: as estimated, or as most likely where it is not observable."""
+    return np.array([_value(triad.channels[axis], letter) for axis in AXES])
+
+
+def _interval(triad: Triad, letter: str) -> Floats | None:
+    """Ends (2, 3) of the intervals of x, y and z; None where one is not known."""
+    found = [triad.channels[axis].terms.get(letter) for axis in AXES]
+    ends = np.array([(np.nan, np.nan) if c is None else (c.lo, c.hi) for c in found]).T
+    return ends if np.isfinite(ends).all() else None
+
+
+def _value(analysis: Analysis, letter: str) -> float:
+    c = analysis.terms.get(letter)
+    if c is not None and (c.observable or letter == "N"):
+        return c.value
+    return analysis.most_likely.get(letter, 0.0)
+
+
+def _remarks(triad: Triad) -> list[str]:
+    """Length of the record, and the limits of what is not observable."""
+    units = DATASHEET[triad.quantity]
+    found = [f"{triad.name} from {facts(triad)}"]
+    for letter in ("B", "K"):
+        hidden = {axis: c for axis in AXES if (c := triad.channels[axis].terms.get(letter)) and not c.observable}
+        limits = ", ".join(f"{axis} {numbers.coefficient(c, units[letter])}" for axis, c in hidden.items())
+        if hidden:
+            limit = f"{limits} {written(units[letter])} (95 %)"
+            found.append(f"{triad.name} {letter} not observable, the most likely is taken: {limit}")
+    return found
+
+
+def _names(found: Mapping[str, Triad]) -> str:
+    return ", ".join(f"{name} {''.join(triad.channels)}".strip() for name, triad in found.items())
+
+
+_SENSORS = (("acc", "accelerometer", Quantity.ACCELERATION), ("gyr", "gyroscope", Quantity.RATE))
+_FIELDS = (("N", "noise_density"), ("K", "random_walk"))
+_TOPIC = re.compile(r"[/~]?[A-Za-z][A-Za-z0-9_]*(/[A-Za-z0-9_]+)*")
+
+
+def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = "") -> str:
+    """Text of the file.
+
+    Each number is the quadratic mean over the axes. Where a coefficient is not observable, its limit of 95 % stands for
+    it, with a comment, as Kalibr takes no zero and a random walk that is too small binds its biases too tightly.
+
+    Parameters
+    ----------
+    analyses : sequence of Analysis
+        Channels of "gyr" and "acc"; others are not looked at.
+    rostopic : str
+        Topic of the sensor's messages, such as "/imu0".
+    source : str
+        Recording and device, for a comment.
+
+    Raises
+    ------
+    ShapeError
+        If the gyroscope or the accelerometer is missing.
+    UnitError
+        If one measures something else than its name says, as bare numbers do.
+    ParameterError
+        If the topic is no name of ROS, the two have different rates, or a coefficient has neither value nor limit.
+    """
+    if not _TOPIC.fullmatch(rostopic):
+        raise ParameterError(f"rostopic must be a name of ROS such as /imu0, but it is {rostopic!r}.")
+    found = {triad.name: triad for triad in triads(analyses)}
+    lines = ["# Noise of an IMU for Kalibr: continuous time, SI; by plumbob"]
+    lines += [f"# {_ascii(source)}"] if source else []
+    lines.append("# each number is the quadratic mean over the axes below it; +/- is 68.3 %")
+    for name, sensor, quantity in _SENSORS:
+        if name not in found:
+            raise ShapeError(f"Kalibr needs gyr and acc, but of these there is only {', '.join(found)}.")
+        if found[name].quantity is not quantity:
+            raise UnitError(f"{name} is in '{found[name].quantity}', but Kalibr takes {quantity}; scale the recording.")
+        lines += ["", f"# {sensor}: {_ascii(facts(found[name]))}"]
+        for letter, field in _FIELDS:
+            lines += _field(f"{sensor}_{field}", found[name], letter)
+    lines += ["", f"rostopic: {rostopic}", f"update_rate: {_rate(found):.6f}"]
+    return "\n".join(lines) + "\n"
+
+
+def _field(field: str, triad: Triad, letter: str) -> list[str]:
+    """A number and, as comments, what it was made of."""
+    unit = DATASHEET[triad.quantity][letter]
+    squares, comments = [], []
+    for axis, analysis in triad.channels.items():
+        c = analysis.terms.get(letter, Coefficient(0.0, observable=False))
+        size = c.value if c.observable else c.upper
+        if not (math.isfinite(size) and size > 0.0):
+            raise ParameterError(
+                f"{letter} of {triad.name} {axis} has neither a value nor a limit, but Kalibr needs a number greater "
+                "than 0; record for longer."
+            )
+        squares.append(size**2)
+        limit = "" if c.observable else ", not observable: the limit of 95 % is taken"
+        comments.append(f"#   {letter} {axis}: {_ascii(numbers.coefficient(c, unit))} {unit}{limit}")
+    return [f"{field}: {math.sqrt(sum(squares) / len(squares)):.6e}", *comments]
+
+
+def _rate(found: dict[str, Triad]) -> float:
+    rates = [1.0 / found[name].first.curve.dt for name, *_ in _SENSORS]
+    if not math.isclose(*rates, rel_tol=1e-6):
+        both = " and ".join(f"{rate:.6g} Hz" for rate in rates)
+        raise ParameterError(f"acc and gyr have the rates {both}, but Kalibr takes one; resample one of them.")
+    return rates[0]
+
+
+def _ascii(text: str) -> str:
+    """One line without letters that a reader of another locale could choke on."""
+    return visible(" ".join(text.replace("±", "+/-").encode("ascii", "replace").decode().split()))

@@ -1,0 +1,330 @@
+"""What no noise does: clipped, held, stuck, interleaved, periodic or spiked samples, and steps."""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from plumbob.core import check
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.noise.static.stillness import Parts
+
+RATIO: Final = 2.0
+"""The outermost level is a pile if it occurs more often than so many times the next one; the tail of noise thins."""
+FEWEST: Final = 8
+"""Visits of a pile; slow noise may stay at its outermost level for long, but not again and again."""
+
+CLIPPED_SHARE: Final = 1e-4
+
+"""Part of all samples that a pile has."""
+
+
+class Pile(NamedTuple):
+    """Outermost value, how often it occurs, and how often the next one inside it does."""
+
+    value: float
+    size: int
+    inside: int
+
+
+def clipped(values: Floats) -> list[Pile]:
+    """Piles at the smallest and at the largest value.
+
+    Of noise much smaller than a converter's step any level can be the outermost: do not ask then.
+    """
+    levels, counts = np.unique(values, return_counts=True)
+    if levels.size < 3:
+        return []
+    ends = [Pile(float(levels[i]), int(counts[i]), int(counts[k])) for i, k in ((0, 1), (-1, -2))]
+    return [pile for pile in ends if _piled(pile, values)]
+
+
+def _piled(pile: Pile, values: Floats) -> bool:
+    if pile.size <= RATIO * pile.inside or pile.size < CLIPPED_SHARE * values.size:
+        return False
+    there = values == pile.value
+    return int(np.count_nonzero(there[1:] & ~there[:-1])) + int(there[0]) >= FEWEST
+
+
+HELD_SHARE: Final = 0.8
+
+"""Part of the runs of equal values that must be alike. Coarse noise repeats itself too, but in runs of any length: of
+those that halve in number from each length to the next, 38 % last for two or three samples."""
+
+
+def held(values: Floats) -> int:
+    """How often each value comes in a row, if nearly all come equally often, give or take one; else 1."""
+    starts = np.flatnonzero(np.diff(values) != 0.0)
+    if starts.size < 10:
+        return 1
+    runs = np.diff(starts)
+    usual = int(np.median(runs))
+    alike = max(np.mean((runs == usual) | (runs == other)) for other in (usual - 1, usual + 1))
+    return usual if usual > 1 and alike >= HELD_SHARE else 1
+
+
+LONGEST: Final = 12
+"""Channels in turn that are looked for: three sensors of three axes, temperature, and two more."""
+APART: Final = 1.0
+"""Standard deviation of the means of the channels over that within them from which on they are not one channel. A
+sinusoid at a whole fraction of the rate, such as mains folded down, would have to be that strong to look so."""
+
+_AS_GOOD: Final = 0.8  # of the best: the smallest number of channels
+_FEWEST: Final = 50  # values of each channel
+
+
+def interleaved(values: Floats) -> int:
+    """How many channels seem to take turns in a record (N,); 1 where it is one.
+
+    Means of every k-th value differ from phase to phase by more than the values within a phase scatter. Of numbers that
+    tell them apart as well, such as multiples of the true one, the smallest is told.
+    """
+    apart = {1: APART}
+    for k in range(2, LONGEST + 1):
+        whole = values.size // k
+        if whole < _FEWEST:
+            break
+        phases = values[: whole * k].reshape(whole, k)
+        within = float(np.sqrt(np.mean(np.var(np.diff(phases, axis=0), axis=0)) / 2.0))  # of neighbours: without drift
+        apart[k] = float(np.std(phases.mean(axis=0))) / max(within, 1e-300)
+    most = max(apart.values())
+    return 1 if most <= APART else next(k for k, ratio in apart.items() if ratio >= _AS_GOOD * most)
+
+
+PERIODIC_SHARE: Final = 0.9
+
+"""Part of the energy of all changes that a single line must hold. Of 200 equal lines, the largest five hold a tenth."""
+LINES: Final = 200
+"""Spectra of fewer lines are not judged."""
+
+_LOBE: Final = 3
+_SLOWEST: Final = 10
+
+
+class Oscillation(NamedTuple):
+    """Frequency, Hz, and amplitude, in the unit of the samples."""
+
+    frequency: float
+    amplitude: float
+
+
+def shaking(values: Floats, dt: float) -> Oscillation | None:
+    """Oscillation that makes up nearly all the change between averages of some length, or None.
+
+    Differences of averages whiten a random walk and take out a ramp, so no noise of a sensor has a line there.
+
+    Parameters
+    ----------
+    values : ndarray (N,)
+        Samples.
+    dt : float
+        Sampling time, s.
+    """
+    averages, n = values, 1
+    while averages.size >= 2 * LINES:
+        x, power = _line(np.diff(averages))
+        if power > 0.0:
+            averaging = math.sin(math.pi * x) / (n * math.sin(math.pi * x / n))
+            difference = 2.0 * math.sin(math.pi * x)
+            return Oscillation(x / (n * dt), math.sqrt(2.0 * power) / abs(averaging * difference))
+        averages, n = averages[: averages.size // 2 * 2].reshape(-1, 2).mean(axis=1), 2 * n
+    return None
+
+
+def _line(changes: Floats) -> tuple[float, float]:
+    """Frequency, in samples⁻¹, and mean square of the line that holds nearly everything, else 0."""
+    centred = changes - changes.mean()
+    spectrum = np.abs(np.fft.rfft(centred * np.hanning(changes.size))) ** 2
+    peak = int(np.argmax(spectrum))
+    inside = float(spectrum[max(0, peak - _LOBE) : peak + _LOBE + 1].sum())
+    holds = peak >= _SLOWEST and inside > PERIODIC_SHARE * spectrum.sum()
+    return peak / changes.size, float(np.mean(centred * centred)) if holds else 0.0
+
+
+FAR: Final = 9.0
+"""Distance from the median of three samples beyond which a sample is a spike, in standard deviations of white noise
+with the same second differences."""
+
+_CELL: Final = 256
+
+
+@njit
+def distances(x: Floats, typical: Floats, largest: Floats, place: Floats) -> None:
+    """Distances of samples from the median of themselves and their neighbours, for each cell.
+
+    Parameters
+    ----------
+    x : ndarray (n,)
+        Samples; the first and the last are neighbours only.
+    typical, largest, place : ndarray (cells,)
+        Standard deviation of white noise with the same second differences; largest distance, and where that is in x.
+    """
+    for i in range(typical.shape[0]):
+        cell = x[i * _CELL : i * _CELL + _CELL + 2]
+        total, most, where = 0.0, -1.0, 0
+        for k in range(_CELL):
+            a, b, c = cell[k], cell[k + 1], cell[k + 2]
+            off = abs(b - max(min(a, b), min(max(a, b), c)))
+            total += (a - 2.0 * b + c) ** 2
+            if off > most:
+                most, where = off, k + 1
+        typical[i] = math.sqrt(total / (6.0 * _CELL))
+        largest[i] = most
+        place[i] = i * _CELL + where
+
+
+class Spikes:
+    """Watches one channel, block by block; of a cell of 256 samples it keeps the typical distance and the largest."""
+
+    def __init__(self) -> None:
+        self._rest = np.empty(0)
+        self._typical: list[Floats] = []
+        self._largest: list[Floats] = []
+        self._place: list[Floats] = []
+        self._cells = 0
+
+    def add(self, samples: Floats) -> None:
+        """Take the next samples (n,), all finite."""
+        x = np.append(self._rest, samples)
+        cells = max(0, x.size - 2) // _CELL
+        typical, largest, place = np.empty(cells), np.empty(cells), np.empty(cells)
+        distances(x, typical, largest, place)
+        self._typical.append(typical)
+        self._largest.append(largest)
+        self._place.append(self._cells * _CELL + place)
+        self._cells += cells
+        self._rest = x[cells * _CELL :].copy()
+
+    def found(self, least: float) -> list[int]:
+        """Indices of spikes farther off than `least`, at most one of a cell."""
+        if not self._cells:
+            return []
+        largest = np.concatenate(self._largest)
+        typical = float(np.median(np.concatenate(self._typical)))
+        return [int(i) for i in np.concatenate(self._place)[largest > max(FAR * typical, least)]]
+
+
+REPEATS: Final = 4
+"""Values come from a converter if each occurs so often on average; what is not quantised hardly repeats."""
+
+_ROUNDING: Final = 2e-7
+"""Values that differ by less than this part of the largest are equal: float32 rounds to 1.2e-7."""
+_RESIDUAL: Final = 0.2
+"""How far a value may lie from its multiple, in steps: a text of few digits rounds."""
+
+
+def find_step(values: ArrayLike) -> float:
+    """Step of which all values are whole multiples, up to an offset and rounding; 0 where there is none.
+
+    The closest neighbours among the levels give a first guess, which a straight line through all of them makes exact:
+    0.06, 0.12, 0.18, 0.24, 0.31 are multiples of 0.061 in a text of two decimals.
+
+    Parameters
+    ----------
+    values : array_like (N,)
+        Samples; a hundred or more, as fewer show nothing.
+    """
+    samples = check.column("values", values)
+    levels = _levels(np.unique(samples[np.isfinite(samples)]))
+    if levels.size < 2 or samples.size < REPEATS * levels.size:
+        return 0.0
+    rise = np.diff(levels)
+    step = float(np.median(rise[rise < 1.5 * rise.min()]))
+    for _ in range(2):  # the first line may have counted a wide gap wrongly
+        number = np.concatenate(([0.0], np.cumsum(np.round(rise / step))))
+        step = float(np.polyfit(number, levels - levels[0], 1)[0])
+    residual = levels - levels[0] - step * number
+    return step if np.ptp(residual) < 2.0 * _RESIDUAL * step else 0.0
+
+
+def _levels(values: Floats) -> Floats:
+    """Sorted values without those that differ from their neighbour by rounding only."""
+    if values.size < 2:
+        return values
+    apart = np.diff(values) > _ROUNDING * np.max(np.abs(values))
+    return values[np.concatenate(([True], apart))]
+
+
+LEAST: Final = 10
+"""Shorter runs are not kept."""
+MARGIN: Final = 3.0
+"""With a share p of equal neighbours, N independent samples have N pᴸ runs of L more equal ones; so runs three times as
+long as the longest usual one, ln N / -ln p, come once in N² records."""
+FEWEST_CHANGES: Final = 8
+"""So many changes without one back are no noise."""
+
+_RUN, _RISES, _FALLS, _EQUAL, _FOUND = range(5)
+
+
+@njit
+def follow(x: Floats, state: Floats, ends: Floats, lengths: Floats) -> None:
+    """Runs of equal neighbours that end within `x`.
+
+    Parameters
+    ----------
+    x : ndarray (n,)
+        Samples; the first is the last of the block before.
+    state : ndarray (5,)
+        Length of the run that goes on, numbers of rises, falls and equal neighbours so far, and of runs found here.
+    ends, lengths : ndarray (m,)
+        For each run longer than `LEAST`, the index after it in x, and its samples.
+    """
+    run, found, rises, equal = state[0], 0, 0, 0
+    for i in range(1, x.shape[0]):
+        rises += x[i] > x[i - 1]  # a sum, as of noise no branch is foreseen
+        if x[i] == x[i - 1]:
+            run += 1.0
+            equal += 1
+            continue
+        if run > LEAST:
+            ends[found], lengths[found] = i, run
+            found += 1
+        run = 1.0
+    state[0] = run
+    state[1] += rises
+    state[2] += x.shape[0] - 1 - rises - equal
+    state[3] += equal
+    state[4] = found
+
+
+class Runs:
+    """Watches one channel, block by block."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._last = np.empty(0)
+        self._state = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+        self._ends: list[Floats] = []
+        self._lengths: list[Floats] = []
+
+    def add(self, samples: Floats) -> None:
+        """Take the next samples (n,), all finite."""
+        if not samples.size:
+            return
+        x = np.append(self._last, samples)
+        ends = np.empty(x.size // LEAST + 1)
+        lengths = np.empty_like(ends)
+        follow(x, self._state, ends, lengths)
+        found = int(self._state[_FOUND])
+        self._ends.append(self.count - self._last.size + ends[:found])
+        self._lengths.append(lengths[:found].copy())
+        self.count += samples.size
+        self._last = x[-1:].copy()
+
+    @property
+    def one_way(self) -> str | None:
+        """How the values change, if they only do so in one way: "rises" or "falls"."""
+        rises, falls = self._state[_RISES], self._state[_FALLS]
+        if min(rises, falls) > 0.0 or max(rises, falls) < FEWEST_CHANGES:
+            return None
+        return "rises" if rises else "falls"
+
+    def stuck(self) -> Parts:
+        """Runs longer than those of noise with as many equal neighbours, as (first, end)."""
+        equal = float(self._state[_EQUAL]) / max(1, self.count - 1)
+        most = LEAST + (MARGIN * math.log(self.count) / -math.log(equal) if 0.0 < equal < 1.0 else 0.0)
+        ends = np.append(np.concatenate([np.empty(0), *self._ends]), self.count).astype(int)
+        lengths = np.append(np.concatenate([np.empty(0), *self._lengths]), self._state[_RUN]).astype(int)
+        return [(int(end - length), int(end)) for end, length in zip(ends, lengths, strict=True) if length > most]

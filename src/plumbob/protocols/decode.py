@@ -1,0 +1,342 @@
+"""Bytes to numbers with units: every byte belongs to a frame or is counted as junk, and nothing on the wire raises."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.data import TRIADS, ImuData
+from plumbob.protocols import scan
+from plumbob.protocols.format import Format, Message
+from plumbob.protocols.read_plan import Reads, plan_of
+from plumbob.protocols.unpack import Column, Unpacker
+
+Ints = NDArray[np.int64]
+
+_SLICE: Final = 1 << 20
+"""Bytes that are searched and taken apart at a time, so that they stay in the processor's cache."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frames:
+    """Frames of one message.
+
+    Attributes
+    ----------
+    message : Message
+        What they are.
+    start : ndarray (N,) of int64
+        Byte of the stream with which each begins.
+    t_ns : ndarray (N,) of int64
+        Host's time at which that byte was read, ns.
+    columns : mapping of str to ndarray (N,)
+        Values by field, in the units used inside; whole numbers for what is no measured value.
+    flags : mapping of str to ndarray (N,) of uint32
+        Flags by unit: the prefix of its fields, empty where there is one unit only.
+    """
+
+    message: Message
+    start: Ints
+    t_ns: Ints
+    columns: Mapping[str, Column]
+    flags: Mapping[str, NDArray[np.uint32]]
+
+    def __len__(self) -> int:
+        return int(self.start.size)
+
+
+@dataclass(slots=True)
+class Counts:
+    """What became of every byte, and why frames were rejected.
+
+    Attributes
+    ----------
+    received : int
+        Bytes handed in.
+    framed : int
+        Bytes of frames, unknown messages included.
+    junk : int
+        Bytes that belong to no frame.
+    pending : int
+        Bytes that wait for more.
+    frames : dict of str to int
+        Frames by message.
+    unknown : int
+        Frames that pass their check and are of no known message.
+    bad_checksum, bad_content, bad_length : int
+        Candidates rejected for their check; for constants, digits or parity; for an impossible length.
+    """
+
+    received: int = 0
+    framed: int = 0
+    junk: int = 0
+    pending: int = 0
+    frames: dict[str, int] = field(default_factory=dict)
+    unknown: int = 0
+    bad_checksum: int = 0
+    bad_content: int = 0
+    bad_length: int = 0
+
+    def summary(self) -> dict[str, int | dict[str, int]]:
+        """Everything by name, for JSON."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+class Decoder:
+    """Decodes a stream in any chunking; equal bytes give equal frames.
+
+    Parameters
+    ----------
+    form : Format
+        Format; its options must be settled, or all have defaults.
+
+    Raises
+    ------
+    ParameterError
+        If an option is missing.
+    """
+
+    def __init__(self, form: Format) -> None:
+        self.form = check.kind("form", form, Format, hint="find_format(name) gives one.").bind()
+        self._plan = plan_of(self.form)
+        self._unpackers = [Unpacker(message) for message in self.form.messages]
+        self._state: Ints = np.zeros(scan.STATE, dtype=np.int64)
+        self._state[scan.HUNTING] = 1
+        self._pending = b""
+        self._reads = Reads()
+        self._done = 0
+        self._found: Ints = np.empty((_room(self.form), 3), dtype=np.int64)
+        self.counts = Counts(frames={m.name: 0 for m in self.form.messages})
+
+    @property
+    def remembered(self) -> int:
+        """Number of reads whose time is still needed: those with bytes that wait, and the last."""
+        return len(self._reads)
+
+    def feed(self, data: bytes, t_ns: int = 0) -> dict[str, Frames]:
+        """Take bytes, and return the frames that they complete, by message; messages without any are left out.
+
+        Parameters
+        ----------
+        data : bytes
+            Next bytes of the stream; another buffer, such as a bytearray or an array of uint8, is copied.
+        t_ns : int
+            Host's time at which they were read, ns.
+        """
+        try:
+            data = data if isinstance(data, bytes) else bytes(memoryview(data))
+        except TypeError:
+            raise ShapeError(f"data must be bytes, but it is {check.said(data)}.") from None
+        return self._take(data, t_ns, final=False)
+
+    def finish(self) -> dict[str, Frames]:
+        """Say that the stream has ended, or was interrupted: what is pending is searched, and its rest is junk."""
+        return self._take(b"", 0, final=True)
+
+    def _take(self, data: bytes, t_ns: int, *, final: bool) -> dict[str, Frames]:
+        if data:
+            self._reads.add(self._done + len(self._pending), t_ns)
+        self.counts.received += len(data)
+        whole = self._pending + data if self._pending else data
+        parts: dict[int, list[Frames]] = {}
+        at = 0
+        while True:
+            end = min(len(whole), at + _SLICE)
+            last = end == len(whole)
+            at, full = self._slice(whole, at, end, final and last, parts)
+            if last and not full:
+                break
+        self._pending = whole[at:]
+        self._done += at
+        self._reads.forget(self._done)
+        self._count()
+        return {self.form.messages[m].name: _joined(found) for m, found in sorted(parts.items())}
+
+    def _slice(self, whole: bytes, at: int, end: int, final: bool, parts: dict[int, list[Frames]]) -> tuple[int, bool]:
+        view = np.frombuffer(whole, dtype=np.uint8)[at:end]
+        found, done = scan.scan(view, view.size, final, *self._plan, self._state, self._found)
+        places = self._found[:found]
+        for m, message in enumerate(self.form.messages):
+            mine = places if len(self.form.messages) == 1 else places[places[:, 2] == m]
+            if mine.shape[0]:
+                start = mine[:, 0] + (self._done + at)
+                unpacked = self._unpackers[m].take(view, np.ascontiguousarray(mine[:, 0]))
+                parts.setdefault(m, []).append(Frames(message, start, self._reads.times(start), *unpacked))
+                self.counts.frames[message.name] += mine.shape[0]
+        return at + done, found == self._found.shape[0]
+
+    def _count(self) -> None:
+        c, s = self.counts, self._state
+        c.pending = len(self._pending)
+        c.junk, c.unknown = int(s[scan.JUNK]), int(s[scan.UNKNOWN])
+        c.framed = c.received - c.junk - c.pending
+        c.bad_checksum, c.bad_content, c.bad_length = (
+            int(s[i]) for i in (scan.BAD_CHECKSUM, scan.BAD_CONTENT, scan.BAD_LENGTH)
+        )
+
+
+def decode(form: Format, data: bytes, t_ns: int = 0) -> tuple[dict[str, Frames], Counts]:
+    """Decode a whole stream at once.
+
+    Parameters
+    ----------
+    form : Format
+        Format.
+    data : bytes
+        The stream.
+    t_ns : int
+        Host's time to give to every frame, ns.
+
+    Returns
+    -------
+    frames : dict of str to Frames
+        By message.
+    counts : Counts
+        What became of every byte.
+    """
+    decoder = Decoder(form)
+    parts = [decoder.feed(data, t_ns), decoder.finish()]
+    names = [m.name for m in decoder.form.messages]
+    return {n: _joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}, decoder.counts
+
+
+def _room(form: Format) -> int:
+    least = min(m.length for m in form.messages)
+    if least < 1:
+        raise ParameterError(f"{form.name}: a message must be at least 1 byte long.")
+    return _SLICE // least + 1
+
+
+def _joined(parts: list[Frames]) -> Frames:
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+    return Frames(
+        first.message,
+        np.concatenate([p.start for p in parts]),
+        np.concatenate([p.t_ns for p in parts]),
+        {name: np.concatenate([p.columns[name] for p in parts]) for name in first.columns},
+        {unit: np.concatenate([p.flags[unit] for p in parts]) for unit in first.flags},
+    )
+
+
+_AXES = "xyz"
+
+
+def triads_of(frames: Frames, unit: str = "") -> dict[str, Floats]:
+    """Triads (N, 3) that a unit of the message has, in the units used inside; an axis that it lacks is NaN.
+
+    Parameters
+    ----------
+    frames : Frames
+        Decoded frames.
+    unit : str
+        Prefix of the unit's fields.
+    """
+    found: dict[str, Floats] = {}
+    for triad in TRIADS:
+        columns = [frames.columns.get(name) for name in _axes_of(unit, triad)]
+        if any(column is not None for column in columns):
+            found[triad] = np.empty((len(frames), 3))
+            for i, column in enumerate(columns):
+                found[triad][:, i] = np.nan if column is None else column
+    return found
+
+
+@cache  # for every part of a stream
+def _axes_of(unit: str, triad: str) -> tuple[str, ...]:
+    return tuple(_name(unit, triad, axis) for axis in _AXES)
+
+
+def prefixes_of(message: Message) -> tuple[str, ...]:
+    """Prefixes of a message's units with a triad, in the order of their fields; empty for the only one."""
+    return tuple(dict.fromkeys(one.triad.rpartition(".")[0] for one in message.fields if one.triad))
+
+
+def unit_of(message: Message, asked: str) -> str:
+    """Prefix of the fields of one of a message's units, by its name or its number from 1.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit, or none is asked for where there are several.
+    """
+    names = prefixes_of(message)
+    if asked in names:
+        return asked
+    if asked.isdecimal() and 1 <= int(asked) <= len(names):
+        return names[int(asked) - 1]
+    if not names:
+        raise ParameterError(
+            f"message {message.name} carries no gyr, acc or mag, so there is nothing to estimate from."
+        )
+    if names == ("",):
+        raise ParameterError(
+            f"message {message.name} has one unit without a name, but '{asked}' was asked for; leave it out."
+        )
+    known = ", ".join(f"{name} ({number})" for number, name in enumerate(names, 1))
+    got = f"but '{asked}' was asked for" if asked else "and none was named"
+    how = f'name one, as --unit {names[0]} or unit = "{names[0]}" in [format]'
+    raise ParameterError(f"message {message.name} has the units {known}, {got}; {how}.")
+
+
+def temperature_of(frames: Frames, unit: str = "") -> Floats | None:
+    """Temperature (N,) of a unit, °C; None where the message has none."""
+    column = frames.columns.get(_name(unit, "temp_c"))
+    return None if column is None else np.asarray(column, dtype=np.float64)
+
+
+def ranges_of(message: Message, unit: str = "") -> dict[str, Floats]:
+    """Full scale (3,) of each triad of a unit, in the units used inside: the greatest value of each axis both ways.
+
+    An axis that the message lacks takes the largest of the others. A triad with an axis of floating point, of which
+    the message knows no largest value, is left out.
+
+    Parameters
+    ----------
+    message : Message
+        What carries the fields.
+    unit : str
+        Prefix of the unit's fields.
+    """
+    fields = {one.name: one for one in message.fields}
+    found: dict[str, Floats] = {}
+    for triad in TRIADS:
+        axes = [fields.get(name) for name in _axes_of(unit, triad)]
+        known = [one for one in axes if one is not None]
+        if known and all(one.type[0] != "f" for one in known):
+            largest = max(one.full_scale for one in known)
+            found[triad] = np.array([largest if one is None else one.full_scale for one in axes])
+    return found
+
+
+def columns_of(imu: ImuData, message: Message, unit: str = "") -> dict[str, Floats]:
+    """Values by field of what a recording has and the message carries, for `encode.encode`.
+
+    Parameters
+    ----------
+    imu : ImuData
+        Samples.
+    message : Message
+        Where they shall go.
+    unit : str
+        Prefix of the unit's fields.
+    """
+    values: Mapping[str, Floats | None] = {"temp_c": imu.temp_c} | {
+        f"{triad}.{axis}": None if getattr(imu, triad) is None else getattr(imu, triad)[:, i]
+        for triad in TRIADS
+        for i, axis in enumerate(_AXES)
+    }
+    wanted = {f.name for f in message.fields if f.physical}
+    named = {_name(unit, *name.split(".")): value for name, value in values.items()}
+    return {name: value for name, value in named.items() if value is not None and name in wanted}
+
+
+def _name(*parts: str) -> str:
+    return ".".join(part for part in parts if part)

@@ -1,0 +1,219 @@
+"""A field: one number of a message, and where what is said of it comes from."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import unit
+
+MARKS: Final = ("V", "V1", "C", "UNVERIFIED", "")
+"""V: read in the source named; V1: in one secondary source only; C: computed; UNVERIFIED: in none. Empty: one's own."""
+
+SIZES: Final = {"u8": 1, "s8": 1, "u16": 2, "s16": 2, "u24": 3, "s24": 3, "u32": 4, "s32": 4, "u64": 8, "s64": 8} | {
+    "f32": 4,
+    "f64": 8,
+    "bcd": 3,
+}
+"""Bytes of a field's word. ``bcd`` is a sign nibble and five digits."""
+
+ROLES: Final = ("value", "status", "counter", "clock", "constant", "match")
+WORDS: Final = ("absent", "clipped", "invalid")
+"""What a status can say of the triads that it belongs to."""
+
+_TRIADS: Final = frozenset({"gyr", "acc", "mag"})
+
+
+@dataclass(frozen=True, slots=True)
+class Provenance:
+    """Where a fact comes from.
+
+    Attributes
+    ----------
+    source : str
+        Tag of a source of the format; empty in one's own.
+    mark : str
+        How sure it is, from `MARKS`.
+    note : str
+        What else to know.
+    """
+
+    source: str = ""
+    mark: str = ""
+    note: str = ""
+
+
+UNSAID: Final = Provenance()
+
+
+@dataclass(frozen=True, slots=True)
+class Checksum:
+    """Check at the end or elsewhere of a frame.
+
+    Attributes
+    ----------
+    kind : str
+        Name from `checksum.KINDS`, or of an option.
+    at : int
+        Where it stands; negative counts from the end of the frame.
+    start, stop : int
+        Bytes that it covers, `stop` exclusive; 0 or negative counts from the end.
+    order : str
+        Of its own bytes.
+    """
+
+    kind: str
+    at: int
+    start: int = 0
+    stop: int = 0
+    order: str = "big"
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One number of a message.
+
+    ``value = ((raw + raw_offset) lsb times / counts + offset) unit``, where `counts` and `times` may be options.
+
+    Attributes
+    ----------
+    name : str
+        ``gyr.x``, ``acc.z``, ``mag.y``, ``temp_c``, ``roll``, or any other; several units in one frame have a prefix,
+        ``u1.gyr.x``.
+    at : int
+        Byte in the frame at which its word begins.
+    type : str
+        From `SIZES`, or what says of `size` bytes whether they are sound: ``"parity"``, 1 where they hold an odd number
+        of ones, `bits` being what sees to it; ``"check"``, 1 where `check` fits.
+    size : int
+        Bytes of the word.
+    order : str
+        ``"big"`` or ``"little"``.
+    bits : tuple of int or None
+        Highest and lowest bit of the word that belong to it; all where None.
+    unit : str
+        Unit of the value; empty for a bare whole number.
+    lsb, counts, times : float or str
+        Size of a count: `lsb` times `times` over `counts`; a text names an option.
+    raw_offset, offset : float
+        Added to the count, and to the value in its unit.
+    role : str
+        From `ROLES`. A frame whose constant differs is another message; of a match the frame says 1 where it is as it
+        shall be, else 0.
+    value : int
+        What a constant or a match is; what else is encoded where nothing is given.
+    clip : tuple of int or None
+        Counts at and beyond which the sensor is at the end of its range.
+    overflow : tuple of int
+        Counts that stand for "beyond the range": the value is absent and flagged as clipped.
+    range : tuple of int or None
+        Least and greatest count of a frame that can be believed, where the check alone is weak.
+    wrap : bool
+        Whether its counts go round, as those of an angle do of which 360° are all counts.
+    says : mapping of int to str
+        Of a status: which counts mean a word of `WORDS` for the triads `of`.
+    of : tuple of str
+        Names of triads, or of single fields such as ``gyr.x`` and ``temp_c``, with their prefix.
+    check : Checksum or None
+        Of a check, with places counted from `at`.
+    origin : Provenance
+        Where it comes from.
+    """
+
+    name: str
+    at: int
+    type: str
+    size: int
+    order: str = "big"
+    bits: tuple[int, int] | None = None
+    unit: str = ""
+    lsb: float = 1.0
+    counts: float | str = 1.0
+    times: float | str = 1.0
+    raw_offset: float = 0.0
+    offset: float = 0.0
+    role: str = "value"
+    value: int = 0
+    clip: tuple[int, int] | None = None
+    overflow: tuple[int, ...] = ()
+    range: tuple[int, int] | None = None
+    wrap: bool = False
+    says: Mapping[int, str] = field(default_factory=dict)
+    of: tuple[str, ...] = ()
+    check: "Checksum | None" = None
+    origin: Provenance = UNSAID
+
+    @property
+    def signed(self) -> bool:
+        """Whether a count may be below 0."""
+        return self.type[0] in "sfb"
+
+    @property
+    def width(self) -> int:
+        """Number of bits of a count."""
+        return 8 * self.size if self.bits is None else self.bits[0] - self.bits[1] + 1
+
+    @property
+    def limits(self) -> tuple[int, int]:
+        """Least and greatest count that its bits can hold."""
+        if self.type == "bcd":
+            return -99999, 99999
+        half = 1 << (self.width - 1)
+        return (-half, half - 1) if self.signed else (0, 2 * half - 1)
+
+    @property
+    def physical(self) -> bool:
+        """Whether it is decoded to a number with a unit; others stay whole numbers."""
+        return self.role == "value" and not self.derived
+
+    @property
+    def fixed(self) -> bool:
+        """Whether every frame has the same there."""
+        return self.role in ("constant", "match")
+
+    @property
+    def derived(self) -> bool:
+        """Whether it has no bytes of its own, but follows from those of others."""
+        return self.type in ("parity", "check")
+
+    @property
+    def scale(self) -> float:
+        """One count in the unit used inside."""
+        return self._factor * self.lsb * self._number("times") / self._number("counts")
+
+    @property
+    def zero(self) -> float:
+        """What is added to the scaled count, in the unit used inside."""
+        if not self.unit:
+            return self.offset
+        return unit(self.unit).factor * self.offset + unit(self.unit).offset
+
+    @property
+    def _factor(self) -> float:
+        return unit(self.unit).factor if self.unit else 1.0
+
+    def _number(self, key: str) -> float:
+        value = getattr(self, key)
+        if isinstance(value, str):
+            raise ParameterError(f"field {self.name} needs option '{value}'; bind the format first: format.bind().")
+        return float(value)
+
+    @property
+    def full_scale(self) -> float:
+        """Greatest size that a value can have both ways, or one way where it has one sign; in the unit used inside."""
+        low, high = sorted((count + self.raw_offset) * self.scale + self.zero for count in self.clip or self.limits)
+        return min(-low, high) if low < 0.0 < high else max(-low, high)
+
+    @property
+    def triad(self) -> str:
+        """Name of the triad that it belongs to, with its prefix; empty for none."""
+        head, _, axis = self.name.rpartition(".")
+        return head if axis in {"x", "y", "z"} and head.rpartition(".")[2] in _TRIADS else ""
+
+
+def owner_of(name: str) -> tuple[str, str]:
+    """Unit and triad (without it) of a triad's or a field's name; the triad is empty where it belongs to none."""
+    head, _, axis = name.rpartition(".")
+    triad = head if head and axis in {"x", "y", "z"} else name
+    unit_name, _, last = triad.rpartition(".")
+    return unit_name, last if last in _TRIADS else ""

@@ -1,0 +1,308 @@
+"""A format: what a device says on the wire, as data. `format_toml` reads one from a file, `catalog` holds the known.
+
+A *frame* is one piece of the byte stream, found by its framing. A *message* is one kind of frame, told from others by
+its constant fields. A *field* is one number in it. One description decodes, encodes, and writes page and C struct.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+from plumbob.core.errors import ParameterError
+from plumbob.protocols.field import UNSAID, Checksum, Field, Provenance
+
+
+@dataclass(frozen=True, slots=True)
+class LengthField:
+    """Length of a frame that stands in it.
+
+    Attributes
+    ----------
+    at, size : int
+        Where, and of how many bytes.
+    order : str
+        Of its bytes.
+    add : int
+        What to add to get the length of the whole frame.
+    least, most : int
+        Lengths that are believed.
+    """
+
+    at: int
+    size: int
+    order: str
+    add: int
+    least: int
+    most: int
+
+
+@dataclass(frozen=True, slots=True)
+class Framing:
+    """How frames are found in a stream.
+
+    Attributes
+    ----------
+    sync : tuple of bytes
+        What a frame begins with, one of several of equal length; empty for a bus, where each transfer is one frame.
+    end : bytes
+        What every frame ends with, behind its check; empty where nothing.
+    length : int
+        Bytes of every frame; 0 where `length_field` says it.
+    length_field : LengthField or None
+        Where the length stands.
+    checksum : Checksum or None
+        Check of the whole.
+    parity : tuple of (int, int, int)
+        First byte and end of what must hold an odd number of ones, and the bit that makes it so, counted from the
+        range's last bit.
+    confirm : bool
+        After a disturbance, believe a frame only once another begins right behind it: for weak checks.
+    rate : float or None
+        Frames per second as the device sends them, Hz.
+    baud : int or None
+        Usual speed of the line.
+    """
+
+    sync: tuple[bytes, ...] = ()
+    end: bytes = b""
+    length: int = 0
+    length_field: LengthField | None = None
+    checksum: Checksum | None = None
+    parity: tuple[tuple[int, int, int], ...] = ()
+    confirm: bool = False
+    rate: float | None = None
+    baud: int | None = None
+
+    @property
+    def transfers(self) -> bool:
+        """Whether the bus cuts the frames, so that nothing has to be searched."""
+        return not self.sync
+
+    @property
+    def most(self) -> int:
+        """Longest frame, bytes."""
+        return self.length_field.most if self.length_field else self.length
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """One kind of frame.
+
+    Attributes
+    ----------
+    name : str
+        Of the message; the format's name where there is only one.
+    length : int
+        Bytes of the whole frame.
+    fields : tuple of Field
+        In order of their bytes.
+    title : str
+        What it is.
+    """
+
+    name: str
+    length: int
+    fields: tuple[Field, ...]
+    title: str = ""
+
+    @property
+    def constants(self) -> tuple[Field, ...]:
+        """Fields by which the message is known."""
+        return tuple(f for f in self.fields if f.role == "constant")
+
+    def of_role(self, role: str) -> Field | None:
+        """First field of a role, such as the frame counter."""
+        return next((f for f in self.fields if f.role == role), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """Something that the bytes do not say: a range setting, a model's constant.
+
+    Attributes
+    ----------
+    meaning : str
+        One line.
+    choices : mapping of str to float or str
+        What each choice stands for; empty where it is any number above 0.
+    default : str or None
+        None where it must be given.
+    origin : Provenance
+        Where it comes from.
+    """
+
+    meaning: str
+    choices: Mapping[str, float | str]
+    default: str | None
+    origin: Provenance = UNSAID
+
+    def value_of(self, where: str, choice: str | None) -> float | str:
+        """Number or word that a choice stands for.
+
+        Raises
+        ------
+        ParameterError
+            If the choice is unknown or missing.
+        """
+        chosen = self.default if choice is None else str(choice)
+        listed = ", ".join(map(repr, self.choices)) or "a number above 0"
+        if chosen is None:
+            raise ParameterError(f"{where} must be given, for the bytes do not say it ({self.meaning}); give {listed}.")
+        if self.choices:
+            if chosen not in self.choices:
+                raise ParameterError(f"{where} must be one of {listed}, but it is '{chosen}'.")
+            return self.choices[chosen]
+        try:
+            number = float(chosen)
+        except ValueError:
+            number = 0.0
+        if not 0.0 < number < float("inf"):
+            raise ParameterError(f"{where} must be {listed}, but it is '{chosen}'.")
+        return number
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One register of a chip.
+
+    Attributes
+    ----------
+    address : int
+        First address.
+    name : str
+        As the data sheet calls it.
+    meaning : str
+        Bits and scale in words.
+    reset : int or None
+        Value after power-up, where it is known.
+    word : Field or None
+        How its bytes make a number, where they make one.
+    origin : Provenance
+        Where it comes from.
+    """
+
+    address: int
+    name: str
+    meaning: str
+    reset: int | None = None
+    word: Field | None = None
+    origin: Provenance = UNSAID
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """Everything about one device's bytes.
+
+    Attributes
+    ----------
+    name, title : str
+        Short and full name.
+    framing : Framing
+        How frames are found.
+    messages : tuple of Message
+        Kinds of frames.
+    options : mapping of str to Option
+        What the bytes do not say.
+    chosen : mapping of str to str
+        Choices that have been made; all of them once the format is bound.
+    sources : mapping of str to str
+        What the tags of sources stand for.
+    facts : mapping of str to (str, Provenance)
+        Bus, timing, traps: for the page.
+    registers : tuple of Register
+        Registers of a chip.
+    noise : str
+        Name of the simulator's preset with its noise; empty for none.
+    aliases : tuple of str
+        Other names.
+    """
+
+    name: str
+    title: str
+    framing: Framing
+    messages: tuple[Message, ...]
+    options: Mapping[str, Option] = field(default_factory=dict)
+    chosen: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+    facts: Mapping[str, tuple[str, Provenance]] = field(default_factory=dict)
+    registers: tuple[Register, ...] = ()
+    noise: str = ""
+    aliases: tuple[str, ...] = ()
+
+    def message(self, name: str = "") -> Message:
+        """Message by its name; the first where none is given.
+
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
+        found = [m for m in self.messages if name in ("", m.name)]
+        if not found:
+            raise ParameterError(f"{self.name} has no message '{name}'; known are {', '.join(self._names())}.")
+        return found[0]
+
+    def register(self, key: str | int) -> Register:
+        """Register by its name or address.
+
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
+        found = [r for r in self.registers if key in (r.name, r.address)]
+        if not found:
+            known = ", ".join(r.name for r in self.registers) or "none"
+            raise ParameterError(f"{self.name} has no register {key!r}; known are {known}.")
+        return found[0]
+
+    def bind(self, chosen: Mapping[str, str] | None = None) -> "Format":
+        """Return the format with every option settled, so that it can decode.
+
+        Parameters
+        ----------
+        chosen : mapping of str to str
+            Choices; defaults hold for the others.
+
+        Raises
+        ------
+        ParameterError
+            If an option or choice is unknown, one that has no default is missing, or one is settled otherwise.
+        """
+        given = {**self.chosen, **(chosen or {})}
+        if other := [name for name, choice in self.chosen.items() if str(given[name]) != choice]:
+            raise ParameterError(
+                f"{self.name} option '{other[0]}' is settled as '{self.chosen[other[0]]}' and cannot become "
+                f"'{given[other[0]]}'; bind the format as it was loaded."
+            )
+        if unknown := set(given) - set(self.options):
+            listed = ", ".join(self.options) or "none"
+            raise ParameterError(f"{self.name} has no option '{min(unknown)}'; known are {listed}.")
+        values = {
+            name: option.value_of(f"{self.name} option '{name}'", given.get(name))
+            for name, option in self.options.items()
+        }
+        settled = {name: str(given.get(name, option.default)) for name, option in self.options.items()}
+        return replace(
+            self,
+            framing=_settled_framing(self.framing, values),
+            messages=tuple(replace(m, fields=tuple(_settled(f, values) for f in m.fields)) for m in self.messages),
+            chosen=settled,
+            registers=tuple(replace(r, word=_settled(r.word, values) if r.word else None) for r in self.registers),
+        )
+
+    def _names(self) -> Iterator[str]:
+        return (m.name for m in self.messages)
+
+
+def _settled(one: Field, values: Mapping[str, float | str]) -> Field:
+    def number(value: float | str) -> float | str:
+        return values.get(value, value) if isinstance(value, str) else value
+
+    return replace(one, counts=number(one.counts), times=number(one.times))
+
+
+def _settled_framing(framing: Framing, values: Mapping[str, float | str]) -> Framing:
+    check = framing.checksum
+    if check is None or check.kind not in values:
+        return framing
+    return replace(framing, checksum=replace(check, kind=str(values[check.kind])))

@@ -1,0 +1,503 @@
+"""Read a format from TOML, strictly; the catalogue and a user's own frame are written alike."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.core import schema, units
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError, excerpt, guide
+from plumbob.core.files import text_of
+from plumbob.core.schema import Parse
+from plumbob.core.units import Quantity
+from plumbob.protocols import checksum
+from plumbob.protocols.field import MARKS, ROLES, SIZES, WORDS, Checksum, Field, Provenance
+from plumbob.protocols.format import Format, Framing, LengthField, Message, Option, Register
+from plumbob.protocols.overlap import require_places
+
+GUIDE: Final = guide("formats.md")
+KIND: Final = "plumbob format"
+VERSION: Final = 1
+_ORDERS: Final = ("big", "little")
+_MEASURED: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}
+_NAMED: Final = {
+    "temp_c": Quantity.TEMPERATURE, "roll": Quantity.ANGLE, "pitch": Quantity.ANGLE, "yaw": Quantity.ANGLE,
+    "heading": Quantity.ANGLE,
+}  # fmt: skip
+
+
+def load_format(path: str | Path) -> Format:
+    """Read a format.
+
+    Raises
+    ------
+    DecodeError
+        If there is no such file, it is no TOML, or a key is unknown, missing or of the wrong type.
+    UnitError
+        If a unit is missing or unknown.
+    """
+    file = Path(path)
+    text = text_of(file)
+    try:
+        return parse_format(text)
+    except PlumbobError as error:
+        raise type(error)(f"{file}: {error}") from error
+
+
+CATALOG = "plumbob.protocols.catalog"
+"""Package whose folder holds the devices' formats."""
+
+
+@cache
+def formats_in(package: str) -> dict[str, Format]:
+    """Formats that lie in a package's folder, by their names and aliases."""
+    files = [file for file in resources.files(package).iterdir() if file.name.endswith(".toml")]
+    found = [parse_format(file.read_text(encoding="utf-8")) for file in files]
+    return {name: form for form in found for name in (form.name, *form.aliases)}
+
+
+def device_names() -> tuple[str, ...]:
+    """Names of all devices of the catalogue, without aliases."""
+    return tuple(sorted({form.name for form in formats_in(CATALOG).values()}))
+
+
+def device(name: str) -> Format:
+    """Look a device of the catalogue up by its name or an alias.
+
+    Raises
+    ------
+    ParameterError
+        If there is none.
+    """
+    if name not in formats_in(CATALOG):
+        raise ParameterError(
+            f"'{name}' is no known device; known are {', '.join(device_names())}. Your own format is a .toml file."
+        )
+    return formats_in(CATALOG)[name]
+
+
+def parse_format(text: str) -> Format:
+    """Format from TOML text; errors as in `load_format`."""
+    found = schema.section(
+        "format", schema.toml(text, GUIDE), _FORMAT, ("kind", "version", "name", "title", "frame"), top=True
+    )
+    order = found.get("byte_order", "")
+    framing: Framing = found["frame"]
+    if framing.checksum and not framing.checksum.order:
+        framing = replace(framing, checksum=replace(framing.checksum, order=_order("checksum", order)))
+    if framing.length_field and not framing.length_field.order:
+        framing = replace(framing, length_field=replace(framing.length_field, order=_order("length", order)))
+    form = Format(
+        name=found["name"],
+        title=found["title"],
+        framing=framing,
+        messages=_messages(found, framing, order),
+        options=found.get("option", {}),
+        sources=found.get("sources", {}),
+        facts=found.get("fact", {}),
+        registers=tuple(_register(raw, order) for raw in found.get("register", ())),
+        noise=found.get("noise", ""),
+        aliases=found.get("aliases", ()),
+    )
+    _require_sense(form)
+    return form
+
+
+def _order(where: str, order: str) -> str:
+    if not order:
+        raise DecodeError(f'{where} has bytes in an order, and nothing says which; add byte_order = "big" or "little".')
+    return order
+
+
+def _messages(found: Mapping[str, Any], framing: Framing, order: str) -> tuple[Message, ...]:
+    if ("message" in found) == bool("field" in found or "embed" in found):
+        raise DecodeError("a format has either [[field]] and [[embed]], or a [[message]] for each kind of frame.")
+    raw = found.get("message") or [
+        {"name": found["name"], "field": found.get("field", []), "embed": found.get("embed", [])}
+    ]
+    return tuple(_message(one, framing, order) for one in raw)
+
+
+def _message(raw: Mapping[str, Any], framing: Framing, order: str) -> Message:
+    at = _first(framing)
+    fields: list[Field] = []
+    for part in raw.get("field", []):
+        fields += _fields(part, at, order)
+        at = fields[-1].at + fields[-1].size
+    for part in raw.get("embed", []):
+        fields += _embedded(part)
+    return Message(raw["name"], raw.get("length", framing.length), tuple(fields), raw.get("title", ""))
+
+
+def _first(framing: Framing) -> int:
+    """First byte after the sync and a length field right behind it."""
+    at = len(framing.sync[0]) if framing.sync else 0
+    rule = framing.length_field
+    return at + rule.size if rule and rule.at == at else at
+
+
+def _fields(raw: Mapping[str, Any], at: int, order: str) -> list[Field]:
+    """One field, or the three of a triad, one behind the other."""
+    where, axes = f"field {raw['name']}", raw.get("axes", "")
+    size = raw.get("size") or SIZES.get(raw["type"], 0)
+    begin = raw.get("at", at)
+    wide = size > 1 and raw["type"] not in ("bcd", "parity")
+    base = Field(
+        name=raw["name"],
+        at=begin,
+        type=raw["type"],
+        size=size,
+        order=_order(where, raw.get("order", order)) if wide else "big",
+        **{key: raw[key] for key in _PLAIN if key in raw},
+        origin=raw["origin"],
+    )
+    names = [f"{base.name}.{axis}" for axis in axes] or [base.name]
+    made = [replace(base, name=name, at=begin + i * size) for i, name in enumerate(names)]
+    for one in made:
+        _require_unit(where, one)
+    return made
+
+
+def _require_unit(where: str, one: Field) -> None:
+    if one.physical and one.name.rpartition(".")[2] in _MEASURED:
+        raise DecodeError(f'{where} is a triad without axes; add axes = "xyz", or name it {one.name}.x.')
+    if not one.physical and one.role != "clock":
+        if one.unit:
+            raise UnitError(f"{where} is a {one.role}, which has no unit; remove it.")
+        return
+    if not one.unit:
+        such = "ms" if one.role == "clock" else "deg/s"
+        rest = "" if one.role == "clock" else ' ("1" for none)'
+        raise UnitError(f'{where} needs its unit, because a bare number has none; add unit = "{such}" or such{rest}.')
+    try:
+        units.unit(one.unit, _measured(one))
+    except UnitError as error:
+        raise UnitError(f"{where}: {error}") from error
+
+
+def _measured(one: Field) -> Quantity | None:
+    """What the field's unit must measure; None where its name does not say."""
+    if one.role == "clock":
+        return Quantity.TIME
+    return (_MEASURED | _NAMED).get((one.triad or one.name).rpartition(".")[2])
+
+
+def _register(raw: Mapping[str, Any], order: str) -> Register:
+    """One register; its bytes make a whole number where it has a type and no unit."""
+    word = None
+    if "type" in raw:
+        own = {key: value for key, value in raw.items() if key in _FIELD or key == "origin"}
+        word = _fields({"role": "value" if "unit" in raw else "status", **own}, 0, order)[0]
+    return Register(raw["address"], raw["name"], raw["meaning"], raw.get("reset"), word, raw["origin"])
+
+
+def _embedded(raw: Mapping[str, Any]) -> list[Field]:
+    """Fields of a catalogued device's message inside this frame.
+
+    What begins its own frames, its constants, parity and check become statuses that can say absent: a device that is
+    silent or disturbed must not cost the frame around it.
+    """
+    inner = device(raw["device"]).bind(raw.get("options", {}))
+    message = inner.message(raw.get("message", ""))
+    framing = inner.framing
+    if len(framing.sync) > 1 or framing.length_field or framing.end:
+        raise DecodeError(
+            f"embed: frames of {inner.name} differ in how they begin, end or in length; only one kind can stand inside."
+        )
+    begin, unit = raw["at"], raw.get("unit", "")
+    prefix = f"{unit}." if unit else ""
+    values = tuple(dict.fromkeys(prefix + (f.triad or f.name) for f in message.fields if f.physical))
+    own, gone = f"{prefix}{inner.name}", {0: "absent"}
+    found = [_inside(f, prefix, begin, values) for f in message.fields]
+    for i, byte in enumerate(framing.sync[0] if framing.sync else b""):
+        found.append(Field(f"{own}.sync{i}", begin + i, "u8", 1, role="match", value=byte, says=gone, of=values))
+    for i, (start, stop, bit) in enumerate(framing.parity):
+        at, size = begin + start, stop - start
+        found.append(
+            Field(f"{own}.parity{i}", at, "parity", size, bits=(bit, bit), role="status", says=gone, of=values)
+        )
+    if check := framing.checksum:
+        found.append(
+            Field(f"{own}.check", begin, "check", message.length, role="status", says=gone, of=values, check=check)
+        )
+    return found
+
+
+def _inside(one: Field, prefix: str, begin: int, values: tuple[str, ...]) -> Field:
+    """Field of a message that stands inside another frame, whose own check is what makes it believed."""
+    moved = replace(one, name=prefix + one.name, at=begin + one.at, of=tuple(prefix + n for n in one.of), range=None)
+    return replace(moved, role="match", says={0: "absent"}, of=values) if one.role == "constant" else moved
+
+
+def _require_sense(form: Format) -> None:
+    framing = form.framing
+    if len({len(word) for word in framing.sync}) > 1:
+        raise DecodeError("frame.sync: all alternatives must be of equal length.")
+    if not framing.length and not framing.length_field:
+        raise DecodeError(
+            "frame needs its length in bytes, sync and checksum included, or where it stands: length_field."
+        )
+    if framing.transfers and (framing.length_field or framing.confirm):
+        raise DecodeError("frame without sync is a bus transfer; it has one length and nothing to confirm.")
+    if framing.checksum and framing.checksum.kind not in form.options:
+        checksum.algorithm(framing.checksum.kind)
+    for message in form.messages:
+        _require_room(form, message)
+
+
+def _require_one_time(message: Message) -> None:
+    for role in ("clock", "counter"):
+        if len([f for f in message.fields if f.role == role]) > 1:
+            raise DecodeError(f"message {message.name} has more than one {role}; each frame has one time.")
+
+
+def _require_room(form: Format, message: Message) -> None:
+    if not message.length or (form.framing.length and message.length != form.framing.length):
+        raise DecodeError(f"message {message.name} needs its length in bytes, the whole frame's, as the frame has it.")
+    names = [f.name for f in message.fields]
+    _require_one_time(message)
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise DecodeError(f"message {message.name} has field {twice[0]} twice; each name has one meaning.")
+    for one in message.fields:
+        if one.at + one.size > message.length:
+            raise DecodeError(
+                f"field {one.name} ends at byte {one.at + one.size}, but message {message.name} has {message.length}."
+            )
+    require_places(form, message)
+    for one in message.fields:
+        if one.range and (one.type[0] == "f" or one.size > 4 or one.range[0] > one.range[1]):
+            raise DecodeError(f"field {one.name}: range is [least, greatest] count of a whole number of 1 to 4 bytes.")
+        for name in (one.counts, one.times):
+            if isinstance(name, str) and name not in form.options:
+                raise DecodeError(f"field {one.name} names option '{name}', which the format does not have.")
+        if bool(one.says) != bool(one.of) or (one.says and one.role not in ("status", "match")):
+            raise DecodeError(
+                f'field {one.name}: says = {{ 1 = "absent" }} and of = ["mag"] belong together, to a status.'
+            )
+        least, most = one.limits
+        if unheard := [count for count in one.says if not least <= count <= most]:
+            raise DecodeError(f"field {one.name} says something of {unheard[0]}, but counts only {least} to {most}.")
+        for name in one.of:
+            if not any(name in (f.triad, f.name) for f in message.fields):
+                raise DecodeError(f"field {one.name} speaks of '{name}', which message {message.name} does not have.")
+
+
+def _lsb(where: str, value: Any) -> float:
+    """Size of a count; below 0 where the wire counts the other way."""
+    found = _ratio(where, value)
+    if found == 0.0:
+        raise DecodeError(f"{where} is the size of one count, and must not be 0.")
+    return found
+
+
+def _ratio(where: str, value: Any) -> float:
+    """Number, or text of a fraction such as "180/32768"."""
+    if isinstance(value, str):
+        try:
+            return float(Fraction(value.replace(" ", "")))
+        except (ValueError, ZeroDivisionError) as error:
+            raise DecodeError(
+                f"{where} must be a number or a fraction such as '180/32768', not {excerpt(value)}."
+            ) from error
+    return schema.number(where, value)
+
+
+def _counts(where: str, value: Any) -> float | str:
+    return value.removeprefix("option:") if isinstance(value, str) else schema.positive(where, value)
+
+
+def _hex(where: str, value: Any) -> bytes:
+    given = schema.text(where, value)
+    try:
+        found = bytes.fromhex(given)
+    except ValueError as error:
+        raise DecodeError(
+            f"{where} must be bytes in hexadecimal, as in 'A5 5A', but it is {excerpt(given)}."
+        ) from error
+    if not found:
+        raise DecodeError(f"{where} must have at least one byte.")
+    return found
+
+
+def _sync(where: str, value: Any) -> tuple[bytes, ...]:
+    return tuple(_hex(where, item) for item in (value if isinstance(value, list) else [value]))
+
+
+def _integers(count: int | None) -> Parse:
+    def parse(where: str, value: Any) -> tuple[int, ...]:
+        if not isinstance(value, list) or (count is not None and len(value) != count):
+            many = "some" if count is None else str(count)
+            raise DecodeError(f"{where} must be a list of {many} whole numbers, but it is {excerpt(str(value))}.")
+        return tuple(schema.whole()(where, item) for item in value)
+
+    return parse
+
+
+def _says(where: str, value: Any) -> dict[int, str]:
+    found = schema.mapping(schema.one_of(*WORDS))(where, value)
+    try:
+        return {int(key, 0): word for key, word in found.items()}
+    except ValueError as error:
+        raise DecodeError(f"{where} must name counts, as in {{ 0 = 'absent' }}: {error}.") from error
+
+
+def _with_origin(parse: Parse) -> Parse:
+    """Parser of a table that also has source, mark and note; they become its origin."""
+
+    def parse_both(where: str, value: Any) -> dict[str, Any]:
+        found = dict(parse(where, value))
+        return found | {"origin": Provenance(**{key: found.pop(key) for key in _ORIGIN if key in found})}
+
+    return parse_both
+
+
+def _option(where: str, value: Any) -> Option:
+    found = _with_origin(schema.form(_OPTION, ("meaning",)))(where, value)
+    return Option(found["meaning"], found.get("choices", {}), found.get("default"), found["origin"])
+
+
+def _choice(where: str, value: Any) -> float | str:
+    return value if isinstance(value, str) else schema.positive(where, value)
+
+
+def _fact(where: str, value: Any) -> tuple[str, Provenance]:
+    found = _with_origin(schema.form(_FACT, ("text",)))(where, value)
+    return found["text"], found["origin"]
+
+
+def _framing(where: str, value: Any) -> Framing:
+    return Framing(**schema.section(where, value, _FRAME))
+
+
+def _checksum(where: str, value: Any) -> Checksum:
+    found = schema.section(where, value, _CHECKSUM, ("kind", "at", "from"))
+    return Checksum(found["kind"], found["at"], found["from"], found.get("to", found["at"]), found.get("order", ""))
+
+
+def _length_field(where: str, value: Any) -> LengthField:
+    found = schema.section(where, value, _LENGTH, tuple(k for k in _LENGTH if k != "order"))
+    return LengthField(**{"order": "", **found})
+
+
+def _parity(where: str, value: Any) -> tuple[tuple[int, int, int], ...]:
+    if not isinstance(value, list):
+        raise DecodeError(f"{where} must be a list of [first byte, end, bit], but it is {excerpt(str(value))}.")
+    return tuple(_three(where, item) for item in value)
+
+
+def _three(where: str, value: Any) -> tuple[int, int, int]:
+    start, stop, bit = _integers(3)(where, value)
+    return start, stop, bit
+
+
+def _kind(where: str, value: Any) -> str:
+    return str(schema.one_of(KIND)(where, value))
+
+
+_PLAIN: Final = (
+    "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset", "role", "value", "clip", "overflow", "range",
+    "wrap", "says", "of",
+)  # fmt: skip
+_ORIGIN: Final = ("source", "mark", "note")
+_ORIGIN_FORM: Final[dict[str, Parse]] = {"source": schema.text, "mark": schema.one_of(*MARKS), "note": schema.text}
+_FIELD: Final[dict[str, Parse]] = {
+    "name": schema.text,
+    "axes": schema.one_of("xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xy", "x", "y", "z"),
+    "at": schema.whole(0),
+    "type": schema.one_of(*SIZES, "parity"),
+    "size": schema.whole(1, 8),
+    "order": schema.one_of(*_ORDERS),
+    "bits": _integers(2),
+    "unit": schema.text,
+    "lsb": _lsb,
+    "counts": _counts,
+    "times": _counts,
+    "raw_offset": schema.number,
+    "offset": schema.number,
+    "role": schema.one_of(*ROLES),
+    "value": schema.whole(),
+    "clip": _integers(2),
+    "overflow": _integers(None),
+    "range": _integers(2),
+    "wrap": schema.truth,
+    "says": _says,
+    "of": schema.texts,
+    **_ORIGIN_FORM,
+}
+_EMBED: Final[dict[str, Parse]] = {
+    "device": schema.text,
+    "message": schema.text,
+    "unit": schema.text,
+    "at": schema.whole(0),
+    "options": schema.mapping(schema.text),
+}
+_FIELDS: Final = schema.tables(_with_origin(schema.form(_FIELD, ("name", "type"))))
+_EMBEDS: Final = schema.tables(schema.form(_EMBED, ("device", "at")))
+_MESSAGE: Final[dict[str, Parse]] = {
+    "name": schema.text,
+    "title": schema.text,
+    "length": schema.whole(1),
+    "field": _FIELDS,
+    "embed": _EMBEDS,
+}
+_OPTION: Final[dict[str, Parse]] = {
+    "meaning": schema.text,
+    "choices": schema.mapping(_choice),
+    "default": schema.text,
+    **_ORIGIN_FORM,
+}
+_REGISTER: Final[dict[str, Parse]] = {
+    "address": schema.whole(0),
+    "name": schema.text,
+    "meaning": schema.text,
+    "reset": schema.whole(0),
+    **{key: _FIELD[key] for key in ("type", "order", "bits", "unit", "lsb", "counts", "times", "raw_offset", "offset")},
+    **_ORIGIN_FORM,
+}
+_FACT: Final[dict[str, Parse]] = {"text": schema.text, **_ORIGIN_FORM}
+_CHECKSUM: Final[dict[str, Parse]] = {
+    "kind": schema.text,
+    "at": schema.whole(),
+    "from": schema.whole(0),
+    "to": schema.whole(),
+    "order": schema.one_of(*_ORDERS),
+}
+_LENGTH: Final[dict[str, Parse]] = {
+    "at": schema.whole(0),
+    "size": schema.whole(1, 4),
+    "order": schema.one_of(*_ORDERS),
+    "add": schema.whole(),
+    "least": schema.whole(1),
+    "most": schema.whole(1, 65535),
+}
+_FRAME: Final[dict[str, Parse]] = {
+    "sync": _sync,
+    "end": _hex,
+    "length": schema.whole(1, 65535),
+    "length_field": _length_field,
+    "checksum": _checksum,
+    "parity": _parity,
+    "confirm": schema.truth,
+    "rate": schema.size(Quantity.FREQUENCY),
+    "baud": schema.whole(1),
+}
+_FORMAT: Final[dict[str, Parse]] = {
+    "kind": _kind,
+    "version": schema.version(VERSION),
+    "name": schema.text,
+    "title": schema.text,
+    "aliases": schema.texts,
+    "byte_order": schema.one_of(*_ORDERS),
+    "noise": schema.text,
+    "sources": schema.mapping(schema.text),
+    "frame": _framing,
+    "option": schema.mapping(_option),
+    "fact": schema.mapping(_fact),
+    "register": schema.tables(_with_origin(schema.form(_REGISTER, ("address", "name", "meaning")))),
+    "field": _FIELDS,
+    "embed": _EMBEDS,
+    "message": schema.tables(schema.form(_MESSAGE, ("name", "length"))),
+}

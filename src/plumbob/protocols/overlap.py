@@ -1,0 +1,182 @@
+"""Refuse what cannot lie in a frame: overlapping fields, checks outside, formats that random bytes would pass."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import NamedTuple
+
+from plumbob.core.errors import DecodeError
+from plumbob.protocols import checksum
+from plumbob.protocols.checksum import SUM16_EITHER, algorithm
+from plumbob.protocols.field import Checksum, Field
+from plumbob.protocols.format import Format, Framing, Message
+from plumbob.protocols.read_plan import constant_bytes
+
+
+def false_accepts(form: Format) -> float:
+    """Expected number of wrong frames of a known message per random byte; on a bus, per random transfer.
+
+    Random bytes stand for a line without a device or at another speed. It is an upper bound where sync, constants and
+    ranges share bytes, and where a check of two possible kinds is settled.
+    """
+    bound = form.bind()
+    framing = bound.framing
+    fixed = _sync(framing) * _check(framing) * 0.5 ** len(framing.parity) * 256.0 ** -len(framing.end)
+    if framing.confirm:
+        fixed *= _sync(framing)
+    if framing.length_field:
+        fixed *= 256.0**-framing.length_field.size
+    return fixed * sum(_content(message) for message in bound.messages)
+
+
+def passes_anything(form: Format) -> bool:
+    """Whether any bytes of the right number are a frame: no sync, check, parity, constant or range says that one is."""
+    framing = form.framing
+    checked = framing.sync or framing.checksum or framing.parity or framing.end
+    return not checked and all(_content(message) == 1.0 for message in form.messages)
+
+
+def _sync(framing: Framing) -> float:
+    return len(framing.sync) * 256.0 ** -len(framing.sync[0]) if framing.sync else 1.0
+
+
+def _check(framing: Framing) -> float:
+    if framing.checksum is None:
+        return 1.0
+    how = algorithm(framing.checksum.kind)
+    return (2.0 if how.code == SUM16_EITHER else 1.0) * 0.5**how.width
+
+
+def _content(message: Message) -> float:
+    found = 1.0
+    for one in message.fields:
+        for _, mask, _ in [] if one.type == "bcd" else constant_bytes(one):
+            found *= 0.5 ** mask.bit_count()
+        found *= _share(one)
+    return found
+
+
+def _share(one: Field) -> float:
+    """Share of all words of a field that it can have."""
+    if one.range is None and one.type != "bcd":
+        return 1.0
+    least, most = one.range or one.limits
+    minus_zero = one.type == "bcd" and least <= 0 <= most
+    return (most - least + 1 + minus_zero) * 0.5**one.width
+
+
+class _Place(NamedTuple):
+    at: int
+    end: int
+    name: str
+    word: tuple[int, int] | None = None
+    """Where bits of one word may lie side by side, which word."""
+
+
+def require_places(form: Format, message: Message) -> None:
+    """Refuse a message whose check, fields or bits cannot lie where the format puts them.
+
+    Raises
+    ------
+    DecodeError
+        If the check or its range lies outside the frame, two things share a byte, or a word has not the bits.
+    """
+    for one in message.fields:
+        _require_bits(one)
+    _require_own_bits(message)
+    kinds = _check_kinds(form)
+    if form.framing.checksum:
+        _require_check(form.framing.checksum, kinds, message)
+    # A field may say which of several beginnings the frame has.
+    whole = sorted((*_frame(form.framing, kinds, message), *_fields(message, skip_sync=len(form.framing.sync) > 1)))
+    for one_place, other in pairwise(whole):
+        same_word = one_place.word is not None and one_place.word == other.word
+        if other.at < one_place.end and not same_word:
+            raise DecodeError(
+                f"message {message.name}: {one_place.name} and {other.name} share byte {other.at}; "
+                "bits of one word have the same at and a type of its size."
+            )
+
+
+def unassigned(form: Format, message: Message) -> list[tuple[int, int]]:
+    """First byte and end of each stretch of a message that neither frame, check nor field takes."""
+    taken = [*_frame(form.framing, _check_kinds(form), message), *_fields(message, skip_sync=False)]
+    found, at = [], len(form.framing.sync[0]) if form.framing.sync else 0
+    for place in sorted([*taken, _Place(message.length, message.length, "end")]):
+        if place.at > at:
+            found.append((at, place.at))
+        at = max(at, place.end)
+    return found
+
+
+def _require_bits(one: Field) -> None:
+    if one.bits is None or one.derived:
+        return
+    high, low = one.bits
+    if one.type[0] not in "us" or not 0 <= low <= high < 8 * one.size:
+        raise DecodeError(
+            f"field {one.name}: bits must be [highest, lowest] of the bits {8 * one.size - 1} to 0 of a whole number, "
+            f"but they are [{high}, {low}] of {one.type}."
+        )
+
+
+def _require_own_bits(message: Message) -> None:
+    """Refuse two fields of a word that claim the same bit."""
+    parts = [(one, one.bits) for one in message.fields if one.bits is not None and not one.derived]
+    for i, (one, bits) in enumerate(parts):
+        for other, others in parts[:i]:
+            same_word = (one.at, one.size) == (other.at, other.size)
+            if same_word and max(bits[1], others[1]) <= min(bits[0], others[0]):
+                shared = max(bits[1], others[1])
+                raise DecodeError(f"message {message.name}: fields {other.name} and {one.name} share bit {shared}.")
+
+
+def _require_check(check: Checksum, kinds: tuple[str, ...], message: Message) -> None:
+    at, stop = _from_begin(check.at, message.length), check.stop + (message.length if check.stop <= 0 else 0)
+    size = _check_size(kinds)
+    if not 0 <= at <= message.length - size:
+        raise DecodeError(
+            f"checksum.at = {check.at} puts {check.kind} of {_bytes(size)} outside message {message.name}, which has "
+            f"bytes 0 to {message.length - 1}; a negative place counts from the end."
+        )
+    if not 0 <= check.start < stop <= message.length:
+        raise DecodeError(
+            f"checksum covers bytes {check.start} to {stop}, exclusive, but must begin before it ends, within the "
+            f"{message.length} of message {message.name}; see its from and to."
+        )
+
+
+def _bytes(count: int) -> str:
+    return "1 byte" if count == 1 else f"{count} bytes"
+
+
+def _check_kinds(form: Format) -> tuple[str, ...]:
+    """What the check may be; several where an option says which."""
+    kind = form.framing.checksum.kind if form.framing.checksum else ""
+    return tuple(map(str, form.options[kind].choices.values())) if kind in form.options else (kind,)
+
+
+def _check_size(kinds: tuple[str, ...]) -> int:
+    return max(checksum.algorithm(kind).size for kind in kinds)
+
+
+def _from_begin(at: int, length: int) -> int:
+    return at + length if at < 0 else at
+
+
+def _frame(framing: Framing, kinds: tuple[str, ...], message: Message) -> Iterator[_Place]:
+    """What is in the frame besides fields."""
+    if len(framing.sync) == 1:
+        yield _Place(0, len(framing.sync[0]), "frame.sync")
+    if rule := framing.length_field:
+        yield _Place(rule.at, rule.at + rule.size, "frame.length_field")
+    if framing.checksum:
+        at = _from_begin(framing.checksum.at, message.length)
+        yield _Place(at, at + _check_size(kinds), "frame.checksum")
+    if framing.end:
+        yield _Place(message.length - len(framing.end), message.length, "frame.end")
+
+
+def _fields(message: Message, *, skip_sync: bool) -> Iterator[_Place]:
+    for one in message.fields:
+        if not one.derived and not (skip_sync and one.at == 0 and not one.physical):
+            yield _Place(one.at, one.at + one.size, f"field {one.name}", (one.at, one.size) if one.bits else None)

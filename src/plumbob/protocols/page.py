@@ -1,0 +1,192 @@
+"""A format as a page to read: framing, fields with units and marks, options, registers, facts and sources."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from plumbob.core.units import unit
+from plumbob.protocols.field import MARKS, Field, Provenance
+from plumbob.protocols.format import Format, Message
+from plumbob.protocols.overlap import passes_anything
+
+UNCHECKED: Final = "NONE: no sync, checksum or constant, so any {} bytes pass for a sample, even noise"
+"""What is said of a format without any check, of its length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Part of a page.
+
+    Attributes
+    ----------
+    title : str
+        Its heading.
+    head : tuple of str
+        What its columns are.
+    rows : tuple of tuple of str
+        Cells.
+    """
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def tables(form: Format) -> list[Table]:
+    """Return everything that is known of a format; parts without content are left out."""
+    found = [
+        Table("Frame", ("what", "value"), tuple(_framing(form))),
+        *(_message(form, one) for one in form.messages),
+        Table("Options", ("name", "choices", "default", "meaning", "mark"), tuple(_options(form))),
+        Table("Facts", ("about", "fact", "mark"), tuple((k, t, marked(o)) for k, (t, o) in form.facts.items())),
+        Table(
+            "Registers",
+            ("address", "name", "meaning", "at reset", "mark"),
+            tuple(
+                (f"{r.address:02X}", r.name, r.meaning, "" if r.reset is None else f"{r.reset:X}", marked(r.origin))
+                for r in form.registers
+            ),
+        ),
+        Table("Sources", ("tag", "source"), tuple(form.sources.items())),
+    ]
+    return [table for table in found if table.rows]
+
+
+def marks_of(form: Format) -> str:
+    """How many of a format's facts have which mark, as in ``"V 21, C 2"``."""
+    origins = [f.origin for m in form.messages for f in m.fields]
+    origins += [o.origin for o in form.options.values()]
+    origins += [origin for _, origin in form.facts.values()] + [r.origin for r in form.registers]
+    counts = Counter(origin.mark for origin in origins)
+    return ", ".join(f"{mark} {counts[mark]}" for mark in MARKS if mark and counts[mark])
+
+
+def framing_of(form: Format) -> str:
+    """How frames are found, in a few words."""
+    framing = form.framing
+    size = f"{framing.length} bytes" if framing.length else f"up to {framing.most} bytes"
+    if framing.transfers:
+        return f"bus transfer, {size}{', NO CHECK' if passes_anything(form) else ''}"
+    checked = f", {_check(form)}" if framing.checksum else ""
+    return f"{_sync(form)}, {size}{checked}"
+
+
+def marked(origin: Provenance) -> str:
+    """Mark and source, and the note behind."""
+    told = " ".join(part for part in (origin.mark, origin.source) if part)
+    return f"{told}; {origin.note}" if origin.note and told else told or origin.note
+
+
+def as_text(found: Iterable[Table]) -> str:
+    """Tables as aligned text."""
+    return "\n\n".join(f"{table.title}\n{_aligned(table)}" for table in found) + "\n"
+
+
+def as_markdown(found: Iterable[Table], level: int) -> str:
+    """Tables as Markdown, with headings of a level."""
+    return "\n".join(f"{'#' * level} {table.title}\n\n{_piped(table)}" for table in found)
+
+
+def _framing(form: Format) -> list[tuple[str, str]]:
+    framing = form.framing
+    rows = [("begins with", _sync(form) if framing.sync else "nothing: the bus cuts the frames")]
+    if rule := framing.length_field:
+        rows.append(("length", f"{rule.least} to {rule.most} bytes, said at byte {rule.at} less {rule.add}"))
+    else:
+        rows.append(("length", f"{framing.length} bytes"))
+    if check := framing.checksum:
+        where = f"{_place(check.at)}, over bytes {check.start} to {_place(check.stop)}, which it leaves out"
+        rows.append(("check", f"{_check(form)} at {where}; {check.order}-endian"))
+    if passes_anything(form):
+        rows.append(("check", UNCHECKED.format(form.framing.length)))
+    rows += [("odd parity", f"bytes {start} to {stop - 1}, by bit {bit}") for start, stop, bit in framing.parity]
+    if framing.end:
+        rows.append(("ends with", framing.end.hex(" ").upper()))
+    if framing.confirm:
+        rows.append(("after a disturbance", "a frame counts once another begins right behind it"))
+    if framing.rate:
+        rows.append(("rate", f"{framing.rate:g} Hz"))
+    if framing.baud:
+        rows.append(("line", f"{framing.baud} baud"))
+    if form.noise:
+        rows.append(("noise preset", f"--sensors {form.noise}"))
+    if form.aliases:
+        rows.append(("also called", ", ".join(form.aliases)))
+    return rows
+
+
+def _check(form: Format) -> str:
+    """Kind of check, or the option that says it."""
+    kind = form.framing.checksum.kind if form.framing.checksum else ""
+    return f"by option {kind}" if kind in form.options else kind
+
+
+def _place(at: int) -> str:
+    return f"byte {at}" if at > 0 else f"{-at} bytes before the end" if at else "the end"
+
+
+def _sync(form: Format) -> str:
+    return " or ".join(word.hex(" ").upper() for word in form.framing.sync)
+
+
+def _message(form: Format, message: Message) -> Table:
+    title = "Fields" if len(form.messages) == 1 else f"Message {message.name}, {message.length} bytes"
+    rows = tuple((str(f.at), f.name, _type(f), _value(f), marked(f.origin)) for f in message.fields)
+    return Table(
+        f"{title}: {message.title}" if message.title else title, ("byte", "name", "type", "value", "mark"), rows
+    )
+
+
+def _type(one: Field) -> str:
+    if one.derived:
+        return f"{one.type} of {one.size} bytes"
+    bits = f" bits {one.bits[0]}:{one.bits[1]}" if one.bits else ""
+    return f"{one.type}{' ' + one.order if one.size > 1 and one.type != 'bcd' else ''}{bits}"
+
+
+def _value(one: Field) -> str:
+    if one.role == "constant":
+        return f"always {one.value:#x}"
+    if one.role == "match":
+        return f"1 where it is {one.value:#x} (0 = absent of {', '.join(one.of)})"
+    if not one.physical:
+        says = "; ".join(f"{code} = {word}" for code, word in one.says.items())
+        of = f" ({says} of {', '.join(one.of)})" if says else ""
+        return f"{one.role}{of}" + (f", {one.unit}" if one.unit else "")
+    parts = [f"count{one.raw_offset:+g}" if one.raw_offset else "count"]
+    parts += [f"× {one.lsb:.9g}"] if one.lsb != 1.0 else []
+    parts += [f"× {_short(one.times)}"] if one.times != 1.0 else []
+    parts += [f"/ {_short(one.counts)}"] if one.counts != 1.0 else []
+    parts += [f"{one.offset:+g}"] if one.offset else []
+    told = " ".join(parts) + ("" if unit(one.unit).quantity.value == "1" else f" {one.unit}")
+    told += f"; ends at {one.clip[0]} and {one.clip[1]}" if one.clip else ""
+    told += f"; {', '.join(map(str, one.overflow))} = beyond the range" if one.overflow else ""
+    told += f"; believed from {one.range[0]} to {one.range[1]}" if one.range else ""
+    return told + ("; goes round" if one.wrap else "")
+
+
+def _short(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.9g}"
+
+
+def _options(form: Format) -> list[tuple[str, ...]]:
+    return [
+        (name, ", ".join(o.choices) or "a number above 0", o.default or "must be given", o.meaning, marked(o.origin))
+        for name, o in form.options.items()
+    ]
+
+
+def _aligned(table: Table) -> str:
+    rows = [table.head, *table.rows]
+    widths = [min(40, max(len(row[i]) for row in rows)) for i in range(len(table.head))]
+    return "\n".join("  " + _line(row, widths) for row in rows)
+
+
+def _line(row: Sequence[str], widths: Sequence[int]) -> str:
+    return "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+
+
+def _piped(table: Table) -> str:
+    rows = [table.head, ("---",) * len(table.head), *table.rows]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |\n" for row in rows)

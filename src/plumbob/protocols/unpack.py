@@ -1,0 +1,203 @@
+"""Numbers out of frames: all plain fields in one pass over the bytes, the others one by one.
+
+Plain is a whole number of whole bytes or of some of their bits. Decimal digits, floats, parities, inner checks, matches
+and counts that stand for "beyond the range" are odd.
+"""
+
+from collections.abc import Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.protocols.columns import counts_of, matches, values_of
+from plumbob.protocols.field import Field, owner_of
+from plumbob.protocols.format import Message
+
+
+@njit
+def word_at(data: NDArray[np.uint8], at: int, size: int, big: int) -> int:
+    """Word of some bytes, unsigned but for the 64th bit."""
+    value = 0
+    for i in range(size):
+        value = value << 8 | int(data[at + (i if big else size - 1 - i)])
+    return value
+
+
+@njit
+def count_in(word: int, lowest: int, bits: int, signed: int) -> int:
+    """Count of some bits of a word."""
+    if bits == 64:  # in halves, for compiled whole numbers end there and Python's do not
+        upper = word >> 32 & 0xFFFFFFFF
+        return (upper - (1 << 32) if upper >> 31 else upper) * (1 << 32) + (word & 0xFFFFFFFF)
+    value = word >> lowest & ((1 << bits) - 1)
+    if signed and value >> (bits - 1):
+        value -= 1 << bits
+    return value
+
+
+Bytes = NDArray[np.uint8]
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Column = Floats | Ints
+Flags = NDArray[np.uint32]
+Gone = list[tuple[str, NDArray[np.bool_]]]
+
+_BITS: Final = {
+    ("gyr", "clipped"): flags.GYR_CLIPPED,
+    ("acc", "clipped"): flags.ACC_CLIPPED,
+    ("mag", "clipped"): flags.MAG_CLIPPED,
+    ("gyr", "invalid"): flags.GYR_INVALID,
+    ("acc", "invalid"): flags.ACC_INVALID,
+    ("mag", "invalid"): flags.MAG_INVALID,
+    ("gyr", "absent"): flags.GYR_ABSENT,
+    ("acc", "absent"): flags.ACC_ABSENT,
+    ("mag", "absent"): flags.MAG_ABSENT,
+}
+
+
+class Unpacked(NamedTuple):
+    """Columns by field, and flags by unit."""
+
+    columns: dict[str, Column]
+    flags: dict[str, Flags]
+
+
+class Unpacker:
+    """Takes frames of one message apart.
+
+    Parameters
+    ----------
+    message : Message
+        The message, its options settled.
+    """
+
+    def __init__(self, message: Message) -> None:
+        wanted = [one for one in message.fields if one.role != "constant"]
+        plain = [one for one in wanted if _is_plain(one)]
+        self._units = units_of(message)
+        self._order = [one.name for one in wanted]
+        self._values = [one for one in plain if one.physical]
+        self._counts = [one for one in plain if not one.physical]
+        self._odd = [one for one in wanted if not _is_plain(one)]
+        self._listening = [one for one in self._counts if one.says]
+        self._length = message.length
+        self._plan = np.array([_row(one, self._units) for one in (*self._values, *self._counts)], dtype=np.int64)
+        self._plan = self._plan.reshape(-1, len(_PLAN))
+        self._scales = np.array([(one.raw_offset, one.scale, one.zero) for one in self._values]).reshape(-1, 3)
+
+    def take(self, data: Bytes, start: Ints) -> Unpacked:
+        """Columns (N,) of the frames that begin at `start` (N,) in `data`."""
+        size = start.size
+        values, counts = np.empty((len(self._values), size)), np.empty((len(self._counts), size), dtype=np.int64)
+        words = np.zeros((len(self._units), size), dtype=np.uint32)
+        unpack(data, start, self._plan, self._scales, values, counts, words)
+        found = dict(zip(self._units, words, strict=True))
+        columns: dict[str, Column] = {one.name: values[i] for i, one in enumerate(self._values)}
+        columns |= {one.name: counts[i] for i, one in enumerate(self._counts)}
+        absent: Gone = []
+        for one in self._listening:
+            absent += _listen(one, columns[one.name], found)
+        if self._odd:
+            rows = _rows(data, start, self._length)
+            for one in self._odd:
+                columns[one.name], gone = _odd(one, rows, found)
+                absent += gone
+            columns = {name: columns[name] for name in self._order}
+        _blank(columns, absent)
+        return Unpacked(columns, found)
+
+
+def units_of(message: Message) -> list[str]:
+    """Prefixes of the units whose triads the message carries; an empty one where they have none."""
+    names = [f.triad for f in message.fields if f.triad] + [name for f in message.fields for name in f.of]
+    return list(dict.fromkeys(owner_of(name)[0] for name in names)) or [""]
+
+
+def _is_plain(one: Field) -> bool:
+    return one.type[0] in "us" and one.role != "match" and not one.check and not one.overflow
+
+
+_PLAN: Final = ("at", "size", "big", "lowest bit", "bits", "signed", "low", "high", "unit", "flag")
+
+
+def _row(one: Field, units: list[str]) -> tuple[int, ...]:
+    unit, triad = owner_of(one.triad) if one.physical and one.triad else ("", "")
+    low, high = (one.clip or one.limits) if triad else (0, 0)
+    place = units.index(unit) if triad else 0
+    flag = _BITS[triad, "clipped"] if triad else 0
+    lowest = 0 if one.bits is None else one.bits[1]
+    return (one.at, one.size, int(one.order == "big"), lowest, one.width, int(one.signed), low, high, place, flag)
+
+
+@njit
+def unpack(data: Bytes, start: Ints, plan: Ints, scales: Floats, values: Floats, counts: Ints, words: Flags) -> None:
+    """Fill values (V, N), counts (C, N) and flags (U, N) from the plain fields; those with a scale come first."""
+    for f in range(plan.shape[0]):
+        physical = f < scales.shape[0]
+        for i in range(start.shape[0]):
+            count = count_in(
+                word_at(data, start[i] + plan[f, 0], plan[f, 1], plan[f, 2]), plan[f, 3], plan[f, 4], plan[f, 5]
+            )
+            if physical:
+                values[f, i] = (count + scales[f, 0]) * scales[f, 1] + scales[f, 2]
+                if plan[f, 9] and (count <= plan[f, 6] or count >= plan[f, 7]):
+                    words[plan[f, 8], i] |= plan[f, 9]
+            else:
+                counts[f - scales.shape[0], i] = count
+
+
+def _rows(data: Bytes, start: Ints, length: int) -> Bytes:
+    """Bytes (N, L) of frames; no copy where they follow each other without a break."""
+    if int(start[-1]) - int(start[0]) == (start.size - 1) * length:
+        return data[start[0] : start[-1] + length].reshape(-1, length)
+    return np.lib.stride_tricks.sliding_window_view(data, length)[start]
+
+
+def _odd(one: Field, rows: Bytes, found: Mapping[str, Flags]) -> tuple[Column, Gone]:
+    counts = counts_of(one, rows)
+    if one.role == "match":
+        counts = matches(one, counts)
+    if not one.physical:
+        return counts, _listen(one, counts, found)
+    return values_of(one, counts), _at_its_end(one, counts, found)
+
+
+def _listen(one: Field, counts: Column, found: Mapping[str, Flags]) -> Gone:
+    """Flag what a status says of its triads, or of the triads of its fields; return what it says is absent."""
+    gone: Gone = []
+    for code, word in one.says.items():
+        here = counts == code
+        if not here.any():
+            continue
+        for name in one.of:
+            unit, triad = owner_of(name)
+            if triad:
+                found[unit][here] |= np.uint32(_BITS[triad, word])
+            if word == "absent":
+                gone.append((name, here))
+    return gone
+
+
+def _at_its_end(one: Field, counts: Column, found: Mapping[str, Flags]) -> Gone:
+    """Flag a triad whose count is at the end of its range, or is no number; return its own column where it is none."""
+    unit, _, triad = one.triad.rpartition(".")
+    if one.type[0] == "f":
+        wild = ~np.isfinite(counts)
+        if triad and wild.any():
+            found[unit][wild] |= np.uint32(_BITS[triad, "invalid"])
+        return [(one.name, wild)] if wild.any() else []
+    beyond = np.isin(counts, one.overflow)
+    if triad:
+        low, high = one.clip or one.limits
+        found[unit][(counts <= low) | (counts >= high) | beyond] |= np.uint32(_BITS[triad, "clipped"])
+    return [(one.name, beyond)] if beyond.any() else []
+
+
+def _blank(columns: dict[str, Column], absent: Gone) -> None:
+    """Put NaN where a triad or a field is absent."""
+    for name, gone in absent:
+        for column in (c for c in columns if c == name or c.rpartition(".")[0] == name):
+            columns[column] = np.where(gone, np.nan, columns[column])

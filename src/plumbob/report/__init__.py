@@ -1,0 +1,46 @@
+"""One page: a self-contained HTML file with figures that opens anywhere, without network and without scripts."""
+
+from plumbob.report.document import (
+    DASHES,
+    GRID,
+    INK,
+    LABELS,
+    MUTED,
+    PALETTE,
+    SERIES,
+    SHADE,
+    SOFT,
+    Key,
+    Rows,
+    definitions_list,
+    document,
+    figure,
+    html_table,
+    swatch,
+    variable,
+)
+from plumbob.report.drawing import envelope, png, runs, svg
+
+__all__ = [
+    "DASHES",
+    "GRID",
+    "INK",
+    "LABELS",
+    "MUTED",
+    "PALETTE",
+    "SERIES",
+    "SHADE",
+    "SOFT",
+    "Key",
+    "Rows",
+    "definitions_list",
+    "document",
+    "envelope",
+    "figure",
+    "html_table",
+    "png",
+    "runs",
+    "svg",
+    "swatch",
+    "variable",
+]

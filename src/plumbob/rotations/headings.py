@@ -1,0 +1,95 @@
+"""May two headings be compared? They may where both count from the same zero.
+
+* Same north, true or magnetic: yes.
+* One true, one magnetic: only with the declination of the place, or where a constant heading is aligned anyway.
+* One of them free (no magnetometer has set it): its zero is arbitrary, so heading, total and yaw mean nothing and are
+  not scored; inclination, pitch and roll are. Aligning the heading makes all of them comparable.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import FrameError, UnitError
+from plumbob.core.units import to_deg
+from plumbob.rotations.frames import Frame, North
+from plumbob.rotations.quaternions import quat_multiply
+from plumbob.rotations.so3 import quat_from_rotvec
+
+
+@dataclass(frozen=True, slots=True)
+class HeadingPolicy:
+    """How a reference's heading is treated.
+
+    Attributes
+    ----------
+    turn : float
+        Added to the reference's heading, clockwise seen from above, rad.
+    comparable : bool
+        Heading, total and yaw are scored.
+    reason : str
+        Why they are not; empty where they are.
+    note : str
+        What a reader of the result should know; may be empty.
+    """
+
+    turn: float = 0.0
+    comparable: bool = True
+    reason: str = ""
+    note: str = ""
+
+
+def heading_policy(estimate: North, reference: North, *, aligned: bool, declination: float | None) -> HeadingPolicy:
+    """Decide how headings that count from `estimate` and `reference` are compared.
+
+    Parameters
+    ----------
+    estimate, reference : North
+        What the two headings count from.
+    aligned : bool
+        A constant heading is sought and removed.
+    declination : float or None
+        Of the place, rad, east positive: true heading = magnetic heading + declination. Used only where it is needed.
+
+    Raises
+    ------
+    FrameError
+        If one is true, the other magnetic, and nothing bridges them.
+    UnitError
+        If the declination is no angle in radians.
+    """
+    if declination is not None and not abs(declination) <= np.pi:
+        raise UnitError(
+            f"declination must be an angle of at most π rad, 180°, but it is {declination:g} rad; degrees are written "
+            "declination=units.deg(3.2), or --declination 3.2deg."
+        )
+    if North.FREE in {estimate, reference}:
+        return _free(estimate, reference, aligned)
+    if estimate is reference:
+        return HeadingPolicy()
+    if declination is not None:
+        turn = declination if estimate is North.TRUE else -declination
+        note = f"the reference's heading was changed from {reference} to {estimate} north by {to_deg(turn):+.3f}°"
+        return HeadingPolicy(turn=turn, note=note)
+    if aligned:
+        note = f"the heading found holds the declination: {estimate} north less {reference} north"
+        return HeadingPolicy(note=note)
+    raise FrameError(
+        f"the estimate's heading counts from {estimate} north, the reference's from {reference} north; give "
+        "the declination of the place, east positive (declination=, --declination), or align the heading (align=, "
+        "--align heading)."
+    )
+
+
+def _free(estimate: North, reference: North, aligned: bool) -> HeadingPolicy:
+    if aligned:
+        return HeadingPolicy(note="a free heading was compared after its best constant was removed")
+    who = " and the ".join(name for name, n in (("estimate", estimate), ("reference", reference)) if n is North.FREE)
+    reason = f"the heading of the {who} counts from an arbitrary zero; to score it, align it (align=, --align heading)"
+    return HeadingPolicy(comparable=False, reason=reason)
+
+
+def turn_heading(q_nb: Floats, angle: float, frame: Frame) -> Floats:
+    """Attitudes (N, 4) whose headings read `angle` rad more, clockwise seen from above."""
+    return quat_multiply(quat_from_rotvec(-angle * frame.up), q_nb)

@@ -1,0 +1,128 @@
+"""Run a line: read, keep, decode, estimate, hand on, until the source ends or somebody says stop."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
+
+from plumbob.acquisition.transport import Event, Received, Source, Stopping
+from plumbob.session.recording_sink import Keeper
+from plumbob.session.sinks import Sink
+from plumbob.session.stream import Line, Part
+
+_WAIT: Final = 0.02
+"""Longest wait for the source, s; the recording's chunks close on time also where nothing comes."""
+
+
+def run_line(
+    line: Line,
+    source: Source,
+    *,
+    sinks: Sequence[Sink] = (),
+    keeper: Keeper | None = None,
+    duration: float | None = None,
+    until_lost: bool = False,
+    stop: Stopping | None = None,
+    each: Callable[[], None] | None = None,
+    clock: Callable[[], int] = time.monotonic_ns,
+) -> None:
+    """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
+
+    Bytes are handed to the recording before anything else is done with them. A sink that the system refuses, as
+    on a full disk, does not end a recording: it gets no more, and the recording and the other sinks are told.
+
+    Parameters
+    ----------
+    line : Line
+        The line.
+    source : Source
+        Where its bytes come from, open.
+    sinks : sequence of Sink
+        What else takes its parts.
+    keeper : Keeper, optional
+        Recording, started here.
+    duration : float, optional
+        Longest time to run, s.
+    until_lost : bool
+        Whether to end when the line is lost, instead of waiting for it to come back.
+    stop : Stopping, optional
+        Set from elsewhere to end.
+    each : callable, optional
+        Called after each read, also where nothing came.
+    clock : callable
+        Monotonic clock, ns.
+    """
+    end = None if duration is None else clock() + round(duration * 1e9)
+    if keeper:
+        sinks = [_Kept(sink, keeper, clock) for sink in sinks]
+    try:
+        behind = keeper.start() if keeper else None
+        while not source.finished and not (stop and stop.is_set()) and (end is None or clock() < end):
+            items = source.read(_WAIT)
+            if behind and items:
+                items, behind = [replace(behind, t_ns=items[0].t_ns), *items], None
+            for item in items:
+                _take(line, item, sinks, keeper)
+            if each:
+                each()
+            if until_lost and any(isinstance(item, Event) and item.kind == "lost" for item in items):
+                break
+            if keeper:
+                _tell(keeper.tick(clock()), sinks)
+        _hand_on(line.finish(), clock(), sinks, keeper)
+    finally:
+        source.close()
+        if keeper:
+            _tell(keeper.close(), sinks)
+        for sink in sinks:
+            sink.close()
+
+
+class _Kept:
+    """A sink beside a recording, which goes on when the sink fails."""
+
+    def __init__(self, sink: Sink, keeper: Keeper, clock: Callable[[], int]) -> None:
+        self._sink: Sink | None = sink
+        self._keeper, self._clock = keeper, clock
+
+    def on_part(self, part: Part) -> None:
+        self._do(lambda sink: sink.on_part(part))
+
+    def on_event(self, event: Event) -> None:
+        self._do(lambda sink: sink.on_event(event))
+
+    def close(self) -> None:
+        self._do(lambda sink: sink.close())
+
+    def _do(self, action: Callable[[Sink], None]) -> None:
+        if self._sink is None:
+            return
+        try:
+            action(self._sink)
+        except OSError as error:
+            what = f"{self._sink} cannot be written any more: {error.strerror or error}."
+            self._sink = None
+            self._keeper.failures.append(Event(self._clock(), "failed", what))
+
+
+def _take(line: Line, item: Received | Event, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
+    if keeper:
+        keeper.on_item(item)
+    _hand_on(line.take(item), item.t_ns, sinks, keeper)
+    if isinstance(item, Event):
+        _tell([item], sinks)
+
+
+def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
+    if part is None:
+        return
+    for sink in sinks:
+        sink.on_part(part)
+    if keeper:
+        keeper.on_part(part, now_ns)
+
+
+def _tell(events: Sequence[Event], sinks: Sequence[Sink]) -> None:
+    for event in events:
+        for sink in sinks:
+            sink.on_event(event)

@@ -1,0 +1,145 @@
+"""A session: everything about a live line that its bytes do not say, as plain data. `session_toml` reads it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from plumbob.data import ImuMeta
+from plumbob.data.cards import CalibrationCard
+from plumbob.filters.offline import Stage
+from plumbob.protocols.format import Format
+from plumbob.rotations import Frame, North
+
+
+@dataclass(frozen=True, slots=True)
+class SourceSpec:
+    """Where the bytes come from.
+
+    Attributes
+    ----------
+    kind : str
+        ``"serial"``, ``"file"``, ``"udp"``, ``"tcp"``, ``"iio"``, ``"iio-poll"`` or ``"spi"``.
+    settings : mapping
+        What that kind needs: ``port`` and ``baud``, or ``host`` and ``port``, and so on; of a device of the kernel also
+        the ``layout`` of its bytes.
+    """
+
+    kind: str
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordSpec:
+    """Where the recording goes, and when it is cut.
+
+    Attributes
+    ----------
+    path : str
+        Name of the recording, ``.mcap``; ``{utc}`` in it stands for the time of the start.
+    rotate : float or None
+        Time after which a new part begins, s.
+    rotate_bytes : int or None
+        Size after which a new part begins.
+    reserve : int or None
+        Bytes of the disk that stay free; by default the smaller of 1 GiB and 5 % of it.
+    samples : bool
+        Whether decoded samples and attitudes stand beside the raw bytes, for viewers.
+    next_part : bool
+        Whether a start goes on with the next part where the name exists, as after a crash, instead of refusing.
+    """
+
+    path: str
+    rotate: float | None = None
+    rotate_bytes: int | None = None
+    reserve: int | None = None
+    samples: bool = True
+    next_part: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceSpec:
+    """A reference whose roll, pitch and heading stand in the same frames.
+
+    Attributes
+    ----------
+    unit : str
+        Prefix of its fields.
+    north : North
+        What its heading counts from, clockwise.
+    """
+
+    unit: str
+    north: North
+
+
+def reference_names(spec: ReferenceSpec) -> tuple[str, ...]:
+    """Names of the fields that a reference has: heading, pitch, roll."""
+    return tuple(f"{spec.unit}.{name}" if spec.unit else name for name in ("heading", "pitch", "roll"))
+
+
+@dataclass(frozen=True, slots=True)
+class OutputSpec:
+    """What is handed on while the line runs.
+
+    Attributes
+    ----------
+    every : float
+        Least time between two outputs, s.
+    text : str or None
+        Text file that gets a line for each, as the hosts of the papers wrote it; ``{utc}`` as in the recording.
+    """
+
+    every: float = 0.05
+    text: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Session:
+    """A live line.
+
+    Attributes
+    ----------
+    name : str
+        Short name, for files and messages.
+    source : SourceSpec or None
+        Where the bytes come from; None where they are handed in, as from a recording.
+    form : Format
+        What they mean, bound.
+    message, unit : str
+        Which message has the samples, and which unit's fields of it.
+    meta : ImuMeta
+        Device, ranges, axes and so on of the samples.
+    frame : Frame or None
+        Navigation frame; None where nothing is estimated.
+    card : CalibrationCard or None
+        Calibration; None says uncalibrated.
+    stage : Stage or None
+        Filter; None where nothing is estimated.
+    reference : ReferenceSpec or None
+        Reference in the same frames; None where there is none.
+    record : RecordSpec or None
+        Recording; None where none is made.
+    output : OutputSpec
+        What is handed on.
+    timed_by : str
+        What tells the time of a sample: ``"frames"``, as far as they bring something to tell it by; ``"count"``, frames
+        alone, whenever they were read; ``"poll"``, the host, which asks for each; ``"kernel"``, time stamps of the
+        host's own monotonic clock in the frames.
+    texts : mapping of str to str
+        The session file and every file that it names, so that a recording can hold them and be replayed anywhere.
+    """
+
+    name: str
+    source: SourceSpec | None
+    form: Format
+    message: str
+    unit: str
+    meta: ImuMeta
+    frame: Frame | None = None
+    card: CalibrationCard | None = None
+    stage: Stage | None = None
+    reference: ReferenceSpec | None = None
+    record: RecordSpec | None = None
+    output: OutputSpec = OutputSpec()
+    timed_by: str = "frames"
+    texts: Mapping[str, str] = field(default_factory=dict)

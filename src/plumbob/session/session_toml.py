@@ -1,0 +1,396 @@
+"""Read a session from TOML, strictly, with the format, the card and the noise that it names."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.core import schema
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError, guide
+from plumbob.core.files import text_of
+from plumbob.core.schema import Parse
+from plumbob.core.units import Quantity
+from plumbob.data import ImuMeta
+from plumbob.data.cards import CalibrationCard, NoiseCard
+from plumbob.data.earth_field import earth_field_at, parse_place
+from plumbob.filters.offline import Stage, filter_of
+from plumbob.filters.start import TRUTH_WORD
+from plumbob.protocols.decode import ranges_of, unit_of
+from plumbob.protocols.find import find_format
+from plumbob.protocols.format import Format, Message
+from plumbob.protocols.format_toml import parse_format
+from plumbob.rotations import Frame, North, body_axes, in_body_axes
+from plumbob.session.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec, reference_names
+from plumbob.session.source_toml import iio_format, parse_source
+from plumbob.session.sources import KERNEL, described
+
+GUIDE: Final = guide("sessions.md")
+KIND: Final = "plumbob session"
+VERSION: Final = 1
+SESSION: Final = "session.toml"
+"""Under this name a recording keeps the session itself."""
+IIO: Final = "iio.json"
+"""Under this name it keeps what the kernel said of a device, so that a replay needs none."""
+PLACE: Final = "earth_field.json"
+"""And under this one the field at the session's place, so that a replay needs neither model nor date."""
+
+Fetch = Callable[[str], str]
+"""Gives the text of a file that the session names."""
+Describe = Callable[[SourceSpec], str]
+"""Gives what the kernel says of a source, in JSON."""
+Locate = Callable[[str, str], str]
+"""Gives the Earth's field at a place on a day, in JSON."""
+
+
+def load_session(path: str | Path, *, date: str | None = None) -> Session:
+    """Read a session; files that it names lie beside it, unless their paths are absolute.
+
+    Parameters
+    ----------
+    path : path
+        The session file.
+    date : str, optional
+        Day on which its bytes came, ISO 8601, for a place without a date; today for a line that is yet to run.
+
+    Raises
+    ------
+    DecodeError
+        If a file is missing or no TOML, or a key is unknown, missing or of the wrong type.
+    ParameterError, UnitError, FrameError, CalibrationError
+        If what it asks for does not exist or does not go together.
+    """
+    text = text_of(path)
+    file = Path(path)
+    try:
+        return parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date)
+    except PlumbobError as error:
+        raise type(error)(f"{file}: {error}") from error
+
+
+def recorded_session(texts: Mapping[str, str], name: str) -> Session:
+    """Session that a recording holds.
+
+    Raises
+    ------
+    DecodeError
+        If it holds none.
+    """
+
+    def fetch(wanted: str) -> str:
+        if wanted not in texts:
+            raise DecodeError(f"the recording does not hold {wanted}; it was not made by 'plumbob record'.")
+        return texts[wanted]
+
+    return parse_session(
+        fetch(SESSION), fetch, name=name, describe=lambda _: fetch(IIO), locate=lambda *_: fetch(PLACE), date=""
+    )
+
+
+def _field_at(place: str, date: str) -> str:
+    return json.dumps(earth_field_at(*parse_place(place), date)._asdict())
+
+
+def parse_session(
+    text: str,
+    fetch: Fetch,
+    *,
+    name: str,
+    describe: Describe = described,
+    locate: Locate = _field_at,
+    date: str | None = None,
+) -> Session:
+    """Session from TOML text; errors as in `load_session`.
+
+    Parameters
+    ----------
+    text : str
+        The session.
+    fetch : callable
+        Gives the text of each file that it names.
+    name : str
+        Short name.
+    describe : callable
+        Gives what the kernel says of a source; asked only where it is an IIO device.
+    locate : callable
+        Gives the field at a place; asked only where the session names one.
+    date : str, optional
+        As in `load_session`.
+    """
+    texts = {SESSION: text}
+
+    def keep(wanted: str) -> str:
+        texts[wanted] = fetch(wanted)
+        return texts[wanted]
+
+    found = schema.section("session", schema.toml(text, GUIDE), _SESSION, ("kind", "version"), top=True)
+    source: SourceSpec | None = found.get("source")
+    if source is not None and source.kind in KERNEL:
+        texts[IIO] = describe(source)
+        source, form, timed_by = _kernel(source, found, texts[IIO])
+        message, unit = form.name, ""
+    else:
+        form, message, unit = _format(found, keep)
+        timed_by = _timed_by(source, form, form.message(message))
+        if source is not None and source.kind == "file":
+            source = replace(source, settings={**source.settings, "form": form, "message": message})
+    imu = dict(found.get("imu", {}))
+    if "place" in imu or "date" in imu:
+        texts[PLACE] = locate(*_place_and_day(imu, source, date))
+        imu["declination"] = _declination(texts[PLACE])
+    frame = imu.get("frame")
+    meta = _meta(imu, source, form, message, unit)
+    card = _card(found, keep)
+    if card is not None and card.device != meta.device:
+        raise ParameterError(
+            f"the card is for device '{card.device}', but imu.device is '{meta.device}'; use the card of this unit, or "
+            "name the unit that it is, as [imu] device or --device."
+        )
+    stage = _stage(found, frame, keep)
+    return Session(
+        name=name,
+        source=source,
+        form=form,
+        message=message,
+        unit=unit,
+        meta=meta,
+        frame=frame,
+        card=card,
+        stage=stage,
+        reference=_reference(found, form.message(message)),
+        record=found.get("record"),
+        output=found.get("output", OutputSpec()),
+        timed_by=timed_by,
+        texts=texts,
+    )
+
+
+def _declination(field: str) -> float:
+    """Declination, rad, that the text of a field says; a recording's may be damaged."""
+    try:
+        return float(json.loads(field)["declination"])
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise DecodeError(f"{PLACE} of the recording holds no declination; the file is damaged.") from error
+
+
+def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str | None) -> tuple[str, str]:
+    """Where the line is, and on which day; only bytes that are yet to come are of today."""
+    if "place" not in imu or "declination" in imu:
+        raise DecodeError(
+            "imu.place says the declination too, so imu.declination must not stand beside it; keep one of them."
+            if "place" in imu
+            else "imu.date is the day of imu.place, which is missing; add it, or leave imu.date out."
+        )
+    live = source is not None and source.kind != "file"
+    today = datetime.now(UTC).date().isoformat() if live else None
+    day = imu.get("date", today if date is None else date)
+    if day is None:
+        raise ParameterError(
+            "imu.place needs a day, because the Earth's field changes from year to year and bytes in a file do not "
+            "say when they came; give imu.date (--date) as YYYY-MM-DD."
+        )
+    return imu["place"], day
+
+
+def of_unit(session: Session, asked: str) -> Session:
+    """Session of another unit in the same frames, by its name or its number from 1.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such unit.
+    """
+    message = session.form.message(session.message)
+    unit = unit_of(message, asked)
+    return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit, session.meta.axes)))
+
+
+def _ranges(message: Message, unit: str, axes: str) -> dict[str, Any]:
+    """Full scales of a unit's triads in body axes, by the names that the data have for them."""
+    return {f"{name}_range": np.abs(in_body_axes(axes, case)) for name, case in ranges_of(message, unit).items()}
+
+
+def _kernel(source: SourceSpec, found: Mapping[str, Any], told: str) -> tuple[SourceSpec, Format, str]:
+    """Source that insists on what the kernel said, its format, and what tells its time."""
+    from plumbob.acquisition import IioLayout
+
+    if "format" in found:
+        raise DecodeError(f"[format] does not go with source.kind = '{source.kind}': the kernel says it; leave it out.")
+    layout = IioLayout.from_json(told)
+    settings = {**source.settings, "layout": layout}
+    form = iio_format(layout, mounted=settings.pop("mount", True))
+    timed_by = "poll" if source.kind == "iio-poll" else "kernel" if layout.clock == "monotonic" else "frames"
+    return replace(source, settings=settings), form, timed_by
+
+
+def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
+    """What tells the time of a source that is not the kernel's; a poll over SPI must give whole transfers."""
+    if source is None:
+        return "frames"
+    settings = source.settings
+    if source.kind == "file" or settings.get("time") == "count":
+        if message.of_role("clock") is None and not (settings.get("rate") or form.framing.rate):
+            raise ParameterError(f"{form.name} has neither a clock nor a rate to count time by; give source.rate.")
+        return "count"
+    if source.kind != "spi":
+        return "frames"
+    size, length = sum(map(len, settings["exchange"])) - settings.get("skip", 0), form.framing.length
+    if form.framing.transfers and length and (size <= 0 or size % length):
+        raise ParameterError(
+            f"a poll gives {size} bytes after source.skip, but a transfer of {form.name} has {length}; "
+            "give commands as long as their replies, and skip what comes in while the first of them goes out."
+        )
+    return "poll"
+
+
+def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str]:
+    if "format" not in tables:
+        raise schema.absent("session", "format")
+    found = tables["format"]
+    if ("name" in found) == ("file" in found):
+        raise DecodeError('format needs either the name of a known device or file = "my.toml".')
+    form = find_format(found["name"]) if "name" in found else parse_format(keep(found["file"]))
+    form = form.bind(found.get("options", {}))
+    message = form.message(found.get("message", ""))
+    return form, message.name, unit_of(message, found.get("unit", ""))
+
+
+def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
+    axes = imu.get("axes", "x y z")
+    ranges = {} if source is not None and source.kind in KERNEL else _ranges(form.message(message), unit, axes)
+    asked = None if source is None else source.settings.get("rate")
+    return ImuMeta(
+        device=imu.get("device", form.name),
+        axes=axes,
+        frame=imu.get("frame"),
+        declination=imu.get("declination"),
+        rate_nominal=asked or form.framing.rate,
+        unit_check=False,  # the format says the units
+        **ranges,
+    )
+
+
+def _card(found: Mapping[str, Any], keep: Fetch) -> CalibrationCard | None:
+    if "calibration" not in found:
+        return None
+    name = found["calibration"]["card"]
+    return CalibrationCard.from_text(keep(name), name)
+
+
+def _reference(found: Mapping[str, Any], message: Message) -> ReferenceSpec | None:
+    if "reference" not in found:
+        return None
+    asked = ReferenceSpec(found["reference"].get("unit", ""), found["reference"]["north"])
+    names = reference_names(asked)
+    if lacking := [name for name in names if not any(f.name == name for f in message.fields)]:
+        raise ParameterError(
+            f"[reference] needs {', '.join(names)} in message {message.name}, which has no {lacking[0]}."
+        )
+    return asked
+
+
+def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage | None:
+    if "estimate" not in found:
+        return None
+    asked = found["estimate"]
+    if frame is None:
+        raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
+    noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
+    stage = Stage(asked["filter"], asked.get("params", {}), noise=noise, init=asked.get("init"))
+    if stage.init == TRUTH_WORD and "reference" not in found:
+        raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
+    filter_of(stage, frame)  # refuses what it cannot take, before the start
+    return stage
+
+
+def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapping[str, Any]) -> str:
+    """Text of a session of a catalogued format, a format file or none, as the command line makes one of its options."""
+    content: dict[str, Mapping[str, Any]] = {"source": source, **tables}
+    if form is not None:
+        known = {"file": form} if form.endswith(".toml") else {"name": form}
+        content["format"] = {**known, **tables.get("format", {})}
+    lines = [f'kind = "{KIND}"', f"version = {VERSION}"]
+    for name, table in content.items():
+        lines += ["", f"[{name}]", *(f"{_key(key)} = {_toml(value)}" for key, value in table.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _key(key: str) -> str:
+    return json.dumps(key)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_toml(item)}" for key, item in value.items()) + " }"
+    return json.dumps(value)
+
+
+def _frame(where: str, value: Any) -> Frame:
+    return Frame.parse(schema.text(where, value))
+
+
+def _north(where: str, value: Any) -> North:
+    return North.parse(schema.text(where, value))
+
+
+def _axes(where: str, value: Any) -> str:
+    body_axes(schema.text(where, value))
+    return str(value)
+
+
+def _unit(where: str, value: Any) -> str:
+    """Name of a unit, or its number from 1."""
+    return str(schema.whole(1)(where, value)) if isinstance(value, int) else schema.text(where, value)
+
+
+def _param(where: str, value: Any) -> Any:
+    """Numbers follow the rule for text: where two units are usual, one must stand there."""
+    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+_FORMAT: Final[dict[str, Parse]] = {
+    "name": schema.text,
+    "file": schema.text,
+    "message": schema.text,
+    "unit": _unit,
+    "options": schema.mapping(schema.text),
+}
+_IMU: Final[dict[str, Parse]] = {
+    "device": schema.text,
+    "axes": _axes,
+    "frame": _frame,
+    "declination": schema.quantity(Quantity.ANGLE),
+    "place": schema.text,
+    "date": schema.text,
+}
+_ESTIMATE: Final[dict[str, Parse]] = {
+    "filter": schema.text,
+    "params": schema.mapping(_param),
+    "noise": schema.text,
+    "init": schema.text,
+}
+_REFERENCE: Final[dict[str, Parse]] = {"unit": schema.text, "north": _north}
+_RECORD: Final[dict[str, Parse]] = {
+    "path": schema.text,
+    "rotate": schema.size(Quantity.TIME),
+    "rotate_bytes": schema.whole(1),
+    "reserve": schema.whole(0),
+    "samples": schema.truth,
+    "next_part": schema.truth,
+}
+_OUTPUT: Final[dict[str, Parse]] = {"every": schema.size(Quantity.TIME), "text": schema.text}
+_SESSION: Final[dict[str, Parse]] = {
+    "kind": schema.one_of(KIND),
+    "version": schema.version(VERSION),
+    "source": parse_source,
+    "format": schema.form(_FORMAT),
+    "imu": schema.form(_IMU),
+    "calibration": schema.form({"card": schema.text}, ("card",)),
+    "estimate": schema.form(_ESTIMATE, ("filter",)),
+    "reference": schema.form(_REFERENCE, ("north",)),
+    "record": lambda where, value: RecordSpec(**schema.section(where, value, _RECORD, ("path",))),
+    "output": lambda where, value: OutputSpec(**schema.section(where, value, _OUTPUT)),
+}

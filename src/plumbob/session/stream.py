@@ -1,0 +1,298 @@
+"""The line: bytes in, attitude out, the same object for a live stream, a replay and a simulation.
+
+What comes out depends on nothing but the items that went in, in their order: a replay of recorded reads and events
+gives the same bits as they gave live.
+"""
+
+import math
+from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.acquisition.timing.counter import CountedTime
+from plumbob.acquisition.timing.report import TimeReport
+from plumbob.acquisition.timing.spec import Counter, TimeSpec
+from plumbob.acquisition.timing.timebase import TimeBase
+from plumbob.acquisition.transport import Event, Received
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.filters import Filter
+from plumbob.filters.offline import calibrated, filter_of, start_at
+from plumbob.filters.start import TRUTH_WORD
+from plumbob.protocols.decode import Decoder, Frames, temperature_of, triads_of, unit_of
+from plumbob.protocols.field import Field
+from plumbob.protocols.format import Format, Message
+from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
+from plumbob.session.session import Session, reference_names
+
+BROKEN: Final = ("lost", "dropped")
+"""Events after which what is pending belongs to nothing that will come."""
+BACK: Final = "reopened"
+"""Event after which time starts anew behind a gap."""
+STARTED_AGAIN: Final = "restarted"
+"""Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
+_APART_NS: Final = 1_000_000
+"""Least step between samples of two starts, ns; less only where a line ran ahead of the host's time."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Part:
+    """What one item gave.
+
+    Attributes
+    ----------
+    t_ns : ndarray (N,) of int64
+        Times of the samples on the host's monotonic clock, ns.
+    frames : Frames
+        Decoded frames, one for each sample.
+    sensed : ImuData
+        What the sensors said, in body axes, uncalibrated; its time starts with the first sample of the line.
+    imu : ImuData
+        The same, calibrated where there is a card.
+    track : AttitudeTrack or None
+        Attitude, where something estimates one.
+    """
+
+    t_ns: NDArray[np.int64]
+    frames: Frames
+    sensed: ImuData
+    imu: ImuData
+    track: AttitudeTrack | None
+
+
+class Line:
+    """Decodes, stamps, calibrates and estimates a stream.
+
+    Parameters
+    ----------
+    session : Session
+        What the bytes mean and what to do with them. Its source and its recording are others' business.
+
+    Raises
+    ------
+    ParameterError
+        If the message does not have the unit.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
+        self.decoder = Decoder(session.form)
+        message = session.form.message(session.message)
+        unit_of(message, session.unit)
+        self._spec = _time_spec(session, message)
+        self.faults = 0
+        self._t0: int | None = None
+        self._earlier: list[TimeReport] = []
+        self._again = False
+        self._last_ns: int | None = None
+        self._shift_ns = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Know nothing yet."""
+        self.time = TimeBase(self._spec)
+        self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
+        self._began_ns: int | None = None
+        self._latest_ns = 0
+        self._temp_c = math.nan
+        self.filter = _filter(self.session)
+        self._started = False
+
+    def take(self, item: Received | Event) -> Part | None:
+        """Take what has come, and return what it completes; None where that is nothing."""
+        if isinstance(item, Received):
+            return self._through(self.decoder.feed(item.data, item.t_ns))
+        done = self._through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
+        if item.kind == STARTED_AGAIN:
+            if self.time.report().frames:
+                self._earlier.append(self.time.report())
+            self._begin()
+            self._again = True
+            return done
+        if item.kind == BACK or (self._counted is not None and item.kind in BROKEN):
+            self.time.reopened(item.t_ns if self._counted is None else self._latest_ns)
+        return done
+
+    def finish(self) -> Part | None:
+        """Say that the stream has ended, and return what was pending."""
+        return self._through(self.decoder.finish())
+
+    def warm_up(self) -> None:
+        """Compile every kernel now, so that the first sample need not wait; the line itself is not touched."""
+        from plumbob.protocols.encode import encode
+
+        message = self.session.form.message(self.session.message)
+        physical = [f.name for f in message.fields if f.physical][:1]
+        rows = encode(self.session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
+        other = Line(self.session)
+        other.take(Received(0, rows.tobytes()))
+        other.finish()
+
+    def report(self) -> dict[str, Any]:
+        """What became of every byte and of time, for JSON."""
+        told = asdict(self.time_report())
+        if self.session.timed_by != "frames":  # the host's clock beside itself
+            told |= {"mode": self.session.timed_by, "drift_ppm": None, "offset": None, "delays": None}
+        return {
+            "bytes": self.decoder.counts.summary(),
+            "time": _without_nan(told),
+            "not_usable": self.faults,
+        }
+
+    def time_report(self) -> TimeReport:
+        """What the stamps have shown, of all starts; each after the first is a gap."""
+        whole = TimeReport.joined([*self._earlier, self.time.report()])
+        return replace(whole, gap_count=whole.gap_count + len(self._earlier))
+
+    def _through(self, found: dict[str, Frames]) -> Part | None:
+        frames = found.get(self.session.message)
+        if frames is None:
+            return None
+        host, clock = self._clocks(frames)
+        stamps = self.time.stamp(host, frames.start, clock=clock, frames=counts_of(frames)["frames"])
+        usable = (stamps.flags & np.uint32(flags.TIME_FAULT)) == 0
+        if not usable.all():
+            self.faults += int(np.count_nonzero(~usable))
+            if not usable.any():
+                return None
+            frames = _only(frames, usable)
+        t_ns, told = stamps.t_ns[usable], stamps.flags[usable]
+        if self._again:
+            self._again = False
+            told[0] |= flags.GAP
+            if self._last_ns is not None:
+                self._shift_ns = max(0, self._last_ns + _APART_NS - int(t_ns[0]))
+        t_ns += self._shift_ns
+        self._last_ns = int(t_ns[-1])
+        if self._t0 is None:
+            self._t0 = int(t_ns[0])
+        sensed = self._sensed(frames, t_ns - self._t0, told)
+        imu = calibrated(sensed, self.session.card, live=True)
+        if not self._started:
+            self._start(frames, imu)
+        track = None if self.filter is None else self.filter.process(imu, look=False)
+        return Part(t_ns, frames, sensed, imu, track)
+
+    def _start(self, frames: Frames, imu: ImuData) -> None:
+        """Start the filter from the reference's attitude in the first frame, where the session asks for it."""
+        self._started = True
+        session = self.session
+        if self.filter is None or session.stage is None or session.reference is None:
+            return
+        angles = np.array([frames.columns[name][0] for name in reference_names(session.reference)])
+        if session.stage.init == TRUTH_WORD and np.isfinite(angles).all():
+            q_nb = quat_from_euler_zyx(angles)
+            start = start_at(q_nb, Frame.NED, session.reference.north, self.filter, "mag" in imu.triads)
+            self.filter = filter_of(session.stage, self.filter.frame, session.meta, start=start)
+
+    def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
+        """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""
+        device = counts_of(frames)["clock"]
+        match self.session.timed_by:
+            case "count":
+                return self._counted_ns(frames), device
+            case "poll":
+                return frames.t_ns, frames.t_ns
+            case "kernel":
+                stamps = np.asarray(device, dtype=np.int64)
+                return stamps, stamps
+        return frames.t_ns, device
+
+    def _counted_ns(self, frames: Frames) -> NDArray[np.int64]:
+        """Times that the frames count from the first read on, which take the place of the host's."""
+        assert self._counted is not None
+        if self._began_ns is None:
+            self._began_ns = int(frames.t_ns[0])
+        t_ns = self._began_ns + self._counted.after_first(frames.start, **counts_of(frames))
+        self._latest_ns = int(t_ns[-1])
+        return t_ns
+
+    @property
+    def t0_ns(self) -> int | None:
+        """Host's monotonic time of the first sample, ns; None before it."""
+        return self._t0
+
+    def _sensed(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> ImuData:
+        session = self.session
+        triads = {name: self._turned(values) for name, values in triads_of(frames, session.unit).items()}
+        known = frames.flags[session.unit] | told
+        return ImuData.live(t_ns, triads, temp_c=self._temperature(frames), flags=known, meta=session.meta)
+
+    def _temperature(self, frames: Frames) -> Floats | None:
+        """Temperature (N,), °C; where one is missing, the last that was known, for it changes slowly."""
+        found = temperature_of(frames, self.session.unit)
+        if found is None:
+            return None
+        if np.isnan(found).any():
+            found = found.copy()
+            for i in np.flatnonzero(np.isnan(found)).tolist():
+                found[i] = found[i - 1] if i else self._temp_c
+        self._temp_c = float(found[-1])
+        return found
+
+    def _turned(self, values: Floats) -> Floats:
+        axes = self.session.meta.axes
+        return values if axes == "x y z" else in_body_axes(axes, values)
+
+
+def time_spec(form: Format, message: Message) -> TimeSpec:
+    """What the frames of a message bring to tell the time by."""
+    device, count = message.of_role("clock"), message.of_role("counter")
+    alone = len(form.messages) == 1 and not form.framing.length_field
+    return TimeSpec(
+        clock=Counter(device.width, _tick_ns(device), down=device.scale < 0.0) if device else None,
+        frames=Counter(count.width) if count else None,
+        rate=form.framing.rate,
+        frame_bytes=message.length if alone else None,
+    )
+
+
+def counts_of(frames: Frames) -> dict[str, NDArray[Any] | None]:
+    """What the frames' own clock and counter say, by the names that a time base has for them."""
+    roles = {"clock": frames.message.of_role("clock"), "frames": frames.message.of_role("counter")}
+    return {name: None if field is None else frames.columns[field.name] for name, field in roles.items()}
+
+
+def _time_spec(session: Session, message: Message) -> TimeSpec:
+    """The same for a session: whose samples are timed by the host has the host's clock for the device's."""
+    if session.timed_by in {"frames", "count"}:
+        speed = 1.0 if session.source is None else float(session.source.settings.get("speed", 1.0))
+        return replace(time_spec(session.form, message), rate=session.meta.rate_nominal, speed=speed)
+    return TimeSpec(clock=Counter(64, 1), rate=session.meta.rate_nominal if session.timed_by == "poll" else None)
+
+
+def _without_nan(told: dict[str, Any]) -> dict[str, Any]:
+    """Report with None for what is not known, as JSON has it."""
+    known: dict[str, Any] = {}
+    for name, value in told.items():
+        inner = _without_nan(value) if isinstance(value, dict) else value
+        known[name] = None if isinstance(value, float) and not math.isfinite(value) else inner
+    return known
+
+
+def _tick_ns(device: Field) -> Fraction:
+    """Time of one count; a unit and a size are decimal numbers or fractions, so this is exact."""
+    return abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))
+
+
+def _filter(session: Session) -> Filter | None:
+    if session.stage is None:
+        return None
+    if session.frame is None:
+        raise ParameterError("a session that estimates needs a frame.")
+    return filter_of(session.stage, session.frame, session.meta)
+
+
+def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:
+    return Frames(
+        frames.message,
+        frames.start[rows],
+        frames.t_ns[rows],
+        {name: column[rows] for name, column in frames.columns.items()},
+        {unit: found[rows] for unit, found in frames.flags.items()},
+    )

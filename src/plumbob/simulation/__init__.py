@@ -1,0 +1,38 @@
+"""Simulation: recordings of which the truth is known exactly.
+
+``simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=1)`` gives a recording, its
+true attitude, and the calibration and noise of the unit that recorded it.
+
+Not modelled: the Earth's rotation, filters and bandwidths of sensors, nonlinearity, and vibration rectification.
+"""
+
+from plumbob.simulation.errors import TriadErrors
+from plumbob.simulation.field import earth_field
+from plumbob.simulation.motion import ConingMotion, EulerMotion, GimbalMotion, Motion, PoseMotion, Truth
+from plumbob.simulation.presets import Figure, Module, Preset, draw_module, preset, preset_names
+from plumbob.simulation.scenario_base import Scenario
+from plumbob.simulation.scenarios import SCENARIOS, scenario
+from plumbob.simulation.simulation import MODULES, Simulation, simulate
+
+__all__ = [
+    "MODULES",
+    "SCENARIOS",
+    "ConingMotion",
+    "EulerMotion",
+    "Figure",
+    "GimbalMotion",
+    "Module",
+    "Motion",
+    "PoseMotion",
+    "Preset",
+    "Scenario",
+    "Simulation",
+    "TriadErrors",
+    "Truth",
+    "draw_module",
+    "earth_field",
+    "preset",
+    "preset_names",
+    "scenario",
+    "simulate",
+]

@@ -1,0 +1,296 @@
+"""What a triad of sensors makes of the truth: the error model, applied and inverted.
+
+One equation holds for every triad; what a triad does not have is zero::
+
+    measured = clip(step(G(T) (I + M) (W truth + h) + b(T) + S f + drift + white))
+
+G gain, M misalignment, W and h soft and hard iron (magnetometer), b bias, S g-sensitivity (gyroscope) to the specific
+force f, drift = flicker + random walk + ramp, T temperature. Units are those of the triad, u: rad/s, m/s² or µT.
+
+Random processes of IEEE Std 952, each at its own Allan level, and the random streams that drive them.
+
+==============  ======  ====================  ============================
+process         letter  two-sided PSD of rate  Allan deviation
+==============  ======  ====================  ============================
+white           N       N²                    N / √τ
+flicker         B       B² / (2πf)            B √(2 ln 2 / π) = 0.6643 B
+random walk     K       (K / 2πf)²            K √(τ/3)
+ramp            R       –                     R τ / √2
+==============  ======  ====================  ============================
+"""
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.data.cards import TriadCalibration, TriadNoise
+
+
+def stream(seed: int, *names: str) -> np.random.Generator:
+    """Random generator of one error of one triad, independent of all others of the same seed.
+
+    Raises
+    ------
+    ParameterError
+        If the seed is no whole number of at least 0.
+    """
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise ParameterError(f"seed must be a whole number of at least 0, but it is {seed!r}.")
+    key = tuple(int.from_bytes(name.encode()) for name in names)
+    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))
+
+
+def white(sd: Floats, count: int, rng: np.random.Generator) -> Floats:
+    """White noise (count, 3) of standard deviation sd (3,)."""
+    return sd * rng.standard_normal((count, 3))
+
+
+def white_sd(n_rpsd: Floats, rate: float) -> Floats:
+    """Standard deviation of one sample, N √rate, of white noise whose Allan deviation is N / √τ."""
+    return n_rpsd * math.sqrt(rate)
+
+
+def flicker(b: Floats, count: int, rng: np.random.Generator) -> Floats:
+    """Flicker noise (count, 3) of bias instability b (3,), starting from nothing.
+
+    White noise through the fractional integrator of order ½, whose pulse response falls as 1/√k [Kasdin1995]. White
+    noise of standard deviation B gives the two-sided density B²/(2πf), at any sampling rate. The Allan deviation is
+    flat at 0.6643 B from about ten samples on; at one sample it is B √(2/π) = 0.80 B, as sampling folds the spectrum.
+    """
+    k = np.arange(1, count)
+    pulse = np.concatenate(([1.0], np.cumprod((k - 0.5) / k)))
+    size = 1 << (2 * count - 1).bit_length()  # room for the whole convolution, so that the end does not wrap round
+    response = np.fft.rfft(pulse, size)[:, np.newaxis]
+    return np.fft.irfft(response * np.fft.rfft(white(b, count, rng), size, axis=0), size, axis=0)[:count]
+
+
+def random_walk(k_rpsd: Floats, count: int, rate: float, rng: np.random.Generator) -> Floats:
+    """Random walk (count, 3) of rate K (3,), unit/s/√Hz; the first value is 0."""
+    steps = white(k_rpsd / math.sqrt(rate), count, rng)
+    return np.asarray(np.cumsum(steps, axis=0) - steps[0])
+
+
+_MATRICES = ("misalignment", "soft_iron", "g_sensitivity")
+_SIZES = ("white_rpsd", "white_sd", "flicker", "walk_rpsd", "lsb", "latency")
+_DETERMINISTIC = (
+    "bias",
+    "bias_per_k",
+    "scale",
+    "scale_per_k",
+    "misalignment",
+    "soft_iron",
+    "hard_iron",
+    "g_sensitivity",
+    "latency",
+)
+
+
+def _nothing() -> Floats:
+    return np.zeros(3)
+
+
+def _no_coupling() -> Floats:
+    return np.zeros((3, 3))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TriadErrors:
+    """Errors of one triad. Where (3,) is asked for, one number stands for all three axes.
+
+    Parameters
+    ----------
+    white_rpsd : array_like (3,)
+        White noise N, u/√Hz: its Allan deviation is N/√τ, and one sample scatters by N √rate.
+    white_sd : array_like (3,)
+        White noise whose scatter per sample does not depend on the rate, u. The two add as squares.
+    flicker : array_like (3,)
+        Bias instability B, u: the floor of the Allan deviation is 0.6643 B.
+    walk_rpsd : array_like (3,)
+        Random walk K of the bias, u/s/√Hz: its Allan deviation is K √(τ/3).
+    ramp : array_like (3,)
+        Steady drift R, u/s.
+    bias : array_like (3,)
+        Offset at turn-on, at `temp_ref_c`, u.
+    bias_per_k : array_like (3,)
+        Change of the offset per kelvin, u/K.
+    temp_ref_c : float
+        Temperature at which bias and scale hold, °C.
+    scale : array_like (3,)
+        Relative error of the gain: 0.01 reads 1 % too much.
+    scale_per_k : array_like (3,)
+        Change of the gain per kelvin, 1/K.
+    misalignment : array_like (3, 3)
+        Off-diagonal entry ij is what axis i picks up of the input along j; the diagonal is zero.
+    soft_iron : array_like (3, 3)
+        How iron on the body changes the field, identity without any.
+    hard_iron : array_like (3,)
+        Field of the body itself, µT.
+    g_sensitivity : array_like (3, 3)
+        Bias per specific force, rad/s per m/s².
+    lsb : array_like (3,)
+        Step of quantisation, u; 0 is continuous.
+    full_scale : array_like (3,)
+        End of the range, u; values beyond are clipped to it.
+    latency : array_like (3,)
+        How much older than its time stamp a value is, s.
+    rate : float or None
+        Own sampling rate, Hz, where it differs from the recording's; rows without a new value are NaN.
+
+    Raises
+    ------
+    ParameterError
+        If a number is not finite or outside its domain.
+    """
+
+    white_rpsd: Floats = field(default_factory=_nothing)
+    white_sd: Floats = field(default_factory=_nothing)
+    flicker: Floats = field(default_factory=_nothing)
+    walk_rpsd: Floats = field(default_factory=_nothing)
+    ramp: Floats = field(default_factory=_nothing)
+    bias: Floats = field(default_factory=_nothing)
+    bias_per_k: Floats = field(default_factory=_nothing)
+    temp_ref_c: float = 25.0
+    scale: Floats = field(default_factory=_nothing)
+    scale_per_k: Floats = field(default_factory=_nothing)
+    misalignment: Floats = field(default_factory=_no_coupling)
+    soft_iron: Floats = field(default_factory=lambda: np.eye(3))
+    hard_iron: Floats = field(default_factory=_nothing)
+    g_sensitivity: Floats = field(default_factory=_no_coupling)
+    lsb: Floats = field(default_factory=_nothing)
+    full_scale: Floats = field(default_factory=lambda: np.full(3, math.inf))
+    latency: Floats = field(default_factory=_nothing)
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        """Bring every array to its shape and validate it."""
+        for name in (f.name for f in fields(self) if f.name not in {"temp_ref_c", "rate"}):
+            shape = (3, 3) if name in _MATRICES else (3,)
+            object.__setattr__(self, name, check.read_only(_shaped(name, getattr(self, name), shape)))
+        if np.diag(self.misalignment).any():
+            raise ParameterError("misalignment must have a zero diagonal; the gain of an axis is its scale.")
+        if self.rate is not None and not 0.0 < self.rate < math.inf:
+            raise ParameterError(f"rate must be positive and finite, but it is {self.rate:g} Hz.")
+
+    def calibrated(self) -> Self:
+        """Return the same triad after an ideal calibration: noise, quantisation, range and rate stay."""
+        perfect = type(self)()
+        return replace(self, **{name: getattr(perfect, name) for name in _DETERMINISTIC})
+
+    def with_noise(self, noise: TriadNoise) -> Self:
+        """Return the same triad with N, B and K of a card; ramp and quantisation, which a card has not, stay."""
+        return replace(self, white_rpsd=noise.n_rpsd, white_sd=np.zeros(3), flicker=noise.b, walk_rpsd=noise.k_rpsd)
+
+    @property
+    def response(self) -> Floats:
+        """Matrix (3, 3) from truth to measurement at `temp_ref_c`."""
+        return np.asarray(self._case @ self.soft_iron)
+
+    @property
+    def iron(self) -> Floats:
+        """What the triad reads of the hard iron, (3,), µT, at `temp_ref_c`."""
+        return np.asarray(self._case @ self.hard_iron)
+
+    @property
+    def _case(self) -> Floats:
+        gain = 1.0 + self.scale
+        return np.asarray(gain[:, np.newaxis] * (np.eye(3) + self.misalignment))
+
+    def card(self, unit: str) -> TriadCalibration:
+        """Calibration that undoes response, bias, iron, the bias's temperature and g-sensitivity: what is perfect.
+
+        A card has no place for the temperature of the gain, and for latency; they remain.
+        """
+        return TriadCalibration(
+            matrix=np.asarray(np.linalg.inv(self.response), dtype=np.float64),
+            bias=self.bias + self.iron,
+            unit_in=unit,
+            unit_out=unit,
+            bias_per_k=self.bias_per_k,
+            temp_ref_c=self.temp_ref_c,
+            g_sensitivity=self.g_sensitivity,
+        )
+
+    def noise_card(self, rate: float) -> TriadNoise:
+        """N, B and K of the triad when it is sampled at `rate`, Hz, or at its own rate."""
+        n = self.white_rpsd
+        own = self.white_sd / math.sqrt(self.own_rate(rate))
+        return TriadNoise(n_rpsd=np.hypot(n, own), b=self.flicker, k_rpsd=self.walk_rpsd)
+
+    def own_rate(self, rate: float) -> float:
+        """Rate at which the triad yields values in a recording of `rate`, Hz."""
+        return rate if self.rate is None else min(self.rate, rate)
+
+
+class Measured(NamedTuple):
+    """What a triad says: values (N, 3), the bias in them with drift and g-sensitivity (N, 3), and clipping (N, 3)."""
+
+    values: Floats
+    bias: Floats
+    clipped: NDArray[np.bool_]
+
+
+def measure(
+    errors: TriadErrors, truth_b: Floats, *, triad: str, seed: int, rate: float, temp_c: Floats, force_b: Floats
+) -> Measured:
+    """Let a triad measure.
+
+    Parameters
+    ----------
+    errors : TriadErrors
+        Of the triad.
+    truth_b : ndarray (N, 3)
+        True values in body axes at evenly spaced instants, u.
+    triad : {"gyr", "acc", "mag"}
+        Names the random streams.
+    seed : int
+        Of the random streams.
+    rate : float
+        Of the instants, Hz.
+    temp_c : ndarray (N,)
+        Temperature, °C.
+    force_b : ndarray (N, 3)
+        Specific force, m/s², for the g-sensitivity.
+    """
+    e, count = errors, truth_b.shape[0]
+    warmer = (temp_c - e.temp_ref_c)[:, np.newaxis]
+    gain_change = 1.0 + warmer * e.scale_per_k / (1.0 + e.scale)
+    bias = e.bias + warmer * e.bias_per_k + force_b @ e.g_sensitivity.T + _drift(e, count, triad, seed, rate)
+    analogue = gain_change * (truth_b @ e.response.T + e.iron) + bias + _white(e, count, triad, seed, rate)
+    digital = _steps(analogue, e.lsb)
+    return Measured(np.clip(digital, -e.full_scale, e.full_scale), bias, np.abs(digital) >= e.full_scale)
+
+
+def _white(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
+    by_density = white_sd(e.white_rpsd, rate)
+    return white(np.hypot(by_density, e.white_sd), count, stream(seed, triad, "white"))
+
+
+def _drift(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:
+    drift = np.outer(np.arange(count) / rate, e.ramp)
+    if e.flicker.any():
+        drift += flicker(e.flicker, count, stream(seed, triad, "flicker"))
+    if e.walk_rpsd.any():
+        drift += random_walk(e.walk_rpsd, count, rate, stream(seed, triad, "walk"))
+    return drift
+
+
+def _steps(analogue: Floats, lsb: Floats) -> Floats:
+    step = np.where(lsb > 0.0, lsb, 1.0)
+    return np.where(lsb > 0.0, step * np.rint(analogue / step), analogue)
+
+
+def _shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Floats:
+    array = check.floats(name, value)
+    if array.shape != shape and (array.shape or name in _MATRICES):
+        raise ParameterError(f"{name} must be of shape {shape}, but its shape is {array.shape}.")
+    finite = np.isfinite(array) | (array == np.inf) if name == "full_scale" else np.isfinite(array)
+    low = 0.0 if name in _SIZES or name == "full_scale" else -math.inf
+    if not (finite & (array >= low)).all():
+        raise ParameterError(f"{name} must be finite and not below {low:g}, but it is {array.tolist()}.")
+    return np.array(np.broadcast_to(array, shape))

@@ -1,0 +1,265 @@
+"""Truth: attitude, rate, position and acceleration of a body as functions of time, exact to rounding.
+
+The body's axes follow the navigation frame: x forward and z up (forward-left-up) in ENU and NWU, x forward and z down
+(forward-right-down) in NED. `Truth.in_frame` tells the same physical motion in another frame, body axes included.
+
+Not modelled: the rotation of the Earth and the curvature of its surface. Gravity is the standard G0 everywhere.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.rotations import (
+    IDENTITY,
+    Frame,
+    body_rate_from_euler_zyx,
+    change_frame,
+    frame_rotation,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+)
+from plumbob.simulation.signals import Signal, constant, quintic
+
+_UPSIDE_DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x: forward-left-up to forward-right-down and back
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """State of a moving body at N instants.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    frame : Frame
+        Navigation frame n.
+    q_nb : ndarray (N, 4)
+        Attitude.
+    rate_b, rate_dot_b : ndarray (N, 3)
+        Angular rate in body axes, rad/s, and its derivative, rad/s².
+    pos_n, vel_n, acc_n : ndarray (N, 3)
+        Position, m, velocity, m/s, and acceleration, m/s², of the body's reference point.
+    """
+
+    t: Floats
+    frame: Frame
+    q_nb: Floats
+    rate_b: Floats
+    rate_dot_b: Floats
+    pos_n: Floats
+    vel_n: Floats
+    acc_n: Floats
+
+    def rows(self, which: NDArray[np.bool_]) -> Self:
+        """State at the instants that are marked, of (N,)."""
+        arrays = (self.q_nb, self.rate_b, self.rate_dot_b, self.pos_n, self.vel_n, self.acc_n)
+        return type(self)(self.t[which], self.frame, *(a[which] for a in arrays))
+
+    def in_body(self, v_n: ArrayLike) -> Floats:
+        """Vectors (3,) or (N, 3) of the navigation frame, in body axes (N, 3)."""
+        return quat_rotate(quat_conjugate(self.q_nb), v_n)
+
+    @property
+    def specific_force_b(self) -> Floats:
+        """What an ideal accelerometer at the reference point measures, (N, 3), m/s²: up, +g, at rest."""
+        gravity_n = -G0 * self.frame.up
+        return self.in_body(self.acc_n - gravity_n)
+
+    def at_lever(self, lever_b: ArrayLike) -> Self:
+        """State of another point of the body, at lever_b (3,) from the reference point in body axes, m."""
+        r = np.broadcast_to(np.asarray(lever_b, dtype=np.float64), self.rate_b.shape)
+        swing = np.cross(self.rate_b, r)
+        pull = np.cross(self.rate_dot_b, r) + np.cross(self.rate_b, swing)
+        return type(self)(
+            self.t,
+            self.frame,
+            self.q_nb,
+            self.rate_b,
+            self.rate_dot_b,
+            self.pos_n + quat_rotate(self.q_nb, r),
+            self.vel_n + quat_rotate(self.q_nb, swing),
+            self.acc_n + quat_rotate(self.q_nb, pull),
+        )
+
+    def in_frame(self, frame: Frame) -> Self:
+        """Describe the same motion in another navigation frame, with the body axes that go with it."""
+        if frame is self.frame:
+            return self
+        q_nb, turn = change_frame(self.q_nb, to=frame, from_=self.frame), frame_rotation(frame, self.frame)
+        rate_b, rate_dot_b = self.rate_b, self.rate_dot_b
+        if frame.up[2] != self.frame.up[2]:
+            q_nb = quat_multiply(q_nb, _UPSIDE_DOWN)
+            rate_b, rate_dot_b = quat_rotate(_UPSIDE_DOWN, rate_b), quat_rotate(_UPSIDE_DOWN, rate_dot_b)
+        path = (quat_rotate(turn, v) for v in (self.pos_n, self.vel_n, self.acc_n))
+        return type(self)(self.t, frame, q_nb, rate_b, rate_dot_b, *path)
+
+
+class Motion(Protocol):
+    """Anything that can say its state at any instants t (N,), s."""
+
+    def truth(self, t: Floats) -> Truth:
+        """State at the instants t (N,), s."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class EulerMotion:
+    """Motion given by ZYX Euler angles and a position.
+
+    Parameters
+    ----------
+    frame : Frame
+        Frame of both.
+    angles : Signal with 3 components
+        Yaw, pitch, roll, rad.
+    position : Signal with 3 components
+        Of the pivot, m.
+    lever_b : (3,)
+        From the pivot to the point whose motion is asked for, body axes, m.
+    """
+
+    frame: Frame
+    angles: Signal
+    position: Signal = field(default_factory=lambda: constant((0.0, 0.0, 0.0)))
+    lever_b: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def truth(self, t: Floats) -> Truth:
+        """State at the instants t (N,), s."""
+        angle, speed, acceleration = self.angles.at(t)
+        rate_b = body_rate_from_euler_zyx(angle, speed)
+        rate_dot_b = body_rate_from_euler_zyx(angle, acceleration) + _turning_axes(angle, speed, rate_b)
+        pivot = Truth(t, self.frame, quat_from_euler_zyx(angle), rate_b, rate_dot_b, *self.position.at(t))
+        return pivot.at_lever(self.lever_b) if any(self.lever_b) else pivot
+
+
+@dataclass(frozen=True, eq=False)
+class ConingMotion:
+    """Classical coning: the rotation vector ``half_angle (cos Ωt, sin Ωt, 0)`` goes round once in 2π/Ω, at one place.
+
+    Parameters
+    ----------
+    frame : Frame
+        Navigation frame.
+    half_angle : float
+        Between the body's z axis and the cone's, rad.
+    omega : float
+        Ω, rad/s.
+    """
+
+    frame: Frame
+    half_angle: float
+    omega: float
+
+    def truth(self, t: Floats) -> Truth:
+        """State at the instants t (N,), s."""
+        a, w = self.half_angle, self.omega
+        c, s, zero = np.cos(w * t), np.sin(w * t), np.zeros_like(t)
+        half = np.full_like(t, np.cos(0.5 * a))
+        q_nb = np.stack((half, np.sin(0.5 * a) * c, np.sin(0.5 * a) * s, zero), axis=-1)
+        rate_b = np.stack((-w * np.sin(a) * s, w * np.sin(a) * c, zero - w * (1.0 - np.cos(a))), axis=-1)
+        rate_dot_b = -w * w * np.sin(a) * np.stack((c, s, zero), axis=-1)
+        at_rest = np.zeros((t.size, 3))
+        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, at_rest, at_rest, at_rest)
+
+
+def _turning_axes(angle: Floats, speed: Floats, rate_b: Floats) -> Floats:
+    """Part of the angular acceleration that comes from the axes of yaw and pitch turning with the body, (N, 3)."""
+    (_, pitch, roll), (dyaw, dpitch, droll) = np.moveaxis(angle, -1, 0), np.moveaxis(speed, -1, 0)
+    nose = np.stack((np.cos(pitch), np.sin(roll) * np.sin(pitch), np.cos(roll) * np.sin(pitch)), axis=-1)
+    roll_turns = np.stack((np.zeros_like(droll), droll * rate_b[:, 2], -droll * rate_b[:, 1]), axis=-1)
+    return np.asarray(roll_turns - (dyaw * dpitch)[:, np.newaxis] * nose)
+
+
+_AXES = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class GimbalMotion:
+    """Attitude ``q(axis₁, angle₁) ⊗ q(axis₂, angle₂) ⊗ …`` at one place: a table that stands aslant, or a hand.
+
+    Parameters
+    ----------
+    frame : Frame
+        Navigation frame, in which the first axis stands.
+    gimbals : sequence of (int, Signal)
+        From the outermost: which axis of the gimbal before it turns about, 0, 1 or 2 for x, y or z, and the angle, rad.
+    """
+
+    frame: Frame
+    gimbals: Sequence[tuple[int, Signal]]
+
+    def truth(self, t: Floats) -> Truth:
+        """State at the instants t (N,), s."""
+        q_nb = np.tile(IDENTITY, (t.size, 1))
+        rate_b, rate_dot_b = np.zeros((t.size, 3)), np.zeros((t.size, 3))
+        for axis, signal in self.gimbals:
+            angle, speed, acceleration = (part[:, np.newaxis] * _AXES[axis] for part in signal.at(t))
+            turn = quat_from_rotvec(angle)
+            carried = quat_rotate(quat_conjugate(turn), rate_b)
+            q_nb = quat_multiply(q_nb, turn)
+            rate_dot_b = quat_rotate(quat_conjugate(turn), rate_dot_b) - np.cross(speed, carried) + acceleration
+            rate_b = carried + speed
+        at_rest = np.zeros((t.size, 3))
+        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, at_rest, at_rest, at_rest)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseMotion:
+    """Poses one after the other, at one place; each move is the shortest turn, with the angle of least jerk.
+
+    The axis of a move stands still in the body and in the navigation frame, so that rate and angular acceleration are
+    the axis times the derivatives of the angle.
+
+    Parameters
+    ----------
+    frame : Frame
+        Navigation frame.
+    poses : array_like (M, 4)
+        Attitudes, M ≥ 1.
+    dwell, move : float
+        Time at rest in each pose, and of each move, s. The last pose is kept for ever.
+
+    Raises
+    ------
+    ShapeError
+        If there is no pose.
+    ParameterError
+        If a time is not positive.
+    """
+
+    frame: Frame
+    poses: ArrayLike
+    dwell: float
+    move: float
+
+    def __post_init__(self) -> None:
+        """Validate poses and times."""
+        if not len(check.rows("poses", self.poses, 4)):
+            raise ShapeError("a motion from pose to pose needs at least one pose, but poses is empty.")
+        if not (self.dwell > 0.0 and self.move > 0.0):
+            raise ParameterError(f"dwell and move must be positive, but they are {self.dwell:g} and {self.move:g} s.")
+
+    def truth(self, t: Floats) -> Truth:
+        """State at the instants t (N,), s."""
+        poses = check.rows("poses", self.poses, 4)
+        turns = rotvec_from_quat(quat_multiply(quat_conjugate(poses), np.concatenate((poses[1:], poses[-1:]))))
+        cycle = self.dwell + self.move
+        i = np.clip(np.floor(t / cycle), 0, len(poses) - 1).astype(np.intp)
+        way, rate, acc = quintic(np.clip((t - i * cycle - self.dwell) / self.move, 0.0, 1.0))
+        q_nb = quat_multiply(poses[i], quat_from_rotvec(way[:, np.newaxis] * turns[i]))
+        rate_b = (rate / self.move)[:, np.newaxis] * turns[i]
+        rate_dot_b = (acc / self.move**2)[:, np.newaxis] * turns[i]
+        at_rest = np.zeros((t.size, 3))
+        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, at_rest, at_rest, at_rest)

@@ -1,0 +1,56 @@
+"""Emulated rigs: the hardware of the five papers, speaking its real bytes, with faults where they are asked for.
+
+``make_rig(PLANS["buoy"], load("buoy"), seed=1)`` gives frames with their times and the truth behind them, and
+``serve(rig, port, ...)`` sends them as the hardware would. A format of one's own makes a rig too: `plan_for`.
+"""
+
+from typing import TYPE_CHECKING
+
+from plumbob.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from plumbob.simulation.rigs.faults import KINDS, Fault
+    from plumbob.simulation.rigs.plan import PLANS, Plan, Unit, plan_for
+    from plumbob.simulation.rigs.rig import Rig, make_rig
+    from plumbob.simulation.rigs.serving import FilePort, Port, Served, serve
+    from plumbob.simulation.rigs.sockets import TcpPort, UdpPort
+    from plumbob.simulation.rigs.terminal import PtyPort
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "KINDS": "faults",
+        "PLANS": "plan",
+        "Fault": "faults",
+        "FilePort": "serving",
+        "Plan": "plan",
+        "Port": "serving",
+        "PtyPort": "terminal",
+        "Rig": "rig",
+        "Served": "serving",
+        "TcpPort": "sockets",
+        "UdpPort": "sockets",
+        "Unit": "plan",
+        "make_rig": "rig",
+        "plan_for": "plan",
+        "serve": "serving",
+    },
+)
+
+__all__ = [
+    "KINDS",
+    "PLANS",
+    "Fault",
+    "FilePort",
+    "Plan",
+    "Port",
+    "PtyPort",
+    "Rig",
+    "Served",
+    "TcpPort",
+    "UdpPort",
+    "Unit",
+    "make_rig",
+    "plan_for",
+    "serve",
+]

@@ -1,0 +1,193 @@
+"""What each rig is made of: its units, their mounting, and what is done with them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import ClassVar, Final
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.protocols.format import Format
+from plumbob.protocols.unpack import units_of
+from plumbob.rotations import Frame, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.simulation import Motion, Scenario, Truth, scenario
+from plumbob.simulation.errors import stream
+
+Quat = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class MountedMotion:
+    """Motion of a unit that is fixed to a body.
+
+    Parameters
+    ----------
+    motion : Motion
+        Of the body.
+    frame : Frame
+        Navigation frame; the body's axes are those that go with it.
+    q_bs : tuple of 4 float
+        From the unit's axes to the body's.
+    """
+
+    motion: Motion
+    frame: Frame
+    q_bs: Quat
+
+    def truth(self, t: Floats) -> Truth:
+        """State at the instants t (N,), s, in the unit's axes."""
+        body, q_sb = self.motion.truth(t).in_frame(self.frame), quat_conjugate(np.array(self.q_bs))
+        return replace(
+            body,
+            q_nb=quat_multiply(body.q_nb, np.array(self.q_bs)),
+            rate_b=quat_rotate(q_sb, body.rate_b),
+            rate_dot_b=quat_rotate(q_sb, body.rate_dot_b),
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mounted(Scenario):
+    """A body's scenario as one of its units feels it; units of the same seed ride on the same motion."""
+
+    plan: Scenario
+    frame: Frame
+    q_bs: Quat
+    seed: int
+
+    rate: ClassVar[float] = 100.0
+
+    @property
+    def told(self) -> str:
+        """The body's scenario, and how the unit sits on it."""
+        turned = "" if self.q_bs == (1.0, 0.0, 0.0, 0.0) else f", of a unit at q_bs = {self.q_bs}"
+        return self.plan.told + turned
+
+    @property
+    def duration(self) -> float:
+        """Time that it takes, s."""
+        return self.plan.duration
+
+    def motion(self, rng: np.random.Generator, duration: float) -> Motion:
+        """Body's motion, drawn with the rig's seed instead of the unit's."""
+        body = self.plan.motion(stream(self.seed, "scenario"), duration)
+        return MountedMotion(body, self.frame, self.q_bs)
+
+
+ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One unit of a rig.
+
+    Attributes
+    ----------
+    sensors : str
+        Its parts, as `plumbob.simulation.simulate` knows them.
+    prefix : str
+        Of its fields in the frame; empty where there is one unit only.
+    q_bs : tuple of 4 float
+        How it is mounted: from its axes to the body's.
+    """
+
+    sensors: str
+    prefix: str = ""
+    q_bs: Quat = ALIGNED
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A rig before it is built.
+
+    Attributes
+    ----------
+    name, title : str
+        Short and full name.
+    scenario : Scenario
+        What the body does.
+    frame : Frame
+        Navigation frame of the truth, and the body's axes with it.
+    rate : float
+        Frames per second, Hz.
+    duration : float
+        Time that it talks, s.
+    units : tuple of Unit
+        What sits on the body.
+    """
+
+    name: str
+    title: str
+    scenario: Scenario
+    frame: Frame
+    rate: float
+    duration: float
+    units: tuple[Unit, ...]
+
+
+def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> Plan:
+    """Plan for a format of one's own: every unit in it has the same sensors, aligned with the body.
+
+    Parameters
+    ----------
+    form : Format
+        What it says on the wire.
+    motion : Scenario
+        What the body does.
+    sensors : str
+        Parts of each unit, joined by ``+``.
+    frame : Frame
+        Navigation frame.
+    rate : float or None
+        Frames per second, Hz; the format's where it is None.
+
+    Raises
+    ------
+    ParameterError
+        If neither says a rate.
+    """
+    pace = form.framing.rate if rate is None else rate
+    if pace is None:
+        raise ParameterError(f"{form.name} does not say how many frames it sends per second; give a rate, as 100Hz.")
+    units = tuple(Unit(sensors, prefix) for prefix in units_of(form.messages[0]))
+    return Plan(form.name, form.title, motion, frame, pace, motion.duration, units)
+
+
+# No turn reverses all three axes of a unit, so each opposite unit reverses its own axis and the next: x is measured
+# against by u4 (and u6), y by u5 (and u4), z by u6 (and u5).
+_ABOUT_X: Final[Quat] = (0.0, 1.0, 0.0, 0.0)
+_ABOUT_Y: Final[Quat] = (0.0, 0.0, 1.0, 0.0)
+_ABOUT_Z: Final[Quat] = (0.0, 0.0, 0.0, 1.0)
+_REFERENCE: Final[Quat] = (sqrt(0.5), 0.0, 0.0, -sqrt(0.5))
+"""The reference's y axis is the body's x axis [Li2012], both z axes point down."""
+
+PLANS: Final[Mapping[str, Plan]] = {
+    plan.name: plan
+    for plan in (
+        Plan(
+            "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
+            (Unit("mpu6000+hmc5983"),),
+        ),
+        Plan(
+            "fin", "bionic fin: ADXRS453 and ADXRS290", scenario("fin"), Frame.NED, 500.0, 220.0,
+            (Unit("adxrs290+adxrs453"),),
+        ),
+        Plan(
+            "trackball", "gyroscope at rest: MPU-3050, 1000 samples", scenario("static"), Frame.NED, 10.0, 100.0,
+            (Unit("mpu3050"),),
+        ),
+        Plan(
+            "arm", "teaching arm: six nine-axis units", scenario("arm"), Frame.NED, 10.0, 30.0,
+            (
+                Unit("arm", "u1"), Unit("arm", "u2"), Unit("arm", "u3"),
+                Unit("arm", "u4", _ABOUT_Z), Unit("arm", "u5", _ABOUT_X), Unit("arm", "u6", _ABOUT_Y),
+            ),
+        ),
+        Plan(
+            "rod", "rod moved by hand: ADIS16355 beside an AHRS500GA", scenario("rod"), Frame.NED, 100.0, 600.0,
+            (Unit("adis16355"), Unit("ideal", "ref", _REFERENCE)),
+        ),
+    )
+}  # fmt: skip
+"""The papers' rigs by name."""

@@ -1,0 +1,219 @@
+"""A rig: every frame with its time, the truth behind it, and the faults on the way."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.time import to_ns
+from plumbob.core.units import unit
+from plumbob.protocols.decode import columns_of
+from plumbob.protocols.encode import encode
+from plumbob.protocols.field import Field
+from plumbob.protocols.format import Format, Message
+from plumbob.rotations import Frame, euler_zyx_from_quat
+from plumbob.simulation import Module, Simulation, TriadErrors, draw_module, simulate
+from plumbob.simulation.rigs import faults as line_faults
+from plumbob.simulation.rigs.faults import Damage, Fault
+from plumbob.simulation.rigs.plan import Mounted, Plan, Unit
+
+Column = Floats | NDArray[np.int64]
+_JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever it is rounded by
+
+
+def columns_for(
+    message: Message, units: Mapping[str, Simulation], device_ns: NDArray[np.int64], counter: NDArray[np.int64]
+) -> dict[str, Column]:
+    """Columns for `plumbob.protocols.encode.encode`.
+
+    Parameters
+    ----------
+    message : Message
+        What is sent; bound.
+    units : mapping of str to Simulation
+        By prefix.
+    device_ns : ndarray (N,) of int64
+        The device's own clock at each frame, ns.
+    counter : ndarray (N,) of int64
+        Number of each frame.
+    """
+    fields = {one.name: one for one in message.fields}
+    measured: dict[str, Floats] = {}
+    for prefix, simulation in units.items():
+        measured |= columns_of(simulation.imu, message, prefix) | _angles(simulation, fields, prefix)
+    if not measured:
+        return {}
+    found: dict[str, Column] = {name: _in_register(fields[name], values) for name, values in measured.items()}
+    for one in message.fields:
+        if one.role == "counter":
+            found[one.name] = counter
+        elif one.role == "clock":
+            found[one.name] = np.rint(device_ns / (1e9 * unit(one.unit).factor)).astype(np.int64)
+        elif one.role == "status" and not one.derived and "absent" in one.says.values():
+            found[one.name] = _presence(one, measured, device_ns.size)
+    return found
+
+
+def _in_register(one: Field, values: Floats) -> Floats:
+    """Hold the last value where there is none, and run into the rail where the sensor is at the end of its range."""
+    there = ~np.isnan(values)
+    last = np.maximum.accumulate(np.where(there, np.arange(values.size), -1))
+    held = np.where(last >= 0, values[last], 0.0)
+    if not one.triad or one.type[0] == "f":
+        return held
+    beyond = np.abs(held) >= one.full_scale * _JUST_BELOW
+    return np.where(beyond, np.nan if one.overflow else np.copysign(np.inf, held), held)
+
+
+def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:
+    """True roll, pitch and heading, for devices that say them; heading from true North."""
+    names = {name: f"{prefix}.{name}" if prefix else name for name in ("heading", "pitch", "roll")}
+    if not any(name in fields for name in names.values()):
+        return {}
+    angles = euler_zyx_from_quat(simulation.kinematics.in_frame(Frame.NED).q_nb)
+    return {names[key]: angles[:, i] for i, key in enumerate(names) if names[key] in fields}
+
+
+def _presence(one: Field, measured: Mapping[str, Floats], count: int) -> NDArray[np.int64]:
+    """Counts of a status that says whether its triads or fields have a new value; what is not simulated has none."""
+    there = np.zeros(count, dtype=bool)
+    for name, values in measured.items():
+        if name in one.of or name.rpartition(".")[0] in one.of:
+            there |= ~np.isnan(values)
+    absent = next(code for code, word in one.says.items() if word == "absent")
+    present = one.value if one.value not in one.says else min(set(range(len(one.says) + 1)) - set(one.says))
+    return np.where(there, present, absent)
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """A rig that is ready to talk.
+
+    Attributes
+    ----------
+    plan : Plan
+        What it is made of.
+    form : Format
+        What it says, bound.
+    units : mapping of str to Simulation
+        Truth, samples, calibration and noise of each unit in its own axes, by the prefix of its fields.
+    due_ns : ndarray (N,) of int64
+        When each frame is ready, ns from the start.
+    frames : ndarray (N, L) of uint8
+        Frames as the device makes them, before anything happens to them on the line.
+    damage : Damage
+        What happens to them on the line.
+    """
+
+    plan: Plan
+    form: Format
+    units: Mapping[str, Simulation]
+    due_ns: NDArray[np.int64]
+    frames: NDArray[np.uint8]
+    damage: Damage
+
+    def __len__(self) -> int:
+        return int(self.due_ns.size)
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Faults on the line, in order."""
+        return self.damage.faults
+
+    def payloads(self, first: int, end: int) -> list[bytes]:
+        """Bytes that go out for frames `first` to `end`, exclusive; empty where a frame is lost."""
+        changed, lost = self.damage.changed, self.damage.lost
+        return [b"" if lost[i] else changed.get(i) or self.frames[i].tobytes() for i in range(first, end)]
+
+    def stream(self) -> bytes:
+        """All bytes that go out."""
+        return b"".join(self.payloads(0, len(self)))
+
+
+def make_rig(
+    plan: Plan,
+    form: Format,
+    *,
+    seed: int,
+    duration: float | None = None,
+    module: str = "drawn",
+    clock_error: float = 0.0,
+    faults: Mapping[str, float] | None = None,
+) -> Rig:
+    """Build a rig.
+
+    Parameters
+    ----------
+    plan : Plan
+        What it is made of.
+    form : Format
+        What it says; its first message is what it sends.
+    seed : int
+        Of everything left to chance: the sea, the units' errors, their noise, faults.
+    duration : float, optional
+        s, where it shall differ from the plan's.
+    module : {"drawn", "calibrated"}
+        Units as they left the line, or after an ideal calibration.
+    clock_error : float
+        By how much the device's own clock is fast: 4e-5 are 40 µs a second.
+    faults : mapping of str to float, optional
+        Share of the frames that a fault of `plumbob.simulation.rigs.faults.KINDS` befalls.
+
+    Raises
+    ------
+    ParameterError
+        If a name is unknown or a value outside its domain.
+    """
+    bound = form.bind()
+    message = bound.messages[0]
+    units = {
+        unit.prefix: _simulated(plan, unit, message, number, seed, duration, module)
+        for number, unit in enumerate(plan.units)
+    }
+    due_ns = to_ns(next(iter(units.values())).imu.t)
+    drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
+    device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
+    columns = columns_for(message, units, device_ns, drawn.counter)
+    if not columns:
+        raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
+    frames = encode(bound, columns)
+    return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed))
+
+
+def _simulated(
+    plan: Plan, unit: Unit, message: Message, number: int, seed: int, duration: float | None, module: str
+) -> Simulation:
+    own_seed = seed if number == 0 else 1000 * seed + number  # each unit has its own errors and noise
+    return simulate(
+        Mounted(plan=plan.scenario, frame=plan.frame, q_bs=unit.q_bs, seed=seed),
+        frame=plan.frame,
+        sensors=fitted(draw_module(unit.sensors, own_seed), message, unit.prefix),
+        module=module,
+        seed=own_seed,
+        rate=plan.rate,
+        duration=plan.duration if duration is None else duration,
+    )
+
+
+def fitted(module: Module, message: Message, prefix: str) -> Module:
+    """Unit whose counts and ranges are those of the wire, so that nothing is rounded or cut twice."""
+    return replace(
+        module,
+        gyr=_fitted(module.gyr, message, prefix, "gyr"),
+        acc=_fitted(module.acc, message, prefix, "acc"),
+        mag=_fitted(module.mag, message, prefix, "mag"),
+    )
+
+
+def _fitted(errors: TriadErrors | None, message: Message, prefix: str, triad: str) -> TriadErrors | None:
+    if errors is None:
+        return None
+    lsb, full_scale = np.array(errors.lsb), np.array(errors.full_scale)
+    for i, axis in enumerate("xyz"):
+        name = ".".join(part for part in (prefix, triad, axis) if part)
+        for one in (f for f in message.fields if f.name == name and f.type[0] != "f"):
+            lsb[i], full_scale[i] = abs(one.scale), one.full_scale
+    return replace(errors, lsb=lsb, full_scale=full_scale)

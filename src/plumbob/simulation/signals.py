@@ -1,0 +1,280 @@
+"""Functions of time that know their own first and second derivative exactly.
+
+A signal is scalar, value ``(N,)`` at N instants, or has components on a last axis, value ``(N, k)``. Signals add, scale
+and multiply; whatever is built of them keeps exact derivatives, so that a simulated rate never comes from differences.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+
+_ROWS = 4096  # instants evaluated at once: sines of many frequencies then stay in the processor's cache
+
+
+class Jet(NamedTuple):
+    """A function's value and its first two time derivatives, each (N,) or (N, k)."""
+
+    value: Floats
+    rate: Floats
+    acc: Floats
+
+
+class Signal(ABC):
+    """A function of time; `at` evaluates it."""
+
+    @abstractmethod
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+
+    def __add__(self, other: "Signal") -> "Signal":
+        return Sum((self, other))
+
+    def __mul__(self, factor: float) -> "Signal":
+        return Scaled(self, factor)
+
+    __rmul__ = __mul__
+
+
+@dataclass(frozen=True, eq=False)
+class Polynomial(Signal):
+    """``c[0] + c[1] t + c[2] t² + …``.
+
+    Parameters
+    ----------
+    coefficients : array_like (n,) or (n, k)
+        Ascending, in units per s to their power.
+    """
+
+    coefficients: ArrayLike
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        powers = np.polynomial.polynomial
+        c = check.floats("coefficients", self.coefficients)
+        jet = (powers.polyval(t, derivative) for derivative in (c, powers.polyder(c), powers.polyder(c, 2)))
+        return Jet(*(np.asarray(part.T, dtype=np.float64) for part in jet))
+
+
+def constant(value: ArrayLike) -> Polynomial:
+    """Signal that stays at `value`, a number or (k,)."""
+    return Polynomial(np.asarray(value, dtype=np.float64)[np.newaxis])
+
+
+def random_phases(shape: int | tuple[int, ...], rng: np.random.Generator) -> NDArray[np.complex128]:
+    """Phasors of size 1 at any phase."""
+    return np.asarray(np.exp(2j * np.pi * rng.random(shape)), dtype=np.complex128)
+
+
+@dataclass(frozen=True, eq=False)
+class Sinusoids(Signal):
+    """Sum of sinusoids, ``Σ cosine[i] cos(omega[i] t) + sine[i] sin(omega[i] t)``.
+
+    Parameters
+    ----------
+    omega : ndarray (m,)
+        Angular frequencies, rad/s.
+    cosine, sine : ndarray (m,) or (m, k)
+        Amplitudes.
+    """
+
+    omega: Floats
+    cosine: Floats
+    sine: Floats
+
+    @classmethod
+    def from_phasors(cls, omega: Floats, phasors: NDArray[np.complex128]) -> Self:
+        """Real part of ``Σ phasors[i] exp(j omega[i] t)``."""
+        return cls(omega, np.ascontiguousarray(phasors.real), np.ascontiguousarray(-phasors.imag))
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        weights = self._weights()
+        out = np.empty((t.size, weights.shape[1]))
+        for start in range(0, t.size, _ROWS):
+            phase = np.outer(t[start : start + _ROWS], self.omega)
+            out[start : start + _ROWS] = np.hstack((np.cos(phase), np.sin(phase))) @ weights
+        shape = (t.size, *self.cosine.shape[1:])
+        value, rate, acc = (np.ascontiguousarray(part).reshape(shape) for part in np.hsplit(out, 3))
+        return Jet(value, rate, acc)
+
+    def _weights(self) -> Floats:
+        """Weights (2 m, 3 k) of cosines and sines in value, rate and acceleration."""
+        a, b = (x.reshape(self.omega.size, -1) for x in (self.cosine, self.sine))
+        w = self.omega[:, np.newaxis]
+        return np.block([[a, w * b, -w * w * a], [b, -w * a, -w * w * b]])
+
+
+def sinusoid(amplitude: float, frequency: float, phase: float = 0.0) -> Sinusoids:
+    """``amplitude · sin(2π frequency t + phase)``; frequency in Hz, phase in rad."""
+    one = np.ones(1)
+    return Sinusoids(2.0 * np.pi * frequency * one, amplitude * np.sin(phase) * one, amplitude * np.cos(phase) * one)
+
+
+Law = Callable[[Floats], Jet]
+"""Way from 0 to 1 over u in [0, 1] that starts and ends with rate and acceleration 0."""
+
+
+def quintic(u: Floats) -> Jet:
+    """Law of least jerk, ``10u³ − 15u⁴ + 6u⁵`` [Flash1985]."""
+    v = 1.0 - u
+    return Jet(u**3 * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * v * v, 60.0 * u * v * (v - u))
+
+
+def cycloid(u: Floats) -> Jet:
+    """Law of a slide pushed with a sinusoidal acceleration: its rate is ``1 − cos(2πu)``."""
+    turn = 2.0 * np.pi
+    return Jet(u - np.sin(turn * u) / turn, 1.0 - np.cos(turn * u), turn * np.sin(turn * u))
+
+
+@dataclass(frozen=True, eq=False)
+class Moves(Signal):
+    """Moves from rest to rest, one after the other, at rest in between; twice continuously differentiable.
+
+    Parameters
+    ----------
+    start, duration : array_like (m,)
+        When each move begins and how long it takes, s; moves do not overlap.
+    change : array_like (m,) or (m, k)
+        What each adds to the value, which is 0 before the first.
+    law : Law
+        `quintic` or `cycloid`.
+
+    Raises
+    ------
+    ParameterError
+        If a duration is not positive, or a move begins before the last one has ended.
+    """
+
+    start: ArrayLike
+    duration: ArrayLike
+    change: ArrayLike
+    law: Law = quintic
+
+    def __post_init__(self) -> None:
+        """Validate the sequence."""
+        start, duration = check.column("start", self.start), check.column("duration", self.duration)
+        if not (duration > 0.0).all() or (start[1:] < start[:-1] + duration[:-1] - 1e-9).any():
+            raise ParameterError("moves need a positive duration each and must not overlap.")
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        start, duration = check.floats("start", self.start), check.floats("duration", self.duration)
+        change = check.floats("change", self.change)
+        before = np.cumsum(change, axis=0) - change
+        i = np.maximum(np.searchsorted(start, t, side="right") - 1, 0)
+        way = self.law(np.clip((t - start[i]) / duration[i], 0.0, 1.0))
+        step = Jet(before[i], np.zeros_like(before[i]), np.zeros_like(before[i]))
+        powers = (np.ones(t.size), 1.0 / duration[i], 1.0 / duration[i] ** 2)
+        return Jet(*(s + change[i] * _beside(w * p, change[i]) for s, w, p in zip(step, way, powers, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class Ramps(Signal):
+    """Integral of a rate that goes in straight lines from knot to knot, and stays before the first and after the last.
+
+    Parameters
+    ----------
+    knots : array_like (m,)
+        Instants, increasing, s.
+    rates : array_like (m,)
+        Rate at each; the value is 0 at the first.
+    """
+
+    knots: ArrayLike
+    rates: ArrayLike
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        knots, rates = check.column("knots", self.knots), check.column("rates", self.rates)
+        slope = np.diff(rates) / np.diff(knots)
+        passed = np.concatenate(([0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(knots))))
+        piece = np.searchsorted(knots, t, side="right")  # 0 before the first, m after the last
+        i = np.maximum(piece - 1, 0)
+        acc = np.concatenate(([0.0], slope, [0.0]))[piece]
+        since = t - knots[i]
+        return Jet(passed[i] + since * (rates[i] + 0.5 * acc * since), rates[i] + acc * since, acc)
+
+
+def stroke(start: float, duration: float, peak_speed: float) -> Moves:
+    """Slide over a table: velocity ``v/2 (1 − cos(2πt/T))``, hence displacement vT/2 and peak acceleration πv/T."""
+    return Moves((start,), (duration,), (0.5 * peak_speed * duration,), cycloid)
+
+
+@dataclass(frozen=True)
+class Piecewise(Signal):
+    """Signals that take over from each other: piece 0 until ``switch[0]``, piece 1 until ``switch[1]``, and so on.
+
+    Pieces are functions of the same absolute time; that they fit together is for who joins them.
+    """
+
+    switch: tuple[float, ...]
+    pieces: tuple[Signal, ...]
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        piece = np.searchsorted(np.asarray(self.switch), t, side="right")
+        jets = [signal.at(t) for signal in self.pieces]
+        return Jet(*(np.choose(piece, parts) for parts in zip(*jets, strict=True)))
+
+
+@dataclass(frozen=True)
+class Sum(Signal):
+    """Sum of signals of one shape."""
+
+    terms: tuple[Signal, ...]
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        jets = [term.at(t) for term in self.terms]
+        return Jet(*(np.sum(parts, axis=0) for parts in zip(*jets, strict=True)))
+
+
+@dataclass(frozen=True)
+class Scaled(Signal):
+    """A signal times a number."""
+
+    signal: Signal
+    factor: float
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        return Jet(*(self.factor * part for part in self.signal.at(t)))
+
+
+@dataclass(frozen=True)
+class Windowed(Signal):
+    """A signal times a scalar window of time, by the product rule."""
+
+    signal: Signal
+    window: Signal
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        x, dx, ddx = self.signal.at(t)
+        w, dw, ddw = (_beside(part, x) for part in self.window.at(t))
+        return Jet(w * x, dw * x + w * dx, ddw * x + 2.0 * dw * dx + w * ddx)
+
+
+@dataclass(frozen=True)
+class Stack(Signal):
+    """Scalar signals side by side as components of one."""
+
+    components: tuple[Signal, ...]
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        jets = [component.at(t) for component in self.components]
+        return Jet(*(np.stack(parts, axis=-1) for parts in zip(*jets, strict=True)))
+
+
+def _beside(scalar: Floats, like: Floats) -> Floats:
+    """Shape (N,) so that it multiplies `like` of (N,) or (N, k)."""
+    return scalar.reshape(scalar.shape + (1,) * (like.ndim - 1))

@@ -1,0 +1,356 @@
+"""From a scenario and sensors to a recording with its truth, on one timeline."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.time import to_ns, to_s
+from plumbob.core.units import deg
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
+from plumbob.data.cards import UNITS, CalibrationCard, NoiseCard
+from plumbob.rotations import Frame, North
+from plumbob.simulation.errors import Measured, TriadErrors, measure, stream
+from plumbob.simulation.field import earth_field
+from plumbob.simulation.motion import Truth
+from plumbob.simulation.presets import Module, draw_module
+from plumbob.simulation.scenario_base import Scenario
+from plumbob.simulation.scenarios import SCENARIOS
+from plumbob.simulation.scenarios import scenario as named_scenario
+from plumbob.simulation.signals import Signal, constant
+
+_MOST_SAMPLES = 50_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLine:
+    """Instants of a recording.
+
+    Attributes
+    ----------
+    sampled : ndarray (N,)
+        When each sample was taken, s: evenly spaced.
+    stamps : ndarray (N,)
+        What its time stamp says, s.
+    kept : ndarray (N,) of bool
+        False for the samples that got lost on the way.
+    rate : float
+        Samples per second, Hz.
+    """
+
+    sampled: Floats
+    stamps: Floats
+    kept: NDArray[np.bool_]
+    rate: float
+
+
+def time_line(*, rate: float, duration: float, jitter: float = 0.0, lost: float = 0.0, seed: int) -> TimeLine:
+    """Lay out a recording.
+
+    Parameters
+    ----------
+    rate : float
+        Samples per second, Hz.
+    duration : float
+        Number of samples over the rate, s.
+    jitter : float
+        Standard deviation of the time stamps about the instants of sampling, s; at most a tenth of a step. Stamps keep
+        their order: none strays by more than 0.45 steps.
+    lost : float
+        Share of the samples that are missing from the recording, each by its own chance; the first is always there.
+    seed : int
+        Of the random streams.
+
+    Raises
+    ------
+    ParameterError
+        If a number is outside its domain.
+    """
+    count = _count(rate, duration)
+    if not (0.0 <= jitter <= 0.1 / rate and 0.0 <= lost < 1.0):
+        raise ParameterError(
+            f"jitter must be 0 to {0.1 / rate:g} s (a tenth of a step) and lost 0 to below 1, "
+            f"but they are {jitter:g} s and {lost:g}."
+        )
+    sampled = to_s(to_ns(np.arange(count) / rate))
+    stray = np.clip(jitter * rate * stream(seed, "time", "jitter").standard_normal(count), -0.45, 0.45) / rate
+    stray[0] = max(stray[0], 0.0)  # a recording starts at 0, not before
+    kept = stream(seed, "time", "lost").random(count) >= lost
+    kept[0] = True
+    return TimeLine(sampled, to_s(to_ns(sampled + stray)), kept, rate)
+
+
+def arrivals(count: int, rate: float, own_rate: float | None) -> NDArray[np.int64]:
+    """Rows of a time line of `count` samples at `rate`, Hz, that hold a new value of a slower sensor.
+
+    A value goes to the first row at or after its own instant; a sensor without own_rate, or a faster one, has a value
+    in every row.
+    """
+    if own_rate is None or own_rate >= rate:
+        return np.arange(count)
+    place = np.ceil(np.arange(int(count * own_rate / rate) + 1) * (rate / own_rate) - 1e-9)
+    rows: NDArray[np.int64] = place[place < count].astype(np.int64)
+    return rows
+
+
+def _count(rate: float, duration: float) -> int:
+    samples = rate * duration
+    if not (rate > 0.0 and duration > 0.0 and 2.0 <= samples <= _MOST_SAMPLES):
+        raise ParameterError(
+            f"rate × duration must give 2 to {_MOST_SAMPLES} samples, but {rate:g} Hz × {duration:g} s is {samples:g}."
+        )
+    return round(samples)
+
+
+MODULES = ("drawn", "calibrated")
+"""What a module may be: as it left the line, or after an ideal calibration."""
+
+_CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A simulated recording and everything that is true about it.
+
+    Attributes
+    ----------
+    imu : ImuData
+        What the sensors say. ``imu.meta.device`` names the parts and the seed, so that cards fit this unit only.
+    truth : AttitudeTrack
+        Attitude at the same time stamps, headings from true North; ``bias_b`` is the gyroscope's true bias.
+    calibration : CalibrationCard
+        What a perfect laboratory would find for this unit; changes nothing for a calibrated one.
+    noise : NoiseCard
+        Noise that was simulated, and which of its figures are not verified.
+    kinematics : Truth
+        Rates, positions and accelerations at the same time stamps.
+    module : Module
+        Errors of the unit.
+    scenario : Scenario
+        The motion, with its parameters.
+    """
+
+    imu: ImuData
+    truth: AttitudeTrack
+    calibration: CalibrationCard
+    noise: NoiseCard
+    kinematics: Truth
+    module: Module
+    scenario: Scenario
+
+
+class _World(NamedTuple):
+    """What surrounds the sensors: the time line, the body's state at any delay, temperature and magnetic field."""
+
+    line: TimeLine
+    body: Callable[[float], Truth]
+    temp_c: Floats
+    field_n: Floats
+    declination: float
+
+    def input_of(self, triad: str, delay: float) -> Floats:
+        """True values (N, 3) of a triad, `delay` s before each instant of sampling."""
+        body = self.body(delay)
+        if triad == "gyr":
+            return body.rate_b
+        return body.specific_force_b if triad == "acc" else body.in_body(self.field_n)
+
+
+def simulate(
+    scenario: str | Scenario,
+    *,
+    frame: Frame | str,
+    sensors: str | Module,
+    module: str,
+    seed: int,
+    rate: float | None = None,
+    duration: float | None = None,
+    strength: float = 50.0,
+    dip: float = deg(50.0),
+    declination: float = 0.0,
+    temp_c: float | Signal = 25.0,
+    mag_rate: float | None = None,
+    jitter: float = 0.0,
+    lost: float = 0.0,
+    noise: NoiseCard | None = None,
+    **parameters: float | str,
+) -> Simulation:
+    """Simulate a recording.
+
+    Parameters
+    ----------
+    scenario : str or Scenario
+        Name of a scenario (`SCENARIOS`), or one already made.
+    frame : Frame or str
+        Navigation frame of the truth. The body's axes go with it: z up in ENU and NWU, z down in NED.
+    sensors : str or Module
+        Names of parts joined by ``+`` (`preset_names`), such as ``"mpu6000+hmc5983"`` or ``"ideal"``; or a unit already
+        made.
+    module : {"drawn", "calibrated"}
+        "drawn" draws the unit's bias, scale, misalignment and so on within the sheets' limits (a `Module` is taken as
+        it stands); "calibrated" removes every deterministic error and leaves noise, quantisation and range.
+    seed : int
+        Of everything that is left to chance. Each error has its own random stream: switching one off, or sampling
+        longer, leaves the others as they are.
+    rate, duration : float, optional
+        Hz and s, where they shall differ from the scenario's.
+    strength, dip, declination : float
+        The Earth's magnetic field: µT, rad below the horizontal, rad of magnetic North east of true North.
+    temp_c : float or Signal
+        Temperature, °C, constant or over time.
+    mag_rate : float, optional
+        Sampling rate of the magnetometer, Hz, where it shall differ from its sheet's; rows between are NaN.
+    jitter : float
+        Standard deviation of the time stamps about the instants of sampling, s.
+    lost : float
+        Share of the samples that are missing from the recording.
+    noise : NoiseCard, optional
+        N, B and K of each triad that it has, instead of the sensors' own; such as a noise analysis writes.
+    **parameters : float or str
+        Of the scenario: a number in its unit, or text with a unit.
+
+    Raises
+    ------
+    FrameError
+        If `frame` is no `Frame`.
+    ParameterError
+        If a name is unknown, a value outside its domain, a text without the unit that it needs, or `noise` has a triad
+        that the sensors have not.
+    """
+    frame = Frame.parse(frame)
+    for name, value, si in (
+        ("strength", strength, "µT"), ("dip", dip, "rad"), ("declination", declination, "rad"), ("jitter", jitter, "s"),
+        ("lost", lost, "1, a share"), ("temp_c", 0.0 if isinstance(temp_c, Signal) else temp_c, "°C"),
+    ):  # fmt: skip
+        check.number(name, value, si)
+    plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, mag_rate, noise)
+    rate = plan.rate if rate is None else check.number("rate", rate, "Hz")
+    duration = plan.duration if duration is None else check.number("duration", duration, "s")
+    line = time_line(rate=rate, duration=duration, jitter=jitter, lost=lost, seed=seed)
+    motion = plan.motion(stream(seed, "scenario"), duration)
+    world = _World(
+        line=line,
+        body=cache(lambda delay: motion.truth(line.sampled - delay).in_frame(frame)),
+        temp_c=(temp_c if isinstance(temp_c, Signal) else constant(temp_c)).at(line.sampled).value,
+        field_n=earth_field(frame, strength=strength, dip=dip, declination=declination),
+        declination=declination,
+    )
+    stamped = motion.truth(line.stamps).in_frame(frame) if jitter else world.body(0.0)
+    return _simulation(world, stamped.rows(line.kept), plan, unit, seed, calibrated=module == "calibrated")
+
+
+def _simulation(
+    world: _World, kinematics: Truth, plan: Scenario, unit: Module, seed: int, *, calibrated: bool
+) -> Simulation:
+    rate = world.line.rate
+    measured = {name: _sense(world, name, getattr(unit, name), seed) for name in TRIADS if getattr(unit, name)}
+    meta = ImuMeta(
+        device=f"{unit.name} #{seed}",
+        gyr_range=_range(unit.gyr),
+        acc_range=_range(unit.acc),
+        mag_range=_range(unit.mag),
+        rate_nominal=rate,
+        frame=kinematics.frame,
+        north=North.TRUE,
+        declination=world.declination,
+        calibration="ideal (simulated)" if calibrated else None,
+    )
+    return Simulation(
+        imu=_recording(world, measured, meta),
+        truth=_track(kinematics, measured, world.line, f"simulated {plan.told}, seed {seed}"),
+        calibration=_calibration(unit, meta.device),
+        noise=_noise(unit, meta.device, rate),
+        kinematics=kinematics,
+        module=unit,
+        scenario=plan,
+    )
+
+
+def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scenario:
+    if isinstance(scenario, str):
+        return named_scenario(scenario, **parameters)
+    if not isinstance(scenario, Scenario):
+        raise ParameterError(f"scenario must be one of {', '.join(SCENARIOS)}, but it is {check.said(scenario)}.")
+    if parameters:
+        raise ParameterError(f"the scenario is already made; set {', '.join(parameters)} where it is.")
+    return scenario
+
+
+def _unit(sensors: str | Module, module: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
+    if not isinstance(module, str) or module not in MODULES:
+        raise ParameterError(f"module must be one of {', '.join(MODULES)}, but it is {check.said(module)}.")
+    unit = draw_module(sensors, seed) if isinstance(sensors, str) else check.kind("sensors", sensors, Module)
+    if mag_rate is not None:
+        unit = unit.with_mag_rate(check.number("mag_rate", mag_rate, "Hz"))
+    if noise is not None:
+        unit = unit.with_noise(check.kind("noise", noise, NoiseCard))
+    return unit.calibrated() if module == "calibrated" else unit
+
+
+def _sense(world: _World, triad: str, errors: TriadErrors, seed: int) -> Measured:
+    """What a triad says on the whole time line; NaN in rows where it has no new value."""
+    rows = arrivals(world.line.sampled.size, world.line.rate, errors.rate)
+    by_axis = [world.input_of(triad, delay)[rows, axis] for axis, delay in enumerate(errors.latency.tolist())]
+    force = world.input_of("acc", 0.0) if errors.g_sensitivity.any() else np.zeros((world.line.sampled.size, 3))
+    found = measure(
+        errors,
+        np.stack(by_axis, axis=-1),
+        triad=triad,
+        seed=seed,
+        rate=errors.own_rate(world.line.rate),
+        temp_c=world.temp_c[rows],
+        force_b=force[rows],
+    )
+    return found if rows.size == world.line.sampled.size else _spread(found, rows, world.line.sampled.size)
+
+
+def _spread(found: Measured, rows: NDArray[np.int64], count: int) -> Measured:
+    values, bias = np.full((count, 3), np.nan), np.full((count, 3), np.nan)
+    clipped = np.zeros((count, 3), dtype=bool)
+    values[rows], bias[rows], clipped[rows] = found
+    return Measured(values, bias, clipped)
+
+
+def _recording(world: _World, measured: dict[str, Measured], meta: ImuMeta) -> ImuData:
+    kept = world.line.kept
+    found = np.zeros(kept.size, dtype=np.uint32)
+    for name, triad in measured.items():  # before the sensor's errors, a value at the end may look smaller
+        found[triad.clipped.any(axis=1)] |= np.uint32(_CLIPPED[name])
+    return ImuData(
+        t=world.line.stamps[kept],
+        **{name: triad.values[kept] for name, triad in measured.items()},
+        temp_c=world.temp_c[kept],
+        flags=found[kept],
+        meta=meta,
+    )
+
+
+def _range(errors: TriadErrors | None) -> Range:
+    if errors is None or not np.isfinite(errors.full_scale).all():
+        return None
+    x, y, z = errors.full_scale.tolist()
+    return (x, y, z)
+
+
+def _track(body: Truth, measured: dict[str, Measured], line: TimeLine, source: str) -> AttitudeTrack:
+    bias_b = measured["gyr"].bias[line.kept] if "gyr" in measured else None
+    return AttitudeTrack(t=body.t, q_nb=body.q_nb, frame=body.frame, north=North.TRUE, bias_b=bias_b, source=source)
+
+
+def _calibration(unit: Module, device: str) -> CalibrationCard:
+    triads = {n: getattr(unit, n) and getattr(unit, n).card(UNITS[n]) for n in TRIADS}
+    if unit.acc is None and triads["gyr"] is not None:  # without a specific force, nothing tells what it does
+        triads["gyr"] = replace(triads["gyr"], g_sensitivity=np.zeros((3, 3)))
+    # simulated recordings begin at unix time 0, and so do their cards
+    return CalibrationCard(device, "1970-01-01", "simulated: inverse of the planted errors", **triads)
+
+
+def _noise(unit: Module, device: str, rate: float) -> NoiseCard:
+    triads = {n: getattr(unit, n) and getattr(unit, n).noise_card(rate) for n in TRIADS}
+    return NoiseCard(device, f"simulated from {unit.source}", **triads)

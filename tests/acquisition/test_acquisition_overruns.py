@@ -1,0 +1,53 @@
+"""The counters of a UART's driver."""
+
+import errno
+import struct
+
+from plumbob.acquisition.serial_line import EVERY_NS, TIOCGICOUNT, Overruns
+
+
+class Driver:
+    """`struct serial_icounter_struct` of linux/serial.h: cts, dsr, rng, dcd, rx, tx, frame, overrun, parity, brk,
+    buf_overrun, reserved[9]."""
+
+    def __init__(self):
+        self.frame = self.overrun = self.parity = self.buf_overrun = 0
+        self.asked, self.error = 0, None
+
+    def __call__(self, fd, request, argument):
+        assert (fd, request, len(argument)) == (7, TIOCGICOUNT, 80)
+        self.asked += 1
+        if self.error:
+            raise self.error
+        return struct.pack(
+            "=20i", 1, 2, 3, 4, 1000, 6, self.frame, self.overrun, self.parity, 9, self.buf_overrun, *range(9)
+        )
+
+
+def test_only_what_is_new_is_told():
+    driver = Driver()
+    driver.overrun = driver.frame = 5  # from before the port was opened
+    counters = Overruns(7, "ttyX", ioctl=driver)
+    assert counters.ask(0) == []
+    driver.overrun, driver.buf_overrun, driver.parity = 7, 10, 3
+    assert counters.ask(EVERY_NS - 1) == []
+    dropped, damaged = counters.ask(EVERY_NS)
+    assert (dropped.kind, dropped.count, dropped.text) == ("dropped", 12, "ttyX: the driver could not keep 12 bytes.")
+    assert (damaged.kind, damaged.count) == ("damaged", 3)
+    assert "baud" in damaged.text
+    assert counters.ask(2 * EVERY_NS) == []
+
+
+def test_a_driver_without_counters_is_not_asked_again():
+    driver = Driver()
+    driver.error = OSError(errno.ENOTTY, "no")
+    counters = Overruns(7, "pty", ioctl=driver)
+    assert counters.ask(0) == counters.ask(EVERY_NS) == []
+    assert driver.asked == 1
+
+
+def test_a_driver_that_has_gone_tells_nothing():
+    driver = Driver()
+    counters = Overruns(7, "ttyX", ioctl=driver)
+    driver.error = OSError(errno.EIO, "gone")
+    assert counters.ask(0) == []

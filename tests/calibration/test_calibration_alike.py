@@ -1,0 +1,188 @@
+"""How many samples count as one: memory, visits, and an honest covariance in an uneven field."""
+
+import numpy as np
+import pytest
+
+from plumbob.calibration.ellipsoid.autocorrelation import SLOW, alike, memory
+from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.ellipsoid.segments import visits
+from plumbob.calibration.mag.alone import fit_mag
+from plumbob.calibration.mag.with_acc import fit_mag_acc
+from plumbob.calibration.mag.with_gyr import fit_mag_gyr
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.rotations import quat_conjugate, quat_rotate
+from tests.calibration.capture_samples import slow_without_jit
+from tests.calibration.mag_scene import (
+    FIELD_N,
+    STRENGTH,
+    attitudes,
+    field,
+    force,
+    heading_rms,
+    rates,
+    tumbling,
+    unit_of,
+)
+
+CAPTURES = 16
+ONE_VISIT = np.zeros(1, dtype=np.intp)
+
+
+def first_order(rng, count, rho):
+    white = rng.normal(size=count)
+    found = np.empty(count)
+    found[0] = white[0] / np.sqrt(1.0 - rho * rho)
+    for i in range(1, count):
+        found[i] = rho * found[i - 1] + white[i]
+    return found
+
+
+def steel(rng, place_n):
+    """Field of a dipole that is 1.0 to 1.5 m off and makes 1.5 µT at 1.2 m."""
+    at, moment = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    arm = place_n - rng.uniform(1.0, 1.5) * at
+    far = np.linalg.norm(arm, axis=1, keepdims=True)
+    along = arm / far
+    return 1.5 * 1.2**3 * (3.0 * along * np.sum(along * moment, axis=1, keepdims=True) - moment) / far**3
+
+
+def in_a_room(seed, lever):
+    """Unit, and what it and a gyroscope measure while a hand turns and wanders near steel; the lever is in metres."""
+    rng = np.random.default_rng([21, seed])
+    unit = unit_of(rng, turned=False)
+    t, q_nb, turning = tumbling(rng)
+    arm = rng.normal(size=3)
+    wander = np.sin(2.0 * np.pi * (rng.uniform(0.005, 0.03, 3) * t[:, None] + rng.uniform(size=3)))
+    place_n = quat_rotate(q_nb, lever * arm / np.linalg.norm(arm)) + 0.1 * wander
+    field_b = quat_rotate(quat_conjugate(q_nb), FIELD_N + steel(rng, place_n))
+    mag = field_b @ unit.distortion.T + unit.bias + 0.2 * rng.normal(size=(len(t), 3))
+    return unit, t, mag, rates(rng, turning)
+
+
+def is_uneven(fit):
+    return any(remark.startswith("UNEVEN") for remark in fit.remarks)
+
+
+def test_memory_of_samples():
+    """(1 + ρ)/(1 − ρ) of a first-order process: 19 for ρ = 0.9; 1 for white noise and for few samples."""
+    rng = np.random.default_rng(16)
+    slow, white = first_order(rng, 20_000, 0.9), rng.normal(size=20_000)
+    assert memory(slow, ONE_VISIT) == pytest.approx(19.0, rel=0.15)
+    assert memory(white, ONE_VISIT) == pytest.approx(1.0, abs=0.05)
+    assert memory(slow[:50], ONE_VISIT) == 1.0
+
+
+def test_memory_that_noise_hides_from_neighbours_shows_in_visits():
+    """A tenth of the power has ρ = 0.999: (1 + ρ)/(1 − ρ) = 1999 of it, 200 of all; neighbours alone say 1.2."""
+    rng = np.random.default_rng(17)
+    slow = first_order(rng, 200_000, 0.999)
+    residuals = slow / slow.std() + 3.0 * rng.normal(size=slow.size)
+    assert memory(residuals, ONE_VISIT) < 1.5
+    assert memory(residuals, np.arange(0, slow.size, 100)) == pytest.approx(200.0, rel=0.4)  # 100 times is 200 of 1999
+
+
+def test_visits_begin_beyond_15_degrees():
+    course = np.radians(np.arange(0.0, 360.0, 0.999))
+    level = np.stack((np.cos(course), np.sin(course)), axis=1)
+    assert np.diff(visits(level)) == pytest.approx(16)  # 15.98° is the first beyond
+    assert visits(7.0 * np.column_stack((level, np.zeros(len(course))))).tolist() == visits(level).tolist()
+
+
+@pytest.mark.parametrize("still", [1, 10, 100])
+def test_noise_alone_is_taken_as_it_is(still):
+    """Two looks of a chance of 0.135 % each make 0.54 alarms in 200 captures; more than 3 in one of 500 such tests."""
+    alarms = 0
+    for k in range(200):
+        rng = np.random.default_rng([18, still, k])
+        directions = np.repeat(rng.normal(size=(3000 // still, 3)), still, axis=0)
+        found = alike(rng.normal(size=3000), directions, np.ones(3000, dtype=bool))
+        alarms += found.factor > 1.0
+    assert alarms <= 3
+
+
+def test_what_stays_counts_as_four_and_a_half_samples():
+    """Errors of power 1 that stay in each of 400 visits, of which a fit takes up 9, beside noise of power 1."""
+    rng = np.random.default_rng(19)
+    slow = np.repeat(first_order(rng, 400, 0.9), 25)
+    slow /= slow.std()
+    directions = np.repeat(rng.normal(size=(400, 3)), 25, axis=0)
+    found = alike(slow + rng.normal(size=10_000), directions, np.ones(10_000, dtype=bool))
+    assert found.unevenness == pytest.approx(0.5 * 400 / 391 * 10_000 / SLOW, rel=0.1)
+
+
+@slow_without_jit
+@pytest.mark.parametrize(
+    "rho", [0.9, *(pytest.param(rho, marks=pytest.mark.long(reason="other memories")) for rho in (0.5, 0.97))]
+)
+def test_filtered_noise_is_no_uneven_field(rho, monkeypatch):
+    """Low passes of 5, 0.8 and 0.24 Hz at 50 Hz: their memory is counted, and the field is not blamed."""
+    monkeypatch.setattr("plumbob.calibration.mag.field_gradient.ALONG", 0.0)  # which has a test of its own
+    ratios, told = [], 0
+    for seed in range(CAPTURES):
+        rng = np.random.default_rng([22, seed])
+        unit = unit_of(rng, turned=False)
+        _, q_nb, _ = tumbling(rng)
+        noise = np.column_stack([first_order(rng, len(q_nb), rho) for _ in range(3)])
+        mag = field(rng, unit, q_nb, sd=0.0, step=0.0) + 0.2 * np.sqrt(1.0 - rho * rho) * noise
+        fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
+        ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
+        told += is_uneven(fit)
+    assert told <= 1 + CAPTURES // 10
+    assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+@slow_without_jit
+@pytest.mark.parametrize("lever", [0.35, pytest.param(0.1, marks=pytest.mark.long(reason="another lever"))])
+def test_the_covariance_is_honest_near_steel(lever):
+    """Not too small; too large, by less than 5, where the hand's wandering makes the errors, and not the lever."""
+    ratios, told = [], 0
+    for seed in range(CAPTURES):
+        unit, _, mag, _ = in_a_room(seed, lever)
+        try:
+            fit = fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH)
+        except CaptureRefusedError as refused:
+            assert refused.reasons[0].kind == "uneven-field"
+            continue
+        told += is_uneven(fit)
+        ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
+    assert told > 0.9 * len(ratios) > 0.45 * CAPTURES
+    assert 0.2 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+    assert max(ratios) < 3.0
+
+
+@slow_without_jit
+def test_poses_at_rest_show_an_uneven_field_too():
+    """40 poses of 100 samples, a gradient of 3 µT/m and 0.3 m of arm: errors that each pose keeps, and no other has."""
+    ratios = []
+    for seed in range(CAPTURES // 3):
+        rng = np.random.default_rng([23, seed])
+        unit, q_nb = unit_of(rng), np.repeat(attitudes(rng, 40), 100, axis=0)
+        gradient = rng.normal(size=(3, 3))
+        gradient += gradient.T
+        gradient -= np.eye(3) * np.trace(gradient) / 3.0
+        place_n = quat_rotate(q_nb, np.array([0.3, 0.0, 0.0]))
+        off_b = quat_rotate(quat_conjugate(q_nb), place_n @ gradient * 3.0 / np.linalg.norm(gradient))
+        mag = field(rng, unit, q_nb) + off_b @ unit.distortion.T
+        fit = fit_mag_acc(mag, force(rng, q_nb), strength=STRENGTH)
+        assert is_uneven(fit)
+        ratios.append(heading_rms(fit.calibration, unit) / fit.calibration.quality.heading_sd)
+        even = fit_mag_acc(field(rng, unit, q_nb), force(rng, q_nb), strength=STRENGTH)
+        assert not is_uneven(even)
+    assert 0.25 < np.sqrt(np.mean(np.square(ratios))) < 1.5
+
+
+@slow_without_jit
+def test_a_gyroscope_sees_through_an_uneven_field():
+    """One field in space, not one length: half the heading error at least, and an honest covariance."""
+    alone, helped, ratios = [], [], []
+    for seed in range(CAPTURES // 4):
+        unit, t, mag, gyr = in_a_room(seed, 0.35)
+        fit = fit_mag_gyr(t, mag, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
+        helped.append(heading_rms(fit.calibration, unit))
+        ratios.append(helped[-1] / fit.calibration.quality.heading_sd)
+        try:
+            alone.append(heading_rms(fit_mag(mag, shape=Shape.ELLIPSOID, strength=STRENGTH).calibration, unit))
+        except CaptureRefusedError:
+            alone.append(np.inf)
+    assert np.median(helped) < 0.5 * np.median(alone)
+    assert 0.5 < np.sqrt(np.mean(np.square(ratios))) < 1.5

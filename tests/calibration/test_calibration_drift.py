@@ -1,0 +1,134 @@
+"""The drift model of the trackball paper: its corrected equations, and that its misprints would be noticed."""
+
+import numpy as np
+import pytest
+
+from plumbob.calibration.gyr.drift import GyroDrift, chen2013
+from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError, ShapeError
+from plumbob.core.units import dps, to_dps
+from plumbob.rotations import Frame
+from plumbob.simulation import Module, TriadErrors, simulate
+
+EPS = np.finfo(float).eps
+COUPLING = np.array([[1e-4, -2e-4, 3e-4], [4e-4, 5e-4, -6e-4], [-7e-4, 8e-4, 9e-4]])
+RNG = np.random.default_rng(0)
+N = 50
+RATE, FORCE, TEMP = RNG.normal(size=(N, 3)), RNG.normal(size=(N, 3)) * 10.0, RNG.uniform(-10.0, 60.0, N)
+
+
+def whole(**changes):
+    planted = {
+        "bias": [0.01, -0.02, 0.03],
+        "bias_per_k": [1e-3, -2e-3, 3e-3],
+        "scale": [0.01, -0.02, 0.03],
+        "g_sensitivity": COUPLING,
+    }
+    return GyroDrift(**{**planted, **changes})
+
+
+def test_the_equation_row_by_row():
+    """N = A0 + k_T (T − 25) + B_s ω + k_a a, and the compensation takes exactly that off again."""
+    d = whole()
+    drift = [
+        d.bias + d.bias_per_k * (t - 25.0) + d.scale * w + COUPLING @ a
+        for w, t, a in zip(RATE, TEMP, FORCE, strict=True)
+    ]
+    measured = RATE + drift
+    found = d.compensate(measured, TEMP, FORCE)
+    assert np.abs(found - RATE).max() < 16 * EPS * np.abs(measured).max()  # a dozen roundings of numbers that large
+    assert np.abs(d.compensate(measured[7], TEMP[7], FORCE[7]) - RATE[7]).max() < 16 * EPS * np.abs(measured).max()
+
+
+def test_a_part_of_a_recording_is_compensated_as_the_whole():
+    d = whole()
+    cut = d.compensate(RATE[10:20], TEMP[10:20], FORCE[10:20])
+    assert (cut == d.compensate(RATE, TEMP, FORCE)[10:20]).all()
+
+
+def test_it_inverts_what_the_simulator_does_to_a_gyroscope():
+    errors = TriadErrors(
+        bias=np.full(3, 0.01), bias_per_k=np.full(3, 1e-3), scale=np.full(3, 0.02), g_sensitivity=COUPLING
+    )
+    unit = Module("drifting", "test", gyr=errors, acc=TriadErrors())
+    run = simulate("rod", frame=Frame.NED, sensors=unit, module="drawn", seed=1, duration=20.0, temp_c=40.0)
+    drift = GyroDrift(bias=0.01, bias_per_k=1e-3, scale=0.02, g_sensitivity=COUPLING)
+    found = drift.compensate(run.imu.gyr, run.imu.temp_c, run.imu.acc)
+    assert np.abs(found - run.kinematics.rate_b).max() < 1e-14  # roundings of rates of a few rad/s
+    assert np.abs(run.imu.gyr - run.kinematics.rate_b).max() > 0.03  # 0.01 + 15 K · 1e-3 + 1e-2 at least
+
+
+def test_paper_figures_in_the_paper_units():
+    """(3) and (5): 0.1 °/s at 26 °C, and 0.1 °/s more at 1 g; a in m/s² would give 0.98 °/s."""
+    d = chen2013()
+    assert to_dps(d.offset(26.0, [0.0, 0.0, 0.0])) == pytest.approx([0.1, 0.1, 0.1], rel=4 * EPS)
+    assert to_dps(d.offset(25.0, [0.0, 0.0, G0])) == pytest.approx([0.0, 0.0, 0.1], rel=4 * EPS)
+    assert to_dps(d.offset(25.0, [G0, -2.0 * G0, 0.0])) == pytest.approx([0.1, -0.2, 0.0], rel=4 * EPS)
+    assert not d.bias.any()
+    assert not d.scale.any()
+
+
+@pytest.mark.parametrize(("true", "left", "raw"), [(0.03, -1.4, 0.6), (-0.05, -3.0, -1.0)])
+def test_the_paper_coefficient_harms_another_part(true, left, raw):
+    """As its docstring says: (true − 0.1) · 20 K is left, where doing nothing would leave true · 20 K."""
+    measured = dps(np.full(3, true * 20.0))
+    assert to_dps(measured) == pytest.approx([raw] * 3)
+    assert to_dps(chen2013().compensate(measured, 45.0, np.zeros(3))) == pytest.approx([left] * 3)
+
+
+def test_one_number_is_the_diagonal():
+    """The paper's form: each axis answers to its own acceleration only."""
+    d = GyroDrift(bias=0.1, bias_per_k=0.2, scale=0.3, g_sensitivity=0.4)
+    assert d.bias.tolist() == [0.1] * 3
+    assert d.bias_per_k.tolist() == [0.2] * 3
+    assert d.scale.tolist() == [0.3] * 3
+    assert d.g_sensitivity.tolist() == [[0.4, 0.0, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, 0.4]]
+
+
+def test_the_bias_at_rest_holds_neither_temperature_nor_gravity():
+    """A0 and not A: with the warm bias in it, `compensate` would take the temperature off twice."""
+    level = np.tile([0.0, 0.0, G0], (4, 1))
+    warm = np.full(4, 35.0)
+    measured = np.tile(whole(scale=0.0).offset(35.0, level[0]), (4, 1)) + [[0.1], [-0.1], [0.2], [-0.2]]
+    found = whole(bias=0.0, scale=0.0).at_rest(measured, warm, level)
+    np.testing.assert_allclose(found.bias, [0.01, -0.02, 0.03], atol=4 * EPS)
+    assert np.abs(found.compensate(measured, warm, level).mean(axis=0)).max() < 4 * EPS
+    assert (found.g_sensitivity == COUPLING).all()
+
+
+def test_the_old_bias_does_not_matter_at_rest():
+    assert GyroDrift(bias=5.0).at_rest(np.ones((3, 3))).bias.tolist() == [1.0, 1.0, 1.0]
+
+
+def test_rows_with_nan_stay_nan_and_leave_the_mean_alone():
+    rate = np.ones((3, 3))
+    rate[1, 2] = np.nan
+    d = GyroDrift().at_rest(rate)
+    assert d.bias.tolist() == [1.0, 1.0, 1.0]
+    assert np.isnan(d.compensate(rate)).tolist() == np.isnan(rate).tolist()
+    with pytest.raises(CalibrationError, match="no row of gyr"):
+        GyroDrift().at_rest(rate[1:2])
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"bias": [1.0, 2.0]}, r"bias must be a number or of shape \(3,\)"),
+        ({"bias": np.nan}, "bias must be"),
+        ({"g_sensitivity": [1.0, 2.0, 3.0]}, r"g_sensitivity must be a number or of shape \(3, 3\)"),
+        ({"scale": -1.0}, "scale must be above −1"),
+        ({"temp_ref_c": [25.0]}, "temp_ref_c"),
+    ],
+)
+def test_fields_that_make_no_sense_are_refused(fields, words):
+    with pytest.raises(CalibrationError, match=words):
+        GyroDrift(**fields)
+
+
+def test_what_the_drift_depends_on_must_be_given():
+    with pytest.raises(CalibrationError, match="depends on temp_c, but none is given"):
+        chen2013().compensate(RATE, acc=FORCE)
+    with pytest.raises(CalibrationError, match="depends on acc, but none is given"):
+        chen2013().compensate(RATE, TEMP)
+    with pytest.raises(ShapeError, match="gyr must have shape"):
+        GyroDrift().compensate(RATE.T)

@@ -1,0 +1,151 @@
+"""Ferraris sessions: a second program on a real one, and known errors on simulated ones."""
+
+import csv
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumbob.calibration.gyr.ferraris import fit_ferraris
+from plumbob.calibration.gyr.ferraris_parts import FACES, find_parts, parts_of_labels
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError
+from plumbob.core.units import dps, g
+from tests.calibration.gyro_sessions import ferraris
+
+DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data")
+SESSION = DATA / "ferraris" / "annotated_session.csv"
+needs_session = pytest.mark.skipif(not SESSION.is_file(), reason=f"no Ferraris session in {DATA}; set PLUMBOB_DATA")
+
+# imucal 2.6.0 (MIT) on annotated_session.csv, raw counts: FerrarisCalibration(grav=9.80665, expected_angle=360)
+# .compute(ferraris_regions_from_df(data), sampling_rate_hz=204.8, from_acc_unit="a.u.", from_gyr_unit="a.u.").
+# Its K_a R_a, counts per m/s²; b_a, counts; K_g R_g, counts per °/s; b_g, counts; K_ga, counts per m/s².
+K_R_A = [
+    [208.59866335878752, 1.4857813652795524, -2.3251737907962524],
+    [-1.6536284266299277, 208.00742291279576, 4.92067907658513],
+    [4.585691365363849, -2.3165722597929608, 214.79649184681],
+]
+B_A = [-6.018868019671572, -48.287874016760156, -28.96636637224333]
+K_R_G = [
+    [16.676267572751069, 0.010243942017446125, -0.21800247824448904],
+    [-0.089125744355972245, 16.175908011424166, 0.61644759033892194],
+    [0.21367498052417258, -0.59336886427668722, 16.241122297524178],
+]
+B_G = [1.960686204431737, -4.472837741243746, -3.6511794138670477]
+K_GA = [
+    [0.0022934331113883357, -0.016140144077806486, 0.0184717436014643],
+    [0.013878444350809548, 0.005445469899229707, -0.008815491251965365],
+    [-0.009262268630645065, 0.008509212267697292, -0.003936726502507892],
+]
+PER_ACC, PER_GYR = g(1.0) / 2048.0, float(dps(1.0)) / 16.384  # ±16 g and ±2000 °/s in 16 bits
+
+
+@needs_session
+def test_a_real_session_agrees_with_imucal():
+    rows = list(csv.reader(SESSION.read_text().splitlines()))[1:]
+    labels, counts = [row[0] for row in rows], np.array([[float(cell) for cell in row[2:]] for row in rows])
+    parts = {name: slice(labels.index(name), len(labels) - labels[::-1].index(name)) for name in set(labels)}
+    t = np.arange(len(rows)) / 204.8
+    fits = fit_ferraris(t, counts[:, :3] * PER_ACC, counts[:, 3:] * PER_GYR, parts)
+    acc, gyr = fits["acc"].calibration, fits["gyr"].calibration
+    close = {"rtol": 1e-9, "atol": 1e-12}  # the same sums in another order; asked for is 1e-6
+    assert np.allclose(np.linalg.inv(acc.matrix) / PER_ACC, K_R_A, **close)
+    assert np.allclose(acc.bias / PER_ACC, B_A, **close)
+    assert np.allclose(np.linalg.inv(gyr.matrix) / PER_GYR, np.array(K_R_G) / dps(1.0), **close)
+    assert np.allclose(gyr.bias / PER_GYR, B_G, **close)
+    assert np.allclose(gyr.g_sensitivity / PER_GYR, K_GA, **close)
+
+
+def fit(session, **options):
+    return fit_ferraris(session.t, session.acc, session.gyr, session.parts, **options)
+
+
+def test_known_errors_come_back_within_their_standard_deviations():
+    for seed in range(5):
+        session = ferraris(seed)
+        fits = fit(session)
+        gyr, acc = fits["gyr"].calibration, fits["acc"].calibration
+        assert (np.abs(gyr.matrix - session.matrix) <= 4.0 * gyr.matrix_sd).all()
+        assert (np.abs(gyr.bias - session.bias) <= 5.0 * gyr.bias_sd).all()
+        assert (np.abs(acc.matrix - np.eye(3)) <= 5.0 * acc.matrix_sd).all()
+        assert (np.abs(gyr.g_sensitivity) <= 6.0 * gyr.g_sensitivity_sd).all()
+
+
+def test_the_direction_of_a_turn_is_the_gyroscopes():
+    one, other = (fit(ferraris(1, white=0.0, acc_sd=0.0, turn=turn)) for turn in (2.0 * np.pi, -2.0 * np.pi))
+    assert np.abs(one["gyr"].calibration.matrix - other["gyr"].calibration.matrix).max() < 1e-6
+
+
+def test_how_the_faces_were_put_down_is_told():
+    session = ferraris(2)
+    rng = np.random.default_rng(7)
+    acc = session.acc.copy()
+    for face in FACES:
+        acc[session.parts[face]] += np.radians(1.0) * G0 * rng.standard_normal(3)
+    found = fit(session._replace(acc=acc))["acc"].calibration
+    across = np.sqrt(found.matrix_sd[~np.eye(3, dtype=bool)] ** 2 * 2.0)  # of one position, rad
+    assert np.degrees(across.mean()) == pytest.approx(1.0, rel=0.9)  # six degrees of freedom: ± 29 %, three times
+
+
+def test_parts_are_found_where_they_lie():
+    session = ferraris(3)
+    found = find_parts(session.t, session.acc, session.gyr)
+    assert set(found) == set(session.parts)
+    for name, part in session.parts.items():
+        if name.endswith("_rot"):
+            assert found[name].start <= part.start + 60 and found[name].stop >= part.stop - 60  # quiet ends of 1 − cos
+        else:
+            assert session.t[found[name].start] >= session.t[part.start] - 1.0
+    matrix = fit(session._replace(parts=found))["gyr"].calibration.matrix
+    assert np.abs(matrix - fit(session)["gyr"].calibration.matrix).max() < 2e-3
+
+
+def test_missing_parts_are_named():
+    session = ferraris(4)
+    with pytest.raises(CalibrationError, match="missing are x_rot, unknown none"):
+        fit(session._replace(parts={k: v for k, v in session.parts.items() if k != "x_rot"}))
+    end = session.parts["z_rot"].stop + 100
+    with pytest.raises(CaptureRefusedError) as refused:
+        find_parts(session.t[:end], session.acc[:end], session.gyr[:end])
+    assert [reason.kind for reason in refused.value.reasons] == ["not-still", "no-motion"]
+    assert "x_p, x_a, y_p, y_a, z_a" in refused.value.reasons[0].text
+
+
+def refusal_of(session, **options):
+    with pytest.raises(CaptureRefusedError) as refused:
+        fit(session, **options)
+    return refused.value.reasons[0]
+
+
+def test_captures_that_are_none_are_refused_with_the_reason():
+    session = ferraris(5)
+    parts = session.parts
+    clipped = np.zeros(session.t.size, dtype=bool)
+    clipped[parts["y_rot"].start + 300] = True
+    assert refusal_of(session, clipped=clipped).kind == "clipping"
+    assert refusal_of(session._replace(acc=1.3 * session.acc)).kind == "wrong-gravity"
+    assert refusal_of(session._replace(parts=parts | {"x_p": parts["y_p"], "y_p": parts["x_p"]})).kind == "implausible"
+    half = refusal_of(session, angle=np.pi)
+    assert half.kind == "no-motion" and "instead of 180°" in half.text
+    assert refusal_of(session._replace(parts=parts | {"x_p": parts["x_rot"]})).kind == "not-still"
+    assert refusal_of(session._replace(parts=parts | {"x_p": slice(0, 5)})).kind == "too-few"
+    gone = session.gyr.copy()
+    gone[parts["x_p"].start] = np.nan
+    with pytest.raises(CalibrationError, match="x_p has samples without a number"):
+        fit(session._replace(gyr=gone))
+
+
+def test_labels_name_one_place_each():
+    assert parts_of_labels(["x_p", "x_p", "", "x_a"]) == {"x_p": slice(0, 2), "x_a": slice(3, 4)}
+    with pytest.raises(CalibrationError, match="x_p lies in two places, from sample 0 and from 2"):
+        parts_of_labels(["x_p", "", "x_p"])
+
+
+@needs_session
+def test_a_session_without_rests_around_its_turns_must_be_told_where_they_lie():
+    rows = sorted(list(csv.reader(SESSION.read_text().splitlines()))[1:], key=lambda row: int(row[1]))
+    counts = np.array([[float(cell) for cell in row[2:]] for row in rows])  # in time order; what lay between is cut out
+    with pytest.raises(CaptureRefusedError, match="no turn x_rot, y_rot, z_rot"):
+        find_parts(np.arange(len(rows)) / 204.8, counts[:, :3] * PER_ACC, counts[:, 3:] * PER_GYR)

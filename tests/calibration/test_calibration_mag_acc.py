@@ -1,0 +1,123 @@
+"""Magnetometer with accelerometer: the study's bars, honest covariance, and refusals with the right reason."""
+
+import numpy as np
+import pytest
+
+from plumbob.calibration.ellipsoid.scale import to_size
+from plumbob.calibration.mag.with_acc import fit_mag_acc, turn_of
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core.constants import G0
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec
+from tests.calibration.mag_scene import DIP, STRENGTH, attitudes, field, force, heading_rms, unit_of, within_one_sd
+
+
+def fitted(seed, *, count=1000, tilt=None, turned=True, sd=0.2, step=0.073, **options):
+    rng = np.random.default_rng(seed)
+    unit, q_nb = unit_of(rng, turned=turned), attitudes(rng, count, tilt)
+    mag, acc = field(rng, unit, q_nb, sd=sd, step=step), force(rng, q_nb)
+    return fit_mag_acc(mag, acc, strength=STRENGTH, **options), unit
+
+
+@pytest.mark.parametrize(
+    ("scene", "bar", "trials"),
+    [  # the project's study of calibrations, magnetometer table: acc+mag, with mounting; text below; tilt ≤ 25°
+        ({}, 0.07, 12),
+        ({"count": 18, "sd": 0.02, "step": 0.0}, 0.27, 100),
+        ({"tilt": np.radians(25.0)}, 0.31, 12),
+    ],
+)
+def test_heading_meets_the_bar_and_the_covariance_is_honest(scene, bar, trials):
+    tried = [fitted([7, k], **scene) for k in range(trials)]
+    errors = [heading_rms(fit.calibration, unit) for fit, unit in tried]
+    assert np.degrees(np.median(errors)) <= bar
+    share = np.mean([within_one_sd(fit.calibration, unit) for fit, unit in tried])
+    assert abs(share - 0.683) < 3.0 * np.sqrt(0.683 * 0.317 / (3 * trials))  # of 12 parameters, 3 count as independent
+    predicted = [fit.calibration.quality.heading_sd for fit, _ in tried]
+    ratio = np.sqrt(np.mean(np.square(errors) / np.square(predicted)))
+    assert abs(ratio - 1.0) < 3.0 / np.sqrt(2 * 3 * trials)  # as of chi-square with 3 degrees of freedom a capture
+
+
+def test_small_tilt_leaves_no_bias():
+    """Derivatives at the measured vectors would share their noise: the mean error is then −1 standard deviations."""
+    z = []
+    for k in range(12):
+        fit, unit = fitted([3, k], tilt=np.radians(25.0))
+        off = np.concatenate((fit.calibration.bias - unit.bias, (fit.calibration.matrix - unit.matrix).ravel()))
+        z.append(off / np.sqrt(np.diag(fit.calibration.covariance)))
+    assert np.abs(np.mean(z, axis=0)).max() < 3.3 / np.sqrt(12)  # one in 1000, of 12 parameters
+
+
+def test_without_noise_the_truth_comes_back():
+    rng = np.random.default_rng(4)
+    unit, q_nb = unit_of(rng), attitudes(rng, 60)
+    mag, acc = field(rng, unit, q_nb, sd=0.0, step=0.0), force(rng, q_nb, sd=0.0)
+    fit = fit_mag_acc(mag, acc, strength=STRENGTH)
+    assert np.abs(fit.calibration.matrix - unit.matrix).max() < 1e-8  # a step of 1e-3 of a standard deviation of 1e-9
+    assert np.abs(fit.calibration.bias - unit.bias).max() < 1e-7
+    assert f"{np.degrees(DIP):.2f}" in fit.remarks[0]
+
+
+def test_outliers_of_either_sensor_are_set_aside():
+    rng = np.random.default_rng(5)
+    unit, q_nb = unit_of(rng), attitudes(rng, 1000)
+    mag, acc = field(rng, unit, q_nb), force(rng, q_nb)
+    mag[:30] += 10.0 * rng.choice([-1.0, 1.0], (30, 3))
+    acc[30:60] += 3.0 * rng.choice([-1.0, 1.0], (30, 3))
+    fit = fit_mag_acc(mag, acc, strength=STRENGTH)
+    assert not fit.used[:30].any()
+    assert np.count_nonzero(~fit.used[30:60]) >= 24  # where the push is along the vertical, the direction stays
+    assert np.count_nonzero(~fit.used[60:]) <= 2
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.2
+
+
+def test_own_strength_keeps_the_scale_of_the_sensor():
+    rng = np.random.default_rng(6)
+    unit, q_nb = unit_of(rng), attitudes(rng, 200)
+    mag, acc = field(rng, unit, q_nb), force(rng, q_nb)
+    known, own = (fit_mag_acc(mag, acc, strength=s).calibration for s in (STRENGTH, None))
+    assert np.linalg.det(own.matrix) == pytest.approx(1.0, rel=1e-12)
+    assert own.reference is None
+    assert known.quality.heading_sd == pytest.approx(own.quality.heading_sd, rel=1e-6)  # scale turns no heading
+
+
+def test_the_scale_to_a_determinant_of_one_has_the_derivatives_that_it_claims():
+    rng = np.random.default_rng(8)
+    matrix = np.eye(3) / 50.0 + 1e-3 * rng.normal(size=(3, 3))
+    scaled, _ = to_size(matrix, np.zeros((12, 12)), None)
+    for j in range(9):
+        change = np.zeros(9)
+        change[j] = 1e-7
+        by_j = (to_size(matrix + change.reshape(3, 3), np.zeros((12, 12)), None)[0] - scaled).ravel() / 1e-7
+        only = np.zeros((12, 12))
+        only[3 + j, 3 + j] = 1.0
+        assert np.sqrt(np.diag(to_size(matrix, only, None)[1])[3:]) == pytest.approx(np.abs(by_j), abs=1e-2)
+
+
+def test_turn_of_a_rotated_symmetric_matrix():
+    turn = dcm_from_quat(quat_from_rotvec([0.0, 0.3, 0.0]))
+    assert turn_of(turn @ np.diag([1.0, 2.0, 3.0])) == pytest.approx(0.3, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "kind"),
+    [
+        (lambda mag, acc: (mag[:13], acc[:13]), "too-few"),
+        (lambda mag, acc: (mag, acc / G0), "wrong-gravity"),
+        (lambda mag, acc: (mag, np.random.default_rng(1).normal(size=acc.shape) * 0.15 * G0 + acc), "not-still"),
+    ],
+)
+def test_what_cannot_calibrate_is_refused(spoil, kind):
+    rng = np.random.default_rng(9)
+    unit, q_nb = unit_of(rng), attitudes(rng, 300)
+    with pytest.raises(CaptureRefusedError) as refused:
+        fit_mag_acc(*spoil(field(rng, unit, q_nb), force(rng, q_nb)), strength=STRENGTH)
+    assert kind in [reason.kind for reason in refused.value.reasons]
+
+
+def test_a_ring_and_a_cone_are_refused_by_name():
+    rng = np.random.default_rng(10)
+    unit = unit_of(rng)
+    ring = attitudes(rng, 300, np.radians(1.0))
+    with pytest.raises(CaptureRefusedError) as refused:
+        fit_mag_acc(field(rng, unit, ring), force(rng, ring))
+    assert refused.value.reasons[0].kind == "level-ring"

@@ -1,0 +1,151 @@
+"""Magnetometer with gyroscope: the study's bar for restricted motion, honest covariance, refusals."""
+
+import numpy as np
+import pytest
+
+from benchmarks.harness.room import room_of
+from plumbob.calibration.mag.chained import chained
+from plumbob.calibration.mag.gyro_aided import fit_turned_field
+from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core._jit import jit_disabled
+from plumbob.core.errors import CalibrationError
+from plumbob.core.units import dps
+from plumbob.evaluation.many.accuracy import read_trial
+from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply
+from tests.calibration.mag_scene import (
+    DIP,
+    STRENGTH,
+    TURNED,
+    attitudes,
+    field,
+    force,
+    heading_rms,
+    rates,
+    trajectory,
+    unit_of,
+    within_one_sd,
+)
+
+TRIALS = 3 if jit_disabled() else 8
+
+
+def scene(seed, *, gain_sd=0.0, **motion):
+    rng = np.random.default_rng(seed)
+    unit = unit_of(rng)
+    t, q_nb, true = trajectory(rng, **motion)
+    return unit, (t, field(rng, unit, q_nb), rates(rng, true, gain_sd=gain_sd)), force(rng, q_nb)
+
+
+def turned(t, gyr):
+    """Attitudes (N, 3, 3) from the axes of a body that starts at one to those of the start."""
+    return dcm_from_quat(chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis]))
+
+
+@pytest.mark.parametrize("gain_sd", [0.0, GAIN_SD])
+def test_heading_meets_the_bar_and_the_covariance_is_honest(gain_sd):
+    """0.25° on a minute with inclinations up to 15°, with an exact gyroscope and with a calibrated one."""
+    errors, shares, ratios = [], [], []
+    for k in range(TRIALS):
+        unit, measured, acc = scene([5, k], gain_sd=gain_sd)
+        fit = fit_mag_gyr(*measured, acc=acc, strength=STRENGTH, gyr_gain_sd=gain_sd)
+        errors.append(heading_rms(fit.calibration, unit))
+        shares.append(within_one_sd(fit.calibration, unit))
+        ratios.append(errors[-1] / fit.calibration.quality.heading_sd)
+    assert np.degrees(np.median(errors)) <= 0.25
+    assert abs(np.mean(shares) - 0.683) < 3.0 * np.sqrt(0.683 * 0.317 / (3 * TRIALS))  # 3 of 12 count as independent
+    assert abs(np.sqrt(np.mean(np.square(ratios))) - 1.0) < 3.0 / np.sqrt(2 * 3 * TRIALS)
+
+
+def test_the_turns_are_those_of_the_body():
+    t, q_nb, true = trajectory(np.random.default_rng(1))
+    found, wanted = turned(t, true), dcm_from_quat(quat_multiply(quat_conjugate(q_nb[0]), q_nb))
+    # trapezoids of 20 ms: h³/12 of the rate's curvature, 0.06 rad/s³ here, add up to 2e-6 rad over 60 s
+    assert np.abs(found - wanted).max() < 1e-4
+
+
+def test_bias_walk_and_field_of_the_gyroscope_are_found():
+    _, (t, mag, gyr), acc = scene(3)
+    planted = dps(np.array([2.0, -1.0, 1.5]))
+    fit = fit_turned_field(t, mag, gyr + planted, np.arange(len(t)), gyr_gain_sd=0.0)
+    same = fit_turned_field(t, mag, gyr, np.arange(len(t)), gyr_gain_sd=0.0)
+    assert fit.gyr_bias - same.gyr_bias == pytest.approx(planted, abs=dps(1e-3))
+    assert fit.walk == pytest.approx(dps(0.005), rel=0.5)  # 60 steps, a third of which the field does not show
+    assert fit.distortion == pytest.approx(same.distortion, abs=1e-2)
+    told = fit_mag_gyr(t, mag, gyr, acc=acc, strength=STRENGTH).remarks[2]
+    assert told == f"Dip of the field: {np.degrees(DIP):.1f}°, by the mean specific force."
+
+
+def test_a_later_magnetometer_is_put_right():
+    """40 ms, twice what is expected beforehand; 0.2 µT on 25 µT that turn at 0.24 rad/s ± leave 0.6 ms of 3000."""
+    unit, (t, mag, gyr), _ = scene(8)
+    delays = [
+        fit_turned_field(t[2:], late, gyr[2:], np.arange(len(t) - 2), gyr_gain_sd=0.0).delay
+        for late in (mag[2:], mag[:-2])
+    ]
+    assert delays == pytest.approx([0.0, 0.04], abs=3 * 0.6e-3)
+    fit = fit_mag_gyr(t[2:], mag[:-2], gyr[2:], strength=STRENGTH, gyr_gain_sd=0.0)
+    assert fit.remarks[1] == f"The magnetometer answers {1e3 * delays[1]:.1f} ms later than the gyroscope."
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+
+
+def test_many_samples_are_thinned():
+    unit, (t, mag, gyr), _ = scene(9)
+    fine = np.linspace(0.0, t[-1], 2 * (len(t) - 1) + 1)
+    rate = np.column_stack([np.interp(fine, t, column) for column in gyr.T])
+    twice = np.column_stack([np.interp(fine, t, column) for column in mag.T])
+    fit = fit_mag_gyr(fine, twice, rate, strength=STRENGTH, gyr_gain_sd=0.0)
+    assert len(fit.measured) == 3001
+    assert "One of every 2 samples was fitted." in fit.remarks
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+
+
+@pytest.mark.parametrize(
+    "trial", [*TURNED[:2], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[2:])]
+)
+def test_real_recordings_agree_with_the_reference_attitude(broad_folder, trial):
+    """As predicted: 1 for a reference that is the truth, √2 for one whose own fit suffers from the room as much."""
+    imu, reference = read_trial(broad_folder / trial)
+    room = room_of(imu, reference)
+    found = fit_mag_gyr(imu.t, imu.mag, imu.gyr, acc=imu.acc, gyr_gain_sd=SHEET_GAIN_SD).calibration
+    off = np.concatenate((found.bias - room.bias, (found.matrix - room.matrix).ravel()))
+    assert np.sqrt(np.mean(off**2 / np.diag(found.covariance))) < 2.0
+
+
+def test_a_slower_magnetometer_and_outliers_do_no_harm():
+    unit, (t, mag, gyr), _ = scene(4)
+    mag[np.arange(len(t)) % 3 != 0] = np.nan
+    mag[300:330:3] += 20.0
+    fit = fit_mag_gyr(t, mag, gyr, strength=STRENGTH, gyr_gain_sd=0.0)
+    assert len(fit.measured) == 1001
+    assert not fit.used[100:110].any()
+    assert np.count_nonzero(~fit.used) <= 12
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 0.25
+
+
+@pytest.mark.parametrize(
+    ("gain_sd", "first"), [(GAIN_SD, "Look for"), (SHEET_GAIN_SD, "Calibrate the gyroscope first")]
+)
+def test_outliers_may_be_those_of_a_gyroscope_without_a_card(gain_sd, first):
+    _, (t, mag, gyr), _ = scene(6)
+    rng = np.random.default_rng(8)
+    mag[rng.random(len(t)) < 0.2] += 20.0
+    with pytest.raises(CaptureRefusedError, match=f"outliers: .* may. {first}"):
+        fit_mag_gyr(t, mag, gyr, gyr_gain_sd=gain_sd)
+
+
+def test_what_cannot_calibrate_is_refused():
+    _, (t, mag, gyr), _ = scene(6)
+    rng = np.random.default_rng(7)
+    level = np.zeros_like(gyr) + [0.0, 0.0, 0.3]
+    with pytest.raises(CaptureRefusedError, match="too-few"):
+        fit_mag_gyr(t[:40], mag[:40], gyr[:40])
+    with pytest.raises(CaptureRefusedError, match="no-motion"):
+        fit_mag_gyr(t, np.tile(mag[0], (len(t), 1)) + 0.2 * rng.normal(size=mag.shape), gyr)
+    exact = np.einsum("nji,j->ni", turned(t, level), [25.0, 0.0, 43.0]) + 0.2 * rng.normal(size=mag.shape)
+    with pytest.raises(CaptureRefusedError, match="ill-conditioned"):
+        fit_mag_gyr(t, exact, level)
+    with pytest.raises(CaptureRefusedError):
+        fit_mag_gyr(t, field(rng, unit_of(rng), attitudes(rng, len(t))), gyr)  # of another motion
+    with pytest.raises(CalibrationError, match="rates are missing for 1"):
+        fit_mag_gyr(t + (t > 30.0), mag, gyr)

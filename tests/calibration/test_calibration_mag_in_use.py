@@ -1,0 +1,155 @@
+"""Magnetometer of a unit at work: found although the field turns and passes steel, and honest about what is left."""
+
+import numpy as np
+import pytest
+
+from benchmarks.harness.room import room_of
+from plumbob.calibration.mag import fit_mag_in_use
+from plumbob.calibration.mag.in_use_fit import fit_in_use
+from plumbob.calibration.mag.windows import SEGMENT
+from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core._jit import jit_disabled
+from plumbob.core.units import dps
+from plumbob.evaluation.many.accuracy import read_trial
+from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
+from tests.calibration.mag_scene import (
+    DIP,
+    FIELD_N,
+    STRENGTH,
+    TURNED,
+    field,
+    force,
+    heading_rms,
+    rates,
+    trajectory,
+    unit_of,
+    within_one_sd,
+)
+
+RATE = 10.0
+TRIALS = 3 if jit_disabled() else 10
+
+
+def scene(seed, *, minutes=10.0, gain_sd=GAIN_SD, off=None, **motion):
+    """Unit, what it measures at work, and its attitudes; `off` (N, 3) is added to the field of the place."""
+    rng = np.random.default_rng(seed)
+    unit = unit_of(rng)
+    t, q_nb, true = trajectory(rng, duration=60.0 * minutes, rate=RATE, **motion)
+    mag = field(rng, unit, q_nb)
+    if off is not None:
+        mag += quat_rotate(quat_conjugate(q_nb), off(t)) @ unit.distortion.T
+    return unit, (t, mag, rates(rng, true, rate=RATE, gain_sd=gain_sd)), q_nb
+
+
+def test_heading_is_found_and_the_covariance_is_honest():
+    """Ten minutes with inclinations up to 15°; a gyroscope's axes off by 0.2 % turn the whole by 0.1 to 0.3°."""
+    errors, shares, ratios = [], [], []
+    for k in range(TRIALS):
+        unit, measured, _ = scene([7, k])
+        found = fit_mag_in_use(*measured, strength=STRENGTH, dip=DIP).calibration
+        errors.append(heading_rms(found, unit))
+        shares.append(within_one_sd(found, unit))
+        ratios.append(errors[-1] / found.quality.heading_sd)
+    assert np.degrees(np.median(errors)) < 0.25
+    assert abs(np.mean(shares) - 0.683) < 3.0 * np.sqrt(0.683 * 0.317 / (3 * TRIALS))  # 3 of 12 count as independent
+    assert abs(np.sqrt(np.mean(np.square(ratios))) - 1.0) < 3.0 / np.sqrt(2 * 3 * TRIALS)
+
+
+def test_a_field_that_turns_with_the_place_does_no_harm():
+    """A vehicle that goes round a steel hull: the field turns by 3° a minute, which is too much for one field."""
+
+    def turning(t):
+        about = quat_from_rotvec(np.radians(3.0) * t[:, None] / 60.0 * np.array([0.0, 0.0, 1.0]))
+        return quat_rotate(about, FIELD_N) - FIELD_N
+
+    unit, (t, mag, gyr), _ = scene(3, off=turning, gain_sd=0.0)
+    found = fit_mag_in_use(t, mag, gyr, dip=DIP, gyr_gain_sd=0.0).calibration
+    assert np.degrees(heading_rms(found, unit)) < 3.0 * np.degrees(found.quality.heading_sd) < 1.0
+
+
+def test_steel_that_it_passes_is_set_aside():
+    """Ten times 20 µT for some seconds: a tenth of the time."""
+    places = np.random.default_rng(1).uniform(0.0, 600.0, 10)
+
+    def steel(t):
+        return 20.0 * np.exp(-(((t[:, None] - places) / 3.0) ** 2)).sum(axis=1)[:, None] * np.array([0.6, 0.0, -0.8])
+
+    unit, measured, _ = scene(4, off=steel)
+    fit = fit_mag_in_use(*measured, dip=DIP)
+    assert 0.02 < fit.calibration.quality.outliers / len(fit.used) < 0.2
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 3.0 * np.degrees(fit.calibration.quality.heading_sd) < 1.5
+
+
+def test_a_bias_that_walks_is_followed_from_segment_to_segment():
+    """0.1 °/s from one segment of ten minutes to the next, of which each has the mean."""
+    _, (t, mag, gyr), _ = scene(5, minutes=30.0, gain_sd=0.0)
+    walking = dps(0.1) / SEGMENT * t[:, None] * np.array([1.0, -1.0, 0.5])
+    one, other = (fit_in_use(t, mag, rate, gyr_gain_sd=0.0).gyr_bias for rate in (gyr, gyr + walking))
+    wanted = dps(0.1) * (np.arange(3) + 0.5)[:, None] * np.array([1.0, -1.0, 0.5])
+    assert other - one == pytest.approx(wanted, abs=dps(2e-3))
+
+
+def test_a_later_magnetometer_is_put_right():
+    """0.1 s; a field of 25 µT that turns by 0.3 rad/s with noise of 0.2 µT tells it to 0.4 ms in 6000."""
+    _, (t, mag, gyr), _ = scene(6, gain_sd=0.0)
+    found = [fit_in_use(t[2:], late, gyr[2:], gyr_gain_sd=0.0) for late in (mag[2:], mag[1:-1])]
+    # that a sensor is rarely later than 20 ms is known before, and pulls by (0.4/20)² at most
+    assert found[1].delay - found[0].delay == pytest.approx(0.1, abs=3e-3)
+
+
+def test_what_is_missing_is_left_out():
+    """Rates away for a minute, and a field at a third of the rate, with nothing at the start."""
+    unit, (t, mag, gyr), q_nb = scene(8)
+    mag[np.arange(len(t)) % 3 != 0] = np.nan
+    mag[:500] = np.nan
+    kept = (t < 200.0) | (t > 260.0)
+    acc = force(np.random.default_rng(1), q_nb)
+    fit = fit_mag_in_use(t[kept], mag[kept], gyr[kept], acc=acc[kept])
+    assert "windows of 4 s in 10 min" in fit.remarks[0]
+    assert int(fit.remarks[0].split()[2]) == 150 - 13 - 15  # before the field, and where rates are missing
+    assert np.degrees(heading_rms(fit.calibration, unit)) < 3.0 * np.degrees(fit.calibration.quality.heading_sd) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "kind"),
+    [
+        (lambda t, mag, gyr: (t[:300], mag[:300], gyr[:300]), "too-few"),
+        (lambda t, mag, gyr: (t[:50], np.full((50, 3), np.nan), gyr[:50]), "too-few"),
+        (lambda t, mag, gyr: (t, mag[:1] + 0.0 * mag, 0.0 * gyr), "ill-conditioned"),
+        (lambda t, mag, gyr: (t, mag * [1.0, 1.0, -1.0], gyr), "ill-conditioned"),
+        (lambda t, mag, gyr: (t, mag[::-1], gyr), "ill-conditioned"),
+        (lambda t, mag, gyr: (t, mag, np.degrees(gyr)), "ill-conditioned"),
+        (lambda t, mag, gyr: (t, mag * [1.0, 1.0, 0.0], gyr), "implausible"),
+        (lambda t, mag, gyr: (t, 1e9 * mag, gyr), "wrong-field"),
+    ],
+    ids=["30 s", "no field", "at rest", "mirrored", "another field", "degrees", "dead axis", "no µT"],
+)
+def test_what_cannot_calibrate_is_refused(change, kind):
+    _, measured, _ = scene(9, minutes=2.0)
+    with pytest.raises(CaptureRefusedError) as refused:
+        fit_mag_in_use(*change(*measured))
+    assert refused.value.reasons[0].kind == kind
+    assert "--in-use" in refused.value.reasons[0].advice or kind in {"implausible", "wrong-field"}
+
+
+@pytest.mark.parametrize(
+    "trial", [*TURNED[:1], *(pytest.param(t, marks=pytest.mark.long(reason="other rooms")) for t in TURNED[1:])]
+)
+def test_real_recordings_agree_with_rates_of_the_reference(broad_folder, trial):
+    """Optical attitudes have no errors of a gyroscope; the field is the same, which walks by degrees in a room."""
+    imu, reference = read_trial(broad_folder / trial)
+    found = fit_mag_in_use(imu.t, imu.mag, imu.gyr, acc=imu.acc, gyr_gain_sd=SHEET_GAIN_SD).calibration
+    assert room_of(imu, reference).heading_off(found) < 2.0 * found.quality.heading_sd
+
+
+def test_attitudes_need_not_start_level():
+    """The axes of the place do not matter: only how the unit turns."""
+    _, (t, mag, gyr), _ = scene(10)
+    turned = quat_multiply(quat_from_rotvec(np.array([0.3, -0.4, 0.2])), np.array([1.0, 0.0, 0.0, 0.0]))
+    about = [quat_rotate(turned, rows) for rows in (mag, gyr)]
+    one, other = (fit_mag_in_use(t, *rows, gyr_gain_sd=0.0).calibration for rows in ((mag, gyr), about))
+    # steps end within a twentieth of the standard deviation
+    assert quat_rotate(turned, one.bias) == pytest.approx(
+        other.bias, abs=0.1 * np.sqrt(np.trace(one.covariance[:3, :3]))
+    )

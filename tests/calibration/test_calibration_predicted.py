@@ -1,0 +1,59 @@
+"""Predicted errors: closed forms, and beside drawn parameters."""
+
+import numpy as np
+import pytest
+
+from plumbob.calibration.predicted import attitudes, heading_sd, tilt_sd
+from plumbob.data.cards import TriadCalibration
+from plumbob.rotations import quat_from_dcm
+from tests.calibration.capture_samples import DIP, STRENGTH, heading_errors
+
+
+def covariance(**sds):
+    out = np.zeros((12, 12))
+    for place, sd in sds.items():
+        out[int(place[1:]), int(place[1:])] = sd * sd
+    return out
+
+
+def test_attitudes_are_rotations_within_the_range():
+    axes = attitudes(np.radians(30.0))
+    np.testing.assert_allclose(
+        np.einsum("nij,nik->njk", axes, axes), np.broadcast_to(np.eye(3), axes.shape), atol=1e-14
+    )
+    assert np.allclose(np.linalg.det(axes), 1.0)
+    assert np.degrees(np.arccos(axes[:, 2, 2].min())) == pytest.approx(30.0)
+
+
+def test_level_closed_forms():
+    """Level: a bias δ in x turns the heading by δ sin ψ / H, so by δ/(√2 H) rms; the horizon by δ/g."""
+    heading = heading_sd(np.eye(3), covariance(p0=0.5), size=STRENGTH, dip=DIP, tilt_range=0.0)
+    assert heading == pytest.approx(0.5 / np.sqrt(2.0) / (STRENGTH * np.cos(DIP)), rel=1e-12)
+    assert tilt_sd(np.eye(3), covariance(p0=0.05), size=10.0, tilt_range=0.0) == pytest.approx(0.005, rel=1e-12)
+    assert tilt_sd(np.eye(3), covariance(p2=0.05), size=10.0, tilt_range=0.0) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_bias_counts_in_the_unit_of_the_measurement():
+    """A sensor that reads half needs a matrix of 2: its bias counts twice."""
+    once = heading_sd(np.eye(3), covariance(p1=0.3), size=STRENGTH, dip=DIP)
+    assert heading_sd(2.0 * np.eye(3), covariance(p1=0.3), size=STRENGTH, dip=DIP) == pytest.approx(2.0 * once)
+
+
+def test_drawn_parameters_scatter_as_predicted():
+    """Root mean square heading over 400 draws of the 12 parameters: known to about 1/√(2 · 400 · some) < 5 %."""
+    rng = np.random.default_rng(0)
+    root = 0.02 * rng.normal(size=(12, 12)) * np.r_[np.full(3, 5.0), np.full(9, 0.05)][:, np.newaxis]
+    matrix = np.array([[1.1, 0.02, 0.0], [-0.03, 0.95, 0.01], [0.0, 0.05, 1.02]])
+    q_nb = quat_from_dcm(np.swapaxes(attitudes(np.radians(45.0)), 1, 2)[::3])
+    found = []
+    for _ in range(400):
+        change = root @ rng.normal(size=12)
+        made = TriadCalibration(matrix + change[3:].reshape(3, 3), change[:3], "uT", "uT")
+        found.append(np.mean(heading_errors(made, q_nb, np.linalg.inv(matrix), np.zeros(3)) ** 2))
+    predicted = heading_sd(matrix, root @ root.T, size=STRENGTH, dip=DIP)
+    assert np.sqrt(np.mean(found)) == pytest.approx(predicted, rel=0.12)
+
+
+def test_a_covariance_of_nothing_predicts_nothing():
+    """A fit that determines nothing may leave negative variances by rounding."""
+    assert heading_sd(np.eye(3), -np.eye(12), size=50.0, dip=1.0, tilt_range=0.5) == np.inf

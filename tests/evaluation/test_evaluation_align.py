@@ -1,0 +1,214 @@
+"""Alignment: planted constants come back, unobservable ones are refused."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from plumbob.core.errors import ClockError, ParameterError, ShapeError
+from plumbob.evaluation import evaluate, find_time_offset
+from plumbob.evaluation.align import (
+    MIN_TILT_SPREAD,
+    find_heading,
+    find_mounting,
+    find_mounting_and_heading,
+    turn_heading,
+)
+from plumbob.evaluation.timeshift import masked_correlation
+from plumbob.rotations import (
+    Frame,
+    quat_angle,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+)
+from tests.battery import examples
+
+FEW = examples(0.25)
+
+EXACT = 1e-9
+frames = st.sampled_from(list(Frame))
+headings = st.floats(-3.1, 3.1)
+vectors = st.tuples(*[st.floats(-1.7, 1.7)] * 3).map(np.array)
+
+
+def bearing(q_nb, frame):
+    """Compass bearing of the body's x axis, clockwise from north seen from above, rad."""
+    x_n = quat_rotate(q_nb, [1.0, 0.0, 0.0])
+    return np.arctan2(x_n @ frame.east, x_n @ frame.north)
+
+
+def plant(q_ref, frame, heading, mounting):
+    """Estimate that reads `heading` more and sits `mounting` otherwise; q_ref ⊗ q_re has the estimate's body."""
+    return turn_heading(quat_multiply(q_ref, quat_from_rotvec(mounting)), heading, frame)
+
+
+@pytest.mark.parametrize("frame", list(Frame))
+def test_a_heading_counts_clockwise_from_above(motion, frame):
+    q = motion(np.array([0.3]))
+    turned = turn_heading(q, 0.2, frame)
+    assert bearing(turned, frame) - bearing(q, frame) == pytest.approx(0.2, abs=1e-12)
+
+
+@FEW
+@given(frames, headings)
+def test_heading_comes_back(motion, t, frame, heading):
+    q_ref = motion(t)
+    assert find_heading(turn_heading(q_ref, heading, frame), q_ref, frame) == pytest.approx(heading, abs=EXACT)
+
+
+@FEW
+@given(vectors)
+def test_mounting_comes_back(motion, t, mounting):
+    q_ref = motion(t)
+    found = find_mounting(plant(q_ref, Frame.ENU, 0.0, mounting), q_ref)
+    assert quat_angle(found, quat_from_rotvec(mounting)) < EXACT
+
+
+@FEW
+@given(frames, headings, vectors)
+def test_both_come_back_together(motion, t, frame, heading, mounting):
+    q_ref = motion(t)
+    found = find_mounting_and_heading(plant(q_ref, frame, heading, mounting), q_ref, frame)
+    assert np.cos(found.heading - heading) == pytest.approx(1.0, abs=EXACT**2 + 1e-15)
+    assert quat_angle(found.mounting, quat_from_rotvec(mounting)) < EXACT
+
+
+def test_both_are_the_least_squares_of_noisy_tracks(motion, t):
+    q_ref = motion(t)
+    noise = quat_from_rotvec(np.random.default_rng(5).normal(0.0, 0.02, (t.size, 3)))
+    q_est = quat_multiply(plant(q_ref, Frame.ENU, 0.5, [0.1, 0.2, -0.3]), noise)
+    found = find_mounting_and_heading(q_est, q_ref, Frame.ENU)
+
+    def misfit(heading, mounting):
+        q = turn_heading(quat_multiply(q_ref, mounting), heading, Frame.ENU)
+        return np.sum(np.sin(quat_angle(q_est, q) / 2.0) ** 2)
+
+    best = misfit(found.heading, found.mounting)
+    for step in np.vstack((np.eye(4), -np.eye(4))) * 1e-4:
+        assert misfit(found.heading + step[0], quat_multiply(found.mounting, quat_from_rotvec(step[1:]))) > best
+    # one sd of the mean of 2000 draws of 0.02 rad is 4.5e-4 rad; the tilt spread, 0.53 rad, doubles it
+    assert found.heading == pytest.approx(0.5, abs=5 * 4.5e-4 / found.tilt_spread)
+
+
+def test_a_body_that_does_not_tilt_tells_no_mounting_from_heading(track, t):
+    q_ref = quat_from_euler_zyx(np.stack((0.5 * t, 0.2 + 0 * t, 0.01 * np.sin(t)), axis=1))
+    with pytest.raises(ParameterError, match=r"0\.\d+° rms.*3° are needed"):
+        evaluate(track(t, q_ref), track(t, q_ref), align={"mounting", "heading"})
+    evaluate(track(t, q_ref), track(t, q_ref), align={"mounting"})
+
+
+def test_tilt_spread_of_a_cone_has_a_closed_form(motion, t):
+    # the vertical, seen from a body that nods sinusoidally by a: 1 − |mean|² = 1 − J0(a)² ≈ a²/2
+    nod = 0.3 * np.sin(2.0 * np.pi * np.arange(1000) / 1000.0)
+    q_ref = quat_from_euler_zyx(np.stack((0 * nod, nod, 0 * nod), axis=1))
+    found = find_mounting_and_heading(q_ref, q_ref, Frame.ENU).tilt_spread
+    assert found == pytest.approx(np.sqrt(1.0 - 0.9776262465382961**2), rel=1e-9)  # J0(0.3), [DLMF] 10.2.2
+    assert found > MIN_TILT_SPREAD
+
+
+def test_headings_spread_evenly_have_no_best_constant(motion, t):
+    q_ref = motion(t)
+    q_est = quat_multiply(
+        quat_from_rotvec(np.multiply.outer(2 * np.pi * np.arange(t.size) / t.size, [0, 0, 1.0])), q_ref
+    )
+    with pytest.raises(ShapeError, match="every angle alike"):
+        find_heading(q_est, q_ref, Frame.ENU)
+
+
+@pytest.mark.parametrize("offset", [-0.4031, -0.01, 0.0, 0.00123, 0.25])
+@pytest.mark.parametrize(("rate_est", "rate_ref"), [(100.0, 100.0), (285.71, 60.0), (50.0, 240.0)])
+def test_a_planted_time_offset_comes_back(motion, track, offset, rate_est, rate_ref):
+    t_est, t_ref = np.arange(30 * rate_est) / rate_est, np.arange(30 * rate_ref) / rate_ref
+    q_est = plant(motion(t_est - offset), Frame.NED, 1.0, [0.3, -0.2, 1.1])
+    found = find_time_offset(track(t_est, q_est, frame=Frame.NED), track(t_ref, motion(t_ref)))
+    assert found.offset == pytest.approx(offset, abs=2e-5)
+    assert found.correlation > 0.99
+
+
+def test_a_time_offset_comes_back_from_noise_and_holes(motion, track):
+    rng = np.random.default_rng(7)
+    t_est, t_ref = np.arange(6000) / 100.0, np.arange(7200) / 120.0
+    noise = np.cumsum(rng.normal(0.0, 3.5e-5, (t_est.size, 3)), axis=0)  # 1.2 °/√h
+    q_est = quat_multiply(motion(t_est - 0.0372), quat_from_rotvec(noise))
+    q_ref = quat_multiply(motion(t_ref), quat_from_rotvec(rng.normal(0.0, 7e-4, (t_ref.size, 3))))  # 0.04°
+    q_ref[1000:1500] = np.nan
+    found = find_time_offset(
+        track(t_est, q_est), track(np.delete(t_ref, slice(3000, 3600)), np.delete(q_ref, slice(3000, 3600), 0))
+    )
+    # rate noise of 3.5e-3 rad/s over 6000 samples against slopes of 1 rad/s² is 0.05 ms; five times that
+    assert found.offset == pytest.approx(0.0372, abs=2.5e-4)
+
+
+def test_time_mounting_and_heading_together(motion, track, t):
+    q_est = plant(motion(t - 0.0317), Frame.ENU, 0.6, [0.4, -0.3, 0.8])
+    fine = np.arange(5000) / 240.0
+    result = evaluate(track(t, q_est), track(fine, motion(fine)), align=["heading", "time", "mounting"])
+    assert result.settings.align == ("time", "mounting", "heading")
+    assert result.alignment.time.offset == pytest.approx(0.0317, abs=1e-5)
+    assert result.alignment.heading == pytest.approx(0.6, abs=1e-4)
+    assert quat_angle(result.alignment.mounting, quat_from_rotvec([0.4, -0.3, 0.8])) < 1e-4
+    assert result.stats["total"].max_abs < 1e-4
+
+
+def test_without_asking_nothing_is_aligned(motion, track, t, reference):
+    result = evaluate(track(t, turn_heading(motion(t), 0.3, Frame.ENU)), reference)
+    assert result.alignment.heading is None
+    assert result.stats["heading"].rmse == pytest.approx(0.3, rel=1e-12)
+    assert result.stats["inclination"].rmse == pytest.approx(0.0, abs=1e-12)
+
+
+def test_rest_has_no_time_offset(track, t):
+    still = track(t, np.tile([1.0, 0.0, 0.0, 0.0], (t.size, 1)))
+    with pytest.raises(ClockError, match=r"varies by 0 °/s, but 0\.5 °/s"):
+        find_time_offset(still, still)
+
+
+def test_an_offset_beyond_the_search_is_not_guessed(motion, track):
+    t = np.arange(4000) / 100.0
+    with pytest.raises((ParameterError, ClockError), match=r"max_offset|does not match"):
+        find_time_offset(track(t, motion(t - 0.9)), track(t, motion(t)), max_offset=0.3)
+    assert find_time_offset(track(t, motion(t - 0.9)), track(t, motion(t))).offset == pytest.approx(0.9, abs=1e-5)
+    with pytest.raises(ParameterError, match="positive"):
+        find_time_offset(track(t, motion(t)), track(t, motion(t)), max_offset=0.0)
+
+
+def test_a_repeating_motion_is_called_one(track):
+    t = np.arange(4000) / 100.0
+    nod = quat_from_euler_zyx(np.stack((0 * t, 0.3 * np.sin(2 * np.pi * t), 0 * t), axis=1))
+    result = evaluate(track(t, nod), track(t, nod), align="time")
+    assert result.alignment.time.rival == pytest.approx(1.0, abs=1e-6)
+    assert abs(result.alignment.time.rival_at) == pytest.approx(0.5, abs=0.011)  # |rate| repeats every half period
+    assert any("motion repeats" in note for note in result.notes)
+
+
+def test_tracks_too_short_for_a_time_offset(motion, track):
+    t = np.arange(10) / 100.0
+    with pytest.raises(ClockError, match="needs 20 steps"):
+        find_time_offset(track(t, motion(t)), track(t, motion(t)))
+    with pytest.raises(ClockError, match="three samples"):
+        find_time_offset(track(t[:2], motion(t[:2])), track(t, motion(t)))
+
+
+def test_masked_correlation_against_numpy():
+    rng = np.random.default_rng(2)
+    a, b = rng.normal(size=300), rng.normal(size=300)
+    b[5:] += 0.8 * a[:-5]
+    a[rng.random(300) < 0.1] = np.nan
+    b[100:130] = np.nan
+    lags, r = masked_correlation(a, b, 8)
+    for lag, value in zip(lags.astype(int), r, strict=True):
+        x, y = (a[lag:], b[: 300 - lag]) if lag >= 0 else (a[:lag], b[-lag:])
+        both = np.isfinite(x) & np.isfinite(y)
+        assert value == pytest.approx(np.corrcoef(x[both], y[both])[0, 1], abs=1e-12)
+    assert lags[np.argmax(r)] == -5
+
+
+def test_conjugates_do_not_align(motion, t):
+    # a track of body-from-navigation quaternions is a frequent mistake; no constant must hide it
+    q_ref = motion(t)
+    found = find_mounting_and_heading(quat_conjugate(q_ref), q_ref, Frame.ENU)
+    left = quat_angle(quat_conjugate(q_ref), found.apply(q_ref, Frame.ENU))
+    assert np.sqrt(np.mean(left**2)) > 0.3

@@ -1,0 +1,270 @@
+"""The whole comparison: frames, norths, masks, remarks, and what the report says of them."""
+
+import json
+
+import numpy as np
+import pytest
+
+from plumbob import Filter, ImuData
+from plumbob.core import flags
+from plumbob.core.errors import FrameError, ParameterError, ShapeError, UnitError
+from plumbob.core.units import deg
+from plumbob.evaluation import QUANTITIES, evaluate
+from plumbob.evaluation.html import page
+from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
+from plumbob.rotations.headings import turn_heading
+
+STATISTICS = {"rmse_deg", "mean_deg", "std_deg", "max_abs_deg", "max_at_s", "p50_deg", "p95_deg", "p99_deg", "count"}
+
+
+@pytest.fixture(scope="module")
+def tilted(reference):
+    """The reference's attitude after a tilt of 0.03 rad about the navigation x axis."""
+    return quat_multiply(quat_from_rotvec([0.03, 0.0, 0.0]), reference.q_nb)
+
+
+def strict(result):
+    """Summary through JSON, refusing NaN and infinity."""
+    return json.loads(json.dumps(result.summary(), allow_nan=False))
+
+
+def test_a_track_agrees_with_itself(reference):
+    result = evaluate(reference, reference)
+    assert all(result.stats[name].max_abs < 1e-15 for name in QUANTITIES)
+    assert result.notes == ()
+
+
+@pytest.mark.parametrize("frame", list(Frame))
+def test_the_reference_comes_to_the_frame_of_the_estimate(track, t, reference, tilted, frame):
+    estimate = track(t, change_frame(tilted, to=frame, from_=Frame.ENU), frame=frame)
+    result = evaluate(estimate, reference)
+    assert result.stats["inclination"].rmse == pytest.approx(0.03, rel=1e-12)
+    assert result.stats["heading"].rmse == pytest.approx(0.0, abs=1e-12)
+    assert any("converted from ENU" in note for note in result.notes) == (frame is not Frame.ENU)
+
+
+@pytest.mark.parametrize("frame", list(Frame))
+def test_declination_turns_magnetic_into_true(track, t, frame):
+    # a body whose x axis points to magnetic north, 4° east of true north, has the true heading 4°
+    at_rest = quat_from_euler_zyx([np.arctan2(*(frame.north @ np.eye(3)[[1, 0]].T)), 0.0, 0.0])
+    magnetic = track(t, np.tile(at_rest, (t.size, 1)), frame=frame, north=North.MAGNETIC)
+    true = track(t, turn_heading(magnetic.q_nb, deg(4.0), frame), frame=frame, north=North.TRUE)
+    for estimate, reference in ((magnetic, true), (true, magnetic)):
+        assert evaluate(estimate, reference, declination=deg(4.0)).stats["total"].rmse < 1e-12
+        assert evaluate(estimate, reference, declination=deg(-4.0)).stats["heading"].rmse == pytest.approx(deg(8.0))
+
+
+def test_true_against_magnetic_is_refused(track, t, reference):
+    estimate = track(t, reference.q_nb, north=North.TRUE)
+    with pytest.raises(FrameError, match="true north, the reference's from magnetic north; give the declination"):
+        evaluate(estimate, reference)
+    result = evaluate(
+        track(t, turn_heading(reference.q_nb, 0.1, Frame.ENU), north=North.TRUE), reference, align=("heading",)
+    )
+    assert result.alignment.heading == pytest.approx(0.1, abs=1e-12)
+    assert any("holds the declination" in note for note in result.notes)
+    with pytest.raises(UnitError, match="4 rad"):
+        evaluate(estimate, reference, declination=4.0)
+
+
+def test_advice_serves_users_of_python_and_of_the_command_line(track, t, reference):
+    with pytest.raises(FrameError) as refused:
+        evaluate(track(t, reference.q_nb, north=North.TRUE), reference)
+    with pytest.raises(UnitError) as out_of_range:
+        evaluate(track(t, reference.q_nb, north=North.TRUE), reference, declination=4.0)
+    free = evaluate(track(t, reference.q_nb, north=North.FREE), reference)
+    turned = evaluate(track(t, turn_heading(reference.q_nb, 1.0, Frame.ENU)), reference)
+    for advice, option in (
+        (str(refused.value), "--declination"),
+        (str(refused.value), "--align heading"),
+        (str(out_of_range.value), "--declination 3.2deg"),
+        (free.not_scored["heading"], "--align heading"),
+        (turned.notes[0], "--align heading"),
+    ):
+        assert option in advice
+        assert "{" not in advice
+
+
+@pytest.mark.parametrize("swap", [False, True])
+def test_a_free_heading_is_not_scored_but_the_tilt_is(track, t, reference, tilted, swap):
+    free = track(t, turn_heading(tilted, 2.0, Frame.ENU), north=North.FREE)
+    pair = (reference, free) if swap else (free, reference)
+    result = evaluate(*pair)
+    assert result.stats["inclination"].rmse == pytest.approx(0.03, rel=1e-12)
+    assert set(result.stats) == {"inclination", "pitch", "roll"}
+    assert set(result.errors) == set(result.stats)
+    summary = strict(result)
+    assert summary["total_rmse_deg"] is None
+    assert summary["heading"] is None
+    assert "arbitrary zero" in summary["not_scored"]["total"]
+    assert "not scored" in result.text()
+
+
+def test_a_free_heading_is_scored_once_it_is_aligned(track, t, reference, tilted):
+    free = track(t, turn_heading(tilted, 2.0, Frame.ENU), north=North.FREE)
+    result = evaluate(free, reference, align={"heading"})
+    assert result.alignment.heading == pytest.approx(2.0, abs=2e-3)
+    assert set(result.stats) == set(QUANTITIES)
+    assert result.stats["inclination"].rmse == pytest.approx(0.03, rel=1e-12)
+    with pytest.raises(ParameterError, match="whole attitudes"):
+        evaluate(free, reference, align={"mounting"})
+
+
+def test_only_scored_samples_enter_the_statistics(track, t, reference):
+    off = np.where(t < 5.0, 0.5, 0.01)
+    q = quat_multiply(quat_from_rotvec(np.multiply.outer(off, [1.0, 0.0, 0.0])), reference.q_nb)
+    masked = track(t, reference.q_nb, score=t >= 5.0)
+    for result in (evaluate(track(t, q), masked), evaluate(track(t, q), reference, settle=5.0)):
+        assert result.stats["total"].max_abs == pytest.approx(0.01, rel=1e-9)
+        assert result.stats["total"].count == 1500
+        assert result.errors["total"][0] == pytest.approx(0.5)  # kept for the plot, and shaded there
+
+
+def test_alignment_is_fitted_to_scored_samples_only(track, t, reference):
+    q = np.where((t < 5.0)[:, np.newaxis], turn_heading(reference.q_nb, 2.0, Frame.ENU), reference.q_nb)
+    result = evaluate(track(t, q), reference, settle=5.0, align={"heading"})
+    assert result.alignment.heading == pytest.approx(0.0, abs=1e-12)
+
+
+def test_nothing_left_to_score_says_why(track, t, reference):
+    blind = track(t, np.full((t.size, 4), np.nan))
+    with pytest.raises(ShapeError, match="2000 the reference lost the body"):
+        evaluate(reference, blind)
+    with pytest.raises(ShapeError, match="2000 the reference says"):
+        evaluate(reference, track(t, reference.q_nb, score=np.zeros(t.size)))
+
+
+def test_unknown_alignments_are_refused(reference):
+    with pytest.raises(ParameterError, match="but not 'scale'"):
+        evaluate(reference, reference, align={"heading", "scale"})
+    assert evaluate(reference, reference, align="heading").settings.align == ("heading",)
+
+
+def test_gimbal_samples_are_counted(track):
+    t = np.arange(100) / 10.0
+    pitch = np.radians(np.linspace(0.0, 89.0, 100))
+    q = quat_from_euler_zyx(np.stack((0 * t, pitch, 0 * t), axis=1))
+    result = evaluate(track(t, q), track(t, q))
+    steep = int(np.count_nonzero(np.degrees(pitch) > 85.0))
+    assert strict(result)["samples"]["near_gimbal"] == steep == 5
+    assert result.stats["yaw"].count == 95
+    assert result.stats["pitch"].count == 100
+    straight_up = track(t, np.tile(quat_from_euler_zyx([0.0, np.pi / 2, 0.0]), (100, 1)))
+    assert "near ±90°" in evaluate(straight_up, straight_up).not_scored["yaw"]
+
+
+def test_a_wrong_convention_is_pointed_out(track, t, reference):
+    quarter = evaluate(track(t, turn_heading(reference.q_nb, np.pi / 2, Frame.ENU)), reference)
+    assert any("constant heading of +90.0°" in note for note in quarter.notes)
+    screwed = evaluate(track(t, quat_multiply(reference.q_nb, quat_from_rotvec([np.pi, 0.0, 0.0]))), reference)
+    assert any("constant turn of 180.0° between the two bodies" in note for note in screwed.notes)
+    honest = quat_multiply(reference.q_nb, quat_from_rotvec(np.random.default_rng(0).normal(0.0, 0.1, (t.size, 3))))
+    assert evaluate(track(t, honest), reference).notes == ()
+
+
+def test_flags_are_counted_over_scored_samples(track, t, reference):
+    raised = np.zeros(t.size, dtype=np.uint32)
+    raised[:300] |= flags.MAG_GATED
+    raised[250:260] |= flags.HEADING_FREE
+    result = evaluate(track(t, reference.q_nb, flags=raised), reference, settle=2.0)
+    assert result.flag_counts() == {"mag-gated": 100, "heading-free": 10}
+    assert any("10 scored samples carry heading-free" in note for note in result.notes)
+
+
+def test_an_aligned_heading_is_not_called_arbitrary(track, t, reference):
+    free = track(t, reference.q_nb, north=North.FREE, flags=np.full(t.size, flags.HEADING_FREE))
+    result = evaluate(free, reference, align={"heading"})
+    assert not any("arbitrary zero" in note for note in result.notes)
+
+
+ROLLED = quat_from_euler_zyx([0.0, 0.0, deg(40.0)])
+
+
+def at_rest(name, *, blind, **settings):
+    """Track of a filter on a unit at rest, rolled by 40°, whose accelerometer is silent for `blind` samples first."""
+    t = np.arange(1000) / 100.0
+    acc = np.tile(9.81 * np.array([0.0, np.sin(deg(40.0)), np.cos(deg(40.0))]), (t.size, 1))
+    acc[:blind] = np.nan
+    data = ImuData(t=t, gyr=np.zeros((t.size, 3)), acc=acc if blind < t.size else None)
+    return Filter(name, frame=Frame.ENU, **settings).process(data)
+
+
+@pytest.mark.parametrize("name", ["mahony", "integrate"])
+def test_an_estimate_is_scored_once_it_has_started(track, name):
+    estimate = at_rest(name, blind=500)
+    result = evaluate(estimate, track(estimate.t, np.tile(ROLLED, (1000, 1)), north=North.FREE))
+    assert result.stats["inclination"].max_abs < deg(0.1)  # 40° where the identity before the start is scored
+    assert np.isnan(result.errors["inclination"][:500]).all()
+    assert "not-converged" not in result.flag_counts()
+    assert strict(result)["samples"]["left_out"] == {"not_converged": 500}
+    assert "500 the estimate had not converged, the last at 4.990 s" in result.text()
+    assert strict(result)["samples"]["not_converged_until_s"] == result.not_converged_until == 4.99
+    assert "the estimate had not converged, the last at 4.990 s" in page({"it": result}, title="", facts={})
+
+
+def test_a_filter_that_never_starts_is_refused(track):
+    gyro_only = at_rest("integrate", blind=1000)
+    reference = track(gyro_only.t, np.tile(ROLLED, (1000, 1)), north=North.FREE)
+    with pytest.raises(ShapeError, match=r"did not converge.*init=.*accelerometer"):
+        evaluate(gyro_only, reference)
+    given = evaluate(at_rest("integrate", blind=1000, init=ROLLED), reference)
+    assert given.stats["inclination"].count == 1000
+
+
+def test_the_step_of_a_start_is_no_motion_to_align_time_by(track, t, motion):
+    early = t < 5.0
+    q = np.where(early[:, np.newaxis], [1.0, 0.0, 0.0, 0.0], motion(t - 0.05))
+    estimate = track(t, q, flags=np.where(early, flags.NOT_CONVERGED, 0))
+    found = evaluate(estimate, track(t, motion(t)), align={"time"}).alignment.time
+    assert found.offset == pytest.approx(0.05, abs=1e-4)
+    assert found.correlation > 0.999
+
+
+def test_the_motion_is_told_so_that_rest_cannot_flatter(track):
+    t = np.arange(500) / 50.0
+    spin = quat_from_rotvec(np.multiply.outer(0.7 * t, [0.6, 0.0, 0.8]))
+    assert evaluate(track(t, spin), track(t, spin)).reference_rate == pytest.approx(0.7, rel=1e-9)
+    assert evaluate(track(t[:1], spin[:1]), track(t, spin)).reference_rate is None
+
+
+def test_the_motion_is_that_of_the_scored_samples(track):
+    """0.7 rad/s where it is scored, from 2 s to 6 s; ten times as much before and behind, which must not count."""
+    t = np.arange(500) / 50.0
+    scored = (t >= 2.0) & (t < 6.0)
+    angle = np.concatenate(([0.0], np.cumsum(np.where(scored[1:] & scored[:-1], 0.7, 7.0) / 50.0)))
+    spin = quat_from_rotvec(np.multiply.outer(angle, [0.6, 0.0, 0.8]))
+    result = evaluate(track(t, spin), track(t, spin, score=scored))
+    assert result.stats["total"].count == 200
+    assert result.reference_rate == pytest.approx(0.7, rel=1e-9)
+
+
+def test_summary_is_strict_json_in_degrees(track, t, reference, tilted):
+    summary = strict(evaluate(track(t, tilted, source="unit"), reference))
+    assert summary["inclination_rmse_deg"] == pytest.approx(np.degrees(0.03))
+    assert summary["total_rmse_deg"] == summary["total"]["rmse_deg"]
+    assert all(set(summary[name]) == STATISTICS for name in QUANTITIES)
+    assert summary["samples"]["scored"] == summary["samples"]["exact"] == t.size
+    assert summary["estimate"] == {
+        "source": "unit", "frame": "ENU", "north": "magnetic", "samples": 2000, "mean_rate_hz": pytest.approx(100.0),
+        "first_s": 0.0, "last_s": 19.99,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_tiny_tracks_have_a_summary_and_a_text(track, t, reference, size):
+    result = evaluate(track(t[:size], reference.q_nb[:size]), reference)
+    assert strict(result)["samples"]["scored"] == size
+    assert result.text()
+
+
+def test_text_fits_eighty_columns(track, t, reference):
+    q = turn_heading(reference.q_nb, 3.0, Frame.ENU)
+    raised = np.full(t.size, flags.MAG_GATED | flags.ACC_GATED)
+    estimate = track(
+        t, q, source="a filter with a long name " * 4, flags=raised, cov_b=np.tile(np.eye(3), (t.size, 1, 1))
+    )
+    for align in ((), ("time", "mounting", "heading")):
+        text = evaluate(estimate, reference, align=align, settle=1.0).text()
+        assert max(map(len, text.splitlines())) <= 80
+        assert "deg" in text
+    assert "171.887" in evaluate(estimate, reference).text()  # 3 rad in degrees

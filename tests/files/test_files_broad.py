@@ -1,0 +1,513 @@
+"""BROAD trials: real ones where they are at hand, tiny ones made here, and hostile ones."""
+
+import io
+import struct
+import sys
+import tracemalloc
+import zlib
+
+import numpy as np
+import pytest
+import scipy.io
+from io_samples import DATA
+from scipy import sparse
+
+from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError
+from plumbob.files import broad, read
+from plumbob.rotations import Frame, North
+
+h5py = pytest.importorskip("h5py")
+
+ROWS = 40
+RATE = 2000.0 / 7.0
+TRIALS = sorted(DATA.glob("broad/*.hdf5"))[:2] + sorted(DATA.glob("broad/*.mat"))[:2]
+KEYS = ("imu_gyr", "imu_acc", "imu_mag", "opt_quat", "movement", "sampling_rate")
+
+
+def content(rows=ROWS):
+    rng = np.random.default_rng(5)
+    quat = rng.normal(size=(rows, 4))
+    quat /= np.linalg.norm(quat, axis=1, keepdims=True)
+    quat[3:6] = np.nan
+    return {
+        "imu_gyr": rng.normal(size=(rows, 3)),
+        "imu_acc": rng.normal(size=(rows, 3)) + [0.0, 0.0, 9.8],
+        "imu_mag": rng.normal(size=(rows, 3)) + [0.0, 20.0, -40.0],
+        "opt_quat": quat,
+        "opt_pos": rng.normal(size=(rows, 3)),
+        "movement": np.arange(rows) >= 4,
+        "sampling_rate": RATE,
+    }
+
+
+def write_hdf5(path, found, *, rate_as_attribute=True):
+    with h5py.File(path, "w") as hdf5:
+        for key, value in found.items():
+            if key == "sampling_rate" and rate_as_attribute:
+                hdf5.attrs[key] = value
+            else:
+                hdf5[key] = value
+    return path
+
+
+def write_mat(path, found, *, compress=True):
+    scipy.io.savemat(path, found, do_compression=compress, oned_as="column")
+    return path
+
+
+WRITERS = {".hdf5": write_hdf5, ".mat": write_mat}
+every_container = pytest.mark.parametrize("suffix", WRITERS)
+
+
+def refused(path, match):
+    with pytest.raises(DecodeError, match=match) as caught:
+        read(path)
+    assert path.name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def check(recording, direct, rate):
+    for name in ("gyr", "acc", "mag"):
+        assert getattr(recording.imu, name).tobytes() == np.ascontiguousarray(direct[f"imu_{name}"]).tobytes()
+    quat, movement = np.asarray(direct["opt_quat"]), np.asarray(direct["movement"]).ravel() != 0
+    known = ~np.isnan(quat).any(axis=1)
+    track = recording.track
+    assert np.abs(track.q_nb - quat)[known].max() < 1e-15
+    assert np.array_equal(track.known, known)
+    assert np.array_equal(track.score, movement & known)
+    assert (track.frame, track.north) == (Frame.ENU, North.MAGNETIC)
+    assert recording.imu.t_ns.tolist() == [round(k * 1e9 / rate) for k in range(len(quat))]
+    assert recording.imu.t.tobytes() == track.t.tobytes()
+    assert recording.imu.meta.device == "Myon aktos-t"
+    assert recording.imu.meta.rate_nominal == rate
+
+
+# Real trials ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(not TRIALS, reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+@pytest.mark.parametrize("path", TRIALS, ids=lambda path: path.name)
+def test_a_real_trial_is_what_its_own_library_reads(path):
+    recording = read(path)
+    if path.suffix == ".mat":
+        direct = scipy.io.loadmat(path, variable_names=KEYS)
+        check(recording, direct, float(direct["sampling_rate"].item()))
+    else:
+        with h5py.File(path, "r") as hdf5:
+            check(recording, {key: hdf5[key][()] for key in KEYS[:-1]}, float(hdf5.attrs["sampling_rate"]))
+    assert recording.name == path.stem
+    assert np.median(np.linalg.norm(recording.imu.acc, axis=1)) == pytest.approx(9.81, abs=0.2)  # gravity, and motion
+    assert any("doi:10.3390/data6070072" in note for note in recording.notes)
+
+
+@pytest.mark.skipif(not TRIALS, reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+def test_a_level_unit_at_rest_points_up():
+    """Before the movement phase the unit lies still: rotated to ENU, specific force points up and is g long."""
+    from plumbob.rotations import quat_rotate
+
+    recording = read(TRIALS[0])
+    rows = np.flatnonzero(recording.track.known & ~recording.track.score)[:500]
+    acc_n = quat_rotate(recording.track.q_nb[rows], recording.imu.acc[rows]).mean(axis=0)
+    assert acc_n == pytest.approx([0.0, 0.0, 9.81], abs=0.3)  # the unit's own bias is below 0.3 m/s²
+
+
+# Made here ------------------------------------------------------------------------------------------------------------
+
+
+@every_container
+def test_a_trial_made_here(tmp_path, suffix):
+    found = content()
+    recording = read(WRITERS[suffix](tmp_path / f"a{suffix}", found))
+    check(recording, found, RATE)
+    assert "reference lost in 3 of 40 samples; 36 belong to the movement phase" in recording.notes
+
+
+def test_containers_are_known_by_content_not_by_name(tmp_path):
+    check(read(write_hdf5(tmp_path / "a.mat", content())), content(), RATE)
+    scipy.io.savemat(tmp_path / "b.mat", content(), oned_as="column")
+    (tmp_path / "b.mat").rename(tmp_path / "b.h5")
+    check(read(tmp_path / "b.h5"), content(), RATE)
+
+
+def test_the_rate_may_be_a_data_set(tmp_path):
+    check(read(write_hdf5(tmp_path / "a.h5", content(), rate_as_attribute=False)), content(), RATE)
+
+
+def test_uncompressed_mat(tmp_path):
+    check(read(write_mat(tmp_path / "a.mat", content(), compress=False)), content(), RATE)
+
+
+@every_container
+@pytest.mark.parametrize("key", KEYS)
+def test_a_missing_key_is_named(tmp_path, suffix, key):
+    found = content()
+    del found[key]
+    refused(WRITERS[suffix](tmp_path / f"a{suffix}", found), f"no BROAD trial: {key} missing")
+
+
+@every_container
+@pytest.mark.parametrize(
+    ("key", "value", "match"),
+    [
+        ("imu_acc", np.zeros((ROWS - 1, 3)), "imu_acc must have shape"),
+        ("imu_acc", np.zeros((3, ROWS)), "imu_acc must have shape"),
+        ("imu_gyr", np.zeros((3, ROWS)), "must have shape"),
+        ("opt_quat", np.zeros((ROWS, 3)), "opt_quat must have shape"),
+        ("movement", np.zeros((ROWS, 2)), "movement must have shape"),
+        ("sampling_rate", 0.0, "sampling_rate must be"),
+        ("sampling_rate", np.nan, "sampling_rate must be"),
+        ("sampling_rate", np.array([1.0, 2.0]), "sampling_rate must be"),
+        ("imu_mag", np.zeros((ROWS, 3), dtype=complex), "imu_mag|numeric|real"),
+    ],
+)
+def test_arrays_that_do_not_belong_together(tmp_path, suffix, key, value, match):
+    with pytest.raises(PlumbobError, match=match) as caught:
+        read(WRITERS[suffix](tmp_path / f"a{suffix}", content() | {key: value}))
+    assert f"a{suffix}" in str(caught.value)
+
+
+@every_container
+def test_a_cut_trial_is_refused_or_whole(tmp_path, suffix):
+    path = WRITERS[suffix](tmp_path / f"a{suffix}", content(rows=8))
+    raw = path.read_bytes()
+    for size in np.unique(np.linspace(0, len(raw) - 1, 60).astype(int)):
+        path.write_bytes(raw[:size])
+        try:
+            check(read(path), content(rows=8), RATE)
+        except DecodeError as error:
+            assert "\n" not in str(error)
+    path.write_bytes(raw)
+    check(read(path), content(rows=8), RATE)
+
+
+@every_container
+def test_a_number_that_is_damaged_is_read_as_it_stands(tmp_path, suffix):
+    """Neither container has a checksum, so a flipped bit of a number cannot be seen; it costs no other number."""
+    found = content(rows=8)
+    plain = {"compress": False} if suffix == ".mat" else {}
+    path = WRITERS[suffix](tmp_path / f"a{suffix}", found, **plain)
+    raw = path.read_bytes()
+    order = "F" if suffix == ".mat" else "C"  # MATLAB stores columns
+    at = raw.index(found["imu_acc"].tobytes(order))
+    for place in range(0, 8 * found["imu_acc"].size, 8):
+        damaged = bytearray(raw)
+        damaged[at + place + 2] ^= 16  # a bit of the fraction
+        path.write_bytes(damaged)
+        numbers = np.frombuffer(bytes(damaged[at : at + 8 * found["imu_acc"].size])).reshape(8, 3, order=order)
+        assert np.count_nonzero(numbers != found["imu_acc"]) == 1
+        check(read(path), found | {"imu_acc": numbers}, RATE)
+
+
+@every_container
+def test_random_damage_ends_in_one_of_our_errors(tmp_path, suffix):
+    """Of names and lengths it is refused; whatever else is read has as many rows as before."""
+    path = WRITERS[suffix](tmp_path / f"a{suffix}", content(rows=8))
+    raw = path.read_bytes()
+    rng = np.random.default_rng(9)
+    for _ in range(150):
+        damaged = bytearray(raw)
+        for place in rng.integers(0, len(raw), 3):
+            damaged[place] = rng.integers(0, 256)
+        path.write_bytes(damaged)
+        try:
+            assert len(read(path).imu) == 8
+        except PlumbobError as error:
+            assert "\n" not in str(error)
+
+
+def test_without_h5py_the_extra_is_named(tmp_path, monkeypatch):
+    path = write_hdf5(tmp_path / "a.hdf5", content())
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with pytest.raises(MissingExtraError, match=r'pip install "plumbob\[hdf5\]"'):
+        read(path)
+    assert read(write_mat(tmp_path / "a.mat", content())).imu is not None  # MATLAB v5 needs no extra
+
+
+# Hostile HDF5 ---------------------------------------------------------------------------------------------------------
+
+
+def hostile(path, make):
+    """A trial whose accelerometer is made by `make` from the open file."""
+    found = content()
+    del found["imu_acc"]
+    write_hdf5(path, found)
+    with h5py.File(path, "r+") as hdf5:
+        make(hdf5)
+    return path
+
+
+@pytest.fixture
+def secret(tmp_path):
+    path = tmp_path / "secret.bin"
+    path.write_bytes(np.full((ROWS, 3), 9.8).tobytes())
+    return path
+
+
+def test_external_storage_is_refused(tmp_path, secret):
+    def make(hdf5):
+        hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
+
+    path = hostile(tmp_path / "a.hdf5", make)
+    with h5py.File(path, "r") as hdf5:
+        assert hdf5["imu_acc"][0, 0] == 9.8  # a plain reader would read the other file
+    refused(path, "imu_acc is stored in another file")
+
+
+def test_external_links_are_refused(tmp_path):
+    write_hdf5(tmp_path / "other.hdf5", content())
+
+    def make(hdf5):
+        hdf5["imu_acc"] = h5py.ExternalLink("other.hdf5", "/imu_acc")
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is a link")
+
+
+def test_soft_links_are_refused(tmp_path):
+    def make(hdf5):
+        hdf5["imu_acc"] = h5py.SoftLink("/imu_gyr")
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is a link")
+
+
+def test_virtual_data_are_refused(tmp_path):
+    write_hdf5(tmp_path / "other.hdf5", content())
+
+    def make(hdf5):
+        layout = h5py.VirtualLayout((ROWS, 3), "f8")
+        layout[:] = h5py.VirtualSource(tmp_path / "other.hdf5", "imu_acc", (ROWS, 3))
+        hdf5.create_virtual_dataset("imu_acc", layout)
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is stored in another file")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda hdf5: hdf5.create_group("imu_acc"),
+        lambda hdf5: hdf5.create_dataset("imu_acc", data=h5py.Empty("f8")),
+        lambda hdf5: hdf5.create_dataset("imu_acc", data=np.array(["text"], dtype=object), dtype=h5py.string_dtype()),
+        lambda hdf5: hdf5.create_dataset("imu_acc", (ROWS, 3), [("a", "f8"), ("b", "f8")]),
+    ],
+)
+def test_what_is_no_array_of_numbers_is_refused(tmp_path, make):
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is no numeric data set")
+
+
+def test_claims_of_size_are_refused_before_reading(tmp_path):
+    def huge(hdf5):
+        del hdf5["imu_gyr"]
+        for key in ("imu_gyr", "imu_acc"):
+            hdf5.create_dataset(key, (10**9, 3), "f8", chunks=(1000, 3))
+
+    refused(hostile(tmp_path / "a.hdf5", huge), "claims 1000000000 rows")
+
+    def chunky(hdf5):
+        hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", chunks=(2**24, 3), maxshape=(None, 3))
+
+    refused(hostile(tmp_path / "b.hdf5", chunky), "claims chunks")
+
+
+def test_values_that_were_never_written_take_no_memory(tmp_path):
+    path = write_hdf5(tmp_path / "a.hdf5", content(), rate_as_attribute=False)
+    with h5py.File(path, "r+") as hdf5:
+        del hdf5["sampling_rate"]
+        hdf5.create_dataset("sampling_rate", (2**30,), "u8")  # 8 GiB of a fill value
+    refused(path, r"unpack to 8589\d{6}, but")
+
+
+def chunk_of(packed, **how):
+    def make(hdf5):
+        dataset = hdf5.create_dataset("imu_acc", (ROWS, 3), "f8", chunks=(ROWS, 3), **how)
+        dataset.id.write_direct_chunk((0, 0), packed)
+
+    return make
+
+
+def test_a_chunk_that_unpacks_to_more_than_it_states_is_refused(tmp_path):
+    """The library inflates a chunk to its end, whatever its size: here 64 MiB where 0.5 kB belong."""
+    bomb = zlib.compress(bytes(64 << 20))
+    refused(hostile(tmp_path / "a.hdf5", chunk_of(bomb, compression="gzip")), "a chunk of imu_acc unpacks to more than")
+    right = zlib.compress(np.tile([0.0, 0.0, 9.8], (ROWS, 1)).tobytes())
+    assert len(read(hostile(tmp_path / "b.hdf5", chunk_of(right, compression="gzip"))).imu) == ROWS
+
+
+@pytest.mark.parametrize("how", [{"compression": "lzf"}, {"scaleoffset": 3}])
+def test_other_filters_are_refused(tmp_path, how):
+    def make(hdf5):
+        hdf5.create_dataset("imu_acc", data=np.tile([0.0, 0.0, 9.8], (ROWS, 1)), chunks=True, **how)
+
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is packed by a filter other than gzip")
+
+
+@pytest.mark.parametrize("how", [{"shuffle": True}, {"fletcher32": True}, {"shuffle": True, "fletcher32": True}])
+def test_filters_beside_gzip_are_read(tmp_path, how):
+    def make(hdf5):
+        hdf5.create_dataset("imu_acc", data=np.tile([0.0, 0.0, 9.8], (ROWS, 1)), compression="gzip", **how)
+
+    assert len(read(hostile(tmp_path / "a.hdf5", make)).imu) == ROWS
+
+
+# Hostile MATLAB -------------------------------------------------------------------------------------------------------
+
+
+def test_only_numeric_variables_are_read(tmp_path):
+    cells = np.full((ROWS, 3), 1.0, dtype=object)
+    refused(write_mat(tmp_path / "a.mat", content() | {"imu_acc": cells}), "imu_acc must be numeric, .* cell")
+
+
+def packed_variable(name, content):
+    """An element that holds an array of these numbers, of one column; its size is stated truly."""
+    data = io.BytesIO()
+    scipy.io.savemat(data, {name: content}, do_compression=True, oned_as="column")
+    return data.getvalue()[128:]
+
+
+def test_other_variables_are_not_unpacked(tmp_path):
+    """A variable that no trial needs may be of any size and kind: 64 MiB here, of which 1 KiB is looked at."""
+    path = write_mat(
+        tmp_path / "a.mat", content() | {"text": "why", "struct": {"a": 1.0}, "sparse": sparse.eye_array(3)}
+    )
+    path.write_bytes(path.read_bytes() + packed_variable("payload", np.zeros(8 << 20)))
+    tracemalloc.start()
+    try:
+        check(read(path), content(), RATE)
+        assert tracemalloc.get_traced_memory()[1] < 2 << 20
+    finally:
+        tracemalloc.stop()
+
+
+def plain_mat(tmp_path):
+    """A trial that is not packed, and where in it the tag of the accelerometer's numbers stands."""
+    path = write_mat(tmp_path / "a.mat", content(), compress=False)
+    return path, path.read_bytes().index(b"imu_acc\0") + 8
+
+
+def rewritten(path, at, new):
+    raw = bytearray(path.read_bytes())
+    raw[at : at + len(new)] = new
+    path.write_bytes(raw)
+    return path
+
+
+@pytest.mark.parametrize("kind", [0, 8, 10, 11, 14, 16, 255, 65535])
+def test_numbers_of_a_type_that_does_not_exist_are_refused(tmp_path, kind):
+    """SciPy 1.17 ends the process in such a file, at least where the type is 0 or 8."""
+    path, at = plain_mat(tmp_path)
+    refused(rewritten(path, at, struct.pack("<I", kind)), f"its numbers, of type {kind}, have 960 bytes")
+
+
+def test_no_numbers_of_no_type_are_refused(tmp_path):
+    path, at = plain_mat(tmp_path)
+    refused(rewritten(path, at, struct.pack("<II", 0, 0)), "its numbers, of type 0, have 0 bytes")
+
+
+@pytest.mark.parametrize("size", [0, 952, 968, 2**31, 2**32 - 1])
+def test_a_length_that_is_not_that_of_the_numbers_is_refused(tmp_path, size):
+    path, at = plain_mat(tmp_path)
+    refused(rewritten(path, at + 4, struct.pack("<I", size)), "the variable at byte .* is cut or damaged")
+
+
+@pytest.mark.parametrize(
+    ("place", "new", "match"),
+    [
+        (0, (15,), "Error -3|damaged"),  # plain bytes that are said to be packed
+        (0, (13,), "it is of type 13 instead of 14"),
+        (4, (2**32 - 1,), "states 4294967295 bytes"),
+        (8, (5,), "flags are not two numbers"),
+        (8, (0x00080006,), "goes beyond its end"),  # a small element has 4 bytes at most
+        (12, (2**32 - 8,), "states 4294967288 bytes"),
+        (16, (255,), "class is 255, which does not exist"),
+        (16, (17,), "imu_acc missing"),
+        (24, (6,), "dimensions are not two or more"),
+        (28, (4,), "dimensions are not two or more"),
+        (32, (2**32 - 1,), "negative dimension"),
+        (32, (2**31 - 1, 2**31 - 1), r"shape \(40, 3\)"),
+        (40, (9,), "name is not text"),
+        (44, (2**32 - 1,), "states 4294967295 bytes"),
+    ],
+)
+def test_a_damaged_beginning_is_refused(tmp_path, place, new, match):
+    """The variable's tag, its flags from 8 on, its dimensions from 24 and its name from 40."""
+    path, at = plain_mat(tmp_path)
+    refused(rewritten(path, at - 56 + place, struct.pack(f"<{len(new)}I", *new)), match)
+
+
+def test_a_variable_that_occurs_twice_is_refused(tmp_path):
+    path = write_mat(tmp_path / "a.mat", content())
+    path.write_bytes(path.read_bytes() + packed_variable("imu_acc", np.zeros(ROWS)))
+    refused(path, "imu_acc occurs twice")
+
+
+@pytest.mark.parametrize("unpacked", [64 << 20, 1000])
+def test_a_variable_that_does_not_unpack_to_what_it_states_is_refused(tmp_path, unpacked):
+    """Of a bomb no more is unpacked than the shape allows."""
+    path = tmp_path / "a.mat"
+    begin = {key: value for key, value in content().items() if key != "imu_acc"}
+    plain, at = plain_mat(tmp_path)
+    element = plain.read_bytes()[at - 56 : at + 8 + 960]
+    packed = zlib.compress((element + bytes(64 << 20))[:unpacked])
+    write_mat(path, begin)
+    path.write_bytes(path.read_bytes() + struct.pack("<II", 15, len(packed)) + packed)
+    refused(path, "it does not unpack to the 1024 bytes that it states")
+
+
+def test_a_variable_that_states_more_than_its_shape_needs_is_not_unpacked(tmp_path):
+    path, at = plain_mat(tmp_path)
+    raw = path.read_bytes()
+    element = bytearray(raw[at - 56 : at + 8 + 960]) + bytes(1 << 20)
+    element[4:8] = struct.pack("<I", len(element) - 8)
+    path.write_bytes(raw[: at - 56] + element + raw[at + 8 + 960 :])
+    refused(path, "it states 1049600 bytes for 120 numbers")
+
+
+def test_a_damaged_checksum_is_seen(tmp_path):
+    packed = bytearray(packed_variable("imu_acc", np.ones((ROWS, 3))))
+    packed[-1] ^= 1
+    path = write_mat(tmp_path / "a.mat", {key: value for key, value in content().items() if key != "imu_acc"})
+    path.write_bytes(path.read_bytes() + packed)
+    refused(path, "the variable at byte .* is cut or damaged: .*incorrect data check")
+
+
+@pytest.mark.parametrize("dtype", ["f4", "i1", "u1", "i2", "u2", "i4", "u4"])
+def test_every_type_of_number_is_read_in_either_order_of_bytes(tmp_path, dtype):
+    """Big-endian files are made by hand, since SciPy does not write them [MAT-File Format, level 5]."""
+    found = content() | {"imu_acc": np.arange(3 * ROWS).reshape(ROWS, 3).astype(dtype)}
+    little = read(write_mat(tmp_path / "a.mat", found))
+    assert np.array_equal(little.imu.acc, found["imu_acc"])
+    (tmp_path / "b.mat").write_bytes(big_endian(found))
+    check(read(tmp_path / "b.mat"), {key: np.asarray(value, float) for key, value in found.items()}, RATE)
+
+
+def big_endian(found):
+    """A file of the arrays, written on a machine with the other order of bytes; a byte is a small element."""
+    kinds = {"f8": (6, 9), "f4": (7, 7), "i1": (8, 1), "u1": (9, 2), "i2": (10, 3), "u2": (11, 4), "i4": (12, 5),
+             "u4": (13, 6), "b1": (9, 2)}  # fmt: skip
+
+    def part(kind, data):
+        return struct.pack(">II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    out = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI"
+    for name, value in found.items():
+        table = np.asarray(value)
+        table = table.reshape(len(table) if table.ndim else 1, -1)
+        class_, kind = kinds[table.dtype.str[1:]]
+        data = table.astype(table.dtype.newbyteorder(">")).tobytes("F")
+        out += part(14, part(6, struct.pack(">II", class_, 0)) + part(5, struct.pack(">ii", *table.shape))
+                    + part(1, name.encode()) + part(kind, data))  # fmt: skip
+    return out
+
+
+def test_too_many_variables_are_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(broad, "MAX_VARIABLES", 6)
+    refused(write_mat(tmp_path / "a.mat", content()), "more than 6 variables")
+
+
+def test_a_file_beyond_the_budget_is_not_read(tmp_path):
+    with write_mat(tmp_path / "a.mat", content()).open("r+b") as stream:
+        stream.truncate(2 << 40)  # of holes
+    refused(tmp_path / "a.mat", "it has 2199023255552 bytes, but a trial has 268435456 at most")
+
+
+def test_a_trial_of_the_largest_size_fits_the_budget():
+    per_row = 8 * sum(int(np.prod(shape)) for shape in broad.SHAPES.values())
+    assert broad.MAX_ROWS * (per_row + 8 * 3) < broad.MAX_BYTES  # with opt_pos, which is not read

@@ -1,0 +1,175 @@
+"""What is said about the data of a recording."""
+
+import numpy as np
+import pytest
+from io_samples import DATA, make_imu
+
+from plumbob import files
+from plumbob.data import ImuData, ImuMeta
+from plumbob.data.plausibility import doubts, turning, upside_down
+from plumbob.files.notes import EARTH_FIELD, TOPICS, findings, provenance
+from plumbob.rotations import Frame
+from plumbob.simulation import SCENARIOS, simulate
+
+META = ImuMeta(calibration="card", unit_check=False)
+
+
+def lines(topic, **changes):
+    return [line for line in findings(make_imu(**({"meta": META} | changes))) if line.startswith(topic)]
+
+
+def test_nothing_is_said_of_a_clean_recording():
+    assert findings(make_imu(meta=META)) == ()
+
+
+def test_uncalibrated():
+    assert lines("calibration: ", meta=ImuMeta()) != []
+
+
+@pytest.mark.parametrize("size", [0.5, 21.0, 68.0, 900.0])
+def test_magnetic_field_beyond_the_earths(size):
+    mag = np.tile([0.0, 0.0, size], (12, 1))
+    assert f"{size:.4g} µT" in lines("magnetic field: ", mag=mag)[0]
+
+
+@pytest.mark.parametrize("size", [22.5, 49.0, 66.5])
+def test_magnetic_field_of_the_earth(size):
+    assert lines("magnetic field: ", mag=np.tile([0.0, size, 0.0], (12, 1))) == []
+
+
+def test_magnetic_field_of_absurd_size_is_no_warning_of_numpy():
+    assert "inf" in lines("magnetic field: ", mag=np.full((12, 3), 1e300))[0]
+
+
+def test_clipped_and_invalid_samples_are_counted():
+    gyr = np.zeros((12, 3))
+    gyr[[2, 5, 7], 1] = -10.0
+    gyr[9, 0] = np.inf
+    meta = ImuMeta(calibration="card", unit_check=False, gyr_range=10.0)
+    assert lines("clipped: ", gyr=gyr, meta=meta) == ["clipped: gyr is at the end of the range in 3 of 12 samples"]
+    assert lines("invalid: ", gyr=gyr, meta=meta) == ["invalid: gyr is infinite or impossible in 1 of 12 samples"]
+
+
+def test_gaps_are_counted():
+    t = np.arange(12) * 0.01
+    t[6:] += 0.5
+    assert lines("gaps: ", t=t) == ["gaps: samples are missing before 1 of 12; the longest step is 0.51 s"]
+
+
+def test_provenance_keeps_order_and_drops_findings_and_repetitions():
+    assert provenance(["b", *(f"{topic}x" for topic in TOPICS), "a", "b"]) == ("b", "a")
+
+
+def test_earth_field_is_that_of_igrf():
+    # IGRF-13: total intensity from 22 µT (South Atlantic anomaly) to 67 µT (near the southern magnetic pole).
+    assert EARTH_FIELD == (22.0, 67.0)
+
+
+def still(rows=1000, **changes):
+    """Noise at 100 Hz, ten seconds of it."""
+    return make_imu(rows, t=np.arange(rows) * 0.01, meta=META, **changes)
+
+
+def stuck(imu):
+    return [line for line in findings(imu) if line.startswith("stuck: ")]
+
+
+@pytest.mark.parametrize("name", ["gyr", "acc", "mag"])
+def test_a_frozen_sensor(name):
+    values = getattr(still(), name).copy()
+    values[500:651] = values[499 if name != "mag" else 500]  # mag has no value in row 499
+    start = 5.0 if name == "mag" else 4.99
+    if name == "mag":
+        values[500:651] = [20.0, 1.0, -40.0]
+    line = stuck(still(**{name: values}))
+    assert line == [f"stuck: {name} does not change for {6.5 - start:.6g} s from t = {start:.6g} s"]
+
+
+def test_a_sensor_that_fell_silent_as_zeros():
+    gyr = still().gyr.copy()
+    gyr[700:] = 0.0
+    gyr[100:250] = 0.0
+    assert stuck(still(gyr=gyr)) == [
+        "stuck: gyr is exactly zero for 2.99 s from t = 7 s, the longest of 2 such stretches"
+    ]
+
+
+def test_what_is_not_stuck():
+    acc, gyr, mag = (getattr(still(), name).copy() for name in ("acc", "gyr", "mag"))
+    acc[100:195] = acc[100]  # 0.94 s
+    gyr[:] = 0.0  # never changes, as in a simulation without noise
+    mag[:] = np.repeat(mag[::3], 20, axis=0)[:1000]  # a slow one that repeats its value
+    assert stuck(still(acc=acc, gyr=gyr, mag=mag)) == []
+    slow = make_imu(100, t=np.arange(100) * 0.1, meta=META)
+    acc = slow.acc.copy()
+    acc[10:55] = acc[10]  # 4.4 s, but 45 samples
+    assert stuck(make_imu(100, t=slow.t, meta=META, acc=acc)) == []
+    nothing = np.full((1000, 3), np.inf)
+    nothing[:2] = [[0.0, 0.0, 9.8], [0.0, 0.0, 9.9]]
+    assert stuck(still(acc=nothing)) == []
+
+
+def turned(imu, factor, **changes):
+    return ImuData(**({"t": imu.t, "gyr": factor * imu.gyr, "acc": imu.acc, "meta": META} | changes))
+
+
+def gyroscope(imu):
+    return [line for line in findings(imu) if line.startswith("gyroscope: ")]
+
+
+@pytest.mark.parametrize("name", ["buoy", "rod", "fin"])
+def test_rates_in_another_unit_or_against_the_accelerometer(name):
+    settings = {} if name == "fin" else {"duration": 300.0}
+    imu = simulate(name, frame=Frame.NED, sensors="mpu6000+hmc5983", module="drawn", seed=1, **settings).imu
+    assert gyroscope(turned(imu, 1.0)) == []
+    assert "57 times slower" in gyroscope(turned(imu, 180.0 / np.pi))[0]
+    assert "°/s declared as rad/s" in gyroscope(turned(imu, 180.0 / np.pi))[0]
+    assert "57 times faster" in gyroscope(turned(imu, np.pi / 180.0))[0]
+    assert "a sign or an axis is wrong" in gyroscope(turned(imu, -1.0))[0]
+    assert gyroscope(turned(imu, 2.0)) == []  # a wrong scale is not told from accelerations
+
+
+@pytest.mark.parametrize("sensors", ["ideal", "mpu6000+hmc5983", "adis16355:density"])
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_right_rates_of_every_simulation(name, sensors):
+    module = "calibrated" if sensors == "ideal" else "drawn"
+    imu = simulate(name, frame=Frame.NWU, sensors=sensors, module=module, seed=2).imu
+    assert (gyroscope(imu), doubts(imu[:10_000]), upside_down(imu, Frame.NWU)) == ([], (), ())
+
+
+@pytest.mark.skipif(not (DATA / "broad").is_dir(), reason="no BROAD recordings; set PLUMBOB_DATA")
+def test_right_rates_and_no_stuck_sensor_in_every_broad_trial():
+    trials = [path for path in (DATA / "broad").iterdir() if path.suffix in {".mat", ".hdf5"}]
+    assert len(trials) >= 15
+    telling = 0
+    for path in trials:
+        imu = files.read(path).imu
+        assert (gyroscope(imu), stuck(imu)) == ([], []), path
+        assert (doubts(imu[:10_000]), upside_down(imu, Frame.ENU)) == ((), ()), path  # BROAD's frame
+        telling += turning(imu).tells
+    assert telling >= 8
+
+
+@pytest.mark.parametrize("most", [50_000, 100])
+def test_factor_of_a_slow_turn_with_bias_and_holes(monkeypatch, most):
+    """The y axis nods: acc = R(−angle) g, by hand; k = 1 whatever the bias."""
+    t = np.arange(6000) * 0.01
+    angle = 0.3 * np.sin(1.3 * t)
+    acc = 9.8 * np.column_stack((-np.sin(angle), np.zeros_like(t), np.cos(angle)))
+    gyr = np.outer(0.39 * np.cos(1.3 * t), [0.0, 1.0, 0.0]) + [0.1, -0.2, 0.3]
+    acc[::3] = np.nan
+    gyr[2000:2500] = np.nan
+    monkeypatch.setattr("plumbob.data.plausibility.MOST_PAIRS", most)
+    found = turning(ImuData(t=t, gyr=gyr, acc=acc))
+    assert found.tells
+    assert found.factor == pytest.approx(1.0, abs=0.02)
+    assert found.correlation == pytest.approx(1.0, abs=0.01)
+    assert found.windows < (6000 // 20 - 25 if most > 300 else 100)
+
+
+def test_nothing_is_said_without_motion_or_without_both_sensors():
+    rest = make_imu(3000, t=np.arange(3000) * 0.01, meta=META)
+    assert not turning(rest).tells
+    for changes in ({"acc": None}, {"gyr": None}, {"acc": np.zeros((3000, 3))}, {"gyr": np.zeros((3000, 3))}):
+        assert not turning(make_imu(3000, t=rest.t, meta=META, **changes)).tells
+    assert not turning(make_imu(1)).tells

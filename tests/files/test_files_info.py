@@ -1,0 +1,123 @@
+"""What `plumbob info` says of a file."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from io_samples import make_imu, make_track
+
+from plumbob import AttitudeTrack, files
+from plumbob.cli.main import main
+from plumbob.core import flags
+from plumbob.core.errors import ShapeError
+from plumbob.data import ImuMeta
+from plumbob.files.notes import TOPICS
+from plumbob.rotations import Frame, North
+
+
+@pytest.fixture
+def info(capsys):
+    def run(*words):
+        assert main(["info", *map(str, words)]) == 0
+        return capsys.readouterr()
+
+    return run
+
+
+def test_facts_on_the_terminal(tmp_path, info):
+    t = np.arange(12) * 0.01
+    t[6:] += 0.5
+    out = info(files.write(tmp_path / "a.parquet", make_imu(t=t))).out
+    assert "declination  -3.495°" in out  # −0.061 rad
+    assert "range ±34.907" in out
+    assert "1 gaps, longest step 0.51 s" in out
+
+
+def test_figures_of_time_and_of_a_triad(tmp_path, info):
+    """By hand: steps of 10, 30 and 10 ms, whose mean is 50/3 ms and whose scatter is √(800)/3 ms = 9.43 ms.
+
+    The forces have the mean (1, −1, 6.25), and the sizes 4, 5, √82 and √98, whose median is the middle of 5 and √82.
+    """
+    acc = [[0.0, 0.0, 4.0], [0.0, -4.0, 3.0], [0.0, 1.0, 9.0], [4.0, -1.0, 9.0]]
+    imu = make_imu(rows=4, t=[5.0, 5.01, 5.04, 5.05], acc=acc, mag=None, temp_c=None)
+    file = files.write(tmp_path / "a.parquet", imu)
+    found = json.loads(info(file, "--json").out)["sensors"]
+    scatter_us = 1e3 * math.sqrt(800.0) / 3.0
+    assert found["time"] == pytest.approx(
+        {"samples": 4, "duration_s": 0.05, "rate_hz": 100.0, "jitter_us": scatter_us, "gaps": 0, "longest_step_s": 0.03}
+    )
+    assert found["triads"]["acc"]["mean"] == pytest.approx([1.0, -1.0, 6.25])
+    assert found["triads"]["acc"]["std"] == pytest.approx([math.sqrt(v) for v in (3.0, 3.5, 7.6875)])
+    assert found["triads"]["acc"]["norm_median"] == pytest.approx(0.5 * (5.0 + math.sqrt(82.0)))
+    out = info(file).out
+    assert "time         4 samples, 0.050 s, 100 Hz, jitter 9.43e+03 µs, 0 gaps, longest step 0.03 s" in out
+    assert "acc          4 samples in m/s2, range ±156.91, |acc| median 7.0277" in out
+    assert "mean [1, -1, 6.25], std [1.732, 1.871, 2.773]" in out
+
+
+def test_what_is_marked_or_not_known_does_not_count(tmp_path, info):
+    """Three of five attitudes are known, two are scored, and two samples carry a flag."""
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (5, 1))
+    q[[1, 4]] = np.nan
+    track = AttitudeTrack(
+        t=np.arange(5.0), q_nb=q, frame=Frame.ENU, north=North.TRUE, score=np.array([True, False, True, False, False])
+    )
+    file = files.write(tmp_path / "t.parquet", track)
+    found = json.loads(info(file, "--json").out)["attitude"]
+    assert (found["known_samples"], found["scored_samples"], found["north"]) == (3, 2, "true")
+    assert "known        3 samples, scored 2" in info(file).out
+    acc = np.tile([0.0, 0.0, 9.8], (5, 1))
+    acc[2] = [0.0, 0.0, 1e6]  # no accelerometer measures that
+    marks = np.array([0, flags.ACC_CLIPPED, 0, flags.ACC_CLIPPED, 0], dtype=np.uint32)
+    imu = make_imu(rows=5, acc=acc, flags=marks, mag=None, meta=ImuMeta(unit_check=False))
+    found = info(files.write(tmp_path / "a.parquet", imu))
+    assert "flag         acc-clipped: 2 samples" in found.out
+    assert "acc          4 samples" in found.out
+
+
+def test_what_is_not_known_is_not_printed(tmp_path, info):
+    out = info(files.write(tmp_path / "a.parquet", make_imu(rows=1, meta=ImuMeta()))).out
+    for word in ("declination", "range", "longest step", "note"):
+        assert word not in out
+
+
+def test_provenance_on_the_terminal_and_findings_once(tmp_path, info):
+    file = tmp_path / "log.csv"
+    file.write_text("t,x,y,z\n0,0,0,-9.8\n0.01,0,0,-9.9\n0.02,0,0,-9.", encoding="utf-8")
+    file.with_suffix(".toml").write_text(
+        """separator = ","
+header.names = true
+time = { column = "t", unit = "s" }
+acc = { columns = ["x", "y", "z"], unit = "m/s2", sign = "gravity" }
+""",
+        encoding="utf-8",
+    )
+    said = info(file)
+    for part in ("the last,", "log.toml", "acc was negated"):
+        assert part in said.out
+    assert "calibration: " in said.err
+    assert not any(topic in said.out for topic in TOPICS)
+    assert any("acc was negated" in note for note in json.loads(info(file, "--json").out)["notes"])
+
+
+def test_a_triad_without_a_usable_sample(tmp_path, info):
+    acc = np.full((12, 3), 1e6)
+    file = files.write(tmp_path / "a.parquet", make_imu(acc=acc, meta=ImuMeta(unit_check=False)))
+    assert "acc          no usable sample" in info(file).out
+    triad = json.loads(info(file, "--json").out)["sensors"]["triads"]["acc"]
+    assert triad == {"unit": "m/s2", "samples": 0, "range": None, "mean": None, "std": None, "norm_median": None}
+
+
+def test_declination_in_json(tmp_path, info):
+    file = files.write(tmp_path / "a.parquet", make_imu())
+    assert json.loads(info(file, "--json").out)["sensors"]["declination_deg"] == pytest.approx(np.degrees(-0.061))
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_notes_to_write_are_lines_and_not_letters(tmp_path, suffix):
+    file = tmp_path / f"a.{suffix}"
+    for what in (make_imu(), make_track(), files.Recording(imu=make_imu())):
+        with pytest.raises(ShapeError, match="notes must be a sequence of lines of text, but got 'text'"):
+            files.write(file, what, notes="text")
+    assert not file.exists()

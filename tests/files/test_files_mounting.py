@@ -1,0 +1,220 @@
+"""What loggers write that no two write alike: dates and clock times, counts around a middle, sensors mounted askew."""
+
+import json
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from plumbob.core.constants import G0
+from plumbob.core.errors import ClockError, DecodeError, FrameError
+from plumbob.files import parse_profile, read, text_table
+from plumbob.files.timestamps import StampError, stamps_ns
+from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_rotate
+
+HEAD = 'separator = ","\n[header]\nnames = true\n'
+GYR = '[gyr]\ncolumns = ["gx", "gy", "gz"]\nunit = "rad/s"\n'
+ISO = '[time]\ncolumn = "t"\nformat = "ISO 8601"\n'
+NOON = 1_714_566_605  # date -u -d 2024-05-01T12:30:05Z +%s (GNU coreutils 9.1)
+
+
+@pytest.fixture
+def parse(tmp_path):
+    def from_text(text, profile):
+        path = tmp_path / "a.csv"
+        path.write_text(text, encoding="utf-8")
+        return read(path, profile=parse_profile(profile))
+
+    return from_text
+
+
+def rows(stamps, names="t"):
+    return f"{names},gx,gy,gz\n" + "".join(f"{stamp},1,2,3\n" for stamp in stamps)
+
+
+# Time -----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("2024-05-01T12:30:05.120Z", "2024-05-01T12:30:05.130Z"),
+        ("2024-05-01 12:30:05.120 UTC", "2024-05-01 12:30:05.13 UTC"),
+        ("2024-05-01T20:30:05.120+08:00", "2024-05-01T20:30:05.130+0800"),
+        ("2024-05-01t07:00:05.12-05:30", "2024-05-01t07:00:05.130000000-05:30"),
+        ('"2024/5/1 12:30:05,120Z"', '"2024/5/1 12:30:05,130Z"'),
+    ],
+)
+@pytest.mark.parametrize("fast", [True, False])
+def test_dates_with_a_zone_start_the_recording_in_utc(parse, monkeypatch, first, second, fast):
+    if not fast:
+        monkeypatch.setattr(text_table, "_fast", lambda *_: None)
+    imu = parse(rows([first, second]), HEAD + ISO + GYR).imu
+    assert imu.t.tolist() == [0.0, 0.01]
+    assert imu.meta.t0_ns == NOON * 10**9 + 120_000_000
+    assert imu.gyr.tolist() == [[1, 2, 3]] * 2
+
+
+def test_midnight_and_leap_days_are_passed(parse):
+    start = datetime(2024, 2, 28, 23, 59, 59, tzinfo=UTC)
+    stamps = [(start + timedelta(hours=13 * i)).isoformat() for i in range(4)]
+    assert parse(rows(stamps), HEAD + ISO + GYR).imu.t.tolist() == [13 * 3600.0 * i for i in range(4)]
+
+
+def test_a_zone_is_declared_where_the_file_names_none(parse):
+    text = rows(["2024-05-01T20:30:05", "2024-05-01T20:30:06"])
+    recording = parse(text, HEAD + ISO + GYR)
+    assert recording.imu.meta.t0_ns == 0
+    assert any("start in UTC is not known" in note for note in recording.notes)
+    zoned = parse(text, HEAD + ISO + 'zone = "+08:00"\n' + GYR)
+    assert zoned.imu.meta.t0_ns == NOON * 10**9
+    assert not any("UTC" in note for note in zoned.notes)
+
+
+def test_date_and_time_in_two_columns_and_a_clock_alone(parse):
+    both = ISO.replace('column = "t"', 'columns = ["d", "t"]')
+    imu = parse(rows(["2024-05-01,12:30:05.1Z", "2024-05-01,12:30:05.3Z"], "d,t"), HEAD + both + GYR).imu
+    assert (imu.t.tolist(), imu.meta.t0_ns) == ([0.0, 0.2], NOON * 10**9 + 100_000_000)
+    imu = parse(rows(["9:30:05.1", "9:30:05.3"]), HEAD + ISO + GYR).imu
+    assert (imu.t.tolist(), imu.meta.t0_ns) == ([0.0, 0.2], 0)
+
+
+@pytest.mark.parametrize(
+    ("second", "match"),
+    [
+        ("01/05/2024 12:30:06", "line 4: .* is not a time in the form of ISO 8601, as 2024-05-01"),
+        ("2024-02-30T12:30:06Z", "line 4: .*no such day"),
+        ("2024-05-01T24:30:06Z", "line 4: .*no such hour"),
+        ("2024-05-01T12:30:06", "line 4: .*zone"),
+        ("", "line 4: '' is not a time"),
+        ("NaN", "line 4"),
+    ],
+)
+def test_a_time_that_cannot_be_read_is_named(parse, second, match):
+    with pytest.raises(DecodeError, match=match):  # a comment before it, which counts as a line
+        parse(rows(["2024-05-01T12:30:05Z"]) + f"#\n{second},1,2,3\n", 'comment = "#"\n' + HEAD + ISO + GYR)
+
+
+def test_times_that_go_back_are_refused_as_any(parse):
+    with pytest.raises(ClockError, match="increas"):
+        parse(rows(["23:59:59", "00:00:01"]), HEAD + ISO + GYR)
+
+
+def test_the_advice_of_a_clock_time_leads_on(parse):
+    seconds = '[time]\ncolumn = "t"\nunit = "s"\n'
+    with pytest.raises(DecodeError, match=r'declare \[time\] format = "ISO 8601"'):
+        parse(rows(["2024-05-01T12:30:05Z"]), HEAD + seconds + GYR)
+
+
+@pytest.mark.parametrize(
+    ("time", "match"),
+    [
+        (ISO + 'unit = "s"\n', "has a format, so it can have no unit"),
+        (ISO + 'columns = ["d", "t"]\n', "needs column, or columns"),
+        ('[time]\ncolumn = "t"\nunit = "s"\nzone = "UTC"\n', "time.zone is for dates"),
+        (ISO + 'zone = "CET"\n', "time.zone: 'CET' is not a zone"),
+        (ISO.replace("ISO 8601", "%H"), "must be one of 'ISO 8601'"),
+    ],
+)
+def test_nonsense_about_time_is_refused(time, match):
+    with pytest.raises(DecodeError, match=match):
+        parse_profile(HEAD + time + GYR)
+    with pytest.raises(DecodeError, match="remove t0_ns"):
+        parse_profile("t0_ns = 1\n" + HEAD + ISO + GYR)
+
+
+def test_a_zone_said_twice_is_refused():
+    with pytest.raises(StampError, match="names its zone itself"):
+        stamps_ns(["2024-05-01T12:30:05Z"], 0)
+
+
+# Counts ---------------------------------------------------------------------------------------------------------------
+
+
+def test_counts_around_a_middle(parse):
+    """Offset binary: 32768 is zero, and a scale below zero turns the sign."""
+    text = "gx,gy,gz,ax,ay,az\n32768,32778,32758,32768,32768,36864\n32768,32768,32768,32768,32768,36864\n"
+    profile = (
+        HEAD + '[time]\nrate = "100 Hz"\n' + GYR.replace('"rad/s"', '"rad/s"\nunit_per_count = -0.01\nzero = 32768')
+    )
+    acc = '[acc]\ncolumns = ["ax", "ay", "az"]\nunit = "g"\ncounts_per_unit = 4096\nzero = [32768, 32768.0, 32768]\n'
+    imu = parse(text, profile + acc + 'sign = "specific-force"\n').imu
+    assert imu.gyr[0] == pytest.approx([0.0, -0.1, 0.1], rel=1e-15)
+    assert imu.acc.tolist() == [[0.0, 0.0, G0]] * 2
+
+
+def test_a_zero_is_in_counts():
+    time = '[time]\nrate = "100 Hz"\n'
+    with pytest.raises(DecodeError, match=r"gyr\.zero is in counts; add gyr\.counts_per_unit"):
+        parse_profile(HEAD + time + GYR + "zero = 32768\n")
+    with pytest.raises(DecodeError, match=r"gyr\.zero\[2\] must be a finite number"):
+        parse_profile(HEAD + time + GYR + 'counts_per_unit = 1\nzero = [1, "2", 3]\n')
+
+
+# Axes -----------------------------------------------------------------------------------------------------------------
+
+MOUNTED = {
+    "gyr": ("rad/s", "-y x z", "y -x z"),  # what the profile says, and the turn the other way round
+    "acc": ("m/s2", "z x y", "y z x"),
+    "mag": ("uT", "x y -z", "x y -z"),  # left-handed
+}
+"""Unit, axes of the sensor, and its inverse, worked out by hand: row i of the inverse is column i of the matrix."""
+
+
+def picked(axes, vectors):
+    place = ["xyz".index(word[-1]) for word in axes.split()]
+    sign = [-1.0 if word.startswith("-") else 1.0 for word in axes.split()]
+    return vectors[:, place] * sign
+
+
+def test_each_sensor_has_its_own_axes_and_the_case_has_others(parse):
+    rng = np.random.default_rng(5)
+    q_ns = quat_from_euler_zyx(rng.uniform(-1.0, 1.0, (120, 3)))
+    case = {"gyr": rng.normal(0.0, 0.1, (120, 3)), "acc": quat_rotate(quat_conjugate(q_ns), [0.0, 0.0, G0])}
+    case["mag"] = quat_rotate(quat_conjugate(q_ns), [20.0, 0.0, -40.0])
+    columns, profile = {}, 'axes = "x -y -z"\n' + HEAD + '[time]\nrate = "100 Hz"\n'
+    for name, (unit, axes, inverse) in MOUNTED.items():
+        names = [f"{name}{axis}" for axis in "xyz"]
+        columns |= dict(zip(names, picked(inverse, case[name]).T, strict=True))
+        profile += f'[{name}]\ncolumns = {json.dumps(names)}\nunit = "{unit}"\naxes = "{axes}"\n'
+        profile += 'sign = "specific-force"\n' if name == "acc" else "mirrored = true\n" if name == "mag" else ""
+    table = "\n".join(",".join(map(repr, row)) for row in np.stack(list(columns.values()), axis=1).tolist())
+    recording = parse(f"{','.join(columns)}\n{table}\n", profile)
+    for name, values in case.items():
+        assert np.array_equal(getattr(recording.imu, name), picked("x -y -z", values)), name
+    assert "mag: the case's x, y, z are its 'x y -z', as the profile says" in recording.notes
+
+
+@pytest.mark.parametrize(
+    ("extra", "match"),
+    [
+        ('axes = "x y -z"', r"gyr\.axes = 'x y -z' are left-handed; .* say gyr\.mirrored = true"),
+        ('axes = "y -x z"\nmirrored = true', r"are right-handed; remove gyr\.mirrored"),
+        ("mirrored = true", r"'x y z' are right-handed"),
+        ('axes = "x y y"', r"gyr\.axes: .*must name x, y and z once each"),
+    ],
+)
+def test_left_handed_axes_are_said_twice(extra, match):
+    with pytest.raises(FrameError, match=match):
+        parse_profile(HEAD + '[time]\nrate = "100 Hz"\n' + GYR + extra)
+
+
+def test_a_left_handed_case_is_advised_to_name_the_sensor():
+    with pytest.raises(FrameError, match=r"mirrored = true in its own table, as in \[mag\]"):
+        parse_profile('axes = "x y -z"\n' + HEAD + '[time]\nrate = "100 Hz"\n' + GYR)
+    with pytest.raises(DecodeError, match="remove the axes of the sensors"):
+        parse_profile("axes_applied = true\n" + HEAD + '[time]\nrate = "100 Hz"\n' + GYR + 'axes = "y -x z"\n')
+
+
+@pytest.mark.parametrize(("hand", "own"), [(1.0, 'axes = "z -x y"\nmirrored = true'), (-1.0, 'axes = "-z x -y"')])
+def test_a_device_that_is_left_handed_throughout(parse, hand, own):
+    """The table of docs/own-csv.md: x right, y up, z ahead; forward-left-up is its z, −x, y, worked out by hand."""
+    body = np.array([[0.1, 0.2, 0.3], [0.2, 0.1, -0.3]])  # forward, left, up
+    device = np.stack([-body[:, 1], body[:, 2], body[:, 0]], axis=1)  # right, up, ahead
+    columns = np.hstack([hand * device, device * G0])
+    table = "".join(",".join(map(repr, row)) + "\n" for row in columns.tolist())
+    acc = '[acc]\ncolumns = ["ax", "ay", "az"]\nunit = "m/s2"\nsign = "specific-force"\n'
+    profile = HEAD + '[time]\nrate = "100 Hz"\n' + GYR + own + "\n" + acc + 'axes = "z -x y"\nmirrored = true\n'
+    imu = parse("gx,gy,gz,ax,ay,az\n" + table, profile).imu
+    assert imu.gyr.tolist() == body.tolist()
+    assert imu.acc == pytest.approx(body * G0, rel=1e-15)

@@ -1,0 +1,250 @@
+"""Files of bare numbers: text in every dialect that is taken, raw values, .npy, and what is refused."""
+
+import numpy as np
+import pytest
+from io_samples import DATA
+
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.files import numbers as numbers_binary
+from plumbob.files import numbers_text, open_numbers, read
+
+L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"
+TABLE = np.random.default_rng(1).normal(size=(200, 3)).round(6)
+DIALECTS = {
+    "blanks": "\n".join(" ".join(map(str, row)) for row in TABLE) + "\n",
+    "columns of equal width": "\n".join("".join(f"{value:>14}" for value in row) for row in TABLE) + "\n",
+    "tabs": "\n".join("\t".join(map(str, row)) for row in TABLE) + "\n",
+    "commas": "\n".join(",".join(map(str, row)) for row in TABLE) + "\n",
+    "commas and blanks": "\n".join(", ".join(map(str, row)) for row in TABLE) + "\n",
+    "semicolons at the end too": "\n".join(";".join(map(str, row)) + ";" for row in TABLE) + "\n",
+    "line ends of Windows": "\r\n".join(" ".join(map(str, row)) for row in TABLE) + "\r\n",
+    "comments and blank lines": "# a b c\n\n% more\n"
+    + "\n \n".join(" ".join(map(str, row)) + "\n# x" for row in TABLE)
+    + "\n",
+    "signs": "\n".join(" ".join(f"{value:+}" for value in row) for row in TABLE) + "\n",
+    "byte order mark": "\ufeff" + "\n".join(" ".join(map(str, row)) for row in TABLE) + "\n",
+}
+
+
+@pytest.fixture
+def text(tmp_path):
+    def written(content, **declared):
+        path = tmp_path / "a.txt"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return open_numbers(path, **declared)
+
+    return written
+
+
+@pytest.fixture
+def small_chunks(monkeypatch):
+    """So that every file here is cut at many places."""
+    monkeypatch.setattr(numbers_text, "CHUNK", 97)
+    monkeypatch.setattr(numbers_binary, "_BLOCK_VALUES", 10)
+
+
+def refused(numbers, match):
+    with pytest.raises(DecodeError, match=match) as caught:
+        numbers.read()
+    assert "a.txt" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+# Text -----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_dialects(text, dialect):
+    numbers = text(DIALECTS[dialect])
+    assert numbers.columns == 3
+    assert numbers.notes == ()
+    assert np.array_equal(numbers.read(), TABLE)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_chunks_change_nothing(text, dialect, small_chunks):
+    numbers = text(DIALECTS[dialect])
+    assert np.array_equal(numbers.read(), TABLE)
+    assert len(list(numbers)) > 20
+
+
+@pytest.mark.parametrize("separator", [" ", "\t", ",", ", ", ";", " ; ", "  "])
+@pytest.mark.parametrize("end", ["\n", " ", "\r\n"])
+def test_one_line_is_one_column(text, separator, end, small_chunks):
+    numbers = text(separator.join(map(str, TABLE.ravel())) + end)
+    assert np.array_equal(numbers.read(), TABLE.reshape(-1, 1))
+    assert np.array_equal(text(separator.join(map(str, TABLE.ravel())) + end, columns=3).read(), TABLE)
+    assert numbers.notes == ()
+
+
+def test_one_number_per_line_and_a_second_reading(text):
+    numbers = text("1\n-2.5e3\n+3\n")
+    assert np.array_equal(numbers.read(), [[1.0], [-2500.0], [3.0]])
+    assert np.array_equal(numbers.read(), [[1.0], [-2500.0], [3.0]])
+
+
+def test_progress_ends_at_the_size(text, small_chunks):
+    told = []
+    numbers = text(DIALECTS["blanks"])
+    rows = sum(len(block) for block in numbers.blocks(told.append))
+    assert rows == 200
+    assert told == sorted(told)
+    assert told[-1] == numbers.size == numbers.path.stat().st_size
+
+
+def test_nan_is_a_number_and_an_empty_cell_is_not(text):
+    assert np.isnan(text("1\nnan\n3\n").read()[1, 0])
+    refused(text("1,,3,4\n"), r"line 1, value 2: '' is not a number")
+    refused(text("1,2,3\n4,,6\n"), r"line 2, value 2: '' is not a number")
+
+
+def test_what_may_be_cut_is_left_out_and_said(text):
+    for content, what in (("1 2\n3 4\n5 6", "line has no line end"), ("1 2 3", "number has nothing after it")):
+        numbers = text(content)
+        assert numbers.read().size == len(content.split()) - (2 if "\n" in content else 1)
+        assert what in numbers.notes[0]
+    refused(text("7"), "holds no whole row")
+
+
+@pytest.mark.parametrize(
+    ("content", "match"),
+    [
+        ("# only\n", "holds no number"),
+        ("x y\n1 2\n", r"line 1, value 1: 'x' is not a number; .*--profile FILE.toml"),
+        ("1 2\n3 oops\n5 6\n", r"line 2, value 2: 'oops' is not a number"),
+        ("1 2\n\n# c\n3 1_0\n5 6\n", r"line 4, value 2: '1_0' is not a number"),
+        ("1 2\n3\n5 6\n", r"line 2 has 1 numbers, but line 1, the first, has 2: '3'"),
+        ("#\n1 2\n3 4\n5 6 7\n", r"line 4 has 3 numbers, but line 2, the first, has 2"),
+        ("1 2 3 bad 5 ", r"line 1, value 4: 'bad' is not a number"),
+        ("1,5;2,5\n1,6;2,6\n", "the commas may be decimal"),
+        ("1,5 2,5\n1,6 2,6\n", "'5 2' is not a number.*decimal commas needs a profile"),
+        ("1,5\n1,6\n", "may be two whole numbers or one with a decimal comma; declare columns = 2"),
+        (b"\xff\xfe1\x00\n\x00", "is not a number"),
+    ],
+)
+def test_what_is_no_number_is_named(text, content, match):
+    with pytest.raises(DecodeError, match=match):
+        text(content).read()
+
+
+def test_declared_columns_are_held(text):
+    assert np.array_equal(text("1,5\n1,6\n", columns=2).read(), [[1.0, 5.0], [1.0, 6.0]])
+    with pytest.raises(DecodeError, match="line 1 has 2 numbers, but 3 columns are declared"):
+        text("1 2\n3 4\n", columns=3)
+    refused(text("1 2 3 4 5\n", columns=3), "5 numbers do not fill rows of 3 columns")
+    with pytest.raises(ParameterError, match=r"at least 1"):
+        text("1\n2\n", columns=0)
+
+
+def test_places_are_right_behind_the_first_chunk(text, small_chunks):
+    refused(text("1.25 2.5\n" * 100 + "3 x\n"), "line 101, value 2: 'x'")
+    refused(text("1.25 " * 100 + "x "), "line 1, value 101: 'x'")
+    refused(text("1.25 " * 100 + "\n1 2\n"), "more than 97 bytes, so it must be the only one")
+    refused(text("1 2\n" + "1" * 400 + "\n"), "no number ends for")
+
+
+@pytest.mark.skipif(not L3GD20.is_file(), reason=f"no record of an L3GD20 in {DATA}; set PLUMBOB_DATA")
+def test_a_real_record_on_one_line_of_2_mb():
+    numbers = open_numbers(L3GD20)
+    values = numbers.read()
+    assert values.shape == (len(L3GD20.read_bytes().split()), 1)
+    assert np.array_equal(values[:3, 0], [1.2425, 1.46125, 1.0675])  # as the file begins
+    assert values[-1, 0] == 0.63  # and ends
+    assert len(list(numbers)) > 1
+
+
+# Binary ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", numbers_binary.RAW)
+def test_raw_values(tmp_path, kind, small_chunks):
+    table = np.arange(60).reshape(20, 3)
+    path = tmp_path / f"a.{kind}"
+    table.astype(numbers_binary.RAW[kind]).tofile(path)
+    assert np.array_equal(open_numbers(path, columns=3).read(), table)
+    path.rename(tmp_path / "a.bin")
+    told = []
+    numbers = open_numbers(tmp_path / "a.bin", kind=kind, columns=1)
+    assert np.array_equal(np.concatenate(list(numbers.blocks(told.append))), table.reshape(-1, 1))
+    assert told[-1] == numbers.size
+
+
+def test_raw_values_are_never_guessed(tmp_path):
+    path = tmp_path / "a.bin"
+    np.zeros(5, "<f4").tofile(path)
+    with pytest.raises(ParameterError, match=r"'.bin' does not say what numbers it holds"):
+        open_numbers(path, columns=1)
+    with pytest.raises(ParameterError, match=r"must be one of npy, text, f32.*'double'"):
+        open_numbers(path, kind="double", columns=1)
+    with pytest.raises(ParameterError, match="declare the columns"):
+        open_numbers(path, kind="f32")
+    with pytest.raises(DecodeError, match=r"a.bin: its 20 bytes are 2 rows of 2 f32 values and 4 bytes more"):
+        open_numbers(path, kind="f32", columns=2)
+    path.write_bytes(b"")
+    with pytest.raises(DecodeError, match="is empty"):
+        open_numbers(path, kind="f32", columns=2)
+
+
+@pytest.mark.parametrize("dtype", ["f4", "f8", ">f8", "i2", "u1"])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_npy(tmp_path, dtype, order, small_chunks):
+    table = np.asarray(np.arange(60).reshape(20, 3), dtype=dtype, order=order)
+    np.save(tmp_path / "a.npy", table)
+    numbers = open_numbers(tmp_path / "a.npy")
+    assert np.array_equal(numbers.read(), table)
+    assert len(list(numbers)) == 7  # blocks of three rows
+    np.save(tmp_path / "a.npy", table[:, 0])
+    assert np.array_equal(open_numbers(tmp_path / "a.npy", columns=1).read(), table[:, :1])
+
+
+def test_npy_that_is_none(tmp_path):
+    path = tmp_path / "a.npy"
+    for array in (np.zeros((2, 5)), np.zeros((4, 2, 2)), np.zeros(3, complex), np.zeros(3, bool), np.array(["a"])):
+        np.save(path, array)
+        with pytest.raises(DecodeError, match=r"fewer rows|must hold one array of real numbers"):
+            open_numbers(path)
+    np.save(path, np.array([{}], dtype=object), allow_pickle=True)
+    with pytest.raises(DecodeError, match=r"no \.npy file of numbers"):
+        open_numbers(path)
+    np.save(path, np.zeros((50, 2)))
+    with pytest.raises(DecodeError, match="rows have 2 values, but 3"):
+        open_numbers(path, columns=3)
+    path.write_bytes(path.read_bytes()[:-8])
+    with pytest.raises(DecodeError, match=r"it is cut"):
+        open_numbers(path)
+
+
+@pytest.mark.parametrize("value", [1e300, -2e30])
+def test_numbers_that_no_sensor_gives_are_refused_with_their_place(tmp_path, value):
+    """Squares of them overflow, and LAPACK says so on standard output; NaN and infinity are others' business."""
+    table = np.zeros((2000, 3))
+    table[1500, 1], table[3, 0], table[4, 0] = value, np.inf, np.nan
+    np.save(tmp_path / "a.npy", table)
+    with pytest.raises(
+        DecodeError, match=rf"a\.npy: row 1501, column 2 is {value:g}, but no sensor".replace("+", r"\+")
+    ):
+        open_numbers(tmp_path / "a.npy").read()
+
+
+def test_a_file_that_shrinks_is_noticed(tmp_path):
+    path = tmp_path / "a.f64"
+    np.zeros(10).tofile(path)
+    numbers = open_numbers(path, columns=1)
+    path.write_bytes(b"\0" * 40)
+    with pytest.raises(DecodeError, match="ends after 40 bytes"):
+        numbers.read()
+
+
+# Beside recordings ----------------------------------------------------------------------------------------------------
+
+
+def test_the_two_doors_point_to_each_other(tmp_path):
+    path = tmp_path / "a.txt"
+    path.write_text("1 2 3\n4 5 6\n")
+    with pytest.raises(
+        DecodeError, match="Bare numbers of a unit at rest are for 'plumbob allan', with --rate and --scale"
+    ):
+        read(path)
+    np.save(tmp_path / "a.npy", np.zeros(3))
+    with pytest.raises(DecodeError, match="Bare numbers are no recording; 'plumbob allan' takes them"):
+        read(tmp_path / "a.npy")

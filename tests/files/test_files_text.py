@@ -1,0 +1,556 @@
+"""Text files in the dialects that LabVIEW and loggers write."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from io_samples import DATA, make_imu
+
+from plumbob.core.constants import G0
+from plumbob.core.errors import ClockError, DecodeError, ShapeError, UnitError
+from plumbob.files import Recording, parse_profile, read, text_table, write
+from plumbob.files.text_write import text_cell
+from plumbob.rotations import Frame, North, body_axes, quat_angle, quat_from_euler_zyx, quat_rotate
+from tests.battery import examples
+
+HEAD = 'separator = ","\n[header]\nnames = true\n'
+TIME = '[time]\ncolumn = "t"\nunit = "s"\n'
+GYR = '[gyr]\ncolumns = ["gx", "gy", "gz"]\nunit = "rad/s"\n'
+PLAIN = HEAD + TIME + GYR
+ROWS = "t,gx,gy,gz\n0.00,1,2,3\n0.01,4,5,6\n0.02,7,8,9\n"
+
+
+@pytest.fixture
+def parse(tmp_path):
+    def from_text(text, profile, encoding="utf-8"):
+        path = tmp_path / "a.csv"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+        return read(path, profile=parse_profile(profile))
+
+    return from_text
+
+
+def in_one_line(caught):
+    assert "a.csv" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+# Dialects ------------------------------------------------------------------------------------------------------------
+
+LABVIEW = """LabVIEW 测量\t
+Writer_Version\t2
+***End_of_Header***\t
+\t
+通道\t3
+***End_of_Header***\t\t
+时间\t角速度X\t角速度Y\t角速度Z\t备注
+[s]\t[°/s]\t[°/s]\t[°/s]
+0,000\t1,5\t-2,5\t3,0E+1
+0,010\t--\t1.#QNAN\t
+0,020\t+4,5\t5,0\t6,0
+"""
+LABVIEW_PROFILE = """
+separator = "\\t"
+decimal = ","
+encoding = "gbk"
+missing = ["", "--", "1.#QNAN"]
+[header]
+marker = "***End_of_Header***"
+occurrence = 2
+names = true
+after_names = 1
+[time]
+column = "时间"
+unit = "s"
+[gyr]
+columns = ["角速度X", "角速度Y", "角速度Z"]
+unit = "dps"
+"""
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n", "\r"])
+def test_labview_tab_decimal_comma_gbk_two_headers(parse, line_end):
+    imu = parse(LABVIEW.replace("\n", line_end), LABVIEW_PROFILE, "gbk").imu
+    expected = np.radians([[1.5, -2.5, 30.0], [np.nan] * 3, [4.5, 5.0, 6.0]])  # definition of the degree
+    assert np.allclose(imu.gyr, expected, rtol=1e-15, equal_nan=True)
+    assert imu.t.tolist() == [0.0, 0.01, 0.02]
+
+
+@pytest.mark.parametrize(
+    ("separator", "decimal"), [(",", "."), (";", "."), (";", ","), ("\t", "."), ("\t", ","), (" ", "."), (" ", ",")]
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "gbk", "latin-1", "utf-16", "cp1252"])
+def test_separators_decimals_and_encodings(parse, separator, decimal, encoding):
+    text = ROWS.replace(".", "\0").replace(",", separator).replace("\0", decimal)
+    profile = PLAIN.replace('separator = ","', f"separator = {json.dumps(separator)}\ndecimal = '{decimal}'")
+    profile = f"encoding = '{encoding.removesuffix('-sig')}'\n" + profile
+    imu = parse(text, profile, encoding).imu
+    assert imu.gyr.tolist() == [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    assert imu.t.tolist() == [0.0, 0.01, 0.02]
+
+
+def test_runs_of_blanks_at_both_ends_and_tabs(parse):
+    text = "  t  gx gy\tgz \n   0.00   1  2     3\n 0.01 4   5 6  \n"
+    assert parse(text, PLAIN.replace('","', '" "')).imu.gyr.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_comments_blank_lines_and_skipped_lines(parse):
+    text = "made by\nlogger\n# a\n\nt,gx,gy,gz\n# b\n0.00,1,2,3\n\n#,,,\n0.01,4,5,6\n"
+    profile = 'comment = "#"\n' + PLAIN.replace("names = true", "names = true\nskip = 2")
+    assert parse(text, profile).imu.gyr.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_columns_by_number_without_names(parse):
+    profile = (
+        'separator = ","\n[header]\nnames = false\n[time]\ncolumn = 4\nunit = "ms"\n'
+        '[gyr]\ncolumns = [3, 1, 2]\nunit = "mrad/s"\n'
+    )
+    imu = parse("1,2,3,0\n4,5,6,10\n", profile).imu
+    assert np.allclose(imu.gyr, [[0.003, 0.001, 0.002], [0.006, 0.004, 0.005]], rtol=1e-15)
+    assert imu.t.tolist() == [0.0, 0.01]
+
+
+def test_quoted_cells_and_text_columns_that_are_not_used(parse):
+    text = 't,"note, long",gx,gy,gz\n"0.00","a, b",1,2,3\n0.01,plain,4,5,6\n'
+    assert parse(text, PLAIN).imu.gyr.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_a_trailing_separator_in_the_rows_only(parse):
+    text = ROWS.replace("\n", ",\n").replace("gz,", "gz")
+    assert parse(text, PLAIN).imu.gyr[2].tolist() == [7, 8, 9]
+
+
+def test_a_declared_rate_gives_the_time(parse):
+    text = "gx,gy,gz\n" + "1,2,3\n" * 8
+    imu = parse(text, HEAD + '[time]\nrate = "300 Hz"\n' + GYR).imu
+    assert imu.t_ns.tolist() == [round(k * 1_000_000_000 / 300) for k in range(8)]
+    assert imu.meta.rate_nominal == 300.0
+
+
+def test_unix_time_keeps_every_nanosecond(parse):
+    text = ROWS.replace("0.00", "1464877043.123456789").replace("0.01", "1464877043.133456791")
+    text = text.replace("0.02", "1464877043.143456792")
+    imu = parse(text, PLAIN.replace('unit = "s"', 'unit = "s"\nepoch = "unix"')).imu
+    assert imu.meta.t0_ns == 1_464_877_043_123_456_789
+    assert imu.t_ns.tolist() == [0, 10_000_002, 20_000_003]
+
+
+@pytest.mark.parametrize(("unit", "digits"), [("s", 0), ("ms", 3), ("us", 6), ("ns", 9)])
+def test_unix_time_in_any_unit(parse, unit, digits):
+    stamps = [1_464_877_043 * 10**digits, 1_464_877_044 * 10**digits]
+    text = "t,gx,gy,gz\n" + "".join(f"{stamp},1,2,3\n" for stamp in stamps)
+    imu = parse(text, PLAIN.replace('unit = "s"', f'unit = "{unit}"\nepoch = "unix"')).imu
+    assert imu.meta.t0_ns == 1_464_877_043_000_000_000
+    assert imu.t_ns.tolist() == [0, 1_000_000_000]
+
+
+def test_unix_time_by_the_slow_path_is_the_same(parse, monkeypatch):
+    text = ROWS.replace("0.0", "1464877043.12345678")
+    profile = PLAIN.replace('unit = "s"', 'unit = "s"\nepoch = "unix"')
+    fast = parse(text, profile).imu
+    monkeypatch.setattr(text_table, "_fast", lambda *_: None)
+    slow = parse(text, profile).imu
+    assert (fast.meta.t0_ns, fast.t.tobytes()) == (slow.meta.t0_ns, slow.t.tobytes())
+
+
+def test_seconds_since_1970_without_saying_so_are_refused(parse):
+    with pytest.raises(ClockError, match="For unix time") as caught:
+        parse(ROWS.replace("0.0", "1464877043.0"), PLAIN)
+    in_one_line(caught)
+
+
+# Units, signs, axes, references ---------------------------------------------------------------------------------------
+
+
+def test_counts_become_units(parse):
+    half = GYR.replace('"rad/s"', '"dps"\ncounts_per_unit = 16.4')  # MPU-6050 data sheet, ±2000 °/s
+    imu = parse(ROWS, HEAD + TIME + half).imu
+    assert imu.gyr[0, 0] == pytest.approx(math.radians(1.0 / 16.4), rel=1e-14)
+    worth = GYR.replace('"rad/s"', '"dps"\nunit_per_count = 0.0609756097560975')
+    assert parse(ROWS, HEAD + TIME + worth).imu.gyr[0, 0] == pytest.approx(imu.gyr[0, 0], rel=1e-12)
+
+
+ACC = '[acc]\ncolumns = ["gx", "gy", "gz"]\nunit = "g"\nsign = "specific-force"\n'
+
+
+def test_gravity_sign_is_turned_round(parse):
+    text = "t,gx,gy,gz\n0,0,0,-1\n1,0,0,-1\n"  # z up, at rest, a device that reports gravity
+    recording = parse(text, HEAD + TIME + ACC.replace("specific-force", "gravity"))
+    assert recording.imu.acc.tolist() == [[0.0, 0.0, G0], [0.0, 0.0, G0]]  # specific force points up
+    assert any("acc was negated" in note for note in recording.notes)
+
+
+def test_axes_turn_every_triad_as_body_axes_says(parse):
+    imu = parse(ROWS, 'axes = "y -x z"\n' + PLAIN).imu
+    assert imu.gyr.tolist() == (np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9.0]]) @ body_axes("y -x z").T).tolist()
+    assert imu.meta.axes == "y -x z"
+
+
+def test_one_missing_component_stays_one_when_axes_turn(parse):
+    imu = parse(ROWS.replace("1,2,3", "1,,3"), 'axes = "y -x z"\n' + PLAIN).imu
+    assert np.isnan(imu.gyr[0]).tolist() == [True, False, False]
+    assert imu.gyr[0, 1:].tolist() == [-1.0, 3.0]
+
+
+def test_temperature_and_ranges(parse):
+    profile = HEAD + TIME + GYR.replace('rad/s"', 'rad/s"\nrange = "9 rad/s"') + '[temperature]\ncolumn = 5\nunit = "K"'
+    text = "t,gx,gy,gz,T\n0,1,2,3,273.15\n1,4,5,6,300\n2,7,8,9,--\n"
+    imu = parse(text, 'missing = ["--"]\n' + profile).imu
+    assert imu.temp_c == pytest.approx([0.0, 26.85, np.nan], nan_ok=True)  # ITS-90: 0 °C is 273.15 K
+    assert imu.flags[2] & 1 << 3  # 9 of 9 rad/s is the end of the range
+
+
+QUAT = "t,w,x,y,z\n0,0.5,0.5,-0.5,0.5\n1,1,0,0,0\n"
+TRACK = '[reference]\ncolumns = ["w", "x", "y", "z"]\norder = "wxyz"\nframe = "NED"\nnorth = "true"\n'
+
+
+def test_a_reference_alone_is_a_track(parse):
+    recording = parse(QUAT, HEAD + TIME + TRACK)
+    assert recording.imu is None
+    assert recording.track.q_nb.tolist() == [[0.5, 0.5, -0.5, 0.5], [1, 0, 0, 0]]
+    assert (recording.track.frame, recording.track.north) == (Frame.NED, North.TRUE)
+
+
+def test_scalar_last_is_reordered(parse):
+    text = "t,w,x,y,z\n0,0.5,-0.5,0.5,0.5\n1,0,0,0,1\n"
+    track = parse(text, HEAD + TIME + TRACK.replace("wxyz", "xyzw")).track
+    assert track.q_nb.tolist() == [[0.5, 0.5, -0.5, 0.5], [1, 0, 0, 0]]
+
+
+def test_angles_in_degrees(parse):
+    text = "t,yaw,pitch,roll\n0,90,0,0\n1,10,20,30\n"
+    profile = (
+        '[reference]\ncolumns = [2, 3, 4]\norder = "yaw pitch roll"\nunit = "deg"\nframe = "ENU"\nnorth = "magnetic"\n'
+    )
+    track = parse(text, HEAD + TIME + profile).track
+    assert track.q_nb[0] == pytest.approx([math.sqrt(0.5), 0, 0, math.sqrt(0.5)])  # a quarter turn about z
+    assert quat_angle(track.q_nb[1], quat_from_euler_zyx(np.radians([10.0, 20.0, 30.0]))) < 1e-15
+
+
+@pytest.mark.parametrize("of", ["case", "body"])
+@pytest.mark.parametrize("axes", ["x -y -z", "y -x z", "z x y"])
+def test_axes_turn_the_reference_of_the_case(parse, of, axes):
+    """The same vector, measured in either set of axes, must have the same navigation coordinates."""
+    track = parse(QUAT, f'axes = "{axes}"\n' + HEAD + TIME + TRACK + f'of = "{of}"').track
+    v_s = np.array([1.0, 2.0, 3.0])
+    v_b = body_axes(axes) @ v_s
+    as_read = np.array([0.5, 0.5, -0.5, 0.5])
+    expected = quat_rotate(as_read, v_s if of == "case" else v_b)
+    assert np.allclose(quat_rotate(track.q_nb[0], v_b), expected, atol=1e-15)
+
+
+def test_bias_and_covariance_turn_with_the_case(parse):
+    names = [f"c{i}" for i in range(9)]
+    text = "t,w,x,y,z,bx,by,bz," + ",".join(names) + "\n"
+    text += "".join(f"{k},1,0,0,0,1,2,3,4,1,2,1,5,3,2,3,6\n" for k in range(2))
+    profile = HEAD + TIME + TRACK + 'of = "case"\n[reference.bias]\ncolumns = ["bx", "by", "bz"]\nunit = "dps"\n'
+    profile += f'[reference.covariance]\ncolumns = {names}\nangle_unit = "deg"\n'
+    track = parse(text, 'axes = "y -x z"\n' + profile).track
+    c_bs = body_axes("y -x z")
+    assert np.allclose(track.bias_b[1], c_bs @ np.radians([1.0, 2.0, 3.0]))
+    cov_s = np.array([[4.0, 1, 2], [1, 5, 3], [2, 3, 6]]) * math.radians(1.0) ** 2
+    assert np.allclose(track.cov_b[1], c_bs @ cov_s @ c_bs.T, rtol=1e-14)
+
+
+def test_imu_and_reference_share_their_time(parse):
+    text = "t,gx,gy,gz,w,x,y,z\n0,1,2,3,1,0,0,0\n1,4,5,6,nan,0,0,0\n"
+    recording = parse(text, PLAIN + TRACK)
+    assert recording.imu.t.tolist() == recording.track.t.tolist() == [0.0, 1.0]
+    assert recording.track.known.tolist() == [True, False]
+
+
+# What is refused ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("row", "match"),
+    [
+        ("0.01,4,abc,6", r"line 3, column 'gy': 'abc' is not a number"),
+        ("0.01,4,0x10,6", r"'0x10' is not a number"),
+        ("0.01,4,1_0,6", r"'1_0' is not a number"),
+        ("0.01,4,--,6", r"'--' is not a number.*add it to 'missing'"),
+        ("0.01,4,１２,6", r"is not a number"),
+        ('0.01,4,"5,5",6', r"'5,5' is not a number.*declare decimal = ','"),
+        ("0.01,4,5\x00,6", r"'5\\x00' is not a number"),
+        ("0.01,4,5", "line 3 has 3 cells, but the first row of numbers has 4"),
+        ("0.01,4,5,6,7", "line 3 has 5 cells"),
+        ('0.01,4,"5,6', "line 3: .* cannot be split"),
+        ("0.01,4,5,6 end of file", "'6 end of file' is not a number"),
+        ("0.01,4," + "5" * 200_000 + "x,6", "is not a number"),
+    ],
+)
+def test_a_bad_cell_is_named_by_line_column_and_text(parse, row, match):
+    with pytest.raises(DecodeError, match=match) as caught:
+        parse(ROWS.replace("0.01,4,5,6", row), PLAIN)
+    in_one_line(caught)
+    assert len(str(caught.value)) < 500
+
+
+def test_line_numbers_count_every_line_of_the_file(parse):
+    text = "one\ntwo\n\n# three\nt,gx,gy,gz\n# six\n\n0,1,2,3\n1,4,x,6\n"
+    with pytest.raises(DecodeError, match="line 9, column 'gy'"):
+        parse(text, 'comment = "#"\n' + PLAIN.replace("names = true", "names = true\nskip = 2"))
+
+
+@pytest.mark.parametrize(
+    ("text", "profile", "match"),
+    [
+        ("", PLAIN, "ends before"),
+        ("t,gx,gy,gz\n", PLAIN, "ends before"),
+        ("t,gx,gy,gz\n\n", PLAIN, "no whole row"),
+        ("t,gx,gy,gz\n0,1,2,3", PLAIN, "no whole row"),
+        ("t;gx;gy;gz\n0;1;2;3\n", PLAIN, "'t' is nowhere in the row of names"),
+        ("t,gx,gx,gz\n0,1,2,3\n", PLAIN, "'gx' is twice or more"),
+        ("t,gx,gy,GZ\n0,1,2,3\n", PLAIN, "'gz' is nowhere"),
+        (ROWS, PLAIN.replace('"t"', "5"), "column 5 is declared, but a row has 4 cells"),
+        (ROWS, PLAIN.replace('"t"', "2"), "are the same column"),
+        (ROWS, PLAIN.replace("true", "false"), "none, as header.names = false"),
+        (ROWS, PLAIN.replace("names", 'marker = "END"\nnames'), "the marker 'END' comes 0 times"),
+        ("END\n" + ROWS, PLAIN.replace("names", 'marker = "END"\noccurrence = 2\nnames'), "comes 1 times"),
+    ],
+)
+def test_a_layout_that_does_not_fit_is_named(parse, text, profile, match):
+    with pytest.raises(DecodeError, match=match) as caught:
+        parse(text, profile)
+    in_one_line(caught)
+
+
+@pytest.mark.parametrize("text", ["1," * 600_000, f"t,gx,gy,gz\n0,1,2,3\n{'1,' * 600_000}\n"], ids=["names", "numbers"])
+def test_a_row_without_end_is_not_split_in_cells(parse, text):
+    """One line of 200 MB took 2 GB."""
+    with pytest.raises(DecodeError, match=r"line [13] has 1200000 characters"):
+        parse(text, PLAIN)
+
+
+def test_a_wrong_encoding_names_byte_and_line(parse):
+    with pytest.raises(DecodeError, match=r"byte 12 \(line 2\) is not utf-8"):
+        parse(b"t,gx,gy,gz\n\xe9\n", PLAIN)
+
+
+@pytest.mark.parametrize("size", [1.0, 100.0])
+def test_degrees_declared_as_radians_are_refused_by_the_range(parse, size):
+    rows = "".join(f"{0.01 * k:.2f},{size * 20 * k},0,0\n" for k in range(50))
+    profile = HEAD + TIME + GYR.replace('rad/s"', 'rad/s"\nrange = "500 dps"')
+    with pytest.raises(UnitError, match=r"its range is .*500 °/s") as caught:
+        parse("t,gx,gy,gz\n" + rows, profile)
+    in_one_line(caught)
+
+
+def test_g_declared_as_metres_is_refused(parse):
+    rows = "".join(f"{0.01 * k:.2f},0,0,1\n" for k in range(200))
+    with pytest.raises(UnitError, match="it looks like g"):
+        parse("t,gx,gy,gz\n" + rows, HEAD + TIME + ACC.replace('"g"', '"m/s2"'))
+    parse("t,gx,gy,gz\n" + rows, "unit_check = false\n" + HEAD + TIME + ACC.replace('"g"', '"m/s2"'))
+
+
+@pytest.mark.parametrize("stamp", ["0.00", "-1", "NaN", "", "inf"])
+def test_time_that_does_not_go_on_is_refused(parse, stamp):
+    with pytest.raises(ClockError, match=r"t\[1\]|t\b") as caught:
+        parse(ROWS.replace("0.01", stamp), PLAIN)
+    in_one_line(caught)
+
+
+def test_a_sensor_without_a_number_is_refused(parse):
+    with pytest.raises(ShapeError, match="gyr"):
+        parse("t,gx,gy,gz\n0,,,\n1,NaN,NaN,NaN\n", PLAIN)
+
+
+def test_a_quaternion_that_is_none_is_refused(parse):
+    with pytest.raises(ShapeError, match="norm"):
+        parse(QUAT.replace("0.5", "0.6"), HEAD + TIME + TRACK)
+
+
+# Cut files ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_last_line_without_end_is_left_out_and_said_so(parse):
+    recording = parse(ROWS[:-1], PLAIN)
+    assert len(recording.imu) == 2
+    assert "line 4, the last, has no line end and may be cut; it was left out" in recording.notes
+
+
+def test_no_cut_gives_a_number_that_was_not_written(tmp_path):
+    path = write(tmp_path / "a.csv", make_imu(mag=None))
+    raw, whole = path.read_bytes(), read(path)
+    first = raw.index(b"\n", raw.index(b"t [s]")) + 1
+    profile = parse_profile("\n".join(x for x in path_profile(path).splitlines() if not x.startswith("rows")))
+    for size in range(first, len(raw)):
+        path.write_bytes(raw[:size])
+        rows = raw[first:size].count(b"\n")
+        if not rows:
+            with pytest.raises(DecodeError):
+                read(path, profile=profile)
+            continue
+        part = read(path, profile=profile)
+        assert len(part.imu) == rows
+        assert part.imu.acc.tobytes() == whole.imu.acc[:rows].tobytes()
+
+
+def path_profile(path):
+    return path.with_name("a.profile.toml").read_text()
+
+
+def test_our_own_csv_knows_its_rows(tmp_path):
+    path = write(tmp_path / "a.csv", make_imu())
+    raw = path.read_bytes()
+    for size in (len(raw) - 1, raw.rindex(b"\n", 0, -1) + 1):  # cut in the last line, and just before it
+        path.write_bytes(raw[:size])
+        with pytest.raises(DecodeError, match="11 whole rows of numbers, but the profile says rows = 12"):
+            read(path)
+
+
+# Without a profile ----------------------------------------------------------------------------------------------------
+
+
+def test_without_a_profile_the_first_line_and_the_way_out_are_shown(tmp_path):
+    (tmp_path / "a.csv").write_text(ROWS)
+    with pytest.raises(
+        DecodeError, match=r"--profile FILE\.toml.*'t,gx,gy,gz'.*plumbob profile .*a\.csv drafts one"
+    ) as caught:
+        read(tmp_path / "a.csv")
+    in_one_line(caught)
+
+
+@pytest.mark.parametrize("name", ["a.toml", "a.profile.toml"])
+def test_a_profile_beside_the_file_is_taken_and_said(tmp_path, name):
+    (tmp_path / "a.csv").write_text(ROWS)
+    (tmp_path / name).write_text(PLAIN)
+    assert f"read with the profile {name}, found beside the file" in read(tmp_path / "a.csv").notes
+
+
+def test_two_profiles_beside_the_file_are_one_too_many(tmp_path):
+    (tmp_path / "a.csv").write_text(ROWS)
+    (tmp_path / "a.toml").write_text(PLAIN)
+    (tmp_path / "a.profile.toml").write_text(PLAIN)
+    with pytest.raises(DecodeError, match="name one"):
+        read(tmp_path / "a.csv")
+    assert "read with the profile a.toml" in read(tmp_path / "a.csv", profile=tmp_path / "a.toml").notes
+
+
+def test_no_csv_is_written_that_would_have_two_profiles(tmp_path):
+    (tmp_path / "a.toml").write_text(PLAIN)
+    with pytest.raises(DecodeError, match="two profiles"):
+        write(tmp_path / "a.csv", make_imu())
+    assert [p.name for p in tmp_path.iterdir()] == ["a.toml"]
+
+
+# Writing --------------------------------------------------------------------------------------------------------------
+
+
+def test_units_are_in_the_header(tmp_path):
+    lines = write(tmp_path / "a.csv", make_imu()).read_text().splitlines()
+    assert lines[2] == "# note,calibration: card of 2024-05-01"
+    assert lines[3].startswith("t [s],gyr_x [rad/s],gyr_y [rad/s],gyr_z [rad/s],acc_x [m/s2]")
+
+
+@pytest.mark.parametrize("sign", ["=", "+", "-", "@", "\t=", "\r=", " =", "\n@"])
+def test_no_cell_is_a_formula(tmp_path, sign):
+    evil = f'{sign}HYPERLINK("http://x","y")'
+    imu = make_imu()
+    imu = replace(imu, meta=replace(imu.meta, device=evil))
+    path = write(tmp_path / "a.csv", Recording(imu=imu, name=evil), notes=[evil, f"a,{evil}", f"b\n{evil}"])
+    import csv
+
+    rows = list(csv.reader(path.read_text().splitlines()))
+    cells = [cell for row in rows[: rows.index(next(r for r in rows if r[0] == "t [s]"))] for cell in row]
+    assert len(cells) == 12  # two in each of six lines: a note cannot open a cell or a line of its own
+    assert not [cell for cell in cells if cell.startswith(("=", "+", "-", "@", "\t", "\r"))]
+    assert read(path).imu.meta.device == evil
+
+
+@given(st.text())
+@examples(2)
+def test_a_text_cell_is_one_harmless_cell(text):
+    import csv
+
+    rows = list(csv.reader([text_cell(text)]))
+    assert len(rows) <= 1
+    assert all(len(row) <= 1 and not row[0].startswith(("=", "+", "-", "@")) for row in rows if row)
+
+
+@given(
+    device=st.text(max_size=20),
+    note=st.text(max_size=20),
+    values=st.lists(st.floats(-99.0, 99.0), min_size=3, max_size=3),
+)
+@examples(0.6)
+def test_any_text_and_number_survives_the_csv(tmp_path_factory, device, note, values):
+    folder = tmp_path_factory.mktemp("csv")
+    imu = make_imu(rows=1, gyr=np.array([values]), mag=None)
+    imu = replace(imu, meta=replace(imu.meta, device=device, gyr_range=None))
+    back = read(write(folder / "a.csv", imu, notes=[note]))
+    assert back.imu.gyr.tobytes() == imu.gyr.tobytes()
+    assert back.imu.meta.device == device.encode("utf-8", "replace").decode()
+
+
+# Two paths, one result ------------------------------------------------------------------------------------------------
+
+NUMBERS = st.floats(allow_nan=False, width=64).map(repr) | st.sampled_from(
+    ["1e400", "-0", "+3", ".5", "5.", "1E5", "nan", "NaN", "inf", "-Infinity", " 7 ", "00012", "1e-400", "4.9e-324"]
+)
+
+
+@given(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=20))
+@examples(0.8)
+def test_the_slow_path_reads_what_the_fast_path_reads(cells):
+    layout = parse_profile(PLAIN).layout
+    raw = ("a,b,c\n" + "".join(",".join(row) + "\n" for row in cells)).encode()
+    body = text_table.Body(raw, raw.decode(), 6, len(raw), 2)
+    places = {"a": 0, "b": 1, "c": 2}
+    wanted = text_table._Wanted(places, None, ())
+    fast = text_table._fast(body, layout, 3, wanted)
+    slow = text_table._slow(body, layout, 3, wanted)
+    assert fast is not None
+    for name in places:
+        assert np.array_equal(fast[0][name], slow[0][name], equal_nan=True)
+        assert np.array_equal(np.signbit(fast[0][name]), np.signbit(slow[0][name]))
+
+
+@given(st.binary(max_size=300))
+@examples(1.5)
+def test_any_bytes_are_read_or_refused_with_one_of_our_errors(raw):
+    for encoding in ("utf-8", "gbk", "utf-16", "latin-1"):
+        layout = replace(parse_profile(PLAIN).layout, encoding=encoding, names=False)
+        try:
+            text_table.read_table(raw, layout, [1])
+        except DecodeError as error:
+            assert "\n" not in str(error)
+
+
+# Real files -----------------------------------------------------------------------------------------------------------
+
+PHONE = DATA / "phones" / "Jakob_Nexus5_NoDist_Texting"
+PHONE_PROFILE = (
+    'separator = " "\ndevice = "Nexus 5"\n[header]\nnames = false\n[time]\ncolumn = 1\nunit = "s"\n'
+    '[acc]\ncolumns = [2, 3, 4]\nunit = "m/s2"\nsign = "specific-force"\n'
+)
+
+
+@pytest.mark.skipif(not PHONE.is_dir(), reason=f"no phone recordings in {DATA}; set PLUMBOB_DATA")
+def test_a_phone_recording_reads_as_numpy_reads_it():
+    path = PHONE / "accelerometer.txt"
+    direct = np.loadtxt(path)
+    recording = read(path, profile=parse_profile(PHONE_PROFILE))
+    rows = len(recording.imu)
+    assert rows in {len(direct), len(direct) - 1}
+    assert recording.imu.acc.tobytes() == np.ascontiguousarray(direct[:rows, 1:]).tobytes()
+    assert np.abs(recording.imu.t - direct[:rows, 0]).max() < 1e-9
+
+
+FERRARIS = DATA / "ferraris" / "ferraris_example.csv"
+
+
+@pytest.mark.skipif(not FERRARIS.is_file(), reason=f"no Ferraris session in {DATA}; set PLUMBOB_DATA")
+def test_a_csv_without_time_reads_with_a_declared_rate():
+    profile = (
+        HEAD + '[time]\nrate = "204.8 Hz"\n[gyr]\ncolumns = ["gyr_x", "gyr_y", "gyr_z"]\nunit = "dps"\n'
+        '[acc]\ncolumns = ["acc_x", "acc_y", "acc_z"]\nunit = "m/s2"\nsign = "specific-force"\n'
+    )
+    direct = np.loadtxt(FERRARIS, delimiter=",", skiprows=1)
+    imu = read(FERRARIS, profile=parse_profile(profile)).imu
+    assert np.allclose(imu.gyr, np.radians(direct[: len(imu), 1:4]), rtol=1e-14)
+    assert imu.acc.tobytes() == np.ascontiguousarray(direct[: len(imu), 4:7]).tobytes()

@@ -1,0 +1,109 @@
+"""Benchmark of calibrations: what it simulates is what it says, and its figures are those of its parts."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.harness import calibration_mag, calibration_static, calibration_world
+from benchmarks.harness.bar import Bar, bar_lines
+from benchmarks.harness.calibration import PARTS, measure_calibration
+from benchmarks.harness.section import Section
+from plumbob.calibration.predicted import filled
+from plumbob.core.errors import ShapeError
+from plumbob.core.units import deg
+from plumbob.simulation import TriadErrors
+
+
+@pytest.fixture(scope="module")
+def result():
+    return measure_calibration(range(2))
+
+
+@pytest.mark.parametrize("dip", [60.0, -35.0])
+def test_the_field_is_along_every_face_and_edge_once(dip):
+    q_nb = calibration_world.faced_by_the_field(deg(dip))(np.random.default_rng(3))
+    seen = calibration_world.in_body(q_nb, calibration_world.field_n(deg(dip)))
+    np.testing.assert_array_equal(filled(seen), 1)
+    np.testing.assert_allclose(np.linalg.norm(seen, axis=1), calibration_world.STRENGTH, rtol=1e-12)
+
+
+def test_heading_error_of_a_turned_calibration_is_the_turn():
+    turn = deg(1.0)
+    about_z = np.array([[math.cos(turn), -math.sin(turn), 0.0], [math.sin(turn), math.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    level = calibration_world.heading_error(np.eye(3), np.zeros(3), TriadErrors(), deg(60.0))
+    turned = calibration_world.heading_error(about_z, np.zeros(3), TriadErrors(), 0.0)
+    assert level < 1e-12
+    # a turn about the body's z axis turns a level field by that axis's vertical part, cos(pitch) cos(roll); the mean of
+    # cos² over ±45° is 1/2 + 1/π, and two of them under a root are that again; 400 attitudes tell it to 1 %
+    assert turned == pytest.approx(turn * (0.5 + 1.0 / math.pi), rel=0.03)  # 3 sd
+
+
+def test_z_scores_count_what_is_wrong_and_was_said_to_be_zero():
+    case = calibration_mag.CASES[0]
+    errors = calibration_mag.unit(case, np.random.default_rng(1))
+    perfect = errors.card("uT")
+    told = calibration_mag.TriadCalibration(
+        matrix=perfect.matrix, bias=perfect.bias + [0.1, 0.0, 0.0], unit_in="uT", unit_out="uT", covariance=np.eye(12)
+    )
+    assert calibration_mag.scores(told, errors)[:3] == pytest.approx([0.1, 0.0, 0.0], abs=1e-9)
+    silent = calibration_mag.TriadCalibration(
+        matrix=perfect.matrix, bias=perfect.bias + [0.1, 0.0, 0.0], unit_in="uT", unit_out="uT",
+        covariance=np.zeros((12, 12)),
+    )  # fmt: skip
+    assert calibration_mag.scores(silent, errors).max() > 1e6
+
+
+def test_units_are_drawn_within_their_limits():
+    rng = np.random.default_rng(5)
+    units = [calibration_static.draw_unit(0.1, rng) for _ in range(300)]
+    iron = np.array([unit.mag.hard_iron for unit in units])
+    across = np.array([unit.mag.soft_iron[0, 1] for unit in units])
+    assert 7.8 < np.abs(iron).max() <= 8.0  # µT; of 900 the largest is within 1 % of the end but with e^−9
+    assert 0.095 < np.abs(across).max() <= 0.1
+    assert all((unit.mag.soft_iron == unit.mag.soft_iron.T).all() for unit in units)
+
+
+def test_every_section_tells_its_rows_and_bars(result):
+    assert tuple(result.sections) == tuple(PARTS)
+    for name, section in result.sections.items():
+        assert len(section.rows) == PARTS[name].steps
+        assert all(len(row) == len(section.columns) for row in section.rows.values())
+        assert section.bars
+
+
+def test_text_and_json_are_of_the_same_figures(result):
+    told = json.loads(json.dumps(result.as_dict(), allow_nan=False))
+    for name, section in result.sections.items():
+        assert [row["name"] for row in told[name]["rows"]] == list(section.rows)
+        assert [bar["met"] for bar in told[name]["bars"]] == [bar.met for bar in section.bars]
+    assert result.text().count("MISSED") == sum(not bar.met for bar in result.bars)
+
+
+def test_ring_and_cones_are_refused_and_faces_are_not(result):
+    refusals = result.sections["refusals"]
+    assert all(bar.met for bar in refusals.bars)
+    static = result.sections["static"]
+    shares = [dict(zip(static.columns, row, strict=True)) for row in static.rows.values()]
+    chosen = [figures for name, figures in zip(static.rows, shares, strict=True) if name.endswith("chosen")]
+    assert all(figures["≤ 5°, %"] == 100.0 for figures in chosen)
+    assert all(figures["yaw after, °"] < figures["yaw before, °"] for figures in chosen)
+
+
+def test_one_section_alone_and_an_unknown_one():
+    steps = []
+    one = measure_calibration(range(1), ["refusals"], steps.append)
+    assert list(one.sections) == ["refusals"]
+    assert sum(steps) == PARTS["refusals"].steps
+    with pytest.raises(ShapeError, match="section must be one of"):
+        measure_calibration(range(1), ["gyro"])
+
+
+def test_an_infinite_figure_is_told_as_refused_and_misses_its_bar():
+    bar = Bar("heading", math.inf, 0.0, 1.0)
+    section = Section("t", ("heading, °", "wrong"), {"a": (math.inf, "none")}, (bar,))
+    assert "refused" in "\n".join(section.lines())
+    assert section.as_dict()["rows"] == [{"name": "a", "heading, °": None, "wrong": "none"}]
+    assert "MISSED" in list(bar_lines([bar]))[1]
+    assert bar.as_dict()["value"] is None

@@ -1,0 +1,173 @@
+"""What guards a frame beside its check: ranges of counts, a fixed end, confirmation by the next frame."""
+
+import numpy as np
+import pytest
+
+from plumbob.core import flags
+from plumbob.core.errors import DecodeError
+from plumbob.protocols import catalog
+from plumbob.protocols.columns import counts_of
+from plumbob.protocols.decode import Decoder, decode
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.overlap import false_accepts
+from tests.battery.decoders import in_pieces
+
+HEAD = 'kind = "plumbob format"\nversion = 1\nname = "mine"\ntitle = "mine"\n'
+
+RANGED = (
+    """
+byte_order = "{order}"
+frame = {{ length = 13 }}
+field = [
+    {{ name = "a", type = "u8", role = "status", range = [10, 240] }},
+    {{ name = "b", type = "s16", unit = "deg", lsb = 0.1, range = [-30000, 20000] }},
+    {{ name = "c", type = "s24", unit = "m", range = [-8000000, 1] }},
+    {{ name = "d", at = 6, type = "s32", bits = [20, 5], role = "status", range = [-20000, 32000] }},
+    {{ name = "e", at = 10, type = "bcd", unit = "deg", lsb = 0.01, range = [-5000, 90000] }},
+]
+""".replace("[\n", "[")
+    .replace(",\n", ", ")
+    .replace(", ]", "]")
+    .replace("[    ", "[")
+)
+
+
+def decimal(count, rng):
+    """Words of three bytes with a sign and five digits."""
+    digits = rng.integers(0, 10, (count, 6))
+    digits[:, 0] = rng.integers(0, 2, count)
+    return (digits[:, 0::2] << 4 | digits[:, 1::2]).astype(np.uint8)
+
+
+@pytest.mark.parametrize("order", ["big", "little"])
+def test_a_frame_is_believed_where_every_count_is_within_its_range(order):
+    form = parse_format(HEAD + RANGED.format(order=order))
+    rng = np.random.default_rng(1)
+    rows = rng.integers(0, 256, (20_000, 13), dtype=np.uint8)
+    rows[:, 10:] = decimal(len(rows), rng)
+    inside = np.ones(len(rows), dtype=bool)
+    for one in form.message().fields:
+        counts = counts_of(one, rows)  # the other way to read them: many frames at once
+        inside &= (one.range[0] <= counts) & (counts <= one.range[1])
+    assert 1000 < inside.sum() < 19_000
+    found, counts = decode(form, rows.tobytes())
+    assert found["mine"].start.tolist() == (np.flatnonzero(inside) * 13).tolist()
+    assert counts.bad_content == (~inside).sum()
+
+
+def test_what_is_encoded_stays_within_the_range():
+    form = parse_format(HEAD + RANGED.format(order="big"))
+    rows = encode(form, {"b": np.radians([1e5, -1e5]), "e": np.radians([1e5, -1e5]), "a": [10, 240]})
+    found, counts = decode(form, rows.tobytes())
+    assert counts.frames == {"mine": 2}
+    # 20000 and −30000 counts of 0.1°, 90000 and −5000 of 0.01°
+    np.testing.assert_allclose(np.degrees(found["mine"].columns["b"]), [2000.0, -3000.0])
+    np.testing.assert_allclose(np.degrees(found["mine"].columns["e"]), [900.0, -50.0])
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        '{ name = "a", type = "f32", unit = "deg", range = [0, 1] }',
+        '{ name = "a", type = "u64", role = "status", range = [0, 1] }',
+        '{ name = "a", type = "u16", role = "status", range = [2, 1] }',
+    ],
+)
+def test_a_range_that_says_nothing_is_refused(field):
+    with pytest.raises(DecodeError, match=r"field a: range is \[least, greatest\] count"):
+        parse_format(HEAD + f'byte_order = "big"\nframe = {{ length = 8 }}\nfield = [{field}]\n')
+
+
+def test_frames_that_end_with_fixed_bytes():
+    text = 'byte_order = "big"\nframe = { sync = "24", end = "0D 0A", length = 6, checksum = { kind = "xor8", at = 3, '
+    text += "from = 1 } }\n"
+    text += 'field = [{ name = "a", type = "u8", role = "status" }, { name = "b", type = "u8", role = "status" }]\n'
+    form = parse_format(HEAD + text)
+    row = encode(form, {"a": [5], "b": [6]}).tobytes()
+    assert row == bytes.fromhex("24 05 06 03 0D 0A")  # 5 xor 6 is 3
+    for wrong in ("24 05 06 03 0D 0B", "24 05 06 03 0C 0A"):
+        found, counts = decode(form, bytes.fromhex(wrong) + row)
+        assert found["mine"].start.tolist() == [6] and counts.bad_content == 1
+    assert false_accepts(form) == 256.0**-4
+
+
+CONFIRMED = """
+byte_order = "big"
+frame = { sync = "A5", length = 8, confirm = true, checksum = { kind = "sum16-either", at = 6, from = 1, to = 6 } }
+field = [{ name = "a", type = "u8", role = "status" }, { name = "b", type = "u32", role = "status" }]
+"""
+
+
+def framed(rng, words):
+    body = rng.bytes(5)
+    padded = body + b"\0"
+    total = sum(256 * padded[i] + padded[i + 1] for i in (0, 2, 4)) % 65535 if words else sum(body)
+    return b"\xa5" + body + total.to_bytes(2, "big")
+
+
+@pytest.mark.parametrize("words", [False, True])
+def test_a_check_of_two_kinds_is_learnt_alike_however_the_bytes_are_cut(words):
+    form, rng = parse_format(HEAD + CONFIRMED), np.random.default_rng(2)
+    frames = [framed(rng, words) for _ in range(20)]
+    noise = [b"" if i % 3 else rng.bytes(4) for i in range(20)]
+    stream = b"".join(piece for pair in zip(frames, noise, strict=True) for piece in pair)
+    whole = in_pieces(form, stream, [])
+    assert in_pieces(form, stream, range(len(stream))) == whole
+    for at in range(1, len(stream)):
+        assert in_pieces(form, stream, [at]) == whole
+
+
+def test_floats_that_are_no_numbers_are_absent_and_flagged():
+    form = catalog.load("xbus_mtdata2")
+    rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]})
+    found = decode(form, rows.tobytes())[0]["xbus_mtdata2"]
+    np.testing.assert_array_equal(found.columns["gyr.x"], [1.0, np.nan, np.nan, 2.0])
+    assert found.columns["gyr.y"].tolist() == [1.0, 2.0, 3.0, 4.0]
+    assert (found.flags[""] == [0, flags.GYR_INVALID, flags.GYR_INVALID, 0]).all()
+
+
+ONE_OF_TWO = """
+byte_order = "big"
+frame = {{ sync = "A5", {length}, checksum = {{ kind = "{kind}", at = {at}, from = 1 }} }}
+[[message]]
+name = "mine"
+length = 8
+field = [
+    {{ name = "id", at = 2, type = "u8", role = "constant", value = {value} }},
+    {{ name = "a", type = "u8", role = "status" }},
+]
+"""
+VARIABLE, FIXED = "length_field = { at = 1, size = 1, add = 0, least = 5, most = 9 }", "length = 8"
+
+
+@pytest.mark.parametrize(
+    ("length", "checksum", "believed"),
+    [
+        (VARIABLE, "crc16-xmodem", True),
+        (VARIABLE, "fletcher16", True),
+        (VARIABLE, "crc8", False),
+        (VARIABLE, "sum8", False),
+        (FIXED, "crc16-xmodem", False),
+    ],
+)
+def test_a_frame_of_no_known_message_is_believed_by_its_length_and_a_check_of_16_bits(length, checksum, believed):
+    """Else it is no frame: a format of one length describes all of its frames, and a short check fits by chance."""
+    words = {"length": length, "kind": checksum, "at": -1 if checksum in {"crc8", "sum8"} else -2}
+    known, other = (parse_format(HEAD + ONE_OF_TWO.format(**words, value=value)) for value in (1, 2))
+    stream = b"".join(encode(form, {"a": [77]}).tobytes() for form in (known, other, known))
+    found, counts = decode(known, stream)
+    assert found["mine"].start.tolist() == [0, 16]
+    assert (counts.unknown, counts.junk) == ((1, 0) if believed else (0, 8))
+
+
+def test_after_a_disturbance_a_frame_counts_once_another_begins_behind_it():
+    form, rng = parse_format(HEAD + CONFIRMED), np.random.default_rng(3)
+    first, second, third = (framed(rng, False) for _ in range(3))
+    decoder = Decoder(form)
+    assert decoder.feed(first, 1) == {}
+    assert decoder.feed(second, 2)["mine"].t_ns.tolist() == [1, 2]  # the second needs no other
+    decoder = Decoder(form)
+    assert decoder.feed(first + b"\x00" + second, 1) == {}  # no frame begins behind the first
+    assert decoder.feed(third, 2)["mine"].start.tolist() == [9, 17]
+    assert decoder.counts.junk == 9

@@ -1,0 +1,147 @@
+"""A made-up unit with nine axes, a motion, its bytes, and sessions for them."""
+
+import functools
+
+import numpy as np
+
+from plumbob import Frame, simulate
+from plumbob.acquisition.transport import Received
+from plumbob.protocols.decode import columns_of
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format_toml import parse_format
+from plumbob.session.recording_sink import Keeper
+from plumbob.session.runner import run_line
+from plumbob.session.session import RecordSpec
+from plumbob.session.session_toml import parse_session
+from plumbob.session.sinks import Collected
+from plumbob.session.stream import Line
+
+RATE = 200.0
+OFFSET = 1_700_000_000_000_000_000
+FORMAT = """
+kind = "plumbob format"
+version = 1
+name = "imu9"
+title = "made-up unit with nine axes"
+byte_order = "little"
+
+[frame]
+sync = "A5 5A"
+length = 30
+rate = "200 Hz"
+checksum = { kind = "crc16-ccitt-false", at = -2, from = 2 }
+
+[[field]]
+name = "counter"
+type = "u16"
+role = "counter"
+
+[[field]]
+name = "clock"
+type = "u32"
+role = "clock"
+unit = "us"
+
+[[field]]
+name = "gyr"
+axes = "xyz"
+type = "s16"
+counts = 65.5
+unit = "deg/s"
+
+[[field]]
+name = "acc"
+axes = "xyz"
+type = "s16"
+counts = 8192
+unit = "g"
+
+[[field]]
+name = "mag"
+axes = "xyz"
+type = "s16"
+counts = 10
+unit = "uT"
+
+[[field]]
+name = "temp_c"
+type = "s16"
+counts = 100
+unit = "degC"
+"""
+SESSION = """
+kind = "plumbob session"
+version = 1
+[format]
+file = "imu9.toml"
+[imu]
+device = "bench 7"
+frame = "NED"
+[estimate]
+filter = "mahony"
+params = { kp = 0.5, gate = "0.08 g" }
+"""
+
+
+@functools.cache
+def motion(duration=10.0):
+    return simulate(
+        "buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=3, rate=RATE, duration=duration,
+        mag_rate=RATE,
+    )  # fmt: skip
+
+
+@functools.cache
+def form():
+    return parse_format(FORMAT)
+
+
+def stream(duration=10.0):
+    """Bytes of the motion, one frame for each sample, with a device clock that starts near its end."""
+    made = motion(duration)
+    clock = (made.imu.t_ns // 1000 + 2**32 - 3_000_000) % 2**32
+    return encode(form(), {**columns_of(made.imu, form().message()), "clock": clock}).tobytes()
+
+
+def reads(data, *, seed=0, size=30, period_ns=5_000_000):
+    """Items as a line gives them: pieces of 1 to 120 bytes, each at the host's time of its last byte."""
+    rng = np.random.default_rng(seed)
+    items, at = [], 0
+    while at < len(data):
+        end = min(len(data), at + int(rng.integers(1, 120)))
+        t_ns = 7_000_000_000 + end * period_ns // size + int(rng.exponential(300_000))
+        items.append(Received(max(t_ns, items[-1].t_ns if items else 0), data[at:end]))
+        at = end
+    return items
+
+
+def session(text=SESSION, **files):
+    known = {"imu9.toml": FORMAT, **files}
+    return parse_session(text, known.__getitem__, name="bench")
+
+
+class Handed:
+    """Source of items that are there already."""
+
+    name = "handed"
+
+    def __init__(self, items):
+        self._items, self.finished, self.closed = list(items), False, False
+
+    def read(self, timeout):
+        found, self._items = self._items[:16], self._items[16:]
+        self.finished = not self._items
+        return found
+
+    def close(self):
+        self.closed = True
+
+
+def record(path, items, text=SESSION, **spec):
+    """Items recorded at `path`, and what the line made of them."""
+    chosen = session(text)
+    line, found = Line(chosen), Collected()
+    keeper = Keeper(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
+    run_line(line, Handed(items), sinks=[found], keeper=keeper)
+    assert keeper.recorder.acknowledged == keeper.recorder.written
+    return found

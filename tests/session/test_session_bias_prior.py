@@ -1,0 +1,118 @@
+"""A bias that a filter was told not to expect: the words, and where they are said."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from live_samples import SESSION, session, stream
+
+from plumbob import files
+from plumbob.acquisition.transport import Received
+from plumbob.cli.line import SETTLED, Status
+from plumbob.cli.main import main
+from plumbob.core.units import dps
+from plumbob.data import AttitudeTrack
+from plumbob.evaluation.many.scenario import measure_scenario
+from plumbob.filters import Filter, filter_names
+from plumbob.filters.offline import Stage, bias_beyond
+from plumbob.rotations import Frame, North
+from plumbob.session.stream import Line
+from plumbob.simulation import simulate
+from plumbob.simulation.presets import draw_module
+
+
+def track(bias_dps):
+    bias_b = None if bias_dps is None else dps(np.atleast_2d(np.asarray(bias_dps, dtype=float)))
+    n = 3 if bias_b is None else len(bias_b)
+    return AttitudeTrack(np.arange(n) * 0.01, np.tile([1.0, 0, 0, 0], (n, 1)), Frame.NED, North.FREE, bias_b=bias_b)
+
+
+def test_filters_with_a_prior_are_those_with_such_a_parameter():
+    made = {name: Filter(name, frame=Frame.NED).bias_prior for name in filter_names()}
+    assert {name: prior for name, prior in made.items() if prior} == {
+        "ekf7": ("start_bias", dps(1.0)),
+        "mekf": ("bias_start", dps(0.5)),
+        "vqf": ("bias_start", dps(0.5)),
+    }
+
+
+def test_the_words():
+    assert bias_beyond(Filter("mekf", frame=Frame.NED), track([0.1, -12.3, 0.0])) == (
+        "the estimated gyroscope bias, 12.3 °/s, is far outside of the prior of 0.5 °/s (1 sd) that mekf assumes: "
+        "calibrate the gyroscope (plumbob calibrate gyro), or set bias_start."
+    )
+
+
+@pytest.mark.parametrize(
+    ("params", "bias", "beyond"),
+    [
+        ({}, [1.49, 0.0, -1.49], False),  # 3 × 0.5 °/s
+        ({}, [0.0, 0.0, -1.51], True),
+        ({}, [[2.0, 0.0, 0.0], [0.0, 0.0, 0.0]], False),  # the last counts, not the start
+        ({"bias_start": "5 deg/s"}, [12.3, 0.0, 0.0], False),
+        ({}, [np.nan, 0.0, 0.0], False),
+        ({}, None, False),
+    ],
+)
+def test_three_standard_deviations(params, bias, beyond):
+    assert (bias_beyond(Filter("mekf", frame=Frame.NED, params=params), track(bias)) is not None) is beyond
+
+
+def test_a_filter_without_a_prior_says_nothing():
+    assert bias_beyond(Filter("mahony", frame=Frame.NED), track([100.0, 0.0, 0.0])) is None
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A gyroscope that is off by 4 °/s and perfect otherwise, at rest."""
+    perfect = draw_module("mpu6000+hmc5983", 1).calibrated()
+    unit = replace(perfect, gyr=replace(perfect.gyr, bias=dps(np.array([0.0, 4.0, 0.0]))))
+    found = simulate("static", frame=Frame.NED, sensors=unit, module="drawn", seed=1, duration=20.0, rate=100.0)
+    path = tmp_path_factory.mktemp("bias") / "a.parquet"
+    return files.write(path, files.Recording(imu=found.imu, name="a"))
+
+
+class TestSaid:
+    def test_run_says_it_and_json_has_it(self, file, capsys):
+        assert main(["run", str(file), "--filter", "mekf", "--json"]) == 0
+        said = capsys.readouterr()
+        told = json.loads(said.out)["bias_beyond"]
+        assert "is far outside of the prior of 0.5 °/s" in told
+        assert f"note: {told}" in said.err
+
+    def test_a_prior_that_fits_is_silent(self, file, capsys):
+        assert main(["run", str(file), "--filter", "mekf", "--params", "bias_start=4 deg/s", "--json"]) == 0
+        said = capsys.readouterr()
+        assert json.loads(said.out)["bias_beyond"] is None
+        assert "prior" not in said.err
+
+
+def test_a_benchmark_says_in_how_many_seeds():
+    found = measure_scenario(
+        "static", [Stage("mekf", {}), Stage("mahony", {})], frame=Frame.NED, sensors="mpu6000+hmc5983",
+        module="drawn", seeds=range(3), settings={"duration": 20.0, "rate": 100.0},
+    )  # fmt: skip
+    many = len(found.warnings["mekf"])
+    text = " ".join(found.text().split())
+    assert many > 0  # the sheet allows ±20 °/s; within ±1.5 °/s on all three axes of all three units are (0.075)⁹
+    assert f"in {many} of 3 seeds, as in the first of them: the estimated gyroscope bias" in text
+    assert found.warnings["mahony"] == []
+    assert found.as_dict()["warnings"]["mekf"] == found.warnings["mekf"]
+    assert text.count("plumbob calibrate gyro") == 1
+
+
+def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over(capsys):
+    doubts_all = 'filter = "mekf"\nparams = { bias_start = "0.00001 deg/s", gyr_walk = "0.1 deg/s2/rtHz" }\n'
+    line = Line(session(SESSION.split("filter")[0] + doubts_all))
+    status, told, size = Status(line, quiet=True), None, 30 * 140
+    data = stream(duration=32.0)
+    for at in range(0, len(data), size):  # reads of 0.7 s: one begins before the time and ends after it
+        part = line.take(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
+        if part is None:
+            continue
+        status.on_part(part)
+        if told is None and part.imu.t[-1] >= SETTLED:
+            told = part.imu.t[0]
+    assert told < SETTLED - 0.1
+    assert f"at {told:.1f} s: {status.bias_beyond}" in capsys.readouterr().err

@@ -1,0 +1,128 @@
+"""A whole unit from one capture by hand: every planted error is found, in the right order, or none."""
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumbob.calibration.calibrate_accel import calibrate_accel
+from plumbob.calibration.calibrate_gyro import calibrate_by_hand, gyro_by_choice
+from plumbob.calibration.calibrate_mag import calibrate_mag
+from plumbob.calibration.calibration import Capture, capture, card_of
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core.errors import CalibrationError
+from plumbob.core.units import dps
+from plumbob.rotations import Frame
+from plumbob.simulation import Module, TriadErrors, simulate
+
+# Axes of the accelerometer are those of the case, because its poses do not show a turn of them.
+UNIT = Module(
+    "unit",
+    "test",
+    gyr=TriadErrors(
+        white_rpsd=dps(0.005),
+        bias=dps(np.array([1.5, -2.0, 0.7])),
+        scale=[0.01, -0.01, 0.02],
+        misalignment=[[0.0, 0.01, -0.005], [0.008, 0.0, 0.012], [-0.01, 0.004, 0.0]],
+    ),
+    acc=TriadErrors(white_rpsd=4e-3, bias=[0.2, -0.3, 0.1], scale=[0.01, -0.02, 0.015]),
+    mag=TriadErrors(
+        white_sd=0.2,
+        hard_iron=[13.0, -24.0, 10.0],
+        scale=[0.03, -0.02, 0.05],
+        misalignment=[[0.0, 0.02, 0.01], [-0.02, 0.0, 0.03], [0.01, -0.01, 0.0]],
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def simulated():
+    return simulate("poses", frame=Frame.NED, sensors=UNIT, module="drawn", seed=1, number=18, rate=50.0, move=2.0)
+
+
+@pytest.fixture(scope="module")
+def whole(simulated) -> Capture:
+    return capture(simulated.imu, triads=("acc",), if_present=("gyr", "mag"))
+
+
+@pytest.fixture(scope="module")
+def fits(whole):
+    return calibrate_by_hand(whole, strength=50.0)
+
+
+def triads_of(card):
+    """What a card's file says of each triad."""
+    return {name: json.loads(card.text())[name] for name in ("gyr", "acc", "mag")}
+
+
+def help_of(on):
+    """What a capture's card says of the sensors that help the magnetometer."""
+    return {"gyr_calibrated": on.gyr_calibrated, "acc_calibrated": on.acc_calibrated}
+
+
+def test_every_planted_error_is_found(simulated, fits):
+    assert list(fits) == ["acc", "gyr", "mag"]
+    for name, fit in fits.items():
+        found, truth = fit.calibration, getattr(simulated.calibration, name)
+        off = np.r_[found.bias - truth.bias, (found.matrix - truth.matrix).ravel()]
+        assert (np.abs(off) <= 5.0 * np.sqrt(np.diag(found.covariance)) + 1e-12).all(), name
+
+
+def test_each_is_found_with_the_card_of_those_before(whole, fits):
+    """The same bits as one kind after the other, each given the card of the last."""
+    card, steps = None, {}
+    for name, fit in (
+        ("acc", lambda on: calibrate_accel(on.imu)),
+        ("gyr", lambda on: gyro_by_choice(on)["gyr"]),
+        ("mag", lambda on: calibrate_mag(on.imu, strength=50.0, **help_of(on))),
+    ):
+        on = capture(whole.imu, triads=(name,), base=card)
+        steps[name] = fit(on)
+        card = card_of(on, {name: steps[name]})
+    assert triads_of(card) == triads_of(card_of(whole, fits))
+    assert steps["gyr"].remarks == fits["gyr"].remarks
+
+
+def test_what_the_recording_lacks_is_left_out(whole):
+    assert list(calibrate_by_hand(replace(whole, imu=replace(whole.imu, mag=None)))) == ["acc", "gyr"]
+    alone = replace(whole.imu, mag=None, gyr=None)
+    assert list(calibrate_by_hand(replace(whole, imu=alone))) == ["acc"]
+    with pytest.raises(CalibrationError, match="has no acc"):
+        capture(replace(whole.imu, acc=None), triads=("acc",), if_present=("gyr", "mag"))
+
+
+def test_a_card_so_far_is_replaced_and_not_applied_twice(whole, fits):
+    again = capture(whole.imu, triads=("acc",), if_present=("gyr", "mag"), base=card_of(whole, fits))
+    assert np.array_equal(again.imu.mag, whole.imu.mag)
+    assert triads_of(card_of(again, calibrate_by_hand(again, strength=50.0))) == triads_of(card_of(whole, fits))
+
+
+class TestRefusals:
+    """One triad that cannot be calibrated refuses all; the reasons name it, and what would do."""
+
+    def refusal(self, whole, **triads):
+        with pytest.raises(CaptureRefusedError) as refused:
+            calibrate_by_hand(replace(whole, imu=replace(whole.imu, **triads)))
+        return refused.value.reasons
+
+    def test_accelerometer(self, whole):
+        first, *_ = self.refusal(whole, acc=np.tile([0.0, 0.0, -9.8], (len(whole.imu), 1)))
+        assert (first.kind, first.text.startswith("accelerometer: no pose")) == ("too-few-regions", True)
+        assert first.advice.endswith("so it comes first.")
+
+    def test_gyroscope(self, whole):
+        """A gyroscope that reads the rates of another hour is no gyroscope of these turns."""
+        reasons = self.refusal(whole, gyr=whole.imu.gyr[::-1])
+        assert reasons[0].text.startswith("gyroscope: ")
+        assert "'plumbob calibrate accel' alone would do" in reasons[-1].advice
+
+    @pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="a quarter of a minute as plain Python")
+    def test_magnetometer(self, whole):
+        """A magnet that is put beside the unit halfway."""
+        late = (whole.imu.t > 0.5 * whole.imu.t[-1])[:, np.newaxis]
+        reasons = self.refusal(whole, mag=whole.imu.mag + np.where(late, [30.0, 0.0, 0.0], 0.0))
+        assert {one.kind for one in reasons} & {"magnet-moved", "outliers"}
+        assert reasons[0].text.startswith("magnetometer: ")
+        assert "'plumbob calibrate accel', then 'gyro', would do" in reasons[-1].advice

@@ -1,0 +1,69 @@
+"""From a recording to an attitude: covariances over chunks, and noise cards to those filters that take one."""
+
+import pytest
+
+from plumbob import Filter, Frame, NoiseCard
+from plumbob.core.errors import ParameterError
+from plumbob.data import UNCALIBRATED
+from plumbob.data.cards import TriadNoise
+from plumbob.filters import claims_covariance, filter_names, load, takes_noise
+from plumbob.filters.offline import CHUNK, Stage, estimate, with_noise
+from tests.battery.motion import noisy
+
+CARD = NoiseCard("unit 7", "a test", gyr=TriadNoise([1e-4] * 3, [0.0] * 3, [2e-5] * 3))
+
+
+def test_what_filters_offer_is_what_their_files_hold():
+    assert [name for name in filter_names() if claims_covariance(name)] == ["ekf7", "mekf"]
+    assert [name for name in filter_names() if takes_noise(name)] == ["ekf7", "mekf"]
+    for name in filter_names():
+        assert claims_covariance(name) is hasattr(load(name), "covariance")
+
+
+@pytest.mark.parametrize("name", ["ekf7", "mekf"])
+def test_a_covariance_goes_on_over_chunks(name):
+    data = noisy(CHUNK + 100)
+    track = estimate(data, Stage(name, {}), frame=Frame.ENU)
+    whole = Filter(name, frame=Frame.ENU).process(data, covariance=True)
+    assert track.cov_b.shape == (len(data), 3, 3)
+    assert track.q_nb.tobytes() == whole.q_nb.tobytes()
+    assert track.cov_b.tobytes() == whole.cov_b.tobytes()
+
+
+def test_a_filter_that_claims_none_has_none():
+    assert estimate(noisy(CHUNK + 100), Stage("mahony", {}), frame=Frame.ENU).cov_b is None
+
+
+@pytest.mark.parametrize("name", ["ekf7", "mekf"])
+def test_a_card_sets_the_noise_and_parameters_have_the_last_word(name):
+    data, field = noisy(), {"ekf7": "gyro_noise", "mekf": "gyr_noise"}[name]
+    given = {field: 3e-4}
+    for params in ({}, given):
+        track = estimate(data, Stage(name, params, noise=CARD), frame=Frame.ENU)
+        made = Filter(name, frame=Frame.ENU, params=params, noise=CARD)
+        assert track.source == f"{made.describe()}; calibration {UNCALIBRATED}"
+        assert getattr(made.params, field) == pytest.approx(params.get(field, 1e-4), rel=1e-15)
+
+
+def test_cards_go_to_those_that_take_one():
+    stages = [Stage("mekf", {"mag": False}, "a"), Stage("mahony", {}, "b"), Stage("mekf", {}, "c")]
+    given = with_noise(stages, CARD)
+    assert [stage.noise for stage in given] == [CARD, None, CARD]
+    assert [(stage.name, stage.params) for stage in given] == [(stage.name, stage.params) for stage in stages]
+
+
+def test_where_nobody_takes_one_the_filter_refuses_it():
+    with pytest.raises(ParameterError, match="mahony has no parameter that a noise card could give"):
+        estimate(noisy(), with_noise([Stage("mahony", {})], CARD)[0], frame=Frame.ENU)
+
+
+@pytest.mark.parametrize("name", filter_names())
+def test_warming_up_compiles_what_is_called_later(name):
+    """The loop that keeps a covariance is another one; both are then found compiled, for the arrays of a recording."""
+    f = Filter(name, frame=Frame.ENU)
+    f.warm_up()
+    loops = (f._loops.batch, f._loops.claiming) if claims_covariance(name) else (f._loops.batch,)
+    before = [len(getattr(loop.compiled, "signatures", ())) for loop in loops]
+    for covariance in (False, True):
+        f.process(noisy(), covariance=covariance)
+    assert [len(getattr(loop.compiled, "signatures", ())) for loop in loops] == before

@@ -1,0 +1,303 @@
+"""IIO devices from the tree of the kernel to the recording and back: same bits, honest time, nothing guessed."""
+
+import json
+import os
+import shutil
+import struct
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from iio_tree import ACCEL, GYRO, Tree, motion, scans
+
+from plumbob.acquisition.iio_layout import IioChannel, IioLayout, IioType
+from plumbob.acquisition.transport import Event, Received
+from plumbob.core import flags
+from plumbob.core.errors import DecodeError, LineError, ParameterError, UnitError
+from plumbob.protocols.decode import decode
+from plumbob.session.recording_sink import Keeper
+from plumbob.session.replay import compare, open_recording, replay
+from plumbob.session.runner import run_line
+from plumbob.session.session import RecordSpec
+from plumbob.session.session_toml import parse_session
+from plumbob.session.sinks import Collected
+from plumbob.session.source_toml import iio_format
+from plumbob.session.sources import open_source
+from plumbob.session.stream import Line
+
+ESTIMATE = '[estimate]\nfilter = "mahony"\nparams = { kp = 0.5 }\n'
+
+
+@pytest.fixture
+def tree(tmp_path):
+    return Tree(tmp_path)
+
+
+def session(text):
+    return parse_session(text, {}.__getitem__, name="bench")
+
+
+def run(chosen, data, tree, path=None):
+    """Let a line take what the kernel has, until the device goes; the bytes come in pieces that are no scans."""
+    line, found = Line(chosen), Collected()
+    source = open_source(chosen.source)
+    end = tree.hold()
+    for at in range(0, len(data), 1003):
+        os.write(end, data[at : at + 1003])
+    os.close(end)
+    keeper = None if path is None else Keeper(chosen, RecordSpec(str(path)), offset=lambda: 0)
+    run_line(line, source, sinks=[found], keeper=keeper, until_lost=True)
+    return line, found
+
+
+def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):
+    tree.add_imu()
+    gyr, acc, temp, t_ns = motion(400)
+    gyr[7] = [-2047, -1, 2046]
+    chosen = session(tree.session(rest=ESTIMATE))
+    _, live = run(chosen, scans(gyr, acc, temp, t_ns), tree, tmp_path / "a.mcap")
+    shutil.rmtree(tree.sys)  # a replay needs no device
+    log, again = open_recording(tmp_path / "a.mcap")
+    replayed = replay(log, again)
+    result = compare(replayed)
+    assert (result.equal, result.compared) == (True, 400)
+    np.testing.assert_array_equal(live.t_ns, t_ns)  # the kernel's own, not those of the reads
+    np.testing.assert_array_equal(replayed.found.t_ns, t_ns)
+    for found in (live, replayed.found):
+        sensed = [part.sensed for part in found.parts]
+        np.testing.assert_array_equal(np.concatenate([s.gyr for s in sensed]), gyr * GYRO)
+        np.testing.assert_array_equal(np.concatenate([s.acc for s in sensed]), acc * ACCEL)
+        celsius = np.concatenate([s.temp_c for s in sensed])
+        np.testing.assert_allclose(celsius, (temp + 12420) * 2.941176e-3, rtol=1e-14)
+    assert again.form == chosen.form
+    assert IioLayout.from_json(again.texts["iio.json"]).clock == "monotonic"
+
+
+def test_a_count_at_its_end_is_clipped(tree):
+    tree.add_imu()
+    gyr, acc, temp, t_ns = motion(20)
+    gyr[3, 1], gyr[9, 2] = -2048, 2047  # the ends of 12 bits in two's complement
+    _, found = run(session(tree.session()), scans(gyr, acc, temp, t_ns), tree)
+    told = np.concatenate([part.sensed.flags for part in found.parts])
+    assert np.flatnonzero(told & flags.GYR_CLIPPED).tolist() == [3, 9]
+
+
+def test_scans_that_a_full_buffer_lost_are_a_gap(tree):
+    tree.add_imu()
+    gyr, acc, temp, t_ns = motion(300)
+    kept = np.r_[0:100, 117:300]
+    line, found = run(session(tree.session()), scans(gyr[kept], acc[kept], temp[kept], t_ns[kept]), tree)
+    told = np.concatenate([part.sensed.flags for part in found.parts])
+    assert np.flatnonzero(told & flags.GAP).tolist() == [100]
+    report = line.report()["time"]
+    assert (report["mode"], report["lost"], report["gap_count"], report["drift_ppm"]) == ("kernel", 17, 1, None)
+    assert report["rate"] == pytest.approx(100.0, rel=1e-3)
+
+
+def test_a_stamp_that_repeats_is_not_used(tree):
+    tree.add_imu()
+    gyr, acc, temp, t_ns = motion(50)
+    t_ns[20] = t_ns[19]
+    line, found = run(session(tree.session()), scans(gyr, acc, temp, t_ns), tree)
+    assert (line.faults, found.t_ns.size) == (1, 49)
+
+
+def test_a_device_that_comes_back_begins_behind_a_gap(tree):
+    tree.add_imu()
+    line, (gyr, acc, temp, t_ns) = Line(session(tree.session())), motion(40)
+    t_ns[20:] += 3_000_000_000
+    first, second = (scans(gyr[p], acc[p], temp[p], t_ns[p]) for p in (slice(20), slice(20, 40)))
+    line.take(Received(int(t_ns[19]) + 50_000, first + second[:11]))
+    line.take(Event(int(t_ns[20]) - 20_000_000, "lost", "it is gone"))
+    line.take(Event(int(t_ns[20]) - 10_000_000, "reopened", "it is back"))
+    part = line.take(Received(int(t_ns[39]) + 50_000, second))
+    np.testing.assert_array_equal(part.t_ns, t_ns[20:])
+    assert np.flatnonzero(part.sensed.flags & flags.GAP).tolist() == [0]
+    assert line.decoder.counts.junk == 11
+
+
+def test_a_wall_clock_is_led_to_the_host_like_any_other(tree):
+    """Linux before 4.5 has no current_timestamp_clock, and stamps with real time."""
+    (tree.add_imu() / "current_timestamp_clock").unlink()
+    chosen = session(tree.session())
+    assert chosen.timed_by == "frames"
+    assert "wall clock" in chosen.form.facts["clock"][0]
+    gyr, acc, temp, t_ns = motion(100, start_ns=1_700_000_000_000_000_000)
+    line, found = run(chosen, scans(gyr, acc, temp, t_ns), tree)
+    assert line.report()["time"]["mode"] == "clock"
+    np.testing.assert_array_equal(np.diff(found.t_ns), np.diff(t_ns))
+    assert found.t_ns[0] < 1_000_000_000_000_000_000  # monotonic: since the machine was started
+
+
+MOUNT = "0, 1, 0; -1, 0, 0; 0, 0, 1"
+
+
+def test_the_mount_matrix_turns_and_the_axes_of_the_body_come_after_it(tree):
+    tree.add_imu(in_anglvel_mount_matrix=MOUNT)
+    gyr, acc, temp, t_ns = motion(30)
+    data = scans(gyr, acc, temp, t_ns)
+
+    def sensed(*words):
+        _, found = run(session(tree.session(*words)), data, tree)
+        return (np.concatenate([getattr(p.sensed, name) for p in found.parts]) for name in ("gyr", "acc"))
+
+    turned, plain = sensed()
+    board = np.stack([gyr[:, 1], -gyr[:, 0], gyr[:, 2]], axis=1) * GYRO  # rows of the matrix
+    np.testing.assert_array_equal(turned, board)
+    np.testing.assert_array_equal(plain, acc * ACCEL)
+    turned, _ = sensed("", 'axes = "x -y -z"\n')
+    np.testing.assert_array_equal(turned, board * [1, -1, -1])
+    turned, _ = sensed("mount = false")
+    np.testing.assert_array_equal(turned, gyr * GYRO)
+
+
+def test_a_mount_matrix_between_the_axes_is_refused_unless_left_out(tree):
+    tree.add_imu(in_mount_matrix="0.8, 0.6, 0; -0.6, 0.8, 0; 0, 0, 1")
+    with pytest.raises(ParameterError, match="mount = false"):
+        session(tree.session())
+    assert session(tree.session("mount = false")).form.name == "imu"
+
+
+def test_a_device_that_has_become_another_is_not_opened(tree):
+    folder = tree.add_imu()
+    chosen = session(tree.session())
+    (folder / "in_anglvel_scale").write_text("0.001")
+    with pytest.raises(LineError, match="not what they were"):
+        open_source(chosen.source)
+
+
+WRONG = {
+    "a format beside the kernel's": ("", '[format]\nname = "buoy"\n', DecodeError, r"\[format\] does not go with"),
+    "rate without unit": ('rate = "100"', "", UnitError, "has no unit"),
+    "rate of another unit": ('rate = "100 deg"', "", UnitError, "measures an angle|Hz"),
+    "unknown key": ("baud = 9600", "", DecodeError, "no key 'baud'"),
+    "channel of unknown unit": ('channels = ["voltage0"]', "", LineError, "no voltage0"),
+    "channel that is not there": ('channels = ["magn_x"]', "", LineError, "has no magn_x"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_session_is_refused_with_a_word(tree, case):
+    tree.add_imu()
+    source, rest, error, word = WRONG[case]
+    with pytest.raises(error, match=word):
+        session(tree.session(source, rest))
+
+
+def test_a_device_that_does_not_say_its_units_is_refused_before_anything_is_opened(tree):
+    folder = tree.add_imu()
+    (folder / "in_accel_scale").unlink()
+    with pytest.raises(LineError, match="has no scale"):
+        session(tree.session())
+    with pytest.raises(LineError, match="no IIO device mpu6050"):
+        session(tree.session(device="mpu6050"))
+    with pytest.raises(ParameterError, match="carries no gyr"):
+        Line(session(tree.session('channels = ["temp", "timestamp"]')))
+
+
+def test_a_recording_without_the_words_of_the_kernel_is_refused(tree, tmp_path):
+    tree.add_imu()
+    chosen = session(tree.session())
+    del chosen.texts["iio.json"]
+    run(chosen, scans(*motion(3)), tree, tmp_path / "a.mcap")
+    with pytest.raises(DecodeError, match=r"does not hold iio\.json"):
+        open_recording(tmp_path / "a.mcap")
+
+
+def polled(tree, **more):
+    """ADXRS453: 218166 nrad/s a count; temperature (raw + 225) × 200 m°C (Linux, drivers/iio/gyro/adxrs450.c)."""
+    tree.add("adxrs453", {
+        "in_anglvel_z_raw": -160, "in_anglvel_z_scale": "0.000218166", "in_temp0_raw": -100, "in_temp0_scale": 200,
+        "in_temp0_offset": 225, **more,
+    })  # fmt: skip
+    return session(tree.session('rate = "250 Hz"', kind="iio-poll", device="adxrs453"))
+
+
+def test_a_driver_without_a_buffer_is_polled(tree, tmp_path):
+    chosen = polled(tree)
+    path, line, live = tmp_path / "a.mcap", Line(chosen), Collected()
+    source = open_source(chosen.source)
+    run_line(line, source, sinks=[live], keeper=Keeper(chosen, RecordSpec(str(path))), duration=0.3)
+    sensed = live.parts[-1].sensed
+    assert np.degrees(sensed.gyr[-1, 2]) == pytest.approx(-2.0, rel=1e-4)
+    assert sensed.temp_c[-1] == pytest.approx(25.0)
+    assert (sensed.meta.rate_nominal, sensed.meta.gyr_range) == (250.0, None)  # 32 bits are no range
+    shutil.rmtree(tree.sys)
+    again = replay(*open_recording(path)).found
+    np.testing.assert_array_equal(again.t_ns, live.t_ns)
+    np.testing.assert_array_equal(again.parts[-1].sensed.gyr, sensed.gyr)
+
+
+def test_a_polls_time_is_its_own_and_missed_deadlines_are_a_gap(tree):
+    line = Line(polled(tree))
+    t_ns = 1_000_000_000 + 4_000_000 * np.arange(500) + np.random.default_rng(1).integers(0, 300_000, 500)
+    kept = np.r_[0:200, 203:500]
+    parts = []
+    for t in t_ns[kept].tolist():
+        if t == t_ns[203]:
+            line.take(Event(t, "late", "3 deadlines have passed", 3))
+        parts.append(line.take(Received(t, struct.pack("<2i", -7, 0))))
+    np.testing.assert_array_equal(np.concatenate([p.t_ns for p in parts]), t_ns[kept])
+    told = np.concatenate([p.sensed.flags for p in parts])
+    assert np.flatnonzero(told & flags.GAP).tolist() == [200]
+    assert (line.report()["time"]["mode"], line.report()["time"]["lost"]) == ("poll", 3)
+
+
+@st.composite
+def types(draw):
+    storage = draw(st.sampled_from([8, 16, 32]))
+    bits = draw(st.integers(1, storage))
+    return IioType(
+        draw(st.sampled_from("<>")), draw(st.booleans()), bits, storage, 1, draw(st.integers(0, storage - bits))
+    )
+
+
+@st.composite
+def layouts(draw):
+    channels, mounts = [], {}
+    for kind, triad in (("anglvel", "gyr"), ("accel", "acc"), ("magn", "mag")):
+        for axis in "xyz":
+            scale, offset = draw(st.floats(1e-6, 10.0)), draw(st.integers(-1000, 1000))
+            channels.append(IioChannel(f"{kind}_{axis}", len(channels), draw(types()), scale, float(offset)))
+        order, signs = draw(st.permutations(range(3))), draw(st.tuples(*3 * [st.sampled_from([1.0, -1.0])]))
+        mounts[triad] = tuple(tuple(signs[i] * (order[i] == j) for j in range(3)) for i in range(3))
+    channels.append(IioChannel("timestamp", len(channels), IioType("<", True, 64, 64)))
+    return IioLayout("any", tuple(channels), mounts, "monotonic")
+
+
+@given(layouts(), st.binary(min_size=400, max_size=400))
+def test_the_format_says_what_the_layout_says(layout, noise):
+    """Two programs for the same bytes: the scan decoder of `acquire`, and the one of `sensors` from a format."""
+    data = noise[: len(noise) // layout.size * layout.size]
+    t_ns, columns = IioLayout.from_json(layout.to_json()).decode(data)
+    frames, counts = decode(iio_format(layout), data)
+    found = frames["any"].columns
+    assert counts.junk == 0
+    np.testing.assert_array_equal(found["t_ns"], t_ns)
+    for name, column in columns.items():
+        np.testing.assert_allclose(found[name.replace("_", ".")], column, rtol=1e-15 * 4, atol=0)
+
+
+def test_every_turn_of_axes_is_taken():
+    s16 = IioType("<", True, 16, 16)
+    channels = tuple(IioChannel(f"anglvel_{a}", i, s16) for i, a in enumerate("xyz"))
+    for order in permutations(range(3)):
+        matrix = tuple(tuple(float(order[i] == j) for j in range(3)) for i in range(3))
+        form = iio_format(IioLayout("any", channels, {"gyr": matrix}))
+        assert [form.messages[0].fields[order[i]].name for i in range(3)] == ["gyr.x", "gyr.y", "gyr.z"]
+
+
+def test_several_numbers_in_one_element_are_refused():
+    rotation = IioChannel("magn_x", 0, IioType("<", True, 16, 16, 4))
+    with pytest.raises(ParameterError, match="holds 4 numbers"):
+        iio_format(IioLayout("any", (rotation,)))
+
+
+def test_what_the_kernel_said_is_json_that_others_can_read(tree):
+    tree.add_imu()
+    told = json.loads(session(tree.session()).texts["iio.json"])
+    assert told["channels"][0] == {
+        "name": "anglvel_x", "index": 0, "type": "le:s12/16>>4", "scale": GYRO, "offset": 0.0
+    }  # fmt: skip

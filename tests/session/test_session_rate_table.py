@@ -1,0 +1,159 @@
+"""A session on a rate table from the recording to the card, by found plateaus and by a plan."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumbob.calibration.calibration import capture, card_of
+from plumbob.calibration.rate_table import Plateau, calibrate_table, found_plateaus, read_plan
+from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.core.constants import G0
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.units import dps
+from plumbob.data.calibrated import apply_card
+from plumbob.rotations import Frame
+from plumbob.simulation import Module, TriadErrors, simulate
+
+NOMINAL = dps(np.array([50.0, 100.0, 200.0]))
+COUPLING = dps(np.array([[0.05, -0.03, 0.02], [0.04, 0.06, -0.05], [-0.02, 0.03, 0.07]])) / G0
+GYR = TriadErrors(
+    bias=dps(np.array([3.0, -12.0, 1.0])),
+    scale=(0.02, -0.01, 0.005),
+    misalignment=((0.0, 0.004, -0.006), (-0.003, 0.0, 0.005), (0.002, 0.007, 0.0)),
+    g_sensitivity=COUPLING,
+    white_rpsd=dps(0.005),
+    full_scale=dps(250.0),
+)
+HEADER = "from_s,to_s,rate_x_dps,rate_y_dps,rate_z_dps"
+
+
+def simulated(**changes):
+    unit = Module("unit", "test", gyr=changes.pop("gyr", GYR), acc=TriadErrors(white_rpsd=1e-3))
+    return simulate("ratetable", frame=Frame.NED, sensors=unit, module="drawn", seed=4, hold=4.0, **changes)
+
+
+@pytest.fixture(scope="module")
+def made():
+    return simulated()
+
+
+@pytest.fixture(scope="module")
+def session(made):
+    return capture(made.imu, triads=("gyr",))
+
+
+def test_the_card_is_the_perfect_one_within_what_it_claims(made, session):
+    planned, remarks = found_plateaus(session.imu, NOMINAL)
+    assert len(planned) == 42 and not remarks
+    fitted = calibrate_table(session, planned, mounting=0.0)
+    found, perfect = fitted.calibration, made.calibration.gyr
+    for name, sd in (("bias", found.bias_sd), ("matrix", found.matrix_sd), ("g_sensitivity", found.g_sensitivity_sd)):
+        # 21 numbers: 4.5 standard deviations leave 1 chance in 7000
+        assert (np.abs(getattr(found, name) - getattr(perfect, name)) < 4.5 * sd).all(), name
+    # 0.005 °/s/√Hz over the 3 s that are left of 4 s: 0.0029 °/s
+    assert found.bias_sd.max() < dps(0.0029) / np.sqrt(42) * 1.5
+    assert found.temp_ref_c == 25.0
+
+
+def test_the_card_makes_the_rates_right(made, session):
+    planned, _ = found_plateaus(session.imu, NOMINAL)
+    card = card_of(session, {"gyr": calibrate_table(session, planned)})
+    applied = apply_card(card, made.imu)
+    for one in planned:
+        inside = (applied.t >= one.start) & (applied.t < one.stop)
+        # 6 standard deviations of the mean of 3 s and of the fit
+        np.testing.assert_allclose(applied.gyr[inside].mean(axis=0), one.rate, rtol=0, atol=6.0 * dps(0.0029))
+
+
+def test_a_clipped_rate_is_refused_and_can_be_left_out():
+    clipped = simulated(gyr=TriadErrors(bias=GYR.bias, white_rpsd=dps(0.005), full_scale=dps(150.0)))
+    whole = capture(clipped.imu, triads=("gyr",))
+    planned, _ = found_plateaus(whole.imu, dps(np.array([50.0, 100.0, 150.0])))
+    with pytest.raises(CaptureRefusedError) as why:
+        calibrate_table(whole, planned)
+    assert why.value.reasons[0].kind == "clipping"
+    planned, remarks = found_plateaus(whole.imu, dps(np.array([50.0, 100.0])))
+    assert len(planned) == 30 and len(remarks) == 12 and "is left out" in remarks[0]
+    assert calibrate_table(whole, planned).calibration.quality.samples == 30
+
+
+def test_a_wrong_unit_of_the_rates_is_refused_with_the_rates_that_were_found(session):
+    with pytest.raises(CaptureRefusedError, match="rates found are, in °/s"):
+        found_plateaus(session.imu, [2.0, 3.0])
+
+
+def test_a_truncated_session_names_the_axis_that_is_missing(made):
+    half = capture(made.imu, triads=("gyr",), span=(0.0, made.imu.t[-1] / 4.0))
+    planned, _ = found_plateaus(half.imu, NOMINAL)
+    with pytest.raises(CaptureRefusedError) as why:
+        calibrate_table(half, planned)
+    assert why.value.reasons[0].kind == "too-few" and "about x or y" in why.value.reasons[0].text
+
+
+def test_a_plan_says_what_the_table_did(tmp_path, session):
+    planned, _ = found_plateaus(session.imu, NOMINAL)
+    path = tmp_path / "plan.csv"
+    rows = [
+        f"{one.start!r}, {one.stop!r}, " + ", ".join(repr(float(x)) for x in np.degrees(one.rate)) for one in planned
+    ]
+    path.write_text("\n".join((HEADER, *rows)) + "\n")
+    read = calibrate_table(session, read_plan(path)).calibration
+    np.testing.assert_allclose(read.bias, calibrate_table(session, planned).calibration.bias, rtol=1e-12)
+
+
+def test_a_plan_may_say_the_specific_force(tmp_path):
+    path = tmp_path / "plan.csv"
+    path.write_text(f"{HEADER},acc_x_g,acc_y_g,acc_z_g\n0,5,0,0,90,0.0,0.5,-1\n")
+    (one,) = read_plan(path)
+    np.testing.assert_allclose(one.rate, [0.0, 0.0, np.pi / 2.0], rtol=1e-15)
+    np.testing.assert_allclose(one.force, [0.0, 0.5 * G0, -G0], rtol=1e-15)
+    assert (one.start, one.stop) == (0.0, 5.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (f"{HEADER}\n0,5,0,0,9\n5,9,0,0,fast\n", "line 3: rate_z_dps must be a number, but it is 'fast'"),
+        (f"{HEADER}\n0,5,0,0\n", "line 2: rate_z_dps must be a number, but it is None"),
+        (f"{HEADER}\n0,5,0,0,9,4\n", "line 2: a column too many"),
+        (f"{HEADER}\n5,5,0,0,9\n", "line 2: numbers must be finite, and from_s before to_s"),
+        (f"{HEADER}\n0,5,0,0,nan\n", "line 2: numbers must be finite"),
+        ("from_s,to_s,rate_x,rate_y,rate_z\n", "line 1: a plan has the columns from_s, to_s, rate_x_dps"),
+        (f"{HEADER},acc_x_g\n", "line 1: .*all or none of acc_x_g"),
+        ("", "line 1: .* this one has none"),
+    ],
+)
+def test_a_bad_plan_is_refused_by_its_line(tmp_path, text, told):
+    path = tmp_path / "plan.csv"
+    path.write_text(text)
+    with pytest.raises(DecodeError, match=told):
+        read_plan(path)
+
+
+def test_a_plan_that_is_no_text_is_refused(tmp_path):
+    path = tmp_path / "plan.csv"
+    path.write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(DecodeError, match="no UTF-8 text"):
+        read_plan(path)
+
+
+def test_a_plateau_outside_the_recording_is_refused(session):
+    with pytest.raises(ParameterError, match="holds no sample"):
+        calibrate_table(session, [Plateau(9000.0, 9001.0, np.zeros(3))])
+
+
+def test_the_temperature_terms_of_the_card_so_far_are_said_to_be_gone(made):
+    warm = replace(made.calibration, gyr=replace(made.calibration.gyr, bias_per_k=np.full(3, 1e-4)))
+    session = capture(made.imu, triads=("gyr",), base=warm)
+    planned, _ = found_plateaus(session.imu, NOMINAL)
+    remarks = calibrate_table(session, planned).remarks
+    assert any("polynomial of temperature is gone" in told for told in remarks)
+    assert not any("accelerometer is not calibrated" in told for told in remarks)
+
+
+def test_a_coupling_to_an_accelerometer_that_is_not_calibrated_is_told(session):
+    planned, _ = found_plateaus(session.imu, NOMINAL)
+    told = "accelerometer is not calibrated"
+    assert any(told in remark for remark in calibrate_table(session, planned).remarks)
+    assert not any(told in remark for remark in calibrate_table(session, planned, model="12").remarks)

@@ -1,0 +1,119 @@
+"""Recordings of decoded rows that anybody may have written: each is read, or refused in a sentence with its name."""
+
+import json
+from contextlib import suppress
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from plumbob.acquisition.transport import Event
+from plumbob.core.errors import DecodeError, PlumbobError
+from plumbob.data import ImuMeta
+from plumbob.files.header import plain_meta
+from plumbob.files.mcap import Recorder
+from plumbob.files.numbers import open_npy
+from plumbob.session import rows
+from plumbob.session.recorded import read_recorded
+
+DEEP = "[" * 200_000
+LONG = "9" * 5000
+HUGE = "9" * 400  # an integer that Python reads, and no float holds
+IMU = {"t_ns": 0, "gyr": [0.1, 0.2, 0.3], "acc": None, "mag": None, "temp_c": 20.5, "flags": 0}
+ATTITUDE = {"t_ns": 0, "q_nb": [1.0, 0.0, 0.0, 0.0], "bias_b": None, "flags": 0}
+
+
+def about(**changes):
+    meta = asdict(plain_meta(ImuMeta(device="unit 7", rate_nominal=100.0)))
+    return json.dumps(
+        {"imu": meta, "track": {"frame": "NED", "north": "true", "source": "a test"}, "notes": []} | changes
+    )
+
+
+def recording(folder, *, topic=rows.IMU, text=None, imu=True, **texts):
+    """Two good rows of samples, and one more with this text in a topic."""
+    path = folder / "crafted.mcap"
+    recorder = Recorder(path, epoch_offset_ns=0)
+    recorder.metadata.update({"recording": about()} | texts)
+    numbers = {name: rows.declare(recorder, name) for name in (rows.IMU, rows.ATTITUDE)}
+    with recorder:
+        for t_ns in (1, 10_000_001) if imu else ():
+            recorder.write(numbers[rows.IMU], t_ns, json.dumps(IMU | {"t_ns": t_ns}).encode())
+        if text is not None:
+            recorder.write(numbers[topic], 20_000_001, text.encode())
+    return path
+
+
+def row(plain=IMU, **changes):
+    return json.dumps(plain | {"t_ns": 20_000_001} | changes)
+
+
+BAD_ROWS = {
+    "cut": row()[:-9], "nothing": "", "a list": "[]", "a text": '"x"', "null": "null", "deep": DEEP, "no key": "{}",
+    "digits": row().replace("20.5", LONG), "no flags": json.dumps({k: v for k, v in IMU.items() if k != "flags"}),
+    "flags -1": row(flags=-1), "flags x": row(flags="x"), "flags 2**32": row(flags=2**32), "flags 1.5": row(flags=1.5),
+    "flags true": row(flags=True), "t_ns 2**63": row(t_ns=2**63), "t_ns text": row(t_ns="1"),
+    "t_ns null": row(t_ns=None),
+    "two axes": row(gyr=[1.0, 2.0]), "a text for an axis": row(gyr=[1.0, 2.0, "3"]), "a number for axes": row(gyr=3.0),
+    "axes within axes": row(gyr=[[1.0], 2.0, 3.0]), "beyond a float": row().replace("0.1", HUGE),
+    "an object": row(gyr={}),
+    "temperature as text": row(temp_c="20"),
+}  # fmt: skip
+BAD_ABOUT = {
+    "cut": about()[:-9], "a list": "[]", "deep": DEEP, "no imu": "{}", "imu is 5": about(imu=5),
+    "notes 5": about(notes=5),
+    "a note is 5": about(notes=[5]), "beyond a float": about().replace("100.0", HUGE),
+    "digits": about().replace("100.0", LONG),
+    "t0 is text": about().replace('"t0_ns": 0', '"t0_ns": "0"'), "device is 5": about().replace('"unit 7"', "5"),
+}  # fmt: skip
+
+
+def test_a_whole_one_is_read(tmp_path):
+    found = read_recorded(recording(tmp_path, text=row()))
+    np.testing.assert_array_equal(found.imu.gyr, [IMU["gyr"]] * 3)
+    assert found.imu.meta.device == "unit 7"
+
+
+@pytest.mark.parametrize("name", BAD_ROWS)
+def test_a_row_that_is_none_is_refused(tmp_path, name):
+    with pytest.raises(DecodeError, match=r"crafted\.mcap: .*damaged, or was not made by Plumbob"):
+        read_recorded(recording(tmp_path, text=BAD_ROWS[name]))
+
+
+@pytest.mark.parametrize("name", BAD_ABOUT)
+def test_metadata_that_are_none_are_refused(tmp_path, name):
+    with pytest.raises(DecodeError, match=r"crafted\.mcap: "):
+        read_recorded(recording(tmp_path, text=row(), recording=BAD_ABOUT[name]))
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (row(ATTITUDE, q_nb=[1.0]), about()), (row(ATTITUDE, q_nb=None)[:-1], about()),
+        (row(ATTITUDE), about(track=None)),
+        (row(ATTITUDE), about(track={"frame": "up"})), (row(ATTITUDE), about(track=[])),
+    ],
+)  # fmt: skip
+def test_attitudes_that_are_none_are_refused(tmp_path, text, told):
+    path = recording(tmp_path, topic=rows.ATTITUDE, text=text, imu=False, recording=told)
+    with pytest.raises(PlumbobError, match=r"crafted\.mcap: "):
+        read_recorded(path, estimated=True)
+
+
+@pytest.mark.parametrize("text", ["{", DEEP, "[]", "{}", '{"t_ns": "x", "kind": "a", "text": "b", "count": 1}'])
+def test_an_event_that_is_none_is_refused(text):
+    with pytest.raises(DecodeError, match="a row of 'events'"):
+        rows.event_of(text.encode())
+    assert rows.event_of(rows.event_row(Event(1, "a", "b", 2))) == Event(1, "a", "b", 2)
+
+
+def test_no_byte_of_an_array_of_numpy_makes_a_traceback(tmp_path):
+    """Every byte of the header turned to each of some signs that mean something in it."""
+    whole = tmp_path / "whole.npy"
+    np.save(whole, np.arange(30.0).reshape(10, 3))
+    data, path = whole.read_bytes(), tmp_path / "damaged.npy"
+    for at in range(6, 128):
+        for sign in b"('{\\":
+            path.write_bytes(data[:at] + bytes([sign]) + data[at + 1 :])
+            with suppress(DecodeError):
+                open_npy(path, None)

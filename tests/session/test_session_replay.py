@@ -1,0 +1,295 @@
+"""Recordings of a line: replay gives the live bits, damage becomes a gap, exports hold what was there."""
+
+import numpy as np
+import pytest
+from live_samples import OFFSET, SESSION, motion, reads, record, session, stream
+
+from plumbob import files
+from plumbob.acquisition.transport import Event, Received
+from plumbob.core import flags
+from plumbob.core.errors import DecodeError, ParameterError, ShapeError
+from plumbob.files.mcap import Recorder, open_log
+from plumbob.filters.offline import Stage
+from plumbob.protocols.rigs import load as load_rig
+from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
+from plumbob.session import rows
+from plumbob.session.exports import export, only
+from plumbob.session.reading import read_any
+from plumbob.session.recorded import read_recorded
+from plumbob.session.replay import compare, open_recording, replay
+from plumbob.session.runner import run_line
+from plumbob.session.sinks import Collected, TextSink
+from plumbob.session.sources import open_source
+from plumbob.session.stream import Line
+from plumbob.simulation.rigs.plan import PLANS
+from plumbob.simulation.rigs.rig import make_rig
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("rec") / "buoy.mcap"
+    items = reads(stream())
+    items.insert(50, Event(items[50].t_ns, "damaged", "a character had a wrong stop bit", 1))
+    return path, items, record(path, items)
+
+
+def test_recording_holds_every_byte_with_its_time(recording):
+    path, items, _ = recording
+    raw = [(m.t_ns, m.data) for m in open_log(path) if m.topic == "raw"]
+    assert raw == [(i.t_ns, i.data) for i in items if not isinstance(i, Event)]
+
+
+def test_replay_equals_live_to_the_bit(recording):
+    path, _, live = recording
+    log, chosen = open_recording(path)
+    replayed = replay(log, chosen)
+    again = replayed.found
+    np.testing.assert_array_equal(again.t_ns, live.t_ns)
+    for name in ("q_nb", "bias_b", "flags"):
+        np.testing.assert_array_equal(getattr(again.track(), name), getattr(live.track(), name))
+    result = compare(replayed)
+    assert result.equal
+    assert (result.compared, result.different) == (len(motion().imu), 0)
+    assert [e.kind for e in again.events] == ["damaged"]
+
+
+def test_comparison_notices_another_filter(recording):
+    log, chosen = open_recording(recording[0])
+    other = type(chosen)(
+        **{**{f: getattr(chosen, f) for f in chosen.__dataclass_fields__}, "stage": Stage("integrate", {})}
+    )
+    result = compare(replay(log, other))
+    assert not result.equal
+    assert result.different > 0
+
+
+def rewritten(path, out, change):
+    """A recording whose attitudes are those that `change` makes of them, all else as it was."""
+    log = open_log(path)
+    first = log.first_info
+    recorder = Recorder(out, epoch_offset_ns=first.epoch_offset_ns, reserve=0)
+    recorder.metadata.update(first.metadata)
+    with recorder:
+        channel = {topic: rows.declare(recorder, topic) for topic in ("events", "imu", "attitude")}
+        channel["raw"] = recorder.channel("raw", "application/octet-stream")
+        kept = list(log)
+        for m in kept:
+            if m.topic not in ("attitude", "recorder"):
+                recorder.write(channel[m.topic], m.t_ns, m.data)
+        for row in change([m.data for m in kept if m.topic == "attitude"]):
+            recorder.write(channel["attitude"], kept[-1].t_ns, row)
+    return replay(*open_recording(out))
+
+
+@pytest.mark.parametrize(
+    ("change", "found"),
+    [
+        (lambda live: live, (2000, 0, 0, 0)),
+        # the false rows meet the replay's, and the true ones are what nobody made
+        (lambda live: [row.replace(b"[0.", b"[0.9") for row in live] + live, (2000, 2000, 2000, 0)),
+        (lambda live: [r for row in live for r in (row.replace(b"[0.", b"[0.9"), row)], (2000, 2000, 2000, 0)),
+        (lambda live: live + live[-3:], (2000, 0, 3, 0)),
+        (lambda live: live[:5] + live[8:], (1997, 0, 0, 3)),
+        (lambda live: live[5:], (1995, 0, 0, 5)),
+        (lambda live: live[:-5], (1995, 0, 0, 5)),
+        (lambda live: [row.replace(b'"t_ns":', b'"t_ns":-') for row in live], (0, 0, 2000, 2000)),
+    ],
+)
+def test_rows_are_compared_in_their_order_and_none_is_left_out(recording, tmp_path, change, found):
+    result = compare(rewritten(recording[0], tmp_path / "a.mcap", change))
+    counts = (result.compared, result.different, result.only_live, result.only_replayed)
+    assert counts == found
+    assert result.equal == (found == (2000, 0, 0, 0))
+
+
+def test_attitudes_without_a_time_are_refused(recording, tmp_path):
+    false = rewritten(recording[0], tmp_path / "a.mcap", lambda live: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
+    with pytest.raises(DecodeError, match="no whole number of nanoseconds"):
+        compare(false)
+
+
+def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path):
+    path = tmp_path / "hurt.mcap"
+    data = bytearray(recording[0].read_bytes())
+    middle = len(data) // 2
+    data[middle : middle + 1500] = bytes(1500)  # more than indexes take, less than a chunk
+    path.write_bytes(data)
+    log, chosen = open_recording(path)
+    replayed = replay(log, chosen)
+    assert log.damage
+    kinds = [e.kind for e in replayed.found.events]
+    assert kinds.count("reopened") == kinds.count("dropped") == 1
+    track = replayed.found.track()
+    whole = len(motion().imu)
+    assert whole - 60 < len(track) < whole  # a chunk of 0.1 s is 20 frames, two may be hit; cut frames go with them
+    assert np.isfinite(track.q_nb).all()
+    assert (track.flags & flags.GAP).any()
+    assert not compare(replayed).equal
+
+
+def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
+    path, _, live = recording
+    read = read_any(path)
+    assert read.track is None  # an estimate is no reference
+    assert read.imu.meta.calibration is None
+    assert read.imu.meta.t0_ns == OFFSET + int(live.t_ns[0])
+    np.testing.assert_array_equal(read.imu.gyr, live.imu(calibrated=False).gyr)
+    assert any("decoded from" in note for note in read.notes)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
+def test_export_reads_back_exactly(recording, tmp_path, suffix):
+    path, _, live = recording
+    whole = read_recorded(path, estimated=True)
+    out = export(tmp_path / f"out{suffix}", whole)
+    back = read_recorded(out, estimated=True) if suffix == ".mcap" else files.read(out)
+    np.testing.assert_array_equal(back.imu.t_ns, whole.imu.t_ns)
+    np.testing.assert_array_equal(back.imu.acc, whole.imu.acc)
+    np.testing.assert_array_equal(back.track.q_nb, live.track().q_nb)
+    assert back.imu.meta == whole.imu.meta
+
+
+def test_tum_export_is_scalar_last(recording, tmp_path):
+    whole = read_recorded(recording[0], estimated=True)
+    table = np.loadtxt(export(tmp_path / "a.tum", whole))
+    np.testing.assert_array_equal(table[:, 4:], whole.track.q_nb[:, [1, 2, 3, 0]])
+    np.testing.assert_array_equal(table[:, 1:4], 0.0)
+    assert table[5, 0] == pytest.approx(whole.track.t[5], abs=1e-9)
+
+
+def test_text_export_has_degrees(recording, tmp_path):
+    path = export(tmp_path / "a.txt", read_recorded(recording[0], estimated=True))
+    lines = path.read_text().splitlines()
+    assert lines[0].startswith("# roll about x") and "axes to NED, heading from magnetic north; by mahony(" in lines[0]
+    assert lines[1].split("\t") == ["t [s]", "roll [deg]", "pitch [deg]", "yaw [deg]", "flags"]
+    assert len(lines) == 2 + len(motion().imu)
+
+
+def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_path):
+    samples = only(read_recorded(recording[0], estimated=True), "samples")
+    with pytest.raises(ShapeError, match="holds an attitude, and there is none"):
+        export(tmp_path / "a.tum", samples)
+    with pytest.raises(ShapeError, match="has no attitude; it has samples"):
+        only(samples, "attitude")
+    for name in ("b.tum", "b.csv", "b.parquet"):
+        (tmp_path / name).write_text("precious")
+        with pytest.raises(ParameterError, match="exists already and is not replaced"):
+            export(tmp_path / name, read_recorded(recording[0], estimated=True))
+    with pytest.raises(ParameterError, match=r"an export writes .*, not '\.json'"):
+        export(tmp_path / "b.json", read_recorded(recording[0], estimated=True))
+
+
+def test_foreign_file_is_refused(tmp_path):
+    (tmp_path / "a.mcap").write_bytes(b"no recording")
+    with pytest.raises(DecodeError):
+        read_any(tmp_path / "a.mcap")
+
+
+def test_text_sink_writes_now_and_then(tmp_path):
+    found = record(tmp_path / "a.mcap", reads(stream()))
+    sink = TextSink(tmp_path / "a.txt", 0.05)
+    for part in found.parts:
+        sink.on_part(part)
+    sink.close()
+    times = np.loadtxt(tmp_path / "a.txt", skiprows=2, usecols=0)
+    np.testing.assert_allclose(np.diff(times), 0.05, atol=1e-5)  # 20 Hz out of 200 Hz, as the buoy's host
+
+
+def test_text_sink_leaves_nothing_behind_where_nothing_came(tmp_path):
+    TextSink(tmp_path / "a.txt", 0.05).close()
+    assert not (tmp_path / "a.txt").exists()  # or the next try would be refused
+    (tmp_path / "a.txt").write_text("precious")
+    with pytest.raises(ParameterError, match="never overwrites"):
+        TextSink(tmp_path / "a.txt", 0.05)
+    with pytest.raises(ParameterError, match="there is no folder"):
+        TextSink(tmp_path / "no" / "a.txt", 0.05)
+
+
+def test_recording_without_samples_is_smaller_and_replays_alike(tmp_path, recording):
+    path = tmp_path / "raw.mcap"
+    record(path, reads(stream()), samples=False)
+    assert {m.topic for m in open_log(path)} == {"raw"}
+    log, chosen = open_recording(path)
+    again = replay(log, chosen)
+    np.testing.assert_array_equal(again.found.track().q_nb, recording[2].track().q_nb)
+    with pytest.raises(DecodeError, match="holds no attitudes"):
+        compare(again)
+
+
+def test_viewers_library_reads_the_recording(recording):
+    """Foxglove's own library, with its checks on, finds our channels and schemas."""
+    from mcap.reader import make_reader
+
+    with recording[0].open("rb") as stream_:
+        reader = make_reader(stream_, validate_crcs=True)
+        seen = {}
+        for schema, channel, message in reader.iter_messages():
+            seen.setdefault(channel.topic, (schema.encoding if schema else None, message.log_time))
+    assert set(seen) == {"raw", "events", "imu", "attitude"}
+    assert seen["imu"][0] == "jsonschema"
+    assert seen["raw"][1] == OFFSET + recording[1][0].t_ns
+
+
+def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
+    """The rod's rig: its AHRS gives the truth, to half a count of 180°/2^15."""
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=20.0, module="calibrated")
+    text = (
+        'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
+        '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
+    )
+    items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
+    record(tmp_path / "rod.mcap", items, text)
+    whole = read_recorded(tmp_path / "rod.mcap")
+    truth = rig.units["ref"].truth  # its case is turned against the other's, as on the rod
+    assert whole.track.north is North.MAGNETIC
+    turn = quat_multiply(quat_conjugate(truth.q_nb), whole.track.q_nb)
+    angle = 2.0 * np.arcsin(np.minimum(1.0, np.linalg.norm(turn[:, 1:], axis=1)))
+    half_count = np.radians(0.5 * 180.0 / 2**15)
+    assert np.median(angle) < 2.0 * half_count  # three angles, each half a count off at most
+
+
+@pytest.mark.parametrize("lost", [(), (100, 101, 102)])
+def test_capture_of_a_logger_gives_the_device_times(tmp_path, lost):
+    """Raw bytes without a host: time from the device clock, holes where frames are missing."""
+    data = stream()
+    kept = b"".join(data[30 * i : 30 * i + 30] for i in range(len(data) // 30) if i not in lost)
+    (tmp_path / "sd.bin").write_bytes(b"\x00\xa5" + kept)
+    chosen = session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "sd.bin"}"\n')
+    line, found = Line(chosen), Collected()
+    run_line(line, open_source(chosen.source), sinks=[found])
+    t_ns = np.delete(motion().imu.t_ns // 1000 * 1000, lost)
+    np.testing.assert_array_equal(found.imu(calibrated=True).t_ns, t_ns)
+    assert line.report()["time"]["lost"] == len(lost)
+    assert line.decoder.counts.junk == 2
+
+
+def test_capture_that_cannot_be_timed_or_decoded_is_refused(tmp_path):
+    (tmp_path / "a.bin").write_bytes(bytes(1000))
+    with pytest.raises(DecodeError, match="holds no frame of imu9"):
+        open_source(session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "a.bin"}"\n').source)
+    with pytest.raises(DecodeError, match="does not exist"):
+        open_source(session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "b.bin"}"\n').source)
+    text = f'kind = "plumbob session"\nversion = 1\n[source]\nkind = "file"\npath = "{tmp_path / "a.bin"}"\n'
+    text += '[format]\nname = "mpu6000"\n'
+    with pytest.raises(ParameterError, match="neither a clock nor a rate"):
+        open_source(session(text).source)
+    timed = session(text.replace("[format]", 'rate = "50 Hz"\n[format]'))
+    items = open_source(timed.source)
+    assert items.read(0.0)[0].t_ns == round(63 * 1e9 / 50)  # 64 frames, the last of them 63 periods after the first
+
+
+def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path):
+    """The rod's rig without its accelerometer's help: the start is the AHRS's first frame, headings from its north."""
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, module="calibrated")
+    text = (
+        'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
+        '[estimate]\nfilter = "integrate"\ninit = "truth"\n[reference]\nunit = "ref"\nnorth = "magnetic"\n'
+    )
+    items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
+    record(tmp_path / "rod.mcap", items, text)
+    log, session = open_recording(tmp_path / "rod.mcap")
+    replayed = replay(log, session)
+    assert compare(replayed).equal
+    first, reference = replayed.found.track(), read_recorded(tmp_path / "rod.mcap").track
+    assert first.north is North.MAGNETIC
+    assert quat_angle(first.q_nb[0], reference.q_nb[0]) < 1e-12

@@ -1,0 +1,322 @@
+"""From files to channels for a noise analysis: recordings, bare numbers, and what contradicts itself."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumbob import files
+from plumbob.core.errors import ClockError, DecodeError, ParameterError, ShapeError, UnitError
+from plumbob.core.units import Quantity, dps
+from plumbob.data import ImuData, ImuMeta
+from plumbob.noise.static_record import check_static, load_static
+
+DATA = Path(os.environ.get("PLUMBOB_DATA") or Path(__file__).parents[3] / "shared" / "data")
+L3GD20 = DATA / "static_l3gd20" / "gyro2_x.txt"
+TRIAL = DATA / "broad" / "03_undisturbed_slow_rotation_C.hdf5"
+needs_l3gd20 = pytest.mark.skipif(not L3GD20.is_file(), reason=f"no record of an L3GD20 in {DATA}; set PLUMBOB_DATA")
+needs_broad = pytest.mark.skipif(not TRIAL.is_file(), reason=f"no BROAD trials in {DATA}; set PLUMBOB_DATA")
+
+ROWS, DT = 3000, 0.01
+
+
+def make(rows=ROWS, **changes):
+    rng = np.random.default_rng(3)
+    content = {
+        "t": np.arange(rows) * DT + 5.0,
+        "gyr": 0.01 * rng.normal(size=(rows, 3)),
+        "acc": 0.02 * rng.normal(size=(rows, 3)) + [0.0, 0.0, 9.8],
+        "mag": 0.3 * rng.normal(size=(rows, 3)) + [20.0, 0.0, -40.0],
+    }
+    return content | changes
+
+
+@pytest.fixture
+def recording(tmp_path):
+    def written(**content):
+        return files.write(tmp_path / "a.parquet", ImuData(**content), overwrite=True)
+
+    return written
+
+
+@pytest.fixture
+def numbers(tmp_path):
+    def written(values, name="a.txt", form="%.6f"):
+        np.savetxt(tmp_path / name, values, fmt=form)
+        return tmp_path / name
+
+    return written
+
+
+# Recordings -----------------------------------------------------------------------------------------------------------
+
+
+def test_a_recording_gives_its_triads(recording):
+    content = make()
+    record = load_static(recording(**content))
+    assert [group.names for group in record.groups] == [
+        tuple(f"{triad} {axis}" for axis in "xyz") for triad in ("gyr", "acc", "mag")
+    ]
+    assert [group.quantity for group in record.groups] == [Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD]
+    for group, triad in zip(record.groups, ("gyr", "acc", "mag"), strict=True):
+        assert group.dt == pytest.approx(DT, rel=1e-9)
+        assert group.start == 5.0
+        assert np.array_equal(group.read(), content[triad])
+        assert np.array_equal(np.concatenate(list(group.blocks())), content[triad])
+    assert record.refused == {}
+    assert any(note.startswith("sampling time 0.01 s from the time stamps") for note in record.notes)
+    assert check_static(record).errors == ()
+    assert check_static(record).still == pytest.approx((5.0, 35.0))
+
+
+def test_some_triads_and_a_part_of_the_time(recording):
+    content = make()
+    (group,) = load_static(recording(**content), triads=("acc",), start=10.0, stop=20.0, rate=100.0).groups
+    assert np.array_equal(group.read(), content["acc"][500:1500])
+    assert group.start == 10.0
+    with pytest.raises(ParameterError, match="time stamps say 100 Hz, but the rate given is 50 Hz"):
+        load_static(recording(**content), rate=50.0)
+    with pytest.raises(ParameterError, match="has only gyr, acc, mag, but temp"):
+        load_static(recording(**content), triads=("temp",))
+    with pytest.raises(ParameterError, match=r"lasts from 5 s to 34\.99 s, so from 40.0 to None s it has 0"):
+        load_static(recording(**content), start=40.0)
+    with pytest.raises(ParameterError, match="start must come before stop"):
+        load_static(recording(**content), start=10.0, stop=10.0)
+    with pytest.raises(ParameterError, match="recording with units of its own; leave scale"):
+        load_static(recording(**content), scale="1 deg/s")
+
+
+def test_stamps_in_milliseconds_give_the_mean_step(recording):
+    """285.7 Hz: steps of 3 and 4 ms, whose median is 4 ms and would be 14 % wrong."""
+    t = np.round(np.arange(ROWS) * 0.0035 + 1e-9, 3)
+    (group,) = load_static(recording(**make(t=t)), triads=("gyr",)).groups
+    assert group.dt == pytest.approx(0.0035, rel=1e-3 / (ROWS * 0.0035))
+    assert len(group.read()) == ROWS
+
+
+@pytest.mark.parametrize("lost", [1, 200])
+def test_a_gap_leaves_the_longest_stretch_and_says_so(recording, lost):
+    content = make(ROWS)
+    kept = np.delete(np.arange(ROWS), np.r_[1000 : 1000 + lost])
+    record = load_static(recording(**{name: values[kept] for name, values in content.items()}))
+    assert np.array_equal(record.groups[0].read(), content["gyr"][1000 + lost :])
+    assert record.groups[0].start == pytest.approx(5.0 + (1000 + lost) * DT)
+    (note,) = [note for note in record.notes if "samples are missing at" in note]
+    assert "at 1 places (the first after 14.99 s" in note
+    assert f"{5.0 + (1000 + lost) * DT:g} s to 34.99 s, is used" in note
+
+
+def jittered(seed=10, rows=ROWS):
+    return np.arange(rows) * DT + np.random.default_rng(seed).uniform(-0.004, 0.004, rows)
+
+
+def test_jittered_stamps_are_no_missing_samples(recording):
+    """Steps from 2 to 18 ms, but each sample has its own place in time; the ends know the mean step."""
+    record = load_static(recording(**make(t=jittered())))
+    assert [len(group.read()) for group in record.groups] == [ROWS] * 3
+    assert record.groups[0].dt == pytest.approx(DT, abs=0.008 / (ROWS - 1))
+    assert record.notes[-1].startswith("sampling time 0.0")
+    assert "none missing; jitter 0.003" in record.notes[-1]  # 0.004 √(2/3) = 3.3 ms
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.05, 1.0])
+@pytest.mark.parametrize("lost", ["one", "5 %", "every 20th"])
+def test_lost_rows_are_seen_beside_jitter(recording, scatter, lost):
+    gone = {"one": [1000], "5 %": np.random.default_rng(11).random(ROWS) < 0.05, "every 20th": slice(10, None, 20)}
+    kept = np.delete(np.arange(ROWS), gone[lost])
+    t = np.arange(ROWS) * DT + scatter * (jittered() - np.arange(ROWS) * DT)
+    try:
+        record = load_static(recording(**make(kept.size, t=t[kept])), triads=("gyr",))
+    except ClockError:
+        return
+    assert any("samples are missing at" in note for note in record.notes)
+
+
+def test_a_magnetometer_at_three_quarters_of_the_rows_is_refused_alone(recording):
+    content = make()
+    mag = content["mag"].copy()
+    mag[3::4] = np.nan
+    record = load_static(recording(**content | {"mag": mag}))
+    assert [group.names[0] for group in record.groups] == ["gyr x", "acc x"]
+    assert record.refused == {"mag": "comes unevenly, 2250 values in 3000 rows, at most 3 of them evenly"}
+    assert check_static(record).errors == ()
+
+
+def test_uneven_samples_are_refused(recording):
+    t = np.cumsum(np.random.default_rng(4).uniform(0.001, 0.014, ROWS))
+    with pytest.raises(ClockError, match="the steps between samples scatter by"):
+        load_static(recording(**make(t=t)))
+
+
+def test_stamps_of_bursts_are_told_with_what_to_declare(recording):
+    """Rows of 100 Hz that come in fours, 0.4 ms apart, as a radio or a buffer hands them over."""
+    t = np.floor(np.arange(ROWS) / 4) * 4 * DT + (np.arange(ROWS) % 4) * 4e-4
+    with pytest.raises(ClockError, match=r"the stamps come in bursts: .*3000 rows in .* one every 0\.00999") as error:
+        load_static(recording(**make(t=t)))
+    assert 'with rate = "100' in str(error.value)
+
+
+@pytest.mark.parametrize("every", [4, 2.857, 3.1])
+def test_a_slower_magnetometer_keeps_its_own_rate(recording, every):
+    places = np.ceil(np.arange(int(ROWS / every)) * every).astype(int)
+    content = make()
+    mag = np.full((ROWS, 3), np.nan)
+    mag[places] = content["mag"][places]
+    record = load_static(recording(**content | {"mag": mag}))
+    group = record.groups[2]
+    assert np.array_equal(group.read(), content["mag"][places])
+    assert group.dt == pytest.approx(every * DT, rel=every / ROWS)
+    assert record.groups[0].dt == pytest.approx(DT)
+    assert any("mag comes every" in note and "its own rate" in note for note in record.notes)
+
+
+def test_a_magnetometer_that_comes_as_it_likes_is_refused_alone(recording):
+    content = make()
+    mag = np.where(np.random.default_rng(5).random((ROWS, 1)) < 0.1, content["mag"], np.nan)
+    record = load_static(recording(**content | {"mag": mag}))
+    assert [group.names[0] for group in record.groups] == ["gyr x", "acc x"]
+    assert "comes unevenly" in record.refused["mag"]
+    with pytest.raises(ShapeError, match="no sensor can be used: mag comes unevenly"):
+        load_static(recording(**content | {"mag": mag}), triads=("mag",))
+
+
+def test_lost_rows_and_a_missing_axis(recording):
+    content = make()
+    gyr = content["gyr"].copy()
+    gyr[[700, 701, 900]] = np.nan
+    acc = content["acc"].copy()
+    acc[:, 1] = np.nan
+    record = load_static(recording(**content | {"gyr": gyr, "acc": acc, "meta": ImuMeta(unit_check=False)}))
+    assert np.array_equal(record.groups[0].read(), content["gyr"][901:])
+    assert any(note.startswith("gyr lacks values at 2 places") for note in record.notes)
+    assert record.groups[1].names == ("acc x", "acc z")
+    assert record.refused == {"acc y": "has no value"}
+
+
+def test_a_clipped_channel_is_refused_and_the_others_stay(recording):
+    content = make()
+    content["gyr"][[5, 6], 1] = dps(250.0)
+    record = load_static(recording(**content, meta=ImuMeta(gyr_range=dps(250.0))))
+    assert record.groups[0].names == ("gyr x", "gyr z")
+    assert record.refused == {"gyr y": "is at the end of its range in 2 of 3000 samples"}
+
+
+@needs_broad
+def test_a_trial_moves_and_its_start_does_not():
+    record = load_static(TRIAL)
+    report = check_static(record)
+    assert {finding.kind for finding in report.errors} == {"moving"}
+    start, stop = report.still
+    assert start == 0.0
+    assert 35.0 < stop < 45.7  # the data set's own movement phase begins at 45.7 s
+    assert report.errors[0].text.endswith(f"the longest still stretch is --from 0s --to {np.floor(10 * stop) / 10:g}s.")
+    again = check_static(load_static(TRIAL, start=0.0, stop=np.floor(10 * stop) / 10))
+    assert again.errors == ()
+    assert again.steps["gyr x"] == pytest.approx(dps(2000.0 / 2**15), rel=1e-3)  # 16 bits for ±2000 °/s
+
+
+# Bare numbers ---------------------------------------------------------------------------------------------------------
+
+
+def test_numbers_need_a_rate_and_a_scale(numbers):
+    path = numbers(np.zeros((5, 2)))
+    with pytest.raises(ParameterError, match=r"its rate, .*; and its scale, .*'0.00875 deg/s' for counts"):
+        load_static(path)
+    with pytest.raises(ParameterError, match=r"does not say its rate, samples per second\. A"):
+        load_static(path, scale="1")
+    with pytest.raises(ParameterError, match=r"does not say its scale, .*needs --profile FILE.toml instead"):
+        load_static(path, rate=100.0)
+    with pytest.raises(ParameterError, match="rate must be a positive number"):
+        load_static(path, rate=0.0, scale="1")
+
+
+@pytest.mark.parametrize(
+    ("scale", "match"),
+    [("1 furlong", "is not a unit"), ("1 V", "is of voltage, but must be of rate"), ("0 deg/s", "must be more than 0")],
+)
+def test_scales_that_are_none(numbers, scale, match):
+    with pytest.raises(UnitError, match=match):
+        load_static(numbers(np.zeros((5, 2))), rate=100.0, scale=scale)
+
+
+@pytest.mark.parametrize(
+    ("scale", "quantity", "factor"),
+    [
+        ("0.00875 deg/s", Quantity.RATE, np.radians(0.00875)),
+        ("0.061 mg", Quantity.ACCELERATION, 0.061 * 9.80665e-3),
+        ("1.5 mgauss", Quantity.FIELD, 0.15),
+        ("1", Quantity.RATIO, 1.0),
+        ("2.5", Quantity.RATIO, 2.5),
+    ],
+)
+def test_counts_become_inside_units(numbers, scale, quantity, factor):
+    counts = np.random.default_rng(6).integers(-50, 50, (1200, 2))
+    record = load_static(numbers(counts, form="%d"), rate=200.0, scale=scale)
+    (group,) = record.groups
+    assert group.names == ("column 1", "column 2")
+    assert group.quantity is quantity
+    assert group.dt == 0.005
+    assert group.read() == pytest.approx(counts * factor, rel=1e-15)
+    assert record.notes == ()
+
+
+def test_a_part_of_the_numbers_and_progress(tmp_path):
+    values = np.random.default_rng(7).normal(size=(700_000, 1)).astype("<f4")
+    path = tmp_path / "a.f32"
+    values.tofile(path)
+    record = load_static(path, rate=1000.0, scale="1 m/s2", columns=1, start=10.0, stop=600.0)
+    (group,) = record.groups
+    assert np.array_equal(group.read(), values[10_000:600_000].astype(float))
+    assert group.start == 10.0
+    told = []
+    assert sum(len(block) for block in group.blocks(told.append)) == 590_000
+    assert told == sorted(told)
+    assert told[-1] <= record.size == 2_800_000
+    assert group.names == ("a",)
+
+
+def test_numbers_that_are_scaled_already(numbers):
+    counts = np.random.default_rng(8).normal(0.0, 50.0, 5000).round()
+    path = numbers(counts * 0.00875)
+    with pytest.raises(UnitError, match=r"multiples of 0.00875.*scaled already.*scale is '1 deg/s'.*file of counts"):
+        load_static(path, rate=100.0, scale="0.00875 deg/s")
+    assert load_static(path, rate=100.0, scale="1 deg/s").notes == ()
+    (note,) = load_static(path, rate=100.0, scale="0.01 deg/s").notes
+    assert note.startswith("the numbers are no whole counts, but the scale is 0.01 deg/s")
+    assert load_static(numbers(counts, form="%d"), rate=100.0, scale="0.00875 deg/s").notes == ()
+
+
+def test_a_profile_makes_a_recording_of_a_text(tmp_path):
+    content = make()
+    path = files.write(tmp_path / "a.csv", ImuData(**content))
+    record = load_static(path)  # its profile lies beside it
+    assert [group.names[0] for group in record.groups] == ["gyr x", "acc x", "mag x"]
+    path.with_suffix(".profile.toml").rename(tmp_path / "b.toml")
+    assert len(load_static(path, profile=tmp_path / "b.toml").groups) == 3
+    with pytest.raises(DecodeError, match=r"is not a number; .*--profile FILE.toml"):
+        load_static(path, rate=100.0, scale="1")
+
+
+def test_findings_come_with_the_file_s_own_time(numbers):
+    values = np.random.default_rng(9).normal(size=6000)
+    values[3000:] += 20.0
+    report = check_static(load_static(numbers(values), rate=100.0, scale="1", start=10.0))
+    assert [finding.kind for finding in report.errors] == ["moving"]
+    assert report.moving[0][0] == pytest.approx(30.0, abs=2.0)
+    values[5000] = np.nan
+    report = check_static(load_static(numbers(values), rate=100.0, scale="1"))
+    assert [finding.kind for finding in report.errors] == ["not finite"]
+
+
+@needs_l3gd20
+def test_a_real_file_on_one_line():
+    with pytest.raises(ParameterError, match=r"does not say its rate, .* and its scale"):
+        load_static(L3GD20)
+    with pytest.raises(UnitError, match="scaled already"):
+        load_static(L3GD20, rate=100.0, scale="0.00875 deg/s")
+    record = load_static(L3GD20, rate=100.0, scale="1 deg/s")
+    report = check_static(record)
+    assert report.findings == ()
+    assert report.steps["gyro2_x"] == pytest.approx(dps(0.00875), rel=1e-6)  # sheet of the L3GD20, ±250 °/s
+    assert report.still == (0.0, pytest.approx(len(record.groups[0].read()) / 100.0))

@@ -1,0 +1,35 @@
+"""The Earth's field: strength, dip and declination are what is asked for, in every frame."""
+
+import math
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import ParameterError
+from plumbob.rotations import Frame
+from plumbob.simulation import earth_field
+
+FRAMES = list(Frame)
+
+
+@pytest.mark.parametrize("frame", FRAMES)
+@pytest.mark.parametrize("dip", [-1.2, 0.0, 0.9])
+@pytest.mark.parametrize("declination", [-0.3, 0.0, 0.2])
+def test_strength_dip_and_declination_come_back(frame, dip, declination):
+    field = earth_field(frame, strength=48.0, dip=dip, declination=declination)
+    east, north, up = (field @ getattr(frame, name) for name in ("east", "north", "up"))
+    assert np.linalg.norm(field) == pytest.approx(48.0, rel=1e-14)
+    assert math.atan2(-up, math.hypot(east, north)) == pytest.approx(dip, abs=1e-14)  # positive down
+    assert math.atan2(east, north) == pytest.approx(declination, abs=1e-14)  # positive to the east
+
+
+def test_one_place_in_numbers():
+    # 50 µT, dip 60°, declination 0 in NED: north 50 cos 60° = 25, down 50 sin 60° = 43.30 (trigonometry)
+    field = earth_field(Frame.NED, strength=50.0, dip=math.radians(60.0), declination=0.0)
+    np.testing.assert_allclose(field, [25.0, 0.0, 50.0 * math.sqrt(3.0) / 2.0], atol=1e-13)
+
+
+@pytest.mark.parametrize("wrong", [{"strength": 0.0}, {"strength": math.nan}, {"dip": 1.6}, {"declination": 4.0}])
+def test_impossible_fields_are_refused(wrong):
+    with pytest.raises(ParameterError, match="field"):
+        earth_field(Frame.NED, **{"strength": 50.0, "dip": 1.0, "declination": 0.0, **wrong})

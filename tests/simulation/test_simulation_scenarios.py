@@ -1,0 +1,287 @@
+"""Scenarios: each moves as its parameters say, and as the page of figures of its paper says."""
+
+import math
+from inspect import signature
+
+import numpy as np
+import pytest
+from scipy.signal import welch
+from scipy.special import j1
+
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError
+from plumbob.core.params import describe
+from plumbob.core.units import Quantity, deg, g
+from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
+from plumbob.simulation import SCENARIOS, scenario, simulate
+from plumbob.simulation.errors import stream
+
+DEG = math.pi / 180.0
+
+
+def truth(name, t, seed=1, duration=None, **parameters):
+    plan = scenario(name, **parameters)
+    return plan.motion(stream(seed, "scenario"), duration or plan.duration).truth(np.asarray(t))
+
+
+def angles(body):
+    return euler_zyx_from_quat(body.q_nb)
+
+
+def grid(name, **parameters):
+    plan = scenario(name, **parameters)
+    return np.arange(round(plan.duration * plan.rate)) / plan.rate
+
+
+BUSY = {"static": {"pitch": 0.3, "roll": -0.4, "heading": 1.0}, "turntable": {"radius": 0.3}, "rod": {"lead": 0.0}}
+
+
+def by_differences(name, t, h, extra):
+    """Rate, velocity and acceleration by central differences of attitude, position and velocity."""
+    before, after = truth(name, t - h, **extra), truth(name, t + h, **extra)
+    turned = rotvec_from_quat(quat_multiply(quat_conjugate(before.q_nb), after.q_nb))
+    return (x / (2.0 * h) for x in (turned, after.pos_n - before.pos_n, after.vel_n - before.vel_n))
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_rates_and_accelerations_belong_to_the_motion(name):
+    extra = BUSY.get(name, {})
+    t = np.random.default_rng(2).uniform(0.5, scenario(name, **extra).duration - 0.5, 300)
+    body = truth(name, t, **extra)
+    wide, narrow = (
+        [np.abs(x - exact).max() for x, exact in zip(by_differences(name, t, h, extra), states, strict=True)]
+        for h, states in ((h, (body.rate_b, body.vel_n, body.acc_n)) for h in (1e-3, 5e-4))
+    )
+    for a, b in zip(wide, narrow, strict=True):
+        # second order divides by four, and still by two where an acceleration has a kink; exact to the rounding of a
+        # heading of 100 rad over the step, 1e-14 / 1e-3
+        assert b < 0.6 * a or b < 1e-9
+        assert a < 0.05
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_parameters_are_told_with_unit_domain_and_meaning(name):
+    assert describe(SCENARIOS[name])
+    for p in describe(SCENARIOS[name]):
+        assert isinstance(p.spec.quantity, Quantity)
+        assert p.spec.low <= p.default <= p.spec.high
+        assert p.spec.meaning
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_no_parameter_is_hidden_by_one_of_the_simulation(name):
+    assert not {p.name for p in describe(SCENARIOS[name])} & set(signature(simulate).parameters)
+
+
+def test_static_is_at_rest_in_the_attitude_asked_for():
+    body = truth("static", [0.0, 9.0], heading=2.0, pitch=-0.3, roll=0.5)
+    np.testing.assert_allclose(angles(body), [[2.0, -0.3, 0.5]] * 2, atol=1e-14)
+    assert not body.rate_b.any()
+    assert not body.acc_n.any()
+
+
+def test_turntable_is_the_gyroscope_paper_s():
+    # page of the gyroscope paper: 0 to 60 °/s at 0.6 °/s² in 100 s, 1000 points, then 60 °/s for 100 s, 1000 points
+    t = grid("turntable")
+    rate = truth("turntable", t).rate_b
+    assert t.size == 2000
+    np.testing.assert_allclose(rate[:1000, 2], 0.6 * DEG * t[:1000], atol=1e-12)
+    np.testing.assert_allclose(rate[1000:, 2], 60.0 * DEG, atol=1e-12)
+    assert not rate[:, :2].any()
+    # angle: the area under the rate, 3000° in the ramp
+    yaw = np.unwrap(angles(truth("turntable", np.arange(0.0, 100.5, 0.5)))[:, 0])
+    assert yaw[200] / DEG == pytest.approx(3000.0, rel=1e-12)
+
+
+def test_ratetable_spins_each_face_both_ways_about_the_vertical():
+    plan = scenario("ratetable", peak_rate="80 deg/s", hold="4 s", ramp="1 s", remount="3 s")
+    # a face: 4 s at rest, six times ramp and hold, a ramp to rest; then it is turned to the next
+    face = 4.0 + 6.0 * (1.0 + 4.0) + 1.0
+    assert plan.duration == 6.0 * face + 5.0 * 3.0
+    starts = np.arange(6) * (face + 3.0)
+    middles = np.concatenate(([2.0], 7.0 + 5.0 * np.arange(6)))
+    body = truth(
+        "ratetable", (starts[:, np.newaxis] + middles).ravel(), peak_rate=80.0 * DEG, hold=4.0, ramp=1.0, remount=3.0
+    )
+    up = (body.specific_force_b / G0).reshape(6, 7, 3)
+    np.testing.assert_allclose(np.abs(up).max(axis=2), 1.0, rtol=0, atol=1e-15)
+    assert {tuple(np.rint(face[0]).astype(int)) for face in up} == {
+        tuple(sign * row) for row in np.eye(3, dtype=int) for sign in (1, -1)
+    }
+    about_up = (body.rate_b.reshape(6, 7, 3) * up).sum(axis=2) / DEG
+    # clockwise from above is negative about up
+    np.testing.assert_allclose(about_up, [[0.0, -20.0, -40.0, -80.0, 80.0, 40.0, 20.0]] * 6, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(body.rate_b, axis=1), np.abs(about_up).ravel() * DEG, atol=1e-14)
+
+
+def test_turntable_off_its_axis_feels_the_centripetal_acceleration():
+    force = truth("turntable", [150.0], radius=0.5).specific_force_b[0]
+    # ω²r towards the axis, which is ahead; no angular acceleration by then
+    np.testing.assert_allclose(force, [(60.0 * DEG) ** 2 * 0.5, 0.0, -G0], atol=1e-12)
+
+
+@pytest.mark.parametrize(("speed", "stroke"), [(2.0, 0.4), (3.0, 0.8), (2.0, 0.8), (1.0, 0.6)])
+def test_slide_has_the_four_stroke_sets_of_the_buoy_paper(speed, stroke):
+    t = np.linspace(0.0, scenario("slide", peak_speed=speed, stroke=stroke).duration, 40_001)
+    body = truth("slide", t, peak_speed=speed, stroke=stroke)
+    spacing = t[1]
+    velocity, acceleration = np.linalg.norm(body.vel_n, axis=1), np.linalg.norm(body.acc_n, axis=1)
+    # closed form of a stroke v/2 (1 − cos 2πt/T): peaks v and πv/T, which the grid misses by (π dt/T)²/2 at most
+    miss = 0.5 * (2.0 * math.pi * spacing / stroke) ** 2
+    assert velocity.max() == pytest.approx(speed, rel=miss)
+    assert acceleration.max() == pytest.approx(math.pi * speed / stroke, rel=miss)
+    assert not angles(body).any()  # level throughout
+    assert not body.acc_n[:, 2].any()
+    np.testing.assert_allclose(body.pos_n[-1], 0.0, atol=1e-12)  # as many strokes back as forth
+
+
+def test_slide_moves_obliquely_to_the_body_s_axes():
+    body = truth("slide", np.linspace(10.0, 10.4, 101), heading=1.0, direction=0.6)
+    force = body.specific_force_b
+    np.testing.assert_allclose(force[:, 1], math.tan(0.6) * force[:, 0], atol=1e-12)
+    assert np.abs(force[:, 1]).max() > 5.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_buoy_accelerates_as_the_buoy_paper_s_page_says(seed):
+    t = np.arange(0.0, 600.0, 0.1)
+    body = truth("buoy", t, seed)
+    rms_g = np.sqrt(np.mean(body.acc_n**2, axis=0)) / G0
+    assert (rms_g > 0.03).all()  # page: 0.03 to 0.07 g rms in a sea of 1.5 m and 6 s
+    assert (rms_g < 0.07).all()
+    # page: accelerometer alone wrong by 3.05°/2.64° rms; here at least by what the accelerations say, and far less than
+    # the tilt would be if tilt and way cancelled
+    f = body.specific_force_b
+    roll = np.arctan2(-f[:, 1], -f[:, 2])
+    error = np.sqrt(np.mean((roll - angles(body)[:, 2]) ** 2)) / DEG
+    assert 1.5 < error < 4.0
+
+
+def test_buoy_that_follows_the_water_feels_no_force_along_its_deck():
+    small = {"height": 1e-3, "way_period": 0.0, "tilt_period": 0.0, "yaw_wander": 0.0, "heading": 0.7}
+    force = truth("buoy", np.arange(0.0, 100.0, 0.1), **small).specific_force_b
+    # free surface: the force is along its normal; what remains is of second order in the slope, 1e-4 squared
+    assert np.abs(force[:, :2]).max() / G0 < 1e-6
+    tilt = angles(truth("buoy", np.arange(0.0, 100.0, 0.1), **small))[:, 1:]
+    assert np.abs(tilt).max() > 1e-4
+
+
+def test_buoy_yaw_wanders_by_what_is_asked():
+    t = np.arange(0.0, 20_000.0, 2.0)
+    yaw = angles(truth("buoy", t, height=0.0, yaw_wander=0.2, heading=0.5))[:, 0]
+    # five incommensurate sinusoids: rms as asked, mixing by a few parts in their hundreds of periods
+    assert yaw.std() == pytest.approx(0.2, rel=0.03)
+    assert yaw.mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_rod_keeps_to_its_limits_and_uses_them():
+    euler = angles(truth("rod", np.arange(0.0, 600.0, 0.1))) / DEG
+    assert np.abs(euler[:, 2]).max() <= 20.0 + 1e-9  # page of the rod paper: ±20/±15°
+    assert np.abs(euler[:, 1]).max() <= 15.0 + 1e-9
+    assert np.abs(euler[:, 2]).max() > 15.0
+    assert np.abs(euler[:, 1]).max() > 11.0
+
+
+def test_rod_moves_and_rests():
+    t = np.arange(0.0, 400.0, 0.05)
+    turning = np.abs(truth("rod", t).rate_b).max(axis=1) > 0.0
+    edges = np.flatnonzero(np.diff(turning.astype(int)))
+    assert t[edges[0]] == pytest.approx(5.0, abs=0.1)  # rest before the first move
+    moves = np.diff(t[edges])[::2]
+    assert moves.min() > 1.4  # page: moves of 1.5 to 4 s; a rest too short for the grid joins two
+    assert np.median(moves) < 4.0
+
+
+def test_rod_vibrates_from_400_s_on_as_strongly_as_said():
+    still = {"roll_limit": 0.0, "pitch_limit": 0.0}
+    t = np.arange(0.0, 600.0, 0.01)
+    acc = truth("rod", t, **still).acc_n
+    assert not acc[t < 400.0].any()
+    late = acc[t > 402.0]
+    # page: 0.08 g rms, 3 to 20 Hz; forty lines each 0.4 Hz apart mix by parts in their 80 beats
+    np.testing.assert_allclose(np.sqrt(np.mean(late**2, axis=0)), g(0.08), rtol=0.03)
+    f, power = welch(late, fs=100.0, nperseg=2000, axis=0)
+    inside = (f > 2.9) & (f < 20.1)
+    assert power[~inside].sum() < 0.01 * power.sum()
+
+
+def test_rod_carries_its_sensors_at_the_lever():
+    t = np.array([30.0, 31.0, 32.0])
+    low, high = truth("rod", t, lever=0.0), truth("rod", t, lever=0.5)
+    np.testing.assert_allclose(np.linalg.norm(high.pos_n - low.pos_n, axis=1), 0.5, rtol=1e-12)
+    assert (high.pos_n[:, 2] < -0.45).all()  # above the foot: down is positive
+
+
+def test_fin_turns_as_the_fin_paper_s_page_says():
+    duration, swing, twist, omega = 220.0, 30.0 * DEG, 20.0 * DEG, math.pi
+    t = np.arange(110_000) / 500.0
+    total = truth("fin", t).rate_b.sum(axis=0) / 500.0
+    # closed form over whole periods: the mean of ψ' sin φ and ψ' cos φ with φ = B (1 − cos) is a Bessel function
+    mean = swing * omega * j1(twist) * duration
+    np.testing.assert_allclose(total, [0.0, -mean * math.cos(twist), mean * math.sin(twist)], atol=1e-9)
+    # page: integrating each rate by itself is wrong by 3351° in pitch and 1219° in yaw after 220 s
+    np.testing.assert_allclose(np.abs(total[1:]) / DEG, [3351.0, 1219.0], rtol=1e-3)
+
+
+def test_fin_at_one_hertz_exceeds_the_range_of_the_adxrs290():
+    t = np.arange(0.0, 2.0, 0.001)
+    peak = np.abs(truth("fin", t, frequency=1.0).rate_b).max(axis=0) / DEG
+    np.testing.assert_allclose(peak[:2], [126.0, 121.0], atol=0.5)  # page: 126/121 °/s on x/y
+
+
+def test_arm_turns_as_the_arm_paper_says():
+    # page of the teaching-arm paper: heading 0 to −90° uniformly in 30 s, Ts = 0.1 s
+    t = grid("arm")
+    assert t.size == 300
+    body = truth("arm", t)
+    np.testing.assert_allclose(angles(body) / DEG, np.outer(-3.0 * t, [1.0, 0.0, 0.0]), atol=1e-12)
+    np.testing.assert_allclose(body.rate_b / DEG, np.tile([0.0, 0.0, -3.0], (300, 1)), atol=1e-12)
+    assert not body.acc_n.any()
+
+
+def test_coning_goes_round_at_its_frequency():
+    body = truth("coning", [0.0, 0.25, 0.5], half_angle=0.2, frequency=1.0)
+    # half angle of the rotation vector about north, then east, then south (frame NED)
+    np.testing.assert_allclose(rotvec_from_quat(body.q_nb), [[0.2, 0, 0], [0, 0.2, 0], [-0.2, 0, 0]], atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ["buoy", "rod"])
+def test_chance_is_the_seed_s(name):
+    t = np.linspace(0.0, 50.0, 100)
+    np.testing.assert_array_equal(truth(name, t, 3).q_nb, truth(name, t, 3).q_nb)
+    assert np.abs(truth(name, t, 3).q_nb - truth(name, t, 4).q_nb).max() > 1e-3
+
+
+def test_a_longer_rod_record_begins_like_a_shorter_one():
+    t = np.linspace(0.0, 50.0, 100)
+    np.testing.assert_array_equal(truth("rod", t, duration=60.0).q_nb, truth("rod", t, duration=600.0).q_nb)
+
+
+def test_text_with_a_unit_is_understood():
+    assert scenario("turntable", peak_rate="90 deg/s") == scenario("turntable", peak_rate=deg(90.0))
+    with pytest.raises(ParameterError, match="needs a unit"):
+        scenario("turntable", peak_rate="90")
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "rule"),
+    [
+        ("sailing", {}, "known are static, turntable, ratetable, slide, buoy, rod, fin, arm, coning"),
+        ("slide", {"speed": 1.0}, "no parameter 'speed'; known are peak_speed, stroke"),
+        ("slide", {"stroke": 0.0}, "stroke must be 0.05 to 60 s"),
+        ("slide", {"strokes": 2.5}, "whole number"),
+        ("buoy", {"peakedness": math.nan}, "peakedness must be"),
+        ("buoy", {"height": True}, "height must be"),
+        ("rod", {"fastest": 3.0, "slowest": 2.0}, "fastest must not exceed slowest"),
+        ("rod", {"vibration_low": 30.0}, "vibration_low must not exceed"),
+        ("coning", {"half_angle": 3.2}, "half_angle must be"),
+    ],
+)
+def test_what_cannot_be_is_refused(name, parameters, rule):
+    with pytest.raises(ParameterError, match=rule):
+        scenario(name, **parameters)
+
+
+def test_every_scenario_is_told_in_the_frame_of_its_angles():
+    for name in SCENARIOS:
+        assert truth(name, [0.0, 1.0]).frame is Frame.NED

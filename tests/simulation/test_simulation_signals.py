@@ -1,0 +1,133 @@
+"""Signals: derivatives against differences, and each shape against its closed form."""
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import ParameterError
+from plumbob.simulation.signals import (
+    Moves,
+    Piecewise,
+    Polynomial,
+    Ramps,
+    Sinusoids,
+    Stack,
+    Windowed,
+    constant,
+    cycloid,
+    quintic,
+    sinusoid,
+    stroke,
+)
+
+RNG = np.random.default_rng(5)
+T = np.sort(RNG.uniform(0.3, 9.7, 200))
+WAVES = Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=6), RNG.normal(size=6))
+WAVES3 = Sinusoids(RNG.uniform(0.5, 9.0, 6), RNG.normal(size=(6, 3)), RNG.normal(size=(6, 3)))
+MOVES = Moves((1.0, 4.0, 6.0), (2.0, 1.5, 3.0), (0.7, -1.1, 0.4))
+SIGNALS = {
+    "polynomial": Polynomial((1.0, -2.0, 0.5, 0.3)),
+    "sinusoids": WAVES,
+    "sinusoids of 3": WAVES3,
+    "quintic moves": MOVES,
+    "cycloid moves of 3": Moves((1.0, 4.0), (2.0, 3.0), RNG.normal(size=(2, 3)), cycloid),
+    "sum": WAVES + MOVES,
+    "scaled": 3.0 * WAVES,
+    "windowed": Windowed(WAVES, MOVES),
+    "windowed 3": Windowed(WAVES3, MOVES),
+    "ramps": Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
+    "stack": Stack((WAVES, MOVES, constant(2.0))),
+    "piecewise": Piecewise((5.0,), (sinusoid(1.0, 0.4), Polynomial((0.0, 1.0, 2.0)))),
+}
+
+
+def away_from_joints(t):
+    joints = np.array([1.0, 3.0, 4.0, 5.0, 5.5, 6.0, 7.0, 9.0])
+    return t[np.min(np.abs(t[:, np.newaxis] - joints), axis=1) > 5e-3]
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_derivatives_are_those_of_the_value(name, closes_in):
+    signal, t = SIGNALS[name], away_from_joints(T)
+    closes_in(lambda s: signal.at(s).value, lambda s: signal.at(s).rate, t)
+    closes_in(lambda s: signal.at(s).rate, lambda s: signal.at(s).acc, t)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+def test_shapes_agree(name):
+    value, rate, acc = SIGNALS[name].at(T)
+    assert value.shape == rate.shape == acc.shape
+    assert value.shape[0] == T.size
+    assert value.dtype == rate.dtype == acc.dtype == np.float64
+
+
+@pytest.mark.parametrize("law", [quintic, cycloid])
+def test_a_law_goes_from_rest_at_0_to_rest_at_1(law):
+    way = law(np.array([0.0, 1.0]))
+    # definition of a rest-to-rest law; 2π rounded makes sin(2π) of the order 1e-16
+    np.testing.assert_allclose(way.value, [0.0, 1.0], atol=1e-15)
+    np.testing.assert_allclose(way.rate, 0.0, atol=1e-15)
+    np.testing.assert_allclose(way.acc, 0.0, atol=1e-14)
+
+
+def test_moves_join_without_a_step_in_value_rate_or_acceleration():
+    h = 1e-9
+    for joint in (1.0, 3.0, 4.0, 5.5, 6.0, 9.0):
+        before, after = (MOVES.at(np.array([joint + side])) for side in (-h, h))
+        # twice continuously differentiable: over 2e-9 s nothing changes by more than that times the next derivative,
+        # whose largest value is 60 change / duration³ < 20 (third derivative of 10u³ − 15u⁴ + 6u⁵ at u = 0)
+        for part_before, part_after in zip(before, after, strict=True):
+            assert abs(part_after[0] - part_before[0]) < 20.0 * 2.0 * h
+
+
+def test_moves_stay_where_they_arrive():
+    t = np.array([0.0, 3.5, 5.75, 20.0])
+    np.testing.assert_allclose(MOVES.at(t).value, [0.0, 0.7, -0.4, 0.0], atol=1e-15)  # running sums of the changes
+    assert not MOVES.at(t).rate.any()
+
+
+def test_moves_may_not_overlap_or_take_no_time():
+    with pytest.raises(ParameterError, match="overlap"):
+        Moves((0.0, 1.0), (1.5, 1.0), (1.0, 1.0))
+    with pytest.raises(ParameterError, match="positive duration"):
+        Moves((0.0,), (0.0,), (1.0,))
+
+
+def test_a_stroke_has_the_velocity_of_a_table_slide():
+    v, duration = 2.0, 0.4
+    t = np.linspace(0.0, duration, 401)
+    slide = stroke(1.0, duration, v).at(t + 1.0)
+    # closed form: velocity v/2 (1 − cos(2πt/T)), its integral and its derivative
+    turn = 2.0 * np.pi / duration
+    np.testing.assert_allclose(slide.rate, 0.5 * v * (1.0 - np.cos(turn * t)), atol=1e-12)
+    np.testing.assert_allclose(slide.value, 0.5 * v * (t - np.sin(turn * t) / turn), atol=1e-13)
+    np.testing.assert_allclose(slide.acc, 0.5 * v * turn * np.sin(turn * t), atol=1e-10)
+    assert slide.rate.max() == pytest.approx(v, rel=1e-12)  # at T/2, which is on the grid
+
+
+def test_sinusoids_are_their_sum_over_more_rows_than_one_block():
+    t = np.linspace(0.0, 50.0, 10_000)
+    direct = sum(
+        a * np.cos(w * t) + b * np.sin(w * t) for w, a, b in zip(WAVES.omega, WAVES.cosine, WAVES.sine, strict=True)
+    )
+    np.testing.assert_allclose(WAVES.at(t).value, direct, atol=1e-12)  # definition
+
+
+def test_phasors_are_the_real_part_of_rotating_pointers():
+    omega, z = np.array([1.3, 4.0]), np.array([1.0 - 2.0j, 0.3 + 0.1j])
+    direct = (z * np.exp(1j * np.outer(T, omega))).sum(axis=1).real
+    np.testing.assert_allclose(Sinusoids.from_phasors(omega, z).at(T).value, direct, atol=1e-13)  # definition
+
+
+def test_sums_and_factors_are_linear():
+    both = (2.0 * WAVES + MOVES * -0.5).at(T)
+    for part, wave, move in zip(both, WAVES.at(T), MOVES.at(T), strict=True):
+        np.testing.assert_allclose(part, 2.0 * wave - 0.5 * move, atol=1e-12)
+
+
+def test_ramps_are_the_area_under_straight_lines():
+    signal = Ramps((1.0, 3.0, 5.0), (0.0, 4.0, 4.0))
+    value, rate, acc = signal.at(np.array([0.0, 2.0, 3.0, 4.0, 6.0]))
+    # a triangle of 2 s and 4/s, then a rectangle that goes on after the last knot
+    np.testing.assert_array_equal(value, [0.0, 1.0, 4.0, 8.0, 16.0])
+    np.testing.assert_array_equal(rate, [0.0, 2.0, 4.0, 4.0, 4.0])
+    np.testing.assert_array_equal(acc, [0.0, 2.0, 0.0, 0.0, 0.0])

@@ -1,0 +1,146 @@
+"""The line beneath all points: where it lies, and what does not move it."""
+
+import numpy as np
+import pytest
+
+from plumbob.acquisition.timing.delay import begin_line, observe
+from plumbob.acquisition.timing.hostfit import HostFit
+from plumbob.acquisition.timing.spec import DRIFT, REALS, ROUGH
+from plumbob.core.errors import ClockError, ShapeError
+from plumbob.core.time import BINS, bin_of, middle_of, quantile
+
+DEVICE_0, HOST_0 = 777_000_000_000, 1_790_000_000_000_000_000  # since a start; since 1970, beyond float64's 2**53
+LEAST_NS = 250_000
+
+
+def points(count=60_000, drift_ppm=40.0, mean_us=200.0, seed=4):
+    """100 points a second with exponential delays above a least one."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(count) * 10_000_000
+    y = np.rint(x * (1.0 + 1e-6 * drift_ppm) + LEAST_NS + rng.exponential(mean_us * 1e3, count)).astype(np.int64)
+    return DEVICE_0 + x, HOST_0 + y
+
+
+def truth(device_ns, drift_ppm=40.0):
+    return HOST_0 + LEAST_NS + (device_ns - DEVICE_0) * (1.0 + 1e-6 * drift_ppm)
+
+
+class TestHostFit:
+    @pytest.mark.parametrize("drift_ppm", [-100.0, 0.0, 40.0, 100.0, 30_000.0])
+    def test_offset_and_drift(self, drift_ppm):
+        """A block of 320 points of mean 200 µs has its lowest at 0.6 µs: 1e-2 ppm over 100 s, and 5 µs at the end."""
+        fit = HostFit()
+        device, host = points(drift_ppm=drift_ppm)
+        fit.observe(device, host)
+        report = fit.report()
+        assert report.drift_ppm == pytest.approx(drift_ppm, abs=0.02)
+        assert fit.to_host(int(device[-1])) == pytest.approx(truth(device[-1], drift_ppm), abs=5_000)
+        assert report.offset_ns == fit.to_host(int(device[-1])) - int(device[-1])
+        assert (report.points, report.resets) == (60_000, 0)
+
+    def test_delays(self):
+        """Quantiles of the exponential distribution: ln 2 and ln 100 means; bins are 6 % wide."""
+        fit = HostFit()
+        fit.observe(*points())
+        delays = fit.report().delays
+        assert delays.p50 == pytest.approx(200e-6 * np.log(2.0), rel=0.08)
+        assert delays.p99 == pytest.approx(200e-6 * np.log(100.0), rel=0.08)
+        assert delays.worst > delays.p99
+
+    def test_there_and_back(self):
+        fit = HostFit()
+        fit.observe(*points(5000))
+        for device in (DEVICE_0, DEVICE_0 + 10**10, DEVICE_0 + 10**13):
+            assert fit.to_device(fit.to_host(device)) == pytest.approx(device, abs=2)
+
+    def test_no_point_is_below_the_line_when_it_comes(self):
+        fit = HostFit()
+        device, host = points(3000)
+        for k in range(3000):
+            fit.observe(device[k : k + 1], host[k : k + 1])
+            assert fit.to_host(int(device[k])) <= host[k] + 1
+
+    def test_stalls_do_not_move_it(self):
+        device, host = points()
+        still = fitted = HostFit()
+        still.observe(device, host)
+        held = host.copy()
+        held[30_000:33_000] = np.maximum(held[30_000:33_000], held[33_000])  # 30 s
+        fitted = HostFit()
+        fitted.observe(device, held)
+        assert fitted.report().drift_ppm == pytest.approx(still.report().drift_ppm, abs=0.02)
+        assert fitted.to_host(int(device[-1])) == pytest.approx(still.to_host(int(device[-1])), abs=5_000)
+        assert fitted.report().delays.worst == pytest.approx(30.0, abs=0.1)
+
+    def test_a_backlog_at_the_start(self):
+        """Five seconds of points come at once, and then three as they are made: the first tell nothing of the drift."""
+        device, host = points(800)
+        host[:500] = host[500]
+        fit = HostFit()
+        fit.observe(device, host)
+        assert abs(fit.report().drift_ppm - 40.0) < 200
+
+    def test_what_comes_at_once_is_one_block(self):
+        """Otherwise a line without a nominal rate would take it for a clock that is infinitely fast."""
+        real = np.zeros(REALS)
+        real[ROUGH] = 1.0
+        begin_line(real, 0.0, 0.0)
+        for k in range(500):
+            observe(real, k * 1e7, 0.0)
+        assert real[DRIFT] == 0.0
+
+    def test_a_device_that_starts_again(self):
+        device, host = points(6000)
+        again = device.copy()
+        again[3000:] -= again[3000] - 5
+        fit = HostFit()
+        fit.observe(again, host)
+        assert fit.report().resets == 1
+        assert fit.report().drift_ppm == pytest.approx(40.0, abs=1.0)
+        moved = int(device[3000]) - 5
+        assert fit.to_host(int(again[-1])) == pytest.approx(truth(int(again[-1]) + moved), abs=20_000)
+
+    def test_pieces_give_the_same_bits(self):
+        device, host = points(5000)
+        whole, cut = HostFit(), HostFit()
+        whole.observe(device, host)
+        for k in range(0, 5000, 7):
+            cut.observe(device[k : k + 7], host[k : k + 7])
+        assert whole.report() == cut.report()
+
+    def test_two_points_at_once_and_one_alone(self):
+        fit = HostFit()
+        fit.observe(np.array([5, 5]), np.array([100, 90]))
+        assert fit.to_host(5) == 90
+        assert fit.report().drift_ppm == 0.0
+
+    def test_refusals(self):
+        fit = HostFit()
+        with pytest.raises(ClockError, match="at least one common point"):
+            fit.to_host(0)
+        with pytest.raises(ShapeError, match=r"int64 of one shape"):
+            fit.observe(np.zeros(3), np.zeros(3, dtype=np.int64))
+
+
+class TestHistogram:
+    def test_every_delay_has_its_bin_within_six_percent(self):
+        delays = np.unique(np.rint(np.geomspace(1.0, 1e18, 2000)))
+        places = [bin_of(float(delay)) for delay in delays]
+        assert places == sorted(places)
+        assert places[0] > 0
+        assert places[-1] < BINS
+        for delay, place in zip(delays, places, strict=True):
+            assert middle_of(place) == pytest.approx(delay, rel=1 / 32)
+
+    def test_below_zero_and_beyond(self):
+        assert bin_of(-1.0) == bin_of(0.0) == 0
+        assert bin_of(1e300) < BINS
+
+    def test_quantiles(self):
+        histogram = np.zeros(2 * BINS, dtype=np.int64)
+        assert quantile(histogram, 0, 0.5) == 0.0
+        for delay in range(1, 101):
+            histogram[BINS + bin_of(1000.0 * delay)] += 1
+        assert quantile(histogram, 0, 0.5) == 0.0
+        assert quantile(histogram, BINS, 0.5) == pytest.approx(50_000, rel=1 / 16)
+        assert quantile(histogram, BINS, 1.0) == pytest.approx(100_000, rel=1 / 16)
