@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint mutants bench noise endurance wire fuzz killed clean other-processor
+.PHONY: setup demo test test-long lint house mutants bench noise endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -35,6 +35,10 @@ test: setup
 # The long statistical runs, ten times the random cases, and the kernels' own tests again as plain Python.
 test-long: setup
 	$(BIN)/python tests/gates.py long
+
+# How large the package is, how far a reader walks with a verb, and what nothing reaches, beside their budgets.
+house: setup
+	$(BIN)/python benchmarks/house.py
 
 # Faults planted one at a time, and whether the tests find them: about two hours of two cores.
 mutants: setup
