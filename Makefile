@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint mutants bench noise endurance wire fuzz killed clean other-processor
+.PHONY: setup demo test test-long lint docs pages dist mutants bench noise endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -17,6 +17,10 @@ $(VENV)/.installed: pyproject.toml
 
 $(VENV)/.bench: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
 demo: setup
@@ -35,6 +39,22 @@ test: setup
 # The long statistical runs, ten times the random cases, and the kernels' own tests again as plain Python.
 test-long: setup
 	$(BIN)/python tests/gates.py long
+
+# The site: open site/index.html, which needs neither a server nor a network.
+docs: export NO_MKDOCS_2_WARNING := 1
+docs: $(VENV)/.docs
+	$(BIN)/python -m mkdocs build --quiet
+	@echo 'The site is in site/index.html.'
+
+# The pages that a program makes; the tests say when they are out of date.
+pages: setup
+	$(BIN)/plumbob devices --markdown > docs/devices.md
+	$(BIN)/python website/command_line.py > docs/command-line.md
+	$(BIN)/python website/draw_house.py > docs/images/house.svg
+
+# Wheel and source distribution, the wheel installed in a new environment, and its demo.
+dist: setup
+	$(BIN)/python website/dist.py
 
 # Faults planted one at a time, and whether the tests find them: about two hours of two cores.
 mutants: setup
@@ -76,7 +96,7 @@ killed: setup
 	$(BIN)/python benchmarks/interrupted.py
 
 clean:
-	rm -rf $(VENV) .mutants demo-out bench-out build dist
+	rm -rf $(VENV) .mutants demo-out bench-out build dist site
 
 # The tests as a processor with SSE only would run them, which adds in another order, fuses no products and finds other last
 # digits of a sine. The variables are read by numpy, numba, OpenBLAS and glibc.

@@ -1,0 +1,28 @@
+"""Pages that a program makes are up to date, and the site has every page."""
+
+import re
+from pathlib import Path
+
+from website import command_line
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_page_of_the_command_line_is_up_to_date():
+    """Otherwise: make pages."""
+    assert (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8") == command_line.page()
+
+
+def test_every_page_is_in_the_menu_of_the_site():
+    menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    named = re.findall(r"([\w-]+\.md)$", menu, re.MULTILINE)
+    made = {"index.md", "reference.md", "changelog.md", "contributing.md", "security.md"}  # by website/hooks.py
+    assert sorted(named) == sorted({page.name for page in (ROOT / "docs").glob("*.md")} | made)
+
+
+def test_files_that_the_pages_name_exist():
+    """A path with a placeholder, as src/plumbob/filters/<name>.py, names a folder that exists."""
+    pages = [*(ROOT / "docs").glob("*.md"), *ROOT.glob("*.md")]
+    for page in pages:
+        for path in re.findall(r"`((?:src|tests|benchmarks|examples|website|docs)/[^\s`]*)`", page.read_text("utf-8")):
+            assert (ROOT / path.partition("<")[0]).exists(), (page.name, path)

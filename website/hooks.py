@@ -1,0 +1,49 @@
+"""Pages of the site that stand nowhere in docs/: those of the repository, and the reference of the public names."""
+
+import inspect
+import re
+from pathlib import Path
+
+from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.structure.files import File, Files
+
+import plumbob
+
+ROOT = Path(__file__).parents[1]
+PAGES = {
+    "index.md": "README.md",
+    "changelog.md": "CHANGELOG.md",
+    "contributing.md": "CONTRIBUTING.md",
+    "security.md": "SECURITY.md",
+}
+UNSEARCHED = "---\nsearch: {exclude: true}\n---\n"
+TO_PAGE = {name: page for page, name in PAGES.items()}
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that are made here."""
+    for page, name in PAGES.items():
+        text = as_page((ROOT / name).read_text(encoding="utf-8"))
+        files.append(File.generated(config, page, content=UNSEARCHED + text if page == "changelog.md" else text))
+    files.append(File.generated(config, "reference.md", content=reference()))
+    return files
+
+
+def as_page(text: str) -> str:
+    """Text of the repository's root with its links as they are in docs/."""
+    text = text.replace("](docs/", "](")
+    return re.sub(r"\]\((\w+\.md)\)", lambda link: f"]({TO_PAGE.get(link[1], link[1])})", text)
+
+
+def reference() -> str:
+    """One page of all public names, by kind; where each is defined is known to the running package alone."""
+    kinds: dict[str, list[str]] = {"Functions": [], "Types": [], "Errors": []}
+    for name in plumbob.__all__:
+        public = getattr(plumbob, name)
+        error = inspect.isclass(public) and issubclass(public, Exception)
+        kind = "Errors" if error else "Types" if inspect.isclass(public) else "Functions"
+        kinds[kind].append(f"{public.__module__}.{public.__qualname__}")
+    parts = ["# Reference", "What `import plumbob` gives. The words are those of the [conventions](conventions.md)."]
+    for title, places in kinds.items():
+        parts += [f"## {title}", *(f"::: {place}" for place in places)]
+    return "\n\n".join(parts) + "\n"
