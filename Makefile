@@ -52,9 +52,15 @@ pages: setup
 	$(BIN)/python website/command_line.py > docs/command-line.md
 	$(BIN)/python website/draw_house.py > docs/images/house.svg
 
-# Wheel and source distribution, the wheel installed in a new environment, and its demo.
+# Source distribution, the wheel made of it, and what a user does with that: install it in a new environment, run the demo.
+DIST := .venv-dist
 dist: setup
-	$(BIN)/python website/dist.py
+	rm -rf dist $(DIST)
+	$(BIN)/python -m build --outdir dist . > /dev/null
+	$(PYTHON) -m venv $(DIST)
+	$(DIST)/bin/python -m pip install --quiet --disable-pip-version-check "$$(echo dist/*.whl)[plot]"
+	cd $(DIST) && bin/plumbob demo --out demo-out --force
+	@ls -l dist
 
 # Faults planted one at a time, and whether the tests find them: about two hours of two cores.
 mutants: setup
@@ -96,7 +102,7 @@ killed: setup
 	$(BIN)/python benchmarks/interrupted.py
 
 clean:
-	rm -rf $(VENV) .mutants demo-out bench-out build dist site
+	rm -rf $(VENV) $(DIST) .mutants demo-out bench-out build dist site
 
 # The tests as a processor with SSE only would run them, which adds in another order, fuses no products and finds other last
 # digits of a sine. The variables are read by numpy, numba, OpenBLAS and glibc.
