@@ -17,7 +17,7 @@ PAGES = {
     "security.md": "SECURITY.md",
 }
 UNSEARCHED = "---\nsearch: {exclude: true}\n---\n"
-TO_PAGE = {name: page for page, name in PAGES.items()}
+TO_PAGE = {"examples": "examples.md", **{name: page for page, name in PAGES.items()}}
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -25,14 +25,29 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for page, name in PAGES.items():
         text = as_page((ROOT / name).read_text(encoding="utf-8"))
         files.append(File.generated(config, page, content=UNSEARCHED + text if page == "changelog.md" else text))
+    files.append(File.generated(config, "examples.md", content=examples()))
     files.append(File.generated(config, "reference.md", content=reference()))
     return files
 
 
 def as_page(text: str) -> str:
-    """Text of the repository's root with its links as they are in docs/."""
+    """Text of the repository's root with its links as they are in docs/; a link to what is no page becomes its text."""
     text = text.replace("](docs/", "](")
-    return re.sub(r"\]\((\w+\.md)\)", lambda link: f"]({TO_PAGE.get(link[1], link[1])})", text)
+    text = re.sub(r"\[([^]]+)\]\(CITATION.cff\)", r"\1 (CITATION.cff)", text)
+    return re.sub(r"\]\(([\w]+(?:\.md)?)\)", lambda link: f"]({TO_PAGE.get(link[1], link[1])})", text)
+
+
+def examples() -> str:
+    """One page of all numbered scripts; the first line of each is its title."""
+    parts = [
+        "# Examples",
+        "The scripts of `examples/`, smallest first. Each says what it prints, which the tests check.",
+    ]
+    for path in sorted((ROOT / "examples").glob("*.py")):
+        code = path.read_text(encoding="utf-8")
+        title = code.partition("\n")[0].strip('"').partition(":")[0].rstrip(".")
+        parts.append(f"## {title}\n\n`{path.relative_to(ROOT)}`\n\n```python\n{code}```")
+    return "\n\n".join(parts) + "\n"
 
 
 def reference() -> str:

@@ -16,7 +16,14 @@ def test_the_page_of_the_command_line_is_up_to_date():
 def test_every_page_is_in_the_menu_of_the_site():
     menu = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
     named = re.findall(r"([\w-]+\.md)$", menu, re.MULTILINE)
-    made = {"index.md", "reference.md", "changelog.md", "contributing.md", "security.md"}  # by website/hooks.py
+    made = {
+        "index.md",
+        "examples.md",
+        "reference.md",
+        "changelog.md",
+        "contributing.md",
+        "security.md",
+    }  # by website/hooks.py
     assert sorted(named) == sorted({page.name for page in (ROOT / "docs").glob("*.md")} | made)
 
 
