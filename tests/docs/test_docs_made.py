@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from website import command_line
+from website import command_line, draw_house
 
 ROOT = Path(__file__).parents[2]
 
@@ -11,6 +11,11 @@ ROOT = Path(__file__).parents[2]
 def test_the_page_of_the_command_line_is_up_to_date():
     """Otherwise: make pages."""
     assert (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8") == command_line.page()
+
+
+def test_the_drawing_of_the_house_is_up_to_date():
+    """Otherwise: make pages."""
+    assert (ROOT / "docs" / "images" / "house.svg").read_text(encoding="utf-8") == draw_house.svg()
 
 
 def test_every_page_is_in_the_menu_of_the_site():
