@@ -5,7 +5,9 @@ import re
 from pathlib import Path
 
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 import plumbob
 
@@ -16,6 +18,7 @@ PAGES = {
     "contributing.md": "CONTRIBUTING.md",
     "security.md": "SECURITY.md",
 }
+LOADED = re.compile(r"""<(?:script|link|img|iframe|source)\b[^>]*\b(?:src|href)=["']?(?:https?:)?//[^>]*>""")
 UNSEARCHED = "---\nsearch: {exclude: true}\n---\n"
 TO_PAGE = {"examples": "examples.md", **{name: page for page, name in PAGES.items()}}
 
@@ -30,8 +33,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     return files
 
 
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Refuse a page that would load something from a network."""
+    if found := LOADED.search(output):
+        raise PluginError(f"{page.file.src_uri} loads from a network: {found[0]}")
+    return output
+
+
 def as_page(text: str) -> str:
-    """Text of the repository's root with its links as they are in docs/; a link to what is no page becomes its text."""
+    """Text of the repository's root with its links as they are in docs/; a link to what is not a page becomes its text."""
     text = text.replace("](docs/", "](")
     text = re.sub(r"\[([^]]+)\]\(CITATION.cff\)", r"\1 (CITATION.cff)", text)
     return re.sub(r"\]\(([\w]+(?:\.md)?)\)", lambda link: f"]({TO_PAGE.get(link[1], link[1])})", text)
