@@ -41,7 +41,7 @@ def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
 
 
 def as_page(text: str) -> str:
-    """Text of the repository's root with its links as they are in docs/; a link to what is not a page becomes its text."""
+    """Text of the repository's root with its links as they are in docs/; one to what is not a page becomes its text."""
     text = text.replace("](docs/", "](")
     text = re.sub(r"\[([^]]+)\]\(CITATION.cff\)", r"\1 (CITATION.cff)", text)
     return re.sub(r"\]\(([\w]+(?:\.md)?)\)", lambda link: f"]({TO_PAGE.get(link[1], link[1])})", text)
