@@ -48,15 +48,13 @@ def as_page(text: str) -> str:
 
 
 def examples() -> str:
-    """One page of all numbered scripts; the first line of each is its title."""
+    """One page of all numbered scripts."""
     parts = [
         "# Examples",
         "The scripts of `examples/`, smallest first. Each says what it prints, which the tests check.",
     ]
     for path in sorted((ROOT / "examples").glob("*.py")):
-        code = path.read_text(encoding="utf-8")
-        title = code.partition("\n")[0].strip('"').partition(":")[0].rstrip(".")
-        parts.append(f"## {title}\n\n`{path.relative_to(ROOT)}`\n\n```python\n{code}```")
+        parts.append(f"## {path.stem.replace('_', ' ')}\n\n```python\n{path.read_text(encoding='utf-8')}```")
     return "\n\n".join(parts) + "\n"
 
 
