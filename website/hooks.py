@@ -60,13 +60,19 @@ def examples() -> str:
 
 def reference() -> str:
     """One page of all public names, by kind; where each is defined is known to the running package alone."""
-    kinds: dict[str, list[str]] = {"Functions": [], "Types": [], "Errors": []}
+    kinds: dict[str, list[str]] = {"Functions": [], "Types": [], "Errors": [], "Modules": []}
     for name in plumbob.__all__:
         public = getattr(plumbob, name)
-        error = inspect.isclass(public) and issubclass(public, Exception)
-        kind = "Errors" if error else "Types" if inspect.isclass(public) else "Functions"
-        kinds[kind].append(f"{public.__module__}.{public.__qualname__}")
+        kinds[_kind(public)].append(
+            public.__name__ if inspect.ismodule(public) else f"{public.__module__}.{public.__qualname__}"
+        )
     parts = ["# Reference", "What `import plumbob` gives. The words are those of the [conventions](conventions.md)."]
     for title, places in kinds.items():
-        parts += [f"## {title}", *(f"::: {place}" for place in places)]
+        parts += [f"## {title}", *(f"::: {place}" for place in places)] if places else []
     return "\n\n".join(parts) + "\n"
+
+
+def _kind(public: object) -> str:
+    if inspect.isclass(public):
+        return "Errors" if issubclass(public, Exception) else "Types"
+    return "Modules" if inspect.ismodule(public) else "Functions"
