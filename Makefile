@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint house mutants bench noise endurance wire fuzz killed clean other-processor
+.PHONY: setup demo test test-long lint docs pages dist house mutants bench noise endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -17,6 +17,10 @@ $(VENV)/.installed: pyproject.toml
 
 $(VENV)/.bench: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
 demo: setup
@@ -38,7 +42,29 @@ test-long: setup
 
 # How large the package is, how far a reader walks with a verb, and what nothing reaches, beside their budgets.
 house: setup
-	$(BIN)/python benchmarks/house.py
+	$(BIN)/python -m benchmarks.house
+
+# The site: open site/index.html, which needs neither a server nor a network.
+docs: export NO_MKDOCS_2_WARNING := 1
+docs: $(VENV)/.docs
+	$(BIN)/python -m mkdocs build --quiet
+	@echo 'The site is in site/index.html.'
+
+# The pages that a program makes; the tests say when they are out of date.
+pages: setup
+	$(BIN)/plumbob devices --markdown > docs/devices.md
+	$(BIN)/python website/command_line.py > docs/command-line.md
+	$(BIN)/python website/draw_house.py > docs/images/house.svg
+
+# Source distribution, the wheel made of it, and what a user does with that: install it in a new environment, run the demo.
+DIST := .venv-dist
+dist: setup
+	rm -rf dist $(DIST)
+	$(BIN)/python -m build --outdir dist . > /dev/null
+	$(PYTHON) -m venv $(DIST)
+	$(DIST)/bin/python -m pip install --quiet --disable-pip-version-check "$$(echo dist/*.whl)[plot]"
+	cd $(DIST) && bin/plumbob demo --out demo-out --force
+	@ls -l dist
 
 # Faults planted one at a time, and whether the tests find them: about two hours of two cores.
 mutants: setup
@@ -80,7 +106,7 @@ killed: setup
 	$(BIN)/python -m benchmarks.interrupted
 
 clean:
-	rm -rf $(VENV) .mutants demo-out bench-out build dist
+	rm -rf $(VENV) $(DIST) .mutants demo-out bench-out build dist site
 
 # The tests as a processor with SSE only would run them, which adds in another order, fuses no products and finds other last
 # digits of a sine. The variables are read by numpy, numba, OpenBLAS and glibc.

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 BIN = Path(sys.executable).parent
-CODE = ("src", "tests", "benchmarks")
+CODE = ("src", "tests", "benchmarks", "examples", "website")
 PYTEST = (sys.executable, "-m", "pytest", "-n", os.environ.get("JOBS", "2"), "--dist", "worksteal")
 READERS = {
     "format": (BIN / "ruff", "format", "--check", *CODE),

@@ -47,16 +47,19 @@ Flags
 Every sample carries a `flags` integer; `plumbob.core.flags` names the bits. A flag never removes a value.
 """
 
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from plumbob.core.lazy import lazily
 from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
+    from plumbob.core import errors, flags, units
     from plumbob.core.errors import PlumbobError, PlumbobWarning
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
     from plumbob.data.calibrated import apply_card
     from plumbob.data.cards import CalibrationCard, NoiseCard
+    from plumbob.data.sample import ImuSample
     from plumbob.evaluation import Evaluation
     from plumbob.files import Recording, read, write
     from plumbob.files.draft import profile
@@ -118,17 +121,27 @@ __all__ = [
     "Session",
     "__version__",
     "apply_card",
+    "errors",
     "filter_names",
     "find_format",
+    "flags",
     "load_session",
     "profile",
     "read",
     "simulate",
+    "units",
     "write",
 ]
 
 
-__getattr__ = lazily(__name__, _HOME)[0]
+_MODULES = {"errors": "core.errors", "flags": "core.flags", "units": "core.units"}
+"""Modules that users take whole, by the names that they have here."""
+
+_name = lazily(__name__, _HOME)[0]
+
+
+def __getattr__(name: str) -> Any:
+    return import_module(f"{__name__}.{_MODULES[name]}") if name in _MODULES else _name(name)
 
 
 def __dir__() -> list[str]:

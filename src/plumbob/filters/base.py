@@ -222,6 +222,9 @@ def loops_of(name: str, module: FilterModule) -> Loops:
 class Filter(Shown):
     """An estimator with its parameters and its state.
 
+    Headings are true where the declination is known, from `params` or else from the meta, and magnetic where it is not;
+    the track's ``north`` says which.
+
     Parameters
     ----------
     name : str
@@ -237,9 +240,6 @@ class Filter(Shown):
         without it the first samples give tilt and heading.
     meta : ImuMeta, optional
         What is known about the samples that `update` will take; a recording that `process` takes brings its own.
-
-    Headings are true where the declination is known, from `params` or else from the meta, and magnetic where it is not;
-    the track's ``north`` says which.
 
     Attributes
     ----------

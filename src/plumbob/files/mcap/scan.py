@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 
-from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 
+from mcap import records
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.chunk import PLAIN_BYTES
 from plumbob.files.mcap.content import (
