@@ -15,7 +15,8 @@ from scipy.stats import binom
 from plumbob import CalibrationCard, Filter, Frame, simulate
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import TriadCalibration
-from plumbob.evaluation.metrics import BOUNDS, claimed_sd, nees
+from plumbob.rotations.headings import claimed_sd
+from plumbob.evaluation.metrics import BOUNDS, nees
 from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat
 
 SENSORS = "mpu6000+hmc5983"

@@ -189,7 +189,7 @@ def test_a_place_makes_headings_true(run, report):
     ("words", "told"),
     [
         (("--place", NATICK), "does not say when it was made"),
-        (("--date", "2028-07-04"), "--date says nothing without --place"),
+        (("--date", "2028-07-04"), "date says nothing without place"),
         (("--place", NATICK, "--date", "2035-07-04"), "no World Magnetic Model is installed for 2035-07-04"),
         (("--place", NATICK, "--date", "2028-07-04", "--params", "declination=1deg"), "both say the declination"),
     ],

@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from plumbob.evaluation import attitude_errors, claimed_sd, evaluate
+from plumbob.evaluation import attitude_errors, evaluate
 from plumbob.rotations import North, dcm_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
+from plumbob.rotations.headings import claimed_sd
 
 N = 20_000
 SD = np.array([0.004, 0.003, 0.02])  # about the level axes and the vertical, rad

@@ -7,7 +7,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.data import UNCALIBRATED
 from plumbob.data.cards import TriadNoise
 from plumbob.filters import claims_covariance, filter_names, load, takes_noise
-from plumbob.filters.offline import CHUNK, Stage, estimate, with_noise
+from plumbob.filters.offline import CHUNK, Stage, run_stage, with_noise
 from tests.battery.motion import noisy
 
 CARD = NoiseCard("unit 7", "a test", gyr=TriadNoise([1e-4] * 3, [0.0] * 3, [2e-5] * 3))
@@ -23,7 +23,7 @@ def test_what_filters_offer_is_what_their_files_hold():
 @pytest.mark.parametrize("name", ["ekf7", "mekf"])
 def test_a_covariance_goes_on_over_chunks(name):
     data = noisy(CHUNK + 100)
-    track = estimate(data, Stage(name, {}), frame=Frame.ENU)
+    track = run_stage(data, Stage(name, {}), frame=Frame.ENU)
     whole = Filter(name, frame=Frame.ENU).process(data, covariance=True)
     assert track.cov_b.shape == (len(data), 3, 3)
     assert track.q_nb.tobytes() == whole.q_nb.tobytes()
@@ -31,7 +31,7 @@ def test_a_covariance_goes_on_over_chunks(name):
 
 
 def test_a_filter_that_claims_none_has_none():
-    assert estimate(noisy(CHUNK + 100), Stage("mahony", {}), frame=Frame.ENU).cov_b is None
+    assert run_stage(noisy(CHUNK + 100), Stage("mahony", {}), frame=Frame.ENU).cov_b is None
 
 
 @pytest.mark.parametrize("name", ["ekf7", "mekf"])
@@ -39,7 +39,7 @@ def test_a_card_sets_the_noise_and_parameters_have_the_last_word(name):
     data, field = noisy(), {"ekf7": "gyro_noise", "mekf": "gyr_noise"}[name]
     given = {field: 3e-4}
     for params in ({}, given):
-        track = estimate(data, Stage(name, params, noise=CARD), frame=Frame.ENU)
+        track = run_stage(data, Stage(name, params, noise=CARD), frame=Frame.ENU)
         made = Filter(name, frame=Frame.ENU, params=params, noise=CARD)
         assert track.source == f"{made.describe()}; calibration {UNCALIBRATED}"
         assert getattr(made.params, field) == pytest.approx(params.get(field, 1e-4), rel=1e-15)
@@ -54,7 +54,7 @@ def test_cards_go_to_those_that_take_one():
 
 def test_where_nobody_takes_one_the_filter_refuses_it():
     with pytest.raises(ParameterError, match="mahony has no parameter that a noise card could give"):
-        estimate(noisy(), with_noise([Stage("mahony", {})], CARD)[0], frame=Frame.ENU)
+        run_stage(noisy(), with_noise([Stage("mahony", {})], CARD)[0], frame=Frame.ENU)
 
 
 @pytest.mark.parametrize("name", filter_names())

@@ -11,7 +11,7 @@ from plumbob.core import flags
 from plumbob.core.errors import ParameterError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.files.mcap import disk, verify
-from plumbob.filters.offline import estimate
+from plumbob.filters.offline import run_stage
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
@@ -42,7 +42,7 @@ def test_samples_are_the_simulated_ones_within_half_a_count():
 def test_attitude_of_the_line_is_the_batch_attitude_to_the_bit():
     line, found = through(reads(stream()))
     whole = found.imu(calibrated=True)
-    batch = estimate(whole, line.session.stage, frame=line.session.frame)
+    batch = run_stage(whole, line.session.stage, frame=line.session.frame)
     live = found.track()
     np.testing.assert_array_equal(live.q_nb, batch.q_nb)
     np.testing.assert_array_equal(live.flags, batch.flags)

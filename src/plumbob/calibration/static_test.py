@@ -18,7 +18,7 @@ from plumbob.data.cards import CalibrationCard
 from plumbob.evaluation import evaluate
 from plumbob.evaluation.evaluation import Evaluation
 from plumbob.evaluation.metrics import Stats
-from plumbob.filters.offline import Stage, estimate
+from plumbob.filters.offline import Stage, run_stage
 from plumbob.rotations import euler_zyx_from_quat, quat_mean
 
 ANGLES: Final = ("yaw", "pitch", "roll")
@@ -178,7 +178,7 @@ def _tilt_and_compass(imu: ImuData, rests: list[slice], truth: AttitudeTrack) ->
     """Attitude of the mean specific force and field of each rest."""
     acc, mag = (np.stack([mean_of_whole(imu.usable(name)[rest]) for rest in rests]) for name in ("acc", "mag"))
     looks = ImuData(t=truth.t, acc=acc, mag=mag, meta=replace(imu.meta, rate_nominal=None))
-    return estimate(looks, Stage("tilt_compass", {}), frame=imu.meta.frame or truth.frame)
+    return run_stage(looks, Stage("tilt_compass", {}), frame=imu.meta.frame or truth.frame)
 
 
 def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | None:

@@ -5,7 +5,7 @@ import json
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -360,6 +360,23 @@ def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
     ) as bar:
         task = bar.add_task(title, total=total)
         yield lambda done: bar.advance(task, done)
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
+    """Progress of what tells its samples done and of all; the bar begins when the number of all is known."""
+    with ExitStack() as stack:
+        advance: list[Callable[[int], None]] = []
+        before = 0
+
+        def done(so_far: int, total: int) -> None:
+            nonlocal before
+            if not advance:
+                advance.append(stack.enter_context(progress(title, total)))
+            advance[0](so_far - before)
+            before = so_far
+
+        yield done
 
 
 def _may_draw(stream: TextIO) -> bool:

@@ -11,6 +11,7 @@ from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
+from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import UnitError
 
@@ -301,6 +302,21 @@ def parse(text: str, quantity: Quantity) -> float:
     if not name and quantity.ambiguous and float(number) != 0.0:
         raise UnitError(f"{text!r} needs a unit of {quantity.name.lower()} ({fitting}); it could mean any of them.")
     return to_si(float(number), name or quantity, quantity)
+
+
+def given(name: str, value: float | str | None, quantity: Quantity) -> float | None:
+    """What a caller gives for a quantity: a number in SI, or text with its unit, as in ``"0.08 g"``; None stays None.
+
+    Raises
+    ------
+    UnitError
+        As in `parse`.
+    ParameterError
+        If it is neither.
+    """
+    if value is None:
+        return None
+    return parse(value, quantity) if isinstance(value, str) else check.number(name, value, quantity.value)
 
 
 def dps(value: Number) -> Number:

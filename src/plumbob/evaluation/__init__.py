@@ -6,7 +6,7 @@ from plumbob.core.lazy import lazily
 from plumbob.evaluation.align import Alignment
 from plumbob.evaluation.associate import Fate, Match, associate
 from plumbob.evaluation.evaluation import Evaluation, Settings, evaluate
-from plumbob.evaluation.metrics import GIMBAL_GUARD, QUANTITIES, Consistency, Stats, attitude_errors, claimed_sd
+from plumbob.evaluation.metrics import GIMBAL_GUARD, QUANTITIES, Consistency, Stats, attitude_errors
 from plumbob.evaluation.timeshift import TimeOffset, find_time_offset
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ __all__ = [
     "TimeOffset",
     "associate",
     "attitude_errors",
-    "claimed_sd",
     "evaluate",
     "find_time_offset",
     "write_html",

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.rotations import dcm_from_quat, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
+from plumbob.rotations import euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
 
 QUANTITIES = ("total", "heading", "inclination", "yaw", "pitch", "roll")
 NEEDS_HEADING = ("total", "heading", "yaw")
@@ -154,21 +154,6 @@ def consistency(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Consistency | No
         count=int(usable.size),
         unusable=int(squared.size - usable.size),
     )
-
-
-def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
-    """Standard deviations (N,), rad, that a covariance claims for inclination and heading, to first order.
-
-    The error's two level parts in the navigation frame make the inclination, its vertical part the heading; so a
-    consistent filter's errors have these rms values. NaN where nothing is claimed yet: a variance that is not positive.
-    """
-    c_nb = dcm_from_quat(q_nb)
-    xx, yy, zz = np.moveaxis(np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb), -1, 0)
-    return _sd(xx + yy), _sd(zz)
-
-
-def _sd(variance: Floats) -> Floats:
-    return np.sqrt(np.where(variance > 0.0, variance, np.nan))
 
 
 def _positive_definite(p: Floats) -> NDArray[np.bool_]:

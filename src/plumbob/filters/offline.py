@@ -167,7 +167,7 @@ def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording"
     return replace(recording, imu=imu, notes=(*provenance(recording.notes), *findings(imu), *beyond))
 
 
-def estimate(
+def run_stage(
     imu: ImuData,
     stage: Stage,
     *,

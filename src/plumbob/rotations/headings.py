@@ -14,6 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, UnitError
 from plumbob.core.units import to_deg
 from plumbob.rotations.frames import Frame, North
+from plumbob.rotations.matrices import dcm_from_quat
 from plumbob.rotations.quaternions import quat_multiply
 from plumbob.rotations.so3 import quat_from_rotvec
 
@@ -93,3 +94,18 @@ def _free(estimate: North, reference: North, aligned: bool) -> HeadingPolicy:
 def turn_heading(q_nb: Floats, angle: float, frame: Frame) -> Floats:
     """Attitudes (N, 4) whose headings read `angle` rad more, clockwise seen from above."""
     return quat_multiply(quat_from_rotvec(-angle * frame.up), q_nb)
+
+
+def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
+    """Standard deviations (N,), rad, that a covariance claims for inclination and heading, to first order.
+
+    The error's two level parts in the navigation frame make the inclination, its vertical part the heading; so a
+    consistent filter's errors have these rms values. NaN where nothing is claimed yet: a variance that is not positive.
+    """
+    c_nb = dcm_from_quat(q_nb)
+    xx, yy, zz = np.moveaxis(np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb), -1, 0)
+    return _sd(xx + yy), _sd(zz)
+
+
+def _sd(variance: Floats) -> Floats:
+    return np.sqrt(np.where(variance > 0.0, variance, np.nan))

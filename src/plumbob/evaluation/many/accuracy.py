@@ -11,7 +11,7 @@ from plumbob.core.errors import DecodeError, PlumbobError, ShapeError
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.evaluation import evaluate
 from plumbob.evaluation.many.peer_runs import PeerRun, peer_track
-from plumbob.filters.offline import Stage, estimate, navigation_frame
+from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.rotations import Frame
 
 Errors = dict[str, float | None]
@@ -192,7 +192,7 @@ def read_trial(path: Path) -> tuple[ImuData, AttitudeTrack]:
 
 
 def _ours(stage: Stage, imu: ImuData, frame: Frame) -> AttitudeTrack:
-    return estimate(imu, stage, frame=frame)
+    return run_stage(imu, stage, frame=frame)
 
 
 def _theirs(peer: PeerRun, imu: ImuData, frame: Frame) -> AttitudeTrack:

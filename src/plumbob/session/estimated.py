@@ -1,0 +1,309 @@
+"""From a recording to an attitude, with what a reader should know of both: `plumbob run`, and `plumbob.estimate`."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from plumbob.core import check, flags
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.repr import Shown
+from plumbob.core.time import timing
+from plumbob.core.units import to_deg
+from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data.earth_field import located
+from plumbob.data.plausibility import upside_down
+from plumbob.files import Recording, findings, found_in, inferred_in, write
+from plumbob.filters import Filter
+from plumbob.filters.offline import Stage, bias_beyond, filter_of, navigation_frame, run_stage
+from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_rotate
+from plumbob.rotations.headings import claimed_sd
+from plumbob.session.reading import read_any
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
+
+Note = Callable[[str], None]
+Progress = Callable[[int, int], None]
+
+_OFTEN = 0.05
+"""Share of samples behind a gap from which on the declared unit of time is in doubt."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimated(Shown):
+    """An estimated attitude, and what belongs to it.
+
+    Attributes
+    ----------
+    track : AttitudeTrack
+        The attitude at every sample, with its covariance where the filter claims one.
+    imu : ImuData
+        The samples that the filter was given, calibrated where a card was.
+    filter : Filter
+        What made it, in its first state.
+    name : str
+        Of the recording.
+    notes : tuple of str
+        What was found in the samples or in the result, a line each.
+    reference : AttitudeTrack or None
+        The reference that came with the recording.
+    temperature_beyond, bias_beyond : str or None
+        By how much the samples leave the card's temperatures, and the estimated bias its prior, in words.
+    noise_card : str or None
+        Which noise card the filter took its parameters from.
+    inferred : tuple of str
+        What the reader had to infer, for the notes of a file.
+    """
+
+    track: AttitudeTrack
+    imu: ImuData
+    filter: Filter
+    name: str
+    notes: tuple[str, ...]
+    reference: AttitudeTrack | None = None
+    temperature_beyond: str | None = None
+    bias_beyond: str | None = None
+    noise_card: str | None = None
+    inferred: tuple[str, ...] = ()
+
+    def facts(self) -> Mapping[str, str]:
+        """Recording, filter, length, and the attitude at the end."""
+        yaw, pitch, roll = (f"{angle:.2f}°" for angle in self._last.values())
+        return {
+            "recording": self.name,
+            "filter": self.filter.name,
+            "samples": str(len(self.track)),
+            "at the end": f"yaw {yaw}, pitch {pitch}, roll {roll}",
+        }
+
+    @property
+    def _last(self) -> dict[str, float]:
+        """Yaw, pitch and roll of the last attitude, degrees."""
+        return dict(
+            zip(("yaw", "pitch", "roll"), map(float, to_deg(euler_zyx_from_quat(self.track.q_nb[-1]))), strict=True)
+        )
+
+    @property
+    def declination_deg(self) -> float | None:
+        """Declination that makes the headings true, degrees; None where they are not."""
+        angle = self.filter.common.declination
+        return None if self.track.north is not North.TRUE or angle is None else float(to_deg(angle))
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
+        """Write the track, with where it comes from; errors as of `plumbob.write`."""
+        notes = (f"estimated from {self.name} by {self.track.source}", *self.inferred)
+        write(path, self.track, notes=notes, overwrite=overwrite)
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them; angles in degrees."""
+        track = self.track
+        forward = quat_rotate(track.q_nb[-1], [1.0, 0.0, 0.0])
+        heading = float(to_deg(float(np.arctan2(forward @ track.frame.east, forward @ track.frame.north)))) % 360.0
+        return {
+            "frame": str(track.frame),
+            "north": str(track.north),
+            "calibration": self.imu.meta.calibration,
+            "samples": len(track),
+            "duration_s": float(track.t[-1] - track.t[0]),
+            "last_attitude_deg": {"heading": heading, **self._last},
+            "flags": flags.counts(np.asarray(track.flags)),
+            "filter": self.filter.describe(),
+            "bias_beyond": self.bias_beyond,
+            "declination_deg": self.declination_deg,
+            "temperature_beyond": self.temperature_beyond,
+            "noise_card": self.noise_card,
+            "claimed_sd_deg": _claimed(track),
+        }
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        report = self.summary()
+        last, north = report["last_attitude_deg"], report["north"]
+        zero = "an arbitrary zero" if north == "free" else f"{north} north"
+        declination = "" if self.declination_deg is None else f" (declination {self.declination_deg:+.3f}°)"
+        lines = [
+            f"filter       {report['filter']}",
+            f"frame        {report['frame']}, heading from {zero}{declination}",
+            f"calibration  {calibration_told(report['calibration'])}",
+        ]
+        if self.noise_card:
+            lines.append(f"noise card   {self.noise_card}")
+        lines.append(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
+        lines.append(f"heading      {last['heading']:.3f}° clockwise from {zero}, of the body's x axis")
+        if claims := report["claimed_sd_deg"]:
+            said = ", ".join(f"{name} {'unknown' if sd is None else f'{sd:.3f}°'}" for name, sd in claims.items())
+            lines.append(f"claimed      {said} (standard deviations at the end)")
+        for name, count in report["flags"].items():
+            lines.append(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
+        return "\n".join(lines)
+
+
+def estimate(
+    recording: str | Path | Recording | ImuData,
+    filter: str,
+    *,
+    params: Mapping[str, Any] | None = None,
+    frame: Frame | str | None = None,
+    init: str | None = None,
+    calibration: "CalibrationCard | str | Path | None" = None,
+    noise: "NoiseCard | str | Path | None" = None,
+    place: str | None = None,
+    date: str | None = None,
+    profile: str | Path | None = None,
+    note: Note | None = None,
+    progress: Progress | None = None,
+) -> Estimated:
+    """Estimate the attitude at every sample of a recording with one filter.
+
+    Parameters
+    ----------
+    recording : path, Recording or ImuData
+        Sensor data; a file of any format that `plumbob.read` takes.
+    filter : str
+        Name of the filter; `plumbob.filter_names` lists them.
+    params : mapping, optional
+        Its parameters: numbers in SI, or text with a unit, as ``{"gate": "0.08 g"}``.
+    frame : Frame or str, optional
+        Navigation frame of the result; by default that of the recording.
+    init : str, optional
+        What it starts from: "level", "ROLL,PITCH,HEADING" with units, or "truth", the reference's first attitude; by
+        default its first samples.
+    calibration : CalibrationCard or path, optional
+        Card of this unit, applied first.
+    noise : NoiseCard or path, optional
+        Noise of this unit, for a filter that takes its parameters from it.
+    place, date : str, optional
+        Where and when it was recorded, ``LAT,LON[,HEIGHT]`` and ISO 8601: headings are then true.
+    profile : path, optional
+        What the columns of a text file mean.
+    note : callable, optional
+        Is told each note as soon as it is known; they stand in the result too.
+    progress : callable, optional
+        Is told the number of samples done, and of all.
+
+    Returns
+    -------
+    Estimated
+
+    Raises
+    ------
+    ShapeError
+        If the recording holds no sensor data.
+    FrameError
+        If neither `frame` nor the recording names a frame.
+    ParameterError
+        If the filter or a parameter is not known, or two arguments say the same.
+    CalibrationError
+        If a card is for another unit, or the samples are calibrated already.
+    DecodeError
+        If a file cannot be read.
+    """
+    notes: list[str] = []
+    label, source = _recording_of(recording, profile)
+    if source.imu is None:
+        raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
+    stage = Stage(filter, dict(params or {}), noise=_noise(noise), init=init)
+    asked = None if frame is None else Frame.parse(frame)
+    frame = navigation_frame(source.imu, asked, where=label)
+
+    def say(line: str) -> None:
+        notes.append(line)
+        if note is not None:
+            note(line)
+
+    imu = _placed(source.imu, place, date, stage, say)
+    imu, beyond = (imu, None) if calibration is None else _calibrated(imu, calibration)
+    doubt = tuple(inferred_in(source.notes))
+    found = found_in(source.notes) if calibration is None else (*doubt, *findings(imu))
+    found = found if beyond is None else (*found, f"temperature: {beyond}")
+    for line in (*found, *upside_down(imu, frame)):
+        say(f"{source.name}: {line}")
+    count = len(imu)
+    done = None if progress is None else _counted(progress, count)
+    track = run_stage(imu, stage, frame=frame, reference=source.track, progress=done)
+    if (restarts := _restarts(imu, track)) is not None:
+        say(restarts)
+    made_by = filter_of(stage, frame, imu.meta)
+    if (contradiction := bias_beyond(made_by, track)) is not None:
+        say(contradiction)
+    told = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
+    return Estimated(track, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt)
+
+
+def _recording_of(given: str | Path | Recording | ImuData, profile: str | Path | None) -> tuple[str, Recording]:
+    """What messages call it, and the recording."""
+    if isinstance(given, ImuData):
+        name = given.meta.device or "the samples"
+        return name, Recording(imu=given, name=name, notes=tuple(findings(given)))
+    if isinstance(given, Recording):
+        return given.name, given
+    file = check.path("recording", given)
+    return str(file), replace(read_any(file, profile=None if profile is None else Path(profile)), name=file.name)
+
+
+def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
+    if not isinstance(given, str | Path):
+        return given
+    from plumbob.data.cards import NoiseCard
+
+    return NoiseCard.load(given)
+
+
+def _calibrated(imu: ImuData, given: "CalibrationCard | str | Path") -> tuple[ImuData, str | None]:
+    """Samples with a card applied, and by how much they leave its temperatures."""
+    from plumbob.data.calibrated import apply_card, temperature_beyond
+    from plumbob.data.cards import CalibrationCard
+
+    card = CalibrationCard.load(given) if isinstance(given, str | Path) else given
+    imu = apply_card(card, imu)
+    return imu, temperature_beyond(card, imu)
+
+
+def _counted(progress: Progress, total: int) -> Callable[[int], None]:
+    """From samples since the last call to samples so far."""
+    so_far = 0
+
+    def done(more: int) -> None:
+        nonlocal so_far
+        so_far += more
+        progress(so_far, total)
+
+    progress(0, total)
+    return done
+
+
+def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say: Note) -> ImuData:
+    """Samples with the declination of their place, and a note of the field there."""
+    if place is None:
+        if date is not None:
+            raise ParameterError("date says nothing without place; give both.")
+        return imu
+    if "declination" in stage.params:
+        raise ParameterError("place and the parameter declination both say the declination; give one.")
+    imu, field = located(imu, place, date=date)
+    say(f"field at the place: {field.told}")
+    return imu
+
+
+def _restarts(imu: ImuData, track: AttitudeTrack) -> str | None:
+    """A filter that restarts all the time estimates nothing: most often time is in another unit than declared."""
+    share = float(np.mean((np.asarray(track.flags) & flags.GAP) != 0))
+    if share <= _OFTEN:
+        return None
+    return (
+        f"{100.0 * share:.0f} % of the samples come after a gap, at which a filter starts anew where it exceeds "
+        f"max_gap; the median step is {1.0 / timing(imu.t).rate:.4g} s. Check the unit of time, and max_gap."
+    )
+
+
+def _claimed(track: AttitudeTrack) -> dict[str, float | None] | None:
+    """Standard deviations that the filter claims for its last attitude; none for a heading that is free."""
+    if track.cov_b is None:
+        return None
+    tilt, heading = (float(sd[0]) for sd in claimed_sd(track.q_nb[-1:], track.cov_b[-1:]))
+    known = {"inclination": tilt, "heading": float("nan") if track.north is North.FREE else heading}
+    return {name: float(to_deg(sd)) if math.isfinite(sd) else None for name, sd in known.items()}
