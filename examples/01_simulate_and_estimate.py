@@ -8,8 +8,7 @@ It prints::
     yaw   0.43° rms, 1.26° at most
 """
 
-from plumbob import Filter, simulate
-from plumbob.evaluation import evaluate
+from plumbob import Filter, evaluate, simulate
 
 buoy = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", module="calibrated", seed=1, duration=120.0)
 track = Filter("mekf", frame="NED").process(buoy.imu)

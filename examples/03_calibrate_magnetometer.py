@@ -10,19 +10,14 @@ It prints::
 
 import numpy as np
 
-from plumbob import apply_card, simulate
-from plumbob.calibration.calibrate_accel import calibrate_accel
-from plumbob.calibration.calibrate_mag import calibrate_mag
-from plumbob.calibration.calibration import capture, card_of
+from plumbob import apply_card, calibrate, simulate
 from plumbob.core.units import to_deg
 
 unit = {"frame": "NED", "sensors": "mpu6000+hmc5983", "module": "drawn", "seed": 3}
 by_hand = simulate("poses", **unit).imu  # the unit held still in forty poses
 
-poses = capture(by_hand, triads=("acc",))
-card = card_of(poses, {"acc": calibrate_accel(poses.imu)})
-turned = capture(by_hand, triads=("mag",), base=card)
-card = card_of(turned, {"mag": calibrate_mag(turned.imu, acc_calibrated=turned.acc_calibrated)})
+accel = calibrate(by_hand, "accel")
+card = calibrate(by_hand, "mag", calibration=accel.card).card
 card.save("card.json")
 
 print(f"hard iron {card.mag.bias.round(1)} µT: {card.mag.quality.grade}")

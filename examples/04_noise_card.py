@@ -8,18 +8,16 @@ It prints::
     mekf takes 0.301 °/√h from the card
 """
 
-from plumbob import Filter, NoiseCard, simulate
-from plumbob.core.units import Quantity, from_si
-from plumbob.noise import analyse
-from plumbob.noise.datasheet.card import noise_card
+from plumbob import Filter, NoiseCard, allan, simulate
+from plumbob.core.units import from_si
 
 still = simulate("static", frame="NED", sensors="mpu6000", module="calibrated", seed=1, rate=100.0, duration=600.0)
-axes = [analyse(still.imu.gyr[:, i], 0.01, name=f"gyr {axis}", quantity=Quantity.RATE) for i, axis in enumerate("xyz")]
-for found in axes:
+noise = allan(still.imu, triads=("gyr",))
+for found in noise.analyses:
     n, k = found.terms["N"], found.terms["K"]
     print(f"{found.name}: N {from_si(n.value, 'deg/rth'):.3f} °/√h, K {'seen' if k.observable else 'not observable'}")
 
-noise_card(axes, device=still.imu.meta.device, source="ten minutes at rest").save("noise.json")
+noise.card().save("noise.json")
 card = NoiseCard.load("noise.json")
 filter_ = Filter("mekf", frame="NED", noise=card)
 print(f"mekf takes {from_si(filter_.params.gyr_noise, 'deg/rth'):.3f} °/√h from the card")

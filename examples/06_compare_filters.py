@@ -14,9 +14,8 @@ It prints::
 
 import matplotlib.pyplot as plt
 
-from plumbob import Filter, simulate
+from plumbob import Filter, evaluate, simulate
 from plumbob.core.units import to_deg
-from plumbob.evaluation import evaluate
 
 buoy = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", module="calibrated", seed=2, duration=120.0)
 

@@ -54,26 +54,41 @@ from plumbob.core.lazy import lazily
 from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
+    from plumbob.calibration.calibrate import calibrate
     from plumbob.core import errors, flags, units
     from plumbob.core.errors import PlumbobError, PlumbobWarning
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
     from plumbob.data.calibrated import apply_card
-    from plumbob.data.cards import CalibrationCard, NoiseCard
+    from plumbob.data.cards import CalibrationCard, NoiseCard, open_card
     from plumbob.data.sample import ImuSample
-    from plumbob.evaluation import Evaluation
-    from plumbob.files import Recording, read, write
+    from plumbob.evaluation import Evaluation, evaluate
+    from plumbob.files import Recording, write
     from plumbob.files.draft import profile
+    from plumbob.files.mcap import repair, verify
     from plumbob.filters import Filter, filter_names
-    from plumbob.protocols.decode import Decoder
+    from plumbob.noise.allan import allan
+    from plumbob.protocols.decode import Decoder, decode
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
+    from plumbob.session.estimated import estimate
+    from plumbob.session.exports import export
+    from plumbob.session.reading import read
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Line
     from plumbob.simulation import simulate
 
 _HOME = {
+    "verify": "files.mcap",
+    "repair": "files.mcap",
+    "open_card": "data.cards",
+    "export": "session.exports",
+    "evaluate": "evaluation",
+    "estimate": "session.estimated",
+    "decode": "protocols.decode",
+    "calibrate": "calibration.calibrate",
+    "allan": "noise.allan",
     "AttitudeTrack": "data.imu",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
@@ -96,7 +111,7 @@ _HOME = {
     "find_format": "protocols.find",
     "load_session": "session.session_toml",
     "profile": "files.draft",
-    "read": "files",
+    "read": "session.reading",
     "simulate": "simulation",
     "write": "files",
 }
@@ -120,16 +135,25 @@ __all__ = [
     "Recording",
     "Session",
     "__version__",
+    "allan",
     "apply_card",
+    "calibrate",
+    "decode",
     "errors",
+    "estimate",
+    "evaluate",
+    "export",
     "filter_names",
     "find_format",
     "flags",
     "load_session",
+    "open_card",
     "profile",
     "read",
+    "repair",
     "simulate",
     "units",
+    "verify",
     "write",
 ]
 

@@ -81,7 +81,7 @@ def test_turning_level_is_refused_and_no_card_is_written(files, tmp_path):
 
 
 def test_level_headings_have_no_tilt(files):
-    assert "--tilt says nothing" in refused(
+    assert "tilt says nothing" in refused(
         "calibrate", "mag", files / "level.parquet", "--shape", "level", "--tilt", "9deg"
     )
 

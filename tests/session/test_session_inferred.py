@@ -11,7 +11,7 @@ from plumbob import files
 from plumbob.cli import line as told_line
 from plumbob.cli.main import main
 from plumbob.session.exports import export
-from plumbob.session.reading import read_any
+from plumbob.session.reading import read
 from plumbob.session.recorded import read_recorded
 from plumbob.session.recording_sink import Keeper
 from plumbob.session.runner import run_line
@@ -69,7 +69,7 @@ def test_so_does_whoever_reads_it(late, track, tmp_path, capsys):
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
 def test_it_goes_from_file_to_file(late, tmp_path, suffix):
     out = export(tmp_path / f"out{suffix}", read_recorded(late[0], estimated=True))
-    assert [note for note in read_any(out).notes if note.startswith("inferred gaps")] == [
+    assert [note for note in read(out).notes if note.startswith("inferred gaps")] == [
         note for note in read_recorded(late[0]).notes if note.startswith(TELLS)
     ]
 

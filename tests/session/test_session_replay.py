@@ -12,9 +12,8 @@ from plumbob.files.mcap import Recorder, open_log
 from plumbob.filters.offline import Stage
 from plumbob.protocols.rigs import load as load_rig
 from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
-from plumbob.session import rows
+from plumbob.session import reading, rows
 from plumbob.session.exports import export, only
-from plumbob.session.reading import read_any
 from plumbob.session.recorded import read_recorded
 from plumbob.session.replay import compare, open_recording, replay
 from plumbob.session.runner import run_line
@@ -129,7 +128,7 @@ def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path
 
 def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
     path, _, live = recording
-    read = read_any(path)
+    read = reading.read(path)
     assert read.track is None  # an estimate is no reference
     assert read.imu.meta.calibration is None
     assert read.imu.meta.t0_ns == OFFSET + int(live.t_ns[0])
@@ -182,7 +181,7 @@ def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_
 def test_foreign_file_is_refused(tmp_path):
     (tmp_path / "a.mcap").write_bytes(b"no recording")
     with pytest.raises(DecodeError):
-        read_any(tmp_path / "a.mcap")
+        reading.read(tmp_path / "a.mcap")
 
 
 def test_text_sink_writes_now_and_then(tmp_path):

@@ -13,7 +13,7 @@ from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
 from plumbob.files.notes import found_in
-from plumbob.session.reading import read_any
+from plumbob.session import reading
 
 SOFTWARE = f"plumbob {__version__}"
 _UNNAMED = "unknown"
@@ -78,7 +78,7 @@ def capture_of(
     PlumbobError
         If the file cannot be read, or as in `capture`.
     """
-    recording = read_any(path, profile=profile)
+    recording = reading.read(path, profile=profile)
     if recording.imu is None:
         raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
     read = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.noise import Analysis
-    from plumbob.noise.static import StaticReport
-    from plumbob.noise.static_record import StaticRecord
+    from plumbob.noise.allan import Noise
 
 KINDS = ("oadev", "adev", "mdev", "ohdev", "hdev", "totdev")
 """As `plumbob.noise.KINDS`, which a help text shall not import."""
@@ -102,17 +100,16 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     _refuse_what_does_not_go_together(args)
     _check_outputs(args)
-    record, report = _opened(args, args.file, card=None if args.after is not None else args.calibration)
     if args.after is not None:
-        return _compare(args, record, report)
+        return _compare(args)
     if args.deviation is not None:
-        return _deviation_alone(args, record, report)
-    from plumbob.noise.characterise import characterise
+        return _deviation_alone(args)
+    from plumbob.noise.allan import allan
 
-    with common.progress("noise", record.size) as advance:
-        analyses = characterise(record, report, taus=_taus(args.taus), progress=_steps(advance))
-    _print(args, record, analyses)
-    _write(args, record, analyses)
+    with common.progress_bars() as bars:
+        noise = allan(**_static(args, args.file, card=args.calibration), taus=_taus(args.taus), progress=bars)
+    _print(args, noise)
+    _write(args, noise)
     return 0
 
 
@@ -143,37 +140,26 @@ def _check_outputs(args: argparse.Namespace) -> None:
             raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
 
 
-def _opened(args: argparse.Namespace, path: Path, *, card: Path | None) -> "tuple[StaticRecord, StaticReport]":
-    from plumbob.core.errors import ShapeError
-    from plumbob.core.units import Quantity, parse
+def _static(args: argparse.Namespace, path: Path, *, card: Path | None) -> dict[str, Any]:
+    """What the options say of a record, as `plumbob.allan` takes it."""
     from plumbob.data import TRIADS
-    from plumbob.data.cards import CalibrationCard
-    from plumbob.noise.static_record import check_static, load_static
 
+    _refuse_what_is_for_recordings(args, path)
     triads = TRIADS if args.triads is None else tuple(w.strip() for w in args.triads.split(",") if w.strip())
-    record = load_static(
-        path,
-        rate=None if args.rate is None else parse(args.rate, Quantity.FREQUENCY),
-        scale=args.scale,
-        profile=args.profile,
-        card=None if card is None else CalibrationCard.load(card),
-        triads=triads,
-        start=None if args.start is None else parse(args.start, Quantity.TIME),
-        stop=None if args.stop is None else parse(args.stop, Quantity.TIME),
-        kind=args.type,
-        columns=args.columns,
-    )
-    _refuse_what_is_for_recordings(args, record)
-    common.note(*(f"{path.name}: {line}" for line in record.notes))
-    common.note(*(f"{path.name}: {name} left out: {why}" for name, why in record.refused.items()))
-    with common.progress("checking", record.size) as advance:
-        report = check_static(record, _steps(advance), skip=_times(args.skip))
-    if all(report.refused(*group.names) for group in record.groups):
-        for finding in report.errors[1:]:
-            common.note(str(finding))
-        raise ShapeError(f"{path} is no static record: {report.errors[0]}")
-    common.note(*(f"{path.name}: left out: {finding}" for finding in report.errors))
-    return record, report
+    return {
+        "record": path,
+        "rate": args.rate,
+        "scale": args.scale,
+        "profile": args.profile,
+        "calibration": card,
+        "triads": triads,
+        "start": args.start,
+        "stop": args.stop,
+        "skip": _times(args.skip),
+        "kind": args.type,
+        "columns": args.columns,
+        "note": common.note,
+    }
 
 
 def _times(text: str | None) -> list[tuple[float, float]]:
@@ -192,27 +178,13 @@ def _times(text: str | None) -> list[tuple[float, float]]:
     return found
 
 
-def _refuse_what_is_for_recordings(args: argparse.Namespace, record: "StaticRecord") -> None:
+def _refuse_what_is_for_recordings(args: argparse.Namespace, path: Path) -> None:
     from plumbob.core.errors import ParameterError
-    from plumbob.files.numbers import Numbers
+    from plumbob.noise.static_record import is_recording
 
-    given = [f"--{name}" for name in ("triads", "profile", "calibration") if getattr(args, name) is not None]
-    if given and any(isinstance(group.source, Numbers) for group in record.groups):
-        raise ParameterError(
-            f"{record.path} holds bare numbers, but {', '.join(given)} is for recordings; leave it out."
-        )
-
-
-def _steps(advance: Any) -> Any:
-    """From "so many bytes are done" to the steps of a progress bar."""
-    before = 0
-
-    def told(done: int) -> None:
-        nonlocal before
-        advance(done - before)
-        before = done
-
-    return told
+    named = [f"--{name}" for name in ("triads", "profile", "calibration") if getattr(args, name) is not None]
+    if named and path.is_file() and not is_recording(path, args.profile, args.type):
+        raise ParameterError(f"{path} holds bare numbers, but {', '.join(named)} is for recordings; leave it out.")
 
 
 def _taus(text: str | None) -> "Sequence[float] | Literal['all'] | None":
@@ -231,72 +203,63 @@ def _taus(text: str | None) -> "Sequence[float] | Literal['all'] | None":
     return times
 
 
-def _print(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Analysis]") -> None:
-    from plumbob.noise import datasheet
-
+def _print(args: argparse.Namespace, noise: "Noise") -> None:
     if args.json:
-        common.print_json({"file": str(record.path), **_card(args), **datasheet.as_dict(analyses)})
+        common.print_json(noise.summary())
     elif args.paper == "fin":
-        print(datasheet.fin_report(analyses))
+        from plumbob.noise import datasheet
+
+        print(datasheet.fin_report(noise.analyses))
     else:
-        print(datasheet.text(analyses, methods=args.methods, curve=args.curve or args.taus is not None))
+        print(noise.text(methods=args.methods, curve=args.curve or args.taus is not None))
 
 
-def _write(args: argparse.Namespace, record: "StaticRecord", analyses: "list[Analysis]") -> None:
+def _write(args: argparse.Namespace, noise: "Noise") -> None:
     """Write files after the figures, which need neither matplotlib nor a place to write."""
     from plumbob.core.files import write_text
-    from plumbob.core.version import __version__
     from plumbob.noise import datasheet
 
-    device = args.device or record.path.stem
-    record_name = f"{record.path.name}{_calibrated(args)}"
-    source = f"Allan analysis of {record_name}, plumbob {__version__}"
     if args.png is not None:
-        datasheet.write_png(args.png, analyses, overwrite=args.force)
+        noise.plot(args.png, overwrite=args.force)
     if args.html is not None:
-        facts = {"record": record_name, "device": device, "made by": f"plumbob {__version__}"}
-        sections = (datasheet.fin_section(analyses),) if args.paper == "fin" else ()
-        datasheet.write_html(
-            args.html, analyses, title=f"Noise of {device}", facts=facts, sections=sections, overwrite=args.force
-        )
+        sections = (datasheet.fin_section(noise.analyses),) if args.paper == "fin" else ()
+        noise.write_html(args.html, device=args.device, sections=sections, overwrite=args.force)
     if args.card is not None:
-        datasheet.noise_card(analyses, device=device, source=source).save(args.card, overwrite=args.force)
+        noise.card(args.device).save(args.card, overwrite=args.force)
     if args.kalibr is not None:
-        text = datasheet.kalibr_yaml(analyses, rostopic=args.topic or ROSTOPIC, source=source)
+        text = datasheet.kalibr_yaml(noise.analyses, rostopic=args.topic or ROSTOPIC, source=noise.source)
         write_text(args.kalibr, text, overwrite=args.force)
     _tell_written(args, "png", "html", "card", "kalibr")
 
 
-def _card(args: argparse.Namespace) -> dict[str, str | None]:
-    return {"calibration": None if args.calibration is None else args.calibration.name}
-
-
-def _calibrated(args: argparse.Namespace) -> str:
-    return "" if args.calibration is None else f", calibrated with {args.calibration.name}"
-
-
-def _deviation_alone(args: argparse.Namespace, record: "StaticRecord", report: "StaticReport") -> int:
+def _deviation_alone(args: argparse.Namespace) -> int:
     from plumbob.noise import datasheet
+    from plumbob.noise.allan import open_static
     from plumbob.noise.characterise import deviations
 
+    with common.progress_bars() as bars:
+        record, report, card = open_static(**_static(args, args.file, card=args.calibration), progress=bars)
     found = deviations(record, report, args.deviation, taus=_taus(args.taus))
     if args.json:
-        about = {"file": str(record.path), **_card(args), "deviation": args.deviation}
+        about = {"file": str(record.path), "calibration": card, "deviation": args.deviation}
         common.print_json({**about, **datasheet.curves_as_dict(found)})
     else:
         print(datasheet.curves_text(found))
     return 0
 
 
-def _compare(args: argparse.Namespace, record: "StaticRecord", report: "StaticReport") -> int:
+def _compare(args: argparse.Namespace) -> int:
     from plumbob.core.version import __version__
     from plumbob.noise import datasheet
+    from plumbob.noise.allan import open_static
     from plumbob.noise.characterise import comparisons
 
-    after, judged = _opened(args, args.after, card=args.calibration)
+    with common.progress_bars() as bars:
+        record, report, _ = open_static(**_static(args, args.file, card=None), progress=bars)
+        after, judged, card = open_static(**_static(args, args.after, card=args.calibration), progress=bars)
     found = comparisons((record, report), (after, judged), taus=_taus(args.taus))
     if args.json:
-        about = {"before": str(record.path), "after": str(after.path), **_card(args)}
+        about = {"before": str(record.path), "after": str(after.path), "calibration": card}
         common.print_json({**about, **datasheet.compared_as_dict(found)})
     else:
         print(datasheet.compared_text(found))
@@ -305,7 +268,7 @@ def _compare(args: argparse.Namespace, record: "StaticRecord", report: "StaticRe
     if args.html is not None:
         facts = {
             "before": record.path.name,
-            "after": f"{after.path.name}{_calibrated(args)}",
+            "after": after.path.name if card is None else f"{after.path.name}, calibrated with {card}",
             "made by": f"plumbob {__version__}",
         }
         title = f"{record.path.stem} before and after"

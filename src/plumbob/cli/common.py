@@ -109,9 +109,9 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 def read(path: Path, profile: Path | None = None) -> "Recording":
     """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
     from plumbob import files
-    from plumbob.session.reading import read_any
+    from plumbob.session import reading
 
-    recording = read_any(path, profile=profile)
+    recording = reading.read(path, profile=profile)
     note(*(f"{path.name}: {line}" for line in files.found_in(recording.notes)))
     return recording
 
@@ -363,20 +363,26 @@ def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """Progress of what tells its samples done and of all; the bar begins when the number of all is known."""
-    with ExitStack() as stack:
-        advance: list[Callable[[int], None]] = []
-        before = 0
+def progress_bars() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar for each thing that is done in turn, by its title, what is done of it, and of all."""
+    bar = ExitStack()
+    title, before = "", 0
+    advance: Callable[[int], None] = _nowhere
 
-        def done(so_far: int, total: int) -> None:
-            nonlocal before
-            if not advance:
-                advance.append(stack.enter_context(progress(title, total)))
-            advance[0](so_far - before)
-            before = so_far
+    def done(what: str, so_far: int, total: int) -> None:
+        nonlocal title, before, advance
+        if what != title:
+            bar.close()
+            title, before, advance = what, 0, bar.enter_context(progress(what, total))
+        advance(so_far - before)
+        before = so_far
 
+    with bar:
         yield done
+
+
+def _nowhere(_done: int) -> None:
+    pass
 
 
 def _may_draw(stream: TextIO) -> bool:

@@ -27,14 +27,14 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.filters.offline import recalibrated
     from plumbob.session.exports import export, only
-    from plumbob.session.reading import SUFFIX, read_any
+    from plumbob.session.reading import SUFFIX, read
     from plumbob.session.recorded import read_recorded
 
     common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile, args.calibration))
     if args.file.suffix == SUFFIX:
         recording = read_recorded(args.file, estimated=True)
     else:
-        recording = read_any(args.file, profile=args.profile)
+        recording = read(args.file, profile=args.profile)
     recording = only(recording, args.what)
     if args.calibration is not None:
         from plumbob.data.cards import CalibrationCard

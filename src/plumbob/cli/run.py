@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> int:
     inputs = (args.file, args.profile, args.calibration, args.noise)
     common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)
     common.warn_of_compiling([chosen[0].filter])
-    with common.progress_bar(chosen[0].filter) as progress:
+    with common.progress_bars() as bars:
         result = estimate(
             args.file,
             chosen[0].filter,
@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
             date=args.date,
             profile=args.profile,
             note=common.note,
-            progress=progress,
+            progress=lambda done, total: bars(chosen[0].filter, done, total),
         )
     if args.out:
         result.save(args.out, overwrite=args.force)

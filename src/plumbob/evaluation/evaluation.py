@@ -6,6 +6,7 @@ declination, time, mounting or heading, is done to the reference, and the result
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -143,8 +144,8 @@ class Tracked(Protocol):
 
 
 def evaluate(
-    estimate: AttitudeTrack | Tracked,
-    reference: AttitudeTrack | Tracked,
+    estimate: AttitudeTrack | Tracked | str | Path,
+    reference: AttitudeTrack | Tracked | str | Path,
     *,
     align: Collection[str] = (),
     max_gap: float | None = None,
@@ -156,10 +157,10 @@ def evaluate(
 
     Parameters
     ----------
-    estimate : AttitudeTrack or Recording
+    estimate : AttitudeTrack, Recording, Estimated or path
         Judged at its own times, in its own frame; not where it carries `flags.NOT_CONVERGED`, because nothing had
         shown there that it is right.
-    reference : AttitudeTrack or Recording
+    reference : AttitudeTrack, Recording or path
         The truth; where it has a ``score``, only those samples count. Of a recording, its ``track``.
     align : collection of {"time", "mounting", "heading"}
         Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
@@ -210,9 +211,13 @@ def evaluate(
     return _measure(estimate, reference, settings, match, alignment, policy)
 
 
-def _attitude(name: str, given: AttitudeTrack | Tracked) -> AttitudeTrack:
+def _attitude(name: str, given: AttitudeTrack | Tracked | str | Path) -> AttitudeTrack:
     if isinstance(given, AttitudeTrack):
         return given
+    if isinstance(given, str | Path):
+        from plumbob.session.reading import read
+
+        given = read(given)
     if isinstance(held := getattr(given, "track", None), AttitudeTrack):
         return held
     what = "has no track" if hasattr(given, "track") else f"is {said(given)}"

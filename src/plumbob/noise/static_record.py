@@ -12,21 +12,23 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from plumbob import files
-from plumbob.core import units
+from plumbob.core import check, units
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError, UnitError
+from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.files import existing_file
 from plumbob.core.units import Quantity
 from plumbob.data import TRIADS
 from plumbob.data.cards import CalibrationCard
+from plumbob.files import Recording
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, Numbers, open_numbers
 from plumbob.files.text import sidecars
 from plumbob.filters.offline import recalibrated
 from plumbob.noise.even_rows import triads_of
 from plumbob.noise.static import StaticCheck, StaticReport, find_step, judge
-from plumbob.session.reading import read_any
+from plumbob.session.reading import read
 
 ANALYSED: Final = (Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.RATIO)
 """Quantities whose noise has a data sheet's units."""
@@ -166,7 +168,7 @@ def load_static(
     file = existing_file(path)
     if start is not None and stop is not None and not start < stop:
         raise ParameterError(f"start must come before stop, but they are {start:g} s and {stop:g} s.")
-    if _is_recording(file, profile, kind):
+    if is_recording(file, profile, kind):
         if scale is not None or columns is not None:
             raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")
         return _of_recording(file, profile, card, triads, (start, stop), rate)
@@ -201,7 +203,8 @@ def check_static(
     return judge(*checks, skip=skip)
 
 
-def _is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
+def is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
+    """Whether a file brings its own time and units; otherwise its numbers need a rate and a scale."""
     if kind is not None:
         return False
     suffix = file.suffix.lower()
@@ -218,7 +221,19 @@ def _of_recording(
     between: tuple[float | None, float | None],
     rate: float | None,
 ) -> StaticRecord:
-    recording = read_any(file, profile=profile)
+    return static_of(read(file, profile=profile), file, card, triads, between, rate, size=file.stat().st_size)
+
+
+def static_of(
+    recording: Recording,
+    file: Path,
+    card: CalibrationCard | None = None,
+    triads: Sequence[str] = TRIADS,
+    between: tuple[float | None, float | None] = (None, None),
+    rate: float | None = None,
+    size: int = 0,
+) -> StaticRecord:
+    """Channels of a recording that has been read; `file` is what messages call it, arguments as of `load_static`."""
     if card is not None:
         recording = recalibrated(recording, card)
     found = triads_of(recording.imu, file, triads, between)
@@ -230,7 +245,7 @@ def _of_recording(
     groups = tuple(
         Channels(s.names, Quantity(s.unit), s.dt, s.start, len(s.names) == 3, s.values) for s in found.sensors
     )
-    return StaticRecord(file, file.stat().st_size, groups, found.refused, (*recording.notes, *found.notes))
+    return StaticRecord(file, size, groups, found.refused, (*recording.notes, *found.notes))
 
 
 def _of_numbers(
@@ -257,6 +272,25 @@ def _of_numbers(
     triad = count == 3 and known.quantity in _TRIAD_OF
     group = Channels(names, known.quantity, 1.0 / rate, first / rate, triad, numbers, size * known.factor, (first, end))
     return StaticRecord(file, numbers.size, (group,), {}, (*numbers.notes, *notes))
+
+
+def static_of_numbers(values: ArrayLike, rate: float | None, scale: str | None) -> StaticRecord:
+    """Channels of an array (N,) or (N, k); errors as of `load_static`."""
+    samples = check.floats("record", values)
+    samples = samples[:, np.newaxis] if samples.ndim == 1 else samples
+    if samples.ndim != 2 or not len(samples):
+        raise ShapeError(f"record must be samples (N,) or (N, k), but its shape is {samples.shape}.")
+    name = Path("record")
+    if rate is None or scale is None:
+        raise ParameterError(f"an array does not say its rate, Hz, and its scale, {_EXAMPLE}; give both.")
+    if not 0.0 < rate < math.inf:
+        raise ParameterError(f"rate must be a positive number of samples per second, but it is {rate}.")
+    size, unit = _scale(scale)
+    known = units.unit(unit)
+    names = _names(name, samples.shape[1], known.quantity)
+    triad = len(names) == 3 and known.quantity in _TRIAD_OF
+    group = Channels(names, known.quantity, 1.0 / rate, 0.0, triad, samples * (size * known.factor))
+    return StaticRecord(name, samples.nbytes, (group,), {}, ())
 
 
 def _names(file: Path, count: int, quantity: Quantity) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from plumbob.filters import Filter
 from plumbob.filters.offline import Stage, bias_beyond, filter_of, navigation_frame, run_stage
 from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd
-from plumbob.session.reading import read_any
+from plumbob.session.reading import read
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
@@ -242,7 +242,7 @@ def _recording_of(given: str | Path | Recording | ImuData, profile: str | Path |
     if isinstance(given, Recording):
         return given.name, given
     file = check.path("recording", given)
-    return str(file), replace(read_any(file, profile=None if profile is None else Path(profile)), name=file.name)
+    return str(file), replace(read(file, profile=None if profile is None else Path(profile)), name=file.name)
 
 
 def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":

@@ -1,28 +1,46 @@
 """One door to recordings: a file of any format, or the bytes of a live stream, decoded again."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from plumbob.core import check
 from plumbob.core.errors import DecodeError
 
 if TYPE_CHECKING:
-    from plumbob.files import Recording
+    from plumbob.files import Profile, Recording
 
 SUFFIX = ".mcap"
 """Of recordings of a stream."""
 
 
-def read_any(path: str | Path, *, profile: Path | None = None) -> "Recording":
+def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None" = None) -> "Recording":
     """Read a file of any format, a recorded stream too: its samples are decoded again from their bytes.
+
+    Parameters
+    ----------
+    path : path
+        The file; its suffix says the format.
+    profile : Profile or path, optional
+        What the columns of a text file mean; one that lies beside it is found.
+
+    Returns
+    -------
+    Recording
+        Samples, attitude, or both, and notes of what a reader should know.
 
     Raises
     ------
-    PlumbobError
-        As `plumbob.files.read`, or as `plumbob.session.recorded.read_recorded`.
+    DecodeError
+        If the file cannot be read, or is not what its suffix says.
+    ParameterError
+        If `path` is not a path, or the format takes no profile.
+    MissingExtraError
+        If the format needs a package that is not installed.
     """
     from plumbob import files
 
-    file = Path(path)
+    file = check.path("path", path)
     if file.suffix == SUFFIX:
         from plumbob.session.recorded import read_recorded
 

@@ -37,9 +37,13 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.calibration.calibrate_accel import calibrate_accel
-
-    gravity = capture.gravity_of(args)
-    opened = capture.opened(args, "acc")
-    found = calibrate_accel(opened.imu, shape=args.shape, gravity=gravity, moving=args.moving)
-    return capture.finish(args, opened, {"acc": found})
+    found = capture.calibrated(
+        args,
+        "accel",
+        shape=args.shape,
+        moving=args.moving,
+        gravity=args.gravity,
+        latitude=args.latitude,
+        height=args.height,
+    )
+    return capture.finish(args, found)

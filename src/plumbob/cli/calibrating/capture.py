@@ -1,7 +1,6 @@
 """What the kinds of `plumbob calibrate` share: their options, the capture, and what is printed and written."""
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,10 +8,10 @@ from plumbob.cli import common
 from plumbob.cli.calibrating import live, room
 
 if TYPE_CHECKING:
+    from plumbob.calibration.calibrate import Calibrated, Kind
     from plumbob.calibration.calibration import Capture
-    from plumbob.calibration.fit import Fitted
-    from plumbob.calibration.mount import Mounted
     from plumbob.calibration.rejection import CaptureRefusedError
+    from plumbob.data.cards import CalibrationCard
 
 
 def add_gravity(p: argparse.ArgumentParser) -> None:
@@ -31,56 +30,6 @@ def add_field(p: argparse.ArgumentParser) -> None:
         metavar="LAT,LON[,HEIGHT]",
         help="where the capture was taken, degrees and metres: the World Magnetic Model of its day tells the field",
     )
-
-
-def gravity_of(args: argparse.Namespace) -> float:
-    """Gravity that the options tell, m/s²: its value, else the latitude, else the place."""
-    from plumbob.calibration.acc.poses import normal_gravity
-    from plumbob.core.constants import G0
-    from plumbob.core.errors import ParameterError
-    from plumbob.core.units import Quantity, parse
-    from plumbob.data.earth_field import parse_place
-
-    place = getattr(args, "place", None)
-    if args.latitude is None and args.height is not None:
-        raise ParameterError("--height says nothing about gravity without --latitude; give both.")
-    if args.gravity is not None and args.latitude is not None:
-        raise ParameterError("--gravity and --latitude both say what gravity is; give one.")
-    if args.latitude is not None and place is not None:
-        raise ParameterError("--latitude and --place both say where the capture was taken; give one.")
-    if args.gravity is not None:
-        return parse(args.gravity, Quantity.ACCELERATION)
-    if args.latitude is not None:
-        height = 0.0 if args.height is None else parse(args.height, Quantity.LENGTH)
-        return normal_gravity(parse(args.latitude, Quantity.ANGLE), height)
-    if place is not None:
-        latitude, _, height = parse_place(place)
-        return normal_gravity(latitude, height)
-    return G0
-
-
-def field_of(args: argparse.Namespace, capture: "Capture") -> tuple[float | None, float | None, tuple[str, ...]]:
-    """Strength, µT, and dip, rad, of the field on the day of a capture, as far as the options tell them; and a remark.
-
-    The remark keeps the declination in the card. No verb takes it from there: a unit is used elsewhere too.
-    """
-    from plumbob.core.units import Quantity, parse
-    from plumbob.data.earth_field import earth_field_at, parse_place
-
-    if args.place is None:
-        return None if args.strength is None else parse(args.strength, Quantity.FIELD), None, ()
-    if not capture.dated:
-        common.note(f"the recording does not tell its date; the field is that of today, {capture.date}")
-    field = earth_field_at(*parse_place(args.place), capture.date)
-    common.note(f"field at the place: {field.told}")
-    return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
-
-
-def kept(fits: "Mapping[str, Fitted]", told: tuple[str, ...]) -> "dict[str, Fitted]":
-    """Fits with what the place told as a remark of the magnetometer."""
-    from dataclasses import replace
-
-    return {n: replace(fit, remarks=(*fit.remarks, *told)) if n == "mag" else fit for n, fit in fits.items()}
 
 
 def add_options(
@@ -103,62 +52,56 @@ def add_options(
         live.add_options(p)
 
 
-def opened(
-    args: argparse.Namespace,
-    *triads: str,
-    if_present: tuple[str, ...] = (),
-    inputs: tuple[Path | None, ...] = (),
-) -> "Capture":
-    """Capture that the options name, for the triads that are calibrated, some of them only where it has them.
-
-    Without a triad it is the mounting that is found. What else is read is among `inputs`.
-    """
-    from plumbob.calibration.calibration import capture_of
+def calibrated(
+    args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **options: Any
+) -> "Calibrated":
+    """Calibrate what the options name, from a file or live; what else is read is among `inputs`."""
+    from plumbob.calibration.calibrate import KINDS, calibrate
     from plumbob.data.cards import CalibrationCard
 
+    how = KINDS[kind]
     out = None if room.completes(args) else args.out
     common.check_outputs(args, out, args.html, inputs=(args.file, args.profile, args.calibration, *inputs))
     base = None if args.calibration is None else CalibrationCard.load(args.calibration)
     if args.live:
-        return live.live_capture(args, triads, base)
+        return calibrate(live.live_capture(args, how.triads, base), kind, note=common.note, **options)
     if args.guided:
         live.require_recording(args)
+    return calibrate(_capture(args, how, base), kind, note=common.note, **options)
+
+
+def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None") -> "Capture":
+    """Capture that the options name, for the triads that are calibrated, some of them only where it has them."""
+    from plumbob.calibration.calibration import capture_of
+
     found = capture_of(
         args.file,
-        triads=triads,
-        if_present=if_present,
+        triads=how.triads,
+        if_present=how.if_present,
         profile=args.profile,
         span=_span(args),
         device=args.device,
         base=base,
     )
     common.note(*(f"{args.file.name}: {line}" for line in found.found))
-    made = {*triads, *(name for name in if_present if name in found.imu.triads)} or {"mount"}
+    made = {*how.triads, *(name for name in how.if_present if name in found.imu.triads)} or {"mount"}
     room.require_room(args, found.device, made, base)
     if args.guided and args.guide:
         live.tell(args, found.imu)
     return found
 
 
-def finish(
-    args: argparse.Namespace, capture: "Capture", fits: "Mapping[str, Fitted]", *, mounted: "Mounted | None" = None
-) -> int:
+def finish(args: argparse.Namespace, found: "Calibrated") -> int:
     """Print what was found, and write the card."""
-    from plumbob.calibration import certificate
-    from plumbob.calibration.calibration import card_of
-
-    card = card_of(capture, fits, mounted=mounted)
     if args.out is not None:
-        card.save(args.out, overwrite=args.force or room.completes(args))
+        found.save(args.out, overwrite=args.force or room.completes(args))
     if args.html is not None:
-        title = f"Calibration of {card.device}"
-        facts = {"recording": args.file.name if args.file else "live"}
-        certificate.write_html(args.html, card, fits, title=title, facts=facts, overwrite=args.force)
+        found.write_html(args.html, recording=args.file.name if args.file else "live", overwrite=args.force)
     if args.json:
         written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
-        common.print_json(_read(args) | written | certificate.as_dict(card, fits))
+        common.print_json(_read(args) | written | found.summary())
         return 0
-    print(certificate.text(card, fits))
+    print(found.text())
     print(f"card         {args.out}" if args.out else "card         NOT WRITTEN: name a file with --out")
     if args.html is not None:
         print(f"page         {args.html}")

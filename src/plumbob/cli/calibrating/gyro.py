@@ -2,13 +2,9 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from plumbob.cli import common
-from plumbob.cli.calibrating.capture import add_options, finish, opened
-
-if TYPE_CHECKING:
-    from plumbob.calibration.calibration import Capture
+from plumbob.cli.calibrating.capture import add_options, calibrated, finish
 
 EPILOG = """\
 rest      30 s at rest: bias.
@@ -43,17 +39,15 @@ def add_parser(kinds: common.Adder) -> None:
 
 
 def find(args: argparse.Namespace) -> int:
-    """Fit and print."""
-    from plumbob.calibration import calibrate_gyro as gyro
-
+    """Do it."""
     _refuse_idle(args)
-    if args.method == "ferraris":
-        return _ferraris(args)
-    capture = opened(args, "gyr", inputs=(args.parts,))
-    if args.preset:
-        return finish(args, capture, gyro.gyro_of_trackball(capture))
-    fits = {"auto": gyro.gyro_by_choice, "rest": gyro.gyro_at_rest, "hand": gyro.gyro_by_hand}
-    return finish(args, capture, fits[args.method](capture))
+    if args.method != "ferraris":
+        return finish(args, calibrated(args, "gyro", method=args.method, preset=args.preset))
+    from plumbob.files.text import read_labels
+
+    labels = None if args.part_column is None else read_labels(args.file, args.part_column, args.profile)
+    angle = args.angle or "360 deg"
+    return finish(args, calibrated(args, "ferraris", (args.parts,), parts=args.parts, labels=labels, angle=angle))
 
 
 def _refuse_idle(args: argparse.Namespace) -> None:
@@ -73,23 +67,3 @@ def _refuse_idle(args: argparse.Namespace) -> None:
         raise ParameterError("--parts and --part-column both say where the parts lie; give one of them.")
     if args.part_column and (args.start is not None or args.stop is not None):
         raise ParameterError("--part-column names the part of every sample, so --from and --to are not for it.")
-
-
-def _ferraris(args: argparse.Namespace) -> int:
-    from plumbob.calibration.calibrate_gyro import ferraris_session
-    from plumbob.core.units import Quantity, parse
-
-    capture = opened(args, "acc", "gyr", inputs=(args.parts,))
-    angle = parse(args.angle or "360 deg", Quantity.ANGLE)
-    return finish(args, capture, ferraris_session(capture, _parts(args, capture), angle=angle))
-
-
-def _parts(args: argparse.Namespace, capture: "Capture") -> dict[str, slice] | None:
-    from plumbob.calibration.gyr.ferraris_parts import parts_of_labels, parts_of_times
-    from plumbob.files.text import read_labels, read_spans
-
-    if args.parts is not None:
-        return parts_of_times(capture.imu.t, read_spans(args.parts))
-    if args.part_column is not None:
-        return parts_of_labels(read_labels(args.file, args.part_column, args.profile))
-    return None

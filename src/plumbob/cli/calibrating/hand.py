@@ -31,14 +31,14 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.calibration.calibrate_gyro import calibrate_by_hand
-    from plumbob.data import TITLES
-
-    gravity = capture.gravity_of(args)
-    opened = capture.opened(args, "acc", if_present=("gyr", "mag"))
-    lacking = [title for name, title in TITLES.items() if name not in opened.imu.triads]
-    if lacking:
-        common.note(f"the recording has no {' and no '.join(lacking)}, which {'are' if lacking[1:] else 'is'} left out")
-    strength, dip, told = capture.field_of(args, opened)
-    fits = calibrate_by_hand(opened, gravity=gravity, strength=strength, dip=dip, force=args.force)
-    return capture.finish(args, opened, capture.kept(fits, told))
+    found = capture.calibrated(
+        args,
+        "hand",
+        gravity=args.gravity,
+        latitude=args.latitude,
+        height=args.height,
+        strength=args.strength,
+        place=args.place,
+        force=args.force,
+    )
+    return capture.finish(args, found)

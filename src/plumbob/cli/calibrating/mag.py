@@ -38,28 +38,19 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.calibration.calibrate_mag import calibrate_mag
-    from plumbob.calibration.predicted import TILT_RANGE
     from plumbob.core.errors import ParameterError
-    from plumbob.core.units import Quantity, parse
 
-    if args.shape == "level" and args.tilt is not None:
-        raise ParameterError("--shape level finds headings while level only, so --tilt says nothing; leave one out.")
     if args.in_use and args.live:
         raise ParameterError("--in-use takes a recording of a unit at work and does not go with --live; record first.")
-    tilt_range = TILT_RANGE if args.tilt is None else parse(args.tilt, Quantity.ANGLE)
-    opened = capture.opened(args, "mag")
-    strength, dip, told = capture.field_of(args, opened)
-    fit = calibrate_mag(
-        opened.imu,
+    found = capture.calibrated(
+        args,
+        "mag",
         with_=args.helper,
         shape=args.shape,
-        strength=strength,
-        dip=dip,
-        tilt_range=tilt_range,
-        acc_calibrated=opened.acc_calibrated,
-        gyr_calibrated=opened.gyr_calibrated,
+        strength=args.strength,
+        place=args.place,
+        tilt=args.tilt,
         in_use=args.in_use,
         force=args.force,
     )
-    return capture.finish(args, opened, capture.kept({"mag": fit}, told))
+    return capture.finish(args, found)

@@ -2,15 +2,9 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 from plumbob.cli.calibrating import capture
-
-if TYPE_CHECKING:
-    from plumbob.calibration.calibration import Capture
-    from plumbob.calibration.mount import Mounted
-    from plumbob.data import AttitudeTrack
 
 
 def add_parser(kinds: common.Adder) -> None:
@@ -37,43 +31,19 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.core.errors import ParameterError
-
-    if (args.reference is None) != (args.estimate is None):
-        raise ParameterError("--reference and --estimate belong together: attitudes of the body and of the unit.")
-    if args.reference is not None and (args.level or args.raised or args.level_only or args.frame):
-        raise ParameterError("--reference needs no poses: leave out --level, --raised, --level-only and --frame.")
-    unit = capture.opened(args, inputs=(args.reference, args.estimate))
-    found = _by_poses(args, unit) if args.reference is None else _by_reference(args)
-    return capture.finish(args, unit, {}, mounted=found)
-
-
-def _by_poses(args: argparse.Namespace, unit: "Capture") -> "Mounted":
-    from plumbob.calibration.calibrate_mount import mount_by_poses
-    from plumbob.core.errors import FrameError
-    from plumbob.rotations import Frame
-
-    frame = common.frame_of(args)
-    if frame is None:
-        raise FrameError(f"the body's axes go with a frame; say --frame {', --frame '.join(Frame)}.")
     level, raised = (None if text is None else _span(text) for text in (args.level, args.raised))
-    return mount_by_poses(unit, frame=frame, level=level, raised=raised, level_only=args.level_only)
-
-
-def _by_reference(args: argparse.Namespace) -> "Mounted":
-    from plumbob.calibration.calibrate_mount import mount_by_reference
-
-    return mount_by_reference(_track(args.estimate), _track(args.reference))
-
-
-def _track(path: Path) -> "AttitudeTrack":
-    from plumbob.core.errors import DecodeError
-    from plumbob.session.reading import read_any
-
-    track = read_any(path).track
-    if track is None:
-        raise DecodeError(f"{path} holds no attitude; make one with 'plumbob run --out'.")
-    return track
+    found = capture.calibrated(
+        args,
+        "mount",
+        (args.reference, args.estimate),
+        frame=args.frame,
+        level=level,
+        raised=raised,
+        level_only=args.level_only,
+        estimate=args.estimate,
+        reference=args.reference,
+    )
+    return capture.finish(args, found)
 
 
 def _span(text: str) -> tuple[float, float]:

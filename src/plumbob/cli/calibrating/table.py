@@ -26,18 +26,18 @@ def add_parser(kinds: common.Adder) -> None:
 
 def find(args: argparse.Namespace) -> int:
     """Do it."""
-    from dataclasses import replace
-
-    from plumbob.calibration.rate_table import calibrate_table, found_plateaus, read_plan
-    from plumbob.core.units import Quantity, parse
-
-    mounting = parse(args.mounting, Quantity.ANGLE)
-    latitude = None if args.latitude is None else parse(args.latitude, Quantity.ANGLE)
-    nominal = _rates(args.rates) if args.plan is None else []
-    session = capture.opened(args, "gyr", inputs=(args.plan,))
-    planned, remarks = (read_plan(args.plan), []) if args.plan else found_plateaus(session.imu, nominal)
-    fitted = calibrate_table(session, planned, model=args.model, mounting=mounting, latitude=latitude)
-    return capture.finish(args, session, {"gyr": replace(fitted, remarks=(*fitted.remarks, *remarks))})
+    rates = None if args.rates is None else _rates(args.rates)
+    found = capture.calibrated(
+        args,
+        "table",
+        (args.plan,),
+        rates=rates,
+        plan=args.plan,
+        model=args.model,
+        mounting=args.mounting,
+        latitude=args.latitude,
+    )
+    return capture.finish(args, found)
 
 
 def _rates(text: str) -> list[float]:

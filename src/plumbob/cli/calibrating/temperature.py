@@ -3,7 +3,7 @@
 import argparse
 
 from plumbob.cli import common
-from plumbob.cli.calibrating.capture import add_options, finish, opened
+from plumbob.cli.calibrating.capture import add_options, calibrated, finish
 
 EPILOG = """\
 Let the unit lie still while it warms up and cools down again, over 10 K or more in half an hour or longer, and record
@@ -25,8 +25,5 @@ def add_parser(kinds: common.Adder) -> None:
 
 
 def find(args: argparse.Namespace) -> int:
-    """Fit and print."""
-    from plumbob.calibration.calibrate_gyro import gyro_over_temperature
-
-    capture = opened(args, "gyr")
-    return finish(args, capture, gyro_over_temperature(capture))
+    """Do it."""
+    return finish(args, calibrated(args, "temperature"))
