@@ -40,7 +40,7 @@ STAGES = {
     "Record": ("record", "replay", "verify", "repair", "export", "decode", "devices"),
     "Read files": ("info", "profile"),
     "Calibrate and characterise": ("calibrate", "allan"),
-    "Estimate and evaluate": ("run", "filters", "eval", "benchmark"),
+    "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark"),
 }
 
 

@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from plumbob.files import Recording, read, write
     from plumbob.files.draft import profile
     from plumbob.filters import Filter, filter_names
+    from plumbob.filters.references import cite
     from plumbob.protocols.decode import Decoder
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
@@ -92,6 +93,7 @@ _HOME = {
     "Recording": "files",
     "Session": "session.session",
     "apply_card": "data.calibrated",
+    "cite": "filters.references",
     "filter_names": "filters",
     "find_format": "protocols.find",
     "load_session": "session.session_toml",
@@ -121,6 +123,7 @@ __all__ = [
     "Session",
     "__version__",
     "apply_card",
+    "cite",
     "errors",
     "filter_names",
     "find_format",

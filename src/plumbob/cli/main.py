@@ -42,6 +42,7 @@ VERBS = (
     "info",
     "benchmark",
     "filters",
+    "cite",
     "warmup",
 )
 
