@@ -55,6 +55,7 @@ from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
     from plumbob.core import errors, flags, units
+    from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
     from plumbob.data.calibrated import apply_card
@@ -94,6 +95,7 @@ _HOME = {
     "Session": "session.session",
     "apply_card": "data.calibrated",
     "cite": "filters.references",
+    "docs": "core.docs",
     "filter_names": "filters",
     "find_format": "protocols.find",
     "load_session": "session.session_toml",
@@ -124,6 +126,7 @@ __all__ = [
     "__version__",
     "apply_card",
     "cite",
+    "docs",
     "errors",
     "filter_names",
     "find_format",

@@ -43,6 +43,7 @@ VERBS = (
     "benchmark",
     "filters",
     "cite",
+    "docs",
     "warmup",
 )
 
