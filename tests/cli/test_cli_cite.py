@@ -10,15 +10,16 @@ from plumbob.filters.references import bibliography, in_a_line
 from tests.battery import commandline
 
 MAHONY = (
-    "[Mahony2008] Mahony, Hamel, Pflimlin: Nonlinear Complementary Filters on the Special Orthogonal Group. "
+    "Mahony, Hamel, Pflimlin: Nonlinear Complementary Filters on the Special Orthogonal Group. "
     "IEEE Transactions on Automatic Control 53(5), 1203–1218, 2008, doi:10.1109/TAC.2008.923738"
 )
 
 
 def test_a_filter_has_a_line_for_each_reference():
     lines = commandline.ok("cite", "mahony", "mekf").stdout.splitlines()
-    assert lines[:2] == ["mahony", f"    {MAHONY}"]
-    assert [re.sub(r"\].*", "]", line.strip()) for line in lines[2:]] == ["[Yu2018]", "mekf", "[Sola2017]"]
+    assert lines[1].partition("] ")[2] == MAHONY
+    words = [line.split()[0].strip("[]") for line in lines]
+    assert words == ["mahony", "Mahony2008", "Yu2018", "mekf", "Sola2017"]
 
 
 def test_python_says_the_same_words():
@@ -49,9 +50,9 @@ def test_every_entry_becomes_a_line_without_marks_of_latex():
 @pytest.mark.parametrize(
     ("key", "part"),
     [
-        ("Kok2016", "[Kok2016] Kok, Schön: Magnetometer"),
-        ("DLMF", "[DLMF] National Institute of Standards and Technology: Digital Library"),
-        ("Hasselmann1973", "[Hasselmann1973] Hasselmann et al.: Measurements"),
+        ("Kok2016", "Kok, Schön: Magnetometer"),
+        ("DLMF", "National Institute of Standards and Technology: Digital Library"),
+        ("Hasselmann1973", "Hasselmann et al.: Measurements"),
         ("Kasdin1995", "1/f^α Power Law"),
         ("Imhof1961", "Biometrika 48(3/4), 419–426, 1961"),
     ],

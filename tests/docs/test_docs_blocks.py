@@ -125,11 +125,11 @@ def test_an_installed_package_names_its_own_pages(tmp_path):
         (package / part).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / "src" / "plumbob" / part, package / part)
     shutil.copytree(ROOT / "docs", package / "docs")
-    code = "import plumbob, plumbob.core.docs as d; print(d.docs_folder(), d.guide('time.md'), plumbob.docs('time'), sep='\\n')"
+    code = "import plumbob; from plumbob.core.docs import docs_folder, guide; "
+    code += "print(docs_folder(), guide('time.md'), plumbob.docs('time'), sep='\\n')"
     env = {**os.environ, "PYTHONPATH": str(package.parent)}
-    said = subprocess.run(
-        [sys.executable, "-c", code], env=env, cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    words = [sys.executable, "-c", code]
+    said = subprocess.run(words, env=env, cwd=tmp_path, capture_output=True, text=True, check=True)
     folder, page, text = said.stdout.split("\n", 2)
     assert (folder, page) == (str(package / "docs"), str(package / "docs" / "time.md"))
     assert text.strip() == (ROOT / "docs" / "time.md").read_text(encoding="utf-8").strip()

@@ -165,7 +165,7 @@ def _hull(r: Floats) -> int:
         x, y = r[BLOCK_X + k], r[BLOCK_Y + k]
         while corners >= 2:
             a, b = corners - 2, corners - 1
-            left = (r[HULL_X + b] - r[HULL_X + a]) * (y - r[HULL_Y + a])
+            left = (r[HULL_X + b] - r[HULL_X + a]) * (y - r[HULL_Y + a])  # [Zhang2002]
             right = (r[HULL_Y + b] - r[HULL_Y + a]) * (x - r[HULL_X + a])
             if left > right:
                 break

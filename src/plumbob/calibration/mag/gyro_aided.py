@@ -258,7 +258,7 @@ class _Fit:
     @property
     def left(self) -> Floats:
         """Residuals (M, 3)."""
-        return np.asarray(self.mag - self._seen_field() @ self.distortion.T - self.bias)
+        return np.asarray(self.mag - self._seen_field() @ self.distortion.T - self.bias)  # [Kok2016]
 
     def _scale(self, *, robust: bool = True) -> float:
         left = self.left[self.used]
