@@ -51,7 +51,10 @@ def test_the_thousand_published_rates():
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 33])
 def test_the_definitions_by_brute_force(kind, n):
-    """Every difference that fits, and no other; sums of a hundred terms round by a hundred eps at worst."""
+    """[Riley2008] (7), (11), (14), (18), (20), (25): every difference that fits, and no other.
+
+    Sums of a hundred terms round by a hundred eps at worst.
+    """
     rate = white(100) + 5.0
     assert deviation(rate, [n], kind)[0] == pytest.approx(exactly(rate, n, kind), rel=1e-12)
 

@@ -193,7 +193,7 @@ def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
     x = ahead - (ahead @ up) * up
     x /= np.linalg.norm(x)
     z = frame.up[2] * up
-    return quat_from_dcm(np.stack((x, np.cross(z, x), z)))
+    return quat_from_dcm(np.stack((x, np.cross(z, x), z)))  # [Shuster1981]: TRIAD, the first vector exact
 
 
 def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> list[Reason]:

@@ -178,6 +178,7 @@ def _hull(r: Floats) -> int:
 @njit
 def _slope_in_the_middle(r: Floats, corners: int) -> float:
     """Slope less 1 of the hull's edge in the middle of the window, in host time: a backlog that drains is short."""
+    # departs from [Zhang2002]: the edge in the middle gives the slope
     middle = 0.5 * (r[HULL_Y] + r[HULL_Y + corners - 1])
     k = 1
     while r[HULL_Y + k] < middle:

@@ -214,7 +214,7 @@ def accumulate(
         row[7] = (ax * dz + az * dx - r * (wx * nz + wz * nx)) / slope
         row[8] = (ay * dz + az * dy - r * (wy * nz + wz * ny)) / slope
         ratio = r / soft
-        weight = 1.0 / (1.0 + ratio * ratio)
+        weight = 1.0 / (1.0 + ratio * ratio)  # [Holland1977]: weights of Cauchy
         cost += r * r if soft == np.inf else soft * soft * np.log1p(ratio * ratio)
         for j in range(9):
             scaled = weight * row[j]

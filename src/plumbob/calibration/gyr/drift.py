@@ -111,6 +111,7 @@ class GyroDrift:
         if self.g_sensitivity.any():
             x, y, z = np.moveaxis(check.last_axis("acc", _given("acc", acc), 3), -1, 0)
             # In components, because a matrix product may round a part of a recording otherwise than the whole.
+            # [Chen2013] (4): by a matrix
             drift = drift + np.stack([row[0] * x + row[1] * y + row[2] * z for row in self.g_sensitivity], axis=-1)
         return np.asarray(drift)
 

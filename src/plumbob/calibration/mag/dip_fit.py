@@ -218,7 +218,7 @@ class _Adjustment:
         return np.asarray((self._whitened() ** 2).sum(axis=1) <= limit)
 
     def _weights(self) -> Floats:
-        return np.asarray(1.0 / (1.0 + (self._whitened() ** 2).sum(axis=1) / CAUCHY**2))
+        return np.asarray(1.0 / (1.0 + (self._whitened() ** 2).sum(axis=1) / CAUCHY**2))  # [Holland1977]
 
     def _sd(self) -> Floats:
         """Standard deviations of both equations, (N, 2)."""

@@ -290,7 +290,7 @@ class _Fit:
         left, rows = self.left, self._rows()
         weight = self.used / (self.sd**2 * self.alike.factor)
         if robust:
-            weight = weight / (1.0 + (left**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)
+            weight = weight / (1.0 + (left**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)  # [Holland1977]
         root = np.sqrt(weight)[:, np.newaxis]
         left, rows = left * root, rows * root[:, :, np.newaxis]
         for j in range(knots - 1):

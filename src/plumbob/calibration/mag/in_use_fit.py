@@ -280,6 +280,7 @@ class _Fit:
 
     def _left(self) -> Floats:
         """Residuals (W, P, 3)."""
+        # departs from [Rodriguez2024]: nothing is differentiated
         return np.asarray(self.windows.fields - self._seen() @ self.distortion.T - self.bias)
 
     def _steps(self) -> Floats:
