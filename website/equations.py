@@ -80,9 +80,8 @@ def _placed(found: Iterable[re.Match[str]], text: str, path: Path) -> Iterator[C
 def _parts(text: str) -> Iterator[str]:
     """Each equation of '(1) to (5), (7)'; anything else as it is."""
     for part in text.split(", "):
-        first, to, last = part.partition(" to ")
-        numbers = range(int(first[1:-1]), int(last[1:-1]) + 1) if to else ()
-        yield from (f"({n})" for n in numbers) if to else (part,)
+        span = re.fullmatch(r"\(([0-9]+)\) to \(([0-9]+)\)", part)
+        yield from (f"({n})" for n in range(int(span[1]), int(span[2]) + 1)) if span else (part,)
 
 
 def _names(body: Iterable[ast.stmt], outer: str = "") -> Iterator[tuple[str, int, int]]:
