@@ -48,7 +48,7 @@ def page() -> str:
     for citation in citations("src", "tests"):
         places[citation.key].append(citation)
     parts = [HEAD]
-    for key in sorted(known):
+    for key in sorted(known, key=str.casefold):
         parts.append(f"## {key}\n\n{in_a_line(known[key]).partition('] ')[2]}.\n")
         if rows := list(_rows(places[key])):
             parts.append("\n".join((TABLE, *rows, "")))

@@ -288,7 +288,7 @@ class _Descent:
         self.cost, damping = self._at(self.p, soft), 1e-6
         for _ in range(steps):
             a, g = self._equations()
-            step = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]
+            step = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]  # [Marquardt1963]
             if float(np.sqrt(step @ a @ step)) < _ENOUGH * np.sqrt(self.cost / len(self.points)) + _EXACT:
                 return True
             trial, kept = self.p + self.space @ step, self.normal.copy()

@@ -281,7 +281,7 @@ class _Fit:
         """Intensity of the random walk by expectation and maximisation, rad/√s."""
         change = self.changes @ self.lean[1:].ravel()
         doubt = np.sum((self.changes @ self.covariance[PARAMETERS:, PARAMETERS:]) * self.changes)
-        return math.sqrt((float(change @ change) + float(doubt)) / (len(change) * self.step))
+        return math.sqrt((float(change @ change) + float(doubt)) / (len(change) * self.step))  # [Dempster1977]
 
     def _solve(self, robust: bool) -> None:
         """Normal equations of all parameters and of the knots but the first, which the field's direction stands for."""
