@@ -21,7 +21,7 @@ HEAD = """\
 
 Made by `python website/equations.py` from the citations in the code, which stand at the line: `# [Mahony2008] (48c)`.
 `grep -rnF "[Mahony2008] (48c)" src tests` finds the lines; this page has the functions, and tests that cite the same.
-A line `# departs from [Key] (n): why` says what is otherwise than in the source; the docstring of each filter lists its
+A line `# departs from [Key] (n): why` says where the code differs from the source; the docstring of each filter lists its
 departures. `plumbob cite FILTER --bib` prints the references of a filter.
 """
 WHOLE = "as a whole"
@@ -102,7 +102,7 @@ def _names(body: Iterable[ast.stmt], outer: str = "") -> Iterator[tuple[str, int
 
 
 def _rows(places: Iterable[Citation]) -> Iterator[str]:
-    """Rows of a source: its equations in order, then what is made after it as a whole."""
+    """Rows of a source: its equations in order, then the source as a whole."""
     by_part = defaultdict(list)
     for place in places:
         by_part[place.part].append(place)

@@ -1,4 +1,4 @@
-"""plumbob cite: what to cite beside the results of a filter."""
+"""plumbob cite: the publications behind a filter."""
 
 import argparse
 
@@ -10,7 +10,7 @@ def add_parser(verbs: common.Adder) -> None:
     p = verbs.add_parser(
         "cite",
         help="print the references of filters, as lines or as BibTeX",
-        description="Print the references that filters are made after, a line for each, or their BibTeX entries: "
+        description="Print the publications behind filters, a line for each, or their BibTeX entries: "
         "plumbob cite mahony --bib > mahony.bib",
     )
     p.add_argument("names", nargs="*", metavar="FILTER", help="filters; all where none is named")

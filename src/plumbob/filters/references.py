@@ -1,4 +1,4 @@
-"""What a filter is made after: the entries of the bibliography that its module names."""
+"""The publications behind the filters: entries of docs/references.bib, as BibTeX and as lines."""
 
 import re
 import unicodedata
@@ -12,7 +12,7 @@ _SIGNS = (("--", "–"), (r"\alpha", "α"), (r"\&", "&"), (r"\_", "_"))
 
 
 def cite(*names: str, bib: bool = False) -> str:
-    """References of filters, to be cited beside the results that these gave.
+    """References of filters, to be cited beside their results.
 
     Parameters
     ----------
@@ -35,8 +35,7 @@ def cite(*names: str, bib: bool = False) -> str:
     known = bibliography()
     if bib:
         return "\n".join(known[key] for key in dict.fromkeys(key for of in keys.values() for key in of))
-    lines = (line for name, of in keys.items() for line in (name, *(f"    {in_a_line(known[key])}" for key in of)))
-    return "".join(f"{line}\n" for line in lines)
+    return "".join("\n    ".join((name, *(in_a_line(known[key]) for key in of))) + "\n" for name, of in keys.items())
 
 
 def bibliography() -> dict[str, str]:
