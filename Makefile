@@ -54,6 +54,7 @@ docs: $(VENV)/.docs
 pages: setup
 	$(BIN)/plumbob devices --markdown > docs/devices.md
 	$(BIN)/python website/command_line.py > docs/command-line.md
+	$(BIN)/python website/equations.py > docs/equations.md
 	$(BIN)/python website/draw_house.py > docs/images/house.svg
 
 # Source distribution, the wheel made of it, and what a user does with that: install it in a new environment, run the demo.

@@ -35,12 +35,12 @@ that says what is wrong and what to do.
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """
 STAGES = {
-    "Try": ("demo", "warmup"),
+    "Try": ("demo", "docs", "warmup"),
     "Simulate": ("sim", "emulate"),
     "Record": ("record", "replay", "verify", "repair", "export", "decode", "devices"),
     "Read files": ("info", "profile"),
     "Calibrate and characterise": ("calibrate", "allan"),
-    "Estimate and evaluate": ("run", "filters", "eval", "benchmark"),
+    "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark"),
 }
 
 

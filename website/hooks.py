@@ -62,6 +62,8 @@ def reference() -> str:
     """One page of all public names, by kind; where each is defined is known to the running package alone."""
     kinds: dict[str, list[str]] = {"Functions": [], "Types": [], "Errors": [], "Modules": []}
     for name in plumbob.__all__:
+        if name == "__version__":
+            continue
         public = getattr(plumbob, name)
         kinds[_kind(public)].append(
             public.__name__ if inspect.ismodule(public) else f"{public.__module__}.{public.__qualname__}"

@@ -56,6 +56,7 @@ from plumbob.core.version import __version__
 if TYPE_CHECKING:
     from plumbob.calibration.calibrate import calibrate
     from plumbob.core import errors, flags, units
+    from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
     from plumbob.data.calibrated import apply_card
@@ -66,6 +67,7 @@ if TYPE_CHECKING:
     from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
     from plumbob.filters import Filter, filter_names
+    from plumbob.filters.references import cite
     from plumbob.noise.allan import allan
     from plumbob.protocols.decode import Decoder, decode
     from plumbob.protocols.find import find_format
@@ -80,15 +82,6 @@ if TYPE_CHECKING:
     from plumbob.simulation import simulate
 
 _HOME = {
-    "verify": "files.mcap",
-    "repair": "files.mcap",
-    "open_card": "data.cards",
-    "export": "session.exports",
-    "evaluate": "evaluation",
-    "estimate": "session.estimated",
-    "decode": "protocols.decode",
-    "calibrate": "calibration.calibrate",
-    "allan": "noise.allan",
     "AttitudeTrack": "data.imu",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
@@ -106,13 +99,24 @@ _HOME = {
     "PlumbobWarning": "core.errors",
     "Recording": "files",
     "Session": "session.session",
+    "allan": "noise.allan",
     "apply_card": "data.calibrated",
+    "calibrate": "calibration.calibrate",
+    "cite": "filters.references",
+    "decode": "protocols.decode",
+    "docs": "core.docs",
+    "estimate": "session.estimated",
+    "evaluate": "evaluation",
+    "export": "session.exports",
     "filter_names": "filters",
     "find_format": "protocols.find",
     "load_session": "session.session_toml",
+    "open_card": "data.cards",
     "profile": "files.draft",
     "read": "session.reading",
+    "repair": "files.mcap",
     "simulate": "simulation",
+    "verify": "files.mcap",
     "write": "files",
 }
 
@@ -138,7 +142,9 @@ __all__ = [
     "allan",
     "apply_card",
     "calibrate",
+    "cite",
     "decode",
+    "docs",
     "errors",
     "estimate",
     "evaluate",

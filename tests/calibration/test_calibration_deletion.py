@@ -20,7 +20,7 @@ def left_of(rows, values):
 
 @pytest.mark.parametrize("planted", [(4,), (0, 1), (0, 19), (7, 8), (17, 18, 19), (0, 10, 19)])
 def test_the_group_is_the_one_without_which_the_rest_fits_best(planted):
-    """The same sign at one end: together they turn the line, and none stands out by itself."""
+    """[Cook1982]: the same sign at one end: together they turn the line, and none stands out by itself."""
     rows, values = line(1)
     values[list(planted)] += 0.05
     found = outlying(rows, left_of(rows, values), false_alarm=1e-3, rounding=1e-13)

@@ -28,7 +28,7 @@ def whole(**changes):
 
 
 def test_the_equation_row_by_row():
-    """N = A0 + k_T (T − 25) + B_s ω + k_a a, and the compensation takes exactly that off again."""
+    """[Chen2013] (1) to (5): N = A0 + k_T (T − 25) + B_s ω + k_a a, which the compensation takes off again."""
     d = whole()
     drift = [
         d.bias + d.bias_per_k * (t - 25.0) + d.scale * w + COUPLING @ a
@@ -59,7 +59,7 @@ def test_it_inverts_what_the_simulator_does_to_a_gyroscope():
 
 
 def test_paper_figures_in_the_paper_units():
-    """(3) and (5): 0.1 °/s at 26 °C, and 0.1 °/s more at 1 g; a in m/s² would give 0.98 °/s."""
+    """[Chen2013] (3), (5): 0.1 °/s at 26 °C, and 0.1 °/s more at 1 g; a in m/s² would give 0.98 °/s."""
     d = chen2013()
     assert to_dps(d.offset(26.0, [0.0, 0.0, 0.0])) == pytest.approx([0.1, 0.1, 0.1], rel=4 * EPS)
     assert to_dps(d.offset(25.0, [0.0, 0.0, G0])) == pytest.approx([0.0, 0.0, 0.1], rel=4 * EPS)
@@ -86,7 +86,7 @@ def test_one_number_is_the_diagonal():
 
 
 def test_the_bias_at_rest_holds_neither_temperature_nor_gravity():
-    """A0 and not A: with the warm bias in it, `compensate` would take the temperature off twice."""
+    """[Chen2013] (6): A0 and not A: with the warm bias in it, `compensate` would take the temperature off twice."""
     level = np.tile([0.0, 0.0, G0], (4, 1))
     warm = np.full(4, 35.0)
     measured = np.tile(whole(scale=0.0).offset(35.0, level[0]), (4, 1)) + [[0.1], [-0.1], [0.2], [-0.2]]

@@ -44,6 +44,7 @@ PER_ACC, PER_GYR = g(1.0) / 2048.0, float(dps(1.0)) / 16.384  # ±16 g and ±200
 
 @needs_session
 def test_a_real_session_agrees_with_imucal():
+    """[Ferraris1995]."""
     rows = list(csv.reader(SESSION.read_text().splitlines()))[1:]
     labels, counts = [row[0] for row in rows], np.array([[float(cell) for cell in row[2:]] for row in rows])
     parts = {name: slice(labels.index(name), len(labels) - labels[::-1].index(name)) for name in set(labels)}

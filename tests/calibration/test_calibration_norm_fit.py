@@ -42,7 +42,7 @@ def test_without_noise_the_ellipsoid_comes_back(fit):
 
 
 def test_along_the_axes_six_parameters_are_enough():
-    """[Yu2018] (13), (14), corrected as in papers.md 001."""
+    """[Yu2018] (13), (14), corrected."""
     rng = np.random.default_rng(2)
     response, bias = np.diag([1.1, 0.9, 1.02]), np.array([80.0, -40.0, 10.0])
     found = fit_axes(capture(rng, 18, response, bias, 0.0, 0.0))

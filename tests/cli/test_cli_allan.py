@@ -95,7 +95,7 @@ def test_averaging_times_on_demand(files):
 def test_other_deviations(files):
     found = json.loads(ok("allan", files / "one.txt", *NUMBERS, "--deviation", "mdev", "--taus", "1", "--json").stdout)
     assert found["one"]["kind"] == "mdev"
-    expected = 0.02 * np.sqrt(0.5) * 3600.0  # [Riley2008] table 5: half of the Allan variance, for n ≫ 1
+    expected = 0.02 * np.sqrt(0.5) * 3600.0  # [Riley2008] Table 5: half of the Allan variance, for n ≫ 1
     assert found["one"]["dev"]["deg/h"][0] == pytest.approx(expected, rel=0.1)
     assert "totdev" in ok("allan", files / "one.txt", *NUMBERS, "--deviation", "totdev").stdout
     told = refused("allan", files / "one.txt", *NUMBERS, "--deviation", "mdev", "--card", files / "x.json")

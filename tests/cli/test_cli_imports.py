@@ -73,6 +73,8 @@ LIVE = {"acquisition.timing.timebase", "calibration", "data.cards.calibration", 
 LINES = {
     "sim": (["sim", "buoy", *SIM, "calibrated", "--duration", "12s", "--out", "sea.parquet"], SIMULATED),
     "filters": (["filters"], {"numpy", "filters"}),
+    "cite": (["cite"], {"numpy", "filters"}),
+    "docs": (["docs", "time"], set()),
     "info": (["info", "sea.parquet"], READ),
     "run": (["run", "sea.parquet", "--filter", "mekf"], RUN),
     "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),

@@ -13,7 +13,7 @@ from plumbob.noise.datasheet.fin import DURATION, TABLE, averaging_time, percent
 from plumbob.noise.findings import Coefficient, Estimates
 from tests.battery.pages import Outline
 
-# Recomputed by hand from (7) of [Ou2017] and its Table 1: percentage, implied averaging time, and the least and the
+# Recomputed by hand from [Ou2017] (7) and its Table 1: percentage, implied averaging time, and the least and the
 # greatest time that rounding of the printed error leaves.
 RECOMPUTED = {
     ("Q", "453z"): ("6.262", "1.712", "1.6865", "1.737"),
@@ -35,7 +35,7 @@ def agrees(value, printed):
 
 def test_the_papers_example_is_6_299_percent():
     assert DURATION == 220.0
-    assert f"{100.0 * percent_error(math.sqrt(3.0), DURATION):.3f}" == "6.299"  # [Ou2017], step 8
+    assert f"{100.0 * percent_error(math.sqrt(3.0), DURATION):.3f}" == "6.299"  # [Ou2017] step 8
     assert math.isclose(averaging_time(percent_error(2.5, 220.0)), 2.5)
 
 

@@ -2,8 +2,12 @@
 
 import contextlib
 import io
+import os
 import re
 import shlex
+import shutil
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -12,8 +16,8 @@ import pytest
 
 from benchmarks.harness.__main__ import main as measure
 from plumbob import profile, read
-from plumbob.core import errors
 from plumbob.core.constants import G0
+from plumbob.core.docs import guide
 from tests.battery.commandline import call
 
 ROOT = Path(__file__).parents[2]
@@ -98,14 +102,34 @@ def test_links_lead_to_files():
             assert (page.parent / link).exists(), (page.name, link)
 
 
-def test_every_page_that_a_message_names_is_there_and_in_the_wheel(tmp_path, monkeypatch):
+def test_every_page_that_a_message_names_is_there_and_in_the_wheel():
     named = {name for file in SOURCES for name in CITED.findall(file.read_text(encoding="utf-8"))}
     assert {"file-formats.md", "formats.md", "sessions.md"} <= named
     included = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     folders = included["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     assert folders["docs"] == "plumbob/docs"
-    assert all((ROOT / "docs" / page).is_file() and errors.guide(page) == f"docs/{page}" for page in named)
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "time.md").touch()
-    monkeypatch.setattr(errors, "__file__", str(tmp_path / "errors.py"))
-    assert errors.guide("time.md") == str(tmp_path / "docs" / "time.md")
+    assert all((ROOT / "docs" / page).is_file() and guide(page) == f"docs/{page}" for page in named)
+
+
+def test_an_installed_package_names_its_own_pages(tmp_path):
+    """The package copied as the wheel has it, with its docs inside, and nothing of the checkout in reach."""
+    package = tmp_path / "lib" / "plumbob"
+    for part in (
+        "__init__.py",
+        "core/__init__.py",
+        "core/docs.py",
+        "core/errors.py",
+        "core/lazy.py",
+        "core/version.py",
+    ):
+        (package / part).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / "src" / "plumbob" / part, package / part)
+    shutil.copytree(ROOT / "docs", package / "docs")
+    code = "import plumbob; from plumbob.core.docs import docs_folder, guide; "
+    code += "print(docs_folder(), guide('time.md'), plumbob.docs('time'), sep='\\n')"
+    env = {**os.environ, "PYTHONPATH": str(package.parent)}
+    words = [sys.executable, "-c", code]
+    said = subprocess.run(words, env=env, cwd=tmp_path, capture_output=True, text=True, check=True)
+    folder, page, text = said.stdout.split("\n", 2)
+    assert (folder, page) == (str(package / "docs"), str(package / "docs" / "time.md"))
+    assert text.strip() == (ROOT / "docs" / "time.md").read_text(encoding="utf-8").strip()

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from website import command_line, draw_house
+from website import command_line, draw_house, equations
 
 ROOT = Path(__file__).parents[2]
 BY_HOOKS = {f"{name}.md" for name in ("index", "examples", "reference", "changelog", "contributing", "security")}
@@ -17,6 +17,11 @@ def test_the_page_of_the_command_line_is_up_to_date():
 def test_the_drawing_of_the_house_is_up_to_date():
     """Otherwise: make pages."""
     assert (ROOT / "docs" / "images" / "house.svg").read_text(encoding="utf-8") == draw_house.svg()
+
+
+def test_the_page_of_equations_is_up_to_date():
+    """Otherwise: make pages."""
+    assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == equations.page()
 
 
 def test_every_page_is_in_the_menu_of_the_site():

@@ -28,7 +28,7 @@ def degrees_off(data, truth, start, **params):
 
 
 def test_about_one_axis_it_is_the_textbook_s_line():
-    """θ ← (1 − w)(θ + ωΔt) + w θₐ with w = 1 − exp(−Δt/τ), the rate taken as the mean of two samples."""
+    """[Higgins1975]: θ ← (1 − w)(θ + ωΔt) + w θₐ with w = 1 − exp(−Δt/τ), ω the mean of two samples."""
     rng = np.random.default_rng(1)
     n, tau = 400, 0.7
     t = np.cumsum(rng.uniform(0.005, 0.02, n))

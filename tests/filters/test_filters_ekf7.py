@@ -107,7 +107,7 @@ def test_the_bias_columns_by_differences_and_as_the_paper_prints_them(speed):
         found = np.array(quaternion_bias.bias_derivative.py_func(*q, dt, *turn, w, s)).T
         assert np.abs(found - columns).max() < 1e-8
         a, b, c, d = q
-        psi = np.array([[b, -a, -d, c], [c, d, -a, -b], [d, -c, b, -a]]).T  # [Li2012], step (1)
+        psi = np.array([[b, -a, -d, c], [c, d, -a, -b], [d, -c, b, -a]]).T  # [Li2012] step (1)
         # the paper's is the first order: derivatives of exp(W) differ from ½ by at most |W|/4 of it, squares left out
         assert np.abs(found - 0.5 * dt * psi).max() <= 0.5 * dt * (0.5 * dt * speed + (dt * speed) ** 2) + 1e-15
 
@@ -121,7 +121,7 @@ def test_the_gravity_rows_by_differences(up):
         h = np.array([quaternion_bias.seen.py_func(*e, *(2.0 * up * G0 * q)) for e in np.eye(4)]).T
         assert np.abs(h - by_differences(lambda p: gravity(p, up), q)).max() < 1e-8
         a, b, c, d = q
-        literal = 2.0 * up * G0 * np.array([[-c, d, -a, b], [b, a, d, c], [a, -b, -c, d]])  # [Li2012], step (3)
+        literal = 2.0 * up * G0 * np.array([[-c, d, -a, b], [b, a, d, c], [a, -b, -c, d]])  # [Li2012] step (3)
         assert np.abs(h - literal).max() < 1e-14
 
 

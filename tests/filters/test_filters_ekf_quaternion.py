@@ -96,7 +96,7 @@ def by_the_paper(q, p, dt, gyr, acc, mag):
 
 
 def test_the_kernel_is_the_paper_step_by_step():
-    """Defaults at the paper's 0.1 s are its Q = 1e-4 I, R = 1e-3 I and P0 = 1e-3 I."""
+    """[HuangJiang]: defaults at the paper's 0.1 s are its Q = 1e-4 I, R = 1e-3 I and P0 = 1e-3 I."""
     data = noisy(900)
     whole = np.isfinite(data.mag).all(1) & np.isfinite(data.acc).all(1) & np.isfinite(data.gyr).all(1)
     n = int(whole.sum())

@@ -62,7 +62,7 @@ def test_order_of_convergence_on_coning(name, order):
 
 @pytest.mark.parametrize(("rate_dps", "known_deg_per_s"), [(172.0, 0.013), (573.0, 0.48), (2000.0, 20.0)])
 def test_known_errors_of_the_first_order_step_at_100_hz(rate_dps, known_deg_per_s):
-    """Figures of the corrected buoy specification; closed form: each step turns by 2 atan(ωΔt/2) instead of ωΔt."""
+    """[Yu2018] (3), corrected: each step turns by 2 atan(ωΔt/2) instead of ωΔt."""
     t = np.arange(101) / 100.0
     omega = math.radians(rate_dps) * np.array([0.0, 0.0, 1.0])
     q = quat_from_rotvec(t[:, None] * omega)

@@ -25,7 +25,7 @@ def seen(q, d):
 
 
 def test_gradient_against_differences():
-    """Half of d/dq ½|seen(q, d) − s|², the common factor 2 of the Jacobian left out; central differences, step 1e-6."""
+    """[Madgwick2010] (21), (22): half of d/dq ½|seen(q, d) − s|², without the common factor 2; central differences."""
     rng = np.random.default_rng(2)
     for _ in range(50):
         q, d, s = rng.normal(size=4), rng.normal(size=3), rng.normal(size=3)
@@ -55,7 +55,7 @@ def test_an_error_is_taken_back_at_twice_beta(frame):
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_the_bias_moves_at_twice_zeta_towards_what_explains_the_error(axis, sign):
-    """(47), (48): of a unit quaternion's rate of change the turn is twice as large, so the bias grows by 2ζΔt a step.
+    """[Madgwick2010] (47), (48): a unit quaternion's turn is twice its change, so the bias grows by 2ζΔt a step.
 
     The gyroscope says zero and the attitude stands 5° too far about an axis of the body, as after a positive rate that
     is none: a positive bias. Of the gradient's unit length the part along q, which turns nothing, is below

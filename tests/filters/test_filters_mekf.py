@@ -124,7 +124,7 @@ def test_the_heading_s_measurement_is_linearised_right(frame, monkeypatch):
 
 
 def test_an_update_is_the_textbook_s():
-    """Gain P Hᵀ/s and P − P Hᵀ H P/s, [BarShalom2001] 5.2.3; the heading's leaves tilt and velocity as they are."""
+    """Gain P Hᵀ/s and P − P Hᵀ H P/s, [BarShalom2001] sec. 5.2.3; a heading leaves tilt and velocity as they are."""
     p, var = some_covariance(2), 3.0
     h = np.zeros(N)
     h[V] = 1.0

@@ -275,7 +275,7 @@ def noisy_tumbling(rate, seed, seconds=60.0):
 
 @pytest.mark.parametrize(("rate", "seed"), [(50.0, 0), (100.0, 1), (200.0, 1)])
 def test_the_authors_own_program_says_the_same_with_equal_steps(rate, seed):
-    """Package vqf 2.1.2: 0.031°, 0.020° and 0.028° apart at most after 30 s, where both are wrong by 1.1° to 1.3°.
+    """[Laidig2023] in package vqf 2.1.2: 0.031°, 0.020°, 0.028° apart after 30 s; both are wrong by 1.1° to 1.3°.
 
     Its low-pass is bilinear, ours holds the input: half a step between them, in a frame that turns with the bias of
     0.7°/s. Through the bias that each has learned by then (apart by 0.003°/s at most) and a heading that follows in

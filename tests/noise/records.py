@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 NBS14 = [892, 809, 823, 798, 671, 644, 883, 903, 677]
-"""[Riley2008] table 29."""
+"""[Riley2008] Table 29."""
 
 
 def riley_1000():

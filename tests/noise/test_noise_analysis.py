@@ -31,7 +31,7 @@ def markov(seed, count, time, sd, dt):
 
 
 def test_variances_are_those_of_the_standard():
-    """[IEEE952] annex C at each read-off point: σ = Q at √3, N at 1, 0.664 B, K at 3, R at √2."""
+    """[IEEE952] Annex C at each read-off point: σ = Q at √3, N at 1, 0.664 B, K at 3, R at √2."""
     for letter, term in TERMS.items():
         at = 7.0 if term.read_at is None else term.read_at
         expected = 0.6643 * 2.0 if letter == "B" else 2.0

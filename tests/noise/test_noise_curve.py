@@ -17,7 +17,7 @@ RATE = np.random.default_rng(8).standard_normal((SAMPLES, 3)) * [1.0, 2.0, 3.0]
 
 
 def test_the_error_of_ieee_as_the_fin_paper_prints_it():
-    """[Ou2017]: 220 s at 500 Hz, τ = √3 s: ± 6.299 %; n is whole, 866 of it, which makes it 6.2989 %."""
+    """[Ou2017] (7): 220 s at 500 Hz, τ = √3 s: ± 6.299 %; n is whole, 866 of it, which makes it 6.2989 %."""
     one = curve_of([1.0, 0.9], [866, 900], 110_000, 0.002)
     assert one.tau[0] == pytest.approx(1.732)
     assert 100.0 * one.ieee[0] == pytest.approx(6.2989, abs=5e-5)

@@ -20,7 +20,7 @@ LONGEST = {"oadev": 2, "adev": 2, "mdev": 3, "ohdev": 3, "hdev": 3, "totdev": 2}
 
 
 def test_the_nine_published_rates():
-    """[Riley2008] table 30, to the last digit that it prints."""
+    """[Riley2008] Table 30, to the last digit that it prints."""
     table = {
         "oadev": (91.22945, 85.95287),
         "adev": (91.22945, 115.8082),
@@ -35,7 +35,7 @@ def test_the_nine_published_rates():
 
 
 def test_the_thousand_published_rates():
-    """[Riley2008] table 31, to the last of its seven digits."""
+    """[Riley2008] Table 31, to the last of its seven digits."""
     table = {
         "oadev": (2.922319e-1, 9.159953e-2, 3.241343e-2),
         "adev": (2.922319e-1, 9.965736e-2, 3.897804e-2),
@@ -51,7 +51,10 @@ def test_the_thousand_published_rates():
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("n", [1, 2, 3, 7, 33])
 def test_the_definitions_by_brute_force(kind, n):
-    """Every difference that fits, and no other; sums of a hundred terms round by a hundred eps at worst."""
+    """[Riley2008] (7), (11), (14), (18), (20), (25): every difference that fits, and no other.
+
+    Sums of a hundred terms round by a hundred eps at worst.
+    """
     rate = white(100) + 5.0
     assert deviation(rate, [n], kind)[0] == pytest.approx(exactly(rate, n, kind), rel=1e-12)
 

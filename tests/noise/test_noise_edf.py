@@ -82,7 +82,7 @@ def test_white_noise_exactly():
 
 
 def test_the_simple_formulas_of_the_handbook():
-    """[Riley2008] table 5: overlapping Allan, white noise and quantization, good to some per cent."""
+    """[Riley2008] Table 5: overlapping Allan, white noise and quantization, good to some per cent."""
     for count, n in ((1000, 1), (1000, 10), (1000, 100), (100_000, 10_000)):
         points = count + 1
         white = (1.5 * (points - 1) / n - 2.0 * (points - 2) / points) * 4.0 * n**2 / (4.0 * n**2 + 5.0)
@@ -138,7 +138,7 @@ def test_records_that_are_made_here(alpha):
 
 
 def test_total_deviation():
-    """[Riley2008] table 7: 1.5 T/τ, 1.17 T/τ − 0.22, 0.93 T/τ − 0.36; short averages are Allan's overlapping ones."""
+    """[Riley2008] Table 7: 1.5 T/τ, 1.17 T/τ − 0.22, 0.93 T/τ − 0.36; short averages are Allan's overlapping ones."""
     for alpha, b, c in ((0, 1.5, 0.0), (-1, 1.17, 0.22), (-2, 0.93, 0.36)):
         assert edf("totdev", alpha, 1000, [250])[0] == pytest.approx(4.0 * b - c)
         assert edf("totdev", alpha, 1000, [2])[0] == edf("oadev", alpha, 1000, [2])[0]

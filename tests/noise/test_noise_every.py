@@ -101,7 +101,7 @@ def test_head_products_by_brute_force(monkeypatch):
 
 
 def test_published_rates():
-    """[Riley2008] table 30; the other two are by brute force."""
+    """[Riley2008] Table 30; the other two are by brute force."""
     expected = [91.22945, 85.95287, exactly(NBS14, 3), exactly(NBS14, 4)]
     assert every_adev(NBS14) == pytest.approx(expected, rel=5e-7)
 

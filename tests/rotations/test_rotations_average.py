@@ -23,7 +23,7 @@ def test_of_two_is_half_way(quats):
 
 
 def test_about_one_axis_is_the_circular_mean():
-    """[Markley2007]: max Σ w (q·q_i)² with angles 2φ = α gives tan α = Σ w sin α_i / Σ w cos α_i."""
+    """[Markley2007] (12): max Σ w (q·q_i)² with angles 2φ = α gives tan α = Σ w sin α_i / Σ w cos α_i."""
     rng = np.random.default_rng(4)
     angle, weight, axis = rng.uniform(-1.5, 1.5, 50), rng.uniform(0.1, 3.0, 50), np.array([0.48, -0.6, 0.64])
     expected = np.arctan2(np.sum(weight * np.sin(angle)), np.sum(weight * np.cos(angle)))

@@ -27,6 +27,7 @@ def test_matrices_are_proper_rotations(rotvec):
 
 
 def test_matrix_times_vector_is_rotation_of_vector(quats):
+    """[Sola2017] (115)."""
     v = np.random.default_rng(5).normal(size=(1000, 3))
     turned = (dcm_from_quat(quats) @ v[..., np.newaxis])[..., 0]
     np.testing.assert_allclose(turned, quat_rotate(quats, v), rtol=0, atol=16 * EPS * np.abs(v).max())

@@ -68,6 +68,7 @@ def test_both_signs_turn_alike(q, v):
 
 
 def test_hamilton_and_not_jpl():
+    """[Sola2017] (12)."""
     i, j, k = np.eye(4)[1:]
     assert np.array_equal(quat_multiply(i, j), k)  # Hamilton: ij = k; JPL has ij = −k
     assert np.array_equal(quat_multiply(j, i), -k)

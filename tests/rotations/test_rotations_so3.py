@@ -46,6 +46,7 @@ def ulps(value, exact):
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_exponential_is_right_to_the_last_bits(angle):
+    """[Sola2017] (101)."""
     half = Fraction(angle) / 2
     w, x = cos_series(half), half * sin_series(half)
     for q in (
@@ -170,6 +171,7 @@ DIFFERENCE = 8 * (H**2 + EPS / H)  # its truncation and its rounding
 
 @pytest.mark.parametrize("side", ["right", "left"])
 def test_jacobians_against_differences(rotvec, side):
+    """[Sola2018] (143), (145)."""
     q = quat_from_rotvec(rotvec)
     inverse = q * [1, -1, -1, -1]
     columns = []
@@ -186,6 +188,7 @@ def test_jacobians_against_differences(rotvec, side):
 
 
 def test_jacobians_and_their_inverses(rotvec):
+    """[Sola2018] (143) to (146)."""
     for jacobian, inverse in ((right_jacobian, right_jacobian_inverse), (left_jacobian, left_jacobian_inverse)):
         # Entries up to π/2, a dozen roundings each.
         assert np.abs(jacobian(rotvec) @ inverse(rotvec) - np.eye(3)).max(initial=0) <= 16 * EPS

@@ -113,7 +113,7 @@ def mount_from_poses(level: ArrayLike, raised: ArrayLike, *, frame: Frame, turn:
     low, high = _up("level", level), _up("raised", raised)
     angle = _angle(low.axis, high.axis)
     refuse(_why_no_raise(low.axis, angle, turn))
-    # What the second pose says of the lateral direction, [Shuster1981]: errors across grow by 1 / sin of the angle.
+    # [Shuster1981]: the second pose tells the lateral direction; errors across grow by 1 / sin of the angle.
     sd_heading = float(np.hypot(high.sd, np.cos(angle) * low.sd) / np.sin(angle))
     mount = Mount(
         _axes(low.axis, high.axis, frame),
@@ -193,7 +193,7 @@ def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
     x = ahead - (ahead @ up) * up
     x /= np.linalg.norm(x)
     z = frame.up[2] * up
-    return quat_from_dcm(np.stack((x, np.cross(z, x), z)))
+    return quat_from_dcm(np.stack((x, np.cross(z, x), z)))  # [Shuster1981]: TRIAD, the first vector exact
 
 
 def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> list[Reason]:

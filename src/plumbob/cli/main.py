@@ -42,6 +42,8 @@ VERBS = (
     "info",
     "benchmark",
     "filters",
+    "cite",
+    "docs",
     "warmup",
 )
 

@@ -1,7 +1,5 @@
 """One tree of errors. Each message says the rule, what was expected, what came, where, and what to do."""
 
-import pathlib
-
 
 class PlumbobError(Exception):
     """Base of every error that Plumbob raises on purpose; the command line prints it as one line and exits 1."""
@@ -55,9 +53,3 @@ def one_line(error: BaseException) -> str:
 def excerpt(text: str, size: int = 60) -> str:
     """Text found in a file, quoted, without control characters and cut to `size` characters."""
     return repr(text if len(text) <= size else text[:size] + "…")
-
-
-def guide(page: str) -> str:
-    """Where a page of the documentation lies: beside an installed package, or in the checkout."""
-    installed = pathlib.Path(__file__).parent / "docs" / page
-    return str(installed) if installed.is_file() else f"docs/{page}"

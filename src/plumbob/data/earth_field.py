@@ -72,7 +72,7 @@ def earth_field_at(latitude: float, longitude: float, height: float, date: str) 
         ) from error
     try:
         model = GeoMag(base_year=int(year))
-        found = model.calculate(to_deg(latitude), to_deg(longitude), height / 1e3, year)
+        found = model.calculate(to_deg(latitude), to_deg(longitude), height / 1e3, year)  # [WMM2025]
         name = f"{model.model} of {model.release_date} for {date}"
     except ValueError as error:
         raise ParameterError(f"no World Magnetic Model is installed for {date}: {error}. Update pygeomag.") from error

@@ -124,7 +124,7 @@ def _best_heading(q_est: Floats, q_ref: Floats, frame: Frame) -> float:
     m0, mc, ms = 0.5 * (aa + bb), 0.5 * (aa - bb), -0.5 * ab
 
     def slope(gamma: float) -> float:
-        v = np.linalg.eigh(m0 + np.cos(gamma) * mc + np.sin(gamma) * ms)[1][:, -1]
+        v = np.linalg.eigh(m0 + np.cos(gamma) * mc + np.sin(gamma) * ms)[1][:, -1]  # [Markley2007] (12)
         return float(v @ (np.cos(gamma) * ms - np.sin(gamma) * mc) @ v)
 
     grid = np.linspace(-np.pi, np.pi, _GRID, endpoint=False)

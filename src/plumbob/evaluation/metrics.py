@@ -15,7 +15,7 @@ acos loses half of the digits of a small angle.
 Yaw, pitch and roll errors are signed, estimate minus reference, in (−π, π]. They are differences of Euler angles, not
 angles of a rotation: near pitch ±90° a small rotation is a large difference, so yaw and roll are left out there.
 
-Does the error fit the covariance that the filter claims? Normalised estimation error squared, [BarShalom2001] 5.4.
+Does the error fit the covariance that the filter claims? Normalised estimation error squared, [BarShalom2001] sec. 5.4.
 
 With d the attitude error as a rotation vector in body axes and P its claimed covariance, dᵀ P⁻¹ d follows a chi-square
 law of 3 degrees of freedom where the filter is consistent: 3 on average, and within its 95 % bounds in 95 % of the
@@ -57,9 +57,9 @@ def attitude_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:
     """
     w, x, y, z = np.abs(np.moveaxis(error_quat(q_est, q_ref), -1, 0))
     return {
-        "total": 2.0 * np.arctan2(np.sqrt(x * x + y * y + z * z), w),
-        "heading": 2.0 * np.arctan2(z, w),
-        "inclination": 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z)),
+        "total": 2.0 * np.arctan2(np.sqrt(x * x + y * y + z * z), w),  # [Laidig2021]
+        "heading": 2.0 * np.arctan2(z, w),  # [Laidig2021]
+        "inclination": 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z)),  # [Laidig2021]
         **_euler_errors(q_est, q_ref),
     }
 
@@ -134,7 +134,7 @@ def nees(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Floats:
     usable = _positive_definite(cov_b)
     squared = np.full(d.shape[0], np.nan)
     weighted = np.linalg.solve(cov_b[usable], d[usable, :, np.newaxis])[..., 0]
-    squared[usable] = np.sum(d[usable] * weighted, axis=1)
+    squared[usable] = np.sum(d[usable] * weighted, axis=1)  # [BarShalom2001] sec. 5.4
     return squared
 
 

@@ -1,4 +1,4 @@
-"""Trials of BROAD, the Berlin robust orientation estimation data set (doi:10.3390/data6070072, CC BY 4.0).
+"""Trials of BROAD, the Berlin robust orientation estimation data set [Laidig2021], CC BY 4.0.
 
 A trial is recognised by its content, not by its name. It holds a 9-axis unit and an optical reference on one time
 line; the same content comes as HDF5 and as MATLAB v5.

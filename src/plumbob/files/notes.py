@@ -18,7 +18,7 @@ from plumbob.data.plausibility import doubts
 from plumbob.files.recording import Recording
 
 EARTH_FIELD: Final = (22.0, 67.0)
-"""Smallest and largest flux density at the surface of the Earth, µT (IGRF-13, doi:10.1186/s40623-020-01288-x)."""
+"""Smallest and largest flux density at the surface of the Earth, µT [Alken2021]."""
 
 TOPICS: Final = (
     "calibration: ",

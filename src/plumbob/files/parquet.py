@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.errors import DecodeError, guide, one_line
+from plumbob.core.docs import guide
+from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file, reading, replacing, require_room
 from plumbob.files import header
 from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes

@@ -8,7 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core import schema
-from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt, guide
+from plumbob.core.docs import guide
+from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
 from plumbob.core.files import MAX_TEXT, existing_file, reading
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity

@@ -16,7 +16,7 @@ R          noise          rad/s    √R: noise of one sample
 =========  =============  =======  ================================================================
 
 F = [1 dt; 0 1] and Q = q [dt³/3 dt²/2; dt²/2 dt]: a white jerk of constant density q, integrated over the step exactly
-[BarShalom2001] (sec. 6.2.2, there of position and velocity), so steps may be uneven. While samples are missing the rate
+[BarShalom2001] sec. 6.2.2 (there of position and velocity), so steps may be uneven. While samples are missing the rate
 goes on with its last acceleration.
 
 Departures from [Chen2013]: the second state. The paper's one-state filter is `channel_scalar`.
@@ -75,7 +75,7 @@ def own_state(params: Params) -> int:
 def predict(c: Floats, x: Floats, dt: float) -> None:
     """Carry state and covariance over a step."""
     x[RATE] += dt * x[ACC]
-    x[P00] += dt * (2.0 * x[P01] + dt * x[P11]) + c[DENSITY] * dt * dt * dt / 3.0
+    x[P00] += dt * (2.0 * x[P01] + dt * x[P11]) + c[DENSITY] * dt * dt * dt / 3.0  # [BarShalom2001] sec. 6.2.2
     x[P01] += dt * x[P11] + c[DENSITY] * dt * dt / 2.0
     x[P11] += c[DENSITY] * dt
 
@@ -84,7 +84,7 @@ def predict(c: Floats, x: Floats, dt: float) -> None:
 def correct(c: Floats, x: Floats, y: float) -> None:
     """Take up a measured rate."""
     innovation, variance = y - x[RATE], x[P00] + c[R]
-    k0, k1 = x[P00] / variance, x[P01] / variance
+    k0, k1 = x[P00] / variance, x[P01] / variance  # [BarShalom2001] sec. 5.2.3
     x[RATE] += k0 * innovation
     x[ACC] += k1 * innovation
     x[P11] -= k1 * x[P01]

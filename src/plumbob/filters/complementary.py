@@ -71,7 +71,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
 @njit
 def share(dt: float, tau: float) -> float:
     """Part of a difference that goes within a step dt, where it decays with the time constant τ."""
-    return -math.expm1(-dt / tau)
+    return -math.expm1(-dt / tau)  # [Higgins1975]: the gain of the steady state
 
 
 @njit
@@ -103,7 +103,7 @@ def correct_tilt(c: Floats, x: Floats, dt: float, ax: float, ay: float, az: floa
     ux, uy, uz = up_in_body(c[UP], x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     rx, ry, rz = arc(ax, ay, az, ux, uy, uz)
     w = share(dt, c[TAU_TILT])
-    turn(x, w * rx, w * ry, w * rz)
+    turn(x, w * rx, w * ry, w * rz)  # departs from [Higgins1975]: along the shortest arc, not by Euler angles
     return 0
 
 

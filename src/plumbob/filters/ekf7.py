@@ -192,7 +192,7 @@ def take_means(c: Floats, x: Floats) -> None:
     t0, _, _, t3 = quat_mul(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], l0, -l1, -l2, -l3)
     t0, _, _, t3 = quat_unit(t0, 0.0, 0.0, t3)
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_mul(t0, 0.0, 0.0, t3, l0, l1, l2, l3)
-    x[BIAS], x[BIAS + 1], x[BIAS + 2] = x[MEAN_GYR], x[MEAN_GYR + 1], x[MEAN_GYR + 2]
+    x[BIAS], x[BIAS + 1], x[BIAS + 2] = x[MEAN_GYR], x[MEAN_GYR + 1], x[MEAN_GYR + 2]  # [Li2012]
     if c[RESET] != 0.0:
         set_covariance(x, c[REST_VAR] / (c[REST_TIME] * G0 * G0), c[GYRO_VAR] / c[REST_TIME])
 
@@ -246,5 +246,6 @@ def step(
         var = c[REST_VAR] / dt if rest else motion_var(c, x, dt, excess)
         correct_gravity(x, c[UP], ax, ay, az, var)
         hold_heading(x)
+    # departs from [Li2012]: normalised
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     return found | flags.AT_REST if rest else found

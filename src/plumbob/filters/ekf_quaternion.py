@@ -98,7 +98,7 @@ def predict(x: Floats, dt: float, wx: float, wy: float, wz: float, noise: float)
     """q⁻ = F q, P⁻ = F P Fᵀ + Γ Q Γᵀ with F = I + Δt/2 Ω(ω) and Γ = Δt/2 Ξ(q), scaled so that q keeps its length."""
     half = 0.5 * dt
     e1, e2, e3 = half * wx, half * wy, half * wz  # F v is v ⊗ (1, ω Δt/2)
-    q0, q1, q2, q3 = quat_mul(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], 1.0, e1, e2, e3)
+    q0, q1, q2, q3 = quat_mul(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], 1.0, e1, e2, e3)  # [HuangJiang]
     p01, p02, p03, p12, p13, p23 = x[P + 1], x[P + 2], x[P + 3], x[P + 5], x[P + 6], x[P + 8]
     y00, y10, y20, y30 = quat_mul(x[P], p01, p02, p03, 1.0, e1, e2, e3)  # columns of F P
     y01, y11, y21, y31 = quat_mul(p01, x[P + 4], p12, p13, 1.0, e1, e2, e3)
@@ -109,7 +109,7 @@ def predict(x: Floats, dt: float, wx: float, wy: float, wz: float, noise: float)
     _, _, z22, z23 = quat_mul(y20, y21, y22, y23, 1.0, e1, e2, e3)
     _, _, _, z33 = quat_mul(y30, y31, y32, y33, 1.0, e1, e2, e3)
     back = 1.0 / (1.0 + e1 * e1 + e2 * e2 + e3 * e3)
-    q0, q1, q2, q3 = quat_unit(q0, q1, q2, q3)
+    q0, q1, q2, q3 = quat_unit(q0, q1, q2, q3)  # departs from [HuangJiang]: normalised, and P with it
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q0, q1, q2, q3
     x[P], x[P + 1] = back * z00 + noise * (1.0 - q0 * q0), back * z01 - noise * (q0 * q1)  # Ξ Ξᵀ = 1 − q qᵀ
     x[P + 2], x[P + 3] = back * z02 - noise * (q0 * q2), back * z03 - noise * (q0 * q3)
@@ -125,7 +125,7 @@ def correct(x: Floats, h0: float, h1: float, h2: float, h3: float, target: float
     k1 = x[P + 1] * h0 + x[P + 4] * h1 + x[P + 5] * h2 + x[P + 6] * h3
     k2 = x[P + 2] * h0 + x[P + 5] * h1 + x[P + 7] * h2 + x[P + 8] * h3
     k3 = x[P + 3] * h0 + x[P + 6] * h1 + x[P + 8] * h2 + x[P + 9] * h3
-    scale = 1.0 / (h0 * k0 + h1 * k1 + h2 * k2 + h3 * k3 + var)
+    scale = 1.0 / (h0 * k0 + h1 * k1 + h2 * k2 + h3 * k3 + var)  # [HuangJiang]
     e = scale * (target - (h0 * x[Q] + h1 * x[Q + 1] + h2 * x[Q + 2] + h3 * x[Q + 3]))
     x[Q] += e * k0
     x[Q + 1] += e * k1
@@ -155,7 +155,7 @@ def correct_direction(
     in x, is (s + h) − H x. The rows of H are those of 2 (q* ⊗ d) ⊗ ….
     """
     t0, t1, t2, t3 = quat_mul(q0, -q1, -q2, -q3, 0.0, dx, dy, dz)
-    _, hx, hy, hz = quat_mul(t0, t1, t2, t3, q0, q1, q2, q3)
+    _, hx, hy, hz = quat_mul(t0, t1, t2, t3, q0, q1, q2, q3)  # [HuangJiang]
     t0, t1, t2, t3 = 2.0 * t0, 2.0 * t1, 2.0 * t2, 2.0 * t3
     correct(x, t1, t0, -t3, t2, sx + hx, var)
     correct(x, t2, t3, t0, -t1, sy + hy, var)
@@ -169,7 +169,7 @@ def field_reference(c: Floats, x: Floats, dt: float, mx: float, my: float, mz: f
     if math.isnan(z):
         _, _, hz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], mx, my, mz)
         x[LOOKED] = min(x[LOOKED] + dt, DIP_MEMORY)
-        x[FIELD_Z] += dt / x[LOOKED] * (hz - x[FIELD_Z])
+        x[FIELD_Z] += dt / x[LOOKED] * (hz - x[FIELD_Z])  # departs from [HuangJiang]: the dip is learned
         z = x[FIELD_Z]
     size = math.sqrt(max(1.0 - z * z, 0.0))
     return size * c[NORTH_X], size * c[NORTH_Y], z

@@ -91,7 +91,7 @@ def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float)
     size = math.sqrt(h * h + v * v)
     size, dip = _now(x, at + _NOW, at + _WEIGHTS, dt, size, v / size)
     slow = dt / (dt + TAU_REFERENCE)
-    if near(size, dip, x[ref], x[ref + 1]):
+    if near(size, dip, x[ref], x[ref + 1]):  # [Laidig2023]
         x[at + _AGREED] += dt
         if x[at + _AGREED] >= SETTLED:
             x[at + _TRUSTED] = 1.0
@@ -105,7 +105,7 @@ def disturbed(x: Floats, at: int, dt: float, turning: float, h: float, v: float)
     if turning >= TURNING:
         x[at + _LASTED] += dt
     _follow(x, new, slow, size, dip)
-    if x[at + _TRUSTED] == 0.0 and x[at + _LASTED] >= (NEW_AFTER if known(x, at) else FIRST_AFTER):
+    if x[at + _TRUSTED] == 0.0 and x[at + _LASTED] >= (NEW_AFTER if known(x, at) else FIRST_AFTER):  # [Laidig2023]
         x[ref], x[ref + 1] = x[new], x[new + 1]
         x[at + _TRUSTED], x[at + _AGREED] = 1.0, SETTLED
     return bool(x[at + _TRUSTED] == 0.0)

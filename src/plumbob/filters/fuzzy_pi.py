@@ -118,7 +118,7 @@ def regulate(error: float, integral: float, near: float, far: float, ki: float) 
     `near` and `far` are the conclusions, deg/s, for errors of 2/3 deg and of 2 deg; `ki` is the gain of the integral,
     1/s².
     """
-    e, upper_e = grades(E_FACTOR * error, E_END)
+    e, upper_e = grades(E_FACTOR * error, E_END)  # [HuangJiang]: factors 3, 1, 1 and universes ±6, ±3, ±9
     i, upper_i = grades(integral, I_END)
     lower_e, lower_i = 1.0 - upper_e, 1.0 - upper_i
     return (
@@ -196,7 +196,7 @@ def tilt_error(c: Floats, x: Floats, ax: float, ay: float, az: float) -> tuple[i
         return refused(flags.ACC_GATED, ax, ay, az), 0.0, 0.0, 0.0
     scale = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
     ux, uy, uz = up_in_body(c[UP], x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
-    ex, ey, ez = cross(scale * ax, scale * ay, scale * az, ux, uy, uz)  # [HuangJiang] e = a × Rᵀaₙ + m × Rᵀmₙ
+    ex, ey, ez = cross(scale * ax, scale * ay, scale * az, ux, uy, uz)  # [HuangJiang]: e = a × Rᵀaₙ + m × Rᵀmₙ
     return 0, ex, ey, ez
 
 
@@ -212,7 +212,7 @@ def by_rules(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
 def by_pi(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     """Correction of the rate about one axis by the PI law, rad/s."""
     x[INTEGRAL + axis] += dt * e
-    u: float = c[KP] * e + c[KI] * x[INTEGRAL + axis]
+    u: float = c[KP] * e + c[KI] * x[INTEGRAL + axis]  # [HuangJiang]
     return u
 
 
@@ -220,8 +220,9 @@ def by_pi(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
 def correction(c: Floats, x: Floats, axis: int, dt: float, e: float) -> float:
     """Correction of the rate about one axis beyond the bias known before, rad/s; learns the bias too."""
     known = x[BIAS + axis]
-    u = c[FUZZY] * by_rules(c, x, axis, dt, e) + c[PI] * by_pi(c, x, axis, dt, e)
+    u = c[FUZZY] * by_rules(c, x, axis, dt, e) + c[PI] * by_pi(c, x, axis, dt, e)  # [HuangJiang] (20)
     kept = c[FUZZY] * math.radians(c[RULE_KI] * x[WOUND + axis]) + c[PI] * (c[KI] * x[INTEGRAL + axis])
+    # departs from [HuangJiang]: the prediction takes off the bias known so far
     x[BIAS + axis] = -kept  # what would remain of u without an error
     more: float = u + known
     return more
@@ -244,5 +245,5 @@ def step(
     ux = correction(c, x, 0, dt, tx + fx)
     uy = correction(c, x, 1, dt, ty + fy)
     uz = correction(c, x, 2, dt, tz + fz)
-    turn(x, dt * ux, dt * uy, dt * uz)
+    turn(x, dt * ux, dt * uy, dt * uz)  # departs from [HuangJiang]: an exact turn, about the predicted attitude
     return found | acc_flag | mag_flag

@@ -37,7 +37,7 @@ def step(
 ) -> int:  # fmt: skip
     """Take one sample; accelerometer and magnetometer only give the start."""
     found, dt, gx, gy, gz = admit(c, x, dt, gx, gy, gz)
-    integrate(x, dt, gx, gy, gz)
+    integrate(x, dt, gx, gy, gz)  # [Yu2018] (3)
     if x[STAGE] < HEADED:
         found |= initialise(c, x, ax, ay, az, mx, my, mz)
     return found

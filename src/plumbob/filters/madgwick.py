@@ -68,7 +68,7 @@ def gradient(
     f0 = dx * (1.0 - 2.0 * (y * y + z * z)) + 2.0 * (dy * (w * z + x * y) + dz * (x * z - w * y)) - sx
     f1 = 2.0 * dx * (x * y - w * z) + dy * (1.0 - 2.0 * (x * x + z * z)) + 2.0 * dz * (w * x + y * z) - sy
     f2 = 2.0 * (dx * (w * y + x * z) + dy * (y * z - w * x)) + dz * (1.0 - 2.0 * (x * x + y * y)) - sz
-    # [Madgwick2010] (21) above, columns of its (22) below, both without their common factor 2
+    # [Madgwick2010] (21), (22): f above, columns of its Jacobian below, both without their common factor 2
     return (
         f0 * (dy * z - dz * y) + f1 * (dz * x - dx * z) + f2 * (dx * y - dy * x),
         f0 * (dy * y + dz * z) + f1 * (dx * y - 2.0 * dy * x + dz * w) + f2 * (dx * z - dy * w - 2.0 * dz * x),

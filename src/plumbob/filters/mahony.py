@@ -101,7 +101,7 @@ def field_error(c: Floats, x: Floats, mx: float, my: float, mz: float) -> tuple[
     lx, ly, lz = cross(mx, my, mz, nx * r00 + ny * r10, nx * r01 + ny * r11, nx * r02 + ny * r12)
     vx, vy, vz = cross(mx, my, mz, r20, r21, r22)
     scale = 1.0 / (mx * mx + my * my + mz * mz)
-    # m × b with b = level · north + hz · z, [Mahony2008] (48c)
+    # [Mahony2008] (48c): m × b with b = level · north + hz · z
     return 0, scale * (level * lx + hz * vx), scale * (level * ly + hz * vy), scale * (level * lz + hz * vz)
 
 
@@ -124,6 +124,7 @@ def integrate(x: Floats, dt: float, wx: float, wy: float, wz: float) -> None:
     """First-order step of the quaternion, normalised."""
     half = 0.5 * dt
     d0, d1, d2, d3 = quat_mul(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], 0.0, half * wx, half * wy, half * wz)  # [Yu2018] (3)
+    # departs from [Yu2018] (3): normalised
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(x[Q] + d0, x[Q + 1] + d1, x[Q + 2] + d2, x[Q + 3] + d3)
 
 
@@ -140,6 +141,6 @@ def step(
         found |= initialise(c, x, ax, ay, az, mx, my, mz)
     acc_flag, tx, ty, tz = tilt_error(c, x, ax, ay, az)
     mag_flag, fx, fy, fz = field_error(c, x, mx, my, mz)
-    px, py, pz = regulate(c, x, dt, tx + fx, ty + fy, tz + fz)
+    px, py, pz = regulate(c, x, dt, tx + fx, ty + fy, tz + fz)  # [Yu2018]: the errors of both sensors are added
     integrate(x, dt, gx + px, gy + py, gz + pz)
     return found | acc_flag | mag_flag

@@ -1,6 +1,6 @@
 """Multiplicative extended Kalman filter with a covariance that is meant: attitude, gyroscope bias, level velocity.
 
-The attitude error is a small rotation in the *navigation* frame, ``q_true = exp(θ) ⊗ q``, [Sola2017] section 7. There
+The attitude error is a small rotation in the *navigation* frame, ``q_true = exp(θ) ⊗ q``, [Sola2017] sec. 7. There
 gravity and north are constant, so each measurement sees fixed states, is a scalar, and nothing is inverted.
 
 A body that stays about where it is cannot keep an acceleration: its velocity is bounded. So the level specific force is
@@ -298,7 +298,7 @@ def effect(dt: float, ux: float, uy: float, uz: float, rx: float, ry: float, rz:
     ax, ay, az = cross(rx, ry, rz, ux, uy, uz)
     bx, by, bz = cross(ax, ay, az, ux, uy, uz)
     return (
-        dt * (rx - 0.5 * ax + _SIXTH * bx),  # [Sola2017] (192), r [u]× = r × u
+        dt * (rx - 0.5 * ax + _SIXTH * bx),  # [Sola2017] (192): r [u]× = r × u
         dt * (ry - 0.5 * ay + _SIXTH * by),
         dt * (rz - 0.5 * az + _SIXTH * bz),
     )
@@ -327,7 +327,7 @@ def predict(
 @njit
 def update(x: Floats, residual: float, s: float) -> None:
     """State and covariance by the column P Hᵀ and the innovation's variance s."""
-    inverse = 1.0 / s
+    inverse = 1.0 / s  # [BarShalom2001] sec. 5.2.3
     for i in range(N):
         gain = inverse * x[COLUMN + i]
         x[ERROR + i] += gain * residual
@@ -357,7 +357,7 @@ def point_north(x: Floats, lean_x: float, lean_y: float, angle: float, var: floa
     nis: float = residual * residual / s
     x[NIS + 1] = nis
     inverse = 1.0 / max(s, residual * residual * HUBER_INVERSE)
-    for i in range(TH + 2, V):
+    for i in range(TH + 2, V):  # [Schmidt1966]: tilt and velocity are considered
         gain = inverse * x[COLUMN + i]
         x[ERROR + i] += gain * residual
         for j in range(i, N):
@@ -392,9 +392,10 @@ def may_be_bias(x: Floats) -> bool:
 @njit
 def inject(x: Floats) -> None:
     """Move the errors that were found into attitude and bias."""
-    e0, e1, e2, e3 = quat_exp(x[ERROR], x[ERROR + 1], x[ERROR + 2])
+    e0, e1, e2, e3 = quat_exp(x[ERROR], x[ERROR + 1], x[ERROR + 2])  # [Sola2017] sec. 7
     q0, q1, q2, q3 = quat_mul(e0, e1, e2, e3, x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = quat_unit(q0, q1, q2, q3)
+    # departs from [Sola2017]: the Jacobian of the reset is the identity
     x[ERROR], x[ERROR + 1], x[ERROR + 2] = 0.0, 0.0, 0.0
     x[BIAS], x[BIAS + 1], x[BIAS + 2] = x[ERROR + 3], x[ERROR + 4], x[ERROR + 5]
 

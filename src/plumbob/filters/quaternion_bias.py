@@ -43,7 +43,7 @@ def bias_derivative(
     small = angle2 * (1.0 / 960.0 - angle2 / 107520.0) - 1.0 / 24.0
     r = small if angle2 < 1e-4 else (0.5 * w - s) / angle2  # ds/d|W| / |W|, by its series as in `half_angle`
     u0, u1, u2, u3 = quat_mul(q0, q1, q2, q3, 0.5 * dt * s, -dt * r * wx, -dt * r * wy, -dt * r * wz)
-    s = -dt * s  # for W = 0 this leaves Δt/2 Ψ of [Li2012], step (1)
+    s = -dt * s  # [Li2012] step (1): for W = 0 this leaves Δt/2 Ψ
     return (
         (wx * u0 - s * q1, wx * u1 + s * q0, wx * u2 + s * q3, wx * u3 - s * q2),
         (wy * u0 - s * q2, wy * u1 - s * q3, wy * u2 + s * q0, wy * u3 + s * q1),
@@ -142,13 +142,13 @@ def add_noise(x: Floats, angle_var: float, walk_var: float) -> None:
 def predict(x: Floats, dt: float, gx: float, gy: float, gz: float, angle_var: float, walk_var: float) -> None:
     """Turn the attitude by the rate less the bias, and P with it: P⁻ = Φ P Φᵀ + Q."""
     wx, wy, wz = dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2])  # [Li2012] (9)
-    w, s = half_angle(wx * wx + wy * wy + wz * wz)
+    w, s = half_angle(wx * wx + wy * wy + wz * wz)  # departs from [Li2012] (10): the half angle, which it lacks
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     bx, by, bz = bias_derivative(q0, q1, q2, q3, dt, wx, wy, wz, w, s)
     q0, q1, q2, q3 = quat_mul(q0, q1, q2, q3, w, s * wx, s * wy, s * wz)  # [Li2012] (10)
     e0, e1, e2, e3 = quat_mul(x[ABOUT], -x[ABOUT + 1], -x[ABOUT + 2], -x[ABOUT + 3], q0, q1, q2, q3)
     dx, dy, dz = spread_to_bias(x, e0, e1, e2, e3, bx, by, bz)
-    spread_turn(x, e0, e1, e2, e3, bx, by, bz, dx, dy, dz)
+    spread_turn(x, e0, e1, e2, e3, bx, by, bz, dx, dy, dz)  # departs from [Li2012]: P is predicted
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q0, q1, q2, q3
     x[ABOUT], x[ABOUT + 1], x[ABOUT + 2], x[ABOUT + 3] = q0, q1, q2, q3
     add_noise(x, angle_var, walk_var)
@@ -156,7 +156,7 @@ def predict(x: Floats, dt: float, gx: float, gy: float, gz: float, angle_var: fl
 
 @njit
 def seen(p0: float, p1: float, p2: float, p3: float, h0: float, h1: float, h2: float, h3: float) -> Vec:
-    """H p for a column p; the rows of H are those of [Li2012], step (3), and h is q times twice gravity upward."""
+    """H p for a column p; the rows of H are those of [Li2012] step (3), and h is q times twice gravity upward."""
     return (
         p1 * h3 - p0 * h2 - p2 * h0 + p3 * h1,
         p0 * h1 + p1 * h0 + p2 * h3 + p3 * h2,
@@ -196,17 +196,17 @@ def correct_gravity(x: Floats, up: float, ax: float, ay: float, az: float, var: 
     s_aa, s_ab, s_ac = seen(a0, a1, a2, a3, h0, h1, h2, h3)
     _, s_bb, s_bc = seen(b0, b1, b2, b3, h0, h1, h2, h3)
     _, _, s_cc = seen(c0, c1, c2, c3, h0, h1, h2, h3)
-    da, db, dc, ba, ca, cb = factors(s_aa + var, s_ab, s_ac, s_bb + var, s_bc, s_cc + var)
+    da, db, dc, ba, ca, cb = factors(s_aa + var, s_ab, s_ac, s_bb + var, s_bc, s_cc + var)  # [Li2012] step (4)
     b0, b1, b2, b3 = b0 - ba * a0, b1 - ba * a1, b2 - ba * a2, b3 - ba * a3
     b4, b5, b6 = b4 - ba * a4, b5 - ba * a5, b6 - ba * a6
     c0, c1, c2, c3 = c0 - ca * a0 - cb * b0, c1 - ca * a1 - cb * b1, c2 - ca * a2 - cb * b2, c3 - ca * a3 - cb * b3
     c4, c5, c6 = c4 - ca * a4 - cb * b4, c5 - ca * a5 - cb * b5, c6 - ca * a6 - cb * b6
-    fx, fy, fz = third_row(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])  # [Li2012] (11), with the sign of specific force
+    fx, fy, fz = third_row(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])  # departs from [Li2012] (11): the sign of specific force
     ea = ax - 0.5 * h * fx
     eb = ay - 0.5 * h * fy - ba * ea
     ec = az - 0.5 * h * fz - ca * ea - cb * eb
     ea, eb, ec = da * ea, db * eb, dc * ec
-    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = (
+    x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = (  # [Li2012] step (5)
         x[Q] + (a0 * ea + b0 * eb + c0 * ec),
         x[Q + 1] + (a1 * ea + b1 * eb + c1 * ec),
         x[Q + 2] + (a2 * ea + b2 * eb + c2 * ec),
@@ -214,7 +214,7 @@ def correct_gravity(x: Floats, up: float, ax: float, ay: float, az: float, var: 
     )
     x[BIAS], x[BIAS + 1] = x[BIAS] + (a4 * ea + b4 * eb + c4 * ec), x[BIAS + 1] + (a5 * ea + b5 * eb + c5 * ec)
     x[BIAS + 2] += a6 * ea + b6 * eb + c6 * ec
-    u, v, w = da * a0, db * b0, dc * c0
+    u, v, w = da * a0, db * b0, dc * c0  # [Li2012] step (6)
     x[P_QQ], x[P_QQ + 1] = x[P_QQ] - (u * a0 + v * b0 + w * c0), x[P_QQ + 1] - (u * a1 + v * b1 + w * c1)
     x[P_QQ + 2], x[P_QQ + 3] = x[P_QQ + 2] - (u * a2 + v * b2 + w * c2), x[P_QQ + 3] - (u * a3 + v * b3 + w * c3)
     x[P_QB], x[P_QB + 1] = x[P_QB] - (u * a4 + v * b4 + w * c4), x[P_QB + 1] - (u * a5 + v * b5 + w * c5)

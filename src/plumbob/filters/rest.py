@@ -61,7 +61,7 @@ def at_rest(
     rate2 = _triad(x, at, p, q, r, s, gx, gy, gz)
     force2 = _triad(x, at + _FORCE, p, q, r, s, ax, ay, az)
     small = abs(x[at]) <= bias_limit and abs(x[at + 2]) <= bias_limit and abs(x[at + 4]) <= bias_limit
-    if rate2 < rate_limit * rate_limit and force2 < force_limit * force_limit and small:
+    if rate2 < rate_limit * rate_limit and force2 < force_limit * force_limit and small:  # [Laidig2023]
         x[at + _STILL] += dt
     else:
         x[at + _STILL] = 0.0

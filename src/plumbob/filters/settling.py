@@ -92,7 +92,7 @@ def _sensitivity(c_nb: Floats, vectors_n: Floats) -> Floats:
 def _spread(sensitivity: Floats, half: Half) -> Floats:
     if not any(half):
         return np.zeros((len(sensitivity), 3, 3))
-    found: Floats = sensitivity @ whole_of(half) @ np.swapaxes(sensitivity, 1, 2)
+    found: Floats = sensitivity @ whole_of(half) @ np.swapaxes(sensitivity, 1, 2)  # [Schmidt1966]
     return 0.5 * (found + np.swapaxes(found, 1, 2))
 
 

@@ -34,8 +34,8 @@ def up_in_body(up: float, q0: float, q1: float, q2: float, q3: float) -> Vec:
 def level(up: float, ax: float, ay: float, az: float) -> Quat:
     """Attitude of yaw zero whose up direction is that of the specific force a."""
     zx, zy, zz = up * ax, up * ay, up * az
-    half_pitch = 0.5 * math.atan2(-zx, math.sqrt(zy * zy + zz * zz))
-    half_roll = 0.5 * math.atan2(zy, zz)
+    half_pitch = 0.5 * math.atan2(-zx, math.sqrt(zy * zy + zz * zz))  # [Li2012] (8)
+    half_roll = 0.5 * math.atan2(zy, zz)  # [Li2012] (7)
     cp, sp, cr, sr = math.cos(half_pitch), math.sin(half_pitch), math.cos(half_roll), math.sin(half_roll)
     return cp * cr, cp * sr, sp * cr, -sp * sr
 

@@ -50,9 +50,9 @@ def step(
         return found | flags.NOT_CONVERGED | flags.HEADING_FREE if x[STAGE] < LEVEL else found
     if x[COUNT] == 1.0:  # a start attitude that was given sets the heading until a magnetic sample comes
         q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
-        x[YAW] = math.atan2(2.0 * (q1 * q2 + q0 * q3), q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3)
+        x[YAW] = math.atan2(2.0 * (q1 * q2 + q0 * q3), q0 * q0 + q1 * q1 - q2 * q2 - q3 * q3)  # [Yu2018] (6)
     x[STAGE] = max(x[STAGE], LEVEL)
-    q0, q1, q2, q3 = level(c[UP], ax, ay, az)
+    q0, q1, q2, q3 = level(c[UP], ax, ay, az)  # [Yu2018]: the start, at every sample
     headed = False
     if usable(mx, my, mz):
         headed, angle = heading_offset(c, q0, q1, q2, q3, mx, my, mz)

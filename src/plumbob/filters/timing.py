@@ -75,7 +75,7 @@ def weights(dt: float, tau: float) -> Weights:
     """Transition of (y − v, w) over a step dt, s, at a time constant tau, s, row by row."""
     t = dt / tau
     decay = math.exp(-t)
-    c, s = decay * math.cos(t), decay * math.sin(t)
+    c, s = decay * math.cos(t), decay * math.sin(t)  # departs from [Laidig2023]: exact for any step, not bilinear
     return c + s, s, -2.0 * s, c - s
 
 

@@ -186,7 +186,7 @@ def reset_bias(x: Floats, sd: float) -> None:
 @njit
 def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
     """Turn the body in the drifting frame."""
-    e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))
+    e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))  # [Laidig2023]
     q0, q1, q2, q3 = quat_mul(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], e0, e1, e2, e3)
     x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3] = quat_unit(q0, q1, q2, q3)
 
@@ -210,12 +210,12 @@ def horizon(c: Floats, x: Floats, dt: float, first: bool, ax: float, ay: float, 
     Where the smoothed specific force is not g, the tilt is not followed, for `GATE_FOR` at most.
     """
     fx, fy, fz = rotate(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], ax, ay, az)
-    average(x, FORCE, first, fx)
+    average(x, FORCE, first, fx)  # [Laidig2023]: smoothed where the gyroscope keeps it still
     average(x, FORCE + 2, first, fy)
     average(x, FORCE + 4, first, fz)
     fx, fy, fz = x[FORCE], x[FORCE + 2], x[FORCE + 4]
     norm = math.sqrt(fx * fx + fy * fy + fz * fz)
-    if not abs(norm - G0) <= GATE_BAND:
+    if not abs(norm - G0) <= GATE_BAND:  # departs from [Laidig2023]: what is not g is not followed for a while
         x[GATED] += dt
         if x[GATED] < GATE_FOR:
             return False, 0.0, 0.0
@@ -223,7 +223,7 @@ def horizon(c: Floats, x: Floats, dt: float, first: bool, ax: float, ay: float, 
         x[GATED] = max(0.0, x[GATED] - dt)
     s = 1.0 / norm
     ex, ey, ez = rotate(x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3], s * fx, s * fy, s * fz)
-    u0, u1, u2, u3 = upright(1.0, ex, ey, ez)
+    u0, u1, u2, u3 = upright(1.0, ex, ey, ez)  # [Laidig2023]
     t0, t1, t2, t3 = quat_mul(u0, u1, u2, u3, x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3])
     x[TILT], x[TILT + 1], x[TILT + 2], x[TILT + 3] = quat_unit(t0, t1, t2, t3)
     return True, ey, -ex
@@ -235,7 +235,7 @@ def look(x: Floats, h0: float, h1: float, h2: float, residual: float, var: float
     p0 = x[COV] * h0 + x[COV + 1] * h1 + x[COV + 2] * h2
     p1 = x[COV + 1] * h0 + x[COV + 3] * h1 + x[COV + 4] * h2
     p2 = x[COV + 2] * h0 + x[COV + 4] * h1 + x[COV + 5] * h2
-    s = 1.0 / (h0 * p0 + h1 * p1 + h2 * p2 + var)
+    s = 1.0 / (h0 * p0 + h1 * p1 + h2 * p2 + var)  # [Laidig2023]
     k0, k1, k2 = s * p0, s * p1, s * p2
     residual = min(max(residual, -limit), limit)
     x[BIAS] = min(max(x[BIAS] + k0 * residual, -limit), limit)
@@ -266,7 +266,7 @@ def drift(c: Floats, x: Floats, dt: float) -> float:
 def learn_resting(c: Floats, x: Floats, grown: float) -> None:
     """At rest the mean rate is the bias."""
     level = c[BIAS_RESTING] * c[BIAS_RESTING]
-    var = level * level / grown + level  # with it, P settles at the wanted level
+    var = level * level / grown + level  # [Laidig2023]: with it, P settles at the wanted level
     mx, my, mz = mean_rate(x, REST)
     limit = c[BIAS_MAX]
     look(x, 1.0, 0.0, 0.0, mx - x[BIAS], var, limit)
@@ -285,7 +285,7 @@ def seen_along(x: Floats, row: int, y: float) -> tuple[float, float, float, floa
 def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: float) -> None:
     """In motion, what is left of the bias calls for turns v of the horizon, rad."""
     level = c[BIAS_MOVING] * c[BIAS_MOVING]
-    var = level * level / grown + level
+    var = level * level / grown + level  # [Laidig2023]
     if x[ALARMED] > 0.0:
         var *= HASTE
         x[ALARMED] -= dt
@@ -295,12 +295,12 @@ def learn_moving(c: Floats, x: Floats, dt: float, grown: float, vx: float, vy: f
     _, _, _, ry = seen_along(x, 1, yy)
     length2, cut = rx * rx + ry * ry, 0.0
     if length2 > limit * limit:
-        cut = 1.0 - limit / math.sqrt(length2)  # one for both: a limit for each axis would favour a heading
+        cut = 1.0 - limit / math.sqrt(length2)  # departs from [Laidig2023]: one for both, not axis by axis
     look(x, h0, h1, h2, rx - cut * rx, var, limit)
     h0, h1, h2, residual = seen_along(x, 1, yy - cut * ry)
     look(x, h0, h1, h2, residual, var, limit)
     h0, h1, h2, rz = seen_along(x, 2, 0.0)
-    look(x, h0, h1, h2, rz, var / BLIND_WEIGHT, limit)
+    look(x, h0, h1, h2, rz, var / BLIND_WEIGHT, limit)  # [Laidig2023]
 
 
 @njit
@@ -332,7 +332,7 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
         return flags.MAG_GATED
     bad = disturbed(x, FIELD, min(dt, 1.0), turning, math.sqrt(hx * hx + hy * hy), v)
     error = angle_to(hx, hy, c[NORTH_X], c[UP] * c[NORTH_Y])
-    gain = 1.0 - math.exp(-dt / c[TAU_MAG])
+    gain = 1.0 - math.exp(-dt / c[TAU_MAG])  # [Laidig2023]
     found = 0
     if bad and c[REJECT] > 0.0 and x[FIRST_GAIN] == 0.0:
         found = flags.MAG_GATED
@@ -344,7 +344,7 @@ def heading(c: Floats, x: Floats, dt: float, turning: float, hx: float, hy: floa
         x[REJECTED] = max(0.0, x[REJECTED] - REJECT_SLOW * dt)
     if x[FIRST_GAIN] > gain:
         gain = x[FIRST_GAIN]
-        x[FIRST_GAIN] = gain / (gain + 1.0)
+        x[FIRST_GAIN] = gain / (gain + 1.0)  # [Laidig2023]
     else:
         x[FIRST_GAIN] = 0.0
     w, _, _, z = quat_exp(0.0, 0.0, gain * error)
@@ -404,7 +404,7 @@ def follow_gravity(
 def compose(c: Floats, x: Floats, q0: float, q1: float, q2: float, q3: float) -> None:
     """Attitude in the navigation frame from that in the level frame, q."""
     cos, sin = x[TURN], x[TURN + 1]
-    q0, q1, q2, q3 = quat_mul(cos, 0.0, 0.0, sin, q0, q1, q2, q3)
+    q0, q1, q2, q3 = quat_mul(cos, 0.0, 0.0, sin, q0, q1, q2, q3)  # [Laidig2023]
     if c[UP] < 0.0:
         q0, q1, q2, q3 = -q1, q0, -q3, q2
     x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q0, q1, q2, q3

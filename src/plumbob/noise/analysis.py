@@ -80,7 +80,7 @@ def choose(kept: Spectrum) -> Choice:
     richer = min((f for f in fits if math.exp(f.logs[-1]) > low), key=lambda f: f.deviance, default=None)
     if richer is None:
         return Choice(plain, None, (Candidate(_FIVE, 0.0, chosen=True),), ())
-    worse = richer.deviance + 2.0 * math.log(float(kept.terms.sum())) - plain.deviance  # by its criterion
+    worse = richer.deviance + 2.0 * math.log(float(kept.terms.sum())) - plain.deviance  # [Schwarz1978]
     taken = worse < -BETTER
     markov = GaussMarkov(*markov_coefficients(kept, richer)) if taken else None
     least = min(worse, 0.0)

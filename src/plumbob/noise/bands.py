@@ -166,7 +166,7 @@ def _read(curve: Curve, term: Term, height: float) -> Coefficient:
     samples = tau / curve.dt
     if not 1.0 <= samples <= 0.5 * curve.count:
         return Coefficient(value)
-    error = 1.0 / math.sqrt(2.0 * (curve.count / samples - 1.0))
+    error = 1.0 / math.sqrt(2.0 * (curve.count / samples - 1.0))  # [Ou2017] (7)
     return Coefficient(value, value * (1.0 - error), value * (1.0 + error))
 
 

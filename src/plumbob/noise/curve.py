@@ -60,7 +60,7 @@ class Curve:
     @property
     def ieee(self) -> Floats:
         """IEEE Std 952's relative error 1/√(2(N/n − 1)): of disjoint averages, one formula for every noise."""
-        return np.asarray(1.0 / np.sqrt(2.0 * (self.count / self.n - 1.0)))
+        return np.asarray(1.0 / np.sqrt(2.0 * (self.count / self.n - 1.0)))  # [IEEE952]
 
     def at(self, n: NDArray[np.int64]) -> Self:
         """Only the averaging factors n (m,), which the curve must have."""

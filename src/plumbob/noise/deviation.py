@@ -160,7 +160,7 @@ def _itself(angle: Floats) -> Floats:
 def _mirrored(angle: Floats) -> Floats:
     """θ, continued beyond each end by its reflection in the end point: 3N − 1 points."""
     inner = angle[-2:0:-1]
-    return np.concatenate((2.0 * angle[0] - inner, angle, 2.0 * angle[-1] - inner))
+    return np.concatenate((2.0 * angle[0] - inner, angle, 2.0 * angle[-1] - inner))  # [Riley2008] (25)
 
 
 def _whole(points: Floats, n: int) -> tuple[Floats, int]:
@@ -186,12 +186,12 @@ class _How(NamedTuple):
 
 
 _HOW: Final = {
-    "oadev": _How(_itself, _whole, second_squares, lambda n: 2 * n, 2.0),
-    "adev": _How(_itself, _every_nth, second_squares, lambda n: 2 * n, 2.0),
-    "mdev": _How(_itself, _whole, modified_squares, lambda n: 3 * n - 1, 2.0),
-    "ohdev": _How(_itself, _whole, third_squares, lambda n: 3 * n, 6.0),
-    "hdev": _How(_itself, _every_nth, third_squares, lambda n: 3 * n, 6.0),
-    "totdev": _How(_mirrored, _centred, second_squares, lambda n: 2 * n, 2.0),
+    "oadev": _How(_itself, _whole, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (11)
+    "adev": _How(_itself, _every_nth, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (7)
+    "mdev": _How(_itself, _whole, modified_squares, lambda n: 3 * n - 1, 2.0),  # [Riley2008] (14)
+    "ohdev": _How(_itself, _whole, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (20)
+    "hdev": _How(_itself, _every_nth, third_squares, lambda n: 3 * n, 6.0),  # [Riley2008] (18)
+    "totdev": _How(_mirrored, _centred, second_squares, lambda n: 2 * n, 2.0),  # [Riley2008] (25)
 }
 
 

@@ -62,7 +62,7 @@ def interval(dev: Floats, freedom: Floats, skew: Floats, confidence: float = ONE
     """
     if not 0.0 < confidence < 1.0:
         raise ParameterError(f"confidence must be between 0 and 1, but it is {confidence}.")
-    scale = 1.0 / np.sqrt(freedom * skew)
+    scale = 1.0 / np.sqrt(freedom * skew)  # [Imhof1961]
     ends = [2.0 * gammaincinv(0.5 * skew, 0.5 * (1.0 + side * confidence)) for side in (1.0, -1.0)]
     lo, hi = (dev / np.sqrt(1.0 + scale * (end - skew)) for end in ends)
     return lo, hi
@@ -99,7 +99,7 @@ def _spaced(kind: str, level: int, count: int, n: int) -> Floats:
     return check.read_only(correlation(shape, level, n, lag))
 
 
-_TOTAL: Final = ((1.5, 1.17, 0.93), (0.0, 0.22, 0.36))  # [Riley2008] table 7: b and c of b T/τ − c, α = 0, −1, −2
+_TOTAL: Final = ((1.5, 1.17, 0.93), (0.0, 0.22, 0.36))  # [Riley2008] Table 7: b and c of b T/τ − c, α = 0, −1, −2
 _TOTAL_FROM = 8  # the table is of n ≫ 1; at 8, Allan's overlapping edf of white noise is 2 % below its own limit
 _KNOTS = 256
 _NEAR = 8  # lags next to a multiple of n that are all summed
@@ -177,7 +177,7 @@ def _of_one(kind: str, alpha: float, count: int, n: int) -> float:
     terms = shape.terms(count, n)
     lags = _lags_of(kind, count, n)
     rho = between_levels(shape, alpha, lambda level: _at_lags(kind, level, count, n))
-    weighted = (1.0 - lags / terms) * rho**2
+    weighted = (1.0 - lags / terms) * rho**2  # [Greenhall2003]
     # between neighbouring lags the summand is a straight line; a sum of its whole places is its trapezoid
     found = float(terms / (np.sum(np.diff(lags) * (weighted[1:] + weighted[:-1])) + weighted[-1]))
     return found * _gain_of_total(alpha, count, n) if kind == "totdev" and n >= _TOTAL_FROM else found
@@ -198,7 +198,7 @@ def _at_lags(kind: str, level: int, count: int, n: int) -> Floats:
 def _gain_of_total(alpha: float, count: int, n: int) -> float:
     """Of the total deviation's edf over that of Allan's overlapping one; none where the angle is quantized."""
     red = min(alpha, 0.0)
-    b, c = (np.interp(-red, (0.0, 1.0, 2.0), column) for column in _TOTAL)
+    b, c = (np.interp(-red, (0.0, 1.0, 2.0), column) for column in _TOTAL)  # [Riley2008] Table 7
     gain = max((b * count / n - c) / _of_one("oadev", red, count, n), 1.0)
     return float(gain ** (1.0 - 0.5 * max(alpha, 0.0)))
 
@@ -259,5 +259,5 @@ def _autocovariance(twice_d: int, k: Floats) -> Floats:
     if twice_d == 0:
         return np.asarray(k == 0.0, dtype=np.float64)
     d = 0.5 * twice_d
-    product = np.prod([k**2 - i**2 for i in np.arange(d - 1.0, 0.25, -1.0)], axis=0)
+    product = np.prod([k**2 - i**2 for i in np.arange(d - 1.0, 0.25, -1.0)], axis=0)  # [Hosking1981]
     return np.asarray(product * (k if twice_d % 2 == 0 else psi(k + d) + psi(k + 1.0 - d)))

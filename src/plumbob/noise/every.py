@@ -120,7 +120,7 @@ def _without_parabola(angle: Floats) -> tuple[Floats, float]:
 
 def _rounded(value: float, bits: int) -> float:
     """About the same with so many significant bits: the upper part of [Dekker1971]."""
-    upper = value * (2.0 ** (53 - bits) + 1.0)
+    upper = value * (2.0 ** (53 - bits) + 1.0)  # [Dekker1971]
     return upper - (upper - value)
 
 

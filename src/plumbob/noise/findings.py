@@ -76,6 +76,7 @@ class Sinusoid:
         time = np.asarray(tau, dtype=np.float64)
         wave = math.pi * self.frequency
         return np.asarray(
+            # departs from [IEEE952] Annex C: as it is sampled
             (self.amplitude * np.sin(wave * time) ** 2 * self.dt / (time * math.sin(wave * self.dt))) ** 2
         )
 

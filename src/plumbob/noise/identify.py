@@ -69,7 +69,7 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
     log_variance = 2.0 * np.log(deviation[knots])
     shape = kind_of(kind)
     half = 0.5 * edf(kind, -1.0, count, factors[knots])  # how it falls with n hardly depends on α
-    slope = _local_slope(octave, log_variance - psi(half) + np.log(half), zeta(2.0, half))
+    slope = _local_slope(octave, log_variance - psi(half) + np.log(half), zeta(2.0, half))  # [Bartlett1946]
     alpha = _alpha(shape, factors[knots].astype(np.int64), slope)
     return np.asarray(np.interp(np.log2(factors), octave, alpha))
 
@@ -99,7 +99,7 @@ def _knots(factors: Floats) -> NDArray[np.intp]:
 def _alpha(shape: Kind, n: NDArray[np.int64], slope: Floats) -> Floats:
     """Exponent of the noise, or of two together, that is as steep from n to 2n."""
     rise = [log_variance(shape, level, 2 * n) - log_variance(shape, level, n) for level in shape.levels]
-    fall = -np.transpose(rise) / np.log(2.0)
+    fall = -np.transpose(rise) / np.log(2.0)  # [Riley2008]
     return np.array([np.interp(-one, row, shape.levels) for one, row in zip(slope, fall, strict=True)])
 
 

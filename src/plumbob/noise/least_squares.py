@@ -53,7 +53,7 @@ def least_squares(curve: Curve, *, first: int = 1, others: Sequence[Sinusoid | B
 
 def _columns(n: NDArray[np.int64], dt: float) -> Floats:
     """Allan variance (m, 5) of each term for a coefficient of 1, sampled flicker noise at few samples included."""
-    columns = np.stack([variance(letter, 1.0, n * dt) for letter in TERMS], axis=1)
+    columns = np.stack([variance(letter, 1.0, n * dt) for letter in TERMS], axis=1)  # [Chen2013] (14)
     few = n < _SAMPLED_TO
     if few.any():
         frequency, width = grid(_SAMPLED_TO, dt)

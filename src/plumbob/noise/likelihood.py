@@ -274,7 +274,7 @@ def _wider(spectrum: Spectrum, best: Fit, bands: Sequence[Band]) -> Floats:
     spread = 2.0 / (9.0 * freedom)
     variance = 0.0
     if scatter > freedom * (1.0 - spread + _DEPARTS * math.sqrt(spread)) ** 3:  # [Wilson1931]
-        variance = (scatter - freedom) / float(np.sum(weight) - np.sum(weight**2) / np.sum(weight))
+        variance = (scatter - freedom) / float(np.sum(weight) - np.sum(weight**2) / np.sum(weight))  # [DerSimonian1986]
     covariance = _covariance(best)
     pushes = np.stack([0.5 * best.relative[:, inside] @ spectrum.terms[inside] for inside, _, _ in found], axis=1)
     skirts = sum((band.skirt(spectrum.frequency) for band in bands), np.zeros(spectrum.terms.size))

@@ -79,8 +79,8 @@ def evaluate(bins: Bins, at: Point) -> float:
     density = at.density
     square = np.sum(bins.ramp / density)
     ramp = np.sum(bins.cross / density) / square
-    share = (bins.power - 2.0 * ramp * bins.cross + ramp**2 * bins.ramp) / density
-    half = 0.5 * np.sum(bins.terms * np.log(density) + share) + 0.5 * math.log(square)
+    share = (bins.power - 2.0 * ramp * bins.cross + ramp**2 * bins.ramp) / density  # [Whittle1953]
+    half = 0.5 * np.sum(bins.terms * np.log(density) + share) + 0.5 * math.log(square)  # [Patterson1971]
     slope = 0.5 * (bins.terms - share - bins.ramp / density / square)
     for k in range(at.logs.shape[0]):
         at.gradient[k] = np.sum(at.relative[k] * slope)

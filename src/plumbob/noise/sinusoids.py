@@ -101,6 +101,6 @@ def _measure(samples: Floats, dt: float, frequency: float, floor: float) -> tupl
         if abs(step) < 1e-6 / (samples.size * dt):
             break
     amplitude, duration = math.hypot(a, b), samples.size * dt
-    amplitude_sd = math.sqrt(2.0 * floor / duration)
-    frequency_sd = math.sqrt(6.0 * floor / duration**3) / (math.pi * amplitude)
+    amplitude_sd = math.sqrt(2.0 * floor / duration)  # [Rife1974]
+    frequency_sd = math.sqrt(6.0 * floor / duration**3) / (math.pi * amplitude)  # [Rife1974]
     return Sinusoid(amplitude, amplitude_sd, frequency, frequency_sd, dt), samples - a * cosine - b * sine

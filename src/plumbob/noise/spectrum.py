@@ -141,7 +141,7 @@ LETTERS = ("Q", "N", "B", "K")
 def sampled_densities(frequency: Floats, dt: float) -> Floats:
     """Density (4, ...) of Q, N, B and K at the frequencies (...), Hz, in samples taken every dt, s."""
     w = 2.0 * np.abs(np.sin(np.pi * frequency * dt))
-    return np.stack([w**2 / dt, np.ones_like(w), dt / w, (dt / w) ** 2])
+    return np.stack([w**2 / dt, np.ones_like(w), dt / w, (dt / w) ** 2])  # [Kasdin1995]
 
 
 @lru_cache(maxsize=4)

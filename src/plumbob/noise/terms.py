@@ -50,6 +50,7 @@ def allan_transfer(n: ArrayLike, frequency: ArrayLike, dt: float) -> Floats:
     factor = np.asarray(n, dtype=np.float64)[:, np.newaxis]
     turn = np.pi * np.asarray(frequency, dtype=np.float64) * dt
     square = np.sin(factor * turn) ** 2
+    # [IEEE952] Annex C
     return np.asarray(4.0 * square**2 / (factor * np.sin(turn)) ** 2)  # a fourth power would be ten times as slow
 
 
@@ -89,11 +90,11 @@ class Term(NamedTuple):
 
 
 TERMS: Final[dict[str, Term]] = {
-    "Q": Term("Q", "quantization", 3.0, -2, math.sqrt(3.0)),
-    "N": Term("N", "white noise", 1.0, -1, 1.0),
-    "B": Term("B", "bias instability", 2.0 * math.log(2.0) / math.pi, 0, None),
-    "K": Term("K", "random walk", 1.0 / 3.0, 1, 3.0),
-    "R": Term("R", "ramp", 0.5, 2, math.sqrt(2.0)),
+    "Q": Term("Q", "quantization", 3.0, -2, math.sqrt(3.0)),  # [IEEE952] Annex C
+    "N": Term("N", "white noise", 1.0, -1, 1.0),  # [IEEE952] Annex C
+    "B": Term("B", "bias instability", 2.0 * math.log(2.0) / math.pi, 0, None),  # [IEEE952] Annex C
+    "K": Term("K", "random walk", 1.0 / 3.0, 1, 3.0),  # [IEEE952] Annex C
+    "R": Term("R", "ramp", 0.5, 2, math.sqrt(2.0)),  # [IEEE952] Annex C
 }
 """The five terms by letter, from short averaging times to long ones."""
 

@@ -69,6 +69,7 @@ KINDS: Final = {
     "crc16-kermit": Algorithm(CRC, 16, 0x1021, 0, 0, True, "CRC-16, polynomial 1021 reflected, start 0"),
     "crc16-mcrf4xx": Algorithm(CRC, 16, 0x1021, 0xFFFF, 0, True, "CRC-16, polynomial 1021 reflected, start FFFF"),
     "crc16-modbus": Algorithm(CRC, 16, 0x8005, 0xFFFF, 0, True, "CRC-16, polynomial 8005 reflected, start FFFF"),
+    # [IEEE8023]
     "crc32": Algorithm(CRC, 32, 0x04C11DB7, 0xFFFFFFFF, 0xFFFFFFFF, True, "CRC-32 as in Ethernet and zlib"),
 }
 
@@ -125,7 +126,7 @@ def of_rows(kind: str, rows: Bytes) -> NDArray[np.int64]:
         words = 256 * wide[:, 0::2].sum(axis=1) + wide[:, 1::2].sum(axis=1)
         return np.asarray(words % (65535 if how.code == SUM16_REST else 65536))
     if how.code == FLETCHER16:
-        running = np.cumsum(wide, axis=1) & 0xFF
+        running = np.cumsum(wide, axis=1) & 0xFF  # [Fletcher1982]
         return np.asarray(running[:, -1] << 8 | running.sum(axis=1) & 0xFF)
     return _crc_of_rows(how, table(kind), wide)
 
@@ -175,7 +176,7 @@ def fletcher(data: Bytes, start: int, stop: int) -> int:
     first, second = 0, 0
     for i in range(start, stop):
         first = (first + int(data[i])) & 0xFF
-        second = (second + first) & 0xFF
+        second = (second + first) & 0xFF  # [Fletcher1982]
     return first << 8 | second
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from plumbob.core import schema, units
-from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError, excerpt, guide
+from plumbob.core.docs import guide
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, UnitError, excerpt
 from plumbob.core.files import text_of
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity

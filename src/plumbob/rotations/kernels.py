@@ -51,7 +51,7 @@ def rows(
     xy, xz, yz = 2.0 * q1 * q2, 2.0 * q1 * q3, 2.0 * q2 * q3
     wx, wy, wz = 2.0 * q0 * q1, 2.0 * q0 * q2, 2.0 * q0 * q3
     return (
-        1.0 - (yy + zz), xy - wz, xz + wy,
+        1.0 - (yy + zz), xy - wz, xz + wy,  # [Sola2017] (115)
         xy + wz, 1.0 - (xx + zz), yz - wx,
         xz - wy, yz + wx, 1.0 - (xx + yy),
     )  # fmt: skip
@@ -61,7 +61,7 @@ def rows(
 def third_row(q0: float, q1: float, q2: float, q3: float) -> Vec:
     """Third row of the matrix of q: with q_nb, the navigation z axis seen in the body."""
     return (
-        2.0 * (q1 * q3 - q0 * q2),
+        2.0 * (q1 * q3 - q0 * q2),  # [Sola2017] (115)
         2.0 * (q2 * q3 + q0 * q1),
         q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3,
     )

@@ -63,7 +63,7 @@ def _pivoted(m: Floats) -> Floats:
     wx, wy, wz = m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]
     xy, xz, yz = m[..., 0, 1] + m[..., 1, 0], m[..., 0, 2] + m[..., 2, 0], m[..., 1, 2] + m[..., 2, 1]
     rows = np.stack((w, wx, wy, wz, wx, x, xy, xz, wy, xy, y, yz, wz, xz, yz, z), axis=-1).reshape((*w.shape, 4, 4))
-    pivot = np.argmax(np.stack((w, x, y, z), axis=-1), axis=-1)
+    pivot = np.argmax(np.stack((w, x, y, z), axis=-1), axis=-1)  # [Shepperd1978]
     q = np.take_along_axis(rows, pivot[..., np.newaxis, np.newaxis], axis=-2)[..., 0, :]
     q = q / np.sqrt(np.sum(q * q, axis=-1, keepdims=True))
     return np.asarray(np.where(q[..., :1] < 0.0, -q, q))

@@ -157,7 +157,7 @@ def quat_mean(q: ArrayLike, weights: ArrayLike | None = None) -> Floats:
     keep = np.isfinite(array).all(axis=1) & (w > 0.0)
     if not keep.any():
         raise ShapeError("q holds no finite quaternion with a positive weight, so there is nothing to average.")
-    values, vectors = np.linalg.eigh((array[keep] * w[keep, np.newaxis]).T @ array[keep])
+    values, vectors = np.linalg.eigh((array[keep] * w[keep, np.newaxis]).T @ array[keep])  # [Markley2007] (12)
     if values[-1] - values[-2] < 1e-9 * values[-1]:
         raise ShapeError("the rotations are spread so evenly that their average is not unique.")
     mean: Floats = vectors[:, -1]

@@ -41,7 +41,7 @@ def quat_from_rotvec(rotvec: ArrayLike) -> Floats:
     angle = np.sqrt(np.where(small, 1.0, angle2))
     s = np.where(small, 0.5 - angle2 * (1 / 48 - angle2 * (1 / 3840 - angle2 / 645120)), np.sin(0.5 * angle) / angle)
     w = np.where(small, 1.0 - angle2 * (1 / 8 - angle2 * (1 / 384 - angle2 / 46080)), np.cos(0.5 * angle))
-    return np.concatenate((w[..., np.newaxis], s[..., np.newaxis] * r), axis=-1)
+    return np.concatenate((w[..., np.newaxis], s[..., np.newaxis] * r), axis=-1)  # [Sola2017] (101)
 
 
 def rotvec_from_quat(q: ArrayLike) -> Floats:
@@ -90,7 +90,7 @@ def right_jacobian_inverse(rotvec: ArrayLike) -> Floats:
 
 def left_jacobian_inverse(rotvec: ArrayLike) -> Floats:
     """Inverse of the left Jacobian, shape (..., 3, 3), for angles below 2π."""
-    return right_jacobian_inverse(-check.last_axis("rotvec", rotvec, 3))
+    return right_jacobian_inverse(-check.last_axis("rotvec", rotvec, 3))  # [Sola2018] (146)
 
 
 def _jacobian_terms(r: Floats) -> tuple[Floats, Floats]:

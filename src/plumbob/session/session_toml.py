@@ -10,7 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core import schema
-from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError, guide
+from plumbob.core.docs import guide
+from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError
 from plumbob.core.files import text_of
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity

@@ -64,7 +64,7 @@ def flicker(b: Floats, count: int, rng: np.random.Generator) -> Floats:
     flat at 0.6643 B from about ten samples on; at one sample it is B √(2/π) = 0.80 B, as sampling folds the spectrum.
     """
     k = np.arange(1, count)
-    pulse = np.concatenate(([1.0], np.cumprod((k - 0.5) / k)))
+    pulse = np.concatenate(([1.0], np.cumprod((k - 0.5) / k)))  # [Kasdin1995]
     size = 1 << (2 * count - 1).bit_length()  # room for the whole convolution, so that the end does not wrap round
     response = np.fft.rfft(pulse, size)[:, np.newaxis]
     return np.fft.irfft(response * np.fft.rfft(white(b, count, rng), size, axis=0), size, axis=0)[:count]

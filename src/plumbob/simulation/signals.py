@@ -125,7 +125,7 @@ Law = Callable[[Floats], Jet]
 def quintic(u: Floats) -> Jet:
     """Law of least jerk, ``10u³ − 15u⁴ + 6u⁵`` [Flash1985]."""
     v = 1.0 - u
-    return Jet(u**3 * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * v * v, 60.0 * u * v * (v - u))
+    return Jet(u**3 * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * v * v, 60.0 * u * v * (v - u))  # [Flash1985]
 
 
 def cycloid(u: Floats) -> Jet:

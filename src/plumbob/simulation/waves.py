@@ -68,6 +68,7 @@ def jonswap(frequency: Floats, *, peak: float, peakedness: float) -> Floats:
     """
     f = frequency / peak
     width = np.where(f < 1.0, 0.07, 0.09)
+    # [Hasselmann1973]
     return np.asarray(f**-5 * np.exp(-1.25 * f**-4) * peakedness ** np.exp(-((f - 1.0) ** 2) / (2.0 * width**2)))
 
 

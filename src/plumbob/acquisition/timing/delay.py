@@ -165,7 +165,7 @@ def _hull(r: Floats) -> int:
         x, y = r[BLOCK_X + k], r[BLOCK_Y + k]
         while corners >= 2:
             a, b = corners - 2, corners - 1
-            left = (r[HULL_X + b] - r[HULL_X + a]) * (y - r[HULL_Y + a])
+            left = (r[HULL_X + b] - r[HULL_X + a]) * (y - r[HULL_Y + a])  # [Zhang2002]
             right = (r[HULL_Y + b] - r[HULL_Y + a]) * (x - r[HULL_X + a])
             if left > right:
                 break
@@ -178,6 +178,7 @@ def _hull(r: Floats) -> int:
 @njit
 def _slope_in_the_middle(r: Floats, corners: int) -> float:
     """Slope less 1 of the hull's edge in the middle of the window, in host time: a backlog that drains is short."""
+    # departs from [Zhang2002]: the edge in the middle gives the slope
     middle = 0.5 * (r[HULL_Y] + r[HULL_Y + corners - 1])
     k = 1
     while r[HULL_Y + k] < middle:

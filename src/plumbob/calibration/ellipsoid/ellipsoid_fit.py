@@ -47,16 +47,16 @@ def fit_axes(vectors: Floats) -> Ellipsoid | None:
         Measured vectors, of any size about the same; finite.
     """
     x, y, z = vectors.T
-    rows = np.column_stack((-y * y, -z * z, 2.0 * x, 2.0 * y, 2.0 * z, np.ones_like(x)))
+    rows = np.column_stack((-y * y, -z * z, 2.0 * x, 2.0 * y, 2.0 * z, np.ones_like(x)))  # [Yu2018] (12)
     w, *_ = np.linalg.lstsq(rows, x * x, rcond=None)  # [Yu2018] (13)
     ey2, ez2 = float(w[0]), float(w[1])
     if not (ey2 > 0.0 and ez2 > 0.0):
         return None
-    centre = np.array([w[2], w[3] / ey2, w[4] / ez2])
+    centre = np.array([w[2], w[3] / ey2, w[4] / ez2])  # [Yu2018] (11)
     radius2 = float(w[5] + centre[0] ** 2 + ey2 * centre[1] ** 2 + ez2 * centre[2] ** 2)
     if not radius2 > 0.0:
         return None
-    return Ellipsoid(centre, np.diag(np.sqrt(np.array([1.0, ey2, ez2]) / radius2)))  # [Yu2018] (14) with its first /R
+    return Ellipsoid(centre, np.diag(np.sqrt(np.array([1.0, ey2, ez2]) / radius2)))  # [Yu2018] (14): with its first /R
 
 
 @njit
@@ -214,7 +214,7 @@ def accumulate(
         row[7] = (ax * dz + az * dx - r * (wx * nz + wz * nx)) / slope
         row[8] = (ay * dz + az * dy - r * (wy * nz + wz * ny)) / slope
         ratio = r / soft
-        weight = 1.0 / (1.0 + ratio * ratio)
+        weight = 1.0 / (1.0 + ratio * ratio)  # [Holland1977]: weights of Cauchy
         cost += r * r if soft == np.inf else soft * soft * np.log1p(ratio * ratio)
         for j in range(9):
             scaled = weight * row[j]
@@ -288,7 +288,7 @@ class _Descent:
         self.cost, damping = self._at(self.p, soft), 1e-6
         for _ in range(steps):
             a, g = self._equations()
-            step = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]
+            step = -np.linalg.lstsq(a + damping * np.diag(np.diag(a)), g, rcond=None)[0]  # [Marquardt1963]
             if float(np.sqrt(step @ a @ step)) < _ENOUGH * np.sqrt(self.cost / len(self.points)) + _EXACT:
                 return True
             trial, kept = self.p + self.space @ step, self.normal.copy()
@@ -418,5 +418,6 @@ def _gains(spare: Floats, left: Floats, groups: NDArray[np.int64]) -> Floats:
     inner = spare[groups[:, :, np.newaxis], groups[:, np.newaxis, :]]
     alone = np.linalg.det(inner) < _ALONE
     inner[alone] = np.eye(groups.shape[1])
+    # [Cook1982]
     gains = np.einsum("mi,mi->m", left[groups], np.linalg.solve(inner, left[groups][:, :, np.newaxis])[:, :, 0])
     return np.where(alone, 0.0, gains)

@@ -33,7 +33,7 @@ def rotation_vectors(rate: Floats, dt: Floats) -> Floats:
     turn of the axis itself [Bortz1971].
     """
     first, second, step = rate[:-1], rate[1:], dt[:, np.newaxis]
-    return np.asarray(0.5 * step * (first + second) + step**2 / 12.0 * np.cross(first, second))
+    return np.asarray(0.5 * step * (first + second) + step**2 / 12.0 * np.cross(first, second))  # [Bortz1971] (4)
 
 
 @njit
@@ -107,10 +107,11 @@ class GyroDrift:
         drift = self.bias
         if self.bias_per_k.any():
             warmer = _given("temp_c", temp_c) - self.temp_ref_c
-            drift = drift + warmer[..., np.newaxis] * self.bias_per_k
+            drift = drift + warmer[..., np.newaxis] * self.bias_per_k  # [Chen2013] (3)
         if self.g_sensitivity.any():
             x, y, z = np.moveaxis(check.last_axis("acc", _given("acc", acc), 3), -1, 0)
             # In components, because a matrix product may round a part of a recording otherwise than the whole.
+            # [Chen2013] (4): by a matrix
             drift = drift + np.stack([row[0] * x + row[1] * y + row[2] * z for row in self.g_sensitivity], axis=-1)
         return np.asarray(drift)
 
@@ -124,6 +125,7 @@ class GyroDrift:
         temp_c, acc : array_like, optional
             As in `offset`.
         """
+        # [Chen2013] (1)
         return np.asarray((check.last_axis("gyr", gyr, 3) - self.offset(temp_c, acc)) / (1.0 + self.scale))
 
     def at_rest(self, gyr: ArrayLike, temp_c: ArrayLike | None = None, acc: ArrayLike | None = None) -> Self:

@@ -146,7 +146,7 @@ def _accelerometer(session: _Session) -> tuple[Fitted, float]:
     up, down, noise = session.faces(session.acc)
     forward = (up - down) / (2.0 * session.gravity)  # [Ferraris1995]: K R
     both = (up + down) / 2.0
-    bias = np.diag(both).copy()
+    bias = np.diag(both).copy()  # [Ferraris1995]
     refuse(_implausible(forward))
     matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
     across = (both - bias[:, np.newaxis])[~np.eye(3, dtype=bool)]
@@ -185,7 +185,7 @@ def _gyroscope(
     coupling = (up - down) / (2.0 * session.gravity)
     turned = np.stack([_turned(session, name, accelerometer, bias, coupling) for name in TURNS], axis=1)
     signs = np.sign(np.diag(turned))
-    forward = turned * signs / angle
+    forward = turned * signs / angle  # [Ferraris1995]: K R
     refuse(_unturned(forward, angle))
     matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
     measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)

@@ -151,7 +151,7 @@ def _least_squares(motions: Sequence[Motion], rest_bias: Floats, rest_sd: Floats
         # Before the first step the misses are those of an uncalibrated unit and say nothing of the noise.
         weight[:3, :3] = np.diag(held if step else np.full(3, 1.0 / floor))
         rows, misses = slope[used].reshape(-1, 12), left[used].ravel()
-        normal = rows.T @ rows + weight
+        normal = rows.T @ rows + weight  # departs from [Tedaldi2014]: the bias at rest is one more measurement
         away = np.concatenate((rest_bias - parameters[:3], np.zeros(9)))
         inverse = inverse_of(normal).matrix  # bias and matrix, whose sizes differ by many powers of ten, count alike
         parameters = parameters + inverse @ (rows.T @ misses + weight @ away)
@@ -166,6 +166,7 @@ def _misses(motions: Sequence[Motion], parameters: Floats) -> tuple[Floats, Floa
     """Measured less predicted direction after each motion (m, 3), and the prediction's derivative (m, 3, 12)."""
     bias, matrix = parameters[:3], parameters[3:].reshape(3, 3)
     each = [_predicted(motion, bias, matrix) for motion in motions]
+    # [Tedaldi2014]
     left = np.array([motion.after - after for motion, (after, _) in zip(motions, each, strict=True)])
     return left, np.array([slope for _, slope in each])
 
@@ -178,7 +179,7 @@ def _predicted(motion: Motion, bias: Floats, matrix: Floats) -> tuple[Floats, Fl
     """
     open_rate = motion.rate - bias
     quat = np.empty((len(open_rate), 4))
-    accumulate(rotation_vectors(open_rate @ matrix.T, motion.dt), quat)
+    accumulate(rotation_vectors(open_rate @ matrix.T, motion.dt), quat)  # departs from [Tedaldi2014]: exact on SO(3)
     turned = dcm_from_quat(quat)
     share = np.append(0.5 * motion.dt, 0.0) + np.append(0.0, 0.5 * motion.dt)  # the trapezoidal rule
     by_matrix = np.einsum("kai,kj,k->aij", turned, open_rate, share, optimize=True).reshape(3, 9)

@@ -267,7 +267,7 @@ def _wander(seen: _Differences, axis: int) -> float:
         x, y = powers / size * weight[:, np.newaxis], seen.rate[:, axis] * weight
         left = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
         power = max(float(left @ left), np.finfo(np.float64).tiny)
-        seen_by = float(np.linalg.slogdet(x.T @ x)[1])
+        seen_by = float(np.linalg.slogdet(x.T @ x)[1])  # [Patterson1971]: restricted, by the slopes
         return seen_by - 2.0 * float(np.log(weight).sum()) + (len(y) - HIGHEST) * float(np.log(power))
 
     costs = np.array([cost(ratio) for ratio in _RATIOS])

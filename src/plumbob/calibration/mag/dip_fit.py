@@ -161,6 +161,7 @@ def _equations(p: Floats, mag: Floats, down: Floats, mag_off: Floats, down_off: 
     )
     rows[:, 1, 12] = -1.0
     level = u - _dot(u, down) * down
+    # [Kok2016]: without the headings
     left = np.hstack((size - 1.0, _dot(u, down) - p[12])) + np.einsum("nij,nj->ni", by_mag, mag_off)
     left[:, 1:] += _dot(level, down_off)
     slope = np.linalg.norm(by_mag[:, 0], axis=1, keepdims=True)
@@ -217,7 +218,7 @@ class _Adjustment:
         return np.asarray((self._whitened() ** 2).sum(axis=1) <= limit)
 
     def _weights(self) -> Floats:
-        return np.asarray(1.0 / (1.0 + (self._whitened() ** 2).sum(axis=1) / CAUCHY**2))
+        return np.asarray(1.0 / (1.0 + (self._whitened() ** 2).sum(axis=1) / CAUCHY**2))  # [Holland1977]
 
     def _sd(self) -> Floats:
         """Standard deviations of both equations, (N, 2)."""

@@ -258,7 +258,7 @@ class _Fit:
     @property
     def left(self) -> Floats:
         """Residuals (M, 3)."""
-        return np.asarray(self.mag - self._seen_field() @ self.distortion.T - self.bias)
+        return np.asarray(self.mag - self._seen_field() @ self.distortion.T - self.bias)  # [Kok2016]
 
     def _scale(self, *, robust: bool = True) -> float:
         left = self.left[self.used]
@@ -281,7 +281,7 @@ class _Fit:
         """Intensity of the random walk by expectation and maximisation, rad/√s."""
         change = self.changes @ self.lean[1:].ravel()
         doubt = np.sum((self.changes @ self.covariance[PARAMETERS:, PARAMETERS:]) * self.changes)
-        return math.sqrt((float(change @ change) + float(doubt)) / (len(change) * self.step))
+        return math.sqrt((float(change @ change) + float(doubt)) / (len(change) * self.step))  # [Dempster1977]
 
     def _solve(self, robust: bool) -> None:
         """Normal equations of all parameters and of the knots but the first, which the field's direction stands for."""
@@ -290,7 +290,7 @@ class _Fit:
         left, rows = self.left, self._rows()
         weight = self.used / (self.sd**2 * self.alike.factor)
         if robust:
-            weight = weight / (1.0 + (left**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)
+            weight = weight / (1.0 + (left**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)  # [Holland1977]
         root = np.sqrt(weight)[:, np.newaxis]
         left, rows = left * root, rows * root[:, :, np.newaxis]
         for j in range(knots - 1):

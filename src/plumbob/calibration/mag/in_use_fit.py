@@ -238,7 +238,7 @@ class _Fit:
         sums = np.zeros((cluster.max() + 1, self.size))
         np.add.at(sums, cluster, found.scores)
         count = len(np.unique(cluster))
-        spread = inverse @ sums.T * math.sqrt(count / max(1.0, count - min(_ALL, 0.5 * count)))
+        spread = inverse @ sums.T * math.sqrt(count / max(1.0, count - min(_ALL, 0.5 * count)))  # [Liang1986]
         return _larger(inverse, np.asarray(spread @ spread.T))
 
     def _priors(self) -> Floats:
@@ -280,6 +280,7 @@ class _Fit:
 
     def _left(self) -> Floats:
         """Residuals (W, P, 3)."""
+        # departs from [Rodriguez2024]: nothing is differentiated
         return np.asarray(self.windows.fields - self._seen() @ self.distortion.T - self.bias)
 
     def _steps(self) -> Floats:

@@ -143,7 +143,7 @@ def _minimum(p: Floats, points: Floats, used: NDArray[np.bool_], *, robust: bool
     for _ in range(_STEPS):
         left, rows = (values[used] for values in _residuals(p, points))
         sd = max(MAD * float(np.median(np.abs(left))), _EXACT)
-        weight = 1.0 / (1.0 + (left / (CAUCHY * sd)) ** 2) if robust else np.ones_like(left)
+        weight = 1.0 / (1.0 + (left / (CAUCHY * sd)) ** 2) if robust else np.ones_like(left)  # [Holland1977]
         weighted = rows * weight[:, np.newaxis]
         normal = weighted.T @ rows
         step = -np.linalg.lstsq(normal, weighted.T @ left, rcond=None)[0]

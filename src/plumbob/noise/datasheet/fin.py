@@ -74,7 +74,7 @@ TABLE = (
 
 def percent_error(tau: float, duration: float) -> float:
     """Share 1/√(2(N/n − 1)) of a deviation at the averaging time tau, s, of a record of `duration`, s [Ou2017] (7)."""
-    return 1.0 / math.sqrt(2.0 * (duration / tau - 1.0))
+    return 1.0 / math.sqrt(2.0 * (duration / tau - 1.0))  # [Ou2017] (7)
 
 
 def averaging_time(share: float, duration: float = DURATION) -> float:

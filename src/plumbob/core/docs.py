@@ -1,0 +1,73 @@
+"""Pages of the documentation, which an installed package has inside and a checkout beside it."""
+
+from pathlib import Path
+
+from plumbob.core.errors import ParameterError, PlumbobError
+
+_PACKAGE = Path(__file__).parents[1]
+
+
+def docs_folder() -> Path:
+    """Folder of the pages and of the bibliography.
+
+    Raises
+    ------
+    PlumbobError
+        If there is none.
+    """
+    for folder in (_PACKAGE / "docs", _PACKAGE.parents[1] / "docs"):
+        if (folder / "references.bib").is_file():
+            return folder
+    raise PlumbobError(f"The documentation is not installed: {_PACKAGE / 'docs'} is missing. Install plumbob again.")
+
+
+def guide(page: str) -> str:
+    """Where a page lies, for a message: in an installed package, or in the checkout."""
+    installed = _PACKAGE / "docs" / page
+    return str(installed) if installed.is_file() else f"docs/{page}"
+
+
+def docs(page: str | None = None) -> str:
+    """Text of a page of the documentation, or a list of all pages.
+
+    Parameters
+    ----------
+    page : str, optional
+        Its name, as in a message or short: ``"docs/time.md"``, ``"time"``.
+
+    Returns
+    -------
+    str
+        The page as Markdown; without `page`, a line with the name and title of each.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such page.
+
+    Examples
+    --------
+    >>> docs("conventions").splitlines()[0]
+    '# Conventions'
+    """
+    if page is None:
+        return "".join(f"{name:16} {_title(path)}\n" for name, path in _pages().items())
+    return page_path(page).read_text(encoding="utf-8")
+
+
+def page_path(page: str) -> Path:
+    """File of a page, by a name as `docs` takes it."""
+    pages = _pages()
+    name = Path(page).name.removesuffix(".md") if isinstance(page, str) else ""
+    if name not in pages:
+        raise ParameterError(f"There is no page {page!r}; there are {', '.join(pages)}.")
+    return pages[name]
+
+
+def _pages() -> dict[str, Path]:
+    return {path.stem: path for path in sorted(docs_folder().glob("*.md"))}
+
+
+def _title(page: Path) -> str:
+    with page.open(encoding="utf-8") as lines:
+        return next(lines).strip("# \n")

@@ -1,0 +1,67 @@
+"""plumbob cite as a user meets it."""
+
+import re
+
+import pytest
+
+import plumbob
+from plumbob.filters import filter_names, load
+from plumbob.filters.references import bibliography, in_a_line
+from tests.battery import commandline
+
+MAHONY = (
+    "Mahony, Hamel, Pflimlin: Nonlinear Complementary Filters on the Special Orthogonal Group. "
+    "IEEE Transactions on Automatic Control 53(5), 1203–1218, 2008, doi:10.1109/TAC.2008.923738"
+)
+
+
+def test_a_filter_has_a_line_for_each_reference():
+    lines = commandline.ok("cite", "mahony", "mekf").stdout.splitlines()
+    assert lines[1].partition("] ")[2] == MAHONY
+    words = [line.split()[0].strip("[]") for line in lines]
+    assert words == ["mahony", "Mahony2008", "Yu2018", "mekf", "Sola2017"]
+
+
+def test_python_says_the_same_words():
+    assert plumbob.cite("mahony", "mekf") == commandline.ok("cite", "mahony", "mekf").stdout
+    assert plumbob.cite(bib=True) == commandline.ok("cite", "--bib").stdout
+
+
+def test_bibtex_has_each_entry_once():
+    """mahony and tilt_compass share one of their sources."""
+    entries = plumbob.cite("mahony", "tilt_compass", bib=True)
+    assert re.findall(r"^@\w+\{(\w+),$", entries, re.MULTILINE) == ["Mahony2008", "Yu2018"]
+    assert entries.count("{") == entries.count("}")
+
+
+def test_without_a_name_every_filter_is_cited():
+    names = [line for line in plumbob.cite().splitlines() if not line.startswith(" ")]
+    assert tuple(names) == filter_names()
+    assert {key for name in names for key in load(name).REFERENCES} <= bibliography().keys()
+
+
+def test_every_entry_becomes_a_line_without_marks_of_latex():
+    for key, entry in bibliography().items():
+        line = in_a_line(entry)
+        assert re.match(rf"\[{key}\] \S.*", line)
+        assert not set(line) & set("{}\\$\n"), line
+
+
+@pytest.mark.parametrize(
+    ("key", "part"),
+    [
+        ("Kok2016", "Kok, Schön: Magnetometer"),
+        ("DLMF", "National Institute of Standards and Technology: Digital Library"),
+        ("Hasselmann1973", "Hasselmann et al.: Measurements"),
+        ("Kasdin1995", "1/f^α Power Law"),
+        ("Imhof1961", "Biometrika 48(3/4), 419–426, 1961"),
+    ],
+)
+def test_names_and_signs_are_written_as_people_write_them(key, part):
+    assert part in in_a_line(bibliography()[key])
+
+
+def test_an_unknown_filter_is_an_error_that_names_the_known():
+    done = commandline.plumbob("cite", "kalman")
+    assert done.returncode == 1
+    assert done.stderr.startswith("plumbob cite: there is no filter 'kalman'; known are complementary")

@@ -1,0 +1,56 @@
+"""plumbob docs as a user meets it."""
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+import plumbob
+from tests.battery import commandline
+
+DOCS = Path(__file__).parents[2] / "docs"
+TIME = (DOCS / "time.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", ["time", "time.md", "docs/time.md", str(DOCS / "time.md")])
+def test_a_page_is_printed_by_the_name_that_a_message_gives(name):
+    assert commandline.ok("docs", name).stdout == plumbob.docs(name) == TIME
+
+
+def test_without_a_page_all_are_listed_with_their_titles():
+    lines = commandline.ok("docs").stdout.splitlines()
+    assert lines == plumbob.docs().splitlines()
+    assert [line.split()[0] for line in lines] == sorted(page.stem for page in DOCS.glob("*.md"))
+    assert "conventions      Conventions" in lines
+
+
+@pytest.mark.parametrize("name", ["none", "", "../time.txt", "references.bib"])
+def test_an_unknown_page_is_an_error_that_names_the_known(name):
+    done = commandline.plumbob("docs", name)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith(f"plumbob docs: There is no page '{name}'; there are acquire, ")
+
+
+def test_a_page_that_is_not_text_is_refused():
+    with pytest.raises(plumbob.PlumbobError, match="There is no page 3"):
+        plumbob.docs(3)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="the browser is a shell script")
+def test_open_gives_the_page_to_the_browser(tmp_path):
+    """The browser is a script that writes down what it was given."""
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path}/seen\n')
+    browser.chmod(0o755)
+    for words, page in ((("time",), "time.md"), ((), "start.md")):
+        done = commandline.start("docs", *words, "--open", BROWSER=str(browser))
+        assert done.returncode == 0, done.stderr
+        assert (tmp_path / "seen").read_text().strip() == (DOCS / page).as_uri()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems open a browser in ways of their own")
+def test_without_a_browser_the_error_says_where_the_page_is(tmp_path):
+    done = commandline.start("docs", "time", "--open", BROWSER="", PATH=str(tmp_path), DISPLAY="", WAYLAND_DISPLAY="")
+    assert done.returncode == 1
+    assert done.stderr.strip() == f"plumbob docs: No browser could be opened. The page is {DOCS / 'time.md'}."
