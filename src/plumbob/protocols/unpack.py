@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import flags
 from plumbob.core._jit import njit
+from plumbob.core.check import Floats
 from plumbob.protocols.columns import counts_of, matches, values_of
 from plumbob.protocols.field import Field, owner_of
 from plumbob.protocols.format import Message
@@ -40,7 +41,6 @@ def count_in(word: int, lowest: int, bits: int, signed: int) -> int:
 
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 Column = Floats | Ints
 Flags = NDArray[np.uint32]
 Gone = list[tuple[str, NDArray[np.bool_]]]
