@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from plumbob.calibration.mag.axes import FEWEST, Suspect, arrangements, suspects
+from plumbob.calibration.mag.axes import FEWEST_DIRECTIONS, Suspect, arrangements, suspects
 from plumbob.calibration.mag.outcome import dip_of
 from plumbob.calibration.rejection import Reason, refuse
 from plumbob.core.check import Floats
@@ -126,7 +126,9 @@ def _fault(
     force = imu.usable("acc")
     field, force = (mag @ wrong.way, force) if wrong.triad == "mag" else (mag, force @ wrong.way)
     known = np.isfinite(field).all(axis=1) & np.isfinite(force).all(axis=1)
-    told = None if wrong.triad == "gyr" or np.count_nonzero(known) < FEWEST else dip(field[known], force[known])
+    told = (
+        None if wrong.triad == "gyr" or np.count_nonzero(known) < FEWEST_DIRECTIONS else dip(field[known], force[known])
+    )
     if told is not None and min(abs(told), abs(told if place is None else place)) > LEVEL:
         told *= math.copysign(1.0, 1.0 if place is None else place)
     else:

@@ -31,7 +31,7 @@ CLEARLY: Final = 3.0
 QUIET: Final = 0.05
 """Departure of the specific force from its usual length, of itself, up to which it is taken for the vertical."""
 
-FEWEST: Final = 14
+FEWEST_DIRECTIONS: Final = 14
 """Fewest samples in which a dip is looked for."""
 
 SPAN: Final = 4.0
@@ -183,7 +183,7 @@ def _keeping_dip(mag: Floats, acc: Floats) -> tuple[Floats, ...]:
         usual = float(np.median(size[known]))
         known[known] = np.abs(size[known] - usual) <= QUIET * usual
     count = int(np.count_nonzero(known))
-    if count < FEWEST or not size[known].all():
+    if count < FEWEST_DIRECTIONS or not size[known].all():
         return ()
     step = -(-count // _SOME)
     mag, up = mag[known][::step], (acc[known] / size[known, np.newaxis])[::step]
