@@ -40,9 +40,8 @@ NEEDS = {"device": ("card", "html"), "topic": ("kalibr",)}
 """Options that say something about an output, and the outputs that say it."""
 
 EPILOG = """\
-A recording (.parquet, .csv with its profile, .mcap, BROAD) brings its time and units. Bare numbers (text, .npy, or raw
+A recording (.parquet, .csv with its profile, .mcap, BROAD) brings its time and units. Plain numbers (text, .npy, or raw
 .f32, .f64, .i16, ...) need --rate and --scale; nothing is guessed:
-  plumbob allan static.parquet --html noise.html --card noise.json
   plumbob allan gyro.txt --rate 100Hz --scale '0.00875 deg/s'    counts of 0.00875 deg/s
   plumbob allan gyro.txt --rate 100Hz --scale '1 deg/s'          numbers in deg/s
   plumbob allan raw.txt --rate 10Hz --scale '1 deg/s' --after filtered.txt
@@ -57,7 +56,7 @@ def add_parser(verbs: common.Adder) -> None:
         help="noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
         description="Analyse the noise of a static record: Allan deviation with honest intervals, coefficients Q, N, "
         "B, K and R by likelihood, least squares and lines, and what the record is too short to show.",
-        epilog=EPILOG,
+        epilog=common.more("plumbob allan static.parquet --html noise.html --card noise.json", "noise.md", EPILOG),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     p.add_argument("file", type=Path, metavar="FILE", help="recording, or file of numbers")
@@ -80,8 +79,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 
 def _add_input(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--rate", metavar="HZ", help="samples per second of bare numbers, as 100Hz")
-    p.add_argument("--scale", metavar="LSB", help="what 1 is in bare numbers, as '0.00875 deg/s'; '1' has no unit")
+    p.add_argument("--rate", metavar="HZ", help="sampling rate of a file of plain numbers, as 100Hz")
+    p.add_argument("--scale", metavar="LSB", help="unit of the plain numbers, as '0.00875 deg/s'; '1' for none")
     p.add_argument(
         "--type",
         metavar="TYPE",
@@ -171,7 +170,7 @@ def _opened(args: argparse.Namespace, path: Path, *, card: Path | None) -> "tupl
     if all(report.refused(*group.names) for group in record.groups):
         for finding in report.errors[1:]:
             common.note(str(finding))
-        raise ShapeError(f"{path} is no static record: {report.errors[0]}")
+        raise ShapeError(f"{path} is not a static record: {report.errors[0]}")
     common.note(*(f"{path.name}: left out: {finding}" for finding in report.errors))
     return record, report
 
@@ -199,7 +198,7 @@ def _refuse_what_is_for_recordings(args: argparse.Namespace, record: "StaticReco
     given = [f"--{name}" for name in ("triads", "profile", "calibration") if getattr(args, name) is not None]
     if given and any(isinstance(group.source, Numbers) for group in record.groups):
         raise ParameterError(
-            f"{record.path} holds bare numbers, but {', '.join(given)} is for recordings; leave it out."
+            f"{record.path} holds plain numbers, but {', '.join(given)} is for recordings. Leave it out."
         )
 
 

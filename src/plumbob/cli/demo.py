@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.core.check import Floats
@@ -78,7 +79,7 @@ def _samples(recorded: "ImuData", sent: "ImuData") -> Iterator[str]:
     if abs(long - due) > _SAME_TIME:
         yield f"they last {long:.2f} s instead of {due:.2f} s"
     if gaps := int(np.count_nonzero(recorded.flags & np.uint32(flags.GAP))):
-        yield "1 gap is flagged" if gaps == 1 else f"{gaps} gaps are flagged"
+        yield f"flagged: {counted(gaps, 'gap')}"
 
 
 def _values_table(imu: "ImuData", size: int) -> "Floats":
@@ -209,6 +210,7 @@ def add_parser(verbs: common.Adder) -> None:
         "its bytes on a serial line sixty times as fast as they would come; record and estimate, replay with other "
         "filters and without the calibration, compare with the truth. Exit code 1 where the recording is not what was "
         "sent.",
+        epilog=common.more("plumbob demo --out demo-out", "start.md"),
     )
     p.add_argument("--out", type=Path, default=Path("demo-out"), metavar="DIR", help="folder to write (demo-out)")
     p.add_argument("--duration", default=DURATION, metavar="TIME", help=f"of the sea ({DURATION})")

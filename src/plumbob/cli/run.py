@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack, ImuData
@@ -18,6 +19,7 @@ def add_parser(verbs: common.Adder) -> None:
         "run",
         help="estimate the attitude of a recording with one filter",
         description="Estimate the attitude at every sample of a recording with one filter, and write it as a track.",
+        epilog=common.more("plumbob run sea.parquet --filter mekf --out track.parquet", "choose-a-filter.md"),
     )
     p.add_argument("file", type=Path, help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat")
     p.add_argument("--filter", required=True, metavar="NAME", help="see 'plumbob filters'")
@@ -86,10 +88,10 @@ def _placed(args: argparse.Namespace, imu: "ImuData", stage: "Stage") -> "ImuDat
 
     if args.place is None:
         if args.date is not None:
-            raise ParameterError("--date says nothing without --place; give both.")
+            raise ParameterError("--date needs --place. Give both.")
         return imu
     if "declination" in stage.params:
-        raise ParameterError("--place and the parameter declination both say the declination; give one.")
+        raise ParameterError("--place and the parameter declination both give the declination. Give one of them.")
     imu, field = located(imu, args.place, date=args.date)
     common.note(f"field at the place: {field.told}")
     return imu
@@ -118,7 +120,7 @@ def _warn_of_restarts(imu: "ImuData", track: "AttitudeTrack") -> None:
     if share > 0.05:
         step = 1.0 / timing(imu.t).rate
         common.note(
-            f"{100.0 * share:.0f} % of the samples come after a gap, at which a filter starts anew where it exceeds "
+            f"{100.0 * share:.0f} % of the samples come after a gap, and a filter restarts after a gap longer than "
             f"max_gap; the median step is {step:.4g} s. Check the unit of time, and max_gap."
         )
 
@@ -181,7 +183,7 @@ def _print(report: dict[str, Any]) -> None:
     from plumbob.data import calibration_told
 
     last = report["last_attitude_deg"]
-    print(f"{report['file']}: {report['samples']} samples, {report['duration_s']:.3f} s")
+    print(f"{report['file']}: {counted(report['samples'], 'sample')}, {report['duration_s']:.3f} s")
     print(f"filter       {report['filter']}")
     print(f"frame        {report['frame']}, heading from {common.heading_of(report)}")
     print(f"calibration  {calibration_told(report['calibration'])}")
@@ -194,7 +196,7 @@ def _print(report: dict[str, Any]) -> None:
         told = ", ".join(f"{name} {'unknown' if sd is None else f'{sd:.3f}°'}" for name, sd in claims)
         print(f"claimed      {told} (standard deviations at the end)")
     for name, count in report["flags"].items():
-        print(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
+        print(f"flag         {name}: {counted(count, 'sample')} ({100.0 * count / report['samples']:.2f} %)")
     for name, value in report.get("errors", {}).items():
         if value is not None and name != "not_scored":
             shown = value if isinstance(value, str) else f"{value:.3f}°"

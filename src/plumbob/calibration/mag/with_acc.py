@@ -45,13 +45,13 @@ UNSTEADY: Final = deg(5.0)
 
 _GRAVITY: Final = 0.1  # departure of gravity, of itself
 _SOME: Final = 20_000
-_ADVICE: Final = "Hold the unit still in each attitude, or turn it slowly, and capture anew."
+_ADVICE: Final = "Hold the unit still in each attitude, or turn it slowly, and capture again."
 
 
 def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt_range: float = TILT_RANGE) -> Fitted:
     """Fit bias and full matrix so that the field has one strength and one dip.
 
-    The vertical of the accelerometer tells what the length of the field cannot: how the magnetometer is turned against
+    The vertical of the accelerometer shows what the length of the field cannot: how the magnetometer is turned against
     it. Captures of small tilt gain too, for the dip says about the upright axis what the length hardly does.
 
     Parameters

@@ -29,7 +29,7 @@ def add_field(p: argparse.ArgumentParser) -> None:
     field.add_argument(
         "--place",
         metavar="LAT,LON[,HEIGHT]",
-        help="where the capture was taken, degrees and metres: the World Magnetic Model of its day tells the field",
+        help="where the capture was taken, in degrees and metres: takes the field of the World Magnetic Model",
     )
 
 
@@ -43,11 +43,11 @@ def gravity_of(args: argparse.Namespace) -> float:
 
     place = getattr(args, "place", None)
     if args.latitude is None and args.height is not None:
-        raise ParameterError("--height says nothing about gravity without --latitude; give both.")
+        raise ParameterError("--height needs --latitude: both together give gravity. Give both.")
     if args.gravity is not None and args.latitude is not None:
-        raise ParameterError("--gravity and --latitude both say what gravity is; give one.")
+        raise ParameterError("--gravity and --latitude both give gravity. Give one of them.")
     if args.latitude is not None and place is not None:
-        raise ParameterError("--latitude and --place both say where the capture was taken; give one.")
+        raise ParameterError("--latitude and --place both give the place of the capture. Give one of them.")
     if args.gravity is not None:
         return parse(args.gravity, Quantity.ACCELERATION)
     if args.latitude is not None:
@@ -70,14 +70,14 @@ def field_of(args: argparse.Namespace, capture: "Capture") -> tuple[float | None
     if args.place is None:
         return None if args.strength is None else parse(args.strength, Quantity.FIELD), None, ()
     if not capture.dated:
-        common.note(f"the recording does not tell its date; the field is that of today, {capture.date}")
+        common.note(f"the recording has no date; the field is that of today, {capture.date}")
     field = earth_field_at(*parse_place(args.place), capture.date)
     common.note(f"field at the place: {field.told}")
     return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)
 
 
 def kept(fits: "Mapping[str, Fitted]", told: tuple[str, ...]) -> "dict[str, Fitted]":
-    """Fits with what the place told as a remark of the magnetometer."""
+    """Fits with the field of the place as a remark of the magnetometer."""
     from dataclasses import replace
 
     return {n: replace(fit, remarks=(*fit.remarks, *told)) if n == "mag" else fit for n, fit in fits.items()}

@@ -14,16 +14,19 @@ def add_parser(kinds: common.Adder) -> None:
         description="Calibrate a magnetometer from a capture in which the unit was turned slowly through all "
         "attitudes, away from iron: each face and each edge once up. A card that would more likely harm than help is "
         "refused; --force makes it all the same.",
+        epilog=common.more(
+            "plumbob calibrate mag capture.parquet --calibration card.json --out card.json", "calibration.md"
+        ),
     )
     capture.add_options(p, guide="mag")
     p.add_argument(
-        "--with", dest="helper", default="auto", metavar="none|acc|gyr|auto", help="what helps (default auto)"
+        "--with", dest="helper", default="auto", metavar="none|acc|gyr|auto", help="sensors that help (default auto)"
     )
     p.add_argument(
         "--shape",
         default="auto",
         metavar="auto|sphere|axes|ellipsoid|level",
-        help="what the field's directions form; auto tests which is needed (default), level is for what cannot lean",
+        help="model of the distortion; auto tests which is needed (default), level is for a unit that cannot tilt",
     )
     p.add_argument(
         "--in-use",
@@ -44,7 +47,9 @@ def find(args: argparse.Namespace) -> int:
     from plumbob.core.units import Quantity, parse
 
     if args.shape == "level" and args.tilt is not None:
-        raise ParameterError("--shape level finds headings while level only, so --tilt says nothing; leave one out.")
+        raise ParameterError(
+            "--shape level calibrates headings of a level unit, so --tilt has no effect. Leave one out."
+        )
     if args.in_use and args.live:
         raise ParameterError("--in-use takes a recording of a unit at work and does not go with --live; record first.")
     tilt_range = TILT_RANGE if args.tilt is None else parse(args.tilt, Quantity.ANGLE)

@@ -20,6 +20,10 @@ def add_parser(kinds: common.Adder) -> None:
         help="how the unit sits on its body, from two poses at rest or a reference",
         description="Find the rotation from the axes of the unit to those of its body: rest with the body level, raise "
         "its nose by 15° to 60° about the lateral axis, and rest again; or compare with a reference attitude.",
+        epilog=common.more(
+            "plumbob calibrate mount raise.parquet --frame NED --calibration card.json --out card.json",
+            "calibration.md",
+        ),
     )
     capture.add_options(p)
     common.add_frame(p, "body axes: z down in NED, z up in ENU and NWU; needed for poses")
@@ -55,7 +59,7 @@ def _by_poses(args: argparse.Namespace, unit: "Capture") -> "Mounted":
 
     frame = common.frame_of(args)
     if frame is None:
-        raise FrameError(f"the body's axes go with a frame; say --frame {', --frame '.join(Frame)}.")
+        raise FrameError(f"the body's axes depend on the navigation frame. Give --frame {', --frame '.join(Frame)}.")
     level, raised = (None if text is None else _span(text) for text in (args.level, args.raised))
     return mount_by_poses(unit, frame=frame, level=level, raised=raised, level_only=args.level_only)
 
