@@ -9,11 +9,12 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 SRC = ROOT / "src" / "plumbob"
-PAGES = sorted([*(ROOT / "docs").glob("*.md"), ROOT / "README.md", *(ROOT / "examples").glob("*.py")])
+PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("*.md"), *(ROOT / "examples").glob("*.py")])
 
 INSTEAD = {
     r"(?<!here )\b(is|are|was|were) no (?!(?:longer|more|less|better|worse|larger|smaller)\b)[a-z.]": "is not a",
     r"\btold\b": "known, given, separated, reported",
+    r"[,;] for (it|they|nothing|otherwise)\b": "because",
     r"\btells\b": "shows, says, gives, separates",
     r"\btell (?:\w+ ){0,6}(?:apart|from)\b": "distinguish, separate",
     r"\banew\b": "again",

@@ -44,7 +44,7 @@ the sensor's by the calibration's, on average."""
 
 _AS_IT_IS: Final = (
     "Do not use it: the magnetometer as it is may well be better. Turn the unit longer, away from iron, through all "
-    "attitudes; --force, in Python force=True, makes the card all the same."
+    "attitudes; --force, in Python force=True, writes the card anyway."
 )
 _AXES: Final = (
     "Correct the magnetometer's axes by its data sheet: of a text file in its profile, as [mag] axes = 'x y -z' with "

@@ -253,7 +253,7 @@ def _forces(imu: ImuData, planned: Sequence[Plateau], rows: Sequence[slice]) -> 
 
 def _set_aside(span: tuple[float, float], mean: Floats) -> str:
     rates = ", ".join(f"{x:.4g}" for x in to_dps(mean))
-    return f"{span[0]:.1f} to {span[1]:.1f} s is left out: its rate of ({rates}) °/s is none of the nominal ones."
+    return f"{span[0]:.1f} to {span[1]:.1f} s is left out: its rate of ({rates}) °/s is not a nominal one."
 
 
 def _require_columns(path: Path, columns: Sequence[str]) -> None:

@@ -53,7 +53,7 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "allan",
-        help="noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
+        help="analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
         description="Analyse the noise of a static record: Allan deviation with honest intervals, coefficients Q, N, "
         "B, K and R by likelihood, least squares and lines, and what the record is too short to show.",
         epilog=common.more("plumbob allan static.parquet --html noise.html --card noise.json", "noise.md", EPILOG),

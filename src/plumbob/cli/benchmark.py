@@ -24,7 +24,7 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb and what can be benchmarked."""
     p = verbs.add_parser(
         "benchmark",
-        help="filters on many recordings, or on many seeds of a scenario",
+        help="compare filters on many recordings, or on many seeds of a scenario",
         description="Measure filters on many recordings with references, or on many seeds of a simulated scenario.",
         epilog=common.more("plumbob benchmark accuracy trials --filters mahony,vqf", "choose-a-filter.md"),
     )

@@ -26,7 +26,7 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "decode",
-        help="bytes of a known device or a described frame to a table with units",
+        help="decode bytes of a known device or a described frame to a table with units",
         description="Decode raw bytes into a table: one row a frame, SI units in the header. Damaged bytes are skipped "
         "and counted on standard error.",
         epilog=common.more("plumbob decode raw.bin --format buoy --out table.csv", "formats.md"),

@@ -205,7 +205,7 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "demo",
-        help="the whole line on an emulated buoy, ending in a page with plots",
+        help="run the whole line on an emulated buoy, up to a page with plots",
         description="Emulate the drifting buoy of the paper: calibrate its unit by hand, then put it into waves, with "
         "its bytes on a serial line sixty times as fast as they would come; record and estimate, replay with other "
         "filters and without the calibration, compare with the truth. Exit code 1 where the recording is not what was "

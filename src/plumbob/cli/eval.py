@@ -20,7 +20,7 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "eval",
-        help="errors of an estimate against a reference",
+        help="compare an estimate with a reference: errors of attitude, by axis",
         description="Compare an estimated attitude with a reference: total, heading and inclination error, and each "
         "axis. Nothing is aligned unless asked for: a constant heading offset counts.",
         epilog=common.more("plumbob eval track.parquet sea.parquet --settle 30s --html errors.html", "start.md"),

@@ -12,7 +12,7 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "info",
-        help="what a recording, track or card holds: time, units, frames, flags; a calibration, a noise",
+        help="show what a recording, track or card holds: time, units, frames, flags; calibration; noise",
         description="Show what a recording or track holds: time line, ranges with units, frame, calibration and flags; "
         "of a calibration card its certificate, of a noise card its coefficients.",
         epilog=common.more("plumbob info sea.mcap", "recordings.md"),

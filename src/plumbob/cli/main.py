@@ -86,8 +86,7 @@ def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
     """Parser of the command line with these verbs; with one alone, its own help and errors read as with all."""
     parser = Parser(
         prog="plumbob",
-        description="Attitude from MEMS inertial sensors: decode, record, replay, characterise, calibrate, estimate, "
-        "evaluate.",
+        description="Attitude from MEMS inertial sensors. Without a verb, plumbob prints the order of work.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -28,7 +28,7 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "replay",
-        help="send a recorded line through the same stages again, with its own filter or another",
+        help="process a recorded line again, with its own filter or another",
         description="Send the raw bytes of a recording through the same line again: with the session that it holds, or "
         "with another session, filter, calibration or noise. With --check, compare with the attitude that was "
         "estimated live, bit for bit; exit code 3 where they differ.",

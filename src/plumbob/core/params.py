@@ -1,7 +1,7 @@
 """Parameters of filters and scenarios: a class whose fields are annotated with unit, domain and meaning, SI inside.
 
 In Python a number is in the stated SI unit. In text (command line, TOML) a number may carry a unit, and must where the
-field writes the quantity in two: ``gate=0.08`` is refused, for it has meant 0.08 g and 0.08 m/s².
+field writes the quantity in two: ``gate=0.08`` is refused, because it has meant 0.08 g and 0.08 m/s².
 """
 
 import math

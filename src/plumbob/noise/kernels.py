@@ -1,7 +1,7 @@
 """The inner loops: sums along a record, and squares of its differences.
 
 Tiles of the record outside, averaging factors inside: short factors then find all that they need in the cache. Four
-factors at a time share one reading of the points, for it is reading that these loops wait for.
+factors at a time share one reading of the points, because these loops wait for reading.
 """
 
 import numpy as np

@@ -37,7 +37,7 @@ HIGHEST = 20_000.0
 def normal_gravity(latitude: float, height: float = 0.0) -> float:
     """Gravity of the WGS 84 ellipsoid, m/s²: the closed form of Somigliana, and a series for the height [WGS84].
 
-    What mountains and dense rock add is left out: some 0.0003 m/s² (0.03 mg) as a rule, 0.003 m/s² at most.
+    What mountains and dense rock add is left out: typically 0.0003 m/s² (0.03 mg), 0.003 m/s² at most.
 
     Parameters
     ----------

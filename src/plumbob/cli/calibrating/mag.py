@@ -13,7 +13,7 @@ def add_parser(kinds: common.Adder) -> None:
         help="magnetometer: hard iron, soft iron, scale, turn against the accelerometer",
         description="Calibrate a magnetometer from a capture in which the unit was turned slowly through all "
         "attitudes, away from iron: each face and each edge once up. A card that would more likely harm than help is "
-        "refused; --force makes it all the same.",
+        "refused; --force writes it anyway.",
         epilog=common.more(
             "plumbob calibrate mag capture.parquet --calibration card.json --out card.json", "calibration.md"
         ),
