@@ -65,7 +65,7 @@ def test_refusals(made, tmp_path):
     assert "holds an attitude but no samples" in call("export", made / "rest.parquet", *words).stderr
     (tmp_path / "numbers.txt").write_text("1\n2\n3\n")
     bare = ("--rate", "1Hz", "--scale", "1 deg/s", "--calibration", made / "card.json")
-    assert "corrects a recording with its units" in call("allan", tmp_path / "numbers.txt", *bare).stderr
+    assert "corrects a recording with units" in call("allan", tmp_path / "numbers.txt", *bare).stderr
     with pytest.raises(CalibrationError, match="unit 8"):
         plumbob.apply_card(plumbob.CalibrationCard.load(made / "other.json"), files.read(made / "rest.parquet").imu)
     with pytest.raises(ShapeError, match=r"card must be a CalibrationCard, but it is .*CalibrationCard\.load"):

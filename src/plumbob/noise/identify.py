@@ -79,7 +79,7 @@ def _checked(n: ArrayLike, dev: ArrayLike) -> tuple[Floats, Floats]:
     deviation = check.column("dev", dev, factors.size)
     if factors.size < 2 or not (np.diff(factors) > 0.0).all():
         raise ParameterError(
-            f"n must be two or more increasing averaging factors, to identify the noise, but it is {factors}."
+            f"n must be two averaging factors or more, increasing, to identify the noise, but it is {factors}."
         )
     bad = np.flatnonzero(~(np.isfinite(deviation) & (deviation > 0.0)))
     if bad.size:

@@ -35,6 +35,7 @@ from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.text import measured
 from plumbob.core.units import deg, to_deg
 
 FEWEST: Final = PARAMETERS + 1
@@ -162,8 +163,9 @@ def _unsteady(sd: float) -> Reason | None:
 
 
 def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, stride: int) -> tuple[str, ...]:
+    dip, sd = to_deg(fit.dip), to_deg(dip_sd)
     told = [
-        f"Dip of the field: {to_deg(fit.dip):.2f} ± {to_deg(dip_sd):.2g}°; "
+        f"Dip of the field [°]: {measured(dip, dip - sd, dip + sd)}; "
         f"the magnetometer is turned by {to_deg(turn_of(fit.matrix)):.2g}° against the accelerometer.",
         f"Noise: {fit.mag_sd:.2g} µT of the field, {to_deg(fit.down_sd):.2g}° of the vertical.",
     ]
