@@ -64,7 +64,7 @@ def _verb(name: str, parser: argparse.ArgumentParser, *, level: int) -> Iterator
     if rows:
         yield "\n".join(("| option | meaning |", "| --- | --- |", *rows, ""))
     if parser.epilog:
-        yield f"{_escaped(parser.epilog)}\n"
+        yield from (f"{_escaped(_marked(part))}\n" for part in parser.epilog.split("\n\n"))
     for kind, child in _children(parser).items():
         yield from _verb(f"{name} {kind}", child, level=level + 1)
 
@@ -96,6 +96,12 @@ def _usage(action: argparse.Action) -> str:
 def _code(text: str) -> str:
     """Code in a cell; a bar in backticks would end the cell for some readers of Markdown."""
     return f"<code>{text.replace('|', '&#124;')}</code>" if "|" in text else f"`{text}`"
+
+
+def _marked(epilog: str) -> str:
+    """Epilog with its commands as code and its page as a link."""
+    marked = re.sub(r"^  (plumbob .*?)(?=$|    )", r"`\1`", epilog, flags=re.MULTILINE)
+    return re.sub(r"docs/([\w-]+\.md)", r"[\1](\1)", marked)
 
 
 def _escaped(text: str) -> str:

@@ -182,8 +182,8 @@ def test_a_device_without_a_buffer_is_for_polling(machine):
 @pytest.mark.parametrize(
     ("attribute", "text", "said"),
     [
-        ("scan_elements/in_anglvel_x_type", "le:s12", "no type of a scan element"),
-        ("in_anglvel_scale", "many", "which is no number"),
+        ("scan_elements/in_anglvel_x_type", "le:s12", "not the type of a scan element"),
+        ("in_anglvel_scale", "many", "which is not a number"),
         ("in_mount_matrix", "1, 0; 0, 1", "not three rows of three"),
         ("in_anglvel_scale", None, "has no scale"),
         ("scan_elements/in_anglvel_x_index", None, "has no index"),
@@ -326,7 +326,7 @@ def test_a_value_that_is_none_is_a_loss_and_no_exception(machine, gyro, collect,
         collect(source, lambda got: got.kinds == ["opened"])
         (gyro / "in_temp_raw").write_text("garbage\n")
         got = collect(source, lambda got: got.events)
-        assert (got.kinds, "no 32-bit number" in got.events[0].text) == (["lost"], True)
+        assert (got.kinds, "not a 32-bit number" in got.events[0].text) == (["lost"], True)
         (gyro / "in_temp_raw").write_text("7\n")
         collect(source, lambda got: got.kinds == ["reopened"] and got.data)
 

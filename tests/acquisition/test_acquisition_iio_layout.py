@@ -129,7 +129,7 @@ def test_a_mount_matrix_of_a_chip_with_two_axes():
 
 
 def test_part_of_a_scan_is_refused():
-    with pytest.raises(ShapeError, match="5 bytes are no whole number of scans of 4"):
+    with pytest.raises(ShapeError, match="5 bytes are not a whole number of scans of 4"):
         layout("le:s32/32>>0").decode(bytes(5))
 
 

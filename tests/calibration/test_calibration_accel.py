@@ -87,7 +87,7 @@ def test_as_many_poses_as_parameters_do_where_the_noise_is_known_but_are_never_c
     assert (np.abs(found.calibration.matrix - TRUE).ravel() < 4.0 * sd[3:]).all()
     assert found.calibration.quality.tilt_sd < TILT.good
     assert found.calibration.quality.grade == "fair"
-    assert any("too few over to notice a bad one" in remark for remark in found.remarks)
+    assert any("too few to notice a bad one" in remark for remark in found.remarks)
     assert "need 10 at least" in reasons(poses, shape="ellipsoid")["too-few"].text
 
 

@@ -178,7 +178,7 @@ def test_rest_is_counted_in_one_piece():
     assert not progress.done
     assert guide.feed(hand.hold(6.0)).done
     assert [moment.text for moment in guide.timeline] == [
-        "at rest", "touched: the rest starts anew", "at rest", "enough: the capture is good",
+        "at rest", "touched: the rest starts again", "at rest", "enough: the capture is good",
     ]  # fmt: skip
 
 

@@ -67,7 +67,7 @@ def test_a_stretch_that_turned_is_left_out():
     gyr[later], mag[later] = turning[1][later], turning[3][later]
     gyr[(t >= 30.0) & later.__invert__()] += dps(20.0)
     found = fit_rest(t, gyr, acc=acc, mag=mag)
-    assert any("left out: the field turned" in remark for remark in found.remarks)
+    assert any("in which the field turned" in remark for remark in found.remarks)
     assert found.calibration.bias == pytest.approx(BIAS, abs=dps(0.02))
 
 

@@ -148,7 +148,7 @@ def test_a_few_bad_first_samples_are_set_aside(low):
     mag = capture(rng, any_attitudes(rng, 150), soft_iron(rng))
     mag[:4] -= low
     made = fit_mag(mag)
-    assert not made.used[:4].any() and any("were set aside as outliers" in told for told in made.remarks)
+    assert not made.used[:4].any() and any("Set aside as outliers" in told for told in made.remarks)
     with pytest.raises(CaptureRefusedError, match=r"magnet-moved: after 95 % of the samples"):
         fit_mag(mag[::-1])
 

@@ -35,11 +35,11 @@ class TestPage(PageBattery):
 def test_it_says_what_the_text_says(card, fits):
     told = page(card, fits, title="t", facts={})
     expected = ["12.34 ± 0.12", "−400 ± 40", "Gyroscope: good", "Magnetometer: fair", "the dip is 62.1° ± 0.3°."]
-    expected += ["left uncalibrated by it: accelerometer", "yaw 90.000°, pitch 2.000°, roll -1.000°", "unit 7"]
+    expected += ["which leaves them uncalibrated: accelerometer", "yaw 90.000°, pitch 2.000°, roll -1.000°", "unit 7"]
     expected += ["temperature terms − g-sensitivity · specific force), turned into the axes of the body"]
     for part in expected:
         assert part in told
-    assert "Directions seen: 17 of 18" in told
+    assert "Directions covered: 17 of 18" in told
     assert "Missing: +x−z." in told
 
 
@@ -77,7 +77,7 @@ def test_few_samples_have_a_page_that_counts_their_regions(card, keep):
     nearest = {int(np.argmax(REGIONS @ (vector - card.mag.bias))) for vector in some.measured}
     told = page(card, {"mag": some}, title="t", facts={})
     Outline(told)
-    assert f"Directions seen: {len(nearest)} of 18" in told
+    assert f"Directions covered: {len(nearest)} of 18" in told
     missing = re.search(r"Missing: ([^.]*)\.", told)[1]
     assert all(
         (name in missing) is (i not in nearest) for i, name in enumerate(NAMES) if "z" in name and len(name) == 4

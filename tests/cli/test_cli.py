@@ -1,21 +1,26 @@
 """The command line as a user meets it: real processes, real files, exit codes and one-line errors."""
 
+import argparse
 import json
 import math
 import os
+import re
+import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from benchmarks.harness.__main__ import main as measure
 from plumbob import Filter, Frame, ImuData, ImuMeta, files, filter_names, simulate
-from plumbob.cli.main import main
+from plumbob.cli.main import build_parser, main
 from plumbob.core import _jit
 from plumbob.rotations import euler_zyx_from_quat
 from tests.battery.commandline import call, ok, plumbob, refused
 
+ROOT = Path(__file__).parents[2]
 GOOD_PARAMS = "kp=0.5,ki=0.03,gate=off"
 
 
@@ -187,18 +192,43 @@ def test_a_closed_pipe_is_no_error(buoy):
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("words", [[], ["run"], ["eval"], ["fly"], ["run", "x", "--filter"]])
+@pytest.mark.parametrize("words", [["run"], ["eval"], ["fly"], ["run", "x", "--filter"]])
 def test_wrong_usage_exits_2(words):
     assert plumbob(*words).returncode == 2
 
 
+def test_without_a_verb_the_order_of_work_is_printed():
+    """Its commands are those that the parser takes."""
+    lines = ok().stdout.splitlines()
+    assert len([line for line in lines if line]) <= 8
+    commands = [line.partition("plumbob ")[2].split() for line in lines if line.startswith("  ")]
+    assert [words[0] for words in commands] == ["sim", "record", "calibrate", "run", "eval"]
+    for words in commands:
+        build_parser(words[:1]).parse_args(words)
+
+
+def helped():
+    """Each verb and kind with its parser."""
+    todo = [((), build_parser())]
+    for verb, parser in todo:
+        nested = (action for action in parser._actions if isinstance(action, argparse._SubParsersAction))
+        todo += [((*verb, name), one) for action in nested for name, one in action.choices.items()]
+    return todo[1:]
+
+
 @pytest.mark.parametrize(
-    "verb", [["demo"], ["sim"], ["run"], ["eval"], ["info"], ["benchmark"], ["benchmark", "accuracy"],
-             ["benchmark", "scenario"], ["filters"], ["warmup"]]
-)  # fmt: skip
-def test_every_verb_has_help(verb):
-    done = ok(*verb, "--help")
-    assert done.stdout.startswith(f"usage: plumbob {verb[0]}")
+    ("verb", "parser"), helped(), ids=lambda value: " ".join(value) if value.__class__ is tuple else ""
+)
+def test_every_verb_has_help_with_an_example_and_its_page(verb, parser):
+    """The example is one that the parser takes, and the page exists."""
+    example, *_, page = re.fullmatch(
+        r"example:\n  (.*?)\n\n(.*\n)?documentation: (.*)", parser.epilog, re.DOTALL
+    ).groups()
+    program, *words = shlex.split(example)
+    assert (program, *words[: len(verb)]) == ("plumbob", *verb)
+    build_parser(words[:1]).parse_args(words)
+    assert (ROOT / page).is_file()
+    assert parser.format_help().startswith(f"usage: {parser.prog}")
 
 
 # --- what users get wrong -----------------------------------------------------------------------------------

@@ -88,7 +88,7 @@ def test_averaging_times_on_demand(files):
     assert len(every["n"]) == 10_000
     assert every["dev"]["rad/s"][9] == pytest.approx(some["dev"]["rad/s"][0], rel=1e-12)
     assert "is too long" in refused(*words, "--taus", "101")
-    assert "is no multiple of the sampling time" in refused(*words, "--taus", "0.015")
+    assert "is not a multiple of the sampling time" in refused(*words, "--taus", "0.015")
     assert "above 0 s" in refused(*words, "--taus", "0")
 
 
@@ -150,7 +150,7 @@ def test_cards_pages_and_imu_yaml(files):
         ("--paper fin --curve", "does not go with --curve"),
         ("--device A --png x.png", "--device is for --card or --html"),
         ("--topic /imu1", "--topic is for --kalibr"),
-        ("--triads gyr", "holds bare numbers, but --triads is for recordings"),
+        ("--triads gyr", "holds plain numbers, but --triads is for recordings"),
         ("--png x.svg", "--png needs a name that ends in .png"),
         ("--html x.png", "--html needs a name that ends in .html or .htm"),
         ("--card none/x.json", "there is no folder none"),
@@ -167,7 +167,7 @@ def test_what_would_be_ignored_or_lost_is_refused(files, words, told):
 def test_a_profile_is_no_use_to_bare_numbers(files, tmp_path):
     (tmp_path / "p.toml").write_text("")
     told = refused("allan", files / "three.npy", *NUMBERS, "--profile", tmp_path / "p.toml")
-    assert "holds bare numbers, but --profile is for recordings" in told
+    assert "holds plain numbers, but --profile is for recordings" in told
 
 
 def test_an_input_is_kept_by_whatever_link_it_is_reached(files, tmp_path):
@@ -214,7 +214,7 @@ def test_what_is_no_static_record_gets_a_word_and_no_picture(tmp_path, values, w
 def test_a_real_gyroscope_on_one_line():
     """ST's L3GD20: 0.03 °/s/√Hz, data sheet table 4; the rate of the record is not known, 100 Hz is an assumption."""
     told = refused("allan", L3GD20)
-    assert "does not say its rate" in told
+    assert "give their rate (samples per second)" in told
     assert "scaled already" in refused("allan", L3GD20, "--rate", "100Hz", "--scale", "0.00875 deg/s")
     found = json.loads(ok("allan", L3GD20, *NUMBERS, "--json").stdout)["gyro2_x"]
     assert from_si(found["coefficients"]["N"]["value"]["rad/s/rtHz"], "deg/s/rtHz") == pytest.approx(0.03, rel=0.6)

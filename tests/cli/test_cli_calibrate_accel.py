@@ -75,8 +75,8 @@ def test_json_and_the_options_of_gravity(files):
     [
         (("--gravity", "9.8"), "needs a unit"),
         (("--gravity", "9.81 g"), "gravity on Earth"),
-        (("--gravity", "9.8 m/s2", "--latitude", "50 deg"), "give one"),
-        (("--height", "40 m"), "without latitude"),
+        (("--gravity", "9.8 m/s2", "--latitude", "50 deg"), "Give one"),
+        (("--height", "40 m"), "needs latitude"),
         (("--latitude", "95 deg"), "latitude is from"),
         (("--from", "200s"), "nothing lies"),
     ],

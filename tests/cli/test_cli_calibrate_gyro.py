@@ -169,7 +169,7 @@ def test_options_without_effect_are_refused(captures):
     assert "belongs to --method ferraris" in refused(*words, "--angle", "360deg")
     assert "method of its own" in refused(*words, "--preset", "trackball", "--method", "rest")
     both = ("--method", "ferraris", "--parts", "p.csv", "--part-column", "part")
-    assert "give one of them" in refused(*words, *both)
+    assert "Give one of them" in refused(*words, *both)
 
 
 def test_hand_motion_needs_an_accelerometer(tmp_path):

@@ -93,4 +93,4 @@ def test_the_place_tells_gravity_and_field(files):
     assert 30.0 < told["mag"]["reference"] < 33.0  # 31.8 µT at 0° N 0° E in 2025 by the World Magnetic Model
     assert json.loads(ok(*words, "--gravity", "9.81 m/s2").stdout)["card"]["acc"]["reference"] == 9.81
     assert json.loads(ok(*words).stdout)["card"]["acc"]["reference"] == G0
-    assert "give one" in refused("calibrate", "hand", files / "poses.parquet", "--place", "0,0", "--latitude", "0 deg")
+    assert "Give one" in refused("calibrate", "hand", files / "poses.parquet", "--place", "0,0", "--latitude", "0 deg")

@@ -64,7 +64,7 @@ def test_a_smaller_shape_may_be_asked_for(files):
 def test_a_place_tells_the_strength(files):
     pytest.importorskip("pygeomag", reason="the extra geomag is not installed")
     done = ok("calibrate", "mag", files / "all.parquet", "--place", "42.283,-71.35,1000", "--json")
-    assert "the recording does not tell its date; the field is that of today" in done.stderr
+    assert "the recording has no date; the field is that of today" in done.stderr
     assert "note: field at the place: 51." in done.stderr or "note: field at the place: 50." in done.stderr
     kept = json.loads(done.stdout)["card"]["mag"]["remarks"]
     assert any(re.search(r"declination -13\.\d\d deg, by WMM-2025", remark) for remark in kept), kept
@@ -81,7 +81,7 @@ def test_turning_level_is_refused_and_no_card_is_written(files, tmp_path):
 
 
 def test_level_headings_have_no_tilt(files):
-    assert "tilt says nothing" in refused(
+    assert "tilt has no effect" in refused(
         "calibrate", "mag", files / "level.parquet", "--shape", "level", "--tilt", "9deg"
     )
 

@@ -48,7 +48,7 @@ def test_the_mounting_joins_a_card(files, tmp_path):
 
 def test_what_is_missing_or_does_not_belong_together_is_said(files):
     unit = files / "unit.parquet"
-    assert "give one of ENU" in refused("calibrate", "mount", unit)
+    assert "Give one of ENU" in refused("calibrate", "mount", unit)
     assert "0s..5s" in refused("calibrate", "mount", unit, "--frame", "NED", "--level", "0s", "--raised", "1s..2s")
     assert "belong together" in refused("calibrate", "mount", unit, "--reference", unit)
     both = ("--reference", files / "body.parquet", "--estimate", unit)

@@ -109,8 +109,8 @@ def test_times_and_counts_go_on_from_piece_to_piece(call, monkeypatch, piece):
     assert [float(row.split(",")[0]) for row in rows[1:]] == pytest.approx([i / 50.0 for i in range(400)], abs=1e-9)
     assert [int(row.split(",")[2]) for row in rows[1:]] == counts
     assert notes == [
-        "the frame counter skips 301: so many frames are missing, or it jumped; t [s] counts rows, and is early by as "
-        "many behind each gap"
+        "the frame counter skips 301: that many frames are missing, or it jumped; t [s] counts rows, so it is early "
+        "by that many periods after each gap"
     ]
 
 
@@ -138,9 +138,9 @@ def test_frames_of_no_described_message_and_junk_are_counted(call):
     broken[8] ^= 4
     _, notes = call(fast(1) + framed(9, b"abcd") + b"\x00\x01\x02" + bytes(broken) + fast(3))
     assert notes == [
-        "1 frames pass their check, but are of no message that pair describes",
+        "checked, but of no message that pair describes: 1 frame",
         "17 bytes of 55 belong to no frame; candidates rejected: 1 for their checksum",
-        "the frame counter skips 1: so many frames are missing, or it jumped",
+        "the frame counter skips 1: that many frames are missing, or it jumped",
     ]
 
 
@@ -173,7 +173,7 @@ def test_the_bytes_are_never_replaced_by_their_table(call, tmp_path):
 @pytest.mark.parametrize(
     ("data", "words", "says"),
     [
-        (b"", (), "in.csv is empty; there is nothing to decode."),
+        (b"", (), "in.csv is empty. Give a file of raw bytes."),
         (b"\x00", (), "none of its 1 byte is a frame of pair."),
         (b"\x00" * 9, (), "none of its 9 bytes is a frame of pair."),
         (fast(1)[:-1] + b"\x00", (), "; candidates rejected: 1 for their checksum"),

@@ -65,7 +65,7 @@ def test_a_table_without_a_time_asks_for_its_rate(tmp_path):
     (tmp_path / "raw.bin").write_bytes(b"".join(frames_of(form, 30, np.random.default_rng(1))))
     for suffix in ("csv", "parquet"):
         ok("decode", tmp_path / "raw.bin", "--format", "hmc5983", "--out", tmp_path / f"a.{suffix}")
-        with pytest.raises(DecodeError, match=r"1 question is not answered: time\.rate"):
+        with pytest.raises(DecodeError, match=r"1 open question: time\.rate"):
             read(tmp_path / f"a.{suffix}")
 
 

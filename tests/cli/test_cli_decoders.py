@@ -32,7 +32,7 @@ def test_it_prints_json_for_a_users_file(capsys, tmp_path):
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [(("--formats", "nothing"), "'nothing' is no known device"), (("--fuzz", "0"), "--fuzz must be at least 1")],
+    [(("--formats", "nothing"), "'nothing' is not a known device"), (("--fuzz", "0"), "--fuzz must be at least 1")],
 )
 def test_what_cannot_be_is_one_line(capsys, words, message):
     assert main(["decoders", *words]) == 1

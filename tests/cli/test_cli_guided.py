@@ -133,7 +133,7 @@ def test_bytes_of_another_format_are_noticed(tmp_path):
                 told = child.stderr.readline()
                 assert told
             os.kill(child.pid, signal.SIGINT)
-            assert "nothing came over the line" in child.communicate(timeout=TIMEOUT)[1]
+            assert "no sample arrived over the line" in child.communicate(timeout=TIMEOUT)[1]
     assert child.returncode == 1
 
 

@@ -166,7 +166,7 @@ WRONG = {
     "nothing": ((), "either a session file, or --port"),
     "no format": (("--port", "/dev/null"), "need --format"),
     "no such port": (("--port", "/dev/nowhere", "--format", "buoy"), "no serial port"),
-    "unknown format": (("--port", "/dev/null", "--format", "bouy"), "no known device"),
+    "unknown format": (("--port", "/dev/null", "--format", "bouy"), "not a known device"),
     "filter without frame": (("--port", "/dev/null", "--format", "buoy", "--filter", "mekf"), "frame"),
     "a text in no folder": (("--port", "/dev/nowhere", "--format", "buoy", "--text", "no/a.txt"), "no folder no"),
     "no such port and a text": (("--port", "/dev/nowhere", "--format", "buoy", "--text", "a.txt"), "no serial port"),

@@ -83,8 +83,8 @@ WRONG = {
         f"rejected: {COUNT} for their checksum",
         "kind, at, from and to",
     ),
-    "constant": ("value = 1", "value = 2", "rejected: ", "look at"),
-    "sync": ("A5 5A", "A5 5B", "is a frame of unit. ", "the speed of the line and at [frame] sync"),
+    "constant": ("value = 1", "value = 2", "rejected: ", "Check"),
+    "sync": ("A5 5A", "A5 5B", "is a frame of unit. ", "the speed of the line and [frame] sync"),
 }
 
 
@@ -105,13 +105,13 @@ def test_a_line_on_which_nothing_comes_is_an_error_too(tmp_path):
     done = record(tmp_path, FORMAT, b"", "--json")
     assert done.returncode == 1
     assert '"samples": 0' in done.stdout
-    assert "not a byte has come: is the device on" in done.stderr
+    assert "no byte has arrived: is the device on" in done.stderr
 
 
 def test_bytes_that_no_field_takes_are_told(tmp_path):
     done = record(tmp_path, FORMAT, frames())
     assert done.returncode == 0, done.stderr
-    assert "no field of message unit takes its bytes 3, 10 to 13 of 16; nothing is made of them" in done.stderr
+    assert "no field of message unit uses its bytes 3, 10 to 13 of 16; they are ignored" in done.stderr
     (tmp_path / "b.bin").write_bytes(frames())
     assert "bytes 3, 10 to 13 of 16" in call("decode", "b.bin", "--format", "unit.toml", cwd=tmp_path).stderr
     form = find_format("buoy")

@@ -189,9 +189,9 @@ def test_a_place_makes_headings_true(run, report):
     ("words", "told"),
     [
         (("--place", NATICK), "does not say when it was made"),
-        (("--date", "2028-07-04"), "date says nothing without place"),
+        (("--date", "2028-07-04"), "date needs place"),
         (("--place", NATICK, "--date", "2035-07-04"), "no World Magnetic Model is installed for 2035-07-04"),
-        (("--place", NATICK, "--date", "2028-07-04", "--params", "declination=1deg"), "both say the declination"),
+        (("--place", NATICK, "--date", "2028-07-04", "--params", "declination=1deg"), "both give the declination"),
     ],
 )
 def test_a_place_that_tells_nothing_is_refused(run, words, told):

@@ -307,8 +307,8 @@ class TestInfoOfCards:
         assert rows["K random walk [°/h/√h]"] == ["0"] * 3
         assert json.loads(told("info", tmp_path / "noise.json", "--json").out)["card"]["source"] == "static.parquet"
 
-    @pytest.mark.parametrize(("content", "says"), [("{", "is no card"), ("[]", "is no card: its 'kind' must be"),
-                                                   ('{"kind": "x"}', "is no card: its 'kind' must be")])  # fmt: skip
+    @pytest.mark.parametrize(("content", "says"), [("{", "is not a card"), ("[]", "is not a card: its 'kind' must be"),
+                                                   ('{"kind": "x"}', "is not a card: its 'kind' must be")])  # fmt: skip
     def test_no_card(self, told, tmp_path, content, says):
         (tmp_path / "a.json").write_text(content)
         assert says in told("info", tmp_path / "a.json", code=1).err

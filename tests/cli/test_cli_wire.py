@@ -105,7 +105,7 @@ def test_every_loss_is_told_on_standard_error(buoy):
     assert len(out.splitlines()) == 1 + 498
     assert err.splitlines() == [
         "note: 52 bytes of 15490 belong to no frame; candidates rejected: 1 for their checksum",
-        "note: the frame counter skips 1: so many frames are missing, or it jumped",
+        "note: the frame counter skips 1: that many frames are missing, or it jumped",
         BARE.rstrip(),
     ]
     _, err = ok("decode", "-", "--format", "buoy", "--rate", "100Hz", data=bytes(data))
@@ -116,7 +116,7 @@ def test_frames_that_never_came_are_counted_across_the_counters_turn(buoy):
     frames = np.frombuffer(buoy.read_bytes(), dtype=np.uint8).reshape(500, 31)
     kept = np.delete(frames, [3, 4, *range(250, 260), 499], axis=0)  # the last leaves no gap that could be seen
     _, err = ok("decode", "-", "--format", "buoy", data=kept.tobytes())
-    assert err == f"note: the frame counter skips 12: so many frames are missing, or it jumped\n{BARE}"
+    assert err == f"note: the frame counter skips 12: that many frames are missing, or it jumped\n{BARE}"
 
 
 def test_the_wrong_format_gets_a_hint(buoy):
@@ -146,7 +146,9 @@ def test_a_stream_of_which_most_is_in_frames_gets_no_hint(buoy, monkeypatch):
 
 def test_bytes_of_a_bus_that_are_no_multiple_or_another_format_are_noticed(buoy):
     _, err = ok("decode", buoy, "--format", "mpu6000")
-    assert "15500 bytes are no multiple of the 14 that a transfer of mpu6000 has: 2 too many" in err  # 1107 × 14 + 2
+    assert (
+        "15500 bytes are not a multiple of 14, the length of a transfer of mpu6000: 2 too many" in err
+    )  # 1107 × 14 + 2
     assert "this may not be mpu6000 at all. It looks like buoy (500 frames)." in err
 
 
@@ -154,7 +156,7 @@ def test_bytes_of_a_bus_that_are_no_multiple_or_another_format_are_noticed(buoy)
     ("args", "words"),
     [
         (("decode", os.devnull, "--format", "buoy"), "is empty"),
-        (("decode", os.devnull, "--format", "bouy"), "'bouy' is no known device"),
+        (("decode", os.devnull, "--format", "bouy"), "'bouy' is not a known device"),
         (("decode", os.devnull, "--format", "buoy", "--message", "x"), "no message 'x'"),
         (("decode", os.devnull, "--format", "buoy", "--out", "x.xls"), ".csv, .txt, .parquet or .json"),
         (("decode", os.devnull, "--format", "mpu6000", "--option", "gyr_range"), "NAME=VALUE"),
@@ -170,7 +172,7 @@ def test_bytes_of_a_bus_that_are_no_multiple_or_another_format_are_noticed(buoy)
         (("emulate", "buoy", "--tcp", "4000"), "HOST:PORT"),
         (("emulate", "buoy", "--faults", "flip"), "name=value"),
         (("devices", "--c"), "name a device"),
-        (("devices", "nothing"), "no known device"),
+        (("devices", "nothing"), "not a known device"),
     ],
 )
 def test_mistakes_get_one_line(args, words, tmp_path):

@@ -49,7 +49,7 @@ def test_the_page_says_what_its_columns_are(text):
     assert text.count("averaging time [s]</text>") == 2 + 7  # a figure for each triad and each channel
     assert text.count("Allan deviation [°/h]</text>") == 4
     assert text.count("<summary>Table of the curve</summary>") == 7
-    assert "Report of the fin paper" in text
+    assert "Table 1 of the fin paper" in text
 
 
 def test_the_same_analyses_give_the_same_bytes(plain):

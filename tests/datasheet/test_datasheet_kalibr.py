@@ -70,7 +70,7 @@ def test_a_number_that_kalibr_would_refuse_is_refused_here(analyses, fields):
 
 
 def test_what_kalibr_cannot_take_is_refused(analyses):
-    with pytest.raises(ShapeError, match="needs gyr and acc, but of these there is only gyr"):
+    with pytest.raises(ShapeError, match="needs gyr and acc, but the record has only gyr"):
         kalibr_yaml(analyses[:3], rostopic="/imu0")
     bare = [replace(a, quantity=Quantity.RATIO) for a in analyses[:3]]
     with pytest.raises(UnitError, match="gyr is in '1', but Kalibr takes rad/s"):

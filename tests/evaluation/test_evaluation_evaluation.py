@@ -168,7 +168,7 @@ def test_flags_are_counted_over_scored_samples(track, t, reference):
     raised[250:260] |= flags.HEADING_FREE
     result = evaluate(track(t, reference.q_nb, flags=raised), reference, settle=2.0)
     assert result.flag_counts() == {"mag-gated": 100, "heading-free": 10}
-    assert any("10 scored samples carry heading-free" in note for note in result.notes)
+    assert any("10 scored samples with heading-free" in note for note in result.notes)
 
 
 def test_an_aligned_heading_is_not_called_arbitrary(track, t, reference):

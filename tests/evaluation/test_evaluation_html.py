@@ -67,7 +67,7 @@ def test_a_share_that_rounds_to_nothing_is_not_nothing():
 
 
 def test_rows_that_cannot_be_compared_are_called_so(judged, text):
-    assert "Not like with like" not in text
+    assert "Not directly comparable" not in text
     other = evaluate(judged.estimate, judged.reference, settle=4.0)
     assert "the rows differ in the samples scored" in page({"a": judged, "b": other}, title="", facts={})
 
@@ -75,7 +75,7 @@ def test_rows_that_cannot_be_compared_are_called_so(judged, text):
 def test_a_free_heading_leaves_its_figures_out(judged, track):
     free = evaluate(track(judged.t, judged.estimate.q_nb, north=North.FREE), judged.reference)
     both = page({"free": free, "magnetic": judged}, title="t", facts={})
-    assert "whose inclination error is at most so large" in both
+    assert "Cumulative distribution of the inclination error" in both
     assert both.count("not scored: the heading of the estimate counts from an arbitrary zero") == 1
     Outline(both)
 

@@ -142,7 +142,7 @@ def test_uncompressed_mat(tmp_path):
 def test_a_missing_key_is_named(tmp_path, suffix, key):
     found = content()
     del found[key]
-    refused(WRITERS[suffix](tmp_path / f"a{suffix}", found), f"no BROAD trial: {key} missing")
+    refused(WRITERS[suffix](tmp_path / f"a{suffix}", found), f"not a BROAD trial: {key} missing")
 
 
 @every_container
@@ -290,7 +290,7 @@ def test_virtual_data_are_refused(tmp_path):
     ],
 )
 def test_what_is_no_array_of_numbers_is_refused(tmp_path, make):
-    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is no numeric data set")
+    refused(hostile(tmp_path / "a.hdf5", make), "imu_acc is not a numeric data set")
 
 
 def test_claims_of_size_are_refused_before_reading(tmp_path):

@@ -31,7 +31,7 @@ def test_facts_on_the_terminal(tmp_path, info):
     out = info(files.write(tmp_path / "a.parquet", make_imu(t=t))).out
     assert "declination  -3.495°" in out  # −0.061 rad
     assert "range ±34.907" in out
-    assert "1 gaps, longest step 0.51 s" in out
+    assert "1 gap, longest step 0.51 s" in out
 
 
 def test_figures_of_time_and_of_a_triad(tmp_path, info):

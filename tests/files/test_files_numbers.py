@@ -204,7 +204,7 @@ def test_npy_that_is_none(tmp_path):
         with pytest.raises(DecodeError, match=r"fewer rows|must hold one array of real numbers"):
             open_numbers(path)
     np.save(path, np.array([{}], dtype=object), allow_pickle=True)
-    with pytest.raises(DecodeError, match=r"no \.npy file of numbers"):
+    with pytest.raises(DecodeError, match=r"not a \.npy file of numbers"):
         open_numbers(path)
     np.save(path, np.zeros((50, 2)))
     with pytest.raises(DecodeError, match="rows have 2 values, but 3"):
@@ -242,9 +242,9 @@ def test_the_two_doors_point_to_each_other(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("1 2 3\n4 5 6\n")
     with pytest.raises(
-        DecodeError, match="Bare numbers of a unit at rest are for 'plumbob allan', with --rate and --scale"
+        DecodeError, match="Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale"
     ):
         read(path)
     np.save(tmp_path / "a.npy", np.zeros(3))
-    with pytest.raises(DecodeError, match="Bare numbers are no recording; 'plumbob allan' takes them"):
+    with pytest.raises(DecodeError, match="Plain numbers are not a recording; 'plumbob allan' takes them"):
         read(tmp_path / "a.npy")

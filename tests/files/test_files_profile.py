@@ -202,7 +202,7 @@ def test_a_missing_key_is_named(old, match):
 
 @pytest.mark.parametrize("unit", ["s", "dps"])
 def test_a_missing_unit_is_an_error_with_an_example(unit):
-    refused(MINIMAL.replace(f'unit = "{unit}"', ""), 'needs its unit.*add unit = "', UnitError)
+    refused(MINIMAL.replace(f'unit = "{unit}"', ""), 'needs a unit.*Add unit = "', UnitError)
 
 
 @pytest.mark.parametrize(
@@ -238,7 +238,7 @@ REFERENCE = '[reference]\ncolumns = [4, 5, 6, 7]\norder = "wxyz"\nframe = "ENU"\
         ('north = "true"', "", "reference needs 'north'", FrameError),
         ('order = "wxyz"', "", "needs the key 'order'", DecodeError),
         ("ENU", "NEU", "'NEU' is not a navigation frame", FrameError),
-        ('"true"', '"grid"', "'grid' is no heading reference", FrameError),
+        ('"true"', '"grid"', "'grid' is not a heading reference", FrameError),
         ('"wxyz"', '"yaw pitch roll"', "needs 3 columns, but 4 came", DecodeError),
         ("[4, 5, 6, 7]", "[4, 5, 6]", "needs 4 columns, but 3 came", DecodeError),
         ('order = "wxyz"', 'order = "wxyz"\nunit = "deg"', "a quaternion has none", DecodeError),
@@ -253,7 +253,7 @@ def test_a_reference_leaves_nothing_open(old, new, match, error):
 
 def test_angles_need_their_unit():
     angles = REFERENCE.replace("[4, 5, 6, 7]", "[4, 5, 6]").replace("wxyz", "yaw pitch roll")
-    refused(MINIMAL + angles, "reference needs its unit", UnitError)
+    refused(MINIMAL + angles, "reference needs a unit", UnitError)
 
 
 def test_turned_axes_ask_whose_attitude_the_reference_is():
@@ -268,8 +268,8 @@ def test_turned_axes_ask_whose_attitude_the_reference_is():
     [
         ('","', '"|"', "separator must be one of"),
         ('","', '","\ndecimal = ","', "separator and decimal are both ','"),
-        ('","', '","\nencoding = "klingon"', "no text encoding"),
-        ('","', '","\nencoding = "hex"', "no text encoding"),
+        ('","', '","\nencoding = "klingon"', "not a text encoding"),
+        ('","', '","\nencoding = "hex"', "not a text encoding"),
         ('","', '","\nmissing = "NaN"', "list of texts"),
         ('","', '","\nrows = 0', "whole number of at least 1"),
         ('","', '","\nrows = true', "whole number of at least 1"),

@@ -176,7 +176,7 @@ def test_the_next_part_waits_for_room_as_the_first_does(tmp_path, boots):
     r = recorder(tmp_path / "a.mcap", next_part=True, reserve=1 << 60).start()
     assert r.state == "stopped"
     r.close()
-    assert "stands still" in r.take_events()[0].text
+    assert "has stopped" in r.take_events()[0].text
     assert layout.existing_parts(tmp_path / "a.mcap") == [tmp_path / "a.mcap"]
 
 

@@ -288,7 +288,7 @@ def test_a_smoothed_record_is_recognised_and_what_lies_below_its_filter_is_found
 @slow_without_jit
 def test_of_a_record_too_short_for_its_smoothing_nothing_is_told():
     found = analyse(smoothed(11, 20_000, 5.0), 0.1)
-    assert "too short to tell more" in found.mask.reason
+    assert "too short to show more" in found.mask.reason
     assert dict(found.terms) == {}
     assert found.lines.terms == {}
     assert found.markov.time.lo <= 5.5

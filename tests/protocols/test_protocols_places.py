@@ -102,7 +102,7 @@ def test_what_cannot_lie_in_the_frame_is_refused(old, new, told):
     [
         ('"deg/s"', '"g"', "field gyr: 'g' is not a unit of rate"),
         ('"degC"', '"g"', "field temp_c: 'g' is not a unit of temperature"),
-        ('unit = "ms"\n', "", "field clock needs its unit"),
+        ('unit = "ms"\n', "", "field clock needs a unit"),
         ('"ms"', '"g"', "field clock: 'g' is not a unit of time"),
     ],
 )

@@ -210,11 +210,11 @@ def test_what_cannot_be_emulated_says_why():
     plan = plan_for(bare, scenario("buoy"), sensors="ideal", frame=Frame.NED, rate=50.0)
     with pytest.raises(ParameterError, match="no field that a simulation can fill"):
         make_rig(plan, bare, seed=1, duration=1.0)
-    with pytest.raises(ParameterError, match=r"'mpu9999' is no known device.* Rigs are arm, buoy"):
+    with pytest.raises(ParameterError, match=r"'mpu9999' is not a known device.* Rigs are arm, buoy"):
         find_format("mpu9999")
     with pytest.raises(ParameterError, match="fault length needs a length"):
         rig_of("buoy", faults={"length": 0.1})
-    with pytest.raises(ParameterError, match="'fip' is no fault; known are unplug"):
+    with pytest.raises(ParameterError, match="'fip' is not a fault; known are unplug"):
         rig_of("buoy", faults={"fip": 0.1})
     with pytest.raises(ParameterError, match="0 to 1, but it is 2"):
         rig_of("buoy", faults={"flip": 2.0})

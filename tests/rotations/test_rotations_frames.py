@@ -131,7 +131,7 @@ def test_parse_refuses_and_lists(name):
 
 def test_parse_north():
     assert North.parse(" Magnetic") is North.MAGNETIC
-    with pytest.raises(FrameError, match="'grid' is no heading reference; known are true, magnetic, free"):
+    with pytest.raises(FrameError, match="'grid' is not a heading reference; known are true, magnetic, free"):
         North.parse("grid")
 
 

@@ -80,7 +80,7 @@ def test_a_pose_on_a_running_engine_is_named_with_its_time():
     found = calibrate_accel(replace(imu, acc=acc, flags=None))
     assert_found(found)
     assert np.flatnonzero(~found.used).tolist() == [4]
-    assert any(r.startswith("Pose 5 is that from 10.") for r in found.remarks)
+    assert any(r.startswith("Pose 5 is from 10.") for r in found.remarks)
 
 
 def test_the_temperature_of_the_poses_is_kept():

@@ -152,7 +152,7 @@ def test_choices_that_make_no_sense_are_refused(scene):
         calibrate_mag(imu, with_="gyr")
     with pytest.raises(CalibrationError, match="no acc"):
         calibrate_mag(replace(imu, acc=None), with_="acc")
-    with pytest.raises(CaptureRefusedError, match="within 3 % of gravity; 14 are needed"):
+    with pytest.raises(CaptureRefusedError, match="within 3 % of gravity; at least 14 are needed"):
         calibrate_mag(imu.corrected(acc=imu.acc / G0, meta=imu.meta), with_="acc")
 
 
@@ -292,9 +292,9 @@ def test_a_calibration_in_a_room_says_how_good_it_is(broad_folder, trial):
 def test_where_the_field_is_uneven_the_gyroscope_helps_unasked(broad_folder):
     """Alone, this trial has seven directions, and a misfit that stays; the heading would be off by 4.5°."""
     imu, _ = read_trial(broad_folder / TURNED[3])
-    with pytest.raises(CaptureRefusedError, match="uneven-field: what the fit leaves does not average out"):
+    with pytest.raises(CaptureRefusedError, match="uneven-field: the residuals do not average out"):
         calibrate_mag(imu, with_="none")
-    told = "Fitted with the gyroscope, because otherwise what the fit leaves does not average out"
+    told = "Fitted with the gyroscope, because otherwise the residuals do not average out"
     assert calibrate_mag(imu).remarks[0].startswith(told)
 
 

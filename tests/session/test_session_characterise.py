@@ -65,7 +65,7 @@ def test_chosen_averaging_times(numbers, monkeypatch, limit):
     assert found.curve.dev == pytest.approx(deviation(np.load(numbers)[:, 0], [10, 100, 2000]), rel=1e-9)
     with pytest.raises(ParameterError, match=r"τ = 301 s is too long: .* has 300 s at most"):
         characterise(*opened(numbers), taus=[301.0])
-    with pytest.raises(ParameterError, match=r"no multiple of the sampling time 0.01 s; the nearest is 0.01 s"):
+    with pytest.raises(ParameterError, match=r"not a multiple of the sampling time 0.01 s; the nearest is 0.01 s"):
         characterise(*opened(numbers), taus=[0.001])
 
 
@@ -107,7 +107,7 @@ def test_only_like_is_compared_with_like(numbers, tmp_path):
 def test_a_record_that_is_not_static_is_not_analysed(tmp_path):
     path = tmp_path / "moved.npy"
     np.save(path, np.random.default_rng(7).standard_normal(20_000) + 50.0 * (np.arange(20_000) > 9_000))
-    with pytest.raises(ShapeError, match="no static record"):
+    with pytest.raises(ShapeError, match="not a static record"):
         characterise(*opened(path))
 
 
@@ -139,5 +139,5 @@ def test_a_file_s_name_may_hold_a_comma(tmp_path):
     record = load_static(tmp_path / "desk, 2.txt", rate=100.0, scale="1")
     report = check_static(record)
     assert report.refused("desk, 2")
-    with pytest.raises(ShapeError, match="no static record: desk, 2: all 5000 values are 3"):
+    with pytest.raises(ShapeError, match="not a static record: desk, 2: all 5000 values are 3"):
         characterise(record, report)

@@ -134,7 +134,7 @@ def test_a_bad_plan_is_refused_by_its_line(tmp_path, text, told):
 def test_a_plan_that_is_no_text_is_refused(tmp_path):
     path = tmp_path / "plan.csv"
     path.write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(DecodeError, match="no UTF-8 text"):
+    with pytest.raises(DecodeError, match="not UTF-8 text"):
         read_plan(path)
 
 

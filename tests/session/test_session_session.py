@@ -74,7 +74,7 @@ WRONG = {
     "unknown source": (SESSION + '[source]\nkind = "carrier pigeon"\n', DecodeError, "serial"),
     "source without baud": (SESSION + '[source]\nkind = "serial"\nport = "x"\n', DecodeError, "baud"),
     "both formats": (SESSION.replace("[imu]", 'name = "mpu6000"\n[imu]'), DecodeError, "either the name"),
-    "unknown device": (SESSION.replace('file = "imu9.toml"', 'name = "imu10"'), ParameterError, "no known device"),
+    "unknown device": (SESSION.replace('file = "imu9.toml"', 'name = "imu10"'), ParameterError, "not a known device"),
     "unknown option": (SESSION.replace("[imu]", 'options = { x = "1" }\n[imu]'), ParameterError, "no option 'x'"),
     "no TOML": ("=", DecodeError, "not valid TOML"),
     "number that cannot be printed": (

@@ -77,11 +77,11 @@ def test_some_triads_and_a_part_of_the_time(recording):
     assert group.start == 10.0
     with pytest.raises(ParameterError, match="time stamps say 100 Hz, but the rate given is 50 Hz"):
         load_static(recording(**content), rate=50.0)
-    with pytest.raises(ParameterError, match="has only gyr, acc, mag, but temp"):
+    with pytest.raises(ParameterError, match="has only gyr, acc, mag, but the analysis asks for temp"):
         load_static(recording(**content), triads=("temp",))
     with pytest.raises(ParameterError, match=r"lasts from 5 s to 34\.99 s, so from 40.0 to None s it has 0"):
         load_static(recording(**content), start=40.0)
-    with pytest.raises(ParameterError, match="start must come before stop"):
+    with pytest.raises(ParameterError, match="start must be before stop"):
         load_static(recording(**content), start=10.0, stop=10.0)
     with pytest.raises(ParameterError, match="recording with units of its own; leave scale"):
         load_static(recording(**content), scale="1 deg/s")
@@ -103,7 +103,7 @@ def test_a_gap_leaves_the_longest_stretch_and_says_so(recording, lost):
     assert np.array_equal(record.groups[0].read(), content["gyr"][1000 + lost :])
     assert record.groups[0].start == pytest.approx(5.0 + (1000 + lost) * DT)
     (note,) = [note for note in record.notes if "samples are missing at" in note]
-    assert "at 1 places (the first after 14.99 s" in note
+    assert "at 1 place (the first after 14.99 s" in note
     assert f"{5.0 + (1000 + lost) * DT:g} s to 34.99 s, is used" in note
 
 
@@ -221,11 +221,11 @@ def test_a_trial_moves_and_its_start_does_not():
 
 def test_numbers_need_a_rate_and_a_scale(numbers):
     path = numbers(np.zeros((5, 2)))
-    with pytest.raises(ParameterError, match=r"its rate, .*; and its scale, .*'0.00875 deg/s' for counts"):
+    with pytest.raises(ParameterError, match=r"their rate .* and their scale \(such as .0.00875 deg/s. for counts"):
         load_static(path)
-    with pytest.raises(ParameterError, match=r"does not say its rate, samples per second\. A"):
+    with pytest.raises(ParameterError, match=r"give their rate \(samples per second\)\. For a"):
         load_static(path, scale="1")
-    with pytest.raises(ParameterError, match=r"does not say its scale, .*needs --profile FILE.toml instead"):
+    with pytest.raises(ParameterError, match=r"give their scale .*give --profile FILE.toml instead"):
         load_static(path, rate=100.0)
     with pytest.raises(ParameterError, match="rate must be a positive number"):
         load_static(path, rate=0.0, scale="1")
@@ -283,7 +283,7 @@ def test_numbers_that_are_scaled_already(numbers):
         load_static(path, rate=100.0, scale="0.00875 deg/s")
     assert load_static(path, rate=100.0, scale="1 deg/s").notes == ()
     (note,) = load_static(path, rate=100.0, scale="0.01 deg/s").notes
-    assert note.startswith("the numbers are no whole counts, but the scale is 0.01 deg/s")
+    assert note.startswith("the numbers are not whole counts, but the scale is 0.01 deg/s")
     assert load_static(numbers(counts, form="%d"), rate=100.0, scale="0.00875 deg/s").notes == ()
 
 
@@ -311,7 +311,7 @@ def test_findings_come_with_the_file_s_own_time(numbers):
 
 @needs_l3gd20
 def test_a_real_file_on_one_line():
-    with pytest.raises(ParameterError, match=r"does not say its rate, .* and its scale"):
+    with pytest.raises(ParameterError, match=r"give their rate .* and their scale"):
         load_static(L3GD20)
     with pytest.raises(UnitError, match="scaled already"):
         load_static(L3GD20, rate=100.0, scale="0.00875 deg/s")

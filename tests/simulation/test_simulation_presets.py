@@ -127,8 +127,8 @@ def test_names_variants_and_spelling():
     ("sensors", "rule"),
     [
         ("mpu9250", "known are .*adxrs290.*mpu6000"),
-        ("adis16355:other", "no sensor"),
-        ("", "no sensor"),
+        ("adis16355:other", "not a sensor"),
+        ("", "not a sensor"),
         ("adxrs290", "add a part with z"),
         ("adxrs453", "add a part with xy"),
         ("mpu6000+mpu3050", "both have gyr axis"),

@@ -481,7 +481,7 @@ class TestOtherFaults:
 class TestRefusals:
     def test_a_missing_counter(self):
         f = frames(10)
-        with pytest.raises(ShapeError, match="clock is missing; the time is told by a counter of 32 bits"):
+        with pytest.raises(ShapeError, match="clock is missing; the time comes from a counter of 32 bits"):
             TimeBase(CLOCKED).stamp(f.t_ns, f.place, frames=f.index)
 
     @pytest.mark.parametrize("bad", [np.zeros(3), np.zeros((3, 1), dtype=np.int64), np.zeros(4, dtype=np.int64)])

@@ -172,7 +172,7 @@ def _as_before(before: IioLayout | None, now: IioLayout) -> IioLayout:
         raise NoLine(
             "refused",
             f"{now.device}: channels, scales, mounting or clock are not what they were when it was first read; "
-            "bytes would be misread, so begin anew.",
+            "the bytes would be misread. Start again.",
         )
     return now
 
@@ -285,7 +285,7 @@ class IioPollSource(Polled):
             values = [_signed(int(os.pread(fd, 64, 0)), bits) for fd, bits in self._files]
             return struct.pack(f"<{len(values)}i", *values)
         except (ValueError, struct.error) as error:
-            raise OSError(errno.EIO, f"a raw value is no 32-bit number ({error})") from error
+            raise OSError(errno.EIO, f"a raw value is not a 32-bit number ({error})") from error
 
     def _let_go(self) -> None:
         while self._files:

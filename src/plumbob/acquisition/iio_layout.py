@@ -71,7 +71,7 @@ def parse_type(text: str) -> IioType:
     """
     match = _TYPE.fullmatch(text.strip())
     if match is None:
-        raise ParameterError(f"{text!r} is no type of a scan element; it looks like le:s12/16>>4.")
+        raise ParameterError(f"{text!r} is not the type of a scan element. Write it as le:s12/16>>4.")
     order, sign, bits, storage, repeat, shift = match.groups()
     kind = IioType(
         "<" if order == "le" else ">", sign == "s", int(bits), int(storage), int(repeat or 1), int(shift or 0)
@@ -145,7 +145,7 @@ def iio_unit(name: str) -> str:
     kind, _ = _split(name)
     if kind not in _KINDS:
         raise UnitError(
-            f"The IIO channel '{name}' is none of {', '.join(_KINDS)}, so its unit is not known; leave it out."
+            f"The IIO channel '{name}' is none of {', '.join(_KINDS)}, so its unit is unknown. Leave it out."
         )
     return _KINDS[kind][1]
 
@@ -177,7 +177,7 @@ def _matrix(rows: Any) -> Any:
 
 def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise TypeError(f"{value!r} is no number")
+        raise TypeError(f"{value!r} is not a number")
     return float(value)
 
 
@@ -254,7 +254,7 @@ class IioLayout:
                 raise ValueError(f"device {raw['device']!r}, clock {raw['clock']!r}")
             return cls(raw["device"], channels, mounts, raw["clock"])
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
-            raise DecodeError(f"This is no layout of IIO scans, or a damaged one: {error!r}.") from error
+            raise DecodeError(f"This is not a layout of IIO scans, or it is damaged: {error!r}.") from error
 
     def decode(self, data: bytes) -> "tuple[NDArray[np.int64] | None, dict[str, Column]]":
         """Take whole scans apart.
@@ -267,7 +267,7 @@ class IioLayout:
         Returns
         -------
         t_ns : ndarray (N,) of int64, or None
-            The kernel's time stamps, ns, on the clock that the device was told to use.
+            The kernel's time stamps, ns, on the clock that the device was set to.
         columns : dict of str to ndarray (N,)
             Such as ``gyr_x``, rad/s, ``acc_x``, m/s², ``mag_x``, µT, in the board's axes, and ``temp_c``, °C.
 
@@ -280,7 +280,7 @@ class IioLayout:
 
         places, size = self._places()
         if len(data) % size:
-            raise ShapeError(f"{self.device}: {len(data)} bytes are no whole number of scans of {size} bytes.")
+            raise ShapeError(f"{self.device}: {len(data)} bytes are not a whole number of scans of {size} bytes.")
         table = np.frombuffer(data, np.uint8).reshape(-1, size)
         t_ns: NDArray[np.int64] | None = None
         columns: dict[str, Column] = {}

@@ -57,7 +57,7 @@ def _float(device: IioDevice, what: str, text: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise NoLine("refused", f"{device}: {what} is '{text}', which is no number.") from None
+        raise NoLine("refused", f"{device}: {what} is '{text}', which is not a number.") from None
 
 
 def find_device(which: str | int, sys_root: Path, dev_root: Path) -> IioDevice:
@@ -147,7 +147,7 @@ def _scale(device: IioDevice, name: str) -> tuple[float, float]:
         raise NoLine("refused", f"{device}: the unit of '{name}' is not known here; leave it out.")
     scale = device.number(name, "scale")
     if scale is None:
-        raise NoLine("refused", f"{device}: {name} has no scale, so its unit cannot be told; leave it out.")
+        raise NoLine("refused", f"{device}: {name} has no scale, so its unit is unknown. Leave it out.")
     return scale, device.number(name, "offset") or 0.0
 
 

@@ -47,7 +47,7 @@ class Schedule:
     tasks : sequence of Task
         In the order in which they are due where deadlines coincide.
     start_ns : int
-        First deadline of all tasks, ns, on whatever clock `due` is told.
+        First deadline of all tasks, ns, on the clock of the times given to `due`.
 
     Attributes
     ----------
@@ -92,8 +92,8 @@ class Schedule:
 class Polled(Opened):
     """A `Source` that asks: one answer each period, stamped right after it was there.
 
-    Deadlines are the start plus whole periods. A missed one is told as ``late`` and not made up for, so answers are
-    never bunched. A device that fails is told as ``lost``, opened again with patience, and told as ``reopened``.
+    Deadlines are the start plus whole periods. A missed one is reported as ``late`` and not made up for, so answers are
+    never bunched. A device that fails is reported as ``lost``, opened again, then reported as ``reopened``.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ class Polled(Opened):
         return [*self._late(late), Received(self._clock(), data)]
 
     def _late(self, count: int) -> list[Received | Event]:
-        text = f"{self._name}: {count} deadlines of {self._period_ns / 1e6:g} ms have passed without a question."
+        text = f"{self._name}: {count} deadlines of {self._period_ns / 1e6:g} ms have passed without a poll."
         return [Event(self._clock(), "late", text, count)] if count else []
 
     def _lose(self, error: OSError) -> Event:

@@ -1,4 +1,4 @@
-"""A line that may break: opened, lost, found again with patience, and every gap told.
+"""A line that may break: opened, lost, found again with patience, and every gap reported.
 
 `Replug` holds what serial lines, sockets and device files share. Each of them says only how it is opened, and gives a
 `Wire` that takes what has come.
@@ -54,7 +54,7 @@ class Replug(Opened):
     back_off : BackOff
         Patience with a line that is not there.
     silence : float, optional
-        Without a byte for so long, s, an open line is lost (`breaks_on_silence`) or told to be stalled.
+        Without a byte for this time, s, an open line is lost (`breaks_on_silence`) or reported as stalled.
     breaks_on_silence : bool
         Which of the two.
     clock : callable

@@ -15,6 +15,7 @@ from plumbob.acquisition.opened import BackOff, NoLine
 from plumbob.acquisition.replug import TAKE_LIMIT, Replug
 from plumbob.acquisition.transport import Event, Received
 from plumbob.core.errors import ParameterError
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     import serial
@@ -53,7 +54,7 @@ class Overruns:
             return []
         self._seen = counts
         lost, bad = counts[0] - seen[0], counts[1] - seen[1]
-        events = [Event(now_ns, "dropped", f"{self._where}: the driver could not keep {lost} bytes.", lost)]
+        events = [Event(now_ns, "dropped", f"{self._where}: the driver could not keep {counted(lost, 'byte')}.", lost)]
         text = f"{self._where}: {bad} characters had a wrong stop bit or parity; is the baud rate right?"
         return events * (lost > 0) + [Event(now_ns, "damaged", text, bad)] * (bad > 0)
 
@@ -118,7 +119,7 @@ def check_port(port: str) -> str:
     """
     if not port or (port.startswith("auto:") and not _USB.fullmatch(port)):
         raise ParameterError(
-            f"{port!r} is no serial port: give a path, a pattern such as /dev/ttyUSB*, or auto:VID:PID[:SERIAL] "
+            f"{port!r} is not a serial port. Give a path, a pattern such as /dev/ttyUSB*, or auto:VID:PID[:SERIAL] "
             "with the USB numbers in four hexadecimal digits, as in auto:0403:6001."
         )
     return port
@@ -168,7 +169,7 @@ class SerialSource(Replug):
     """Bytes of a serial line, whatever happens to its plug.
 
     Each `Received` holds all that was there, stamped right after it was read. While nobody reads, the kernel keeps 4 kB
-    at least; where the driver counts the bytes that it could not keep, they are told as ``dropped``.
+    at least; where the driver counts the bytes that it could not keep, they are reported as ``dropped``.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ class SerialSource(Replug):
         again at each opening, so a port that comes back with another number is found.
     baud : int
         Symbols per second. A wrong one gives wrong bytes, not an error; where the driver counts framing errors, they
-        are told as ``damaged``.
+        are reported as ``damaged``.
     bytesize, parity, stopbits : int, str, float
         Form of a character: 5 to 8 bits; ``N``, ``E``, ``O``, ``M`` or ``S``; 1, 1.5 or 2.
     rtscts, xonxoff : bool

@@ -15,6 +15,7 @@ from plumbob.acquisition.replug import TAKE_LIMIT, Replug
 from plumbob.acquisition.serial_line import GATHER
 from plumbob.acquisition.transport import Event, Received
 from plumbob.core.errors import ParameterError
+from plumbob.core.text import counted
 
 LOOPBACK: Final = "127.0.0.1"
 KEEPALIVE: Final = 8.0
@@ -43,7 +44,7 @@ class UdpSource(Replug):
     Notes
     -----
     Events: ``opened``, ``lost``, ``reopened``; ``dropped`` with the number of datagrams for which the buffer had no
-    room, told before the next one that came through (Linux); ``busy``, ``denied`` or ``absent`` while the address
+    room, reported before the next one that came through (Linux); ``busy``, ``denied`` or ``absent`` while the address
     cannot be had.
 
     Raises
@@ -123,7 +124,7 @@ class UdpWire:
                 total = struct.unpack("=I", value)[0]  # since the socket was made
                 count, self._dropped = (total - self._dropped) % 2**32, total
                 if count:
-                    return [Event(now, "dropped", f"{self.where}: no room for {count} datagrams.", count)]
+                    return [Event(now, "dropped", f"{self.where}: no room for {counted(count, 'datagram')}.", count)]
         return []
 
     def close(self) -> None:
@@ -144,7 +145,7 @@ class TcpSource(Replug):
     host, port : str, int
         The server.
     silence : float, optional
-        Without a byte for so long, s, the connection counts as half open, and is lost. Without it only the kernel's
+        Without a byte for this time, s, the connection counts as half open, and is lost. Without it only the kernel's
         probes find that: they see a machine that has gone (in about `KEEPALIVE` s), not a program that hangs.
     connect_timeout : float
         How long a server may take to answer, s. Its name is looked up first, which may take the system longer.

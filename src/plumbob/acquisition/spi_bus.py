@@ -82,7 +82,7 @@ class SpiSource(Polled):
     mode, hz : int
         Clock polarity and phase, and clock, as the chip's data sheet says.
     start : callable, optional
-        Wakes the chip up, at each opening, before the first poll. What it returns is told with the opening.
+        Wakes the chip up, at each opening, before the first poll. What it returns is reported with the opening.
     open_bus : callable, optional
         Opens the bus in place of spidev, to put an emulated chip there.
     back_off, clock, sleep

@@ -76,7 +76,7 @@ class Stopping(Protocol):
 
 
 class Stop:
-    """Says when to end, and may be told so by a signal: it takes no lock, on which a handler could wait for itself."""
+    """Says when to end, and may be called by a signal: it takes no lock, on which a handler could wait for itself."""
 
     __slots__ = ("_set",)
 

@@ -103,7 +103,7 @@ def calibrate(
     profile : path, optional
         What the columns of a text file mean.
     note : callable, optional
-        Is told what was found on the way.
+        Called with each note on the way.
     **options
         Of the kind, as those of the command line: numbers in SI, or text with a unit; see `options_of`.
 
@@ -195,7 +195,7 @@ def _mag(
     from plumbob.calibration.predicted import TILT_RANGE
 
     if shape == "level" and tilt is not None:
-        raise ParameterError("shape level finds headings while level only, so tilt says nothing; leave one out.")
+        raise ParameterError("shape level calibrates headings of a level unit, so tilt has no effect. Leave one out.")
     tilt_range = given("tilt", tilt, Quantity.ANGLE)
     field, dip, told = _field(opened, say, strength, place)
     fit = calibrate_mag(
@@ -301,7 +301,7 @@ def _table(
     from plumbob.calibration.rate_table import calibrate_table, found_plateaus, read_plan
 
     if (rates is None) == (plan is None):
-        raise ParameterError("a rate table needs its rates or a plan of its plateaus; give one of the two.")
+        raise ParameterError("A rate table needs its rates or a plan of its plateaus. Give one of the two.")
     planned: list[Plateau]
     remarks: list[str]
     planned, remarks = (read_plan(Path(plan)), []) if plan is not None else found_plateaus(opened.imu, rates or ())
@@ -339,7 +339,7 @@ def _mount(
             raise ParameterError("a reference needs no poses: leave out level, raised, level_only and frame.")
         return {}, mount_by_reference(track_of(estimate), track_of(reference))
     if frame is None:
-        raise FrameError(f"the body's axes go with a frame; give one of {', '.join(Frame)}.")
+        raise FrameError(f"the body's axes depend on the navigation frame. Give one of {', '.join(Frame)}.")
     found = mount_by_poses(opened, frame=Frame.parse(frame), level=level, raised=raised, level_only=level_only)
     return {}, found
 
@@ -377,11 +377,11 @@ def gravity_of(
     from plumbob.calibration.acc.poses import normal_gravity
 
     if latitude is None and height is not None:
-        raise ParameterError("height says nothing about gravity without latitude; give both.")
+        raise ParameterError("height needs latitude: both together give gravity. Give both.")
     if gravity is not None and latitude is not None:
-        raise ParameterError("gravity and latitude both say what gravity is; give one.")
+        raise ParameterError("gravity and latitude both give gravity. Give one of them.")
     if latitude is not None and place is not None:
-        raise ParameterError("latitude and place both say where the capture was taken; give one.")
+        raise ParameterError("latitude and place both give the place of the capture. Give one of them.")
     if (value := given("gravity", gravity, Quantity.ACCELERATION)) is not None:
         return value
     if (north := given("latitude", latitude, Quantity.ANGLE)) is not None:
@@ -402,9 +402,9 @@ def _field(
     if place is None:
         return given("strength", strength, Quantity.FIELD), None, ()
     if strength is not None:
-        raise ParameterError("strength and place both say what the field is; give one.")
+        raise ParameterError("strength and place both give the field. Give one of them.")
     if not opened.dated:
-        say(f"the recording does not tell its date; the field is that of today, {opened.date}")
+        say(f"the recording has no date; the field is that of today, {opened.date}")
     field = earth_field_at(*parse_place(place), opened.date)
     say(f"field at the place: {field.told}")
     return field.strength, field.dip, (f"Field at the place of the capture: {field.told}.",)

@@ -81,7 +81,7 @@ def calibrate_accel(
     found = fit_accel(poses.means, shape=shape, noise=poses.noise, gravity=gravity, tilt_range=tilt_range)
     told = [f"{len(poses.spans)} poses were found at rest, of {_shortest(poses):.1f} s at least."]
     for i in np.flatnonzero(~found.used).tolist():
-        told.append(f"Pose {i + 1} is that from {poses.spans[i][0]:.2f} to {poses.spans[i][1]:.2f} s.")
+        told.append(f"Pose {i + 1} is from {poses.spans[i][0]:.2f} to {poses.spans[i][1]:.2f} s.")
     return replace(found, calibration=_warmed(found.calibration, poses.temp_c), remarks=(*told, *found.remarks))
 
 

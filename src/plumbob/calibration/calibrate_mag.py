@@ -73,8 +73,8 @@ def calibrate_mag(
     imu : ImuData
         The capture; the accelerometer should be calibrated, the magnetometer must not be.
     with_ : {"auto", "none", "acc", "gyr"}
-        What helps. The accelerometer, where its specific force is gravity, tells how the magnetometer is turned against
-        it. The gyroscope tells how the field turns, which needs little inclination. "auto" takes the accelerometer
+        What helps. The accelerometer, where its specific force is gravity, shows how the magnetometer is turned against
+        it. The gyroscope shows how the field turns, which needs little inclination. "auto" takes the accelerometer
         where its specific force is gravity in most samples of slow turning, nothing where it is not or a smaller shape
         than the ellipsoid is asked for, and the gyroscope where the capture is poor or refused otherwise.
     shape : {"auto", "sphere", "axes", "ellipsoid", "level"}
@@ -83,7 +83,7 @@ def calibrate_mag(
     strength : float, optional
         Strength of the field at the place, µT.
     dip : float, optional
-        Dip of the field at the place, rad: what the capture says must agree, where an accelerometer tells it; the
+        Dip of the field at the place, rad: what the capture says must agree, where an accelerometer shows it; the
         predicted heading error rests on it where none does.
     tilt_range : float
         Inclination up to which the predicted heading error holds, rad.
@@ -237,7 +237,7 @@ def _rescued(work: _Work, helper: str, refused: CaptureRefusedError) -> tuple[Fi
     """Fit of a capture that the accelerometer did not help, or that saw too few directions; else the first refusal."""
     if helper == "acc" and not work.steady[work.use].all():
         count, kind = int(np.count_nonzero(work.steady)), refused.reasons[0].kind
-        why = f"Fitted without the accelerometer, for the {count} samples with a vertical are refused as {kind}."
+        why = f"Fitted without the accelerometer, because the {count} samples with a vertical are refused as {kind}."
         try:
             return work.fit("none"), why
         except CaptureRefusedError as without:
@@ -265,7 +265,7 @@ def _bettered(work: _Work, fit: Fitted, why: str) -> tuple[Fitted, str]:
     before, after = to_deg(_left(fit)), to_deg(_left(other))
     if not after < before:
         return fit, why
-    return other, f"Fitted with the gyroscope, which leaves {after:.2g}° of heading, for otherwise it is {before:.2g}°."
+    return other, f"Fitted with the gyroscope: predicted heading error {after:.2g}° instead of {before:.2g}°."
 
 
 def _left(fit: Fitted) -> float:
@@ -305,7 +305,8 @@ def _magnetic_rows(imu: ImuData) -> NDArray[np.bool_]:
     clipped = present & ((imu.flags & np.uint32(flags.MAG_CLIPPED)) != 0)
     share = float(np.count_nonzero(clipped)) / max(1, int(np.count_nonzero(present)))
     if share > MOST_CLIPPED:
-        what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {100.0 * MOST_CLIPPED:.0f} % may be."
+        most = f"at most {100.0 * MOST_CLIPPED:.0f} % may be"
+        what = f"{100.0 * share:.1f} % of the samples are at the end of the range; {most}."
         refuse([Reason("clipping", what, "Choose a wider range, and remove magnets and steel from around the sensor.")])
     return np.asarray(present & ~clipped)
 
@@ -367,7 +368,7 @@ def _helper(
         told += f" and turn by less than {to_dps(SLOW):.0f}°/s"
     if with_ == "acc":
         if count < FEWEST:
-            what = f"{told}; {FEWEST} are needed."
+            what = f"{told}; at least {FEWEST} are needed."
             refuse([Reason("not-still", what, "Turn the unit slowly, calibrate the accelerometer first.")])
         return "acc", f"Fitted with the accelerometer, as asked for: {told}."
     if with_ == "none" or imu.acc is None:
@@ -380,7 +381,7 @@ def _helper(
 def _by_gravity(told: str, count: int, calm: int, all_: int, typical: float) -> tuple[str, str]:
     """Whether the accelerometer helps without being told so, and why, in words."""
     if calm < max(FEWEST, LEAST_SLOW * all_):
-        return "none", f"Fitted without the accelerometer, for the unit turned too fast: {told}."
+        return "none", f"Fitted without the accelerometer, because the unit turned too fast: {told}."
     if count >= FEWEST and 2 * count > calm and typical <= TRUSTED:
         return "acc", f"Fitted with the accelerometer, whose specific force is gravity: {told}."
     doubt = f"{told}, and the median departure is {100.0 * typical:.1f} %"

@@ -51,13 +51,13 @@ class Capture:
 
     @property
     def gyr_calibrated(self) -> bool:
-        """Whether the card so far has a matrix of the gyroscope that was found: a bias alone tells no scale."""
+        """Whether the card so far has a matrix of the gyroscope that was found: a bias alone gives no scale."""
         sd = None if self.base is None or self.base.gyr is None else self.base.gyr.matrix_sd
         return sd is not None and bool((sd > 0.0).any())
 
     @property
     def dated(self) -> bool:
-        """Whether the recording tells its time, so that `date` is its day and not today."""
+        """Whether the recording has its time, so that `date` is its day and not today."""
         return bool(self.imu.meta.t0_ns)
 
 
@@ -96,7 +96,7 @@ def capture(
     device: str | None = None,
     base: CalibrationCard | None = None,
 ) -> Capture:
-    """Samples of a capture with the card so far applied to every triad but those that are calibrated anew.
+    """Samples of a capture with the card so far applied to every triad but those that are calibrated again.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def capture(
 def card_of(capture: Capture, fits: Mapping[str, Fitted], *, mounted: Mounted | None = None) -> CalibrationCard:
     """Return the card of fits by triad and a mounting, with their remarks, and what the card so far has of others.
 
-    Where the accelerometer is calibrated anew, others that were found with its axes as they were say so.
+    Where the accelerometer is calibrated again, others that were found with its axes as they were say so.
 
     Parameters
     ----------

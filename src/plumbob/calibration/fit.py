@@ -22,7 +22,7 @@ class Fitted:
     measured : ndarray (N, 3)
         What was fitted: samples, or means of poses or plateaus, unit of the triad.
     residuals : ndarray (N,) or (N, 3)
-        What the fit leaves of each, in the unit of the triad.
+        Residual of each, in the unit of the triad.
     used : ndarray (N,) of bool
         False for outliers.
     remarks : tuple of str

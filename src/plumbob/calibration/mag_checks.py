@@ -44,7 +44,7 @@ the sensor's by the calibration's, on average."""
 
 _AS_IT_IS: Final = (
     "Do not use it: the magnetometer as it is may well be better. Turn the unit longer, away from iron, through all "
-    "attitudes; --force, in Python force=True, makes the card all the same."
+    "attitudes; --force, in Python force=True, writes the card anyway."
 )
 _AXES: Final = (
     "Correct the magnetometer's axes by its data sheet: of a text file in its profile, as [mag] axes = 'x y -z' with "
@@ -147,7 +147,7 @@ def _require_alignment(turned: float) -> None:
         f"the field is turned by {to_deg(turned):.0f}° against the gyroscope, so the specific force was not "
         "that of gravity, or the accelerometer's axes are not the gyroscope's."
     )
-    refuse([Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture anew.")])
+    refuse([Reason("not-still", what, "Hold the unit still in each attitude, or turn it slowly, and capture again.")])
 
 
 def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
@@ -212,6 +212,6 @@ def _of_turn(found: float | None, turned: float, dip: float | None, by: str, *, 
         signs = "all axes of the magnetometer have the wrong sign" if kept else "signs of the magnetometer are wrong"
         return (
             f"FIELD POINTS UP: {dips} is one south of the magnetic equator; north of it, {signs}, or the accelerometer "
-            "measures gravity instead of specific force (sign of [acc] in a profile). --place tells which.",
+            "measures gravity instead of specific force (sign of [acc] in a profile). Give --place to decide which.",
         )
     return ()

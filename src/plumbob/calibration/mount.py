@@ -199,7 +199,7 @@ def _axes(up: Floats, ahead: Floats, frame: Frame) -> Floats:
 def _why_no_raise(up: Floats, angle: float, turn: ArrayLike | None) -> list[Reason]:
     """Say why two poses are not that of a body and of the same with its nose raised."""
     if np.sin(angle) < np.sin(LEAST_RAISE):
-        told = f"the poses differ by {to_deg(angle):.1f}°, which hardly tells where ahead is; 15° to 60° do."
+        told = f"the poses differ by {to_deg(angle):.1f}°, which hardly shows where ahead is; 15° to 60° are needed."
         return [Reason("ill-conditioned", told, "Raise the nose further.")]
     if turn is None:
         return []

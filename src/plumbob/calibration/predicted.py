@@ -4,7 +4,7 @@ An error of the parameters changes the calibrated vector u by ``δu = −M δb +
 horizon by that over gravity, and the heading by that across the field over the field's level part. Both are averaged
 (root mean square) over attitudes of every heading with the inclination spread evenly up to a limit.
 
-The 18 directions of the buoy paper's capture: 6 faces and 12 edges of a cube, told by the measured vector [Yu2018].
+The 18 directions of the buoy paper's capture: 6 faces and 12 edges of a cube, by the measured vector [Yu2018].
 
 What counts is the direction of what was measured, seen from the centre of the fit, not the attitude that somebody meant
 to hold: turning about the vertical changes eighteen attitudes, and not one angle between field and axis of turning.

@@ -164,7 +164,7 @@ def read_plan(path: Path) -> list[Plateau]:
     Raises
     ------
     DecodeError
-        If a column is missing or unknown, or a line is no plateau; the line is named.
+        If a column is missing or unknown, or a line is not a plateau; the line is named.
     """
     lines = StringIO(text_of(path), newline="")
     try:
@@ -174,7 +174,7 @@ def read_plan(path: Path) -> list[Plateau]:
         _require_columns(path, columns)
         return [_planned(row, f"{path}, line {table.line_num}") for row in table]
     except csv.Error as error:
-        raise DecodeError(f"{path} is no CSV file: {one_line(error)}.") from error
+        raise DecodeError(f"{path} is not a CSV file: {one_line(error)}.") from error
 
 
 def calibrate_table(
@@ -253,7 +253,7 @@ def _forces(imu: ImuData, planned: Sequence[Plateau], rows: Sequence[slice]) -> 
 
 def _set_aside(span: tuple[float, float], mean: Floats) -> str:
     rates = ", ".join(f"{x:.4g}" for x in to_dps(mean))
-    return f"{span[0]:.1f} to {span[1]:.1f} s is left out: its rate of ({rates}) °/s is none of the nominal ones."
+    return f"{span[0]:.1f} to {span[1]:.1f} s is left out: its rate of ({rates}) °/s is not a nominal one."
 
 
 def _require_columns(path: Path, columns: Sequence[str]) -> None:

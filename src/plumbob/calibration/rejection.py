@@ -23,9 +23,9 @@ KINDS: Final = {
     "not-still": "the unit was not at rest where it had to be",
     "no-motion": "the unit was not moved as it had to be",
     "no-temperature": "the temperature is missing or did not change",
-    "ill-conditioned": "the capture does not tell the parameters apart",
+    "ill-conditioned": "the capture does not separate the parameters",
     "no-gain": "the calibration would rather harm than help: it changes little more than it may be wrong",
-    "implausible": "the result is no sensor that works",
+    "implausible": "the result is not a working sensor",
 }
 """Every kind of reason, and what it means."""
 

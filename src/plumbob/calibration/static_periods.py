@@ -2,7 +2,7 @@
 
 Every block of a quarter of a second is judged: it must be as quiet as the quiet blocks of the capture, its mean
 specific force must be that of its neighbours, and its mean rate that of the other quiet blocks. A pose is a run
-of such blocks. The idea of static intervals told by the variance is that of [Tedaldi2014]; here no threshold has to be
+of such blocks. The idea of static intervals found by the variance is that of [Tedaldi2014]; here no threshold has to be
 searched.
 """
 

@@ -42,7 +42,7 @@ class StaticTest:
 
     @property
     def reference(self) -> Floats:
-        """Yaw, pitch and roll of the reference, (M, 3), rad; NaN where it tells none."""
+        """Yaw, pitch and roll of the reference, (M, 3), rad; NaN where it has none."""
         return euler_zyx_from_quat(self.before.match.q_ref)
 
     def errors(self, which: str) -> Floats:
@@ -80,7 +80,7 @@ class StaticTest:
 
 
 def _lines(test: StaticTest) -> Iterator[str]:
-    yield f"Static test, {len(test.spans)} rests: tilt and compass of their means against the reference, degrees"
+    yield f"Static test, {len(test.spans)} rests: errors of attitude against the reference [°]"
     yield ""
     yield f"{'':>4}{'at, s':>8}{'reference':^24}{'error before':^24}{'error after':^24}"
     yield f"{'':12}{''.join(f'{name:>8}' for _ in range(3) for name in ANGLES)}"
@@ -147,7 +147,7 @@ def static_test(
     Raises
     ------
     CaptureRefusedError
-        If the unit rested less than twice where the reference tells an attitude.
+        If the unit rested less than twice where the reference has an attitude.
     CalibrationError
         If the card does not fit the recording.
     FrameError, ParameterError, ShapeError
@@ -190,7 +190,7 @@ def _mean_attitude(track: AttitudeTrack, first: float, last: float) -> Floats | 
 def _too_few(rests: int, known: int) -> Reason:
     return Reason(
         "too-few",
-        f"The unit was at rest {rests} times, {known} of them while the reference tells an attitude; a static test "
+        f"The unit was at rest {rests} times, {known} of them while the reference has an attitude; a static test "
         f"needs {FEWEST} at least.",
         "Let the unit rest for some seconds in each pose, and let both recordings have one time line.",
     )

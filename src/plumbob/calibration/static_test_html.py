@@ -48,7 +48,7 @@ def write_static_test(
         If matplotlib is not installed.
     """
     keys = [("before", _BEFORE, "dashed"), ("after", _AFTER, "solid")]
-    drawn = figure("Errors at rest over the heading of the reference", _drawing(test), keys)
+    drawn = figure("Errors at rest against the heading of the reference", _drawing(test), keys)
     body = ["<section>", _summary(test), _remarks(test), drawn, _table(test), "</section>"]
     write_text(path, document(title, facts, body, footer=_DEFINITIONS, style=_STYLE), overwrite=overwrite)
 
@@ -75,7 +75,7 @@ def _drawing(test: StaticTest) -> str:
 def _summary(test: StaticTest) -> str:
     head = ("", "max |error| before", "max |error| after", "rms before", "rms after")
     rows = [(name, *map(_cell, figures.values())) for name, figures in test.as_dict()["summary"].items()]
-    return html_table(f"{len(test.spans)} rests, degrees", head, rows)
+    return html_table(f"Errors at rest [°], {len(test.spans)} rests", head, rows)
 
 
 def _remarks(test: StaticTest) -> str:
@@ -89,7 +89,7 @@ def _table(test: StaticTest) -> str:
         (str(i), f"{span.mean():.1f}", *map(_cell, row))
         for i, (span, row) in enumerate(zip(test.spans, numbers, strict=True), start=1)
     ]
-    return html_table("Every rest: attitude of the reference, and errors before and after, degrees", head, rows)
+    return html_table("Reference attitude and errors of each rest, before and after calibration [°]", head, rows)
 
 
 def _cell(degrees: float | None) -> str:

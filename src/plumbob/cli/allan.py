@@ -38,9 +38,8 @@ NEEDS = {"device": ("card", "html"), "topic": ("kalibr",)}
 """Options that say something about an output, and the outputs that say it."""
 
 EPILOG = """\
-A recording (.parquet, .csv with its profile, .mcap, BROAD) brings its time and units. Bare numbers (text, .npy, or raw
+A recording (.parquet, .csv with its profile, .mcap, BROAD) brings its time and units. Plain numbers (text, .npy, or raw
 .f32, .f64, .i16, ...) need --rate and --scale; nothing is guessed:
-  plumbob allan static.parquet --html noise.html --card noise.json
   plumbob allan gyro.txt --rate 100Hz --scale '0.00875 deg/s'    counts of 0.00875 deg/s
   plumbob allan gyro.txt --rate 100Hz --scale '1 deg/s'          numbers in deg/s
   plumbob allan raw.txt --rate 10Hz --scale '1 deg/s' --after filtered.txt
@@ -52,10 +51,10 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "allan",
-        help="noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
+        help="analyse the noise of a sensor at rest: Allan deviation, coefficients of a data sheet, noise card",
         description="Analyse the noise of a static record: Allan deviation with honest intervals, coefficients Q, N, "
         "B, K and R by likelihood, least squares and lines, and what the record is too short to show.",
-        epilog=EPILOG,
+        epilog=common.more("plumbob allan static.parquet --html noise.html --card noise.json", "noise.md", EPILOG),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     p.add_argument("file", type=Path, metavar="FILE", help="recording, or file of numbers")
@@ -78,8 +77,8 @@ def add_parser(verbs: common.Adder) -> None:
 
 
 def _add_input(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--rate", metavar="HZ", help="samples per second of bare numbers, as 100Hz")
-    p.add_argument("--scale", metavar="LSB", help="what 1 is in bare numbers, as '0.00875 deg/s'; '1' has no unit")
+    p.add_argument("--rate", metavar="HZ", help="sampling rate of a file of plain numbers, as 100Hz")
+    p.add_argument("--scale", metavar="LSB", help="unit of the plain numbers, as '0.00875 deg/s'; '1' for none")
     p.add_argument(
         "--type",
         metavar="TYPE",
@@ -184,7 +183,7 @@ def _refuse_what_is_for_recordings(args: argparse.Namespace, path: Path) -> None
 
     named = [f"--{name}" for name in ("triads", "profile", "calibration") if getattr(args, name) is not None]
     if named and path.is_file() and not is_recording(path, args.profile, args.type):
-        raise ParameterError(f"{path} holds bare numbers, but {', '.join(named)} is for recordings; leave it out.")
+        raise ParameterError(f"{path} holds plain numbers, but {', '.join(named)} is for recordings. Leave it out.")
 
 
 def _taus(text: str | None) -> "Sequence[float] | Literal['all'] | None":

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from plumbob.cli import common
 from plumbob.cli.sim import add_scenario_options, scenario_settings
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.filters.offline import Stage
@@ -23,8 +24,9 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb and what can be benchmarked."""
     p = verbs.add_parser(
         "benchmark",
-        help="filters on many recordings, or on many seeds of a scenario",
+        help="compare filters on many recordings, or on many seeds of a scenario",
         description="Measure filters on many recordings with references, or on many seeds of a simulated scenario.",
+        epilog=common.more("plumbob benchmark accuracy trials --filters mahony,vqf", "choose-a-filter.md"),
     )
     kinds = p.add_subparsers(dest="kind", metavar="KIND", required=True)
     _add_accuracy(kinds)
@@ -37,6 +39,7 @@ def _add_accuracy(kinds: common.Adder) -> None:
         help="errors on every recording of a folder, and their mean",
         description="Run filters, with one parameter set for all trials, on every recording of a folder that carries a "
         "reference, and print the errors per trial and their mean. Other libraries can run on the same recordings.",
+        epilog=common.more("plumbob benchmark accuracy trials --filters mahony,vqf --peers all", "choose-a-filter.md"),
     )
     p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
     add_filters(p)
@@ -53,6 +56,9 @@ def _add_scenario(kinds: common.Adder) -> None:
         "scenario",
         help="errors per axis over many seeds of a simulated scenario",
         description="Simulate a scenario with many seeds, run filters on each, and print the errors per axis.",
+        epilog=common.more(
+            "plumbob benchmark scenario buoy --frame NED --filters mahony,mekf --seeds 20", "choose-a-filter.md"
+        ),
     )
     add_scenario_options(p)
     add_filters(p)
@@ -61,7 +67,9 @@ def _add_scenario(kinds: common.Adder) -> None:
     )
     add_seeds(p)
     p.add_argument("--settle", default="0", metavar="S", help="leave out so much at the start, as 60s (default 0)")
-    p.add_argument("--limit", metavar="A", help="tell in how many seeds roll and pitch stay within this, as 1deg")
+    p.add_argument(
+        "--limit", metavar="A", help="limit of roll and pitch error, as 1deg: print in how many seeds it holds"
+    )
     common.add_json(p)
     p.set_defaults(run=run_scenario)
 
@@ -110,7 +118,7 @@ def run_accuracy(args: argparse.Namespace) -> int:
     others, absent = peer_runs(args.peers)
     common.warn_of_compiling([stage.filter for stage in chosen])
     runs = len(chosen) + len(others)
-    with common.progress(f"{len(files)} files, {runs} runs each", len(files) * runs) as advance:
+    with common.progress(f"{counted(len(files), 'file')}, {counted(runs, 'run')} each", len(files) * runs) as advance:
         result = measure_accuracy(
             files,
             chosen,
@@ -132,7 +140,7 @@ def run_scenario(args: argparse.Namespace) -> int:
     chosen, own_noise = _with_noise(common.stages(args.filters, args.params), args.noise)
     frame, settings = scenario_settings(args)
     common.warn_of_compiling([stage.filter for stage in chosen])
-    with common.progress(f"{args.seeds} seeds", args.seeds) as advance:
+    with common.progress(counted(args.seeds, "seed"), args.seeds) as advance:
         result = measure_scenario(
             args.scenario,
             chosen,

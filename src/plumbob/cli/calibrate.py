@@ -23,9 +23,9 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb and its kinds."""
     p = verbs.add_parser(
         "calibrate",
-        help="calibration card of a unit, from a capture by hand or in the laboratory",
+        help="calibrate a unit from a capture by hand or in the laboratory",
         description="Calibrate a unit from a capture: the card corrects every later recording of this unit.",
-        epilog=EPILOG,
+        epilog=common.more("plumbob calibrate hand capture.parquet --out card.json", "calibration.md", EPILOG),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     p.add_argument("--live", dest="live_first", action="store_true", help=argparse.SUPPRESS)

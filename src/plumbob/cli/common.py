@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
+from plumbob.core.docs import guide
 from plumbob.core.text import visible
 
 if TYPE_CHECKING:
@@ -24,6 +25,11 @@ if TYPE_CHECKING:
 Adder = Any  # argparse's sub-parser action, whose type is private
 
 PARAMS_HELP = "name=value,... with units (kp=0.5,gate=0.08g,mag=off), or a TOML file; see 'plumbob filters'"
+
+
+def more(example: str, page: str, *text: str) -> str:
+    """End of a verb's help: an example, what else to know, and the page of the documentation."""
+    return "\n".join(("example:", f"  {example}", "", *text, f"documentation: {guide(page)}"))
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
@@ -80,7 +86,7 @@ def add_option(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="what the bytes do not say, as gyr_range='500 deg/s'; see 'plumbob devices NAME'",
+        help="an option of the format, as gyr_range='500 deg/s'; see 'plumbob devices NAME'",
     )
 
 
@@ -180,7 +186,7 @@ def with_profile(path: Path | None, tables: Sequence[str] = (".csv",)) -> tuple[
 
 
 def is_same_file(one: Path, other: Path) -> bool:
-    """Whether two paths lead to one file, by whatever links; one that does not exist yet is told by its path."""
+    """Whether two paths lead to one file, by whatever links; one that does not exist yet is compared by its path."""
     if one.exists() and other.exists():
         return one.samefile(other)
     return os.path.realpath(one) == os.path.realpath(other)  # where a link leads to itself, Path.resolve raises
@@ -209,7 +215,7 @@ def note_unassigned(form: "Format", message: "Message") -> None:
         return
     if places := unassigned(form, message):
         told = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
-        note(f"no field of message {message.name} takes its bytes {told} of {message.length}; nothing is made of them")
+        note(f"no field of message {message.name} uses its bytes {told} of {message.length}; they are ignored")
 
 
 def zero_of(north: str) -> str:
@@ -346,7 +352,7 @@ def stopped_by_signals() -> "Iterator[Stop]":
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Callable[[int], None]]:
-    """Progress bar on standard error; silent where that is no terminal."""
+    """Progress bar on standard error; silent where that is not a terminal."""
     if not _may_draw(sys.stderr):
         yield lambda done: None
         return

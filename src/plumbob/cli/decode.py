@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 from plumbob.core.units import Quantity, parse, unit
 
 if TYPE_CHECKING:
@@ -25,9 +26,10 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "decode",
-        help="bytes of a known device or a described frame to a table with units",
+        help="decode bytes of a known device or a described frame to a table with units",
         description="Decode raw bytes into a table: one row a frame, SI units in the header. Damaged bytes are skipped "
         "and counted on standard error.",
+        epilog=common.more("plumbob decode raw.bin --format buoy --out table.csv", "formats.md"),
     )
     p.add_argument("file", metavar="FILE", help="raw bytes, as a device sent them; '-' for standard input")
     p.add_argument("--format", required=True, metavar="F", help="device, rig, or TOML file; see 'plumbob devices'")
@@ -67,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
             table.print_new()
     table.add(decoder.finish())
     if not decoder.counts.received:
-        raise DecodeError(f"{args.file} is empty; there is nothing to decode.")
+        raise DecodeError(f"{args.file} is empty. Give a file of raw bytes.")
     if not sum(decoder.counts.frames.values()):
         none = f"none of its {_bytes(decoder.counts.received)} is {_a(form)}{common.why_rejected(decoder.counts)}"
         raise DecodeError(f"{args.file}: {none}.{_hint(form, head)}")
@@ -77,8 +79,8 @@ def run(args: argparse.Namespace) -> int:
         table.write(args.out, decoder.counts, _profile(form, table, args.unit), overwrite=args.force)
     _tell(form, decoder.counts, table.message, head)
     if table.skipped:
-        rows = "; t [s] counts rows, and is early by as many behind each gap" if args.rate else ""
-        common.note(f"the frame counter skips {table.skipped}: so many frames are missing, or it jumped{rows}")
+        rows = "; t [s] counts rows, so it is early by that many periods after each gap" if args.rate else ""
+        common.note(f"the frame counter skips {table.skipped}: that many frames are missing, or it jumped{rows}")
     common.note(f"calibration {UNCALIBRATED}")
     return 0
 
@@ -240,15 +242,18 @@ def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
         common.note(f"checks of {form.name}: {UNCHECKED.format(form.framing.length)}")
     others = [f"{count} of {name}" for name, count in counts.frames.items() if count and name != message]
     if others:
-        common.note(f"{counts.frames[message]} frames of {message}; also {', '.join(others)}: ask with --message")
+        common.note(
+            f"{counted(counts.frames[message], 'frame')} of {message}; also {', '.join(others)}: ask with --message"
+        )
     if counts.unknown:
-        common.note(f"{counts.unknown} frames pass their check, but are of no message that {form.name} describes")
+        common.note(f"checked, but of no message that {form.name} describes: {counted(counts.unknown, 'frame')}")
     if counts.junk:
         common.note(f"{_bytes(counts.junk)} of {counts.received} belong to no frame{common.why_rejected(counts)}")
     if form.framing.transfers and (over := counts.received % form.framing.length):
         common.note(
-            f"{_bytes(counts.received)} are no multiple of the {form.framing.length} that a transfer of {form.name} "
-            f"has: {over} too many. If the first are not whole, every row is wrong, and nothing in the bytes tells"
+            f"{_bytes(counts.received)} are not a multiple of {form.framing.length}, the length of a transfer of "
+            f"{form.name}: {over} too many. If the first transfer is not whole, every row is wrong, and nothing in the "
+            "bytes shows it"
         )
     doubtful = form.framing.transfers or 2 * counts.framed < counts.received
     if doubtful and (hint := _hint(form, head)):
@@ -282,4 +287,4 @@ def _a(form: "Format") -> str:
 
 
 def _bytes(count: int) -> str:
-    return "1 byte" if count == 1 else f"{count} bytes"
+    return counted(count, "byte")

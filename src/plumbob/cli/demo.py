@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.core.check import Floats
@@ -78,7 +79,7 @@ def _samples(recorded: "ImuData", sent: "ImuData") -> Iterator[str]:
     if abs(long - due) > _SAME_TIME:
         yield f"they last {long:.2f} s instead of {due:.2f} s"
     if gaps := int(np.count_nonzero(recorded.flags & np.uint32(flags.GAP))):
-        yield "1 gap is flagged" if gaps == 1 else f"{gaps} gaps are flagged"
+        yield f"flagged: {counted(gaps, 'gap')}"
 
 
 def _values_table(imu: "ImuData", size: int) -> "Floats":
@@ -204,11 +205,12 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "demo",
-        help="the whole line on an emulated buoy, ending in a page with plots",
+        help="run the whole line on an emulated buoy, up to a page with plots",
         description="Emulate the drifting buoy of the paper: calibrate its unit by hand, then put it into waves, with "
         "its bytes on a serial line sixty times as fast as they would come; record and estimate, replay with other "
         "filters and without the calibration, compare with the truth. Exit code 1 where the recording is not what was "
         "sent.",
+        epilog=common.more("plumbob demo --out demo-out", "start.md"),
     )
     p.add_argument("--out", type=Path, default=Path("demo-out"), metavar="DIR", help="folder to write (demo-out)")
     p.add_argument("--duration", default=DURATION, metavar="TIME", help=f"of the sea ({DURATION})")

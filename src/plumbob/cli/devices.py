@@ -22,8 +22,9 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "devices",
-        help="known devices: framing, fields with units and sources, options, registers; C header",
+        help="list known devices: framing, fields with units and sources, options, registers; C header",
         description="List known devices and rigs, or all that is known of one, or of a frame described in TOML.",
+        epilog=common.more("plumbob devices mpu6000", "formats.md"),
     )
     p.add_argument("name", nargs="?", metavar="NAME", help="device, rig, or TOML file")
     how = p.add_mutually_exclusive_group()

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 from plumbob.core.units import Quantity, parse
 
 if TYPE_CHECKING:
@@ -28,9 +29,10 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "emulate",
-        help="be a rig: its real bytes over a pseudo-terminal, a socket or into a file",
+        help="emulate a rig: its bytes over a pseudo-terminal, a socket or into a file",
         description="Emulate a paper's rig, or any frame described in TOML, driven by the simulator. Prints the port's "
         "name first, and starts when somebody opens it.",
+        epilog=common.more("plumbob emulate buoy --link buoy-port --duration 60s --truth truth.parquet", "acquire.md"),
     )
     p.add_argument("what", nargs="?", metavar="RIG", help="a rig, or a format: see --list and 'plumbob devices'")
     p.add_argument("--list", action="store_true", help="list rigs and kinds of faults, and stop")
@@ -41,16 +43,16 @@ def add_parser(verbs: common.Adder) -> None:
 
 
 def _add_content(p: argparse.ArgumentParser) -> None:
-    p.add_argument("--scenario", metavar="NAME", help="what the body does, where it is not the rig's own")
+    p.add_argument("--scenario", metavar="NAME", help="motion of the body (default: the rig's own)")
     p.add_argument("--set", default="", metavar="P", help="name=value,... with units: parameters of --scenario")
     p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts of a format's units (default ideal)")
     p.add_argument("--module", choices=("drawn", "calibrated"), default="drawn", help="default drawn, as off the line")
     common.add_frame(p, "navigation frame of a format's truth, and its body's axes (a rig has its own; default NED)")
     common.add_option(p)
-    p.add_argument("--seed", type=int, default=0, metavar="N", help="of everything left to chance (default 0)")
-    p.add_argument("--clock-error", metavar="E", help="by how much the device's clock is fast, as 0.004%%")
-    p.add_argument("--rate", metavar="HZ", help="frames per second, as 100Hz, where it is not the format's")
-    p.add_argument("--duration", metavar="S", help="as 60s, where it is not the scenario's")
+    p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")
+    p.add_argument("--clock-error", metavar="E", help="error of the device's clock, as 0.004%%; positive: fast")
+    p.add_argument("--rate", metavar="HZ", help="frames per second, as 100Hz (default: the format's)")
+    p.add_argument("--duration", metavar="S", help="duration, as 60s (default: the scenario's)")
     p.add_argument("--truth", type=Path, metavar="FILE", help="recording of samples and truth; calibration card beside")
 
 
@@ -61,7 +63,9 @@ def _add_port(p: argparse.ArgumentParser) -> None:
         "--tcp", metavar="HOST:PORT", help="listen there; :PORT is for this machine alone, port 0 a free one"
     )
     where.add_argument("--udp", metavar="HOST:PORT", help="send there, a frame in a datagram")
-    where.add_argument("--write", metavar="FILE", help="only the bytes, into a file, '-' for a pipe; as fast as can be")
+    where.add_argument(
+        "--write", metavar="FILE", help="write the bytes alone to a file, or '-' for a pipe, as fast as possible"
+    )
     p.add_argument("--speed", metavar="K", help="times real time, or max (default 1; max with --write)")
     common.add_force(p)
 
@@ -232,7 +236,7 @@ def _tell(served: "Served", count: int) -> None:
     }
     told = ", ".join(f"{number} {word}" for word, number in what.items() if number or word == "sent")
     late = f"; latest by {served.latest_ns / 1e6:.1f} ms" if served.latest_ns else ""
-    common.note(f"{count} frames: {told}{late}")
+    common.note(f"{counted(count, 'frame')}: {told}{late}")
 
 
 def _print_list() -> None:

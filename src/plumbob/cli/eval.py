@@ -20,9 +20,10 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "eval",
-        help="errors of an estimate against a reference",
+        help="compare an estimate with a reference: errors of attitude, by axis",
         description="Compare an estimated attitude with a reference: total, heading and inclination error, and each "
         "axis. Nothing is aligned unless asked for: a constant heading offset counts.",
+        epilog=common.more("plumbob eval track.parquet sea.parquet --settle 30s --html errors.html", "start.md"),
     )
     p.add_argument("estimate", type=Path, help="track written by 'plumbob run'")
     p.add_argument("reference", type=Path, help="track, or a recording that carries a reference")

@@ -13,6 +13,7 @@ def add_parser(verbs: common.Adder) -> None:
         help="write samples and attitude as CSV, Parquet, MCAP, TUM or text",
         description="Write what a recording or track holds for other programs: .csv, .parquet, .mcap (Foxglove, "
         "Lichtblick), .tum (evo), .txt (roll, pitch and yaw, degrees).",
+        epilog=common.more("plumbob export sea.mcap --out sea.csv", "file-formats.md"),
     )
     p.add_argument("file", type=Path, help="recording (.mcap, .parquet, .csv, ...) or track")
     p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write; its suffix says the format")

@@ -18,6 +18,7 @@ def add_parser(verbs: common.Adder) -> None:
         help="list the filters with their parameters, units, defaults and ranges",
         description="List the filters with their sources, what they claim and take, and their parameters with units, "
         "defaults, ranges and meanings; of one filter also when to choose it and how it departs from its source.",
+        epilog=common.more("plumbob filters mekf", "choose-a-filter.md"),
     )
     p.add_argument("name", nargs="?", metavar="NAME", help="one filter, with its description")
     common.add_json(p)
@@ -57,7 +58,7 @@ def _entry(module: Any, *, described: bool) -> dict[str, Any]:
 
 
 def _row(p: "Parameter") -> dict[str, Any]:
-    from plumbob.core.params import shown
+    from plumbob.core.params import allowed, shown
 
     return {
         "name": p.name,
@@ -66,7 +67,7 @@ def _row(p: "Parameter") -> dict[str, Any]:
         "default_text": shown(p, p.default),
         "low": _bound(p, p.spec.low),
         "high": _bound(p, p.spec.high),
-        "range_text": _range(p),
+        "range_text": allowed(p),
         "meaning": p.spec.meaning,
     }
 
@@ -74,22 +75,6 @@ def _row(p: "Parameter") -> dict[str, Any]:
 def _bound(p: "Parameter", value: float) -> float | None:
     """Bound in the unit inside; None for a switch, and where there is none."""
     return None if p.switch or math.isinf(value) else float(value)
-
-
-def _range(p: "Parameter") -> str:
-    """Allowed values in the unit in which a value is shown, and whether it may be off."""
-    from plumbob.core.params import shown
-
-    low, high = _bound(p, p.spec.low), _bound(p, p.spec.high)
-    if p.switch:
-        return "on, off"
-    if low is not None and high is not None:
-        text = f"{shown(p, low).partition(' ')[0]} to {shown(p, high)}"
-    elif low is not None:
-        text = f"{shown(p, low)} and more"
-    else:
-        text = "any" if high is None else f"up to {shown(p, high)}"
-    return f"{text}, or off" if p.optional else text
 
 
 def _print_entry(name: str, entry: dict[str, Any]) -> None:
@@ -103,5 +88,6 @@ def _print_entry(name: str, entry: dict[str, Any]) -> None:
 
 
 def _print_rows(rows: list[dict[str, Any]]) -> None:
+    name, default = (max((len(row[key]) for row in rows), default=0) for key in ("name", "default_text"))
     for row in rows:
-        print(f"    {row['name']:12} {row['default_text']:>14}  {row['meaning']} [{row['range_text']}]")
+        print(f"    {row['name']:{name}}  {row['default_text']:>{default}}  {row['meaning']} [{row['range_text']}]")

@@ -5,16 +5,17 @@ from pathlib import Path
 from typing import Any
 
 from plumbob.cli import common
-from plumbob.core.text import visible
+from plumbob.core.text import counted, visible
 
 
 def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "info",
-        help="what a recording, track or card holds: time, units, frames, flags; a calibration, a noise",
+        help="show what a recording, track or card holds: time, units, frames, flags; calibration; noise",
         description="Show what a recording or track holds: time line, ranges with units, frame, calibration and flags; "
         "of a calibration card its certificate, of a noise card its coefficients.",
+        epilog=common.more("plumbob info sea.mcap", "recordings.md"),
     )
     p.add_argument("file", type=Path)
     common.add_profile(p)
@@ -134,12 +135,14 @@ def _print(report: dict[str, Any]) -> None:
         for name, triad in sensors["triads"].items():
             _print_triad(name, triad)
         for name, count in sensors["flags"].items():
-            print(f"flag         {name}: {count} samples")
+            print(f"flag         {name}: {counted(count, 'sample')}")
     if attitude := report.get("attitude"):
         print(f"attitude     {visible(attitude['source']) or 'source not named'}")
         print(f"frame        {attitude['frame']}, heading from {common.zero_of(attitude['north'])}")
         _print_timing(attitude["time"])
-        print(f"known        {attitude['known_samples']} samples, scored {attitude['scored_samples'] or 'all'}")
+        print(
+            f"known        {counted(attitude['known_samples'], 'sample')}, scored {attitude['scored_samples'] or 'all'}"
+        )
 
 
 def _print_triad(name: str, triad: dict[str, Any]) -> None:
@@ -147,7 +150,8 @@ def _print_triad(name: str, triad: dict[str, Any]) -> None:
     if not triad["samples"]:
         print(f"{name:12} no usable sample in {triad['unit']}{reach}")
         return
-    print(f"{name:12} {triad['samples']} samples in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}")
+    samples = counted(triad["samples"], "sample")
+    print(f"{name:12} {samples} in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}")
     print(f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}")
 
 
@@ -159,7 +163,8 @@ def _range(full_scale: float | tuple[float, ...]) -> str:
 def _print_timing(time: dict[str, Any]) -> None:
     rate = "one sample" if time["rate_hz"] is None else f"{time['rate_hz']:.6g} Hz, jitter {time['jitter_us']:.3g} µs"
     longest = "" if time["rate_hz"] is None else f", longest step {time['longest_step_s']:.6g} s"
-    print(f"time         {time['samples']} samples, {time['duration_s']:.3f} s, {rate}, {time['gaps']} gaps{longest}")
+    samples, gaps = counted(time["samples"], "sample"), counted(time["gaps"], "gap")
+    print(f"time         {samples}, {time['duration_s']:.3f} s, {rate}, {gaps}{longest}")
 
 
 def _three(values: list[float]) -> str:

@@ -1,4 +1,4 @@
-"""What record and replay share: a session from a file or from options, its estimate, and how a run is told."""
+"""What record and replay share: a session from a file or from options, its estimate, and how a run is reported."""
 
 import argparse
 import sys
@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.acquisition.transport import Event
@@ -141,7 +142,7 @@ def nothing_of(line: "Line") -> str:
     """Why a line gave no sample, and where to look."""
     counts, session = line.decoder.counts, line.session
     if not counts.received:
-        return "not a byte has come: is the device on, is it the right port, does it send by itself?"
+        return "no byte has arrived: is the device on, is it the right port, does it send by itself?"
     if counts.frames[session.message]:
         return (
             f"none of {counts.frames[session.message]} frames could be used: their times repeat or contradict others."
@@ -155,14 +156,14 @@ def nothing_of(line: "Line") -> str:
 def _look_at(counts: "Counts") -> str:
     """What to look at first, by what most candidates failed."""
     advice = (
-        (counts.bad_checksum, "Frames begin as they should, but their check does not hold: look at [frame] length and "
-         "at kind, at, from and to of its checksum."),
-        (counts.bad_content, "Frames begin as they should, but constants, digits or parity differ: look at those."),
-        (counts.bad_length, "Look at [frame] length_field, or at the speed of the line."),
-        (counts.unknown, "Frames pass their check, but no message is like them: look at the constants of each."),
+        (counts.bad_checksum, "Frames begin as they should, but their checksum fails. Check [frame] length, and kind, "
+         "at, from and to of its checksum."),
+        (counts.bad_content, "Frames begin as they should, but constants, digits or parity differ. Check those."),
+        (counts.bad_length, "Check [frame] length_field, or the speed of the line."),
+        (counts.unknown, "Frames pass their check, but match no message. Check the constants of each."),
     )  # fmt: skip
     most, told = max(advice, key=lambda one: one[0])
-    told = told if most else "Nothing begins as a frame should: look at the speed of the line and at [frame] sync."
+    told = told if most else "Nothing begins as a frame should. Check the speed of the line and [frame] sync."
     return f"{told} 'plumbob decode' tries other formats on a file of raw bytes."
 
 
@@ -221,9 +222,8 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
         words = ", ".join(f"{name.replace('_', ' ')} {count}" for name, count in rejected.items())
         print(f"rejected     {words}")
     if told["lost"] or told["gap_count"] or report["not_usable"]:
-        print(
-            f"lost         {told['lost']} frames in {told['gap_count']} gaps; {report['not_usable']} repeated or late"
-        )
+        lost, gaps = counted(told["lost"], "frame"), counted(told["gap_count"], "gap")
+        print(f"lost         {lost} in {gaps}; {report['not_usable']} repeated or late")
     if report["inferred_gaps"]:
         print(f"inferred     {report['inferred_gaps'].partition(': ')[2]}")
     long_enough = report["duration_s"] >= LONG  # before, jitter of the host passes for drift

@@ -55,19 +55,40 @@ units: SI and radians inside; every other unit is written, as in --params gate=0
 """
 
 
+ORDER = """\
+The order of work:
+
+  simulate   plumbob sim buoy --frame NED --duration 60s --out sea.parquet
+  or record  plumbob record session.toml
+  calibrate  plumbob calibrate hand capture.parquet --out card.json
+  estimate   plumbob run sea.parquet --filter mekf --out track.parquet
+  evaluate   plumbob eval track.parquet sea.parquet --html errors.html
+
+'plumbob demo' goes all the way in a minute, 'plumbob --help' lists the verbs.
+"""
+"""What the program prints when it is called without a verb."""
+
+
+class _Lines(argparse.HelpFormatter):
+    """Help that keeps the lines of descriptions and epilogs: an example is not broken, other lines are wrapped."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        fill = super()._fill_text
+        return "\n".join(line if line.startswith(" ") else fill(line, width, indent) for line in text.splitlines())
+
+
 class Parser(argparse.ArgumentParser):
     """Parser that takes no abbreviations, as --noise for --noise-card; verbs and what is nested in them inherit it."""
 
     def __init__(self, **settings: Any) -> None:
-        super().__init__(**{**settings, "allow_abbrev": False})
+        super().__init__(**{"formatter_class": _Lines, **settings, "allow_abbrev": False})
 
 
 def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
     """Parser of the command line with these verbs; with one alone, its own help and errors read as with all."""
     parser = Parser(
         prog="plumbob",
-        description="Attitude from MEMS inertial sensors: decode, record, replay, characterise, calibrate, estimate, "
-        "evaluate.",
+        description="Attitude from MEMS inertial sensors. Without a verb, plumbob prints the order of work.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -90,7 +111,10 @@ def _joined(words: Sequence[str]) -> list[str]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line and return its exit code."""
+    """Run a command line and return its exit code; without a verb, print the order of work."""
+    if not (sys.argv[1:] if argv is None else argv):
+        print(ORDER, end="")
+        return 0
     return run(argv, _parser_for, "plumbob")
 
 

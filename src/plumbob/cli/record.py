@@ -24,13 +24,17 @@ def add_parser(verbs: common.Adder) -> None:
         description="Read a live line as a session file says, or as the options say, keep its raw bytes and what they "
         "mean in an MCAP recording, and estimate the attitude. End it with Ctrl-C or SIGTERM. For a recorder that "
         "nobody attends, see 'Unattended' in docs/sessions.md.",
-        epilog="exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, "
-        "3 rows of the recording are lost or its text is cut short, as on a full disk",
+        epilog=common.more(
+            "plumbob record --port /dev/ttyUSB0 --format buoy --device buoy-7 --out sea.mcap",
+            "record-at-sea.md",
+            "exit codes: 0 ended as asked, 1 an error that the message explains, such as no sample at all, "
+            "3 rows of the recording are lost or its text is cut short, as on a full disk\n",
+        ),
     )
     p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port, --from or --iio")
     p.add_argument("--from", dest="capture", metavar="FILE", help="raw bytes in a file, as a logger keeps them")
     lines.add_line(p)
-    p.add_argument("--device", metavar="ID", help="name of this very unit, to which its calibration card belongs")
+    p.add_argument("--device", metavar="ID", help="name of this unit, to which its calibration card belongs")
     told.add_estimate(p)
     common.add_place(p)
     p.add_argument("--out", metavar="MCAP", help="recording to write; {utc} in its name is the time of the start")

@@ -11,9 +11,13 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "repair",
-        help="write what is whole of a damaged MCAP recording to a new, complete file",
+        help="write the undamaged rows of an MCAP recording to a new, complete file",
         description="Write every whole row of a damaged or unfinished MCAP recording to one new, complete file.",
-        epilog="exit codes: 0 nothing was lost, 3 repaired, but rows are lost, 1 it cannot be read or written",
+        epilog=common.more(
+            "plumbob repair sea.mcap --out whole.mcap",
+            "recordings.md",
+            "exit codes: 0 nothing was lost, 3 repaired, but rows are lost, 1 it cannot be read or written\n",
+        ),
     )
     p.add_argument("files", type=Path, nargs="+", metavar="FILE", help=PATH_HELP)
     p.add_argument("--out", type=Path, metavar="FILE", required=True, help="file to write")

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 from plumbob.cli import line as told
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.acquisition.transport import Event
@@ -27,10 +28,11 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "replay",
-        help="send a recorded line through the same stages again, with its own filter or another",
+        help="process a recorded line again, with its own filter or another",
         description="Send the raw bytes of a recording through the same line again: with the session that it holds, or "
         "with another session, filter, calibration or noise. With --check, compare with the attitude that was "
         "estimated live, bit for bit; exit code 3 where they differ.",
+        epilog=common.more("plumbob replay sea.mcap --filter vqf --out vqf.parquet", "recordings.md"),
     )
     p.add_argument("recording", type=Path, help="recording made by 'plumbob record' (.mcap)")
     p.add_argument("--session", type=Path, metavar="TOML", help="session to use instead of the recording's own")
@@ -73,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     sinks: list[Sink | None] = [status, kept if args.out else None, check]
     run_line(line, ReplaySource(log, args.speed), sinks=[sink for sink in sinks if sink])
     for topic, count in log.missing.items():
-        common.note(f"{args.recording.name}: {count} rows of {topic} are missing")
+        common.note(f"{args.recording.name}: {counted(count, 'row')} of {topic} missing")
     for damage in log.damage:
         common.note(f"{args.recording.name}: {damage}")
     report = told.report_of(session, line, status)
@@ -93,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
         told.print_report(report, told.attitude_of(status.last))
         if same is not None:
             verdict = "EQUAL to the bit" if same.equal else "NOT equal"
-            print(f"check        {verdict}: {same.compared} attitudes compared, {same.different} different, "
+            print(f"check        {verdict}: {counted(same.compared, 'attitude')} compared, {same.different} different, "
                   f"{same.only_live} only live, {same.only_replayed} only replayed")  # fmt: skip
         if args.out:
             print(f"written      {args.out}")
@@ -131,7 +133,7 @@ def _changed(args: argparse.Namespace, log: "Log", session: "Session") -> "Sessi
         return session
     frame = common.frame_of(args) or session.frame
     if frame is None:
-        raise FrameError("the recording's session names no frame; say --frame ENU, NED or NWU.")
+        raise FrameError("the recording's session names no frame. Give --frame ENU, NED or NWU.")
     chosen = common.given_noise(common.stages(args.filter, args.params), args.noise)
     if len(chosen) != 1:
         raise ParameterError("replay takes one filter; run it again for another.")

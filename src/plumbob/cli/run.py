@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
@@ -16,6 +17,7 @@ def add_parser(verbs: common.Adder) -> None:
         "run",
         help="estimate the attitude of a recording with one filter",
         description="Estimate the attitude at every sample of a recording with one filter, and write it as a track.",
+        epilog=common.more("plumbob run sea.parquet --filter mekf --out track.parquet", "choose-a-filter.md"),
     )
     p.add_argument("file", type=Path, help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat")
     p.add_argument("--filter", required=True, metavar="NAME", help="see 'plumbob filters'")
@@ -65,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         named = {"file": str(args.file), "out": str(args.out) if args.out else None}
         common.print_json(named | result.summary() | ({"errors": errors} if errors else {}))
         return 0
-    print(f"{args.file}: {len(result.track)} samples, {result.summary()['duration_s']:.3f} s")
+    print(f"{args.file}: {counted(len(result.track), 'sample')}, {result.summary()['duration_s']:.3f} s")
     print("\n".join([result.text(), *_error_lines(errors)]))
     if args.out:
         print(f"written      {args.out}")

@@ -28,10 +28,11 @@ def add_parser(verbs: common.Adder) -> None:
         "sim",
         help="simulate a recording with its truth",
         description="Simulate what sensors would record in a scenario, and the truth beside it in the same file.",
+        epilog=common.more("plumbob sim buoy --frame NED --duration 60s --out sea.parquet", "start.md"),
     )
     add_scenario_options(p, optional=True)
     common.add_noise(p, "noise card whose N, B and K the sensors take instead of their own")
-    p.add_argument("--seed", type=int, default=0, metavar="N", help="of everything left to chance (default 0)")
+    p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")
     p.add_argument("--out", type=Path, metavar="FILE", help="recording to write (.parquet or .csv)")
     p.add_argument("--card", type=Path, metavar="JSON", help="write the unit's calibration card too")
     p.add_argument("--noise-card", type=Path, metavar="JSON", help="write the unit's noise card too")
@@ -50,8 +51,8 @@ def add_scenario_options(p: argparse.ArgumentParser, *, optional: bool = False) 
         choices=("drawn", "calibrated"),
         help="a unit as it left the line, or after an ideal calibration; needed but for ideal sensors",
     )
-    p.add_argument("--rate", metavar="HZ", help="sampling rate, as 100Hz, where it shall differ from the scenario's")
-    p.add_argument("--duration", metavar="S", help="duration, as 600s, where it shall differ from the scenario's")
+    p.add_argument("--rate", metavar="HZ", help="sampling rate, as 100Hz; default: the scenario's")
+    p.add_argument("--duration", metavar="S", help="duration, as 600s; default: the scenario's")
     p.add_argument(
         "--set",
         default="",
@@ -68,7 +69,7 @@ def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]
 
     frame = common.frame_of(args)
     if frame is None:
-        raise FrameError(f"a simulation needs a navigation frame; say --frame {', --frame '.join(Frame)}.")
+        raise FrameError(f"a simulation needs a navigation frame. Give --frame {', --frame '.join(Frame)}.")
     if args.module is None and args.sensors != "ideal":
         raise ParameterError(f"say --module drawn for {args.sensors} as it left the line, or --module calibrated.")
     args.module = args.module or "calibrated"

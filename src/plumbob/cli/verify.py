@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumbob.cli import common
-from plumbob.core.text import visible
+from plumbob.core.text import counted, visible
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,9 +20,13 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "verify",
-        help="is every row of an MCAP recording there and undamaged",
+        help="check that every row of an MCAP recording is there and undamaged",
         description="Read an MCAP recording from the first byte to the last and say what is missing or damaged.",
-        epilog="exit codes: 0 whole, 3 damaged, not complete, or rows are missing, 1 it cannot be read",
+        epilog=common.more(
+            "plumbob verify sea.mcap",
+            "recordings.md",
+            "exit codes: 0 whole, 3 damaged, not complete, or rows are missing, 1 it cannot be read\n",
+        ),
     )
     p.add_argument("files", type=Path, nargs="+", metavar="FILE", help=PATH_HELP)
     common.add_json(p)
@@ -46,13 +50,13 @@ def run(args: argparse.Namespace) -> int:
 def print_verdict(verdict: "Verdict") -> None:
     """Print what a recording holds and lacks."""
     names = ", ".join(path.name for path in verdict.paths)
-    print(f"{names}: {sum(verdict.rows.values())} rows in {verdict.duration:.3f} s")
+    print(f"{names}: {counted(sum(verdict.rows.values()), 'row')} in {verdict.duration:.3f} s")
     for topic, count in verdict.rows.items():
         print(f"rows         {visible(topic)}: {count}")
     if verdict.recording is None:
         print("written by   another program, so nobody knows how many rows there were")
     if verdict.unchecked:
-        print(f"unchecked    {verdict.unchecked} chunks or messages have no CRC; damage to them cannot be seen")
+        print(f"unchecked    {verdict.unchecked} without a CRC (chunks or messages); damage to them cannot be seen")
     for damage in verdict.damage:
         print(f"damage       {visible(str(damage))}")
     print(f"ended        {_end(verdict)}")
@@ -69,7 +73,7 @@ def _end(verdict: "Verdict") -> str:
 
 def _print_missing(title: str, rows: "Mapping[str, int]", how: str) -> None:
     for topic, count in rows.items():
-        print(f"{title:12} {visible(topic)}: {count} rows {how}")
+        print(f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}")
 
 
 def _in_words(verdict: "Verdict") -> str:

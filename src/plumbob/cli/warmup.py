@@ -19,6 +19,7 @@ def add_parser(verbs: common.Adder) -> None:
         help="compile all filters, decoders and the noise analysis for this processor now",
         description="Compile all filters, what takes bytes apart, the noise analysis and the fits of calibrations for "
         "this processor now, so that no first run or live start waits for it.",
+        epilog=common.more("plumbob warmup", "start.md"),
     )
     p.set_defaults(run=run)
 

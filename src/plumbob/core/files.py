@@ -107,8 +107,8 @@ def text_of(path: str | os.PathLike[str], what: str | None = None) -> str:
     try:
         return file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
-        rule = "is no UTF-8 text" if what is None else f"is not a {what}, which is UTF-8 text"
-        raise DecodeError(f"{file} {rule}: byte {error.start + 1} is none; save it so.") from error
+        rule = "is not UTF-8 text" if what is None else f"is not a {what}, which is UTF-8 text"
+        raise DecodeError(f"{file} {rule}: byte {error.start + 1} cannot be decoded. Save it as UTF-8.") from error
     except OSError as error:
         raise DecodeError(f"{file} cannot be read: {error.strerror}.") from error
 

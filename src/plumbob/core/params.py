@@ -1,11 +1,11 @@
 """Parameters of filters and scenarios: a class whose fields are annotated with unit, domain and meaning, SI inside.
 
 In Python a number is in the stated SI unit. In text (command line, TOML) a number may carry a unit, and must where the
-field writes the quantity in two: ``gate=0.08`` is refused, for it has meant 0.08 g and 0.08 m/s².
+field writes the quantity in two: ``gate=0.08`` is refused, because it has meant 0.08 g and 0.08 m/s².
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import NoneType
 from typing import Any, NamedTuple, TypeVar, get_args, get_type_hints
@@ -77,8 +77,39 @@ def shown(p: Parameter, value: Any) -> str:
     """Value of a parameter as text with its unit, angles in degrees; `build` reads it back."""
     if value is None or isinstance(value, bool):
         return "on" if value else "off"
-    name = _SHOWN_IN.get(p.spec.quantity, p.spec.quantity.value)
-    return f"{from_si(float(value), name):.6g}{'' if p.spec.quantity is Quantity.RATIO else f' {name}'}"
+    return f"{from_si(float(value), _shown_in(p)):.6g}{_unit(p)}"
+
+
+def allowed(p: Parameter) -> str:
+    """Values that a parameter may have, in the unit in which they are shown: ``-180 to 180 deg, or off``."""
+    if p.switch:
+        return "on or off"
+    low, high = (None if math.isinf(end) else end for end in (p.spec.low, p.spec.high))
+    if low is not None and high is not None:
+        text = f"{_end(p, low, math.ceil)} to {_end(p, high, math.floor)}{_unit(p)}"
+    elif low is not None:
+        text = f"{_end(p, low, math.ceil)}{_unit(p)} or more"
+    else:
+        text = "any number" if high is None else f"at most {_end(p, high, math.floor)}{_unit(p)}"
+    return f"{text}, or off" if p.optional else text
+
+
+def _end(p: Parameter, value: float, inward: Callable[[float], int]) -> str:
+    """End of a range as it was declared, or with two digits that are inside: 57 deg for 1 rad, not 57.2958."""
+    size = from_si(value, _shown_in(p))
+    text = f"{size:.4g}"
+    if math.isclose(float(text), size, rel_tol=1e-9):
+        return text
+    step = 10.0 ** (math.floor(math.log10(abs(size))) - 1)
+    return f"{inward(size / step) * step:.4g}"
+
+
+def _shown_in(p: Parameter) -> str:
+    return _SHOWN_IN.get(p.spec.quantity, p.spec.quantity.value)
+
+
+def _unit(p: Parameter) -> str:
+    return "" if p.spec.quantity is Quantity.RATIO else f" {_shown_in(p)}"
 
 
 def build(cls: type[Built], values: Mapping[str, Any], *, of: str) -> Built:
@@ -121,14 +152,12 @@ def checked(of: str, p: Parameter, value: Any) -> Any:
         return None
     if p.switch:
         if not isinstance(value, bool):
-            raise ParameterError(f"{of}: {p.name} is on or off, but got {value!r}.")
+            raise ParameterError(f"{of}: {p.name} must be {allowed(p)}, but got {value!r}.")
         return value
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ParameterError(f"{of}: {p.name} must be a number in {p.spec.quantity}, but got {value!r}.")
     if not p.spec.low <= value <= p.spec.high:
-        raise ParameterError(
-            f"{of}: {p.name} must be {p.spec.low:g} to {p.spec.high:g} {p.spec.quantity}, but it is {value:g}."
-        )
+        raise ParameterError(f"{of}: {p.name} must be {allowed(p)}, but it is {shown(p, value)}.")
     return float(value)
 
 

@@ -26,7 +26,7 @@ def toml(text: str, guide: str) -> dict[str, Any]:
     Raises
     ------
     DecodeError
-        If it is no TOML, tables in it are too deep, or a whole number has more than the 64 bits of TOML.
+        If it is not TOML, tables in it are too deep, or a whole number has more than the 64 bits of TOML.
     """
     try:
         content = tomllib.loads(text)
@@ -82,7 +82,7 @@ def section(
     Raises
     ------
     DecodeError
-        If it is no table, or a key is unknown or missing.
+        If it is not a table, or a key is unknown or missing.
     """
     if not isinstance(raw, dict):
         raise DecodeError(f"{where} must be a table, as in [{where}], but it is {excerpt(str(raw))}.")

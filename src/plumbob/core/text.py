@@ -41,6 +41,16 @@ def pair(name: str, value: str) -> str:
     return textwrap.fill(value, WIDTH, initial_indent=f"{name:<{_NAME}}", subsequent_indent=" " * _NAME)
 
 
+def counted(count: int, noun: str, plural: str = "") -> str:
+    """Count with its noun: ``1 sample``, ``2 samples``; a plural that is not the noun with an s is given."""
+    return f"{count} {noun if count == 1 else plural or noun + 's'}"
+
+
+def p_value(p: float) -> str:
+    """Probability of a test as it is printed: ``p = 0.032``, or ``p < 0.001``."""
+    return "p < 0.001" if p < 1e-3 else f"p = {p:.2g}"
+
+
 ALIKE = 1.1
 """Up to this ratio, the two sides of an interval are printed as one ±, the larger of them."""
 

@@ -55,7 +55,7 @@ class Timing:
     rate : float
         One over the median step, Hz; NaN for fewer than two samples.
     jitter : float
-        Standard deviation of the steps that are no gap, s.
+        Standard deviation of the steps that are not gaps, s.
     gaps : int
         Number of steps longer than `GAP_FACTOR` median steps.
     longest : float

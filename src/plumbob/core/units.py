@@ -53,7 +53,7 @@ class Quantity(StrEnum):
 
     @property
     def ambiguous(self) -> bool:
-        """True where the field writes the quantity in two units, so that a bare number would be a guess."""
+        """True where the field writes the quantity in two units, so that a plain number would be a guess."""
         return self in _AMBIGUOUS
 
 
@@ -295,7 +295,7 @@ def parse(text: str, quantity: Quantity) -> float:
     Raises
     ------
     UnitError
-        If it is no number, its unit is unknown or measures something else, or a unit is missing where two are usual.
+        If it is not a number, its unit is unknown or measures something else, or a unit is missing where two are usual.
     """
     number, name = split(text)
     fitting = ", ".join(k for k, u in UNITS.items() if u.quantity is quantity)

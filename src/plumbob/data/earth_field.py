@@ -124,7 +124,7 @@ def parse_place(text: str) -> tuple[float, float, float]:
     Raises
     ------
     ParameterError
-        If the text is no place.
+        If the text is not a place.
     """
     try:
         latitude, longitude, *rest = (float(part) for part in text.split(","))

@@ -354,8 +354,9 @@ class ImuData(Shown):
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
 
-        Nothing is judged again, so that a part of a recording can be corrected as the whole; and flags stay, for they
-        tell what the sensor said: a value at the end of its range is clipped, whatever a calibration makes of it.
+        Nothing is judged again, so that a part of a recording can be corrected as the whole. Flags stay, because
+        they say what the sensor measured: a value at the end of its range is clipped, whatever a calibration makes of
+        it.
 
         Parameters
         ----------

@@ -26,7 +26,7 @@ class Reading:
     exact : ndarray (N,) of bool
         The time is one of the track's own stamps.
     outside, gap : ndarray (N,) of bool
-        Why it is not told: beyond the ends, or between stamps farther apart than the largest gap.
+        Why it is not known: beyond the ends, or between stamps farther apart than the largest gap.
     """
 
     q_nb: Floats

@@ -17,7 +17,7 @@ class ImuSample:
     """One instant of an inertial unit.
 
     The nine numbers stand in one array, for then a streamed call of a filter hands over one pointer. That is why this
-    is no dataclass.
+    is not a dataclass.
 
     Parameters
     ----------
@@ -38,11 +38,11 @@ class ImuSample:
     Raises
     ------
     ClockError
-        If the time is no whole number of ns, or beyond 64 bits.
+        If the time is not a whole number of ns, or beyond 64 bits.
     ShapeError
         If a triad is not three numbers.
     ParameterError
-        If the flags are no word of 32 bits.
+        If the flags are not a word of 32 bits.
     """
 
     __slots__ = ("flags", "t_ns", "temp_c", "values")

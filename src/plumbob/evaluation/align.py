@@ -90,12 +90,12 @@ def find_mounting_and_heading(q_est: Floats, q_ref: Floats, frame: Frame) -> Ali
     Raises
     ------
     ParameterError
-        If the body hardly tilts: a body that only turns about the vertical does not tell its mounting from its heading.
+        If the body hardly tilts: a body that only turns about the vertical does not separate mounting and heading.
     """
     spread = tilt_spread(q_ref, frame)
     if spread < MIN_TILT_SPREAD:
         raise ParameterError(
-            f"mounting and heading cannot be told apart: the reference's tilt varies by {to_deg(spread):.2g}° rms, "
+            f"mounting and heading cannot be separated: the reference's tilt varies by {to_deg(spread):.2g}° rms, "
             f"but {to_deg(MIN_TILT_SPREAD):.2g}° are needed. Align one of them, or record a motion that tilts."
         )
     heading = _best_heading(q_est, q_ref, frame)

@@ -15,6 +15,7 @@ from plumbob.core import flags
 from plumbob.core.check import Floats, number, said
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.repr import Shown
+from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
 from plumbob.evaluation import report
@@ -85,7 +86,7 @@ class Evaluation(Shown):
     consistency : Consistency or None
         Where the estimate claims a covariance.
     reference_rate : float or None
-        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be told.
+        Rms angular rate of the reference over the scored samples, rad/s; None where it cannot be determined.
     notes : tuple of str
         What a reader should know.
     """
@@ -181,7 +182,7 @@ def evaluate(
     Raises
     ------
     ParameterError
-        If a setting is unknown or out of range, or mounting and heading cannot be told apart.
+        If a setting is unknown or out of range, or mounting and heading cannot be separated.
     ClockError
         If the two have no time in common, or no time offset can be found.
     FrameError
@@ -389,9 +390,8 @@ def _free_heading(e: "Evaluation") -> str:
     count = e.flag_counts().get(name, 0)
     if not count or "heading" in e.not_scored or e.alignment.heading is not None:
         return ""
-    return (
-        f"{count} scored samples carry {name}: their heading counts from an arbitrary zero and is scored all the same"
-    )
+    samples = counted(count, "scored sample")
+    return f"{samples} with {name}: the heading counts from an arbitrary zero and is scored nevertheless"
 
 
 def _uncalibrated(e: "Evaluation") -> str:
@@ -413,7 +413,7 @@ def _constant_part(e: "Evaluation") -> str:
         if after < _EXPLAINED * before:
             return (
                 f"most of the error is {_describe(alignment)}: without it, total RMSE would be {to_deg(after):.2f}° "
-                f"instead of {to_deg(before):.2f}°. If that constant is no error, align it (align=, "
+                f"instead of {to_deg(before):.2f}°. If that constant is not an error, align it (align=, "
                 f"--align {name})"
             )
     return ""

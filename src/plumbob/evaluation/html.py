@@ -142,8 +142,8 @@ def _finish_cumulative(ax: "Axes", stats: Sequence[Stats]) -> None:
     ax.set_ylim(0.0, 100.0)
     ax.set_yticks((0, 25, 50, 75, 95))
     ax.set_xlim(0.0, max(to_deg(max(min(s.max_abs, 1.25 * s.p99) for s in stats)), 1e-9))
-    ax.set_xlabel("error at most [°]")
-    ax.set_ylabel("scored samples [%]")
+    ax.set_xlabel("error [°]")
+    ax.set_ylabel("cumulative share [%]")
 
 
 _COLUMNS = 800
@@ -212,9 +212,9 @@ def _comparison(evaluations: Mapping[str, "Evaluation"]) -> str:
     parts = ["<section><h2>Comparison</h2>", _comparison_table(evaluations)]
     differing = _differences(list(evaluations.values()))
     if differing:
-        parts.append(f"<p class='note'>Not like with like: the rows differ in {differing}.</p>")
+        parts.append(f"<p class='note'>Not directly comparable: the rows differ in {differing}.</p>")
     keys = [(name, *key_style(i)) for i, name in enumerate(evaluations)]
-    caption = f"Share of scored samples whose {shared} error is at most so large"
+    caption = f"Cumulative distribution of the {shared} error"
     parts.append(figure(caption, comparison_figure(evaluations, shared), keys))
     return "\n".join([*parts, "</section>"])
 
@@ -242,7 +242,7 @@ def _comparison_table(evaluations: Mapping[str, "Evaluation"]) -> str:
     head = "".join(f"<th scope='col'>{name}</th>" for name in QUANTITIES)
     units = "<th></th>" + "<th>deg</th>" * len(QUANTITIES) + "<th></th><th></th>"
     return (
-        "<div class='scroll'><table><caption>RMSE in degrees; the least of each column is bold</caption>"
+        "<div class='scroll'><table><caption>RMSE [°]; bold: smallest of the column</caption>"
         f"<thead><tr><th></th>{head}<th scope='col'>samples</th><th scope='col'>aligned</th></tr>"
         f"<tr class='units'>{units}</tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table></div>"
@@ -270,12 +270,12 @@ def _section(i: int, name: str, e: "Evaluation", columns: int) -> str:
         figure("Error over time", error_figure(e, columns, str(i)), [*errors, shade]),
         figure("Yaw, pitch and roll over time", attitude_figure(e, columns, str(i)), attitude),
         figure(
-            "Share of scored samples whose error is at most so large; dots mark 50, 95 and 99 %",
+            "Cumulative distribution of the error; dots mark 50, 95 and 99 %",
             distribution_figure(e, str(i)),
             errors,
         ),
         "<div class='columns'>",
-        f"<div><h3>Compared</h3>{definitions_list(_compared(e))}</div>",
+        f"<div><h3>Comparison</h3>{definitions_list(_compared(e))}</div>",
         f"<div><h3>Samples</h3>{_sample_table(e)}</div>",
         "</div>",
         _flag_table(e),
@@ -315,7 +315,7 @@ def _error_table(e: "Evaluation") -> str:
     head = "".join(f"<th scope='col'>{h}</th>" for h in _HEAD)
     units = "".join(f"<th>{u}</th>" for u in _UNITS)
     return (
-        "<div class='scroll'><table><caption>Errors over the scored samples</caption>"
+        "<div class='scroll'><table><caption>Errors of the scored samples</caption>"
         f"<thead><tr><th></th>{head}</tr><tr class='units'><th></th>{units}</tr></thead>"
         f"<tbody>{''.join(rows)}</tbody></table></div>"
     )
@@ -358,7 +358,7 @@ def _flag_table(e: "Evaluation") -> str:
         f"<td class='text'>{meaning[name]}</td></tr>"
         for name, n in counts.items()
     )
-    return f"<h3>Flags raised in scored samples</h3><div class='scroll'><table><tbody>{rows}</tbody></table></div>"
+    return f"<h3>Flags of the scored samples</h3><div class='scroll'><table><tbody>{rows}</tbody></table></div>"
 
 
 def _number(angle: float) -> str:

@@ -168,7 +168,7 @@ PERCENTILES = (50, 95, 99)
 
 @dataclass(frozen=True, slots=True)
 class Stats:
-    """What is told about an error; angles in rad.
+    """What is reported about an error; angles in rad.
 
     Attributes
     ----------

@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from plumbob.core.check import Floats
-from plumbob.core.text import listed, pair
+from plumbob.core.text import counted, listed, pair
 from plumbob.core.units import to_deg, to_dps
 from plumbob.evaluation.associate import Fate
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, QUANTITIES, Stats
@@ -74,7 +74,7 @@ def heading_lines(e: "Evaluation") -> list[tuple[str, str]]:
         facts.append(("motion", f"the reference turned at {to_dps(e.reference_rate):.3g} °/s rms"))
     if e.estimate.cov_b is not None:
         facts.append(("covariance", describe_consistency(e)))
-    facts += [("flagged", f"{n} scored samples: {name}") for name, n in e.flag_counts().items()]
+    facts += [("flagged", f"{counted(n, 'scored sample')}: {name}") for name, n in e.flag_counts().items()]
     return facts
 
 
@@ -92,7 +92,7 @@ def describe_track(e: "Evaluation", which: str) -> str:
     """Source, frame and heading reference of the estimate or the reference."""
     track = e.estimate if which == "estimate" else e.reference
     heading = "free heading" if track.north is North.FREE else f"{track.north} north"
-    return f"{track.source or 'unnamed'} ({track.frame}, {heading}, {len(track)} samples)"
+    return f"{track.source or 'unnamed'} ({track.frame}, {heading}, {counted(len(track), 'sample')})"
 
 
 def describe_samples(e: "Evaluation") -> str:
@@ -122,7 +122,7 @@ def describe_alignment(e: "Evaluation") -> list[str]:
         side = "right" if a.heading >= 0.0 else "left"
         lines.append(f"heading: the estimate reads {abs(to_deg(a.heading)):.3f}° {side} of the reference's")
     if a.tilt_spread is not None:
-        lines.append(f"tilt of the body varied by {to_deg(a.tilt_spread):.1f}° rms, which tells the two apart")
+        lines.append(f"tilt of the body varied by {to_deg(a.tilt_spread):.1f}° rms, which separates the two")
     return lines
 
 
@@ -133,7 +133,7 @@ def describe_consistency(e: "Evaluation") -> str:
         return "none claimed"
     if c is None:
         return f"claimed, but not judged: {e.not_scored.get('total', 'in no scored sample is it positive definite')}"
-    left_out = f"; {c.unusable} samples with an unusable covariance" if c.unusable else ""
+    left_out = f"; {counted(c.unusable, 'sample')} with an unusable covariance" if c.unusable else ""
     return (
         f"NEES {c.mean:.3g} on average ({DOF} expected), {100 * c.share_inside:.1f} % inside "
         f"{c.lower:.3g} to {c.upper:.3g} ({100 * CONFIDENCE:.0f} % expected){left_out}"

@@ -2,7 +2,7 @@
 
 The angular rate's magnitude does not depend on frames, headings or mountings, so the offset can be found before any of
 them. Both tracks are read on a common grid; the normalised correlation over the samples that both know gives the offset
-to a grid step, and a root search, with the reference read anew at each trial offset, the fraction.
+to a grid step, and a root search, with the reference interpolated again at each trial offset, the fraction.
 """
 
 from dataclasses import dataclass

@@ -45,7 +45,7 @@ def require_keys(found: Iterable[str]) -> None:
     missing = [key for key in (*SHAPES, RATE) if key not in set(found)]
     if missing:
         raise DecodeError(
-            f"it is no BROAD trial: {', '.join(missing)} missing; export other data as CSV and describe that with a "
+            f"it is not a BROAD trial: {', '.join(missing)} missing; export other data as CSV and describe that with a "
             "profile."
         )
 
@@ -128,7 +128,7 @@ def _own_dataset(h5py: Any, hdf5: Any, key: str) -> Any:
         raise DecodeError(f"{key} is a link, which may lead to another file; links are refused.")
     dataset = hdf5[key]
     if not isinstance(dataset, h5py.Dataset) or dataset.shape is None or dataset.dtype.kind not in "fiub":
-        raise DecodeError(f"{key} is no numeric data set.")
+        raise DecodeError(f"{key} is not a numeric data set.")
     if dataset.external or dataset.is_virtual:
         raise DecodeError(f"{key} is stored in another file; external and virtual data are refused.")
     if dataset.chunks and math.prod(dataset.chunks) > _CHUNK_SLACK + dataset.size:
@@ -319,7 +319,7 @@ def read_broad(path: str | Path) -> Recording:
     Raises
     ------
     DecodeError
-        If the file is neither HDF5 nor MATLAB v5, is no BROAD trial, is damaged, or refers to other files.
+        If the file is neither HDF5 nor MATLAB v5, is not a BROAD trial, is damaged, or refers to other files.
     MissingExtraError
         If it is HDF5 and h5py is not installed.
     """

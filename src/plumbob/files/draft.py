@@ -1,7 +1,7 @@
 """Draft the profile of an unknown text file: what its names and first numbers suggest, each guess as a question.
 
 A guess begins with ``?``. A profile with questions is refused, so that nothing is guessed behind anyone's back. What
-is no guess: the layout, which every row confirms, and units that the header states in brackets and the numbers do not
+is certain: the layout, which every row confirms, and units that the header states in brackets and the numbers do not
 contradict.
 """
 
@@ -258,7 +258,7 @@ class _Writer:
             self._set("comment", layout.comment, "lines that begin so are left out")
         if layout.missing != type(layout)(separator=",").missing:
             self._set("missing", layout.missing, "cells without a value")
-        self._set("frame", "", "ENU, NED or NWU: in which an attitude shall be given", ask=True)
+        self._set("frame", "", "ENU, NED or NWU: the frame of the attitude", ask=True)
         self._set(
             "axes", AS_MOUNTED, "body x, y, z in the axes of the sensor case; left-handed ones: own-csv.md", ask=True
         )
@@ -321,7 +321,7 @@ class _Writer:
             return
         self._lines += [
             f'# Or these are right, and those of [acc] are not: axes = "{axes_letters(c.T)}" if it sits turned,',
-            f'# axes = "{axes_letters(-c.T)}" and mirrored = true if it is left-handed. The data sheets tell.',
+            f'# axes = "{axes_letters(-c.T)}" and mirrored = true if it is left-handed. See the data sheets.',
         ]
 
     def _write_unit(self, kind: Quantity, columns: Sequence[int], guess: _Guess) -> bool:

@@ -35,7 +35,7 @@ class Format:
     takes_profile : bool
         Whether a profile describes such files.
     writers : tuple of (str, callable)
-        Suffixes that can be written, with their writers, which are also told whether a file may be replaced.
+        Suffixes that can be written, with their writers, which also take whether a file may be replaced.
     """
 
     name: str
@@ -168,7 +168,7 @@ def _format(path: Path) -> Format:
     from plumbob.files.numbers import SUFFIXES
 
     known = ", ".join(suffix for kind in FORMATS for suffix in kind.suffixes)
-    hint = " Bare numbers are no recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
+    hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
     raise DecodeError(f"{path}: the suffix '{path.suffix}' is unknown; known are {known}.{hint}")
 
 

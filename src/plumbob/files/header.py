@@ -50,7 +50,7 @@ def dump(content: dict[str, Any]) -> bytes:
 
 
 def load(raw: bytes) -> dict[str, Any]:
-    """Parse a header, refusing repeated keys, NaN and anything that is no object.
+    """Parse a header, refusing repeated keys, NaN and anything that is not an object.
 
     Raises
     ------

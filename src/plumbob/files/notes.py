@@ -12,6 +12,7 @@ import numpy as np
 from plumbob.acquisition.timing.report import TimeReport
 from plumbob.core import flags
 from plumbob.core.check import Floats
+from plumbob.core.text import counted
 from plumbob.core.time import timing
 from plumbob.data import UNCALIBRATED, ImuData, calibration_told
 from plumbob.data.plausibility import doubts
@@ -52,7 +53,7 @@ def inferred(report: TimeReport) -> tuple[str, ...]:
     """Line about gaps that nothing but the host's delays spoke for; none where there are none."""
     if not report.inferred:
         return ()
-    gaps = "1 gap" if report.inferred == 1 else f"{report.inferred} gaps"
+    gaps = counted(report.inferred, "gap")
     rate = "" if math.isfinite(report.drift_ppm) else ", declare its rate"
     count = f"add a counter or a clock to the frame{rate}, or" if report.mode == "host" else "its frames' counts go on;"
     return (

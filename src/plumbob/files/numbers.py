@@ -1,4 +1,4 @@
-"""Files of bare numbers: columns without names, units or time, in blocks of bounded memory.
+"""Files of plain numbers: columns without names, units or time, in blocks of bounded memory.
 
 They are what a logger, an oscilloscope or ``numpy.save`` leaves. What they do not say (rate, scale, and for raw bytes
 the type and the columns) must be declared; a text that says more than numbers is a recording (`plumbob.files.read`).
@@ -116,14 +116,14 @@ def open_npy(file: Path, columns: int | None) -> Binary:
     Raises
     ------
     DecodeError
-        If it is no such array, or is cut.
+        If it is not such an array, or is cut.
     """
     try:
         array = np.load(file, mmap_mode="r", allow_pickle=False)
     except OSError:
         raise
     except Exception as error:  # NumPy has a dozen types for foreign, cut and pickled files, and for damaged headers
-        raise DecodeError(f"it is no .npy file of numbers, or it is cut ({one_line(error)[:120]}).") from error
+        raise DecodeError(f"it is not a .npy file of numbers, or it is cut short ({one_line(error)[:120]}).") from error
     if not isinstance(array, np.memmap) or array.dtype.kind not in "fiu" or array.ndim not in {1, 2}:
         raise DecodeError(
             "it must hold one array of real numbers, (N,) or (N, k), but it holds "
@@ -187,7 +187,7 @@ class Numbers:
         Parameters
         ----------
         progress : callable, optional
-            Is told after every block how many of `size` bytes are done.
+            Is given after every block how many of `size` bytes are done.
 
         Yields
         ------
@@ -197,7 +197,7 @@ class Numbers:
         Raises
         ------
         DecodeError
-            If something is no number, or beyond every sensor, or a row has another number of them.
+            If something is not a number, or beyond every sensor, or a row has another number of them.
         """
         found, rows = self.source.blocks(), 0
         while True:

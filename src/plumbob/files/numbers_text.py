@@ -24,7 +24,7 @@ CHUNK: Final = 1 << 20
 _BOM: Final = b"\xef\xbb\xbf"
 _TWO_OR_ONE = re.compile(rb"\s*[-+]?\d+,\d+\s*")
 _ADVICE: Final = (
-    f"a file of bare numbers holds nothing else but lines of comment (# or %); a table with names, units or decimal "
+    f"a file of plain numbers holds only numbers and comment lines (# or %). A table with names, units or decimal "
     f"commas needs a profile: --profile FILE.toml, see {GUIDE}"
 )
 

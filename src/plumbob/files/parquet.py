@@ -69,7 +69,7 @@ def read_parquet(path: str | Path) -> Recording:
     Raises
     ------
     DecodeError
-        If the file is no Parquet, cut, damaged, foreign, or of a newer version; the message is one line.
+        If the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one line.
     """
     file = existing_file(path)
     with reading(file):
@@ -121,7 +121,7 @@ def _raw_header(parquet: "pq.ParquetFile") -> bytes:
     metadata = parquet.metadata.metadata or {}
     if KEY not in metadata:
         raise DecodeError(
-            "it is no recording, but a Parquet file of another program (no 'plumbob' in its metadata); "
+            "it is not a recording, but a Parquet file of another program (no 'plumbob' in its metadata); "
             f"export it as CSV and describe that with a profile, see {guide('file-formats.md')}."
         )
     return metadata[KEY]

@@ -236,7 +236,7 @@ class Profile:
 
     @property
     def texts(self) -> tuple[ColumnRef, ...]:
-        """Columns that are no numbers."""
+        """Columns that are not numbers."""
         return self.stamps if self.flags is None or not self.flag_words else (*self.stamps, self.flags)
 
     @property

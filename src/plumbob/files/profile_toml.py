@@ -12,6 +12,7 @@ from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, FrameError, PlumbobError, UnitError, excerpt
 from plumbob.core.files import MAX_TEXT, existing_file, reading
 from plumbob.core.schema import Parse
+from plumbob.core.text import counted
 from plumbob.core.units import Quantity
 from plumbob.data import TRIADS, Range
 from plumbob.files.profile import (
@@ -45,7 +46,7 @@ def load_profile(path: str | Path) -> Profile:
     Raises
     ------
     DecodeError
-        If it is no TOML, or a key is unknown, missing or of the wrong type.
+        If it is not TOML, or a key is unknown, missing or of the wrong type.
     UnitError
         If a unit is missing or unknown.
     FrameError
@@ -56,7 +57,9 @@ def load_profile(path: str | Path) -> Profile:
         try:
             text = file.read_bytes().decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise DecodeError(f"a profile is UTF-8 text, but byte {error.start + 1} is not; save it so.") from error
+            raise DecodeError(
+                f"a profile is UTF-8 text, but byte {error.start + 1} cannot be decoded. Save it as UTF-8."
+            ) from error
         return parse_profile(text, origin=file.name)
 
 
@@ -101,10 +104,9 @@ def questions(raw: Mapping[str, Any], where: str = "") -> list[str]:
 
 def _refuse_questions(raw: Mapping[str, Any]) -> None:
     if open_ := questions(raw):
-        many = "1 question is" if len(open_) == 1 else f"{len(open_)} questions are"
         raise DecodeError(
-            f"{many} not answered: {', '.join(open_)}. Open the file, and behind each '?' correct what is wrong and "
-            "delete the '?'; a number or true loses its quotes."
+            f"{counted(len(open_), 'open question')}: {', '.join(open_)}. Open the file, and behind each '?' "
+            "correct what is wrong and delete the '?'; a number or true loses its quotes."
         )
 
 
@@ -122,7 +124,9 @@ def _in_body(group: GroupSource, found: Mapping[str, Any]) -> Range:
 def _require_sense(profile: Profile) -> None:
     layout, reference = profile.layout, profile.reference
     if layout.separator == layout.decimal:
-        raise DecodeError(f"separator and decimal are both '{layout.decimal}', so cells cannot be told apart.")
+        raise DecodeError(
+            f"separator and decimal are both '{layout.decimal}', so cells cannot be separated. Change one of them."
+        )
     if not profile.triads and reference is None:
         raise DecodeError("it declares no data; add at least one of [gyr], [acc], [mag] and [reference].")
     if not profile.triads and (profile.temperature is not None or profile.flags is not None):
@@ -154,7 +158,7 @@ def _section(where: str, raw: Any, known: Mapping[str, Parse], required: tuple[s
 def _absent(where: str, key: str) -> PlumbobError:
     if key in {"unit", "angle_unit"}:
         example = "rad" if key == "angle_unit" else _EXAMPLE.get(where, "rad/s")
-        return UnitError(f'{where} needs its unit, because a bare number has none; add {key} = "{example}" or such.')
+        return UnitError(f'{where} needs a unit, because a plain number has none. Add {key} = "{example}" or similar.')
     if key in {"frame", "north"}:
         words = ", ".join(Frame if key == "frame" else North)
         return FrameError(f"{where} needs '{key}', because there is no default; known are {words}.")
@@ -172,7 +176,9 @@ def _encoding(where: str, value: Any) -> str:
         codecs.lookup(schema.text(where, value))
         "".encode(value)  # refuses Python's codecs that are no text encodings
     except (LookupError, ValueError) as error:
-        raise DecodeError(f"{where} = {excerpt(value)} is no text encoding; usual are utf-8, gbk, latin-1.") from error
+        raise DecodeError(
+            f"{where} = {excerpt(value)} is not a text encoding; common ones are utf-8, gbk and latin-1."
+        ) from error
     return str(value)
 
 

@@ -1,6 +1,6 @@
 """How an unknown text file is laid out, found by trying: the layout in which most rows are numbers.
 
-What is found here is tested on every row of the first part of the file, so it is no guess; what the columns mean is
+What is found here is tested on every row of the first part of the file, so it is not a guess; what the columns mean is
 asked by `plumbob.files.draft`.
 """
 

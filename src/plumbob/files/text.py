@@ -104,7 +104,7 @@ def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile,
         raise DecodeError(
             f"{file}: a text file does not say its units, so it needs --profile FILE.toml (or {file.stem}.toml beside "
             f"it); its first line is {_first_line(file)}. plumbob profile {shlex.quote(str(file))} drafts one. "
-            "Bare numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
+            "Plain numbers of a unit at rest are for 'plumbob allan', with --rate and --scale."
         )
     return load_profile(found[0]), f"read with the profile {found[0].name}, found beside the file"
 
@@ -282,7 +282,7 @@ def read_spans(path: str | Path) -> dict[str, tuple[float, float]]:
     Raises
     ------
     DecodeError
-        If it is no such table, a name comes twice or a span has no length.
+        If it is not such a table, a name comes twice or a span has no length.
     """
     file, text = Path(path), text_of(path)
     found: dict[str, tuple[float, float]] = {}

@@ -35,7 +35,7 @@ class Table:
     notes : tuple of str
         What was left out.
     texts : dict
-        Cells of the columns that are no numbers.
+        Cells of the columns that are not numbers.
     line_of : callable
         Number of the line of a row that counts from 0.
     """
@@ -77,12 +77,12 @@ def read_table(
     exact : int or str, optional
         One of them that is read as decimal numbers and returned less its first value.
     texts : sequence of int or str
-        Those of them that are no numbers.
+        Those of them that are not numbers.
 
     Raises
     ------
     DecodeError
-        If the layout does not fit, or a cell is no number; the message names line, column and text.
+        If the layout does not fit, or a cell is not a number; the message names line, column and text.
     """
     text = decode(raw, layout.encoding)
     head = find_head(text, layout)

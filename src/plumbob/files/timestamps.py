@@ -91,7 +91,7 @@ def stamps_ns(cells: Sequence[str], zone: int | None) -> tuple[list[int], bool]:
     Raises
     ------
     StampError
-        If a cell is no clock time, or some have a date or a zone and others do not.
+        If a cell is not a clock time, or some have a date or a zone and others do not.
     """
     times: list[int] = []
     first: tuple[bool, bool] | None = None

@@ -68,7 +68,10 @@ class CommonParams(NamedTuple):
     declination: Annotated[
         float | None,
         Spec(
-            Quantity.ANGLE, "magnetic declination, east positive; unless given, the recording's; off: magnetic", -4, 4
+            Quantity.ANGLE,
+            "magnetic declination, east positive; default: the recording's; off: magnetic",
+            -math.pi,
+            math.pi,
         ),
     ] = None
     max_gap: Annotated[float, Spec(Quantity.TIME, "a longer step is not integrated: the filter starts again", 0)] = 1.0
@@ -429,7 +432,7 @@ class Filter(Shown):
         Raises
         ------
         ShapeError
-            If it is no sample.
+            If it is not a sample.
         """
         try:
             return self._single(self._s, sample.t_ns, sample.flags, sample.values)
@@ -473,10 +476,10 @@ class Filter(Shown):
         Raises
         ------
         DecodeError
-            If the mapping is no saved state, of another version, or one that no filter can come to.
+            If the mapping is not a saved state, of another version, or one that no filter can come to.
         """
         if not isinstance(saved, Mapping) or saved.get("kind") != "plumbob filter state":
-            raise DecodeError("this is no saved filter state; give what Filter.save() returned.")
+            raise DecodeError("this is not a saved filter state. Give what Filter.save() returned.")
         if saved.get("version") != STATE_VERSION:
             raise DecodeError(f"the saved state has version {saved.get('version')}, but this is {STATE_VERSION}.")
         missing = {"filter", "frame", "params", "declination", "left", "init", "state"} - set(saved)

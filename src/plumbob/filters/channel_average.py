@@ -55,7 +55,7 @@ def own_state(params: Params) -> int:
     Raises
     ------
     ParameterError
-        If the window is no whole number of samples.
+        If the window is not a whole number of samples.
     """
     if params.samples != math.floor(params.samples):
         raise ParameterError(f"moving_average: samples must be a whole number, but it is {params.samples:g}.")

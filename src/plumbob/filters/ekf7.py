@@ -1,14 +1,14 @@
 """Seven-state Kalman filter of the rod paper: quaternion and gyroscope bias, corrected by gravity.
 
 The gyroscope turns the quaternion in closed form; the accelerometer corrects quaternion and bias as far as it measures
-gravity. Its noise has two sizes, at rest and in motion, and a detector tells the two apart: at rest the accelerometer
+gravity. Its noise has two sizes, at rest and in motion, and a detector separates the two: at rest the accelerometer
 is believed, in motion it is averaged. The magnetometer sets the heading once, at the start; nothing corrects it later.
 
 This is an extended Kalman filter on the four components of the quaternion, as the paper has it, and not an error-state
 filter of three angles: the length of q is a fourth direction, which the size of gravity observes.
 
 When to choose it: tilt of a body that stops now and then, where the heading does not matter. Where a magnetometer
-shall hold the heading it is the wrong filter. The default noises are those of the paper's sensor; give a noise card or
+is to hold the heading it is the wrong filter. The default noises are those of the paper's sensor; give a noise card or
 ``gyro_noise`` and ``bias_walk`` of yours, and calibrate an offset of the gyroscope beyond ``rest_rate`` away first, or
 rest is never found.
 
@@ -32,8 +32,8 @@ is normalised after every step. Φ holds the exact derivatives of (10), whose fi
 I + Δt/2 [Ω | Ψ]. P stays about the predicted quaternion until the next prediction carries it on, so that turns about
 the vertical, which gravity never shows, stay what they are. In motion, the noise is never taken to be smaller than what
 the norm of the specific force misses of g, so that one blow does not tip the horizon; where the rate is missing, the
-attitude becomes uncertain. As the heading is not corrected, its variance would grow beyond what the other entries of P
-can be told from: it is held near 1 rad².
+attitude becomes uncertain. As the heading is not corrected, its variance would grow until rounding hides the other
+entries of P: it is held near 1 rad².
 
 The paper's own switch is ``hard_switch=on``: at rest, tilt and bias are those of the mean specific force and rate, and
 the Kalman filter waits. Its covariance then stays what it was, which leaves the filter wrong about its bias after a
@@ -121,7 +121,13 @@ class Params(NamedTuple):
         0.1
     )
     rest_time: Annotated[
-        float, Spec(Quantity.TIME, "rest is what has been quiet for so long; also the time of the means", 1e-3, 1e3)
+        float,
+        Spec(
+            Quantity.TIME,
+            "time of quiet after which the unit is at rest; also the averaging time of the means",
+            1e-3,
+            1e3,
+        ),
     ] = 1.0
     hard_switch: Annotated[
         bool, Spec(Quantity.RATIO, "at rest take tilt and bias from the means instead of filtering, as the paper does")
@@ -168,7 +174,7 @@ def resting(
     c: Floats, x: Floats, dt: float, excess: float,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
 ) -> bool:  # fmt: skip
-    """Tell rest from motion: neither rate nor specific force has moved for the rest time."""
+    """Distinguish rest from motion: neither rate nor specific force has moved for the rest time."""
     wx, wy, wz = gx - x[BIAS], gy - x[BIAS + 1], gz - x[BIAS + 2]
     if not (abs(excess) < c[REST_FORCE] and wx * wx + wy * wy + wz * wz < c[REST_RATE2]):
         x[QUIET] = 0.0
@@ -213,7 +219,7 @@ def start(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float, my: 
 
 @njit
 def motion_var(c: Floats, x: Floats, dt: float, excess: float) -> float:
-    """Variance of the accelerometer in motion; it falls to that of rest as the quiet lasts, so that rest is no jump."""
+    """Variance of the accelerometer in motion; it falls to that of rest as the quiet lasts, without a jump."""
     moving = 1.0 - x[QUIET] / c[REST_TIME]
     found: float = max((c[REST_VAR] + (c[MOTION_VAR] - c[REST_VAR]) * (moving * moving)) / dt, excess * excess)
     return found

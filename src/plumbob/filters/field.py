@@ -1,7 +1,7 @@
 """Can the magnetometer be trusted? The Earth's field keeps its size and dip; magnets and iron change them.
 
 Size and dip of the field, seen with the present tilt, are compared with a reference that follows slowly while they
-agree. Where they do not, the field is disturbed. But a pair that lasts while the unit turns (and so is no magnet that
+agree. Where they do not, the field is disturbed. But a pair that lasts while the unit turns (so not from a magnet that
 turns with it) becomes the new reference, [Laidig2023]. The dip is kept as its sine, which costs no arcus function.
 """
 

@@ -43,7 +43,7 @@ dip angle is not needed. The paper's K = 0.8 is a gain of 0.8 1/s, a corner at 0
 Fuzzy regulator of the teaching-arm paper [HuangJiang]: a correction from an error and its integral, by 7 × 7 rules.
 
 Like the paper it works in degrees: error in deg, integral in deg s, correction in deg/s. Who calls it with radians
-gets a gain 57 times too small, which at rest even looks better, for it lets less noise through.
+gets a gain 57 times too small, which at rest even looks better, because it lets less noise through.
 
 ==============  =============================  =====================================================================
 universe        from                           sets: seven triangles, each down to zero at its neighbours' centres

@@ -1,4 +1,4 @@
-"""Multiplicative extended Kalman filter with a covariance that is meant: attitude, gyroscope bias, level velocity.
+"""Multiplicative extended Kalman filter with a consistent covariance: attitude, gyroscope bias, level velocity.
 
 The attitude error is a small rotation in the *navigation* frame, ``q_true = exp(θ) ⊗ q``, [Sola2017] sec. 7. There
 gravity and north are constant, so each measurement sees fixed states, is a scalar, and nothing is inverted.
@@ -66,7 +66,7 @@ from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit,
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
 
-SUMMARY: Final = "multiplicative EKF: attitude, bias and bounded velocity, with a covariance that is meant; gates, rest"
+SUMMARY: Final = "multiplicative EKF: attitude, bias and bounded velocity, with a consistent covariance; gates, rest"
 REFERENCES: Final = ("Sola2017",)
 NEEDS: Final = ("gyr", "acc")
 
@@ -175,7 +175,7 @@ class Params(NamedTuple):
     rest_force: RestForce = 0.5
     rest_after: RestAfter = 1.5
     mag_reject: Annotated[
-        float, Spec(Quantity.TIME, "a disturbed field is not used for so long; 0: it always is", 0, 1e6)
+        float, Spec(Quantity.TIME, "longest time for which a disturbed field is not used; 0: it is always used", 0, 1e6)
     ] = 60.0
 
 
@@ -460,7 +460,7 @@ def follow_gravity(c: Floats, x: Floats, dt: float, fx: float, fy: float, fz: fl
 
 @njit
 def stop(x: Floats) -> None:
-    """Begin anew with a velocity of zero."""
+    """Begin again with a velocity of zero."""
     know(x, V, 0.0)
     know(x, V + 1, 0.0)
     x[ERROR + V], x[ERROR + V + 1], x[MEAN], x[MEAN + 1], x[GATED] = 0.0, 0.0, 0.0, 0.0, 0.0

@@ -109,7 +109,7 @@ def navigation_frame(imu: ImuData, asked: Frame | None, *, where: str) -> Frame:
     """
     frame = asked or imu.meta.frame
     if frame is None:
-        raise FrameError(f"{where} does not name a navigation frame; say --frame {', --frame '.join(Frame)}.")
+        raise FrameError(f"{where} does not name a navigation frame. Give --frame {', --frame '.join(Frame)}.")
     return frame
 
 
@@ -214,7 +214,7 @@ def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter) -
     imu : ImuData
         The recording.
     filter_ : Filter
-        What is started; it says frame, declination and whether a magnetometer tells its north.
+        What is started; it says frame, declination and whether a magnetometer gives its north.
 
     Raises
     ------

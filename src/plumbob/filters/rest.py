@@ -18,7 +18,7 @@ RestRate = Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this ne
 RestForce = Annotated[
     float, Spec(Quantity.ACCELERATION, "at rest, the specific force stays this near to its mean", 0, 100)
 ]
-RestAfter = Annotated[float, Spec(Quantity.TIME, "rest begins after so long of stillness", 0, 600)]
+RestAfter = Annotated[float, Spec(Quantity.TIME, "stillness after which rest begins", 0, 600)]
 
 TAU = 0.5
 """Smoothing time, s."""

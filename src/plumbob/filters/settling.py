@@ -55,7 +55,7 @@ def considered(q_nb: Floats, field: Floats, up: float, north: tuple[float, float
     q_nb : ndarray (N, 4)
         Attitudes.
     field : ndarray (N, 2)
-        Level and vertical part of the field, along navigation z, µT; zero where no field tells the heading.
+        Level and vertical part of the field, along navigation z, µT; zero where no field gives the heading.
     up : float
         +1 where navigation z points up, −1 where it points down.
     north : (float, float)

@@ -146,7 +146,10 @@ class Params(NamedTuple):
     rest_force: RestForce = 0.5
     rest_after: RestAfter = 1.5
     mag_reject: Annotated[
-        float, Spec(Quantity.TIME, "a disturbed field is not followed for so long; 0: it always is", 0, 1e6)
+        float,
+        Spec(
+            Quantity.TIME, "longest time for which a disturbed field is not followed; 0: it is always followed", 0, 1e6
+        ),
     ] = 60.0
 
 
@@ -157,7 +160,7 @@ def coefficients(params: Params) -> tuple[float, ...]:
 
 @njit
 def begin(c: Floats, x: Floats) -> None:
-    """Take the attitude as it is, and start all averages anew; the bias stays."""
+    """Take the attitude as it is, and start all averages again; the bias stays."""
     q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
     if c[UP] < 0.0:  # the level frame has z up: half a turn about x
         q0, q1, q2, q3 = q1, -q0, q3, -q2

@@ -147,9 +147,9 @@ def allan(
     kind, columns : optional
         As in `plumbob.files.open_numbers`.
     note : callable, optional
-        Is told each note as soon as it is known.
+        Called with each note as soon as it is known.
     progress : callable, optional
-        Is told what is being done, how many bytes are done, and of all.
+        Called with what is being done, the bytes done, and of all.
 
     Returns
     -------
@@ -225,7 +225,7 @@ def open_static(
     if all(report.refused(*group.names) for group in opened.groups):
         for finding in report.errors[1:]:
             say(str(finding))
-        raise ShapeError(f"{opened.path} is no static record: {report.errors[0]}")
+        raise ShapeError(f"{opened.path} is not a static record: {report.errors[0]}")
     for finding in report.errors:
         say(f"{name}: left out: {finding}")
     return opened, report, applied

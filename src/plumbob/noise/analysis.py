@@ -102,7 +102,7 @@ def _tie(richer: Fit) -> str:
     time = math.exp(richer.logs[-1])
     return (
         f"a Gauss-Markov process with a correlation time of about {time:.2g} s would explain the record as well "
-        "as bias instability does; it cannot tell which"
+        "as bias instability does; it cannot show which"
     )
 
 
@@ -405,7 +405,7 @@ def _notes(kept: Spectrum, choice: Choice, mask: Mask, quoted: Mapping[str, Coef
     unseen = [letter for letter in "BK" if letter in quoted and not quoted[letter].observable]
     shown = [letter for letter, c in quoted.items() if c.observable]
     if len(unseen) == 2 and is_more_than(kept, choice.best, shown):
-        yield "bias instability and random walk cannot be told apart in this record, but one of them is there"
+        yield "bias instability and random walk cannot be separated in this record, but one of them is present"
     yield from _misfits(kept, choice.best)
 
 

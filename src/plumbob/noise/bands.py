@@ -1,4 +1,4 @@
-"""Narrow bands of motion or interference in a spectrum: found, left out of the likelihood, and told.
+"""Narrow bands of motion or interference in a spectrum: found, left out of the likelihood, and reported.
 
 A structure that swings, a machine next door or a supply's ripple puts its power into a band that is wider than a line
 and narrower than an octave. No term has such a shape: a fit that must explain it takes the power for quantization or
@@ -49,7 +49,7 @@ def find_mask(spectrum: Spectrum, n: NDArray[np.int64]) -> tuple[Mask, Spectrum]
 
     A spectrum that is bent somewhere in its highest octaves is cut, in half octaves from half the sampling rate down,
     until the terms fit the octaves next to the cut; and once more by `_MARGIN`, for a bend that is not seen yet has
-    already begun. Mere unevenness is no bend: real sensors have some per cent of it.
+    already begun. Mere unevenness is not a bend: real sensors have some per cent of it.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def mask_first_order(spectrum: Spectrum, time: float, n: NDArray[np.int64]) -> t
         factor, _ = _first_factor(spectrum, fit(kept), cut, n)
         return Mask(factor, cut, reason), kept
     beyond = int(n[min(int(np.searchsorted(n * spectrum.dt, FAR * time)), n.size - 1)])
-    return Mask(beyond, cut, f"{reason}; it is too short to tell more than that"), None
+    return Mask(beyond, cut, f"{reason}; it is too short to show more than that"), None
 
 
 def _fits(spectrum: Spectrum, found: Fit, cut: float, tolerated: float) -> bool:

@@ -60,7 +60,7 @@ def characterise(
     taus : sequence of float, "all" or None
         Averaging times of the curve. The coefficients are found on log-spaced ones all the same.
     progress : callable, optional
-        Is told the bytes that are done, for files larger than memory.
+        Is given the bytes that are done, for files larger than memory.
 
     Raises
     ------
@@ -215,7 +215,7 @@ def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind
         if not factor >= 1.0 or abs(factor * dt / tau - 1.0) > _ROUNDED:
             nearest = max(factor, 1.0) * dt
             raise ParameterError(
-                f"τ = {tau:g} s is no multiple of the sampling time {dt:.6g} s; the nearest is {nearest:.6g} s."
+                f"τ = {tau:g} s is not a multiple of the sampling time {dt:.6g} s; the nearest is {nearest:.6g} s."
             )
         if factor > longest:
             raise _too_long(tau, dt, count, kind)

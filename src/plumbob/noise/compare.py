@@ -183,4 +183,4 @@ def _notes(
         yield f"beyond it nothing has changed that the records could show: ratio {np.median(ratio[far]):.3f}"
     else:
         change = float(np.median(ratio[far]))
-        yield f"beyond it the deviation has changed by a factor of {change:.3f}: that is no filter's doing"
+        yield f"beyond it the deviation has changed by a factor of {change:.3f}: a filter does not do that"

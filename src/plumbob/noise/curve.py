@@ -131,7 +131,7 @@ def curve_of(
     dev : array_like (m,)
         The deviation.
     n : array_like (m,)
-        Averaging factors, increasing, at least two; the noise is told from the slope between them.
+        Averaging factors, increasing, at least two; the noise is identified by the slope between them.
     count : int
         Samples of the record.
     dt : float

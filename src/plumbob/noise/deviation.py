@@ -107,7 +107,7 @@ def deviation(rate: ArrayLike, n: ArrayLike, kind: str = "oadev") -> Floats:
     ShapeError
         If a sample is not finite, or the kind is unknown.
     ParameterError
-        If a factor is no whole number, or the record is too short for it.
+        If a factor is not a whole number, or the record is too short for it.
     """
     samples = check.floats("rate", rate)
     check.one_of("kind", kind, KINDS)

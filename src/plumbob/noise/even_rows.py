@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
+from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 from plumbob.data import TRIAD_FLAGS, ImuData
 from plumbob.data.cards import UNITS
@@ -103,7 +104,7 @@ def triads_of(
     """
     if imu is None or not set(triads) & set(imu.triads):
         has = "no samples" if imu is None else f"only {', '.join(imu.triads)}"
-        raise ParameterError(f"{file} has {has}, but {', '.join(triads)} shall be analysed.")
+        raise ParameterError(f"{file} has {has}, but the analysis asks for {', '.join(triads)}.")
     part, dt, notes = _even(_cut(imu, file, between), file)
     found = Sensors(dt, notes=notes)
     for name in imu.triads:
@@ -150,8 +151,9 @@ def _even(imu: ImuData, file: Path) -> tuple[ImuData, float, list[str]]:
     ]
     if breaks.size:
         notes.append(
-            f"samples are missing at {breaks.size} places (the first after {imu.t[breaks[0]]:.6g} s, the longest for "
-            f"{step.max():.4g} s); only the longest stretch without, {part.t[0]:.6g} s to {part.t[-1]:.6g} s, is used"
+            f"samples are missing at {counted(breaks.size, 'place')} (the first after {imu.t[breaks[0]]:.6g} s, the "
+            f"longest for {step.max():.4g} s); only the longest stretch without, {part.t[0]:.6g} s to "
+            f"{part.t[-1]:.6g} s, is used"
         )
     return part, dt, notes
 
@@ -210,8 +212,8 @@ def _own_rows(places: NDArray[np.int64], imu: ImuData, name: str, found: Sensors
         found.notes.append(f"{name} comes every {every} rows; it is analysed at its own rate, {rate:.6g} Hz")
     if breaks.size:
         found.notes.append(
-            f"{name} lacks values at {breaks.size} places; only its longest stretch without, {imu.t[rows[0]]:.6g} s to "
-            f"{imu.t[rows[-1]]:.6g} s, is used"
+            f"{name} lacks values at {counted(breaks.size, 'place')}; only its longest stretch without, "
+            f"{imu.t[rows[0]]:.6g} s to {imu.t[rows[-1]]:.6g} s, is used"
         )
     return rows
 

@@ -14,7 +14,7 @@ STREAMED: Final = 2**14
 
 
 def whole_factors(n: ArrayLike, longest: int, why: str) -> Factors:
-    """Return the averaging factors n (m,), refusing any that is no whole number from 1 to `longest`.
+    """Return the averaging factors n (m,), refusing any that is not a whole number from 1 to `longest`.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def stream_factors(n: ArrayLike) -> Factors:
     Raises
     ------
     ParameterError
-        If a factor is no whole number.
+        If a factor is not a whole number.
     """
     factors = whole_factors(n, 2**48, "for a stream")
     steps = stream_steps(factors)
@@ -120,7 +120,7 @@ class Kind(NamedTuple):
 
     @property
     def levels(self) -> tuple[int, ...]:
-        """Exponents α of the noises that the deviation is finite for and tells apart, increasing.
+        """Exponents α of the noises for which the deviation is finite, and which it separates, increasing.
 
         Without the average, flicker of the angle (1) is as steep as its quantization (2), which is what sensors have.
         """
@@ -163,6 +163,6 @@ def factors_of(kind: str, count: int, n: ArrayLike) -> Factors:
     ShapeError
         If the kind is unknown.
     ParameterError
-        If a factor is no whole number, or too long for the record.
+        If a factor is not a whole number, or too long for the record.
     """
     return whole_factors(n, kind_of(kind).longest(count), f"for {kind} of {count} samples")

@@ -190,7 +190,7 @@ class Analysis:
     name : str
         Of the channel, such as "gyr x".
     quantity : Quantity
-        What its samples measure: RATE, ACCELERATION, FIELD, or RATIO for bare numbers.
+        What its samples measure: RATE, ACCELERATION, FIELD, or RATIO for plain numbers.
     mean, sd : float
         Of the samples, in their inside unit.
     curve : Curve
@@ -246,7 +246,7 @@ class Analysis:
     def model(self, tau: ArrayLike) -> Floats:
         """Allan deviation of the most likely terms, sinusoids, bands and process together, at averaging times tau, s.
 
-        Also of terms that are not observable: two of which neither can be told apart may still be there together.
+        Also of terms that are not observable: of two that cannot be separated, one is there.
         """
         terms = (variance(letter, value, tau) for letter, value in self.most_likely.items())
         total = sum(terms, np.zeros(np.shape(tau)))

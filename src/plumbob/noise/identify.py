@@ -1,6 +1,6 @@
-"""Which power law the noise follows at each averaging time, told from the deviation itself.
+"""Which power law the noise follows at each averaging time, identified by the deviation itself.
 
-Noise of spectrum f^α has a squared deviation ∝ τ^−(α + 1) [Riley2008], so its local slope in a log-log plot tells α,
+Noise of spectrum f^α has a squared deviation ∝ τ^−(α + 1) [Riley2008], so its local slope in a log-log plot shows α,
 once it is compared with the slopes of noise as it is sampled, which are less steep at the first few n. Where the slope
 lies between those of two noises, both are there, in proportion. Quantization is an exception, as it falls as fast as
 τ^−2 and not τ^−3, but in the modified deviation.
@@ -54,7 +54,7 @@ def identify(kind: str, count: int, n: ArrayLike, dev: ArrayLike) -> Floats:
     ndarray (m,)
         α of the samples' spectrum f^α, between the exponents that the kind of deviation can tell: 2 quantization of the
         angle, 0 white, −1 flicker, −2 random walk, Hadamard's also −3 and −4; between them two noises together. Only
-        the modified deviation tells flicker of the angle, 1.
+        the modified deviation shows flicker of the angle, 1.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def _checked(n: ArrayLike, dev: ArrayLike) -> tuple[Floats, Floats]:
     deviation = check.column("dev", dev, factors.size)
     if factors.size < 2 or not (np.diff(factors) > 0.0).all():
         raise ParameterError(
-            f"n must be two averaging factors or more, increasing, to tell the noise from a slope, but it is {factors}."
+            f"n must be two averaging factors or more, increasing, to identify the noise, but it is {factors}."
         )
     bad = np.flatnonzero(~(np.isfinite(deviation) & (deviation > 0.0)))
     if bad.size:

@@ -1,7 +1,7 @@
 """The inner loops: sums along a record, and squares of its differences.
 
 Tiles of the record outside, averaging factors inside: short factors then find all that they need in the cache. Four
-factors at a time share one reading of the points, for it is reading that these loops wait for.
+factors at a time share one reading of the points, because these loops wait for reading.
 """
 
 import numpy as np
@@ -137,8 +137,8 @@ def third_squares(points: Floats, n: NDArray[np.int64], sums: Floats) -> None:
 def modified_squares(angle: Floats, n: NDArray[np.int64], sums: Floats) -> None:
     """Add the sum of squares of all means of n neighbouring second differences of θ at spacing n to sums[j], n = n[j].
 
-    They are third differences of the running sum of θ, over n. That of a long record is so large that its rounding
-    would show at small n, so these take a running sum of their own tile, about a line, which third differences do not
+    They are third differences of the running sum of θ, over n. That of a long record is large enough for its rounding
+    to show at small n, so these take a running sum of their own tile, about a line, which third differences do not
     see.
     """
     whole, tile = np.zeros(angle.shape[0] + 1), np.zeros(2 * TILE + 1)

@@ -1,6 +1,6 @@
-"""From a file to channels that a noise analysis can take: recordings with their own time, or bare numbers with a rate.
+"""From a file to channels that a noise analysis can take: recordings with their own time, or plain numbers with a rate.
 
-What a file does not say is never guessed: the rate and the scale of bare numbers must be given, and must not contradict
+What a file does not say is never guessed: the rate and the scale of plain numbers must be given and not contradict
 what the numbers themselves show.
 """
 
@@ -102,7 +102,7 @@ class StaticRecord:
     path : Path
         The file.
     size : int
-        Its bytes, of which `Channels.blocks` tells the progress.
+        Its bytes, of which `Channels.blocks` reports the progress.
     groups : tuple of Channels
         One for each sensor that can be used.
     refused : mapping of str to str
@@ -131,18 +131,18 @@ def load_static(
     kind: str | None = None,
     columns: int | None = None,
 ) -> StaticRecord:
-    """Open a file; a recording is read, bare numbers are read in blocks when they are asked for.
+    """Open a file; a recording is read, plain numbers are read in blocks when they are asked for.
 
-    A text is a recording where a profile is given or lies beside it, and bare numbers otherwise.
+    A text is a recording where a profile is given or lies beside it, and plain numbers otherwise.
 
     Parameters
     ----------
     path : path
         The file.
     rate : float, optional
-        Samples per second: needed for bare numbers; a recording must agree with it.
+        Samples per second: needed for plain numbers; a recording must agree with it.
     scale : str, optional
-        What 1 is in a file of bare numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
+        What 1 is in a file of plain numbers, such as ``"0.00875 deg/s"``; ``"1"`` for numbers without a unit.
     profile : Path, optional
         What a text recording does not say about itself.
     card : CalibrationCard, optional
@@ -159,7 +159,7 @@ def load_static(
     ParameterError
         If the rate or the scale is missing, contradicts the file, or is for the other kind of file.
     UnitError
-        If the scale is no unit whose noise is analysed, or the numbers are scaled already.
+        If the scale is not a unit whose noise is analysed, or the numbers are scaled already.
     ClockError, ShapeError
         If a recording's samples are uneven, or no sensor of it can be used.
     DecodeError
@@ -167,13 +167,13 @@ def load_static(
     """
     file = existing_file(path)
     if start is not None and stop is not None and not start < stop:
-        raise ParameterError(f"start must come before stop, but they are {start:g} s and {stop:g} s.")
+        raise ParameterError(f"start must be before stop, but they are {start:g} s and {stop:g} s.")
     if is_recording(file, profile, kind):
         if scale is not None or columns is not None:
             raise ParameterError(f"{file} is a recording with units of its own; leave scale and columns out.")
         return _of_recording(file, profile, card, triads, (start, stop), rate)
     if card is not None:
-        raise ParameterError(f"{file} holds bare numbers, but a calibration card corrects a recording with its units.")
+        raise ParameterError(f"{file} holds plain numbers, but a calibration card corrects a recording with units.")
     return _of_numbers(open_numbers(file, kind=kind, columns=columns), rate, scale, (start, stop))
 
 
@@ -190,9 +190,9 @@ def check_static(
     record : StaticRecord
         Channels, as `load_static` opens them.
     progress : callable, optional
-        Is told the bytes that are done.
+        Is given the bytes that are done.
     skip : sequence of (float, float)
-        Times that shall be left out of an analysis whatever they hold, s.
+        Times to leave out of an analysis whatever they hold, s.
     """
     checks = []
     for group in record.groups:
@@ -253,10 +253,10 @@ def _of_numbers(
 ) -> StaticRecord:
     file = numbers.path
     if rate is None or scale is None:
-        asked = {"rate": (rate, "samples per second"), "scale": (scale, f"what 1 is, {_EXAMPLE}")}
-        missing = "; and its ".join(f"{name}, {what}" for name, (value, what) in asked.items() if value is None)
+        asked = {"rate": (rate, "samples per second"), "scale": (scale, _EXAMPLE)}
+        missing = " and their ".join(f"{name} ({what})" for name, (value, what) in asked.items() if value is None)
         raise ParameterError(
-            f"{file} holds bare numbers, and does not say its {missing}. A table with time and units needs --profile "
+            f"{file} holds plain numbers: give their {missing}. For a table with time and units give --profile "
             "FILE.toml instead."
         )
     if not 0.0 < rate < math.inf:
@@ -282,7 +282,7 @@ def static_of_numbers(values: ArrayLike, rate: float | None, scale: str | None) 
         raise ShapeError(f"record must be samples (N,) or (N, k), but its shape is {samples.shape}.")
     name = Path("record")
     if rate is None or scale is None:
-        raise ParameterError(f"an array does not say its rate, Hz, and its scale, {_EXAMPLE}; give both.")
+        raise ParameterError(f"an array needs its rate, Hz, and its scale, {_EXAMPLE}. Give both.")
     if not 0.0 < rate < math.inf:
         raise ParameterError(f"rate must be a positive number of samples per second, but it is {rate}.")
     size, unit = _scale(scale)
@@ -324,5 +324,5 @@ def _scaled_twice(file: Path, values: Floats, size: float, unit: str) -> tuple[s
         )
     finite = values[np.isfinite(values)]
     if size != 1.0 and (finite != np.round(finite)).any():
-        return (f"the numbers are no whole counts, but the scale is {size:g} {unit}: they may be scaled already",)
+        return (f"the numbers are not whole counts, but the scale is {size:g} {unit}: they may be scaled already",)
     return ()

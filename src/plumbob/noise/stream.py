@@ -66,7 +66,7 @@ class AllanStream:
     Raises
     ------
     ParameterError
-        If a factor is no whole number, or no multiple of the step at which it is taken.
+        If a factor is not a whole number, or no multiple of the step at which it is taken.
     """
 
     def __init__(self, n: ArrayLike, *, channels: int) -> None:
@@ -74,7 +74,7 @@ class AllanStream:
         odd = factors[factors % stream_steps(factors) != 0]
         if odd.size:
             raise ParameterError(
-                f"n holds {odd[0]}, but a stream takes so long averages at multiples of "
+                f"n holds {odd[0]}, but a stream takes averages of this length at multiples of "
                 f"{stream_steps(odd)[0]} only: pass stream_factors(n)."
             )
         if channels < 1:

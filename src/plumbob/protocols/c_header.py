@@ -1,4 +1,4 @@
-"""A format as a C11 header for the microcontroller that shall send it: struct, setters, getters, and the check.
+"""A format as a C11 header for the microcontroller that sends it: struct, setters, getters, and the check.
 
 Every member is an array of bytes, so the struct has no padding and means the same on any compiler and processor.
 """

@@ -39,7 +39,7 @@ def counts_of(one: Field, rows: Bytes) -> Ints | Floats:
 
 
 def matches(one: Field, counts: Ints | Floats) -> Ints:
-    """1 where counts (N,) of a match are as they shall be, else 0."""
+    """1 where counts (N,) of a match are as they should be, else 0."""
     mask = (1 << one.width) - 1
     return np.asarray(counts.astype(np.int64) & mask == one.value & mask, dtype=np.int64)
 

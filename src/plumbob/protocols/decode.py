@@ -36,7 +36,7 @@ class Frames:
     t_ns : ndarray (N,) of int64
         Host's time at which that byte was read, ns.
     columns : mapping of str to ndarray (N,)
-        Values by field, in the units used inside; whole numbers for what is no measured value.
+        Values by field, in the units used inside; whole numbers for what is not a measured value.
     flags : mapping of str to ndarray (N,) of uint32
         Flags by unit: the prefix of its fields, empty where there is one unit only.
     """
@@ -324,7 +324,7 @@ def columns_of(imu: ImuData, message: Message, unit: str = "") -> dict[str, Floa
     imu : ImuData
         Samples.
     message : Message
-        Where they shall go.
+        Where they go.
     unit : str
         Prefix of the unit's fields.
     """

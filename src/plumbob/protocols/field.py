@@ -31,7 +31,7 @@ class Provenance:
     Attributes
     ----------
     source : str
-        Tag of a source of the format; empty in one's own.
+        Tag of a source of the format; empty in a format of your own.
     mark : str
         How sure it is, from `MARKS`.
     note : str
@@ -99,7 +99,7 @@ class Field:
         Added to the count, and to the value in its unit.
     role : str
         From `ROLES`. A frame whose constant differs is another message; of a match the frame says 1 where it is as it
-        shall be, else 0.
+        should be, else 0.
     value : int
         What a constant or a match is; what else is encoded where nothing is given.
     clip : tuple of int or None

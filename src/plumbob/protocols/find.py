@@ -1,4 +1,4 @@
-"""One door to every format: a file of one's own, a catalogued device, or a rig."""
+"""One door to every format: a file of your own, a catalogued device, or a rig."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def find_format(name: str | Path) -> Format:
     Raises
     ------
     DecodeError
-        If the file cannot be read, or is no format.
+        If the file cannot be read, or is not a format.
     ParameterError
         If there is neither.
     """

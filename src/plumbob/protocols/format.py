@@ -1,6 +1,6 @@
 """A format: what a device says on the wire, as data. `format_toml` reads one from a file, `catalog` holds the known.
 
-A *frame* is one piece of the byte stream, found by its framing. A *message* is one kind of frame, told from others by
+A *frame* is one piece of the byte stream, found by its framing. A *message* is one kind of frame, identified by
 its constant fields. A *field* is one number in it. One description decodes, encodes, and writes page and C struct.
 """
 
@@ -146,7 +146,9 @@ class Option:
         chosen = self.default if choice is None else str(choice)
         listed = ", ".join(map(repr, self.choices)) or "a number above 0"
         if chosen is None:
-            raise ParameterError(f"{where} must be given, for the bytes do not say it ({self.meaning}); give {listed}.")
+            raise ParameterError(
+                f"{where} must be given, because the bytes do not contain it ({self.meaning}); give {listed}."
+            )
         if self.choices:
             if chosen not in self.choices:
                 raise ParameterError(f"{where} must be one of {listed}, but it is '{chosen}'.")

@@ -36,7 +36,7 @@ def load_format(path: str | Path) -> Format:
     Raises
     ------
     DecodeError
-        If there is no such file, it is no TOML, or a key is unknown, missing or of the wrong type.
+        If there is no such file, it is not TOML, or a key is unknown, missing or of the wrong type.
     UnitError
         If a unit is missing or unknown.
     """
@@ -75,7 +75,8 @@ def device(name: str) -> Format:
     """
     if name not in formats_in(CATALOG):
         raise ParameterError(
-            f"'{name}' is no known device; known are {', '.join(device_names())}. Your own format is a .toml file."
+            f"'{name}' is not a known device; known are {', '.join(device_names())}. For another format, give its "
+            ".toml file."
         )
     return formats_in(CATALOG)[name]
 
@@ -109,7 +110,9 @@ def parse_format(text: str) -> Format:
 
 def _order(where: str, order: str) -> str:
     if not order:
-        raise DecodeError(f'{where} has bytes in an order, and nothing says which; add byte_order = "big" or "little".')
+        raise DecodeError(
+            f'{where} has several bytes, and their order is not given. Add byte_order = "big" or "little".'
+        )
     return order
 
 
@@ -172,7 +175,7 @@ def _require_unit(where: str, one: Field) -> None:
     if not one.unit:
         such = "ms" if one.role == "clock" else "deg/s"
         rest = "" if one.role == "clock" else ' ("1" for none)'
-        raise UnitError(f'{where} needs its unit, because a bare number has none; add unit = "{such}" or such{rest}.')
+        raise UnitError(f'{where} needs a unit, because a plain number has none. Add unit = "{such}" or similar{rest}.')
     try:
         units.unit(one.unit, _measured(one))
     except UnitError as error:

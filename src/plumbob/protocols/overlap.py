@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from plumbob.core.errors import DecodeError
+from plumbob.core.text import counted
 from plumbob.protocols import checksum
 from plumbob.protocols.checksum import SUM16_EITHER, algorithm
 from plumbob.protocols.field import Checksum, Field
@@ -146,7 +147,7 @@ def _require_check(check: Checksum, kinds: tuple[str, ...], message: Message) ->
 
 
 def _bytes(count: int) -> str:
-    return "1 byte" if count == 1 else f"{count} bytes"
+    return counted(count, "byte")
 
 
 def _check_kinds(form: Format) -> tuple[str, ...]:

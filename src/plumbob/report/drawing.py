@@ -60,7 +60,7 @@ def svg(draw: Draw, *, height: float, salt: str) -> str:
     height : float
         Inches.
     salt : str
-        Told apart from that of every other figure of the page, so that no two share an identifier.
+        Distinguished from that of every other figure of the page, so that no two share an identifier.
     """
     buffer = io.StringIO()
     _save(draw, height, buffer, format="svg", transparent=True, metadata={"Date": None}, salt=salt)
@@ -118,7 +118,7 @@ def envelope(t: Floats, y: Floats, columns: int, *, gap: float = np.inf, jump: f
     gap : float
         A longer step in time breaks the line.
     jump : float
-        A larger step in value breaks the line: the wrap of an angle is no motion.
+        A larger step in value breaks the line: the wrap of an angle is not motion.
     """
     rows = np.flatnonzero(np.isfinite(y))
     if not rows.size:

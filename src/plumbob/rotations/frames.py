@@ -74,7 +74,7 @@ class North(StrEnum):
         try:
             return cls(name.strip().lower())
         except (ValueError, AttributeError, TypeError):
-            raise FrameError(f"{check.said(name)} is no heading reference; known are {', '.join(cls)}.") from None
+            raise FrameError(f"{check.said(name)} is not a heading reference; known are {', '.join(cls)}.") from None
 
 
 def frame_rotation(to: Frame, from_: Frame) -> Floats:

@@ -58,7 +58,7 @@ def heading_policy(estimate: North, reference: North, *, aligned: bool, declinat
     FrameError
         If one is true, the other magnetic, and nothing bridges them.
     UnitError
-        If the declination is no angle in radians.
+        If the declination is not an angle in radians.
     """
     if declination is not None and not abs(declination) <= np.pi:
         raise UnitError(

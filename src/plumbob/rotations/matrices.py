@@ -6,7 +6,7 @@ body, and nose down in ENU or NWU with a forward-left-up body: the sign follows 
 
 Gimbal policy: within `GIMBAL_MARGIN` of pitch ±90° only yaw ∓ roll is defined; there roll is set to 0 and yaw carries
 the sum. Yaw is always computed for the roll that is returned, so that the angles give back the same rotation: to
-rounding outside the margin, to twice the margin inside. `near_gimbal` tells where that happened.
+rounding outside the margin, to twice the margin inside. `near_gimbal` shows where that happened.
 """
 
 import numpy as np
@@ -52,7 +52,7 @@ def quat_from_dcm(c: ArrayLike, *, tolerance: float = 1e-6) -> Floats:
     if not defect <= tolerance:
         raise ShapeError(f"c is not orthogonal: C Cᵀ − I reaches {defect:.3g}, more than {tolerance:g}.")
     if bool(np.any(np.linalg.det(m) < 0.0)):
-        raise ShapeError("c has determinant −1: it mirrors, as a left-handed set of axes does, and is no rotation.")
+        raise ShapeError("c has determinant −1: it mirrors, as a left-handed set of axes does, and is not a rotation.")
     return _pivoted(m)
 
 
@@ -111,7 +111,7 @@ def quat_from_euler_zyx(yaw_pitch_roll: ArrayLike) -> Floats:
 
 
 def near_gimbal(q: ArrayLike) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    """True where pitch is so near ±90° that yaw and roll cannot be told apart."""
+    """True where pitch is so near ±90° that yaw and roll cannot be separated."""
     down_x, down_y, down_z = np.moveaxis(by_component(kernels.third_row, check.last_axis("q", q, 4)), -1, 0)
     return np.asarray(_gimbal(np.arctan2(-down_x, np.hypot(down_y, down_z))))
 

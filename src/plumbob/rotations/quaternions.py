@@ -57,7 +57,7 @@ def quat_normalize(q: ArrayLike) -> Floats:
     with np.errstate(over="ignore"):
         norm = np.sqrt(np.sum(array * array, axis=-1, keepdims=True))
     if bool(np.any((norm == 0.0) | np.isinf(norm))):
-        raise ShapeError("q holds a quaternion of norm zero or infinity, which is no rotation.")
+        raise ShapeError("q holds a quaternion of norm zero or infinity, which is not a rotation.")
     return np.asarray(array / norm)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from plumbob.core import check, flags
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.repr import Shown
+from plumbob.core.text import counted
 from plumbob.core.time import timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
@@ -138,7 +139,7 @@ class Estimated(Shown):
             said = ", ".join(f"{name} {'unknown' if sd is None else f'{sd:.3f}°'}" for name, sd in claims.items())
             lines.append(f"claimed      {said} (standard deviations at the end)")
         for name, count in report["flags"].items():
-            lines.append(f"flag         {name}: {count} samples ({100.0 * count / report['samples']:.2f} %)")
+            lines.append(f"flag         {name}: {counted(count, 'sample')} ({100.0 * count / report['samples']:.2f} %)")
         return "\n".join(lines)
 
 
@@ -181,9 +182,9 @@ def estimate(
     profile : path, optional
         What the columns of a text file mean.
     note : callable, optional
-        Is told each note as soon as it is known; they stand in the result too.
+        Called with each note as soon as it is known; the result holds them too.
     progress : callable, optional
-        Is told the number of samples done, and of all.
+        Called with the number of samples done, and of all.
 
     Returns
     -------
@@ -280,10 +281,10 @@ def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say
     """Samples with the declination of their place, and a note of the field there."""
     if place is None:
         if date is not None:
-            raise ParameterError("date says nothing without place; give both.")
+            raise ParameterError("date needs place. Give both.")
         return imu
     if "declination" in stage.params:
-        raise ParameterError("place and the parameter declination both say the declination; give one.")
+        raise ParameterError("place and the parameter declination both give the declination. Give one of them.")
     imu, field = located(imu, place, date=date)
     say(f"field at the place: {field.told}")
     return imu
@@ -295,7 +296,7 @@ def _restarts(imu: ImuData, track: AttitudeTrack) -> str | None:
     if share <= _OFTEN:
         return None
     return (
-        f"{100.0 * share:.0f} % of the samples come after a gap, at which a filter starts anew where it exceeds "
+        f"{100.0 * share:.0f} % of the samples come after a gap, and a filter restarts after a gap longer than "
         f"max_gap; the median step is {1.0 / timing(imu.t).rate:.4g} s. Check the unit of time, and max_gap."
     )
 

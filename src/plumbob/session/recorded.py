@@ -38,12 +38,12 @@ def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
     path : path
         The recording.
     estimated : bool
-        Whether `track` shall be what was estimated; without it, it is the reference, or None, for an estimate is none.
+        Whether `track` is to be what was estimated; without it, it is the reference, or None, for an estimate is none.
 
     Raises
     ------
     DecodeError
-        If it is no recording of samples.
+        If it is not a recording of samples.
     """
     file = Path(path)
     log = open_log(file)

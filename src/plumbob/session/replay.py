@@ -44,7 +44,7 @@ def open_recording(path: str | Path) -> tuple[Log, Session]:
     Raises
     ------
     DecodeError
-        If it is no recording, or was not made by a line.
+        If it is not a recording, or was not made by a line.
     """
     log = open_log(Path(path))
     return log, recorded_session(log.metadata, Path(path).stem)

@@ -96,7 +96,7 @@ def event_of(row: bytes) -> Event:
     """Event of a row; DecodeError where it is none."""
     event = Event(**parsed(EVENTS, row))
     if [type(value) for value in (event.t_ns, event.kind, event.text, event.count)] != [int, str, str, int]:
-        raise DecodeError(f"a row of '{EVENTS}' is no event, with a time, two texts and a count; {_ADVICE}")
+        raise DecodeError(f"a row of '{EVENTS}' is not an event with a time, two texts and a count; {_ADVICE}")
     return event
 
 
@@ -106,7 +106,7 @@ def parsed(topic: str, row: bytes) -> dict[str, Any]:
     Raises
     ------
     DecodeError
-        If it is cut, is no JSON object, or has not the keys of the schema.
+        If it is cut, is not a JSON object, or has not the keys of the schema.
     """
     where = f"a row of '{topic}'"
     content = parsed_object(where, row)
@@ -137,9 +137,9 @@ def parsed_object(where: str, text: str | bytes) -> dict[str, Any]:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise DecodeError(f"{where} is no JSON ({one_line(error)[:80]}); {_ADVICE}") from error
+        raise DecodeError(f"{where} is not JSON ({one_line(error)[:80]}); {_ADVICE}") from error
     if not isinstance(content, dict):
-        raise DecodeError(f"{where} is no JSON object; {_ADVICE}")
+        raise DecodeError(f"{where} is not a JSON object; {_ADVICE}")
     return content
 
 

@@ -29,7 +29,7 @@ def run_line(
     """Run until the source is finished, the time is over or `stop` is set; then end recording, sinks and source.
 
     Bytes are handed to the recording before anything else is done with them. A sink that the system refuses, as
-    on a full disk, does not end a recording: it gets no more, and the recording and the other sinks are told.
+    on a full disk, does not end a recording: it gets no more, and the recording and the other sinks are informed.
 
     Parameters
     ----------

@@ -122,7 +122,7 @@ class Session:
     output : OutputSpec
         What is handed on.
     timed_by : str
-        What tells the time of a sample: ``"frames"``, as far as they bring something to tell it by; ``"count"``, frames
+        What gives the time of a sample: ``"frames"``, as far as they carry it; ``"count"``, frames
         alone, whenever they were read; ``"poll"``, the host, which asks for each; ``"kernel"``, time stamps of the
         host's own monotonic clock in the frames.
     texts : mapping of str to str

@@ -153,7 +153,9 @@ class TextSink:
     def __init__(self, path: str | Path, every: float) -> None:
         self._path = Path(path)
         if self._path.exists():
-            raise ParameterError(f"{path} exists already, and a text never overwrites; name another file.")
+            raise ParameterError(
+                f"{path} exists already, and a text recording never replaces a file. Name another file."
+            )
         if not self._path.parent.is_dir():
             raise ParameterError(f"{path} cannot be written: there is no folder {self._path.parent}; create it first.")
         self._file: TextIO | None = None

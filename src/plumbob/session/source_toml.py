@@ -85,8 +85,8 @@ def _turned(layout: "IioLayout", triad: str, axis: str) -> tuple[str, int]:
     lines = [*matrix, *zip(*matrix, strict=True)]
     if any(sorted(map(abs, line)) != [0.0, 0.0, 1.0] for line in lines):
         raise ParameterError(
-            f"{layout.device}: the mount matrix of {triad} is {matrix}, which turns no axis into an axis; "
-            "say mount = false to leave it out, and put it into the calibration card."
+            f"{layout.device}: the mount matrix of {triad} is {matrix}, which does not map axes to axes. "
+            "Set mount = false to leave it out, and put it into the calibration card."
         )
     column = [row[_AXES.index(axis)] for row in matrix]
     board = next(i for i, value in enumerate(column) if value)

@@ -66,7 +66,7 @@ class CaptureSource:
         Raises
         ------
         DecodeError
-            If it is no regular file, cannot be read, or holds no frame of the message.
+            If it is not a regular file, cannot be read, or holds no frame of the message.
         """
         try:
             data = existing_file(self._path).read_bytes()

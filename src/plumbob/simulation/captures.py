@@ -1,6 +1,6 @@
 """Scenarios of captures: how a unit is moved to be calibrated, the ways that calibrate nothing, and the static test.
 
-Attitudes are those of forward-right-down axes in NED, as everywhere in scenarios; `Simulation` tells them in the frame
+Attitudes are those of forward-right-down axes in NED, as everywhere in scenarios; `Simulation` gives them in the frame
 that was asked for.
 """
 

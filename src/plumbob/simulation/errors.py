@@ -38,7 +38,7 @@ def stream(seed: int, *names: str) -> np.random.Generator:
     Raises
     ------
     ParameterError
-        If the seed is no whole number of at least 0.
+        If the seed is not a whole number of at least 0.
     """
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise ParameterError(f"seed must be a whole number of at least 0, but it is {seed!r}.")

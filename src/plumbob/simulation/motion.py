@@ -1,7 +1,7 @@
 """Truth: attitude, rate, position and acceleration of a body as functions of time, exact to rounding.
 
 The body's axes follow the navigation frame: x forward and z up (forward-left-up) in ENU and NWU, x forward and z down
-(forward-right-down) in NED. `Truth.in_frame` tells the same physical motion in another frame, body axes included.
+(forward-right-down) in NED. `Truth.in_frame` gives the same physical motion in another frame, body axes included.
 
 Not modelled: the rotation of the Earth and the curvature of its surface. Gravity is the standard G0 everywhere.
 """

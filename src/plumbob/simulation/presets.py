@@ -191,7 +191,7 @@ def preset(name: str) -> Preset:
         If there is none.
     """
     if name not in _index():
-        raise ParameterError(f"'{name}' is no sensor; known are {', '.join(preset_names())}. Join parts with '+'.")
+        raise ParameterError(f"'{name}' is not a sensor; known are {', '.join(preset_names())}. Join parts with '+'.")
     full, file = _index()[name]
     raw = _load(file)
     variant = raw.get("variants", {}).get(full.partition(":")[2], {})

@@ -50,6 +50,6 @@ class Scenario(ABC):
 
 
 def require_whole(name: str, value: float) -> None:
-    """Refuse a count that is no whole number."""
+    """Refuse a count that is not a whole number."""
     if value != round(value):
         raise ParameterError(f"{name} must be a whole number, but it is {value:g}.")

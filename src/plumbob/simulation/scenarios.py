@@ -301,7 +301,7 @@ class Fin(Scenario):
     """Bionic fin: it swings about the vertical and twists about its own length, a quarter period apart [Ou2017].
 
     Both angles count from where they stand at the start, so the twist runs from 0 to twice its amplitude. Swing and
-    twist do not commute: the integral of a rate is no angle.
+    twist do not commute: the integral of a rate is not an angle.
     """
 
     rate: ClassVar[float] = 500.0
@@ -397,5 +397,5 @@ def scenario(name: str, **parameters: float | str) -> Scenario:
         If the name or a parameter is unknown, a value is outside its domain, or a text has not the unit that it needs.
     """
     if name not in SCENARIOS:
-        raise ParameterError(f"'{name}' is no scenario; known are {', '.join(SCENARIOS)}.")
+        raise ParameterError(f"'{name}' is not a scenario; known are {', '.join(SCENARIOS)}.")
     return build(SCENARIOS[name], parameters, of=name)

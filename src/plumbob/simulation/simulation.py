@@ -199,13 +199,13 @@ def simulate(
         Of everything that is left to chance. Each error has its own random stream: switching one off, or sampling
         longer, leaves the others as they are.
     rate, duration : float, optional
-        Hz and s, where they shall differ from the scenario's.
+        Hz and s, default: the scenario's.
     strength, dip, declination : float
         The Earth's magnetic field: µT, rad below the horizontal, rad of magnetic North east of true North.
     temp_c : float or Signal
         Temperature, °C, constant or over time.
     mag_rate : float, optional
-        Sampling rate of the magnetometer, Hz, where it shall differ from its sheet's; rows between are NaN.
+        Sampling rate of the magnetometer, Hz, default: that of its data sheet; rows between are NaN.
     jitter : float
         Standard deviation of the time stamps about the instants of sampling, s.
     lost : float

@@ -5,7 +5,7 @@ frame arrives before it was made, and a delay is seldom longer than usual. Where
 host's time also says how many turns it was; a frame that follows the last one closely, but late, has waited in a queue
 until `timing.delay` proves the contrary. A count that contradicts the host is not followed: it is late, or
 ahead, and its frame not used. Only when `_RISING` such counts in a row are in order among themselves has the counter
-begun anew.
+begun again.
 """
 
 import math
@@ -141,7 +141,7 @@ def _turns(n: Ints, r: Floats, delay: float, close: bool) -> int:
 
 @njit
 def make_up(n: Ints, r: Floats, lasting: float) -> int:
-    """Add the turns that a lasting delay shows, or begin again where it is no number of turns."""
+    """Add the turns that a lasting delay shows, or begin again where it is not a number of turns."""
     whole = turn(n, r)
     turns = math.floor(lasting / whole + 0.5)
     fits = abs(lasting - turns * whole) <= r[USUAL]

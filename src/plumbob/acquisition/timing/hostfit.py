@@ -29,7 +29,7 @@ class HostReport:
     delays : Delays
         How much later than the least delay points came.
     resets : int
-        How often the device's clock went back, and the relation began anew.
+        How often the device's clock went back, and the relation was begun again.
     """
 
     points: int
@@ -42,7 +42,7 @@ class HostReport:
 class HostFit:
     """Follows ``host = offset + (1 + drift) · device`` beneath all points, through the last three minutes of them.
 
-    For clocks that are told in whole nanoseconds. A device time that goes back begins a new relation, which keeps the
+    For clocks that count whole nanoseconds. A device time that goes back begins a new relation, which keeps the
     drift; a delay of any length does no harm.
     """
 

@@ -20,12 +20,12 @@ class Stamps:
         Time on the host's monotonic clock, ns. Increases from frame to frame, except where TIME_FAULT is set.
     step : int64 (N,)
         Counts of the device clock, or frames, since the last frame that was used, with all turns of the counter; 0
-        where no count tells.
+        where there is no count.
     flags : uint32 (N,)
         `flags.GAP` where frames are missing before this one, or time starts again; `flags.TIME_FAULT`
         where the frame repeats or contradicts others: its time is that of the frame before, and must not be used.
     lost : int64 (N,)
-        Frames missing before this one: exact where a counter tells, else what time has room for.
+        Frames missing before this one: exact where there is a counter, else what time has room for.
     kind : uint8 (N,)
         What became of the frame: bits named in `plumbob.acquisition.timing.spec`, 0 for most.
     """
@@ -70,7 +70,7 @@ class TimeReport:
     duplicates, late, ahead : int
         Frames that repeat the last, that come after their successor, or that claim a time to come; none is used.
     resets : int
-        How often time began anew, because counts no longer fit the host's time.
+        How often time began again, because counts no longer fit the host's time.
     wraps_by_host : int
         How often the host's time alone decided how many turns of a counter, or how many frames, had passed.
     suspects : int

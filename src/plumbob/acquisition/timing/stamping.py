@@ -2,7 +2,7 @@
 
 A device clock gives it in exact integers, with the device's own steps. A frame counter gives a whole number of periods,
 and the clock that they make is led to the line beneath the host's times, so slowly that no step shows it. Without any
-counter the step is one frame, or as many as the place in the stream tells; frames that were lost without a trace in the
+counter the step is one frame, or as many as the place in the stream shows; frames that were lost without a trace in the
 stream show as a delay that lasts.
 
 Every frame's time depends on the frames before it and on what came with it, never on how they were handed over.

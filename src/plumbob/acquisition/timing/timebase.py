@@ -163,7 +163,7 @@ class TimeBase:
         if counter is None:
             return np.zeros(size, dtype=np.int64)
         if counts is None:
-            raise ShapeError(f"{name} is missing; the time is told by a counter of {counter.bits} bits.")
+            raise ShapeError(f"{name} is missing; the time comes from a counter of {counter.bits} bits.")
         return _integers(name, counts, size)
 
     def _remember(self, before: int, stamps: Stamps) -> None:

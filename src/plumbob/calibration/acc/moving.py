@@ -1,13 +1,13 @@
 """Accelerometer from slow tumbling without rests, beside a gyroscope: what a logger in a hand usually has.
 
-Over a window of a second or some, the gyroscope tells how the unit turned, so that all samples can be turned to the
+Over a window of a second or some, the gyroscope shows how the unit turned, so that all samples can be turned to the
 attitude of the window's middle and averaged there. The hand's own acceleration is a change of velocity, which an
 average with smooth weights hardly keeps; gravity stays. The window is then a pose, and poses are fitted by their
 length. A constant error of the gyroscope turns the samples before the middle one way and those after it the other, and
 cancels.
 
 What does not cancel is the centripetal acceleration of a unit that turns about a point beside it: it has the same
-direction in the case all the time, as a bias has. Nothing in the capture tells it from one, so it stands in the
+direction in the case all the time, as a bias has. Nothing in the capture distinguishes it from one, so it stands in the
 prediction.
 """
 

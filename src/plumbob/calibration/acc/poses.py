@@ -1,7 +1,7 @@
 """Accelerometer from poses at rest, in which it measures gravity: bias, scale and misalignment by its length alone.
 
 The poses need no known attitude, only many different ones: n positions on a table, or forty by hand [Tedaldi2014]. The
-shape is chosen as far as the poses can tell, and what they cannot is refused or said. The length of a vector tells no
+shape is chosen as far as the poses can tell, and what they cannot is refused or said. The length of a vector fixes no
 rotation, so the matrix is symmetric, the one that turns the measured vectors least: how the axes sit in the case is a
 matter of the mounting.
 
@@ -26,6 +26,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE, G0, WGS84_A, WGS84_F, WGS84_GM, WGS84_GRAVITY_EQUATOR, WGS84_GRAVITY_POLE
 from plumbob.core.errors import ParameterError
+from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg
 from plumbob.data.cards import UNITS, Quality, TriadCalibration
 
@@ -36,7 +37,7 @@ HIGHEST = 20_000.0
 def normal_gravity(latitude: float, height: float = 0.0) -> float:
     """Gravity of the WGS 84 ellipsoid, m/s²: the closed form of Somigliana, and a series for the height [WGS84].
 
-    What mountains and dense rock add is left out: some 0.0003 m/s² (0.03 mg) as a rule, 0.003 m/s² at most.
+    What mountains and dense rock add is left out: typically 0.0003 m/s² (0.03 mg), 0.003 m/s² at most.
 
     Parameters
     ----------
@@ -231,7 +232,7 @@ def _chosen(poses: Floats, noise: float) -> _Found | None:
             return _Found(full, "too few poses to try less")
         return _Found(_held_against(choice.fit, full), choice.why)
     fit = _fit(poses, Shape.AXES, noise)
-    return None if fit is None else _Found(_doubted(fit, poses), "the poses do not tell misalignment")
+    return None if fit is None else _Found(_doubted(fit, poses), "the poses do not determine the misalignment")
 
 
 def _fit(poses: Floats, shape: Shape, noise: float) -> NormFit | None:
@@ -284,7 +285,7 @@ def _too_few(count: int, shape: str, noise: float) -> Reason | None:
     need = _least(_SMALLEST[shape], noise)
     if count >= need:
         return None
-    text = f"{count} {'pose' if count == 1 else 'poses'}; {_WORDS[_SMALLEST[shape]]} need {need} at least."
+    text = f"{counted(count, 'pose')}; {_WORDS[_SMALLEST[shape]]} need {need} at least."
     fewer = "Six faces are enough for bias and scale alone (shape axes)."
     less = f" {fewer}" if shape == "ellipsoid" and count >= Shape.AXES.value else ""
     return Reason("too-few", text, _ADVICE + less)
@@ -298,7 +299,7 @@ def _sides(poses: Floats, sizes: Floats) -> Reason | None:
         return None
     return Reason(
         "too-few-regions",
-        f"no pose had {names_of(empty)} up within 60°, so bias and scale cannot be told apart there.",
+        f"no pose had {names_of(empty)} up within 60°, so bias and scale cannot be separated there.",
         f"Hold the unit still with {names_of(empty)} up as well, one after the other.",
     )
 
@@ -352,16 +353,14 @@ def _remarks(fit: NormFit, why: str, gravity: float, noise: float) -> tuple[str,
             f"Misalignment was left at zero; the predicted error counts it with {sd:.2g}° (1 sd) per pair of axes."
         )
     if np.count_nonzero(fit.used) < fit.shape.value + SPARE:
-        told.append(
-            f"{len(fit.used)} poses leave too few over to notice a bad one; take {fit.shape.value + SPARE} or more."
-        )
+        told.append(f"{len(fit.used)} poses are too few to notice a bad one. Take {fit.shape.value + SPARE} or more.")
     if noise > 0.0 and fit.sd > _RESTLESS * noise:
         told.append(f"The poses scatter {fit.sd / noise:.0f} times as much about the fit as noise at rest explains.")
     if not fit.used.all():
-        told.append(f"Set aside, for they do not fit the others: poses {_numbers(fit)} of {len(fit.used)}.")
+        told.append(f"Set aside because they do not fit the others: poses {_numbers(fit)} of {len(fit.used)}.")
     told.append(
-        "Gravity's length does not tell how the axes are turned in the case, about 0.3° as a rule; 'plumbob calibrate "
-        "mount' finds that turn."
+        "The length of gravity does not show how the axes are turned in the case, usually 0.3°; 'plumbob calibrate "
+        "mount' measures that turn."
     )
     return tuple(told)
 

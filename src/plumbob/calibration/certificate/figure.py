@@ -1,4 +1,4 @@
-"""Pictures of a calibration: which directions were seen, the sizes before and after, and what the fit left."""
+"""Pictures of a calibration: which directions were seen, the sizes before and after, and the residuals."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -59,18 +59,18 @@ def size_figure(name: str, sizes: Sizes, salt: str) -> str:
         for values, colour in ((sizes.before, BEFORE), (sizes.after, AFTER)):
             _plot(ax, from_si(np.where(sizes.used, values, np.nan), unit), colour)
         ax.axhline(from_si(sizes.expected, unit), color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
-        _label(ax, sizes.before.size, f"size [{written(unit)}]")
+        _label(ax, sizes.before.size, f"magnitude [{written(unit)}]")
 
     return svg(draw, height=_HEIGHT, salt=f"size {salt}")
 
 
 def size_key() -> Key:
     """Key of `size_figure`."""
-    return [("before", BEFORE, "solid"), ("after", AFTER, "solid"), ("what it should be", INK, "dashed")]
+    return [("before", BEFORE, "solid"), ("after", AFTER, "solid"), ("expected", INK, "dashed")]
 
 
 def residual_figure(name: str, fit: Fitted, salt: str) -> str:
-    """What the fit left of each sample, with outliers marked, on the edge where they are farther off, as SVG."""
+    """Residual of each sample, with outliers marked, on the edge where they are farther off, as SVG."""
     unit = UNITS[name][0]
     rows = from_si(fit.residuals.reshape(len(fit.used), -1), unit)
 

@@ -25,7 +25,8 @@ _DEFINITIONS = (
     "Scale, direction and angles are those of the sensing axes: the rows of the inverse matrix. The maps are Lambert's "
     "equal-area projections of the directions of what was measured, seen from the centre of the fit: +z on the left, "
     "−z on the right, x to the right and y up in both. Each direction belongs to the nearest of 6 faces and 12 edges "
-    "of a cube. Inclination and heading are what errors of the parameters leave, root mean square over attitudes."
+    "of a cube. Predicted errors follow from the covariance of the parameters; those of inclination and heading are "
+    "root mean squares over attitudes."
 )
 
 
@@ -87,7 +88,11 @@ def page(
 
 def _missing(card: CalibrationCard) -> str:
     lacking = [title for name, title in TITLES.items() if name not in card.parts]
-    return f"<p class='note'>Not in this card, left uncalibrated by it: {', '.join(lacking)}.</p>" if lacking else ""
+    return (
+        f"<p class='note'>Not in this card, which leaves them uncalibrated: {', '.join(lacking)}.</p>"
+        if lacking
+        else ""
+    )
 
 
 def _section(name: str, card: CalibrationCard, fits: Mapping[str, Fitted]) -> str:
@@ -108,15 +113,15 @@ def _evidence(name: str, fit: Fitted) -> list[str]:
     found = sizes(name, fit)
     if found is not None:
         parts.append(_coverage(name, fit))
-        caption = "Size of each sample, before and after"
+        caption = "Magnitude before and after calibration"
         parts.append(framed(caption, figure.size_figure(name, found, name), figure.size_key()))
     drawn = figure.residual_figure(name, fit, name)
-    return [*parts, framed("What the fit left of each sample", drawn, figure.residual_key(fit))]
+    return [*parts, framed("Residuals", drawn, figure.residual_key(fit))]
 
 
 def _coverage(name: str, fit: Fitted) -> str:
     directions, seen = figure.coverage(fit)
-    caption = f"Directions seen: {np.count_nonzero(seen)} of {seen.size}"
+    caption = f"Directions covered: {np.count_nonzero(seen)} of {seen.size}"
     told = "" if seen.all() else f"<p>Missing: {escape(names_of(np.flatnonzero(~seen).tolist()))}.</p>"
     return framed(caption, figure.coverage_figure(directions, seen, name), figure.coverage_key()) + told
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.fit import Fitted
 from plumbob.core.check import Floats
-from plumbob.core.text import measured, number
+from plumbob.core.text import counted, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data.cards import CalibrationCard, Mount, TriadCalibration
 from plumbob.rotations import euler_zyx_from_quat
@@ -103,9 +103,9 @@ def sizes(name: str, fit: Fitted) -> Sizes | None:
 
 AXES = ("x", "y", "z")
 UNITS = {"gyr": ("deg/s",), "acc": ("mg", "m/s2"), "mag": ("uT",)}
-"""Units that a triad is told in; the first one also where only one is."""
+"""Units in which a triad is shown; the first one also where only one is."""
 
-LEGEND = "± and what errors of the parameters leave are one standard deviation"
+LEGEND = "± and predicted errors: one standard deviation"
 _RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
 _PPM = 0.01
 _NOTHING = 1e-12  # rounding of what is left, in units of SI and µT
@@ -133,7 +133,7 @@ def table_rows(name: str, c: TriadCalibration) -> list[list[str]]:
 def facts(name: str, c: TriadCalibration, fit: Fitted | None) -> list[tuple[str, str]]:
     """Names and values: how it was found, how well, and where it holds."""
     found = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, fit))]
-    found += [("made of", _made_of(c)), ("leaves", _leaves(c)), ("reference", _reference(name, c))]
+    found += [("data", _made_of(c)), ("predicted", _predicted(c)), ("reference", _reference(name, c))]
     found += [("temperature", _temperature(c))]
     return [(label, text) for label, text in found if text]
 
@@ -172,9 +172,9 @@ def _axis_rows(c: TriadCalibration) -> Iterator[list[str]]:
     unit = 1e6 if fine else 1e2
     sd = None if axes.scale_sd is None else unit * axes.scale_sd
     yield [f"scale error [{'ppm' if fine else '%'}]", *_cells(unit * axes.scale, sd)]
-    yield ["axis off by [°]", *(number(value) for value in to_deg(axes.misalignment).tolist())]
+    yield ["axis misalignment [°]", *(number(value) for value in to_deg(axes.misalignment).tolist())]
     skew = to_deg(axes.skew).tolist()
-    yield ["angle less 90° [°]", *(f"{pair} {number(v)}" for pair, v in zip(("xy", "xz", "yz"), skew, strict=True))]
+    yield ["non-orthogonality [°]", *(f"{pair} {number(v)}" for pair, v in zip(("xy", "xz", "yz"), skew, strict=True))]
 
 
 def _temperature_rows(name: str, c: TriadCalibration) -> Iterator[list[str]]:
@@ -194,7 +194,7 @@ def _coupling_rows(c: TriadCalibration) -> Iterator[list[str]]:
         return
     for axis, row, sd in zip(AXES, g(c.g_sensitivity), _rows_of(c.g_sensitivity_sd), strict=True):
         spread = None if sd is None else to_deg(g(sd))
-        yield [f"of force, row {axis} [°/s/g]", *_cells(to_deg(row), spread)]
+        yield [f"g-sensitivity, row {axis} [°/s/g]", *_cells(to_deg(row), spread)]
 
 
 def _residual(name: str, c: TriadCalibration, fit: Fitted | None) -> str:
@@ -204,7 +204,7 @@ def _residual(name: str, c: TriadCalibration, fit: Fitted | None) -> str:
     found = None if fit is None else sizes(name, fit)
     if found is not None:
         before, after = found.rms()
-        told.append(f"the size is off by {_with(before, unit)} rms before and {_with(after, unit)} after")
+        told.append(f"magnitude error {_with(before, unit)} rms before calibration, {_with(after, unit)} after")
     return "; ".join(told)
 
 
@@ -212,22 +212,21 @@ def _made_of(c: TriadCalibration) -> str:
     q = c.quality
     if q is None:
         return ""
-    told = [f"{q.samples} samples, poses or plateaus", f"{q.outliers} outliers set aside"]
+    told = [counted(q.samples, "data point"), f"{counted(q.outliers, 'outlier')} set aside"]
     told += [] if q.regions is None else [f"{q.regions} of 18 directions"]
     return ", ".join(told + ([] if q.condition is None else [f"condition number {number(q.condition, 2)}"]))
 
 
-def _leaves(c: TriadCalibration) -> str:
-    """What errors of the parameters do, as standard deviations."""
+def _predicted(c: TriadCalibration) -> str:
+    """Errors of attitude and scale by the covariance of the parameters, as standard deviations."""
     q = c.quality
     if q is None:
         return ""
     angles = {"inclination": q.tilt_sd, "heading": q.heading_sd}
-    told = [f"{number(to_deg(sd), 2)}° of {name}" for name, sd in angles.items() if sd is not None]
-    within = "" if q.tilt_range is None or not told else f" up to {to_deg(q.tilt_range):.0f}° from level"
-    words = " and ".join(told) + within
-    scale = "" if q.scale_sd is None else f"{number(1e6 * q.scale_sd, 2)} ppm of scale"
-    return "; ".join(text for text in (words, scale) if text)
+    within = "" if q.tilt_range is None else f" (tilt ≤ {to_deg(q.tilt_range):.0f}°)"
+    errors = [f"{name} error{within}: {number(to_deg(sd), 2)}°" for name, sd in angles.items() if sd is not None]
+    errors += [] if q.scale_sd is None else [f"scale error: {number(1e6 * q.scale_sd, 2)} ppm"]
+    return "; ".join(errors)
 
 
 def _reference(name: str, c: TriadCalibration) -> str:
@@ -241,8 +240,9 @@ def _temperature(c: TriadCalibration) -> str:
     if c.temp_span_c is None:
         return at if c.bias_per_k.any() else ""
     low, high = c.temp_span_c
-    beyond = "; beyond, the bias goes on as a straight line" if c.bias_per_k.any() else ""
-    return f"{at}, calibrated from {low:.1f} to {high:.1f} °C{beyond}"
+    beyond = "; beyond, the bias is extrapolated along its tangent" if c.bias_per_k.any() else ""
+    span = f"from {low:.1f} to {high:.1f} °C" if high > low else f"at {low:.1f} °C"
+    return f"{at}, calibrated {span}{beyond}"
 
 
 def _cells(values: Floats, sd: Floats | None) -> Sequence[str]:

@@ -109,4 +109,4 @@ def _triad(name: str, model: TriadCalibration, fit: Fitted | None) -> list[str]:
 
 def _missing(card: CalibrationCard) -> list[str]:
     lacking = [title for name, title in TITLES.items() if name not in card.parts]
-    return ["", f"NOT in this card, left uncalibrated by it: {', '.join(lacking)}"] if lacking else []
+    return ["", f"NOT in this card, which leaves them uncalibrated: {', '.join(lacking)}"] if lacking else []

@@ -7,9 +7,9 @@ An uneven field is worse. Let the field change by G per metre, and the sensor si
 about which the unit is turned. The length of the field then errs by ``(G b̂)·(R l)``, R the attitude and b̂ the field's
 direction. The part of ``G b̂`` across the field is seen: it stays in the residuals, slowly changing. The part along it
 is not: it is a hard iron of that size along l, for as long as the capture may last. For a G of no preferred direction
-the two are about equal, so the slow part of the residuals tells how large the unseen error is: as large as if there had
+the two are about equal, so the slow part of the residuals shows how large the unseen error is: as large as if there had
 been 4.5 samples. What a visit shares with itself and with the next one because noise was filtered, by its memory from
-sample to sample, is no such part.
+sample to sample, is not such a part.
 """
 
 from typing import Final, NamedTuple

@@ -1,4 +1,4 @@
-"""Which ellipsoid a capture asks for: the smallest whose misfit noise explains, told by an F-test.
+"""Which ellipsoid a capture asks for: the smallest whose misfit noise explains, by an F-test.
 
 Where the axes of the soft iron are those of the sensor, six parameters are better known than nine; where they are not,
 six are wrong by degrees. A capture that cannot determine the nine cannot tell either, so the choice is only trusted as
@@ -11,6 +11,7 @@ import numpy as np
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Ellipsoid, NormFit, Shape, fit_axes, fit_norm, fit_quadric
 from plumbob.core.check import Floats
+from plumbob.core.text import p_value
 
 SIGNIFICANCE: Final = 0.01
 """Probability of taking a larger shape where the smaller one is true."""
@@ -50,7 +51,7 @@ def choose(vectors: Floats) -> Choice | None:
     for shape in (Shape.AXES, Shape.SPHERE):
         smaller = fit_norm(used, shape, full.ellipsoid, robust=False)
         chance = 0.0 if smaller is None else _chance(smaller, kept, len(used))
-        tests.append(f"{shape.name.lower()} against {kept.shape.name.lower()}: p = {chance:.2g}")
+        tests.append(f"{shape.name.lower()} against {kept.shape.name.lower()}: {p_value(chance)}")
         if smaller is None or chance < SIGNIFICANCE:
             break
         kept = smaller

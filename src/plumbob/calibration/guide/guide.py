@@ -100,7 +100,7 @@ class Progress:
         Time since the first sample, s.
     filled : ndarray (18,) of bool or None
         Directions that were seen, by `plumbob.calibration.predicted`; None where directions do not count, or as long as
-        nothing tells them.
+        nothing shows them.
     direction : int or None
         The direction at present, where it is known.
     still_for : float
@@ -143,7 +143,7 @@ class Progress:
 
     @property
     def missing(self) -> list[int]:
-        """Directions that were not seen; all of them as long as nothing tells them."""
+        """Directions that were not seen; all of them until something shows them."""
         return list(range(len(NAMES))) if self.filled is None else np.flatnonzero(~self.filled).tolist()
 
 
@@ -265,5 +265,5 @@ class RestGuide(Guide):
     def _look(self, block: Block) -> None:
         lying = self._rest.lasting >= _FIRST
         if lying != self._was_lying:
-            self._say("at rest" if lying else "touched: the rest starts anew")
+            self._say("at rest" if lying else "touched: the rest starts again")
         self._was_lying = lying

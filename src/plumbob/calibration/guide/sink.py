@@ -21,7 +21,7 @@ _CHUNK: Final = 4096
 
 
 class GuideSink:
-    """Hands the samples of a line to a guide, tells how it stands, and says stop when it is enough.
+    """Hands the samples of a line to a guide, shows its progress, and stops the line when it is enough.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class GuideSink:
 
 
 def guided(guide: Guide, imu: ImuData) -> Progress:
-    """Progress at the end of a recording, uncalibrated in what is calibrated; the guide's timeline tells the way."""
+    """Progress at the end of a recording, uncalibrated in what is calibrated; the guide's timeline shows the way."""
     for part in imu.chunks(_CHUNK):
         progress = guide.feed(part)
     return progress

@@ -52,11 +52,11 @@ class Blocks:
 
 
 class Rest:
-    """Tells for every block of a stream whether the unit was at rest in it, by the rule of `still`.
+    """Say for every block of a stream whether the unit was at rest in it, by the rule of `still`.
 
     A mean or scatter over a NaN is NaN, and such a block is not at rest.
 
-    All blocks are judged anew with each, for what is quiet shows by what is not; an hour of them takes 1.6 MB.
+    All blocks are judged again with each, since quiet is relative to the rest; an hour of them takes 1.6 MB.
     """
 
     def __init__(self) -> None:

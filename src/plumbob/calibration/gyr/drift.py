@@ -9,7 +9,7 @@ k_T per axis, B_s per axis, k_a a full 3×3 matrix: axis i of a gyroscope answer
 
 Departures from [Chen2013]: its (5) has A, which contains the temperature already, where A0 belongs; its k_a is one
 number times each axis' own acceleration in g, here k_a times the unit matrix, in SI; ω in B_s ω is the true rate, so
-the compensated rate is divided by 1 + B_s. The random part i is no part of the model: nothing that is known removes it.
+the compensated rate is divided by 1 + B_s. The random part i is not modelled: nothing that is known removes it.
 """
 
 from dataclasses import dataclass, field, replace

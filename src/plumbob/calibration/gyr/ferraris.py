@@ -12,7 +12,7 @@ A is what [Ferraris1995] writes as K R, scale times directions; the card holds i
 quantities. The axes are those of the faces that the unit was put on, for both triads.
 
 Departures: which way a turn went is taken from the gyroscope's own sign, so only its size must be known; the standard
-deviations are no part of the method. They are formed from what six positions tell about how exactly the unit was put
+deviations are not part of the method. They are formed from what six positions tell about how exactly the unit was put
 down: the readings across the vertical repeat the bias six times over.
 """
 

@@ -167,7 +167,7 @@ def fit_trackball(
     temp_c : ndarray (N,) or None
         Temperature, °C; needed.
     mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which tells constant turning from rest.
+        Flux density, calibrated or not, which distinguishes constant turning from rest.
     clipped : ndarray (N,) of bool, optional
         Samples at the end of the gyroscope's range.
 

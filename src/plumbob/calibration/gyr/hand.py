@@ -32,6 +32,7 @@ from plumbob.calibration.rejection import Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.text import counted, p_value
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
 from plumbob.rotations import axes_words, every_axes
@@ -130,7 +131,7 @@ def fit_hand(
     acc_calibrated : bool
         Whether it is; only for a remark.
     mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which tells constant turning from rest.
+        Flux density, calibrated or not, which distinguishes constant turning from rest.
     temp_c : ndarray (N,), optional
         Temperature, °C.
     clipped : ndarray (N,) of bool, optional
@@ -194,7 +195,7 @@ def _coupled(coupling: Coupling | None) -> tuple[str, ...]:
         return ()
     most = to_dps(float(np.abs(coupling.matrix).max())) * G0
     return (
-        f"Its bias depends on specific force, by up to {most:.3f} °/s per g (F-test, p = {coupling.chance:.1g}); "
+        f"Its bias depends on specific force, by up to {most:.3f} °/s per g (F-test, {p_value(coupling.chance)}); "
         "the card corrects that, and needs the accelerometer in every sample.",
     )
 
@@ -207,10 +208,10 @@ def _unfit(motions: Sequence[Motion], spoilt: dict[str, int], acc: Floats, where
         text = f"The specific force at rest is {size:.3f} m/s², but gravity is {G0:.3f} m/s²."
         reasons.append(Reason("wrong-gravity", text, "Calibrate the accelerometer first, and check its unit."))
     if len(motions) < FEWEST:
-        lost = " and ".join(f"{count} with a {what}" for what, count in spoilt.items() if count)
+        lost = " and ".join(f"{count} ({what})" for what, count in spoilt.items() if count)
         text = (
-            f"There are {len(motions)} motions between poses at rest that tilt the unit by {to_deg(SMALLEST):.0f}° or "
-            f"more, and {FEWEST} are needed{f'; left out were {lost}' if lost else ''}."
+            f"The capture has {counted(len(motions), 'motion')} between poses at rest that tilt the unit by "
+            f"{to_deg(SMALLEST):.0f}° or more, but {FEWEST} are needed{f'; left out were {lost}' if lost else ''}."
         )
         kind = "clipping" if spoilt["clipping"] else "too-few" if motions else "no-motion"
         advice = f"Turn it more slowly, within its range. {_ADVICE}" if spoilt["clipping"] else _ADVICE
@@ -235,7 +236,7 @@ def _unsound(fit: MotionFit, motions: Sequence[Motion], bias: Floats) -> list[Re
     elif not fit.condition < UNTOLD or not sd.max() <= SCALE.poor:
         axis = "xyz"[int(sd.max(axis=0).argmax())]
         text = (
-            f"The motions do not tell the entries of the matrix apart: condition number {fit.condition:.2g}, and those "
+            f"The motions do not separate the entries of the matrix: condition number {fit.condition:.2g}, and those "
             f"for rates about {axis} are known to {100.0 * float(sd.max()):.2g} % only."
         )
         reasons.append(Reason("ill-conditioned", text, _ADVICE))
@@ -263,7 +264,9 @@ def _remarks(fit: MotionFit, spoilt: dict[str, int], acc_calibrated: bool) -> tu
             "The accelerometer is UNCALIBRATED: its errors are in this matrix, and the standard deviations do not know "
             "it. Calibrate it first and give its card with --calibration."
         )
-    told += [f"{count} motions with a {what} were left out." for what, count in spoilt.items() if count]
+    told += [f"Left out: {counted(count, 'motion')} ({what})." for what, count in spoilt.items() if count]
     if not fit.used.all():
-        told.append(f"{np.count_nonzero(~fit.used)} motions did not fit the others and were set aside.")
+        told.append(
+            f"Set aside because they do not fit the others: {counted(int(np.count_nonzero(~fit.used)), 'motion')}."
+        )
     return tuple(told)

@@ -52,7 +52,7 @@ def without_known(gyr: Floats, known: TriadCalibration, *, temp_c: Floats | None
 
 
 def new_bias_covariance(known: TriadCalibration, bias: Floats) -> Floats:
-    """Covariance (12, 12) after the bias was found anew, with covariance (3, 3), and the matrix was kept."""
+    """Covariance (12, 12) after the bias was found again, with covariance (3, 3), and the matrix was kept."""
     whole = np.zeros((12, 12))
     if known.covariance is not None:
         whole[3:, 3:] = known.covariance[3:, 3:]
@@ -86,10 +86,8 @@ UPRIGHT: Final = float(deg(15.0))
 PART: Final = 0.5
 """Length over which the field is averaged, s: no bias within `LARGEST` turns it by more than 20° meanwhile."""
 
-UNSEEN: Final = (
-    "A slow turn about the vertical would be in this bias: no magnetometer and no tilt could tell it from rest."
-)
-"""Remark where nothing told rest from turning."""
+UNSEEN: Final = "A slow turn about the vertical would be in this bias: neither magnetometer nor tilt could show it."
+"""Remark where nothing distinguished rest from turning."""
 
 _NEARLY = 0.8  # of the stretches: an axis may die on the way
 _NOISE = 5.0  # standard deviations

@@ -22,6 +22,7 @@ from plumbob.calibration.static_periods import stills
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
+from plumbob.core.text import counted
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
 
@@ -54,9 +55,9 @@ def fit_rest(
     gyr : ndarray (N, 3)
         Measured rates, rad/s.
     acc : ndarray (N, 3), optional
-        Specific force, m/s², which helps to tell rest.
+        Specific force, m/s², which helps to detect rest.
     mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which tells constant turning from rest.
+        Flux density, calibrated or not, which distinguishes constant turning from rest.
     temp_c : ndarray (N,), optional
         Temperature, °C.
     clipped : ndarray (N,) of bool, optional
@@ -83,7 +84,7 @@ def fit_rest(
         covariance=new_bias_covariance(known, np.diag(spread**2)),
         residual_rms=float(np.sqrt(np.mean((means - bias) ** 2))),
         temp_ref_c=_temperature(known, temp_c, where),
-        method=f"gyr at rest, {seconds:.0f} s in {len(where)} stretches",
+        method=f"gyr at rest, {seconds:.0f} s in {counted(len(where), 'stretch', 'stretches')}",
         quality=Quality(grade=_grade(spread, seconds), samples=sum(one.stop - one.start for one in where)),
     )
     remarks = (*_remarks(calibration, spread, seconds), *told, *unseen_turn(acc, mag, where))
@@ -117,7 +118,7 @@ def _unturned(t: Floats, mag: Floats | None, where: list[slice]) -> tuple[list[s
     if turns.all():
         refuse([turned(turns)])
     told = (
-        f"{np.count_nonzero(turns)} of {len(where)} stretches were left out: the field turned in them, by up to "
+        f"Left out: {np.count_nonzero(turns)} of {len(where)} stretches, in which the field turned by up to "
         f"{to_deg(float(turns.max())):.0f}°.",
     )
     return [one for one, turn in zip(where, turns.tolist(), strict=True) if not turn], told

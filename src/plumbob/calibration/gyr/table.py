@@ -26,6 +26,7 @@ from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE
+from plumbob.core.text import counted, p_value
 from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
 
@@ -85,7 +86,7 @@ def fit_table(
     clipped : array_like (N,), optional
         Share of the samples of each plateau that are at the end of the range.
     model : {"auto", "12", "21"}
-        Parameters; "auto" takes 21 where the session tells them apart and an F-test finds g-sensitivity.
+        Parameters; "auto" takes 21 where the session separates them and an F-test finds g-sensitivity.
     mounting : float
         Tilt of one mounting against the table's axis, standard deviation per axis, rad; taken as larger where opposite
         mountings disagree by more.
@@ -100,9 +101,9 @@ def fit_table(
     Raises
     ------
     ParameterError
-        If a latitude is given, but no specific force that tells where the vertical is.
+        If a latitude is given, but no specific force that shows where the vertical is.
     CaptureRefusedError
-        If plateaus are too few, clipped, or do not tell the parameters apart, or no gyroscope responds like that.
+        If plateaus are too few, clipped, or do not separate the parameters, or no gyroscope responds like that.
     """
     check.one_of("model", model, MODELS)
     whole = session_of(rate, measured, force=force, seconds=seconds, latitude=latitude)
@@ -125,15 +126,15 @@ def _chosen(whole: TableSession, model: str) -> tuple[TableSession, list[str]]:
         refuse([] if why_not is None else [why_not])
         return whole, []
     if why_not is not None:
-        told = "g-sensitivity cannot be told from bias, and is in it"
+        told = "g-sensitivity cannot be separated from the bias, and is part of it"
         return whole.without_force(), [f"{told}: {why_not.text} {why_not.advice}"]
     chance = _chance_of_no_coupling(whole)
     if model == "auto" and chance <= _SURE:
         return whole, []
     seen = (
-        f"no g-sensitivity shows against the drift from face to face (F-test, p = {chance:.2g}); it is taken as zero."
+        f"no g-sensitivity shows against the drift from face to face (F-test, {p_value(chance)}); it is taken as zero."
     )
-    ignored = f"g-sensitivity shows (F-test, p = {chance:.2g}), but 12 parameters leave it in the bias."
+    ignored = f"g-sensitivity shows (F-test, {p_value(chance)}), but 12 parameters leave it in the bias."
     return whole.without_force(), [seen if chance > _SURE else ignored]
 
 
@@ -144,7 +145,7 @@ def _why_no_coupling(whole: TableSession) -> Reason | None:
         return Reason("too-few", told, "Record the accelerometer, or put acc_x_g, acc_y_g, acc_z_g into the plan.")
     unclear = _why_unclear(whole, 21)
     if unclear is None and _freedom_of_drift(whole) < 1:
-        told = f"{whole.faces.shape[1]} faces leave nothing over to tell it from the drift of the bias by."
+        told = f"{whole.faces.shape[1]} faces are too few to separate it from the drift of the bias."
         return Reason("too-few", told, "Spin about each axis with either end of it up.")
     return unclear
 
@@ -159,11 +160,11 @@ def _why_unclear(session: TableSession, parameters: int) -> Reason | None:
     if session.condition > _WORST_CONDITION:
         weakest = np.linalg.svd(scaled(session.columns))[2][-1]
         names = [_NAMES[i] for i in np.flatnonzero(np.abs(weakest) > 0.1)]
-        told = f"{_listed(names)} change together, so that nothing tells them apart."
+        told = f"{_listed(names)} change together, so they cannot be separated."
         advice = "Spin both ways round about each axis, with either end of it up, and let each face rest too."
         return Reason("ill-conditioned", told, advice)
     if session.left(by_face=False)[1] < 1:
-        told = f"{len(session.measured)} plateaus leave nothing over {parameters} parameters to tell the noise by."
+        told = f"{len(session.measured)} plateaus are too few for {parameters} parameters and the noise."
         return Reason("too-few", told, "Add rates, and spin both ways round.")
     return None
 
@@ -270,7 +271,9 @@ def _refuse_clipped(rates: Floats, clipped: ArrayLike | None) -> None:
         i = int(np.argmax(shares))
         told = f"{100.0 * shares[i]:.0f} % of the plateau at {_dps(rates[i])} are at the end of the range"
         advice = "Leave such rates out, or record with a wider range."
-        raise CaptureRefusedError(Reason("clipping", f"{told} ({np.count_nonzero(shares)} such plateaus).", advice))
+        raise CaptureRefusedError(
+            Reason("clipping", f"{told} (of {counted(int(np.count_nonzero(shares)), 'such plateau')}).", advice)
+        )
 
 
 def _refuse_few(whole: TableSession) -> None:

@@ -135,7 +135,7 @@ def _with_earth(rates: Floats, forces: Floats | None, latitude: float | None) ->
     if latitude is None:
         return rates
     if forces is None:
-        raise ParameterError("the Earth's rate by latitude needs the specific force, which tells where up is.")
+        raise ParameterError("the Earth's rate by latitude needs the specific force, which shows where up is.")
     up = forces / np.linalg.norm(forces, axis=1, keepdims=True)
     return np.asarray(rates + EARTH_RATE * np.sin(latitude) * up)
 

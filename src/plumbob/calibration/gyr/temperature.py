@@ -3,7 +3,7 @@
 The record is averaged in equal blocks; the mean of each power of the temperature over a block is the regressor, so the
 polynomial is that of the samples however much the temperature changes within a block. A bias also wanders by itself,
 and a wander that takes as long as the soak would pass for a curve: each axis is taken for white noise with a random
-walk, whose ratio the record tells by its restricted likelihood [Patterson1971]. The degree is the lowest that the
+walk, whose ratio the record gives by its restricted likelihood [Patterson1971]. The degree is the lowest that the
 highest one does not improve on by the F test.
 
 Departure from [Chen2013], whose coefficient of 0.1 °/s/°C is one for all parts: here each unit has its own, by axis,
@@ -89,9 +89,9 @@ def fit_temperature(
     temp_c : ndarray (N,) or None
         Temperature, °C.
     acc : ndarray (N, 3), optional
-        Specific force, m/s², which helps to tell rest.
+        Specific force, m/s², which helps to detect rest.
     mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which tells constant turning from rest.
+        Flux density, calibrated or not, which distinguishes constant turning from rest.
     clipped : ndarray (N,) of bool, optional
         Samples at the end of the gyroscope's range.
     known : TriadCalibration

@@ -2,7 +2,7 @@
 
 The field has one strength; turned through all attitudes, the measured vectors lie on an ellipsoid whose centre is the
 hard iron. The shape is chosen by test, outliers are set aside, and what the capture cannot determine is refused: its
-covariance decides, its geometry explains. The length of a vector tells no rotation, so the matrix is symmetric, the one
+covariance decides, its geometry explains. The length of a vector fixes no rotation, so the matrix is symmetric, the one
 that turns the measured vectors least; `with_acc` finds the rotation too.
 """
 
@@ -84,7 +84,7 @@ def moved(vectors: Floats, fit: NormFit) -> Reason | None:
         "magnet-moved",
         f"after {100.0 * jump.place:.0f} % of the samples the centre of the field jumped by {size:.2g} µT, "
         f"{100.0 * size / radius:.0f} % of the field; that explains {100.0 * jump.explained:.0f} % of the misfit.",
-        "Keep phones, tools, cables with current and steel away from the unit, fix what moves on it, and capture anew.",
+        "Keep phones, tools, live cables and steel away from the unit, fix what moves on it, and capture again.",
     )
 
 
@@ -155,7 +155,7 @@ def widening(vectors: Floats, fit: NormFit, field: Unevenness, memory: float, pl
     memory : float
         How many neighbouring samples count as one.
     place : Place
-        Where headings are told.
+        Where headings are used.
     """
     some = vectors[fit.used][:: max(1, len(vectors) // _SOME_OF_HALVES)]
     whole = scaled(fit, place.size, alike=1.0)[0], fit.ellipsoid.centre
@@ -221,7 +221,7 @@ def fit_mag(
     strength : float, optional
         Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
     acc : ndarray (N, 3), optional
-        Specific force at the same instants, m/s², finite: it tells the dip, and how the unit was turned.
+        Specific force at the same instants, m/s², finite: it shows the dip, and how the unit was turned.
     dip : float, optional
         Dip of the field, rad, for the predicted heading error.
     tilt_range : float
@@ -373,7 +373,9 @@ def _dip(mag: Floats, fit: NormFit, acc: Floats | None) -> float:
 def _remarks(fit: NormFit, why: str, strength: float | None, size: float, doubt: Doubt) -> tuple[str, ...]:
     told = [f"Shape: {_WORDS[fit.shape]} ({why})."]
     if fit.shape is not Shape.ELLIPSOID and why != "asked for":
-        told.append("Predicted errors are those of the general ellipsoid, for soft iron may be too small to show.")
+        told.append("Predicted errors are those of the general ellipsoid, because soft iron may be too small to show.")
     told += own_scale(strength, size)
-    told.append("A turn of the magnetometer in its case is not seen by its length alone; that needs the accelerometer.")
+    told.append(
+        "The length of the field does not show how the magnetometer is turned in its case; the accelerometer does."
+    )
     return (*told, *uneven_told(doubt), *set_aside(fit.used))

@@ -30,7 +30,7 @@ def forces(value: ArrayLike, count: int) -> Floats:
     nothing = ~acc.any(axis=1)
     if nothing.any():
         i = int(np.argmax(nothing))
-        raise ShapeError(f"acc tells the vertical, but acc[{i}] is zero, which has none; leave such samples out.")
+        raise ShapeError(f"acc gives the vertical, but acc[{i}] is zero and has no direction. Leave such samples out.")
     return acc
 
 
@@ -99,7 +99,7 @@ def stuck(mag: Floats) -> Reason | None:
     return Reason(
         "implausible",
         f"{axes} of the magnetometer always {'reads' if same.sum() == 1 else 'read'} {read} µT.",
-        "That axis is defect, or the profile names a wrong column; look at the recording with 'plumbob info'.",
+        "That axis is defective, or the profile names a wrong column; look at the recording with 'plumbob info'.",
     )
 
 
@@ -112,7 +112,7 @@ def unequal(matrix: Floats) -> Reason | None:
     return Reason(
         "implausible",
         f"the sensitivity would differ by a factor of {ratio:.1f} between directions.",
-        "Look for steel right beside the sensor, and for a defect axis; then capture anew through all attitudes.",
+        "Look for steel right beside the sensor, and for a defective axis; then capture again through all attitudes.",
     )
 
 

@@ -1,4 +1,4 @@
-"""Whose axes are wrong: how magnetometer, accelerometer and gyroscope are arranged, told by what they see of a motion.
+"""Whose axes are wrong: how magnetometer, accelerometer and gyroscope are arranged, by what they see of a motion.
 
 A triad with wrong axes measures ``P v`` of a vector v in the axes of the case, P one of the 48 signed permutations, of
 which 24 are left-handed. Three pairs of triads tell of it, whatever the attitudes were:
@@ -75,7 +75,7 @@ class Suspect(NamedTuple):
 
 
 class Arrangements(NamedTuple):
-    """What each pair of triads tells: arrangements that are not excluded, best first; none where a pair tells nothing.
+    """What each pair of triads shows: arrangements that are not excluded, best first; none where a pair shows nothing.
 
     Attributes
     ----------

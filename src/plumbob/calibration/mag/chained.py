@@ -53,7 +53,7 @@ def leaning(turns: Floats, angles: Floats, measured: Floats, dt: Floats) -> Floa
 def tightness(gain_sd: float) -> Floats:
     """Inverse covariance (13, 13) of what a gyroscope's bias, gain matrix and the delay can be.
 
-    A turn of all its axes together is less than what a data sheet grants each, for they share a die or a package.
+    A turn of all its axes together is less than what a data sheet grants each, because they share a die or a package.
     """
     gain_sd = max(gain_sd, _EXACT)
     found = np.diag(1.0 / np.repeat((_BIAS_SD, np.inf, _DELAY_SD), (3, 9, 1)) ** 2)

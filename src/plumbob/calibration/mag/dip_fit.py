@@ -1,7 +1,7 @@
 """Maximum likelihood of a magnetometer beside an accelerometer: one strength of the field, and one dip.
 
 The model is ``|u| = 1`` and ``u · down = sin(dip)``, u = M (m − b), with a full matrix M: the vertical of the
-accelerometer tells the rotation that the length of the field leaves open. That is the likelihood of [Kok2016] once the
+accelerometer fixes the rotation that the length of the field leaves open. That is the likelihood of [Kok2016] once the
 heading of every sample, which nothing else measures, is taken out of it.
 
 Both equations hold for the true field and vertical of a sample, of which the measured ones are noisy, and both kinds of
@@ -93,7 +93,7 @@ def fit_dip(mag: Floats, down: Floats, centre: Floats, matrix: Floats, used: NDA
     centre, matrix : ndarray (3,), (3, 3)
         Where to start: a fit of the length, with any rotation.
     used : ndarray (N,) of bool
-        Samples that are no outliers of the length.
+        Samples that are not outliers of the length.
     """
     size = 1.0 / float(np.cbrt(abs(np.linalg.det(matrix))))
     points = (mag - centre) / size

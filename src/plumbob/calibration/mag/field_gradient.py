@@ -9,7 +9,7 @@ iron, and the direction of the field is bent by as much as its length, which loo
 its case. No length shows either, however long the capture is. For a G of no preferred direction both are about as
 large as what is seen: ⅔ s² per axis, and s over the field.
 
-How large s is, the part of the error that stays within a patch, is told by what residuals share from one visit of a
+How large s is, the part of the error that stays within a patch, follows from what residuals share from one visit of a
 direction to the next. Residuals hide it in three ways: the parameters take up nine patches, noise drowns it, and what
 is seen of a few components of G says little about the others. So a capture that cannot show the unevenness of a usual
 room, 2 µT per metre over a hand's 25 cm, is taken to have been made in one.
@@ -150,7 +150,7 @@ def unevenness(
     used : ndarray (N,) of bool
         Samples that were fitted. Fewer than 100 are readings of single poses, whose errors all count as noise.
     patches : float, optional
-        How many patches the unit turned through, where more than the directions tells it.
+        How many patches the unit turned through, where more than the directions is known.
     taken_up : float
         Patches whose errors the parameters take up.
     lengths : bool
@@ -203,7 +203,7 @@ def one_axis(vectors: Floats, acc: Floats | None) -> Reason | None:
     vectors : ndarray (N, 3)
         Measured vectors, of any unit.
     acc : ndarray (N, 3), optional
-        Specific force at the same instants; it tells a level unit from an inclined one.
+        Specific force at the same instants; it distinguishes a level unit from an inclined one.
     """
     centred = vectors - vectors.mean(axis=0)
     _, sizes, directions = np.linalg.svd(centred[:: max(1, len(centred) // 10_000)], full_matrices=False)

@@ -5,7 +5,7 @@ up to since the start until a delay before sample k, for magnetometers answer la
 direction in the axes of the start, and θ_k the attitude error that the gyroscope's noise has added up to. θ is a random
 walk, known at some instants and linear between them; its intensity is found with it, by expectation and maximisation.
 That the field is one vector says more than that its length is one number, as in [Kok2016]: an inclination of a few
-degrees already tells all parameters apart.
+degrees already separates all parameters.
 """
 
 import math
@@ -93,7 +93,7 @@ class FieldFit(NamedTuple):
     turns : ndarray (N, 3, 3)
         Attitude of each sample: from its body axes to those of the start.
     residuals : ndarray (N, 3)
-        What the fit leaves, unit of the measurement.
+        Residuals, unit of the measurement.
     sd : float
         Their standard deviation about each axis, parameters counted.
     used : ndarray (N,) of bool

@@ -72,7 +72,7 @@ def fit_mag_in_use(
         Rates, rad/s, finite; their bias is found too, every ten minutes, and how much later the field is measured.
         Their axes become those of the magnetometer.
     acc : ndarray (N, 3), optional
-        Specific force, m/s², which tells the dip for the predicted error; NaN where there is none.
+        Specific force, m/s², which shows the dip for the predicted error; NaN where there is none.
     strength : float, optional
         Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
     dip : float, optional

@@ -7,7 +7,7 @@ place changes and the gyroscope drifts; how far is found with it, and jumps do n
 comes from turning, as of a field that obeys ``dm/dt = −ω × m``, without a difference of noisy samples being taken, and,
 the less the field walks, from one vector in all attitudes. The gyroscope's bias walks from segment to segment.
 
-The h form a chain, so that they drop out of the normal equations by one banded matrix. What windows leave tells the
+The h form a chain, so they drop out of the normal equations by one banded matrix. The residuals of windows give the
 covariance: their scores, added up over clusters [Liang1986].
 """
 
@@ -61,7 +61,7 @@ class InUseFit(NamedTuple):
     fields : ndarray (M, 3)
         Mean measured field of each part, unit of the measurement.
     residuals : ndarray (M, 3)
-        What the fit leaves of them.
+        Residuals of the fit.
     used : ndarray (M,) of bool
         False for outliers.
     gyr_bias : ndarray (K, 3)

@@ -191,7 +191,7 @@ def fit_mag_level(
     mag : ndarray (N, 3)
         Measured field, µT, in order of time; finite.
     acc : ndarray (N, 3), optional
-        Specific force at the same instants, m/s², finite: it tells which axis is upright, and whether the unit was
+        Specific force at the same instants, m/s², finite: it shows which axis is upright, and whether the unit was
         level.
     upright : {0, 1, 2}, optional
         The upright axis; without it and `acc`, the one along which the field changed least.

@@ -23,7 +23,7 @@ MOST_OUTLIERS: Final = 0.1
 EVEN: Final = "Capture away from steel, furniture and walls, best outdoors, and turn the unit slowly about one place."
 """Advice where the field differed from place to place."""
 
-LONGER: Final = "Turn it on for a minute or two, through all attitudes, each several times."
+LONGER: Final = "Keep turning it for a minute or two, through all attitudes, each several times."
 """Advice where the field may have been uneven."""
 
 LOST: Final = deg(30.0)
@@ -88,7 +88,7 @@ def calibration_of(
     matrix, bias, covariance : ndarray (3, 3), (3,), (12, 12)
         Of the calibration.
     residuals : ndarray (N, ...)
-        What the fit leaves, in the sensor's own scale, µT.
+        Residuals, in the sensor's own scale, µT.
     used : ndarray (N,) of bool
         False for outliers.
     radius : float
@@ -128,7 +128,7 @@ def outliers(used: NDArray[np.bool_], advice: str, most: float = MOST_OUTLIERS) 
     share = float(np.mean(~used))
     if share <= most:
         return None
-    what = f"{100.0 * share:.0f} % of the samples do not fit the others; {100.0 * most:.0f} % may."
+    what = f"{100.0 * share:.0f} % of the samples do not fit the others; at most {100.0 * most:.0f} % may."
     return Reason("outliers", what, advice)
 
 
@@ -156,7 +156,7 @@ def uneven(doubt: Doubt) -> Reason | None:
         )
         return Reason("too-few-regions", what, f"{LONGER} {EVEN}")
     what = (
-        "what the fit leaves does not average out as noise does, but stays while the unit turns, as where the field "
+        "the residuals do not average out as noise does, but persist while the unit turns, as where the field "
         f"differs from place to place, or the sensor is slow; that leaves {heading_told(doubt.sd)}."
     )
     return Reason("uneven-field", what, EVEN)
@@ -170,27 +170,27 @@ def heading_told(sd: float) -> str:
 def uneven_told(doubt: Doubt) -> tuple[str, ...]:
     """Remarks where the field differed from place to place or may have, or errors have a long memory."""
     more = doubt.sd / doubt.even if doubt.even > 0.0 else 1.0
-    told = f"the predicted error is {more:.2g} times that of an even field for it."
+    told = f"this makes the predicted error {more:.2g} times that of an even field."
     if doubt.shown:
         return (
-            "UNEVEN: what the fit leaves stays while the unit turns, as where the field differs from place to place; "
+            "UNEVEN: the residuals persist while the unit turns, as in a field that differs from place to place; "
             f"{told} {EVEN}",
         )
     found = []
     if more > _COUNTS and doubt.field.short:
         found.append(
-            "SHORT: the unit turned too little to show whether the field is even, so that what a usual room does is "
-            f"counted, up to {doubt.field.sd:.2g} µT; {told} {LONGER}"
+            "SHORT: the unit turned too little to show whether the field is even, so the unevenness of a usual room, "
+            f"{doubt.field.sd:.2g} µT, is assumed; {told} {LONGER}"
         )
     elif more > _COUNTS:
         found.append(
-            "LENGTH ALONE: no length shows a field that changes along itself, as about the arm of a hand, so that "
-            f"{doubt.field.sd:.2g} µT are counted; {told} {DIRECTION}"
+            "LENGTH ALONE: the length does not show a field that changes along itself, as around the arm of a hand, so "
+            f"{doubt.field.sd:.2g} µT are assumed; {told} {DIRECTION}"
         )
     if doubt.memory > _LONG_MEMORY:
         found.append(
-            f"What the fit leaves has a memory: {doubt.memory:.0f} neighbouring samples count as one. Filters, drifts "
-            "and uneven fields make one."
+            f"The residuals are autocorrelated: {doubt.memory:.0f} neighbouring samples count as one. Filters, drifts "
+            "and uneven fields cause this."
         )
     return tuple(found)
 
@@ -210,7 +210,7 @@ def thinned(stride: int) -> tuple[str, ...]:
 def set_aside(used: NDArray[np.bool_]) -> tuple[str, ...]:
     """Remark on outliers (N,)."""
     count = int(np.count_nonzero(~used))
-    return (f"{count} of {len(used)} samples were set aside as outliers.",) if count else ()
+    return (f"Set aside as outliers: {count} of {len(used)} samples.",) if count else ()
 
 
 def dip_of(field: Floats, force: Floats) -> float:

@@ -51,7 +51,7 @@ def agreement(t: Floats, mag: Floats, gyr: Floats) -> Agreement | None:
 
 
 def turn(t: Floats, field: Floats, gyr: Floats) -> Floats | None:
-    """Rotation matrix (3, 3) of the gyroscope's axes to those of a calibrated field; None where nothing tells it.
+    """Rotation matrix (3, 3) of the gyroscope's axes to those of a calibrated field; None where nothing shows it.
 
     Parameters
     ----------

@@ -35,6 +35,7 @@ from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.text import measured
 from plumbob.core.units import deg, to_deg
 
 FEWEST: Final = PARAMETERS + 1
@@ -45,13 +46,13 @@ UNSTEADY: Final = deg(5.0)
 
 _GRAVITY: Final = 0.1  # departure of gravity, of itself
 _SOME: Final = 20_000
-_ADVICE: Final = "Hold the unit still in each attitude, or turn it slowly, and capture anew."
+_ADVICE: Final = "Hold the unit still in each attitude, or turn it slowly, and capture again."
 
 
 def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt_range: float = TILT_RANGE) -> Fitted:
     """Fit bias and full matrix so that the field has one strength and one dip.
 
-    The vertical of the accelerometer tells what the length of the field cannot: how the magnetometer is turned against
+    The vertical of the accelerometer shows what the length of the field cannot: how the magnetometer is turned against
     it. Captures of small tilt gain too, for the dip says about the upright axis what the length hardly does.
 
     Parameters
@@ -162,8 +163,9 @@ def _unsteady(sd: float) -> Reason | None:
 
 
 def _remarks(fit: DipFit, dip_sd: float, strength: float | None, size: float, stride: int) -> tuple[str, ...]:
+    dip, sd = to_deg(fit.dip), to_deg(dip_sd)
     told = [
-        f"Dip of the field: {to_deg(fit.dip):.2f} ± {to_deg(dip_sd):.2g}°; "
+        f"Dip of the field [°]: {measured(dip, dip - sd, dip + sd)}; "
         f"the magnetometer is turned by {to_deg(turn_of(fit.matrix)):.2g}° against the accelerometer.",
         f"Noise: {fit.mag_sd:.2g} µT of the field, {to_deg(fit.down_sd):.2g}° of the vertical.",
     ]

@@ -80,7 +80,7 @@ def fit_mag_gyr(
         Rates, rad/s, finite; their constant bias is found too, and how much later the field is measured. Their axes
         become those of the magnetometer.
     acc : ndarray (N, 3), optional
-        Specific force, m/s², whose mean over the capture tells the vertical, and so the dip for the predicted error.
+        Specific force, m/s², whose mean over the capture shows the vertical, and so the dip for the predicted error.
     strength : float, optional
         Strength of the field at the place, µT; without it, the sensor's own scale is kept on average.
     gyr_gain_sd : float

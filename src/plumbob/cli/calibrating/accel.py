@@ -20,7 +20,9 @@ def add_parser(kinds: common.Adder) -> None:
         "accel",
         help="accelerometer: bias, scale and misalignment from poses at rest",
         description="Calibrate the accelerometer from a capture in which the unit rests in many poses; they are found.",
-        epilog=EPILOG,
+        epilog=common.more(
+            "plumbob calibrate accel poses.parquet --calibration card.json --out card.json", "calibration.md", EPILOG
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     capture.add_options(p, guide="accel")
@@ -28,7 +30,7 @@ def add_parser(kinds: common.Adder) -> None:
         "--shape",
         choices=("auto", "six", "axes", "ellipsoid"),
         default="auto",
-        help="what to find: six or axes, bias and scale, by pairs of faces or any poses; ellipsoid, misalignment too",
+        help="six or axes: bias and scale, from pairs of faces or any poses; ellipsoid: misalignment too",
     )
     p.add_argument("--moving", action="store_true", help="turned slowly without rests, beside a gyroscope")
     capture.add_gravity(p)

@@ -28,7 +28,7 @@ def add_field(p: argparse.ArgumentParser) -> None:
     field.add_argument(
         "--place",
         metavar="LAT,LON[,HEIGHT]",
-        help="where the capture was taken, degrees and metres: the World Magnetic Model of its day tells the field",
+        help="where the capture was taken, in degrees and metres: takes the field of the World Magnetic Model",
     )
 
 

@@ -22,7 +22,11 @@ def add_parser(kinds: common.Adder) -> None:
         "gyro",
         help="gyroscope: bias, scale and axes, without a table",
         description="Calibrate a gyroscope without a table.",
-        epilog=EPILOG,
+        epilog=common.more(
+            "plumbob calibrate gyro rest.parquet --method rest --calibration card.json --out card.json",
+            "calibration.md",
+            EPILOG,
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_options(p, guide="gyro")
@@ -64,6 +68,6 @@ def _refuse_idle(args: argparse.Namespace) -> None:
     if given and args.method != "ferraris":
         raise ParameterError(f"{given[0]} belongs to --method ferraris; name that, or leave it out.")
     if args.parts and args.part_column:
-        raise ParameterError("--parts and --part-column both say where the parts lie; give one of them.")
+        raise ParameterError("--parts and --part-column both name the parts. Give one of them.")
     if args.part_column and (args.start is not None or args.stop is not None):
         raise ParameterError("--part-column names the part of every sample, so --from and --to are not for it.")

@@ -20,7 +20,9 @@ def add_parser(kinds: common.Adder) -> None:
         help="the whole unit: accelerometer, gyroscope and magnetometer from one capture by hand",
         description="Calibrate every triad of a unit from one capture of poses at rest with turns between them, as "
         "'plumbob sim poses' makes it: the accelerometer first, the others on what was found before.",
-        epilog=EPILOG,
+        epilog=common.more(
+            "plumbob calibrate hand capture.parquet --out card.json --html card.html", "calibration.md", EPILOG
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     capture.add_options(p)

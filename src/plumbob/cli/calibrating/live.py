@@ -37,7 +37,7 @@ class Board:
     title : str
         First line.
     guide : Guide
-        Whose timeline is told.
+        Whose timeline is shown.
     out : file
         Where to draw.
     """
@@ -126,8 +126,8 @@ def _cells(progress: "Progress") -> dict[tuple[int, int, int], str]:
 
 def add_options(p: argparse.ArgumentParser) -> None:
     """Options of kinds that have a guide."""
-    p.add_argument("--guide", action="store_true", help="tell how the capture went, and what it lacks")
-    live = p.add_argument_group("live", "calibrate while the unit is moved, with directions what to do next")
+    p.add_argument("--guide", action="store_true", help="print how the capture went, and what it lacks")
+    live = p.add_argument_group("live", "calibrate while the unit is moved, with instructions for the next step")
     live.add_argument(
         "--live", action="store_true", help="INPUT is a session file (TOML); or give --port, --from, --iio"
     )
@@ -148,7 +148,9 @@ def live_capture(args: argparse.Namespace, triads: tuple[str, ...], base: "Calib
     _require_triads(session, triads)
     imu = _run(args, session)
     if imu is None:
-        raise CalibrationError("nothing came over the line, so there is nothing to calibrate; see 'plumbob record'.")
+        raise CalibrationError(
+            "no sample arrived over the line, so there is nothing to calibrate. See 'plumbob record'."
+        )
     return capture(imu, triads=triads, device=args.device, base=card)
 
 

@@ -13,17 +13,20 @@ def add_parser(kinds: common.Adder) -> None:
         help="magnetometer: hard iron, soft iron, scale, turn against the accelerometer",
         description="Calibrate a magnetometer from a capture in which the unit was turned slowly through all "
         "attitudes, away from iron: each face and each edge once up. A card that would more likely harm than help is "
-        "refused; --force makes it all the same.",
+        "refused; --force writes it anyway.",
+        epilog=common.more(
+            "plumbob calibrate mag capture.parquet --calibration card.json --out card.json", "calibration.md"
+        ),
     )
     capture.add_options(p, guide="mag")
     p.add_argument(
-        "--with", dest="helper", default="auto", metavar="none|acc|gyr|auto", help="what helps (default auto)"
+        "--with", dest="helper", default="auto", metavar="none|acc|gyr|auto", help="sensors that help (default auto)"
     )
     p.add_argument(
         "--shape",
         default="auto",
         metavar="auto|sphere|axes|ellipsoid|level",
-        help="what the field's directions form; auto tests which is needed (default), level is for what cannot lean",
+        help="model of the distortion; auto tests which is needed (default), level is for a unit that cannot tilt",
     )
     p.add_argument(
         "--in-use",

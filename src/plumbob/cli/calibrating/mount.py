@@ -14,6 +14,10 @@ def add_parser(kinds: common.Adder) -> None:
         help="how the unit sits on its body, from two poses at rest or a reference",
         description="Find the rotation from the axes of the unit to those of its body: rest with the body level, raise "
         "its nose by 15° to 60° about the lateral axis, and rest again; or compare with a reference attitude.",
+        epilog=common.more(
+            "plumbob calibrate mount raise.parquet --frame NED --calibration card.json --out card.json",
+            "calibration.md",
+        ),
     )
     capture.add_options(p)
     common.add_frame(p, "body axes: z down in NED, z up in ENU and NWU; needed for poses")

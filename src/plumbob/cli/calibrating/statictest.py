@@ -20,6 +20,10 @@ def add_parser(kinds: common.Adder) -> None:
         description="Static test of the buoy paper: the unit rests in many poses, such as 36 steps of 10 degrees on a "
         "table that stands aslant ('plumbob sim table36'). At each rest, tilt and compass are compared with a "
         "reference, as measured and with the card.",
+        epilog=common.more(
+            "plumbob calibrate statictest table36.parquet --calibration card.json --html statictest.html",
+            "calibration.md",
+        ),
     )
     p.add_argument("file", type=Path, metavar="INPUT", help="recording with accelerometer and magnetometer")
     p.add_argument("--calibration", type=Path, required=True, metavar="JSON", help="card of the unit")

@@ -13,6 +13,9 @@ def add_parser(kinds: common.Adder) -> None:
         "table",
         help="gyroscope on a rate table: bias, scale, misalignment, g-sensitivity",
         description="Calibrate the gyroscope from plateaus of known rates about known axes.",
+        epilog=common.more(
+            "plumbob calibrate table session.parquet --rates '50,100,200 deg/s' --out card.json", "calibration.md"
+        ),
     )
     capture.add_options(p, file="recording of the session")
     told = p.add_mutually_exclusive_group(required=True)

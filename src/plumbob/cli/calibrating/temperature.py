@@ -16,8 +16,12 @@ def add_parser(kinds: common.Adder) -> None:
     p = kinds.add_parser(
         "temperature",
         help="gyroscope: bias over temperature, from a soak at rest",
-        description="Find how the bias of this unit's gyroscope depends on temperature.",
-        epilog=EPILOG,
+        description="Calibrate how the gyroscope's bias depends on temperature.",
+        epilog=common.more(
+            "plumbob calibrate temperature soak.parquet --calibration card.json --out card.json",
+            "calibration.md",
+            EPILOG,
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_options(p, file="recording at rest over changing temperature")

@@ -94,7 +94,7 @@ class TriadCalibration:
     temp_ref_c : float
         Temperature of `bias`, °C.
     residual_rms : float or None
-        Root mean square of what the fit left, in `unit_out`.
+        Root mean square of the residuals, in `unit_out`.
     g_sensitivity : array_like (3, 3)
         Of a gyroscope, rad/s per m/s²: entry ij is the bias of axis i per calibrated specific force along j.
     temp_span_c : (float, float) or None
@@ -356,7 +356,7 @@ def require_covariance(covariance: Floats) -> None:
 
 
 def require_dates(**dates: Any) -> None:
-    """Refuse what is no date, or date and time, of ISO 8601; an empty text says that it is not known."""
+    """Refuse what is not a date, or date and time, of ISO 8601; an empty text says that it is not known."""
     require_text(**dates)
     for name, value in dates.items():
         try:

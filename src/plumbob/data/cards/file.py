@@ -79,7 +79,7 @@ class Card(Shown):
         Raises
         ------
         DecodeError
-            If the file is no card of this kind, of a newer version, larger than a card can be, or cannot be read.
+            If the file is not a card of this kind, of a newer version, larger than a card can be, or cannot be read.
         """
         return cls.from_text(text_of(path, cls.KIND), str(path))
 
@@ -119,7 +119,7 @@ def built(name: str, cls: type[Any], raw: Any, parts: Mapping[str, type] | None 
 
 
 def require_number(name: str, value: Any) -> None:
-    """Refuse what is no finite number."""
+    """Refuse what is not a finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise CalibrationError(f"{name} must be a finite number, but it is {value!r}.")
 
@@ -132,7 +132,7 @@ def require_no_negative(name: str, value: Any) -> None:
 
 
 def require_text(**words: Any) -> None:
-    """Refuse what is no text."""
+    """Refuse what is not a text."""
     for name, value in words.items():
         if not isinstance(value, str):
             raise CalibrationError(f"{name} must be a text, but it is {value!r}.")

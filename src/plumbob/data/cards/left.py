@@ -1,7 +1,7 @@
 """What a calibration leaves of a triad's errors: the parameters that an estimate should count, and does not estimate.
 
 After calibration a vector u still is wrong by ``δ = d + E u``, with an offset d and a matrix E that nobody knows, but
-whose covariance the card has; of a part without a card, the data sheet tells how large they may be. Such an error does
+whose covariance the card has; of a part without a card, the data sheet says how large they may be. Such an error does
 not average out, so it is not noise: it is *considered* (`plumbob.filters.consider`).
 
 A covariance of (d, E row by row) is kept as its upper half, 78 numbers row by row, so that it is plain data.

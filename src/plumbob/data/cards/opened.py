@@ -21,10 +21,10 @@ def open_card(path: str | Path) -> CalibrationCard | NoiseCard:
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise DecodeError(f"{path} is no card: {error}.") from error
+        raise DecodeError(f"{path} is not a card: {error}.") from error
     kind = content.get("kind") if isinstance(content, dict) else None
     for cls in (CalibrationCard, NoiseCard):
         if kind == cls.KIND:
             card: CalibrationCard | NoiseCard = cls.load(path)
             return card
-    raise DecodeError(f"{path} is no card: its 'kind' must be '{CalibrationCard.KIND}' or '{NoiseCard.KIND}'.")
+    raise DecodeError(f"{path} is not a card: its 'kind' must be '{CalibrationCard.KIND}' or '{NoiseCard.KIND}'.")

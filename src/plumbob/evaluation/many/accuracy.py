@@ -8,6 +8,7 @@ from typing import Any
 
 from plumbob import files as io
 from plumbob.core.errors import DecodeError, PlumbobError, ShapeError
+from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.evaluation import evaluate
 from plumbob.evaluation.many.peer_runs import PeerRun, peer_track
@@ -33,7 +34,7 @@ class Accuracy:
     align : tuple of str
         What was aligned before the errors were measured.
     skipped : dict
-        Files that are no trial, and why.
+        Files that are not trials, and why.
     absent : dict
         Peers that could not run, and why.
     calibration : dict
@@ -83,7 +84,7 @@ class Accuracy:
             lines += [_head(f"means of {len(self.trials)}", width)]
             lines += [*(_row(name, width, errors) for name, errors in means.items()), ""]
         if self.skipped:
-            lines += [f"mean of {len(self.trials)} recordings; {len(self.skipped)} skipped"]
+            lines += [f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"]
         lines += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         lines += [f"peer left out: {name}: {why}" for name, why in self.absent.items()]
         return "\n".join(lines).strip()
@@ -136,7 +137,7 @@ def measure_accuracy(
     peers : sequence of PeerRun
         Other libraries that run on the same recordings; see `plumbob.evaluation.many.peer_runs.peer_runs`.
     absent : Mapping, optional
-        Peers that could not be made, and why; they are only told.
+        Peers that could not be made, and why; they are only listed.
     frame : Frame, optional
         Navigation frame where a recording names none.
     align : sequence of str

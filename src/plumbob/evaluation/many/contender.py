@@ -66,7 +66,7 @@ class Contender(Protocol):
     settings : str
         What runs, in one line.
     timed : bool
-        Whether it is told the time.
+        Whether it is given the time.
     words : Mapping
         Name of each flag bit.
     none_is_absent : bool
@@ -143,7 +143,7 @@ class OurFilter:
         return RunningFilter(Filter(self.stage.filter, **{"frame": FRAME, "params": params, **arguments}))
 
     def constructions(self) -> list[Construction]:
-        """Every parameter with NaN, infinity, −1 and text, a wrong name, no frame, and starts that are no attitude."""
+        """Every parameter with NaN, infinity, −1 and text, a wrong name, no frame, starts that are not attitudes."""
         own = load(self.stage.filter).Params
         known = [p for p in (*describe(own), *describe(CommonParams)) if not p.switch]
         found = [self._odd(p, value) for p in known for value in (math.nan, math.inf, -1.0, "much")]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.text import listed
+from plumbob.core.text import counted, listed
 from plumbob.core.units import to_deg
 from plumbob.evaluation import evaluate
 from plumbob.filters.offline import Stage, bias_beyond, filter_of, run_stage, with_noise
@@ -136,7 +136,7 @@ def measure_scenario(
     settle : float
         Time from the start that is left out, s.
     limit : float, optional
-        Error of roll and pitch, rad: the share of the seeds that keep it is told, and how the filters compare.
+        Error of roll and pitch, rad: the share of the seeds that keep it is reported, and how the filters compare.
     own_noise : bool
         Give each filter that takes one the noise card of the simulated unit.
     progress : callable, optional
@@ -157,7 +157,7 @@ def measure_scenario(
         if progress:
             progress(1)
     what = run.truth.source.rpartition(", seed")[0]
-    title = f"{what}; sensors {sensors} ({module}); {len(seeds)} seeds; first {settle:g} s left out"
+    title = f"{what}; sensors {sensors} ({module}); {counted(len(seeds), 'seed')}; first {settle:g} s left out"
     if own_noise:
         title += "; noise cards of the units"
     return MonteCarlo(title, ran, values, None if limit is None else to_deg(limit), warnings)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from plumbob.core.errors import DecodeError
+from plumbob.core.text import counted
 from plumbob.files.mcap import layout
 from plumbob.files.mcap.identity import Identity, identify
 from plumbob.files.mcap.info import PartInfo
@@ -135,7 +136,7 @@ class _Run:
 
 
 class Log:
-    """A recording to be read, as `open_log` returns it. Each iteration reads it anew, holding one chunk at a time.
+    """A recording to be read, as `open_log` returns it. Each iteration reads all of it, holding one chunk at a time.
 
     Parameters
     ----------
@@ -174,7 +175,7 @@ class Log:
 
     @property
     def recording(self) -> str | None:
-        """Name of the recording; empty where it cannot be told any more, None in files of other programs."""
+        """Name of the recording; empty where it cannot be determined any more, None in files of other programs."""
         return next((part.recording for part in self._parts if part.recording), self._parts[0].recording)
 
     @property
@@ -267,7 +268,9 @@ class Log:
         self.clean &= scan.clean
         self.unchecked += scan.unchecked
         if scan.orphans:
-            self.damage.append(Damage(part.path, 0, 0, f"{scan.orphans} rows belong to channels that are not declared"))
+            self.damage.append(
+                Damage(part.path, 0, 0, f"{counted(scan.orphans, 'row')} of channels that are not declared")
+            )
         info = scan.info or part.info
         if info is not None and info.ends is None and scan.clean:  # its last word is damaged, its summary is not
             self._settle({topic: info.starts.get(topic, 0) + count for topic, count in scan.counts.items()})
@@ -307,10 +310,10 @@ class Log:
         base = {number: self._run.base.get(channel.topic, 0) for number, channel in channels.items()}
         places = {number: ledgers[number].place(base[number] + low) for number, low in lows.items()}
         if not all(ledgers[number].is_new(places[number], count) for number, count in counts.items()):
-            self.damage.append(Damage(path, block.offset, 0, "a chunk stands here once more; its rows are left out"))
+            self.damage.append(Damage(path, block.offset, 0, "a chunk is repeated here; its rows are left out"))
             return []
         if any(places[number] < (ledger.next or 0) for number, ledger in ledgers.items()):
-            self.damage.append(Damage(path, block.offset, 0, "a chunk stands out of order; its rows are whole"))
+            self.damage.append(Damage(path, block.offset, 0, "a chunk is out of order; its rows are whole"))
         before = self.missing
         for number, count in counts.items():
             ledgers[number].take(places[number], count)
@@ -443,5 +446,5 @@ def _files(path: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Pa
     else:
         files = layout.existing_parts(Path(path))
     if not files:
-        raise DecodeError(f"{path} is no recording: there is no such file, or no {layout.SUFFIX} file in it.")
+        raise DecodeError(f"{path} is not a recording: there is no such file, or no {layout.SUFFIX} file in it.")
     return files

@@ -119,7 +119,7 @@ class Recorder:
 
     @property
     def acknowledged(self) -> int:
-        """Rows whose chunk has been written; rows that a failed fsync puts in doubt are taken back and written anew."""
+        """Rows whose chunk has been written; rows that a failed fsync puts in doubt are taken back and rewritten."""
         return 0 if self._scribe is None else self._scribe.acknowledged
 
     @property
@@ -130,7 +130,7 @@ class Recorder:
     def start(self) -> Self:
         """Create the first part and begin to write.
 
-        A full disk is no error here: the recording starts as ``stopped`` and goes on once there is room.
+        A full disk is not an error here: the recording starts as ``stopped`` and goes on once there is room.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class Recorder:
         Raises
         ------
         ParameterError
-            If there is no such channel, or the row is no bytes.
+            If there is no such channel, or the row is not bytes.
         """
         if channel not in self._next:
             raise ParameterError(f"the recording {self._path.name} has no channel {channel}; declare it first.")
@@ -279,7 +279,7 @@ class Recorder:
                 raise ParameterError(f"{part} is being recorded by another process or recorder; name another file.")
         if existing and not self._next_part:
             raise ParameterError(
-                f"{existing[0]} exists already, and a recording never overwrites; name another file, one with "
+                f"{existing[0]} exists already, and a recording never replaces a file. Name another file, one with "
                 f"{layout.UTC_FIELD} for the time of the start, or ask for the next part."
             )
 
@@ -309,7 +309,7 @@ class Recorder:
         if self._backlog.put(chunk):
             self._tell_drops("rows find room again")
         else:
-            self._drop(chunk.counts(), "the disk is too slow or stands still, and no more rows may wait")
+            self._drop(chunk.counts(), "the disk is too slow or does not respond, and no more rows may wait")
 
     def _drop(self, counts: Mapping[int, int], why: str) -> None:
         """Count rows that are lost; say so at once, and how many more there were when rows find room again."""

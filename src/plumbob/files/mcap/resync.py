@@ -85,7 +85,7 @@ _OVERLAP: Final = 63  # no landmark is longer than one byte more
 def next_landmark(source: Source, start: int, is_good: Callable[[int], bool], checked: bool) -> tuple[int, int | None]:
     """Offset, from `start` on, of the next good record or of the end of the data section; else the file's size.
 
-    Where it is the end of the data, the second number tells where its summary begins.
+    Where it is the end of the data, the second number shows where its summary begins.
 
     Parameters
     ----------

@@ -69,7 +69,7 @@ class Damage:
     lost : mapping of str to int
         Rows per topic that are missing there, as later sequence numbers tell.
     certain : bool
-        False where rows may be missing of which nothing later tells, as at the torn end of a file.
+        False where rows may be missing and nothing later shows it, as at the torn end of a file.
     """
 
     path: Path
@@ -190,7 +190,7 @@ class Scan:
         if opcode == layout.METADATA and self._ours:
             return self._metadata(at, length)
         if self._ours and not (opcode == layout.HEADER and at == len(layout.MAGIC)):
-            raise BrokenRecordError("this is no record that the recorder writes here")
+            raise BrokenRecordError("this is not a record that the recorder writes here")
         if opcode in _RECORDS and not self._ours:
             return self._bare(at, length)
         return []
@@ -285,13 +285,13 @@ class Scan:
         opcode, length, first, last, size, crc, name_size = layout.CHUNK_HEAD.unpack(head)
         after = at + layout.RECORD_HEAD.size + length
         if opcode != layout.CHUNK:
-            raise BrokenRecordError("this is no chunk")
+            raise BrokenRecordError("this is not a chunk")
         if size > (PLAIN_BYTES if self._ours else min(FOREIGN_BYTES, FREE_BYTES + MAX_RATIO * length)):
             raise BrokenRecordError(f"a chunk claims {size} bytes, more than can be believed")
         if after > self._source.size:
             raise BrokenRecordError("a chunk reaches beyond the end of the file")
         if not self._source.may_search(length):
-            raise BrokenRecordError("it is not searched any further, for most that looks like records is none")
+            raise BrokenRecordError("it is not searched any further, because most that looks like a record is not one")
         rest = self._source.at(at + layout.CHUNK_HEAD.size, min(name_size, 16) + 8)
         if name_size > 16 or len(rest) < name_size + 8:
             raise BrokenRecordError("a chunk's compression has no name")

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from plumbob.core.text import counted
 from plumbob.files.mcap import disk, layout
 from plumbob.files.mcap.chunk import OpenChunk, compressor, pack
 from plumbob.files.mcap.info import PartInfo
@@ -195,7 +196,7 @@ class Scribe:
         self.unwritten = sum(chunk.rows for chunk in left)
         if left:
             self._tell(
-                "dropped", f"{self.unwritten} rows were still unwritten when the recording ended", self.unwritten
+                "dropped", f"{counted(self.unwritten, 'row')} unwritten when the recording ended", self.unwritten
             )
         if self._part is not None:
             self._end_part(keep_empty=True)
@@ -343,7 +344,7 @@ class Scribe:
         self._try_at = time.monotonic() + RETRY
         if self.state != "stopped":
             self.state = "stopped"
-            self._tell("stopped", f"recording {self._rules.path.name} stands still: {reason}", 0)
+            self._tell("stopped", f"recording {self._rules.path.name} has stopped: {reason}", 0)
 
     def _looks_low(self) -> bool:
         """Whether the reserve is touched, looked at once in `RETRY` seconds."""

@@ -31,13 +31,13 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
 
     N is taken as it was estimated. Where the record does not show B or K, the card has the value that together with all
     other terms is the most likely one, often 0: so the card makes the curve that was measured, even where B and K
-    cannot be told apart. Their upper limits would be no estimates, and a short record would make a good sensor look
-    bad; the limits are told in the card's `source`. Each value comes with its interval of 68.3 %.
+    cannot be separated. Their upper limits are not estimates, and a short record would make a good sensor look
+    bad; the limits are reported in the card's `source`. Each value comes with its interval of 68.3 %.
 
     Parameters
     ----------
     analyses : sequence of Analysis
-        Channels "gyr x", "gyr y", "gyr z", and likewise "acc" and "mag". What is no whole triad is left out, and the
+        Channels "gyr x", "gyr y", "gyr z", and likewise "acc" and "mag". What is not a whole triad is left out, and the
         card's `source` says so.
     device : str
         The unit that was recorded.
@@ -49,7 +49,7 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
     ShapeError
         If there is no triad of three axes, or the white noise of one is not known.
     UnitError
-        If a triad measures something else than its name says, as bare numbers do.
+        If a triad measures something else than its name says, as plain numbers do.
     """
     found = {triad.name: triad for triad in triads(analyses)}
     whole = {name: found[name] for name in UNITS if name in found and set(found[name].channels) == set(AXES)}
@@ -166,9 +166,9 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
     ShapeError
         If the gyroscope or the accelerometer is missing.
     UnitError
-        If one measures something else than its name says, as bare numbers do.
+        If one measures something else than its name says, as plain numbers do.
     ParameterError
-        If the topic is no name of ROS, the two have different rates, or a coefficient has neither value nor limit.
+        If the topic is not a name of ROS, the two have different rates, or a coefficient has neither value nor limit.
     """
     if not _TOPIC.fullmatch(rostopic):
         raise ParameterError(f"rostopic must be a name of ROS such as /imu0, but it is {rostopic!r}.")
@@ -178,7 +178,7 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
     lines.append("# each number is the quadratic mean over the axes below it; +/- is 68.3 %")
     for name, sensor, quantity in _SENSORS:
         if name not in found:
-            raise ShapeError(f"Kalibr needs gyr and acc, but of these there is only {', '.join(found)}.")
+            raise ShapeError(f"Kalibr needs gyr and acc, but the record has only {', '.join(found)}.")
         if found[name].quantity is not quantity:
             raise UnitError(f"{name} is in '{found[name].quantity}', but Kalibr takes {quantity}; scale the recording.")
         lines += ["", f"# {sensor}: {_ascii(facts(found[name]))}"]

@@ -25,7 +25,7 @@ _COLUMNS = 600  # of a picture, for the thinning of long curves
 HEIGHT = 3.3
 _FADED = 0.35
 _ROOM = 1.2  # between a letter and the ends of the scales, as a ratio
-BANDS = "bands are intervals, pale where a value scatters by half of itself"
+BANDS = "bands: confidence intervals; pale: relative uncertainty above 50 %"
 
 
 def triad_figure(triad: Triad, salt: str) -> str:
@@ -149,7 +149,7 @@ def _draw_model(ax: "Axes", analysis: Analysis) -> None:
 
 
 def draw_curve(ax: "Axes", analysis: Analysis | Deviation, colour: str, *, band: float) -> None:
-    """Deviation and its interval, pale where it scatters by more than half of itself."""
+    """Deviation and its interval, paler above a relative uncertainty of 50 %."""
     curve, unit = analysis.curve, DEVIATION[analysis.quantity]
     until = int(np.count_nonzero(np.logical_and.accumulate(trusted(curve))))
     pale = slice(max(0, until - 1), None if until < curve.n.size else 0)

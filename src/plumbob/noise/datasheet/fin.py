@@ -111,7 +111,7 @@ def fin_section(analyses: Sequence[Analysis]) -> str:
     triad = _gyroscope(analyses)
     items = "".join(f"<li>{remark}</li>" for remark in _MISPRINTS)
     parts = [
-        "<section><h2>Report of the fin paper</h2>",
+        "<section><h2>Table 1 of the fin paper</h2>",
         html_table(_CAPTION, ["", *triad.channels], _own_rows(triad)),
         html_table(_PRINTED_CAPTION, _HEAD, _printed_rows(), words=(5,)),
         f"<ul class='note'>{items}</ul>",

@@ -111,7 +111,7 @@ def _channel(salt: str, a: Analysis) -> str:
     parts = [
         f"<h3>{escape(a.name)}</h3>",
         framed("Allan deviation, model and terms", figure.channel_figure(a, salt), figure.channel_key(a)),
-        html_table("By method", ["", *(e.method for e in table.estimates(a))], table.method_rows(a)),
+        html_table("Coefficients by method", ["", *(e.method for e in table.estimates(a))], table.method_rows(a)),
         _models(a),
         _curve(a),
     ]
@@ -122,7 +122,7 @@ def _models(a: Analysis) -> str:
     if not a.candidates:
         return ""
     body = [(terms, bic, "chosen" if chosen else "") for terms, bic, chosen in table.models(a)]
-    return html_table("Models that were weighed", ["terms", "BIC above the least", ""], body, words=(2,))
+    return html_table("Candidate models", ["terms", "ΔBIC", ""], body, words=(2,))
 
 
 def _curve(a: Analysis) -> str:

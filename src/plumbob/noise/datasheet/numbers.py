@@ -25,12 +25,12 @@ def coefficient(c: Coefficient, unit: str) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Number in a sentence, with its unit; nothing follows bare numbers, whose unit is 1."""
+    """Number in a sentence, with its unit; nothing follows plain numbers, whose unit is 1."""
     return text if unit == Quantity.RATIO.value else f"{text} {written(unit)}"
 
 
 def in_unit(unit: str) -> str:
-    """What follows the name of a quantity in a sentence: `` in °/h``; nothing for bare numbers."""
+    """What follows the name of a quantity in a sentence: `` in °/h``; nothing for plain numbers."""
     return "" if unit == Quantity.RATIO.value else f" in {written(unit)}"
 
 
@@ -71,7 +71,7 @@ NOISE = {
 
 
 class Lowest(NamedTuple):
-    """Least deviation with its interval, at the averaging time tau, s; `risen` tells whether a later one is higher."""
+    """Least deviation with its interval, at the averaging time tau, s; `risen` shows whether a later one is higher."""
 
     tau: float
     dev: float

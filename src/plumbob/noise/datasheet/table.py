@@ -186,7 +186,7 @@ def _methods(axis: str, a: Analysis) -> list[str]:
     head = [f"{axis or a.name} by method", *(e.method for e in estimates(a))]
     lines = ["", *aligned(head, *method_rows(a))]
     weighed = [(terms, bic, "chosen" if chosen else "") for terms, bic, chosen in models(a)]
-    return lines + (aligned(["models", "BIC above least"], *weighed) if weighed else [])
+    return lines + (aligned(["models", "ΔBIC"], *weighed) if weighed else [])
 
 
 def _curve(axis: str, a: Analysis | Deviation) -> list[str]:

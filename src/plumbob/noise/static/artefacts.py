@@ -79,7 +79,7 @@ def interleaved(values: Floats) -> int:
     """How many channels seem to take turns in a record (N,); 1 where it is one.
 
     Means of every k-th value differ from phase to phase by more than the values within a phase scatter. Of numbers that
-    tell them apart as well, such as multiples of the true one, the smallest is told.
+    separate them as well, such as multiples of the true one, the smallest is taken.
     """
     apart = {1: APART}
     for k in range(2, LONGEST + 1):

@@ -177,7 +177,7 @@ class StaticCheck:
         return wide
 
     def strict(self, start: float, stop: float) -> Parts:
-        """When something moved between two times, s, by a stricter measure; of too few samples, nothing is told."""
+        """When something moved between two times, s, by a stricter measure; of too few samples, nothing is reported."""
         return self.moving(start, stop, limit=_STRICT) if (stop - start) / self.dt >= FEWEST_SAMPLES else []
 
     def asked(self, skip: Sequence[tuple[float, float]]) -> Parts:
@@ -188,8 +188,8 @@ class StaticCheck:
         parts = joined([(max(a, self.start), min(b, self.stop)) for a, b in skip if a < self.stop and b > self.start])
         if total(parts) > MOST_ASKED * (self.stop - self.start):
             raise ParameterError(
-                f"{total(parts):.4g} s of {self.stop - self.start:.4g} s shall be skipped, but {100 * MOST_ASKED:g} % "
-                "can be at most; choose one stretch with --from and --to instead."
+                f"{total(parts):.4g} s of {self.stop - self.start:.4g} s would be skipped, but at most "
+                f"{100 * MOST_ASKED:g} % can be. Choose one stretch with --from and --to instead."
             )
         return parts
 
@@ -346,7 +346,7 @@ class StaticCheck:
             return []
         listed = ", ".join(map(str, places[:5])) + (", …" if len(places) > 5 else "")
         text = (
-            f"single samples stand far off their neighbours, as errors of transmission do: {len(places)}, at sample "
+            f"single samples lie far from their neighbours, as errors of transmission do: {len(places)}, at sample "
             f"{listed}; they are left as they are, and raise short averaging times."
         )
         return [Finding("spikes", name, False, text)]
@@ -379,7 +379,7 @@ class StaticCheck:
 def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> StaticReport:
     """Report on all sensors of one unit, each by itself, but a unit that moved has moved all of them.
 
-    Short disturbances of a long record are to be skipped, and are told; what moved for longer, or left the sensor at
+    Short disturbances of a long record are skipped and reported; what moved for longer, or left the sensor at
     another level, refuses it. The still stretch passes by its own measure, and a stricter one: beside a rough motion a
     gentle one seems quiet, so what is left is judged again until nothing is found in it.
 
@@ -388,7 +388,7 @@ def judge(*checks: StaticCheck, skip: Sequence[tuple[float, float]] = ()) -> Sta
     *checks : StaticCheck
         One for each sensor, which have seen all samples.
     skip : sequence of (float, float)
-        Times that shall be skipped whatever they hold, s.
+        Times to skip whatever they hold, s.
 
     Raises
     ------

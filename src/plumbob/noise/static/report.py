@@ -5,7 +5,7 @@ Disturbed seconds of a long record: which may be skipped, and what takes their p
 A step that somebody takes, or a door, spoils a second of hours. What is left is as good as before, but an Allan
 deviation and a spectrum need even samples, so each gap is filled with its neighbours: those before it, mirrored, for
 its first half, and those after it for its second, on a straight line between the two levels. So it has the noise of its
-surroundings at all but the longest times, and tells nothing of its own.
+surroundings at all but the longest times, and shows nothing of its own.
 """
 
 import math
@@ -104,7 +104,7 @@ class StaticReport:
         """
         if self.errors and all(self.refused(*names) for names in sensors):
             more = f" ({len(self.errors) - 1} more)" if len(self.errors) > 1 else ""
-            raise ShapeError(f"no static record: {self.errors[0]}{more}")
+            raise ShapeError(f"not a static record: {self.errors[0]}{more}")
 
 
 MARGIN: Final = 1.0

@@ -1,9 +1,9 @@
-"""Whether a channel was at rest all the time, told from what noise can do and motion does not.
+"""Whether a channel was at rest all the time: what noise can do and motion does not.
 
 White noise, flicker, random walk and their sums have stationary second differences of averages, at every averaging
 time; a ramp has none. So the energy of these differences, summed over windows, is about the same all along the record.
 A motion, a step or a bump multiplies it somewhere. The longest averages are a few seconds, for over minutes a warm-up
-bends like a slow motion. Single wrong samples are no motion: a running median of three takes them out first.
+bends like a slow motion. Single wrong samples are not motion: a running median of three takes them out first.
 """
 
 from dataclasses import dataclass, field
@@ -156,7 +156,7 @@ class Stillness:
         step : float
             Of a converter that is coarser than the noise, which makes calm and lively stretches out of none; else 0.
         limit : float
-            Part of `LOUDER` and `JUMP` from which on something moved.
+            Part of `LOUDER` and `JUMP` above which something moved.
         """
         found = Parts()
         for level in self._levels:  # what shorter averages have shown, longer ones only blur

@@ -19,5 +19,5 @@ def load(name: str) -> Format:
         If there is none.
     """
     if name not in formats_in(__name__):
-        raise ParameterError(f"'{name}' is no rig; known are {', '.join(names())}.")
+        raise ParameterError(f"'{name}' is not a rig; known are {', '.join(names())}.")
     return formats_in(__name__)[name]

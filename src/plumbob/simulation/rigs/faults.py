@@ -124,11 +124,11 @@ def draw(form: Format, rates: Mapping[str, float], due_ns: NDArray[np.int64], se
     Raises
     ------
     ParameterError
-        If a kind is unknown, a rate is no share, or the frame has no length to be wrong.
+        If a kind is unknown, a rate is not a share, or the frame has no length to be wrong.
     """
     for kind, rate in rates.items():
         if kind not in KINDS:
-            raise ParameterError(f"'{kind}' is no fault; known are {', '.join(KINDS)}.")
+            raise ParameterError(f"'{kind}' is not a fault; known are {', '.join(KINDS)}.")
         if not 0.0 <= rate <= 1.0:
             raise ParameterError(f"fault {kind} must befall a share of the frames, 0 to 1, but it is {rate:g}.")
     if "length" in rates and form.framing.length_field is None:

@@ -127,7 +127,7 @@ class Plan:
 
 
 def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> Plan:
-    """Plan for a format of one's own: every unit in it has the same sensors, aligned with the body.
+    """Plan for a format of your own: every unit in it has the same sensors, aligned with the body.
 
     Parameters
     ----------

@@ -154,7 +154,7 @@ def make_rig(
     seed : int
         Of everything left to chance: the sea, the units' errors, their noise, faults.
     duration : float, optional
-        s, where it shall differ from the plan's.
+        s, default: the plan's.
     module : {"drawn", "calibrated"}
         Units as they left the line, or after an ideal calibration.
     clock_error : float

@@ -1,0 +1,47 @@
+"""Numbers in sentences: counts that agree with their noun, probabilities, and ranges as they are declared."""
+
+import math
+
+import pytest
+
+from plumbob.core.errors import ParameterError
+from plumbob.core.params import Parameter, Spec, allowed, checked
+from plumbob.core.text import counted, p_value
+from plumbob.core.units import Quantity
+
+
+def parameter(quantity, low=-math.inf, high=math.inf, **kind):
+    return Parameter("p", Spec(quantity, "", low, high), 0.0, **{"optional": False, "switch": False, **kind})
+
+
+@pytest.mark.parametrize(("count", "text"), [(0, "0 samples"), (1, "1 sample"), (2, "2 samples")])
+def test_a_count_agrees_with_its_noun(count, text):
+    assert counted(count, "sample") == text
+    assert counted(count, "stretch", "stretches") == text.replace("sample", "stretch" + "e" * (count != 1))
+
+
+@pytest.mark.parametrize(("p", "text"), [(0.0321, "p = 0.032"), (0.001, "p = 0.001"), (1e-138, "p < 0.001")])
+def test_a_probability_is_not_printed_beyond_its_use(p, text):
+    assert p_value(p) == text
+
+
+@pytest.mark.parametrize(
+    ("one", "text"),
+    [
+        (parameter(Quantity.ANGLE, -math.pi, math.pi, optional=True), "-180 to 180 deg, or off"),
+        (parameter(Quantity.RATE, 1e-9, 1.0), "5.8e-08 to 57 deg/s"),  # 5.73e-8 and 57.3, rounded inward
+        (parameter(Quantity.RATE, 0.0, 10.0), "0 to 570 deg/s"),
+        (parameter(Quantity.RATIO, 0.0, 6.75), "0 to 6.75"),
+        (parameter(Quantity.TIME, 0.0), "0 s or more"),
+        (parameter(Quantity.TIME, high=1.0), "at most 1 s"),
+        (parameter(Quantity.TIME), "any number"),
+        (parameter(Quantity.RATIO, switch=True), "on or off"),
+    ],
+)
+def test_a_range_is_printed_as_it_is_declared_or_inside(one, text):
+    assert allowed(one) == text
+
+
+def test_a_value_beyond_its_range_is_refused_in_the_unit_of_the_range():
+    with pytest.raises(ParameterError, match=r"^f: p must be 0 to 570 deg/s, but it is 859\.437 deg/s\.$"):
+        checked("f", parameter(Quantity.RATE, 0.0, 10.0), 15.0)  # 15 rad/s
