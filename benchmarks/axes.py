@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from plumbob.calibration.calibrate_mag import calibrate_mag
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.axes import arrangements, suspects
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.errors import CalibrationError
 from plumbob.data import ImuData, ImuMeta
 from plumbob.evaluation.many.accuracy import read_trial

@@ -22,8 +22,7 @@ from plumbob.protocols import catalog
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import names as rig_names
 from plumbob.session import rows
-from plumbob.session.exports import export
-from plumbob.session.recorded import write_mcap
+from plumbob.session.recorded import export, write_mcap
 from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
 
 Words = Callable[[Path], Sequence[object]]

@@ -30,10 +30,10 @@ import numpy as np
 from benchmarks.harness.calibration_world import field_n, in_body, random_axes
 from benchmarks.harness.room import Room, room_of
 from benchmarks.simulated_rooms import turning
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag import fit_mag_in_use
 from plumbob.calibration.mag.with_gyr import SHEET_GAIN_SD
 from plumbob.calibration.predicted import TILT_RANGE
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.check import Floats
 from plumbob.core.errors import PlumbobError
 from plumbob.core.units import deg, dps, to_deg

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from plumbob.filters.references import bibliography, in_a_line
+from plumbob.filters.known import bibliography, in_a_line
 
 ROOT = Path(__file__).parents[1]
 HEAD = """\

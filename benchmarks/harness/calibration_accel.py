@@ -17,7 +17,7 @@ from benchmarks.harness.calibration_mag import COVERED
 from benchmarks.harness.calibration_world import Attitudes, force_b, posed, reading
 from benchmarks.harness.section import Section
 from plumbob.calibration.acc.poses import fit_accel
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, from_si, g, to_deg

@@ -34,11 +34,10 @@ from benchmarks.harness.calibration_world import (
     small_turn,
 )
 from benchmarks.harness.section import Section
-from plumbob.calibration.fit import Fitted
+from plumbob.calibration.fit import CaptureRefusedError, Fitted
 from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps, from_si, to_deg, to_si

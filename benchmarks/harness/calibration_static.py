@@ -21,8 +21,8 @@ from benchmarks.harness.calibration_world import NOISE, STEP, Attitudes, field_n
 from benchmarks.harness.section import Section
 from plumbob.calibration.acc.poses import fit_accel
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.alone import fit_mag
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, g, to_deg, to_si
 from plumbob.data import ImuData

@@ -6,11 +6,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.protocols.columns import values_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.unpack import values_of
 
 Column = NDArray[np.float64] | NDArray[np.int64]
 Harm = Callable[[Format, bytes, np.random.Generator], bytes]

@@ -12,8 +12,7 @@ import numpy as np
 
 from benchmarks.harness.room import Room, room_of
 from plumbob.calibration.calibrate_mag import calibrate_mag
-from plumbob.calibration.fit import HEADING
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import HEADING, CaptureRefusedError
 from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData

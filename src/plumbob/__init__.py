@@ -67,15 +67,15 @@ if TYPE_CHECKING:
     from plumbob.files.draft import profile
     from plumbob.files.mcap import repair, verify
     from plumbob.filters import Filter, filter_names
-    from plumbob.filters.references import cite
+    from plumbob.filters.known import cite
     from plumbob.noise.allan import allan
     from plumbob.protocols.decode import Decoder, decode
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
     from plumbob.session.estimated import estimate
-    from plumbob.session.exports import export
     from plumbob.session.reading import read
+    from plumbob.session.recorded import export
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Line
@@ -102,12 +102,12 @@ _HOME = {
     "allan": "noise.allan",
     "apply_card": "data.calibrated",
     "calibrate": "calibration.calibrate",
-    "cite": "filters.references",
+    "cite": "filters.known",
     "decode": "protocols.decode",
     "docs": "core.docs",
     "estimate": "session.estimated",
     "evaluate": "evaluation",
-    "export": "session.exports",
+    "export": "session.recorded",
     "filter_names": "filters",
     "find_format": "protocols.find",
     "load_session": "session.session_toml",

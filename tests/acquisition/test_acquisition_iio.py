@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from plumbob.acquisition import IioPollSource, IioSource
-from plumbob.acquisition.iio_sysfs import IioDevice, list_devices, refusal
+from plumbob.acquisition.iio import IioDevice, list_devices, refusal
 from plumbob.acquisition.transport import Received
 from plumbob.core.errors import LineError, ParameterError
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from plumbob.acquisition.opened import NoLine
 from plumbob.acquisition.serial_line import check_port, find_port, list_ports
+from plumbob.acquisition.transport import NoLine
 from plumbob.core.errors import ParameterError
 
 

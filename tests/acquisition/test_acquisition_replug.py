@@ -5,9 +5,8 @@ import os
 
 import pytest
 
-from plumbob.acquisition.opened import BackOff, NoLine
 from plumbob.acquisition.replug import Replug
-from plumbob.acquisition.transport import Event, Received
+from plumbob.acquisition.transport import BackOff, Event, NoLine, Received
 from plumbob.core.errors import LineError, ParameterError
 
 

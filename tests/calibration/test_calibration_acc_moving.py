@@ -7,9 +7,9 @@ import pytest
 
 from plumbob.calibration.acc.moving import fit_accel_moving
 from plumbob.calibration.calibrate_accel import calibrate_accel
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.predicted import attitudes
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg, dps

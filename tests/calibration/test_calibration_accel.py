@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.acc.poses import CROSS_AXIS, fit_accel, six_positions
-from plumbob.calibration.fit import TILT
+from plumbob.calibration.fit import TILT, CaptureRefusedError
 from plumbob.calibration.predicted import REGIONS
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import deg, g

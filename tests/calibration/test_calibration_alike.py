@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid.autocorrelation import SLOW, alike, memory
+from plumbob.calibration.ellipsoid.autocorrelation import SLOW, alike, memory, visits
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
-from plumbob.calibration.ellipsoid.segments import visits
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.with_acc import fit_mag_acc
 from plumbob.calibration.mag.with_gyr import fit_mag_gyr
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.rotations import quat_conjugate, quat_rotate
 from tests.calibration.capture_samples import slow_without_jit
 from tests.calibration.mag_scene import (

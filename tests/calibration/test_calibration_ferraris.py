@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from plumbob.calibration.gyr.ferraris import fit_ferraris
-from plumbob.calibration.gyr.ferraris_parts import FACES, find_parts, parts_of_labels
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import CaptureRefusedError
+from plumbob.calibration.gyr.ferraris import FACES, find_parts, fit_ferraris, parts_of_labels
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps, g

@@ -5,9 +5,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from plumbob.calibration.guide.accel import AccelGuide
 from plumbob.calibration.guide.guide import ENOUGH, LONG_ENOUGH, RestGuide, Turn, nearest, pose_words, turn_to
-from plumbob.calibration.guide.mag import MOST, MagGuide
+from plumbob.calibration.guide.guides import MOST, AccelGuide, MagGuide
 from plumbob.calibration.predicted import REGIONS, region_of
 from plumbob.calibration.static_periods import stills
 from plumbob.core._jit import jit_disabled

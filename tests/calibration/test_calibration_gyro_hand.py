@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.hand import fit_hand
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.units import dps
 from tests.calibration.gyro_sessions import hand

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.gyr.ferraris_parts import fit_trackball
+from plumbob.calibration.fit import CaptureRefusedError
+from plumbob.calibration.gyr.ferraris import fit_trackball
 from plumbob.calibration.gyr.hand import fit_hand
 from plumbob.calibration.gyr.plausible import UNSEEN
 from plumbob.calibration.gyr.rest import fit_rest
 from plumbob.calibration.gyr.temperature import fit_temperature
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.units import dps
 from tests.calibration.gyro_sessions import hand

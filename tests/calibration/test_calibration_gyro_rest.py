@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.plausible import UNCALIBRATED
 from plumbob.calibration.gyr.rest import fit_rest
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 

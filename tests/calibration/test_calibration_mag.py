@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
+from plumbob.calibration.fit import KINDS, CaptureRefusedError
 from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.outcome import heading_told
 from plumbob.calibration.predicted import REGIONS
-from plumbob.calibration.rejection import KINDS, CaptureRefusedError
 from plumbob.rotations import quat_multiply
 from tests.calibration.capture_samples import (
     FIELD_N,

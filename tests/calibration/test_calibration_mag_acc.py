@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.ellipsoid.scale import to_size
+from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.with_acc import fit_mag_acc, turn_of
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.calibration.mag_scene import DIP, STRENGTH, attitudes, field, force, heading_rms, unit_of, within_one_sd

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag import fit_mag, fit_mag_acc, fit_mag_gyr, fit_mag_level
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, ParameterError, ShapeError
 from tests.calibration.mag_scene import FIELD_N, STRENGTH, attitudes, field, force, rates, trajectory, unit_of

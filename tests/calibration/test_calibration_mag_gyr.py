@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.room import room_of
-from plumbob.calibration.mag.chained import chained
-from plumbob.calibration.mag.gyro_aided import fit_turned_field
-from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import CaptureRefusedError
+from plumbob.calibration.mag.windows import chained
+from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr, fit_turned_field
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps

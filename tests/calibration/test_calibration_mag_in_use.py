@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.room import room_of
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag import fit_mag_in_use
 from plumbob.calibration.mag.in_use_fit import fit_in_use
 from plumbob.calibration.mag.windows import SEGMENT
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core._jit import jit_disabled
 from plumbob.core.units import dps
 from plumbob.evaluation.many.accuracy import read_trial

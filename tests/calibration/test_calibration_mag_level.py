@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.level import fit_ellipse, fit_mag_level
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from tests.calibration.mag_scene import DIP, STRENGTH
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mount import mount_from_attitudes, mount_from_level, mount_from_poses
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import deg

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.plausible import UNCALIBRATED
 from plumbob.calibration.gyr.temperature import fit_temperature
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.units import dps, to_dps
 from plumbob.data.calibrated import temperature_drift
 

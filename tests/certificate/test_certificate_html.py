@@ -9,7 +9,7 @@ from certificate_samples import acc_calibration, gyr_fit, mag_calibration, mag_f
 from matplotlib.figure import Figure
 
 from plumbob.calibration import certificate
-from plumbob.calibration.certificate import figure
+from plumbob.calibration.certificate import html
 from plumbob.calibration.certificate.html import page
 from plumbob.calibration.predicted import NAMES, REGIONS
 from plumbob.core.units import from_si
@@ -89,7 +89,7 @@ class TestPictures:
     def axes(self, monkeypatch):
         def of(picture, *what):
             drawn = Figure()
-            monkeypatch.setattr(figure, "svg", lambda draw, **_: draw(drawn))
+            monkeypatch.setattr(html, "svg", lambda draw, **_: draw(drawn))
             picture(*what, "x")
             return drawn.axes
 
@@ -99,50 +99,50 @@ class TestPictures:
         """Lambert's map: a cap of half angle θ has the area 2π(1 − cos θ), and here the radius √(1 − cos θ)."""
         theta = np.radians([0.0, 30.0, 60.0, 90.0])
         directions = np.stack([np.sin(theta), np.zeros(4), np.cos(theta)], axis=1)
-        radii = np.linalg.norm(figure._mapped(directions, 1.0), axis=1)
+        radii = np.linalg.norm(html._mapped(directions, 1.0), axis=1)
         assert radii**2 == pytest.approx(1.0 - np.cos(theta), abs=1e-15)
         assert radii[-1] == pytest.approx(1.0, abs=1e-15)
 
     @pytest.mark.parametrize("side", [1.0, -1.0])
     def test_the_map_goes_back(self, side):
         half = REGIONS[side * REGIONS[:, 2] >= 0.0]
-        x, y = figure._mapped(half, side).T
-        assert figure._unmapped(x, y, side) == pytest.approx(half, abs=4e-16 * 4)
+        x, y = html._mapped(half, side).T
+        assert html._unmapped(x, y, side) == pytest.approx(half, abs=4e-16 * 4)
 
     def test_each_hemisphere_names_its_own_regions(self, axes, fits):
-        up, down = axes(figure.coverage_figure, *figure.coverage(fits["mag"]))
+        up, down = axes(html.coverage_figure, *html.coverage(fits["mag"]))
         named = [{text.get_text() for text in ax.texts} for ax in (up, down)]
         assert named[0] | named[1] == set(NAMES)
         assert named[0] & named[1] == {name for name in NAMES if "z" not in name}
         assert "+z" in named[0]
 
     def test_a_region_without_a_sample_is_drawn_as_missing(self, axes, fits):
-        directions, seen = figure.coverage(fits["mag"])
+        directions, seen = html.coverage(fits["mag"])
         assert [NAMES[i] for i in np.flatnonzero(~seen)] == ["+x−z"]
-        _, down = axes(figure.coverage_figure, directions, seen)
+        _, down = axes(html.coverage_figure, directions, seen)
         fills = [c.get_facecolor()[0] for c in down.collections if len(c.get_facecolor())]
         missing = [colour for colour in fills if colour[3] == pytest.approx(0.12)]
         assert len(missing) == 1
         assert len(fills) == 9 + 4  # 1 pole, 4 edges below, and 4 faces and 4 edges on the rim
 
     def test_samples_are_in_their_own_hemisphere(self, axes, fits):
-        directions, seen = figure.coverage(fits["mag"])
-        up, down = axes(figure.coverage_figure, directions, seen)
+        directions, seen = html.coverage(fits["mag"])
+        up, down = axes(html.coverage_figure, directions, seen)
         counts = [ax.get_lines()[0].get_xdata().size for ax in (up, down)]
         assert counts == [np.sum(directions[:, 2] >= 0.0), np.sum(directions[:, 2] < 0.0)]
 
     def test_residuals_of_one_sign_have_room(self, axes, fits):
         below = replace(fits["mag"], residuals=-np.abs(fits["mag"].residuals))
-        (ax,) = axes(figure.residual_figure, "mag", below)
+        (ax,) = axes(html.residual_figure, "mag", below)
         low, high = ax.get_ylim()
         assert low == -high < 0.999 * from_si(below.residuals[below.used].min(), "µT")
 
     @pytest.mark.parametrize("keep", [1, 2])
     def test_few_samples_are_drawn_as_dots_each_in_its_place(self, axes, fits, keep):
         some = some_of(fits["mag"], keep)
-        up, down = axes(figure.coverage_figure, *figure.coverage(some))
+        up, down = axes(html.coverage_figure, *html.coverage(some))
         assert sum(ax.get_lines()[0].get_xdata().size for ax in (up, down)) == keep
-        (ax,) = axes(figure.residual_figure, "mag", some)
+        (ax,) = axes(html.residual_figure, "mag", some)
         (line,) = [line for line in ax.get_lines() if line.get_marker() == "."]
         assert line.get_xdata() == pytest.approx(np.arange(1.0, keep + 1.0))
         assert line.get_ydata() == pytest.approx(some.residuals)
@@ -150,7 +150,7 @@ class TestPictures:
 
     def test_outliers_stand_on_the_edge_and_the_rest_in_its_scale(self, axes, fits):
         fit = fits["mag"]
-        (ax,) = axes(figure.residual_figure, "mag", fit)
+        (ax,) = axes(html.residual_figure, "mag", fit)
         largest = np.abs(fit.residuals[fit.used]).max()
         assert ax.get_ylim() == pytest.approx((-1.5 * largest, 1.5 * largest))
         (marks,) = [line for line in ax.get_lines() if line.get_marker() == "x"]
@@ -159,18 +159,18 @@ class TestPictures:
         assert np.abs(shown[np.isfinite(shown)]) == pytest.approx(1.5 * largest)
 
     def test_residuals_of_three_axes_are_in_degrees_per_second(self, axes, fits):
-        (ax,) = axes(figure.residual_figure, "gyr", fits["gyr"])
+        (ax,) = axes(html.residual_figure, "gyr", fits["gyr"])
         assert ax.get_ylabel() == "residual [°/s]"
         lines = [line for line in ax.get_lines() if line.get_marker() == "."]
         assert np.stack([line.get_ydata() for line in lines], axis=1) == pytest.approx(
             np.degrees(fits["gyr"].residuals)
         )
-        assert [name for name, *_ in figure.residual_key(fits["gyr"])] == ["x", "y", "z"]
+        assert [name for name, *_ in html.residual_key(fits["gyr"])] == ["x", "y", "z"]
 
 
 def test_labels_of_a_picture_keep_their_digits(card, fits):
     small = replace(fits["mag"], residuals=fits["mag"].residuals * 0.01)
-    labels = re.findall(r">(?:−|-)?(0\.\d+)</text>", figure.residual_figure("mag", small, "x"))
+    labels = re.findall(r">(?:−|-)?(0\.\d+)</text>", html.residual_figure("mag", small, "x"))
     assert max(len(label) for label in labels) > len("0.00")
 
 

@@ -9,8 +9,7 @@ import pytest
 from certificate_samples import acc_calibration, covariance, gyr_calibration, mag_calibration
 
 from plumbob.calibration import certificate
-from plumbob.calibration.fit import Fitted
-from plumbob.calibration.rejection import CaptureRefusedError, Reason
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
 from plumbob.core.units import to_si
 from plumbob.data.cards import CalibrationCard
 

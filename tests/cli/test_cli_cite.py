@@ -6,7 +6,7 @@ import pytest
 
 import plumbob
 from plumbob.filters import filter_names, load
-from plumbob.filters.references import bibliography, in_a_line
+from plumbob.filters.known import bibliography, in_a_line
 from tests.battery import commandline
 
 MAHONY = (

@@ -14,7 +14,7 @@ from plumbob.files.mcap import Recorder
 from plumbob.protocols.c_header import c_header
 from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, North
-from plumbob.session.exports import export
+from plumbob.session.recorded import export
 
 STEER = "unit\x1b]0;owned\x07\x1b[2J\x9b31m\u202edoog\nverdict      whole"
 SHOWN = "unit\\x1b]0;owned\\x07\\x1b[2J\\x9b31m\\u202edoog\\nverdict      whole"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from plumbob.filters import filter_names, load
-from plumbob.filters.references import bibliography
+from plumbob.filters.known import bibliography
 from website import equations
 from website.equations import PART, citations
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from plumbob.core.units import gauss
 from plumbob.protocols import catalog
-from plumbob.protocols.columns import counts_for
 from plumbob.protocols.encode import encode
+from plumbob.protocols.unpack import counts_for
 from tests.emulated_chips.bank import Bank, Held
 from tests.emulated_chips.registers import register_bytes
 

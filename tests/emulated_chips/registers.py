@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.protocols.columns import counts_for, counts_of, put, values_of
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format
+from plumbob.protocols.unpack import counts_for, counts_of, put, values_of
 
 Ints = NDArray[np.int64]
 Column = NDArray[np.float64] | Ints

@@ -18,7 +18,7 @@ from plumbob.core.units import unit
 from plumbob.protocols.decode import Counts, Frames
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Message
-from plumbob.protocols.read_plan import Reads
+from plumbob.protocols.scan import Reads
 
 SIZE: Final = 27
 """Bytes of a line."""

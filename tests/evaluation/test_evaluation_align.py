@@ -12,9 +12,9 @@ from plumbob.evaluation.align import (
     find_heading,
     find_mounting,
     find_mounting_and_heading,
+    masked_correlation,
     turn_heading,
 )
-from plumbob.evaluation.timeshift import masked_correlation
 from plumbob.rotations import (
     Frame,
     quat_angle,

@@ -9,7 +9,7 @@ import pytest
 from plumbob.core.constants import G0
 from plumbob.core.errors import ClockError, DecodeError, FrameError
 from plumbob.files import parse_profile, read, text_table
-from plumbob.files.timestamps import StampError, stamps_ns
+from plumbob.files.columns import StampError, stamps_ns
 from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_rotate
 
 HEAD = 'separator = ","\n[header]\nnames = true\n'

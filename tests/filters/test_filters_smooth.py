@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 
-from plumbob.filters.timing import kept_weights, smooth, weights
+from plumbob.filters.layout import kept_weights, smooth, weights
 
 EPS = np.finfo(float).eps
 SYSTEM = (np.array([[0.0, 1.0], [-2.0, -2.0]]), np.array([[0.0], [2.0]]), np.eye(2), np.zeros((2, 1)))

@@ -8,8 +8,7 @@ from plumbob import Filter, Frame, ImuData
 from plumbob.core import flags
 from plumbob.core.time import to_ns, to_s
 from plumbob.data.sample import ImuSample
-from plumbob.filters.layout import COUNT, OWN
-from plumbob.filters.timing import LATE, tick
+from plumbob.filters.layout import COUNT, LATE, OWN, tick
 from plumbob.rotations import quat_angle
 from tests.battery.motion import consistent
 

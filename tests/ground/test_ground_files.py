@@ -25,13 +25,13 @@ from plumbob.core.files import MAX_TEXT, replacing, write_text
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import CalibrationCard, NoiseCard, TriadCalibration, TriadNoise, open_card
 from plumbob.files.mcap import repair, verdict
-from plumbob.files.mcap.chunk import pack
+from plumbob.files.mcap.layout import pack
 from plumbob.files.profile_toml import load_profile
 from plumbob.files.text import read_spans
 from plumbob.protocols.find import find_format
 from plumbob.report.drawing import png
 from plumbob.rotations import IDENTITY, Frame, North
-from plumbob.session.exports import export
+from plumbob.session.recorded import export
 from plumbob.session.session_toml import load_session
 from plumbob.session.sources import CaptureSource
 

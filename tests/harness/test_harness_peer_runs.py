@@ -14,7 +14,7 @@ from plumbob.core.units import deg
 from plumbob.evaluation import evaluate
 from plumbob.evaluation.many import measure_accuracy, peer_runs, trials_in
 from plumbob.evaluation.many.accuracy import KEYS
-from plumbob.evaluation.many.peer_runs import peer_track
+from plumbob.evaluation.many.peers import peer_track
 from plumbob.filters.offline import Stage
 from plumbob.rotations import North, change_frame, quat_angle, quat_from_euler_zyx, quat_multiply
 from plumbob.simulation import simulate

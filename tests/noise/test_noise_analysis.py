@@ -13,8 +13,7 @@ from plumbob.noise import analyse, compare, curve, edf
 from plumbob.noise.bands import find_mask, lines, mask_first_order
 from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.least_squares import least_squares
-from plumbob.noise.sinusoids import find_sinusoids
-from plumbob.noise.spectrum import Spectrum, edges, ramp_coefficients
+from plumbob.noise.spectrum import Spectrum, edges, find_sinusoids, ramp_coefficients
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
 
 slow_without_jit = pytest.mark.skipif(_jit.jit_disabled(), reason="sums over long records take minutes as plain Python")

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from plumbob.noise import analysis, least_squares, likelihood
 from plumbob.noise.findings import Coefficient
-from plumbob.noise.scoring import evaluate, point
+from plumbob.noise.likelihood import evaluate, point
 from plumbob.noise.spectrum import LETTERS, densities, edges, markov_bins, markov_density, ramp_coefficients, spectrum
 from plumbob.simulation import errors
 

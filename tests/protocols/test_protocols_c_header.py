@@ -8,9 +8,9 @@ import pytest
 
 from plumbob.protocols import catalog
 from plumbob.protocols.c_header import c_header
-from plumbob.protocols.columns import values_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.rigs import load, names
+from plumbob.protocols.unpack import values_of
 
 CC = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 FORMS = {name: catalog.load(name) for name in catalog.names()} | {name: load(name) for name in names()}

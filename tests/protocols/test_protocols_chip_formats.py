@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 
 from plumbob.core import flags
 from plumbob.protocols import catalog
-from plumbob.protocols.columns import counts_of, values_of
 from plumbob.protocols.decode import Decoder, decode, triads_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import MARKS
+from plumbob.protocols.unpack import counts_of, values_of
 from plumbob.simulation.presets import preset_names
 
 CHIPS = ("adxrs290", "adxrs453", "mpu6000", "mpu3050", "hmc5983", "adis16355")

@@ -7,10 +7,10 @@ import pytest
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.protocols import catalog
-from plumbob.protocols.columns import counts_of, values_of
 from plumbob.protocols.decode import Decoder
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
+from plumbob.protocols.unpack import counts_of, values_of
 from tests.emulated_chips import words_adis16355, words_adxrs453
 from tests.emulated_chips.fifo import fifo_format
 from tests.emulated_chips.registers import register_bytes, register_values

@@ -16,8 +16,7 @@ from plumbob.protocols.decode import decode
 from plumbob.protocols.rigs import load
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
-from plumbob.simulation.rigs.serving import FilePort, serve
-from plumbob.simulation.rigs.sockets import TcpPort, UdpPort
+from plumbob.simulation.rigs.serving import FilePort, TcpPort, UdpPort, serve
 from plumbob.simulation.rigs.terminal import PtyPort
 
 LONG = 30.0

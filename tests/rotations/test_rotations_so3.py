@@ -14,15 +14,15 @@ from plumbob.rotations import (
     quat_angle,
     quat_from_rotvec,
     quat_multiply,
+    quaternions,
     right_jacobian,
     right_jacobian_inverse,
     rotvec_from_quat,
     skew,
-    so3,
 )
 
 EPS = np.finfo(float).eps
-SWITCH = math.sqrt(so3._SMALL2)
+SWITCH = math.sqrt(quaternions._SMALL2)
 # Both sides of both switches (0.01 rad and 1 rad), and what lies between and beyond.
 ANGLES = [1e-12, 1e-8, 1e-4, 5e-3, 0.05, 0.3, 2.0, 3.0, math.pi] + [
     float(np.nextafter(at, side)) if near == 0 else at * (1 + near)
@@ -73,7 +73,7 @@ def test_logarithm_is_right_to_the_last_bits(angle):
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_jacobian_terms_are_right_to_the_last_bits(angle):
-    a, b = so3._jacobian_terms(np.array([angle, 0.0, 0.0]))
+    a, b = quaternions._jacobian_terms(np.array([angle, 0.0, 0.0]))
     half = sin_series(Fraction(angle) / 2)  # (1 − cos x)/x² = sin²(x/2)/x² · 2 = (sin(x/2)/(x/2))²/2
     assert ulps(a.item(), half * half / 2) <= 3
     assert ulps(b.item(), sin_series(angle, k0=2)) <= 4  # (x − sin x)/x³ = Σ (−1)^k x^2k/(2k + 3)!
@@ -102,12 +102,12 @@ def bernoulli(count):
 
 def test_series_coefficients_derived_anew():
     numbers = bernoulli(26)
-    expected = [float(abs(numbers[2 * k + 2]) / math.factorial(2 * k + 2)) for k in range(len(so3._COTANGENT))]
-    assert list(so3._COTANGENT) == expected  # x/2 cot(x/2) = 1 − Σ |B_2k| x^2k/(2k)!, Abramowitz & Stegun 4.3.70
-    assert list(so3._THIRD) == [float(Fraction((-1) ** k, math.factorial(2 * k + 3))) for k in range(9)]
+    expected = [float(abs(numbers[2 * k + 2]) / math.factorial(2 * k + 2)) for k in range(len(quaternions._COTANGENT))]
+    assert list(quaternions._COTANGENT) == expected  # x/2 cot(x/2) = 1 − Σ |B_2k| x^2k/(2k)!, Abramowitz-Stegun 4.3.70
+    assert list(quaternions._THIRD) == [float(Fraction((-1) ** k, math.factorial(2 * k + 3))) for k in range(9)]
 
 
-@pytest.mark.parametrize("coefficients", [so3._THIRD, so3._COTANGENT])
+@pytest.mark.parametrize("coefficients", [quaternions._THIRD, quaternions._COTANGENT])
 def test_series_are_long_enough(coefficients):
     """At their far end, 1 rad, the first term left out does not reach half a rounding of the sum."""
     ratio = abs(coefficients[-1] / coefficients[-2])  # falls from term to term

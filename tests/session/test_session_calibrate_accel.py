@@ -7,8 +7,8 @@ import pytest
 
 from plumbob import ImuMeta
 from plumbob.calibration.calibrate_accel import calibrate_accel, poses_at_rest
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.predicted import REGIONS
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, UnitError
 from plumbob.core.units import g

@@ -11,7 +11,7 @@ from plumbob.calibration.calibrate_accel import calibrate_accel
 from plumbob.calibration.calibrate_gyro import calibrate_by_hand, gyro_by_choice
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture, capture, card_of
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 from plumbob.rotations import Frame

@@ -8,9 +8,9 @@ import pytest
 from benchmarks.harness.room import room_of
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.mag.outcome import dip_of
 from plumbob.calibration.mag_checks import _dip
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.data import ImuData, ImuMeta

@@ -10,9 +10,8 @@ from live_samples import SESSION, Handed, reads, session, stream
 from plumbob import files
 from plumbob.cli import line as told_line
 from plumbob.cli.main import main
-from plumbob.session.exports import export
 from plumbob.session.reading import read
-from plumbob.session.recorded import read_recorded
+from plumbob.session.recorded import export, read_recorded
 from plumbob.session.recording_sink import Keeper
 from plumbob.session.runner import run_line
 from plumbob.session.session import RecordSpec

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.calibrate_mag import calibrate_mag
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.data import ImuData, ImuMeta
 from plumbob.files.profile_toml import parse_profile
 from plumbob.rotations import in_body_axes, signed_axes

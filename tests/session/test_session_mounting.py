@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.calibration.calibrate_mount import mount_by_poses, mount_by_reference
 from plumbob.calibration.calibration import capture, card_of
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import FrameError, ParameterError
 from plumbob.core.units import deg, dps

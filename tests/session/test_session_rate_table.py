@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.calibration import capture, card_of
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.rate_table import Plateau, calibrate_table, found_plateaus, read_plan
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.units import dps

@@ -13,8 +13,7 @@ from plumbob.filters.offline import Stage
 from plumbob.protocols.rigs import load as load_rig
 from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
 from plumbob.session import reading, rows
-from plumbob.session.exports import export, only
-from plumbob.session.recorded import read_recorded
+from plumbob.session.recorded import export, only, read_recorded
 from plumbob.session.replay import compare, open_recording, replay
 from plumbob.session.runner import run_line
 from plumbob.session.sinks import Collected, TextSink

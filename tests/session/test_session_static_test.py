@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plumbob.calibration.rejection import CaptureRefusedError
+from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.static_test import static_test
 from plumbob.core.errors import CalibrationError, FrameError
 from plumbob.core.units import deg

@@ -9,7 +9,7 @@ from scipy.signal import welch
 
 from plumbob.core.constants import G0
 from plumbob.simulation.errors import stream
-from plumbob.simulation.waves import draw_sea, jonswap, oscillator
+from plumbob.simulation.motion import draw_sea, jonswap, oscillator
 
 SEA = {"height": 1.5, "period": 6.0, "peakedness": 1.0, "direction": 0.8, "spread": 0.3}
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from plumbob.acquisition.timing.delay import begin_line, observe
-from plumbob.acquisition.timing.hostfit import HostFit
 from plumbob.acquisition.timing.spec import DRIFT, REALS, ROUGH
+from plumbob.acquisition.timing.timebase import HostFit
 from plumbob.core.errors import ClockError, ShapeError
 from plumbob.core.time import BINS, bin_of, middle_of, quantile
 

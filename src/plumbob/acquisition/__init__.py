@@ -17,17 +17,17 @@ from plumbob.core.lazy import lazily
 if TYPE_CHECKING:
     from plumbob.acquisition.iio import IioPollSource, IioSource
     from plumbob.acquisition.iio_layout import IioChannel, IioLayout
-    from plumbob.acquisition.opened import BackOff
     from plumbob.acquisition.polled import BUOY, Schedule, Task
     from plumbob.acquisition.serial_line import SerialSource
     from plumbob.acquisition.sockets import TcpSource, UdpSource
     from plumbob.acquisition.spi_bus import SpiBus, SpiSource
+    from plumbob.acquisition.transport import BackOff
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
         "BUOY": "polled",
-        "BackOff": "opened",
+        "BackOff": "transport",
         "IioChannel": "iio_layout",
         "IioLayout": "iio_layout",
         "IioPollSource": "iio",

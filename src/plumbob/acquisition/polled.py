@@ -6,8 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Self
 
-from plumbob.acquisition.opened import BackOff, NoLine, Opened
-from plumbob.acquisition.transport import Event, Received
+from plumbob.acquisition.transport import BackOff, Event, NoLine, Opened, Received
 from plumbob.core.errors import LineError, ParameterError
 
 

@@ -10,8 +10,7 @@ from abc import abstractmethod
 from collections.abc import Callable
 from typing import Final, Protocol, Self
 
-from plumbob.acquisition.opened import BackOff, NoLine, Opened
-from plumbob.acquisition.transport import Event, Received
+from plumbob.acquisition.transport import BackOff, Event, NoLine, Opened, Received
 from plumbob.core.errors import LineError, ParameterError
 
 TAKE_LIMIT: Final = 1 << 20

@@ -11,9 +11,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
-from plumbob.acquisition.opened import BackOff, NoLine
 from plumbob.acquisition.replug import TAKE_LIMIT, Replug
-from plumbob.acquisition.transport import Event, Received
+from plumbob.acquisition.transport import BackOff, Event, NoLine, Received
 from plumbob.core.errors import ParameterError
 from plumbob.core.text import counted
 

@@ -10,10 +10,9 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from plumbob.acquisition.opened import BackOff, NoLine
 from plumbob.acquisition.replug import TAKE_LIMIT, Replug
 from plumbob.acquisition.serial_line import GATHER
-from plumbob.acquisition.transport import Event, Received
+from plumbob.acquisition.transport import BackOff, Event, NoLine, Received
 from plumbob.core.errors import ParameterError
 from plumbob.core.text import counted
 

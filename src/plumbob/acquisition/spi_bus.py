@@ -4,8 +4,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from plumbob.acquisition.opened import BackOff, NoLine
 from plumbob.acquisition.polled import Polled
+from plumbob.acquisition.transport import BackOff, NoLine
 from plumbob.core.errors import MissingExtraError, ParameterError
 
 

@@ -10,7 +10,7 @@ from plumbob.calibration.calibration import Capture, capture, capture_of, card_o
 from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, FrameError, ParameterError
-from plumbob.core.repr import Shown
+from plumbob.core.text import Shown
 from plumbob.core.units import Quantity, given
 from plumbob.data import ImuData
 from plumbob.data.cards import CalibrationCard
@@ -254,7 +254,7 @@ def _ferraris(
     angle: Value = "360 deg",
 ) -> Found:
     from plumbob.calibration.calibrate_gyro import ferraris_session
-    from plumbob.calibration.gyr.ferraris_parts import parts_of_labels, parts_of_times
+    from plumbob.calibration.gyr.ferraris import parts_of_labels, parts_of_times
     from plumbob.files.text import read_spans
 
     if isinstance(parts, str | Path):

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.acc.moving import fit_accel_moving
 from plumbob.calibration.acc.poses import fit_accel
-from plumbob.calibration.fit import Fitted
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason
 from plumbob.calibration.predicted import TILT_RANGE
-from plumbob.calibration.rejection import CaptureRefusedError, Reason
 from plumbob.calibration.static_periods import stills
 from plumbob.core import flags
 from plumbob.core.check import Floats

@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 from plumbob.calibration.calibrate_accel import calibrate_accel
 from plumbob.calibration.calibrate_mag import calibrate_mag
 from plumbob.calibration.calibration import Capture, capture, card_of
-from plumbob.calibration.fit import Fitted
-from plumbob.calibration.gyr.ferraris import fit_ferraris
-from plumbob.calibration.gyr.ferraris_parts import find_parts, fit_trackball
+from plumbob.calibration.fit import CaptureRefusedError, Fitted
+from plumbob.calibration.gyr.ferraris import find_parts, fit_ferraris, fit_trackball
 from plumbob.calibration.gyr.hand import fit_hand
 from plumbob.calibration.gyr.motion_fit import find_motions
 from plumbob.calibration.gyr.plausible import UNCALIBRATED
 from plumbob.calibration.gyr.rest import fit_rest
 from plumbob.calibration.gyr.temperature import fit_temperature
-from plumbob.calibration.rejection import CaptureRefusedError
 from plumbob.calibration.static_periods import stills
 from plumbob.core import flags
 from plumbob.core.check import Floats

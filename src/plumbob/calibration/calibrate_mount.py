@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 
 from plumbob.calibration.calibration import Capture
+from plumbob.calibration.fit import CaptureRefusedError, Reason
 from plumbob.calibration.mount import Mounted, mount_from_attitudes, mount_from_level, mount_from_poses
-from plumbob.calibration.rejection import CaptureRefusedError, Reason
 from plumbob.calibration.static_periods import stills
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, FrameError, ParameterError

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
+from plumbob.calibration.fit import CaptureRefusedError, Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.calibration import Capture
-from plumbob.calibration.fit import Fitted, mean_of_whole
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, mean_of_whole
 from plumbob.calibration.gyr.table import MOUNTING, fit_table
-from plumbob.calibration.rejection import CaptureRefusedError, Reason
 from plumbob.calibration.static_periods import BLOCK
 from plumbob.core import flags
 from plumbob.core.check import Floats

@@ -11,8 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.check import Floats
-from plumbob.core.runs import runs
+from plumbob.core.check import Floats, runs
 from plumbob.core.units import dps
 
 BLOCK: Final = 0.25

@@ -20,7 +20,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.filters.references import cite
+    from plumbob.filters.known import cite
 
     print(cite(*args.names, bib=args.bib), end="")
     return 0

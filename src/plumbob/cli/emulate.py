@@ -164,8 +164,7 @@ def _faults(text: str | None) -> dict[str, float]:
 def _port(args: argparse.Namespace, stop: "Stop") -> "Iterator[Port]":
     """Open the port, and say its name before anything else."""
     from plumbob.core.files import replacing
-    from plumbob.simulation.rigs.serving import FilePort
-    from plumbob.simulation.rigs.sockets import TcpPort, UdpPort
+    from plumbob.simulation.rigs.serving import FilePort, TcpPort, UdpPort
     from plumbob.simulation.rigs.terminal import PtyPort
 
     with ExitStack() as stack:

@@ -27,9 +27,8 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.filters.offline import recalibrated
-    from plumbob.session.exports import export, only
     from plumbob.session.reading import SUFFIX, read
-    from plumbob.session.recorded import read_recorded
+    from plumbob.session.recorded import export, only, read_recorded
 
     common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile, args.calibration))
     if args.file.suffix == SUFFIX:

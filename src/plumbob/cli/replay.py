@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
 
     from plumbob.core.errors import ParameterError
     from plumbob.files import Recording, inferred
-    from plumbob.session.exports import export
+    from plumbob.session.recorded import export
     from plumbob.session.replay import Check, open_recording
     from plumbob.session.runner import run_line
     from plumbob.session.sinks import Tracks

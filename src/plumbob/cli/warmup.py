@@ -26,7 +26,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.calibration.guide import sink
+    from plumbob.calibration.guide import guides
     from plumbob.core import _jit
     from plumbob.core.errors import PlumbobError
     from plumbob.filters import Filter, filter_names
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
             advance(1)
         Line(parse_session(SESSION, str, name="warmup")).warm_up()
         advance(1)
-        for part in (characterise, sink):
+        for part in (characterise, guides):
             part.warm_up()
             advance(1)
     if (why := _jit.why_no_cache()) is not None:

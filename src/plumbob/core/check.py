@@ -1,4 +1,4 @@
-"""Validators: each names the argument, the rule, what was expected, what came and where."""
+"""Checks of arguments: numbers, arrays, words and paths, refused with what came instead; runs of marked places."""
 
 from collections.abc import Sequence
 from numbers import Real
@@ -168,3 +168,9 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
             break
         owner = owner.base
     return array.view()  # whose flag cannot be set back, while the memory's owner is read-only
+
+
+def runs(marks: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First place and the one after the last of each run of marked places (N,), in order."""
+    edges = np.flatnonzero(np.diff(marks.astype(np.int8), prepend=0, append=0))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

@@ -1,9 +1,9 @@
-"""Text for people: control characters shown, numbers with the digits that their uncertainty allows."""
+"""Text for people: control characters shown, numbers with their digits, counts, and how an object shows itself."""
 
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 WIDTH = 80
 _STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
@@ -100,3 +100,26 @@ def rounded(value: float, decimals: int) -> str:
 
 def _power(size: float) -> int:
     return 0 if size == 0.0 or PLAIN[0] <= size < PLAIN[1] else math.floor(math.log10(size))
+
+
+class Shown:
+    """Mixin of what says of itself in `facts` what a reader wants to know first."""
+
+    __slots__ = ()
+
+    def facts(self) -> Mapping[str, str]:
+        """What it is, by name; no value is longer than a few words."""
+        raise NotImplementedError
+
+    def __repr__(self) -> str:
+        told = "; ".join(f"{name} {value}" for name, value in self.facts().items())
+        return f"<{type(self).__name__}: {visible(told)}>"
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        rows = "".join(
+            f"<tr><th>{escape(visible(name))}</th><td>{escape(visible(value))}</td></tr>"
+            for name, value in self.facts().items()
+        )
+        return f"<table><caption>{escape(type(self).__name__)}</caption>{rows}</table>"

@@ -16,7 +16,7 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import ClockError, ShapeError, UnitError
-from plumbob.core.repr import Shown
+from plumbob.core.text import Shown
 from plumbob.core.time import after_gap, to_ns, to_s
 from plumbob.core.units import to_deg
 from plumbob.data.sample import ImuSample

@@ -3,11 +3,10 @@
 from typing import TYPE_CHECKING
 
 from plumbob.core.lazy import lazily
-from plumbob.evaluation.align import Alignment
+from plumbob.evaluation.align import Alignment, TimeOffset, find_time_offset
 from plumbob.evaluation.associate import Fate, Match, associate
 from plumbob.evaluation.evaluation import Evaluation, Settings, evaluate
 from plumbob.evaluation.metrics import GIMBAL_GUARD, QUANTITIES, Consistency, Stats, attitude_errors
-from plumbob.evaluation.timeshift import TimeOffset, find_time_offset
 
 if TYPE_CHECKING:
     from plumbob.evaluation.html import write_html

@@ -14,8 +14,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats, number, said
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.repr import Shown
-from plumbob.core.text import counted
+from plumbob.core.text import Shown, counted
 from plumbob.core.units import deg, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
 from plumbob.evaluation import report
@@ -25,6 +24,7 @@ from plumbob.evaluation.align import (
     find_heading,
     find_mounting,
     find_mounting_and_heading,
+    find_time_offset,
 )
 from plumbob.evaluation.associate import Fate, Mask, Match, associate, not_converged
 from plumbob.evaluation.metrics import (
@@ -37,7 +37,6 @@ from plumbob.evaluation.metrics import (
     consistency,
     total_rmse,
 )
-from plumbob.evaluation.timeshift import find_time_offset
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
 

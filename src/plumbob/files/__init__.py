@@ -6,11 +6,10 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.files.formats import FORMATS, Format, read, write
-    from plumbob.files.notes import findings, found_in, inferred, inferred_in
+    from plumbob.files.notes import Recording, findings, found_in, inferred, inferred_in
     from plumbob.files.numbers import Numbers, open_numbers
     from plumbob.files.profile import Profile
     from plumbob.files.profile_toml import load_profile, parse_profile
-    from plumbob.files.recording import Recording
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -19,7 +18,7 @@ __getattr__, __dir__ = lazily(
         "Format": "formats",
         "Numbers": "numbers",
         "Profile": "profile",
-        "Recording": "recording",
+        "Recording": "notes",
         "findings": "notes",
         "found_in": "notes",
         "inferred": "notes",

@@ -23,7 +23,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, MissingExtraError, PlumbobError, one_line
 from plumbob.core.files import existing_file, reading, require_room
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.files.recording import Recording
+from plumbob.files.notes import Recording
 from plumbob.rotations import Frame, North
 
 SHAPES: Final[dict[str, tuple[int, ...]]] = {

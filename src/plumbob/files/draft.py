@@ -23,10 +23,10 @@ from plumbob.core.files import existing_file, reading, write_text
 from plumbob.core.units import UNITS, Quantity, canonical_name, is_name, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
+from plumbob.files.columns import FORM, has_zone, is_stamp, seconds_of
 from plumbob.files.profile import AS_MOUNTED
 from plumbob.files.profile_toml import GUIDE
 from plumbob.files.sniff import Sample, sample_of
-from plumbob.files.timestamps import FORM, has_zone, is_stamp, seconds_of
 from plumbob.rotations import axes_letters, every_axes, in_body_axes, signed_axes
 
 _KIND: Final = {"gyr": Quantity.RATE, "acc": Quantity.ACCELERATION, "mag": Quantity.FIELD}

@@ -11,8 +11,7 @@ from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import existing_file
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.files.notes import findings
-from plumbob.files.recording import Recording, lines
+from plumbob.files.notes import Recording, findings, lines
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile

@@ -11,8 +11,7 @@ import numpy as np
 from plumbob.core.errors import DecodeError, ParameterError, excerpt
 from plumbob.data import ImuMeta, Range
 from plumbob.files.columns import COLUMNS
-from plumbob.files.notes import stored_notes
-from plumbob.files.recording import Recording
+from plumbob.files.notes import Recording, stored_notes
 from plumbob.rotations import Frame, North
 
 KIND: Final = "plumbob recording"

@@ -1,22 +1,68 @@
-"""What a user must know about a recording before trusting it.
+"""One recording, and the notes of what was found in it or inferred.
 
 Most of it is found in the data at each reading and never stored; what only the reading of a live line shows is stored.
 """
 
 import math
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from plumbob.acquisition.timing.report import TimeReport
-from plumbob.core import flags
+from plumbob.core import check, flags
 from plumbob.core.check import Floats
+from plumbob.core.errors import ShapeError
 from plumbob.core.text import counted
 from plumbob.core.time import timing
-from plumbob.data import UNCALIBRATED, ImuData, calibration_told
+from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
 from plumbob.data.plausibility import doubts
-from plumbob.files.recording import Recording
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What one file holds.
+
+    Parameters
+    ----------
+    imu : ImuData or None
+        The samples.
+    track : AttitudeTrack or None
+        With `imu`: the reference that belongs to it. Alone: an estimate or a reference.
+    name : str
+        Short name, usually the stem of the file.
+    notes : tuple of str
+        Provenance, one line each: where the data come from and what was done to them.
+
+    Raises
+    ------
+    ShapeError
+        If there is neither, or the notes are not lines of text.
+    """
+
+    imu: ImuData | None = None
+    track: AttitudeTrack | None = None
+    name: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse a recording of nothing."""
+        if self.imu is None and self.track is None:
+            raise ShapeError("a recording needs imu, track or both, but neither was given.")
+        for name, expected in (("imu", ImuData), ("track", AttitudeTrack)):
+            if getattr(self, name) is not None:
+                check.kind(name, getattr(self, name), expected)
+        object.__setattr__(self, "notes", lines("notes", self.notes))
+
+
+def lines(name: str, given: Iterable[str]) -> tuple[str, ...]:
+    """Lines of text, each without breaks; one text is refused, for its lines would be its letters."""
+    found = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)
+    if found is None or not all(isinstance(line, str) for line in found):
+        raise ShapeError(f"{name} must be a sequence of lines of text, but got {given!r}.")
+    return tuple(" ".join(line.split()) for line in found)
+
 
 EARTH_FIELD: Final = (22.0, 67.0)
 """Smallest and largest flux density at the surface of the Earth, µT [Alken2021]."""

@@ -19,8 +19,7 @@ from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes
 from plumbob.files.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
 from plumbob.files.decoded import KEY as PROFILE
 from plumbob.files.decoded import read_described
-from plumbob.files.notes import read_notes
-from plumbob.files.recording import Recording
+from plumbob.files.notes import Recording, read_notes
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -15,6 +15,7 @@ from plumbob.core.schema import Parse
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity
 from plumbob.data import TRIADS, Range
+from plumbob.files.columns import FORM, zone_ns
 from plumbob.files.profile import (
     AS_MOUNTED,
     ColumnRef,
@@ -26,7 +27,6 @@ from plumbob.files.profile import (
     TimeRate,
     TimeStamps,
 )
-from plumbob.files.timestamps import FORM, zone_ns
 from plumbob.rotations import Frame, North, body_axes, in_body_axes, signed_axes
 
 _MIRRORED: Final = 'axes and mirrored = true in its own table, as in [mag] axes = "x y -z"'

@@ -16,9 +16,9 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError
 from plumbob.core.units import Quantity, is_name
+from plumbob.files.columns import is_clocklike
 from plumbob.files.profile import Layout
 from plumbob.files.text_head import split_row
-from plumbob.files.timestamps import is_clocklike
 
 READ: Final = 1 << 20
 """Bytes that are looked at."""

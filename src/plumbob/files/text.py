@@ -15,7 +15,8 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, profile_beside, reading, text_of
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
-from plumbob.files.notes import read_notes
+from plumbob.files.columns import StampError, seconds_of
+from plumbob.files.notes import Recording, read_notes
 from plumbob.files.profile import (
     AS_MOUNTED,
     NO_COLUMN,
@@ -28,10 +29,8 @@ from plumbob.files.profile import (
     TimeStamps,
 )
 from plumbob.files.profile_toml import load_profile
-from plumbob.files.recording import Recording
 from plumbob.files.text_head import Body, decode, find_head, is_idle, split_row
 from plumbob.files.text_table import Table, place_of, read_table
-from plumbob.files.timestamps import StampError, seconds_of
 from plumbob.rotations import (
     body_axes,
     in_body_axes,

@@ -11,9 +11,9 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.files.arrow import numbers_of
+from plumbob.files.columns import FORM, is_clocklike
 from plumbob.files.profile import ColumnRef, Layout
 from plumbob.files.text_head import Body, decode, find_head, is_idle, split_row
-from plumbob.files.timestamps import FORM, is_clocklike
 
 _EXACT = (30, 9)  # digits, and digits after the point, of a decimal that keeps nanoseconds since 1970
 _LARGEST: Final = Decimal(10) ** 20

@@ -16,8 +16,7 @@ from plumbob.data.cards import UNITS
 from plumbob.files.arrow import column_of
 from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
 from plumbob.files.header import plain_meta
-from plumbob.files.notes import stored_notes
-from plumbob.files.recording import Recording
+from plumbob.files.notes import Recording, stored_notes
 from plumbob.files.text import sidecars
 
 _FORMULA: Final = ("=", "+", "-", "@")

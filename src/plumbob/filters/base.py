@@ -20,7 +20,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobWarning, ShapeError
 from plumbob.core.params import Spec, build, describe, shown
-from plumbob.core.repr import Shown
+from plumbob.core.text import Shown
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
@@ -43,10 +43,10 @@ from plumbob.filters.layout import (
     UP,
     USE_MAG,
     Q,
+    tick,
 )
 from plumbob.filters.settling import settle, trial_time
 from plumbob.filters.start import Start, start_of
-from plumbob.filters.timing import tick
 from plumbob.rotations import Frame, North
 from plumbob.rotations.kernels import rotate
 

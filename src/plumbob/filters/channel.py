@@ -31,8 +31,7 @@ from plumbob.core.constants import IMPOSSIBLE_RATE
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.time import to_ns
-from plumbob.filters.layout import COUNT, OWN, RATE
-from plumbob.filters.timing import tick
+from plumbob.filters.layout import COUNT, OWN, RATE, tick
 
 _MODULES: Mapping[str, str] = {
     "scalar": "channel_scalar",

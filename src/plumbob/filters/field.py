@@ -11,7 +11,7 @@ from typing import Final
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
-from plumbob.filters.timing import kept_weights, smooth
+from plumbob.filters.layout import kept_weights, smooth
 
 TAU_NOW: Final = 0.05
 """Smoothing of the field now, s."""

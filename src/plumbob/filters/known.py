@@ -1,9 +1,13 @@
-"""Which filters there are, and what each takes and claims."""
+"""Which filters there are, what each takes and claims, and the publications behind them."""
 
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, cast
 
 from plumbob.core.check import said
+from plumbob.core.docs import docs_folder
 from plumbob.core.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -50,3 +54,88 @@ def claims_covariance(name: str) -> bool:
 def takes_noise(name: str) -> bool:
     """Whether a filter takes parameters from a `NoiseCard`."""
     return hasattr(load(name), "from_noise")
+
+
+_ACCENTS = {"`": "\u0300", "'": "\u0301", "^": "\u0302", '"': "\u0308"}
+_SIGNS = (("--", "–"), (r"\alpha", "α"), (r"\&", "&"), (r"\_", "_"))
+
+
+def cite(*names: str, bib: bool = False) -> str:
+    """References of filters, to be cited beside their results.
+
+    Parameters
+    ----------
+    *names : str
+        Filters; all where none is named.
+    bib : bool
+        Return the BibTeX entries, each once, instead of a line for each reference below the filter's name.
+
+    Raises
+    ------
+    ParameterError
+        If there is no filter of a name.
+
+    Examples
+    --------
+    >>> cite("mekf", bib=True).splitlines()[0]
+    '@misc{Sola2017,'
+    """
+    keys = {name: load(name).REFERENCES for name in names or filter_names()}
+    known = bibliography()
+    if bib:
+        return "\n".join(known[key] for key in dict.fromkeys(key for of in keys.values() for key in of))
+    return "".join("\n    ".join((name, *(in_a_line(known[key]) for key in of))) + "\n" for name, of in keys.items())
+
+
+def bibliography() -> dict[str, str]:
+    """BibTeX entries of docs/references.bib by their keys."""
+    text = (docs_folder() / "references.bib").read_text(encoding="utf-8")
+    return {key: entry for entry, key in re.findall(r"^(@\w+\{(\w+),$.*?^\}\n)", text, re.MULTILINE | re.DOTALL)}
+
+
+def in_a_line(entry: str) -> str:
+    """Entry as a line: key, authors, title, where and when it appeared."""
+    key, raw = entry[entry.index("{") + 1 : entry.index(",")], dict(_fields(entry))
+    fields, authors = {name: _plain(value) for name, value in raw.items()}, _authors(raw["author"])
+    named = f"{authors}: {fields['title']}" if "title" in fields else authors
+    return f"[{key}] {named}. {', '.join(filter(None, (_place(fields), fields.get('year'), _link(fields))))}"
+
+
+def _fields(entry: str) -> Iterator[tuple[str, str]]:
+    """Names and values of an entry; a value ends with the brace that its first one opened."""
+    for field in re.finditer(r"(\w+)\s*=\s*\{", entry):
+        depth, end = 1, field.end()
+        while depth:
+            depth += {"{": 1, "}": -1}.get(entry[end], 0)
+            end += 1
+        yield field[1], entry[field.end() : end - 1]
+
+
+def _plain(text: str) -> str:
+    """Value of a field without the marks of LaTeX."""
+    text = re.sub(r"""\\([`'^"])\{?(\w)\}?""", lambda m: unicodedata.normalize("NFC", m[2] + _ACCENTS[m[1]]), text)
+    for sign, written in _SIGNS:
+        text = text.replace(sign, written)
+    return " ".join(re.sub(r"[{}$]", "", text).split())
+
+
+def _authors(text: str) -> str:
+    """Family names; institutions, which stand in braces, as they are."""
+    names = [_plain(person.partition(",")[0]) for person in re.split(r" and (?![^{]*\})", text)]
+    return ", ".join(names).replace(", others", " et al.")
+
+
+def _place(fields: Mapping[str, str]) -> str:
+    """Journal, book or publisher, with volume, number and pages as far as there are any."""
+    held = ("journal", "booktitle", "institution", "publisher", "howpublished")
+    place = next((fields[name] for name in held if name in fields), "")
+    number = f"({fields['number']})" if {"volume", "number"} <= fields.keys() else fields.get("number", "")
+    numbers = f"{fields.get('volume', '')}{number}"
+    return ", ".join(filter(None, (f"{place} {numbers}".strip(), fields.get("pages"))))
+
+
+def _link(fields: Mapping[str, str]) -> str:
+    """Where it is on the network."""
+    if "doi" in fields:
+        return f"doi:{fields['doi']}"
+    return f"arXiv:{fields['eprint']}" if "eprint" in fields else fields.get("url", "")

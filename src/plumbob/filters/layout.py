@@ -1,9 +1,27 @@
 """Places in the flat float64 arrays that every kernel shares: coefficients `c` and state `x`.
 
 Flat arrays, not tuples, because a streamed call then passes two pointers; a filter's own entries come after these.
+
+Time steps of samples that arrive in order, mostly.
+
+Steps are differences of integer nanoseconds, so that cutting a recording in chunks keeps every bit. The state is all
+float64, which cannot hold a time of today to the nanosecond: it holds an anchor in whole seconds, and nanoseconds from
+there, which are exact for 104 days; then the anchor moves. A sample that is not later than the
+last one taken is late and not used. Only when `RISING` samples in a row are late, but in order among themselves, has
+the source's clock been set back, and the filter follows it.
+
+Second-order Butterworth low-pass that keeps its time constant whatever the step.
+
+A channel is its output y and its slope w, in units of the time constant τ. While the input stands at v, both follow
+``y″ + 2y′ + 2(y − v) = 0`` in the time t/τ exactly, so steps of any length, regular or not, are the same filter. The
+corner lies at √2/τ rad/s.
 """
 
+import math
 from typing import Final
+
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
 
 # Coefficients
 SIZE: Final = 0  # how many coefficients there are; in a streamed call the state follows them in one array
@@ -33,3 +51,78 @@ OWN: Final = 42
 BLIND: Final = 0.0
 LEVEL: Final = 1.0
 HEADED: Final = 2.0
+
+
+RISING: Final = 3.0
+LATE: Final = -1.0
+"""Step of a sample that must not be used."""
+
+_ANCHOR: Final = CLOCK  # s
+_LAST: Final = CLOCK + 1  # times of the last sample, and of the first and the last late one, ns from the anchor
+_FIRST_LATE: Final = CLOCK + 2
+_LAST_LATE: Final = CLOCK + 3
+_COUNT: Final = CLOCK + 4  # of late ones in a row
+_SECOND: Final = 1_000_000_000
+_EXACT: Final = 2**53
+
+
+@njit
+def _from_anchor(x: Floats, t_ns: int) -> float:
+    """Time since the anchor, ns, which moves where it is too far away."""
+    since = t_ns - int(x[_ANCHOR]) * _SECOND
+    if -_EXACT < since < _EXACT:
+        return float(since)
+    anchor = t_ns // _SECOND
+    moved = float((anchor - int(x[_ANCHOR])) * _SECOND)  # a late time may now be inexact; it is very late
+    x[_ANCHOR] = float(anchor)
+    x[_LAST] -= moved
+    x[_FIRST_LATE] -= moved
+    x[_LAST_LATE] -= moved
+    return float(t_ns - anchor * _SECOND)
+
+
+@njit
+def tick(x: Floats, t_ns: int) -> float:
+    """Step to a sample at t_ns, s; 0 for the first, and `LATE` for one that must not be used."""
+    now = _from_anchor(x, t_ns)
+    dt = (now - x[_LAST]) / 1e9
+    if dt > 0.0 or x[COUNT] == 0.0:
+        x[_LAST], x[_COUNT] = now, 0.0
+        return dt if x[COUNT] > 0.0 else 0.0
+    behind = now - x[_LAST_LATE]
+    if x[_COUNT] == 0.0 or not behind > 0.0:
+        x[_FIRST_LATE], x[_COUNT] = now, 0.0
+    x[_LAST_LATE] = now
+    x[_COUNT] += 1.0
+    if x[_COUNT] < RISING:
+        return LATE
+    x[_LAST], x[_COUNT] = now, 0.0
+    return float(now - x[_FIRST_LATE] + behind) / 1e9  # what the late ones did not turn is made up for
+
+
+Weights = tuple[float, float, float, float]
+
+
+@njit
+def weights(dt: float, tau: float) -> Weights:
+    """Transition of (y − v, w) over a step dt, s, at a time constant tau, s, row by row."""
+    t = dt / tau
+    decay = math.exp(-t)
+    c, s = decay * math.cos(t), decay * math.sin(t)  # departs from [Laidig2023]: exact for any step, not bilinear
+    return c + s, s, -2.0 * s, c - s
+
+
+@njit
+def kept_weights(x: Floats, at: int, dt: float, tau: float) -> Weights:
+    """Weights from five places of the state, renewed only where the step has changed by more than a thousandth."""
+    if not abs(dt - x[at + 4]) <= 1e-3 * x[at + 4]:
+        x[at], x[at + 1], x[at + 2], x[at + 3] = weights(dt, tau)
+        x[at + 4] = dt
+    return x[at], x[at + 1], x[at + 2], x[at + 3]
+
+
+@njit
+def smooth(p: float, q: float, r: float, s: float, y: float, w: float, v: float) -> tuple[float, float]:
+    """One step of a channel with the `weights` p, q, r, s towards the input v."""
+    u = y - v
+    return v + p * u + q * w, r * u + s * w

@@ -11,7 +11,7 @@ from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
-from plumbob.filters.timing import kept_weights, smooth
+from plumbob.filters.layout import kept_weights, smooth
 from plumbob.rotations.kernels import Vec
 
 RestRate = Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)]

@@ -50,10 +50,24 @@ from plumbob.filters.input_checks import (
     trusted,
     usable,
 )
-from plumbob.filters.layout import BIAS, BLIND, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
+from plumbob.filters.layout import (
+    BIAS,
+    BLIND,
+    COUNT,
+    HEADED,
+    LEVEL,
+    NORTH_X,
+    NORTH_Y,
+    OWN,
+    OWN_C,
+    STAGE,
+    UP,
+    Q,
+    kept_weights,
+    smooth,
+)
 from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_rate, mean_speed
 from plumbob.filters.start import angle_to, has_heading, initialise, upright
-from plumbob.filters.timing import kept_weights, smooth
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate
 
 SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import check
 from plumbob.core.errors import ShapeError
-from plumbob.core.repr import Shown
+from plumbob.core.text import Shown
 from plumbob.core.units import Quantity, given
 from plumbob.core.version import __version__
 from plumbob.data import TRIADS, ImuData

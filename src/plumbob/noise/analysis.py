@@ -28,8 +28,7 @@ from plumbob.noise.likelihood import (
     most_likely,
     octaves,
 )
-from plumbob.noise.sinusoids import find_sinusoids
-from plumbob.noise.spectrum import LETTERS, Spectrum, densities, edges, ramp_coefficients, spectrum
+from plumbob.noise.spectrum import LETTERS, Spectrum, densities, edges, find_sinusoids, ramp_coefficients, spectrum
 from plumbob.noise.terms import DATASHEET, variance
 
 BETTER: Final = 10.0

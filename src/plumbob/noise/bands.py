@@ -24,8 +24,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.check import Floats
-from plumbob.core.runs import runs
+from plumbob.core.check import Floats, runs
 from plumbob.noise.curve import Curve
 from plumbob.noise.findings import Band, Coefficient, Estimates, Mask
 from plumbob.noise.likelihood import Fit, departures, fit

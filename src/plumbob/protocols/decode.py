@@ -14,7 +14,7 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data import TRIADS, ImuData
 from plumbob.protocols import scan
 from plumbob.protocols.format import Format, Message
-from plumbob.protocols.read_plan import Reads, plan_of
+from plumbob.protocols.scan import Reads, plan_of
 from plumbob.protocols.unpack import Column, Unpacker
 
 Ints = NDArray[np.int64]

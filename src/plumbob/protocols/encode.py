@@ -7,9 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.protocols.checksum import algorithm, of_rows
-from plumbob.protocols.columns import counts_for, put
 from plumbob.protocols.field import Checksum, Field
 from plumbob.protocols.format import Format, Message
+from plumbob.protocols.unpack import counts_for, put
 
 Bytes = NDArray[np.uint8]
 

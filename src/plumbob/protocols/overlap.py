@@ -10,7 +10,7 @@ from plumbob.protocols import checksum
 from plumbob.protocols.checksum import SUM16_EITHER, algorithm
 from plumbob.protocols.field import Checksum, Field
 from plumbob.protocols.format import Format, Framing, Message
-from plumbob.protocols.read_plan import constant_bytes
+from plumbob.protocols.scan import constant_bytes
 
 
 def false_accepts(form: Format) -> float:

@@ -23,10 +23,13 @@ from plumbob.rotations.matrices import (
 )
 from plumbob.rotations.quaternions import (
     IDENTITY,
+    left_jacobian,
+    left_jacobian_inverse,
     quat_angle,
     quat_conjugate,
     quat_continuous,
     quat_from_rotation,
+    quat_from_rotvec,
     quat_from_xyzw,
     quat_mean,
     quat_multiply,
@@ -34,14 +37,9 @@ from plumbob.rotations.quaternions import (
     quat_rotate,
     quat_slerp,
     quat_to_xyzw,
-    rotation_from_quat,
-)
-from plumbob.rotations.so3 import (
-    left_jacobian,
-    left_jacobian_inverse,
-    quat_from_rotvec,
     right_jacobian,
     right_jacobian_inverse,
+    rotation_from_quat,
     rotvec_from_quat,
     skew,
 )

@@ -10,8 +10,7 @@ import numpy as np
 
 from plumbob.core import check, flags
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.repr import Shown
-from plumbob.core.text import counted
+from plumbob.core.text import Shown, counted
 from plumbob.core.time import timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told

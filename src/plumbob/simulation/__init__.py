@@ -7,11 +7,10 @@ Not modelled: the Earth's rotation, filters and bandwidths of sensors, nonlinear
 """
 
 from plumbob.simulation.errors import TriadErrors
-from plumbob.simulation.field import earth_field
-from plumbob.simulation.motion import ConingMotion, EulerMotion, GimbalMotion, Motion, PoseMotion, Truth
+from plumbob.simulation.motion import ConingMotion, EulerMotion, GimbalMotion, Motion, PoseMotion, Scenario, Truth
 from plumbob.simulation.presets import Figure, Module, Preset, draw_module, preset, preset_names
-from plumbob.simulation.scenario_base import Scenario
 from plumbob.simulation.scenarios import SCENARIOS, scenario
+from plumbob.simulation.signals import earth_field
 from plumbob.simulation.simulation import MODULES, Simulation, simulate
 
 __all__ = [

@@ -16,8 +16,7 @@ from plumbob.core.check import Floats
 from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg
 from plumbob.rotations import Frame, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
-from plumbob.simulation.motion import GimbalMotion, Motion, PoseMotion
-from plumbob.simulation.scenario_base import Scenario, require_whole
+from plumbob.simulation.motion import GimbalMotion, Motion, PoseMotion, Scenario, require_whole
 from plumbob.simulation.signals import Moves, Polynomial, Signal, Sinusoids, constant, random_phases, sinusoid
 
 _TURN = math.pi

@@ -17,8 +17,7 @@ from plumbob.core.params import Spec, build
 from plumbob.core.units import Quantity, deg, dps, g
 from plumbob.rotations import Frame
 from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Raise, Sway, Table36, Tumble
-from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion
-from plumbob.simulation.scenario_base import Scenario, require_whole
+from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, draw_sea, oscillator, require_whole
 from plumbob.simulation.signals import (
     Moves,
     Piecewise,
@@ -33,7 +32,6 @@ from plumbob.simulation.signals import (
     random_phases,
     sinusoid,
 )
-from plumbob.simulation.waves import draw_sea, oscillator
 
 _QUARTER = np.pi / 2.0
 _FACES: Final = _QUARTER * np.array(

@@ -1,9 +1,10 @@
-"""Functions of time that know their own first and second derivative exactly.
+"""What ideal sensors measure along a motion: rate, specific force, and the Earth's field.
 
 A signal is scalar, value ``(N,)`` at N instants, or has components on a last axis, value ``(N, k)``. Signals add, scale
 and multiply; whatever is built of them keeps exact derivatives, so that a simulated rate never comes from differences.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,6 +16,36 @@ from numpy.typing import ArrayLike, NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.rotations import Frame
+
+
+def earth_field(frame: Frame, *, strength: float, dip: float, declination: float) -> Floats:
+    """Magnetic flux density of the Earth in a navigation frame, (3,), µT.
+
+    Parameters
+    ----------
+    frame : Frame
+        Navigation frame.
+    strength : float
+        Total flux density, µT.
+    dip : float
+        Angle below the horizontal, rad: positive down, as in the northern hemisphere.
+    declination : float
+        Angle of magnetic North from true North, rad: positive to the east.
+
+    Raises
+    ------
+    ParameterError
+        If the strength is not positive, or an angle is impossible.
+    """
+    if not (0.0 < strength < math.inf and abs(dip) <= 0.5 * math.pi and abs(declination) <= math.pi):
+        raise ParameterError(
+            f"the Earth's field needs strength > 0 µT, |dip| ≤ π/2 and |declination| ≤ π, "
+            f"but got {strength:g} µT, {dip:g} rad and {declination:g} rad."
+        )
+    magnetic_north = math.cos(declination) * frame.north + math.sin(declination) * frame.east
+    return np.asarray(strength * (math.cos(dip) * magnetic_north - math.sin(dip) * frame.up))
+
 
 _ROWS = 4096  # instants evaluated at once: sines of many frequencies then stay in the processor's cache
 

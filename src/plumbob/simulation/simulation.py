@@ -17,13 +17,11 @@ from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
 from plumbob.data.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.rotations import Frame, North
 from plumbob.simulation.errors import Measured, TriadErrors, measure, stream
-from plumbob.simulation.field import earth_field
-from plumbob.simulation.motion import Truth
+from plumbob.simulation.motion import Scenario, Truth
 from plumbob.simulation.presets import Module, draw_module
-from plumbob.simulation.scenario_base import Scenario
 from plumbob.simulation.scenarios import SCENARIOS
 from plumbob.simulation.scenarios import scenario as named_scenario
-from plumbob.simulation.signals import Signal, constant
+from plumbob.simulation.signals import Signal, constant, earth_field
 
 _MOST_SAMPLES = 50_000_000
 

@@ -6,10 +6,9 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.acquisition.timing.counter import CountedTime
-    from plumbob.acquisition.timing.hostfit import HostFit, HostReport
     from plumbob.acquisition.timing.report import Delays, Stamps, TimeReport
     from plumbob.acquisition.timing.spec import Counter, TimeSpec
-    from plumbob.acquisition.timing.timebase import TimeBase
+    from plumbob.acquisition.timing.timebase import HostFit, HostReport, TimeBase
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -17,8 +16,8 @@ __getattr__, __dir__ = lazily(
         "CountedTime": "counter",
         "Counter": "spec",
         "Delays": "report",
-        "HostFit": "hostfit",
-        "HostReport": "hostfit",
+        "HostFit": "timebase",
+        "HostReport": "timebase",
         "Stamps": "report",
         "TimeBase": "timebase",
         "TimeReport": "report",

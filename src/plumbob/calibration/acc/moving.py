@@ -20,10 +20,9 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.acc.poses import SHAPES, fit_accel
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Ellipsoid, Shape, fit_norm
-from plumbob.calibration.fit import TILT, Fitted, grade_of
+from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of
 from plumbob.calibration.gyr.drift import accumulate, rotation_vectors
 from plumbob.calibration.predicted import TILT_RANGE, tilt_sd
-from plumbob.calibration.rejection import CaptureRefusedError, Reason
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0

@@ -16,12 +16,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.ellipsoid.autocorrelation import alike_in
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Ellipsoid, NormFit, Shape, fit_norm, linearised
-from plumbob.calibration.ellipsoid.scale import radius_of, scaled
+from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+    Ellipsoid,
+    NormFit,
+    Shape,
+    fit_norm,
+    linearised,
+    radius_of,
+    scaled,
+)
 from plumbob.calibration.ellipsoid.shape_choice import SPARE, choose
-from plumbob.calibration.fit import TILT, Fitted, grade_of
+from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, names_of, tilt_sd
-from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import EARTH_RATE, G0, WGS84_A, WGS84_F, WGS84_GM, WGS84_GRAVITY_EQUATOR, WGS84_GRAVITY_POLE

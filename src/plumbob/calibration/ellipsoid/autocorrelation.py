@@ -1,4 +1,4 @@
-"""How many samples of a capture count as one: errors that stay while the unit turns do not average out.
+"""How many independent samples a capture is worth: segments of one direction, and what errors share.
 
 A least-squares covariance takes every sample for a new one. Noise has a memory, so neighbours are not new; it is looked
 for from sample to sample, and from one `visit` of a direction to the next.
@@ -12,14 +12,159 @@ been 4.5 samples. What a visit shares with itself and with the next one because 
 sample to sample, is not such a part.
 """
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit
-from plumbob.calibration.ellipsoid.segments import FEWEST_VISITS, STAYING, correlation, means_of, staying, visits
+from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.units import deg
+
+VISIT: Final = deg(15.0)
+"""Turn of the measured vector that begins another visit, rad: more than noise, less than a field bends over."""
+
+FEWEST_VISITS: Final = 12
+"""Visits from which on their memory is looked for, and what stays within them."""
+
+STAYING: Final = 0.999
+"""Correlation of neighbours beyond which a memory is not told from a constant."""
+
+_CHANCE: Final = 3.0  # standard deviations of a correlation by chance
+_STAYING_NOISE: Final = 0.97  # the same by differences of neighbours
+_DOUBT: Final = 1.5  # factor that noise's share is trusted to
+_LONG_VISIT: Final = 6  # samples that have a first and a last third
+
+
+def visits(directions: Floats) -> NDArray[np.intp]:
+    """Where each visit begins: the first of the vectors (N, D) that is more than `VISIT` off the last one's first."""
+    unit = np.ascontiguousarray(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    return np.flatnonzero(_begins(unit, math.cos(VISIT)))
+
+
+def means_of(residuals: Floats, starts: NDArray[np.intp]) -> Floats:
+    """Means (K,) of residuals (N,) over visits."""
+    return np.asarray(np.add.reduceat(residuals, starts) / np.diff(starts, append=len(residuals)))
+
+
+def staying(residuals: Floats, starts: NDArray[np.intp]) -> float:
+    """Variance of what residuals (N,) keep within visits, or from one to the next, beyond noise and chance."""
+    noise = _noise(residuals)
+    return max(_staying(pairs, noise) for pairs in (_neighbours(residuals, starts), _within(residuals, starts)))
+
+
+def correlation(values: Floats) -> float:
+    """Correlation of neighbours among values (N,); 0 where chance explains it."""
+    power = float(values @ values)
+    rho = float(values[1:] @ values[:-1]) / power if power > 0.0 else 0.0
+    return rho if rho > _CHANCE / math.sqrt(len(values)) else 0.0
+
+
+class Shared(NamedTuple):
+    """Variance that neighbouring visits share beyond noise, and its standard deviation by chance."""
+
+    variance: float
+    chance: float
+
+
+def neighbours_share(residuals: Floats, starts: NDArray[np.intp]) -> Shared:
+    """What residuals (N,) share from each visit to the next, significant or not."""
+    pairs, noise = _neighbours(residuals, starts), _noise(residuals)
+    return Shared(max(0.0, _beyond(pairs, noise)), _by_chance(pairs))
+
+
+class _Pairs(NamedTuple):
+    """Means (K,) of stretches of a size, in samples, and of others that lie a gap behind them."""
+
+    first: Floats
+    second: Floats
+    size: float
+    gap: float
+
+
+class _Process(NamedTuple):
+    """Power of a first-order process, and correlation of its neighbours."""
+
+    power: float
+    rho: float
+
+
+def _neighbours(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
+    """Each visit and the next."""
+    means = means_of(residuals, starts)
+    return _Pairs(means[:-1], means[1:], len(residuals) / len(means), 0.0)
+
+
+def _within(residuals: Floats, starts: NDArray[np.intp]) -> _Pairs:
+    """First and last third of each visit that is long enough."""
+    ends = np.append(starts[1:], len(residuals))
+    long = ends - starts >= _LONG_VISIT
+    if not long.any():
+        return _Pairs(np.zeros(0), np.zeros(0), 1.0, 0.0)
+    starts, ends = starts[long], ends[long]
+    third = (ends - starts) // 3
+    sums = np.concatenate(([0.0], np.cumsum(residuals)))
+    first, last = (sums[starts + third] - sums[starts]) / third, (sums[ends] - sums[ends - third]) / third
+    return _Pairs(first, last, float(np.mean(third)), float(np.mean(ends - starts - 2 * third)))
+
+
+def _staying(pairs: _Pairs, noise: tuple[_Process, ...]) -> float:
+    """What both of a pair share beyond noise and chance, as a variance; 0 where it is nothing."""
+    count = len(pairs.first)
+    if count < FEWEST_VISITS:
+        return 0.0
+    surely = _beyond(pairs, noise, doubt=_DOUBT)
+    return _beyond(pairs, noise) if surely > _CHANCE * _by_chance(pairs) else 0.0
+
+
+def _beyond(pairs: _Pairs, noise: tuple[_Process, ...], *, doubt: float = 1.0) -> float:
+    """Covariance of both of a pair, less that of noise, as often as it may be."""
+    of_noise = min(one.power * _covariance(one.rho, pairs.size, pairs.gap) for one in noise)
+    return float(np.mean(pairs.first * pairs.second)) - doubt * of_noise
+
+
+def _by_chance(pairs: _Pairs) -> float:
+    """Standard deviation of the covariance of both of a pair, if they had nothing in common."""
+    return math.sqrt(float(np.mean(pairs.first**2) * np.mean(pairs.second**2)) / len(pairs.first))
+
+
+def _noise(residuals: Floats) -> tuple[_Process, ...]:
+    """What the noise of residuals (N,) may be, of which the one that makes less be shared holds.
+
+    It is told by the correlation of neighbours, in which what stays passes for a long memory, and by differences over
+    one and two samples, in which motion of the errors does.
+    """
+    power = float(residuals @ residuals) / len(residuals)
+    one, two = (0.5 * float(np.mean((residuals[k:] - residuals[:-k]) ** 2)) for k in (1, 2))
+    rho = min(max(two / one - 1.0, 0.0), _STAYING_NOISE) if one > 0.0 else 0.0
+    return _Process(power, min(correlation(residuals), STAYING)), _Process(min(one / (1.0 - rho), power), rho)
+
+
+def _covariance(rho: float, size: float, gap: float) -> float:
+    """Covariance of the means of two stretches of a first-order process of correlation ρ and power 1.
+
+    The mean over all pairs of samples, j before the end of the one and k behind the start of the other, of
+    ρ^(j + k + gap + 1).
+    """
+    return float(rho ** (gap + 1.0) * ((1.0 - rho**size) / (size * (1.0 - rho))) ** 2)
+
+
+@njit
+def _begins(unit: Floats, cosine: float) -> NDArray[np.bool_]:
+    """Samples (N,) of unit vectors (N, D) with which a visit begins."""
+    found = np.zeros(len(unit), dtype=np.bool_)
+    first = 0
+    for i in range(len(unit)):
+        along = 0.0
+        for j in range(unit.shape[1]):
+            along += unit[i, j] * unit[first, j]
+        if i == 0 or along < cosine:
+            found[i] = True
+            first = i
+    return found
+
 
 LONG: Final = 100
 """Residuals from which on their memory is looked for."""

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.static_periods import BLOCK, FEWEST, Moments, at_rest
-from plumbob.core.check import Floats
-from plumbob.core.runs import runs
+from plumbob.core.check import Floats, runs
 from plumbob.data import TRIAD_FLAGS, TRIADS, ImuData
 
 _COLUMNS: Final = 1 + 3 * len(TRIADS) + len(TRIADS)

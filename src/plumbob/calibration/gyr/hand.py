@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, SCALE, Fitted, grade_of, worst_of
+from plumbob.calibration.fit import RATE, SCALE, Fitted, Reason, grade_of, refuse, worst_of
 from plumbob.calibration.gyr.motion_fit import (
     FEWEST,
     SMALLEST,
@@ -28,7 +28,6 @@ from plumbob.calibration.gyr.motion_fit import (
 )
 from plumbob.calibration.gyr.plausible import UNCALIBRATED, beyond_bias, dead_axes, without_known
 from plumbob.calibration.gyr.rest import bias_of, rest
-from plumbob.calibration.rejection import Reason, refuse
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calibration.rejection import Reason
+from plumbob.calibration.fit import Reason
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import deg, dps, to_deg, to_dps

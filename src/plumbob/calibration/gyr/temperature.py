@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.fit import RATE, Fitted, grade_of
+from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.gyr.plausible import (
     UNCALIBRATED,
     beyond_bias,
@@ -28,7 +28,6 @@ from plumbob.calibration.gyr.plausible import (
     unseen_turn,
     without_known,
 )
-from plumbob.calibration.rejection import Reason, refuse
 from plumbob.calibration.static_periods import stills
 from plumbob.core import check
 from plumbob.core.check import Floats

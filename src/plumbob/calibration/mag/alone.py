@@ -13,10 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.ellipsoid.autocorrelation import LONG, alike_in
-from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit, Shape, fit_norm, linearised
-from plumbob.calibration.ellipsoid.scale import radius_of, scaled
+from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit, Shape, fit_norm, linearised, radius_of, scaled
 from plumbob.calibration.ellipsoid.shape_choice import SPARE, choose, fit_shape
-from plumbob.calibration.fit import HEADING, Fitted
+from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.arguments import (
     WEAKEST,
     finite_rows,
@@ -45,7 +44,6 @@ from plumbob.calibration.mag.outcome import (
     where_known,
 )
 from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, names_of
-from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 

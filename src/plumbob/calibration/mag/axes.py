@@ -21,7 +21,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.mag.chained import chained
+from plumbob.calibration.mag.windows import chained
 from plumbob.core.check import Floats
 from plumbob.rotations import dcm_from_quat, every_axes, skew
 

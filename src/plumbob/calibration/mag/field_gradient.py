@@ -21,10 +21,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.autocorrelation import LONG
+from plumbob.calibration.ellipsoid.autocorrelation import FEWEST_VISITS, LONG, neighbours_share, staying, visits
 from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit
-from plumbob.calibration.ellipsoid.segments import FEWEST_VISITS, neighbours_share, staying, visits
-from plumbob.calibration.rejection import Reason
+from plumbob.calibration.fit import Reason
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
 

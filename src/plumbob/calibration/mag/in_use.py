@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from plumbob.calibration.ellipsoid.scale import to_size_of
-from plumbob.calibration.fit import Fitted
+from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size_of
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.arguments import (
     require_dip,
     require_gain_sd,
@@ -33,7 +33,6 @@ from plumbob.calibration.mag.outcome import (
 from plumbob.calibration.mag.with_acc import turn_of
 from plumbob.calibration.mag.with_gyr import GAIN_SD
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
-from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg, to_dps
 

@@ -19,8 +19,17 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.autocorrelation import memory_of_each
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calibration.mag.chained import inverse_of, tightness
-from plumbob.calibration.mag.windows import Gyroscope, Windows, edges_of, parts_of, segment_of, segments_in, windows_of
+from plumbob.calibration.mag.windows import (
+    Gyroscope,
+    Windows,
+    edges_of,
+    inverse_of,
+    parts_of,
+    segment_of,
+    segments_in,
+    tightness,
+    windows_of,
+)
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
 from plumbob.rotations import skew

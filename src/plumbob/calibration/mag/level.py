@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
-from plumbob.calibration.fit import Fitted, inverse_of
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
 from plumbob.calibration.mag.arguments import STRONGEST, finite_rows, forces, require_dip, require_strength, unequal
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.mag.outcome import (
@@ -30,7 +30,6 @@ from plumbob.calibration.mag.outcome import (
     where_known,
 )
 from plumbob.calibration.predicted import heading_sd
-from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg, to_deg

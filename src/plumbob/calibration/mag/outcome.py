@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.autocorrelation import Alike
-from plumbob.calibration.fit import HEADING, grade_of
+from plumbob.calibration.fit import HEADING, Reason, grade_of
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.predicted import filled
-from plumbob.calibration.rejection import Reason
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg
 from plumbob.data.cards import UNITS, Quality, TriadCalibration

@@ -1,14 +1,28 @@
-"""Magnetometer beside an accelerometer at rest or in slow motion: the whole matrix, its turn in the case included."""
+"""Magnetometer beside an accelerometer at rest or in slow motion: the whole matrix, its turn in the case included.
+
+Maximum likelihood of a magnetometer beside an accelerometer: one strength of the field, and one dip.
+
+The model is ``|u| = 1`` and ``u · down = sin(dip)``, u = M (m − b), with a full matrix M: the vertical of the
+accelerometer fixes the rotation that the length of the field leaves open. That is the likelihood of [Kok2016] once the
+heading of every sample, which nothing else measures, is taken out of it.
+
+Both equations hold for the true field and vertical of a sample, of which the measured ones are noisy, and both kinds of
+noise are about equal. The steps are therefore those of Gauss and Helmert, in which derivatives are taken at the
+measurements as adjusted so far: taken at the measured ones, they would share their noise with the residuals, and a
+capture of small tilt would be biased by as much as its standard deviation. Both noises come from the residuals. Large
+residuals are weighted down as of a Cauchy distribution first; what then is an outlier is set aside, and the rest is
+fitted by plain least squares.
+"""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.calibration.ellipsoid.autocorrelation import alike
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
-from plumbob.calibration.ellipsoid.scale import radius_of, to_size
-from plumbob.calibration.fit import Fitted
+from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, radius_of, to_size
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
 from plumbob.calibration.mag.alone import fit_mag
 from plumbob.calibration.mag.arguments import (
     finite_rows,
@@ -18,7 +32,6 @@ from plumbob.calibration.mag.arguments import (
     unequal,
     wrong_field,
 )
-from plumbob.calibration.mag.dip_fit import PARAMETERS, DipFit, fit_dip
 from plumbob.calibration.mag.field_gradient import unevenness
 from plumbob.calibration.mag.outcome import (
     Doubt,
@@ -32,11 +45,272 @@ from plumbob.calibration.mag.outcome import (
     where_known,
 )
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
-from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.text import measured
 from plumbob.core.units import deg, to_deg
+
+PARAMETERS: Final = 13
+"""Bias, matrix and sin(dip)."""
+
+_LENGTH_PARAMETERS, _DIP_PARAMETERS = 9, 4  # what the lengths tell, and what only the dip does
+_ROUNDS: Final = 4
+_ROUND: Final = 4
+_STEPS: Final = 60
+_ENOUGH: Final = 1e-3  # of the parameters' standard deviations
+_MAD_EFFICIENCY: Final = 0.37  # of the median absolute deviation on normal residuals
+_LEAST_SD: Final = 1e-9  # of the field, where there is no noise
+
+
+class DipFit(NamedTuple):
+    """Fit of M, b and the dip.
+
+    Attributes
+    ----------
+    centre : ndarray (3,)
+        b, unit of the measurement.
+    matrix : ndarray (3, 3)
+        M, its inverse unit.
+    dip : float
+        Angle of the field below the horizon, rad.
+    covariance : ndarray (12, 12)
+        Of centre and matrix, row by row.
+    dip_sd : float
+        Standard deviation of the dip, rad.
+    mag_sd : float
+        Standard deviation of the orthogonal distances, unit of the measurement.
+    down_sd : float
+        Standard deviation of the vertical's direction, about each level axis, rad; 0 where the magnetometer's noise
+        explains all.
+    residuals : ndarray (N, 2)
+        Orthogonal distance, unit of the measurement, and departure of the field's angle to the vertical, rad.
+    used : ndarray (N,) of bool
+        False for outliers.
+    condition : float
+        Of the normal matrix scaled to a diagonal of one.
+    """
+
+    centre: Floats
+    matrix: Floats
+    dip: float
+    covariance: Floats
+    dip_sd: float
+    mag_sd: float
+    down_sd: float
+    residuals: Floats
+    used: NDArray[np.bool_]
+    condition: float
+
+
+class _Noise(NamedTuple):
+    """Standard deviations of the measured field, in units of its strength, and of the vertical, rad."""
+
+    mag: float
+    down: float
+
+
+def fit_dip(mag: Floats, down: Floats, centre: Floats, matrix: Floats, used: NDArray[np.bool_]) -> DipFit | None:
+    """Fit the joint model; None where the steps do not settle.
+
+    Parameters
+    ----------
+    mag : ndarray (N, 3)
+        Measured field, finite.
+    down : ndarray (N, 3)
+        Direction of the vertical, downward, of length 1.
+    centre, matrix : ndarray (3,), (3, 3)
+        Where to start: a fit of the length, with any rotation.
+    used : ndarray (N,) of bool
+        Samples that are not outliers of the length.
+    """
+    size = 1.0 / float(np.cbrt(abs(np.linalg.det(matrix))))
+    points = (mag - centre) / size
+    first = _Adjustment(points[used], down[used], _start(points[used], down[used], matrix * size))
+    for _ in range(_ROUNDS):  # the weights settle with the fit
+        first.run(_ROUND, robust=True)
+    good = used.copy()
+    good[used] = first.likely()
+    if int(np.count_nonzero(good)) <= PARAMETERS:
+        return None
+    last = _Adjustment(points[good], down[good], first.p)
+    for _ in range(_ROUNDS):
+        settled = last.run(_STEPS)
+    return _result(last, points, down, good, centre, size) if settled else None
+
+
+def _start(points: Floats, down: Floats, matrix: Floats) -> Floats:
+    """Parameters (13,) with the rotation of a linear solution or none, whichever leaves less."""
+    best, least = np.zeros(PARAMETERS), np.inf
+    for turn in (np.eye(3), _rotation(points @ matrix.T, down)):
+        turned = turn @ matrix
+        along = np.einsum("ni,ni->n", down, points @ turned.T)
+        sine = float(np.median(along))
+        left = float(np.median(np.abs(along - sine)))
+        if left < least:
+            best, least = np.concatenate((np.zeros(3), turned.ravel(), [sine])), left
+    return best
+
+
+def _rotation(inside: Floats, down: Floats) -> Floats:
+    """Rotation R that best makes ``down · R u`` one number, from the smallest singular vector of its linear form."""
+    rows = np.column_stack((np.einsum("ni,nj->nij", down, inside).reshape(-1, 9), -np.ones(len(inside))))
+    form = np.linalg.eigh(rows.T @ rows)[1][:9, 0].reshape(3, 3)
+    u, _, vt = np.linalg.svd(form)
+    return np.asarray(u @ vt * np.sign(np.linalg.det(u @ vt)))
+
+
+class _Equations(NamedTuple):
+    """Both equations of every sample, solved for the distance and for the dip once the distance is taken out of it.
+
+    `left` (N, 2) is what they leave, `rows` (N, 2, 13) their derivatives by the parameters; `out` (N, 3) is the normal
+    of the ellipsoid, `along` (N, 3) how the second answers to the field, orthogonal to `out`, and `level` (N, 3) how it
+    answers to the vertical.
+    """
+
+    left: Floats
+    rows: Floats
+    out: Floats
+    along: Floats
+    level: Floats
+
+
+def _equations(p: Floats, mag: Floats, down: Floats, mag_off: Floats, down_off: Floats) -> _Equations:
+    """Equations at adjusted field and vertical (N, 3), which the measured ones are off by `mag_off` and `down_off`."""
+    matrix = p[3:12].reshape(3, 3)
+    arm = mag - p[:3]
+    u = arm @ matrix.T
+    size = np.linalg.norm(u, axis=1, keepdims=True)
+    n = u / size
+    rows = np.zeros((len(mag), 2, PARAMETERS))
+    by_mag = np.stack((n @ matrix, down @ matrix), axis=1)
+    rows[:, :, :3] = -by_mag
+    rows[:, :, 3:12] = (np.stack((n, down), axis=1)[:, :, :, np.newaxis] * arm[:, np.newaxis, np.newaxis]).reshape(
+        -1, 2, 9
+    )
+    rows[:, 1, 12] = -1.0
+    level = u - _dot(u, down) * down
+    # [Kok2016]: without the headings
+    left = np.hstack((size - 1.0, _dot(u, down) - p[12])) + np.einsum("nij,nj->ni", by_mag, mag_off)
+    left[:, 1:] += _dot(level, down_off)
+    slope = np.linalg.norm(by_mag[:, 0], axis=1, keepdims=True)
+    out = by_mag[:, 0] / slope
+    common = _dot(by_mag[:, 1], out)
+    rows[:, 0] /= slope
+    left[:, :1] /= slope
+    rows[:, 1] -= common * rows[:, 0]
+    left[:, 1:] -= common * left[:, :1]
+    return _Equations(left, rows, out, by_mag[:, 1] - common * out, level)
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Products of rows, (N, 1)."""
+    return np.asarray(np.einsum("ni,ni->n", a, b)[:, np.newaxis])
+
+
+class _Adjustment:
+    """Steps of Gauss and Helmert for some samples."""
+
+    def __init__(self, mag: Floats, down: Floats, start: Floats) -> None:
+        self.measured, self.p = (mag, down), start
+        self.adjusted = (mag, down)
+        self._update()
+        self.noise = self._noise(robust=True)
+
+    def run(self, steps: int, *, robust: bool = False) -> bool:
+        """Take steps with the noise of the residuals so far; False where they did not settle."""
+        self.noise = self._noise(robust=robust)
+        for _ in range(steps):
+            weight = self._weights() if robust else np.ones(len(self.now.left))
+            whitened = self._whitened() * np.sqrt(weight)[:, np.newaxis]
+            rows = (self.now.rows / self._sd()[:, :, np.newaxis] * np.sqrt(weight)[:, np.newaxis, np.newaxis]).reshape(
+                -1, PARAMETERS
+            )
+            self.normal = rows.T @ rows
+            step = -np.linalg.lstsq(self.normal, rows.T @ whitened.ravel(), rcond=None)[0]
+            self.p = self.p + step
+            self._adjust(self.now.left + self.now.rows @ step)
+            self._update()
+            if not np.isfinite(self.p).all():
+                return False
+            if float(step @ self.normal @ step) < _ENOUGH**2:
+                return True
+        return False
+
+    def likely(self) -> NDArray[np.bool_]:
+        """Samples that noise of this size explains, (N,)."""
+        from scipy.stats import f
+
+        count = len(self.now.left)
+        free = max(1.0, _MAD_EFFICIENCY * (count - _LENGTH_PARAMETERS))
+        limit = 2.0 * float(f.ppf(1.0 - FALSE_ALARM / count, 2, free))
+        return np.asarray((self._whitened() ** 2).sum(axis=1) <= limit)
+
+    def _weights(self) -> Floats:
+        return np.asarray(1.0 / (1.0 + (self._whitened() ** 2).sum(axis=1) / CAUCHY**2))  # [Holland1977]
+
+    def _sd(self) -> Floats:
+        """Standard deviations of both equations, (N, 2)."""
+        mag, down = self.noise
+        own = mag * mag * (self.now.along**2).sum(axis=1)
+        return np.stack((np.full(len(own), mag), np.sqrt(own + down * down * (self.now.level**2).sum(axis=1))), axis=1)
+
+    def _whitened(self) -> Floats:
+        return np.asarray(self.now.left / self._sd())
+
+    def _adjust(self, left: Floats) -> None:
+        """Field and vertical of every sample that fulfil both equations, as little from the measured ones as can be."""
+        (mag, down), now = self.measured, self.now
+        share = left[:, 1:] / self._sd()[:, 1:] ** 2
+        field = mag - left[:, :1] * now.out - self.noise.mag**2 * share * now.along
+        vertical = down - self.noise.down**2 * share * now.level
+        self.adjusted = (field, vertical / np.linalg.norm(vertical, axis=1, keepdims=True))
+
+    def _update(self) -> None:
+        off = (self.measured[0] - self.adjusted[0], self.measured[1] - self.adjusted[1])
+        self.now = _equations(self.p, *self.adjusted, *off)
+
+    def _noise(self, *, robust: bool = False) -> _Noise:
+        """Noise that the residuals show, parameters counted."""
+        mag = max(_sd(self.now.left[:, 0], _LENGTH_PARAMETERS, robust), _LEAST_SD)
+        own = mag * mag * float(np.mean((self.now.along**2).sum(axis=1)))
+        level = float(np.mean((self.now.level**2).sum(axis=1)))
+        both = _sd(self.now.left[:, 1], _DIP_PARAMETERS, robust)
+        return _Noise(mag, math.sqrt(max(0.0, both * both - own) / level))
+
+
+def _sd(values: Floats, parameters: int, robust: bool) -> float:
+    free = max(1, len(values) - parameters)
+    if robust:
+        return MAD * float(np.median(np.abs(values))) * math.sqrt(len(values) / free)
+    return float(np.linalg.norm(values)) / math.sqrt(free)
+
+
+def _result(
+    fit: _Adjustment, points: Floats, down: Floats, used: NDArray[np.bool_], centre: Floats, size: float
+) -> DipFit | None:
+    """Take the scaling back."""
+    sine = float(fit.p[12])
+    if not (np.diag(fit.normal) > 0.0).all() or not abs(sine) < 1.0:
+        return None
+    covariance, condition = inverse_of(fit.normal)
+    back = np.concatenate((np.full(3, size), np.full(9, 1.0 / size)))
+    cosine = math.sqrt(1.0 - sine * sine)
+    none = np.zeros_like(points)
+    left = _equations(fit.p, points, down, none, none).left
+    left[used] = fit.now.left
+    return DipFit(
+        centre + size * fit.p[:3],
+        fit.p[3:12].reshape(3, 3) / size,
+        math.asin(sine),
+        covariance[:12, :12] * np.outer(back, back),
+        math.sqrt(float(covariance[12, 12])) / cosine,
+        fit.noise.mag * size,
+        fit.noise.down,
+        left * [size, 1.0 / cosine],
+        used,
+        condition,
+    )
+
 
 FEWEST: Final = PARAMETERS + 1
 """Fewest samples or poses."""

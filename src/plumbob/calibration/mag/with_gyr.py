@@ -1,12 +1,24 @@
-"""Magnetometer beside a gyroscope: for motion that is too restricted to see the ellipsoid, as of a ship or a car."""
+"""Magnetometer beside a gyroscope: for motion that is too restricted to see the ellipsoid, as of a ship or a car.
+
+Least squares of a magnetometer beside a gyroscope: one field, seen from a body that turns as the gyroscope says.
+
+The model is ``m_k = A R_kᵀ exp(−[θ_k]×) h + b``: R_k is what the gyroscope's rates, corrected for constant errors, add
+up to since the start until a delay before sample k, for magnetometers answer later than gyroscopes; h is the field's
+direction in the axes of the start, and θ_k the attitude error that the gyroscope's noise has added up to. θ is a random
+walk, known at some instants and linear between them; its intensity is found with it, by expectation and maximisation.
+That the field is one vector says more than that its length is one number, as in [Kok2016]: an inclination of a few
+degrees already separates all parameters.
+"""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plumbob.calibration.ellipsoid.scale import to_size_of
-from plumbob.calibration.fit import Fitted
+from plumbob.calibration.ellipsoid.autocorrelation import Alike, memory_of_each
+from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, to_size_of
+from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.alone import unturned
 from plumbob.calibration.mag.arguments import (
     require_gain_sd,
@@ -16,7 +28,7 @@ from plumbob.calibration.mag.arguments import (
     with_rates,
     wrong_field,
 )
-from plumbob.calibration.mag.gyro_aided import PARAMETERS, FieldFit, fit_turned_field
+from plumbob.calibration.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calibration.mag.outcome import (
     DIP,
     STEEL,
@@ -30,12 +42,330 @@ from plumbob.calibration.mag.outcome import (
     uneven_told,
     where_known,
 )
+from plumbob.calibration.mag.windows import by_error, chained, inverse_of, leaning, tightness
 from plumbob.calibration.mag.with_acc import turn_of
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
-from plumbob.calibration.rejection import CaptureRefusedError, Reason, refuse
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps, to_deg, to_dps
+from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
+
+_DIRECTIONS: Final = 400
+
+
+def start_of(mag: Floats, turns: Floats) -> tuple[Floats, Floats, Floats]:
+    """Field's direction, A and b: the best of many directions, for each of which A and b are linear."""
+    seen = np.hstack((turns.reshape(-1, 9), np.ones((len(turns), 1))))
+    power, cross = seen.T @ seen, seen.T @ mag
+    best: tuple[Floats, Floats, Floats] = (np.zeros(3), np.eye(3), np.zeros(3))
+    least = math.inf
+    for h in _directions():
+        pick = np.zeros((4, 10))
+        pick[:3, :9] = np.kron(h, np.eye(3))
+        pick[3, 9] = 1.0
+        found, *_ = np.linalg.lstsq(pick @ power @ pick.T, pick @ cross, rcond=None)
+        left = -float(np.sum((pick @ cross) * found))
+        if left < least and np.linalg.det(found[:3]) > 0.0:
+            best, least = (h, np.asarray(found[:3].T, dtype=np.float64), np.asarray(found[3], dtype=np.float64)), left
+    return best
+
+
+def _directions() -> Floats:
+    """Directions that are spread evenly over a sphere along a spiral of golden angles."""
+    k = np.arange(_DIRECTIONS) + 0.5
+    up, angle = 1.0 - 2.0 * k / _DIRECTIONS, math.pi * (3.0 - math.sqrt(5.0)) * k
+    level = np.sqrt(1.0 - up * up)
+    return np.column_stack((level * np.cos(angle), level * np.sin(angle), up))
+
+
+def across(h: Floats) -> Floats:
+    """Two directions across h, as columns (3, 2)."""
+    return np.linalg.svd(h[np.newaxis])[2][1:].T
+
+
+PARAMETERS: Final = 27
+"""A, b, two of the field's direction, twelve of the gyroscope (its bias, its scale and misalignment), and the delay."""
+
+WALK: Final = float(dps(0.005))
+"""Intensity of the attitude's random walk to start from, rad/√s: the noise of a good MEMS gyroscope."""
+
+_TAKEN_UP: Final = 4.0  # patches whose errors are taken up: twelve parameters of the magnetometer, three axes each
+_NODE: Final = 0.05  # s between attitudes at most; rotations in between are taken as one
+_STEP: Final = 1.0  # s from knot to knot of the random walk
+_MOST_KNOTS: Final = 120
+_FIELD: Final = 14  # parameters before those of the gyroscope
+_STEPS: Final = 40
+_ROUNDS: Final = 12
+_ENOUGH: Final = 1e-2  # of the parameters' standard deviations
+
+
+class FieldFit(NamedTuple):
+    """Fit of A, b, the field's direction, and the gyroscope's bias.
+
+    Attributes
+    ----------
+    distortion : ndarray (3, 3)
+        A, unit of the measurement.
+    bias : ndarray (3,)
+        b, unit of the measurement.
+    covariance : ndarray (12, 12)
+        Of b and A, row by row; samples that err alike count as fewer.
+    field_s : ndarray (3,)
+        Direction of the field in the body axes of the start.
+    gyr_bias, gyr_gain : ndarray (3,), (3, 3)
+        Of the gyroscope: ``rate = gyr_gain @ measured − gyr_bias``, rad/s.
+    delay : float
+        Of the magnetometer against the gyroscope, s.
+    walk : float
+        Intensity of the attitude's random walk, rad/√s.
+    turns : ndarray (N, 3, 3)
+        Attitude of each sample: from its body axes to those of the start.
+    residuals : ndarray (N, 3)
+        Residuals, unit of the measurement.
+    sd : float
+        Their standard deviation about each axis, parameters counted.
+    used : ndarray (N,) of bool
+        False for outliers.
+    alike : Alike
+        How many of them count as one.
+    field : Unevenness
+        How uneven the field was, or may have been.
+    condition : float
+        Of the normal matrix of all but the random walk, scaled to a diagonal of one.
+    """
+
+    distortion: Floats
+    bias: Floats
+    covariance: Floats
+    field_s: Floats
+    gyr_bias: Floats
+    gyr_gain: Floats
+    delay: float
+    walk: float
+    turns: Floats
+    residuals: Floats
+    sd: float
+    used: NDArray[np.bool_]
+    alike: Alike
+    field: Unevenness
+    condition: float
+
+
+def fit_turned_field(
+    t: Floats, mag: Floats, gyr: Floats, seen: NDArray[np.intp], *, gyr_gain_sd: float
+) -> FieldFit | None:
+    """Fit the model; None where the steps do not settle.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s, increasing.
+    mag : ndarray (M, 3)
+        Measured field at the instants `seen`, of any unit; finite.
+    gyr : ndarray (N, 3)
+        Rates, rad/s, off by a constant bias and what `gyr_gain_sd` says; finite.
+    seen : ndarray (M,) of int
+        Instants of the field's samples, among those of `t`.
+    gyr_gain_sd : float
+        Standard deviation of each entry of the gyroscope's gain matrix, relative to its scale.
+    """
+    middle = mag.mean(axis=0)
+    size = math.sqrt(float(np.mean(np.sum((mag - middle) ** 2, axis=1))))
+    if not size > 0.0:
+        return None
+    fit = _Fit(t, (mag - middle) / size, gyr, seen, gyr_gain_sd, size)
+    if not fit.run(robust=True):
+        return None
+    fit.set_aside()
+    return fit.result(middle, size) if fit.run() else None
+
+
+class _Fit:
+    """Steps of Gauss and Newton on all parameters and the knots of the random walk."""
+
+    def __init__(
+        self, t: Floats, mag: Floats, gyr: Floats, seen: NDArray[np.intp], gyr_gain_sd: float, size: float
+    ) -> None:
+        self.mag, self.gyr, self.size = mag, gyr[seen], size
+        nodes = np.union1d(seen, np.searchsorted(t, np.arange(t[0], t[-1], _NODE)))
+        self.seen, self.dt = np.searchsorted(nodes, seen), np.diff(t[nodes])[:, np.newaxis]
+        q = chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
+        self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
+        self.turned = float(np.sum(np.linalg.norm(self.angles, axis=1)))
+        self.gyr_tight = tightness(gyr_gain_sd)
+        self.used = np.ones(len(mag), dtype=np.bool_)
+        self.gyr_errors, self.walk = np.zeros(13), WALK  # bias, what the gain matrix is more than one, delay
+        count = min(_MOST_KNOTS, max(1, round((t[-1] - t[0]) / _STEP)))
+        self.step = (t[-1] - t[0]) / count
+        place = (t[seen] - t[0]) / self.step
+        self.knot = np.minimum(place.astype(np.intp), count - 1)
+        self.share = place - self.knot
+        self.lean = np.zeros((count + 1, 3))
+        self.changes = np.kron(np.eye(count) - np.eye(count, k=-1), np.eye(3))  # from knot to knot
+        self.turns = self._turns()
+        self.h, self.distortion, self.bias = start_of(mag, self.turns)
+        self.sd, self.alike, self.field = self._scale(), Alike(1.0), Unevenness()
+
+    def run(self, *, robust: bool = False) -> bool:
+        """Alternate between steps and the intensity of noise and walk; False where they did not settle."""
+        for _ in range(_ROUNDS):
+            if not self._settle(robust):
+                return False
+            before = self.walk
+            self.alike, self.field = self._memory()
+            self.sd, self.walk = self._scale(robust=robust), self._intensity()
+            if abs(self.walk / before - 1.0) < _ENOUGH:
+                break
+        return self._settle(robust)
+
+    def set_aside(self) -> None:
+        """Mark as outliers what noise of this size does not explain."""
+        from scipy.stats import chi2
+
+        limit = float(chi2.isf(FALSE_ALARM / len(self.mag), 3))
+        self.used = (self.left**2).sum(axis=1) <= limit * self.sd**2
+
+    def result(self, middle: Floats, size: float) -> FieldFit:
+        """Take the scaling back; A comes before b in the steps, and after it in the covariance."""
+        order = np.concatenate((np.arange(9, 12), np.arange(9)))
+        own = self.normal[:PARAMETERS, :PARAMETERS]
+        spread = np.sqrt(np.diag(own))
+        return FieldFit(
+            self.distortion * size,
+            middle + size * self.bias,
+            self.covariance[np.ix_(order, order)] * size * size,
+            self.h,
+            self.gyr_errors[:3],
+            np.eye(3) + self._gain(),
+            float(self.gyr_errors[12]),
+            self.walk,
+            self.now,
+            self.left * size,
+            self.sd * size,
+            self.used,
+            self.alike,
+            self.field,
+            float(np.linalg.cond(own / np.outer(spread, spread))),
+        )
+
+    def _settle(self, robust: bool) -> bool:
+        for _ in range(_STEPS):
+            self._solve(robust)
+            self.covariance = inverse_of(self.normal)
+            step = self.covariance @ self.slope
+            if not np.isfinite(step).all():
+                return False
+            self._move(step)
+            if float(step @ self.normal @ step) < _ENOUGH**2 * PARAMETERS:
+                return True
+        return False
+
+    def _turns(self) -> Floats:
+        """Attitudes (M, 3, 3), and beside them how they lean by the gyroscope's errors."""
+        angles = self.angles + self.angles @ self._gain().T - self.gyr_errors[:3] * self.dt
+        whole = dcm_from_quat(chained(angles))
+        sums = leaning(whole, angles, self.angles, self.dt)[self.seen]
+        self.now, delay = whole[self.seen], float(self.gyr_errors[12])
+        self.by_gyr = sums - by_error(self.now, delay * self.gyr, np.full((len(self.now), 1), delay))
+        self.rate = self.gyr + self.gyr @ self._gain().T - self.gyr_errors[:3]
+        return np.asarray(self.now @ dcm_from_quat(quat_from_rotvec(-delay * self.rate)))
+
+    def _gain(self) -> Floats:
+        return self.gyr_errors[3:12].reshape(3, 3)
+
+    def _leans(self) -> Floats:
+        """θ of each sample, (M, 3)."""
+        share = self.share[:, np.newaxis]
+        return np.asarray((1.0 - share) * self.lean[self.knot] + share * self.lean[self.knot + 1])
+
+    def _seen_field(self) -> Floats:
+        """Field's direction in the body axes of each sample, (M, 3)."""
+        leaned = self.h - np.cross(self._leans(), self.h)
+        return np.asarray(np.einsum("nji,nj->ni", self.turns, leaned))
+
+    @property
+    def left(self) -> Floats:
+        """Residuals (M, 3)."""
+        return np.asarray(self.mag - self._seen_field() @ self.distortion.T - self.bias)  # [Kok2016]
+
+    def _scale(self, *, robust: bool = True) -> float:
+        left = self.left[self.used]
+        if robust:
+            return max(MAD * float(np.median(np.abs(left))), 1e-9)
+        free = max(1, left.size - PARAMETERS)
+        return max(math.sqrt(float(np.sum(left * left)) / free), 1e-9)
+
+    def _memory(self) -> tuple[Alike, Unevenness]:
+        """How many residuals count as one, and how uneven the field is: as it turns in body axes, all averages out."""
+        seen, left = self._seen_field()[self.used], self.left[self.used]
+        every = np.ones(len(seen), dtype=np.bool_)
+        field = unevenness(
+            left * self.size, seen, every, patches=self.turned / PATCH, taken_up=_TAKEN_UP, lengths=False
+        )
+        spread = field.spread(np.linalg.norm(left, axis=1) * self.size / math.sqrt(3.0))
+        return Alike(memory_of_each(left), spread), field
+
+    def _intensity(self) -> float:
+        """Intensity of the random walk by expectation and maximisation, rad/√s."""
+        change = self.changes @ self.lean[1:].ravel()
+        doubt = np.sum((self.changes @ self.covariance[PARAMETERS:, PARAMETERS:]) * self.changes)
+        return math.sqrt((float(change @ change) + float(doubt)) / (len(change) * self.step))  # [Dempster1977]
+
+    def _solve(self, robust: bool) -> None:
+        """Normal equations of all parameters and of the knots but the first, which the field's direction stands for."""
+        knots = len(self.lean)
+        normal, slope = np.zeros((PARAMETERS + 3 * knots, PARAMETERS + 3 * knots)), np.zeros(PARAMETERS + 3 * knots)
+        left, rows = self.left, self._rows()
+        weight = self.used / (self.sd**2 * self.alike.factor)
+        if robust:
+            weight = weight / (1.0 + (left**2).sum(axis=1) / (CAUCHY * self.sd) ** 2)  # [Holland1977]
+        root = np.sqrt(weight)[:, np.newaxis]
+        left, rows = left * root, rows * root[:, :, np.newaxis]
+        for j in range(knots - 1):
+            here = np.flatnonzero(self.knot == j)
+            share, lean = self.share[here, np.newaxis, np.newaxis], rows[here, :, PARAMETERS:]
+            block = np.concatenate((rows[here, :, :PARAMETERS], (1.0 - share) * lean, share * lean), axis=2)
+            block = block.reshape(-1, PARAMETERS + 6)
+            at = np.concatenate((np.arange(PARAMETERS), PARAMETERS + 3 * j + np.arange(6)))
+            normal[np.ix_(at, at)] += block.T @ block
+            slope[at] += block.T @ left[here].ravel()
+        keep = np.delete(np.arange(len(slope)), slice(PARAMETERS, PARAMETERS + 3))
+        self.normal, self.slope = normal[np.ix_(keep, keep)], slope[keep]
+        self._expect()
+
+    def _expect(self) -> None:
+        """Add what is known before: that θ is a random walk, and how large the gyroscope's errors can be."""
+        tight = 1.0 / (self.walk**2 * self.step)
+        self.normal[PARAMETERS:, PARAMETERS:] += tight * self.changes.T @ self.changes
+        self.slope[PARAMETERS:] -= tight * self.changes.T @ (self.changes @ self.lean[1:].ravel())
+        gyr = slice(_FIELD, PARAMETERS)
+        self.normal[gyr, gyr] += self.gyr_tight
+        self.slope[gyr] -= self.gyr_tight @ self.gyr_errors
+
+    def _rows(self) -> Floats:
+        """Derivatives (M, 3, 29) by A, b, the field's direction, the gyroscope's errors, and θ."""
+        seen = self._seen_field()
+        rows = np.zeros((len(seen), 3, PARAMETERS + 3))
+        for i in range(3):
+            rows[:, i, 3 * i : 3 * i + 3] = seen
+            rows[:, i, 9 + i] = 1.0
+        back = self.distortion @ np.swapaxes(self.turns, 1, 2)
+        lean = back @ skew(self.h)
+        rows[:, :, 12:14] = back @ across(self.h)
+        rows[:, :, _FIELD : PARAMETERS - 1] = lean @ self.by_gyr
+        rows[:, :, PARAMETERS - 1] = np.cross(self.rate, seen) @ self.distortion.T
+        rows[:, :, PARAMETERS:] = lean
+        return rows
+
+    def _move(self, step: Floats) -> None:
+        self.distortion = self.distortion + step[:9].reshape(3, 3)
+        self.bias = self.bias + step[9:12]
+        h = self.h + across(self.h) @ step[12:14]
+        self.h = h / np.linalg.norm(h)
+        self.gyr_errors = self.gyr_errors + step[_FIELD:PARAMETERS]
+        self.lean[1:] += step[PARAMETERS:].reshape(-1, 3)
+        self.turns = self._turns()
+
 
 GAIN_SD: Final = 0.002
 """Standard deviation of each entry of a calibrated gyroscope's gain matrix."""

@@ -13,7 +13,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, DecodeError, ParameterError
 from plumbob.core.files import text_of, write_text
-from plumbob.core.repr import Shown
+from plumbob.core.text import Shown
 
 UNITS = {"gyr": "rad/s", "acc": "m/s2", "mag": "uT"}
 

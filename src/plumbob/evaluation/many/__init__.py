@@ -2,8 +2,7 @@
 
 from plumbob.evaluation.many.accuracy import Accuracy, measure_accuracy, trials_in
 from plumbob.evaluation.many.contender import OurFilter
-from plumbob.evaluation.many.peer_runs import peer_runs
-from plumbob.evaluation.many.peers import peers
+from plumbob.evaluation.many.peers import peer_runs, peers
 from plumbob.evaluation.many.scenario import MonteCarlo, measure_scenario
 
 __all__ = [

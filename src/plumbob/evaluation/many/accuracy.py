@@ -11,7 +11,7 @@ from plumbob.core.errors import DecodeError, PlumbobError, ShapeError
 from plumbob.core.text import counted
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.evaluation import evaluate
-from plumbob.evaluation.many.peer_runs import PeerRun, peer_track
+from plumbob.evaluation.many.peers import PeerRun, peer_track
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
 from plumbob.rotations import Frame
 
@@ -135,7 +135,7 @@ def measure_accuracy(
     stages : sequence of Stage
         Filters with their parameters.
     peers : sequence of PeerRun
-        Other libraries that run on the same recordings; see `plumbob.evaluation.many.peer_runs.peer_runs`.
+        Other libraries that run on the same recordings; see `plumbob.evaluation.many.peers.peer_runs`.
     absent : Mapping, optional
         Peers that could not be made, and why; they are only listed.
     frame : Frame, optional

@@ -28,7 +28,7 @@ from plumbob.rotations import (
     quat_rotate,
 )
 from plumbob.rotations.kernels import quat_mul
-from plumbob.simulation.field import earth_field
+from plumbob.simulation.signals import earth_field
 
 RATE: Final = 100.0
 """Samples per second."""

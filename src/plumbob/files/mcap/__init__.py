@@ -3,8 +3,7 @@
 from plumbob.files.mcap.layout import Channel, Schema
 from plumbob.files.mcap.log import Log, LogMessage, open_log
 from plumbob.files.mcap.recorder import Recorder
-from plumbob.files.mcap.repair import repair
 from plumbob.files.mcap.scan import Damage
-from plumbob.files.mcap.verdict import Verdict, verify
+from plumbob.files.mcap.verdict import Verdict, repair, verify
 
 __all__ = ["Channel", "Damage", "Log", "LogMessage", "Recorder", "Schema", "Verdict", "open_log", "repair", "verify"]

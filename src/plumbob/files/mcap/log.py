@@ -11,11 +11,10 @@ from typing import Final, NamedTuple
 from plumbob.core.errors import DecodeError
 from plumbob.core.text import counted
 from plumbob.files.mcap import layout
-from plumbob.files.mcap.identity import Identity, identify
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import Channel
 from plumbob.files.mcap.resync import Source
-from plumbob.files.mcap.scan import Block, Damage, Scan
+from plumbob.files.mcap.scan import Block, Damage, Identity, Scan, identify
 
 
 class Ledger:

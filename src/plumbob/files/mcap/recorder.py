@@ -16,9 +16,8 @@ from typing import Final, Self
 from plumbob.acquisition.transport import Event
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files.mcap import disk, info, layout
-from plumbob.files.mcap.chunk import CHUNK_BYTES, MESSAGE_BYTES, OpenChunk
-from plumbob.files.mcap.identity import identify
-from plumbob.files.mcap.layout import Channel, Rules, Schema, State
+from plumbob.files.mcap.layout import CHUNK_BYTES, MESSAGE_BYTES, Channel, OpenChunk, Rules, Schema, State
+from plumbob.files.mcap.scan import identify
 from plumbob.files.mcap.writer import Backlog, Scribe
 
 BACKLOG: Final = 64 << 20

@@ -9,9 +9,8 @@ from typing import Final
 
 from plumbob.core.text import counted
 from plumbob.files.mcap import disk, layout
-from plumbob.files.mcap.chunk import OpenChunk, compressor, pack
 from plumbob.files.mcap.info import PartInfo
-from plumbob.files.mcap.layout import Rules, State
+from plumbob.files.mcap.layout import OpenChunk, Rules, State, compressor, pack
 from plumbob.files.mcap.part import Part
 
 

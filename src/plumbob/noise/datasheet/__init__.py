@@ -5,8 +5,7 @@ from plumbob.noise.datasheet.comparison import compared_as_dict, compared_text, 
 from plumbob.noise.datasheet.figure import write_png
 from plumbob.noise.datasheet.fin import fin_report, fin_section
 from plumbob.noise.datasheet.html import write_html
-from plumbob.noise.datasheet.summary import as_dict, curves_as_dict
-from plumbob.noise.datasheet.table import curves_text, text
+from plumbob.noise.datasheet.table import as_dict, curves_as_dict, curves_text, text
 
 __all__ = [
     "as_dict",

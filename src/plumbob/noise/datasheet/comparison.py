@@ -14,7 +14,7 @@ from plumbob.noise.compare import Compared
 from plumbob.noise.datasheet import figure, numbers
 from plumbob.noise.datasheet.html import FOLDED
 from plumbob.noise.datasheet.numbers import rows
-from plumbob.noise.datasheet.summary import curve_as_dict
+from plumbob.noise.datasheet.table import curve_as_dict
 from plumbob.noise.findings import Deviation
 from plumbob.noise.terms import DEVIATION
 from plumbob.report import LABELS, SERIES, SHADE, Key, document, html_table, svg

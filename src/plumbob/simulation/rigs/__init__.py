@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from plumbob.simulation.rigs.faults import KINDS, Fault
     from plumbob.simulation.rigs.plan import PLANS, Plan, Unit, plan_for
     from plumbob.simulation.rigs.rig import Rig, make_rig
-    from plumbob.simulation.rigs.serving import FilePort, Port, Served, serve
-    from plumbob.simulation.rigs.sockets import TcpPort, UdpPort
+    from plumbob.simulation.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
     from plumbob.simulation.rigs.terminal import PtyPort
 
 __getattr__, __dir__ = lazily(
@@ -28,8 +27,8 @@ __getattr__, __dir__ = lazily(
         "PtyPort": "terminal",
         "Rig": "rig",
         "Served": "serving",
-        "TcpPort": "sockets",
-        "UdpPort": "sockets",
+        "TcpPort": "serving",
+        "UdpPort": "serving",
         "Unit": "plan",
         "make_rig": "rig",
         "plan_for": "plan",

@@ -1,16 +1,16 @@
-"""Guided captures of `plumbob calibrate`: live from a line, and over a recording."""
+"""Guided captures of `plumbob calibrate`, live or over a recording; and where their card may be written."""
 
 import argparse
 import shutil
 import sys
 import textwrap
 import time
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from plumbob.cli import common
 from plumbob.cli import session as lines
-from plumbob.cli.calibrating import room
 
 if TYPE_CHECKING:
     from plumbob.acquisition.transport import Event
@@ -19,6 +19,37 @@ if TYPE_CHECKING:
     from plumbob.data import ImuData
     from plumbob.data.cards import CalibrationCard
     from plumbob.session.session import Session
+
+
+def completes(args: argparse.Namespace) -> bool:
+    """Whether the card so far is the card to write: then it is completed, and nothing of it is lost."""
+    both = args.out is not None and args.calibration is not None
+    return both and common.is_same_file(args.out, args.calibration)
+
+
+def require_room(args: argparse.Namespace, device: str, made: Collection[str], base: "CalibrationCard | None") -> None:
+    """Refuse to write a card over that of another unit, one that has more, or a part over another without --force."""
+    from plumbob.core.errors import DecodeError, ParameterError
+    from plumbob.data.cards import CalibrationCard
+
+    out = args.out
+    if out is None or not out.is_file():
+        return
+    try:
+        there = CalibrationCard.load(out)
+    except DecodeError:
+        return
+    if there.device != device:
+        raise ParameterError(f"{out} is the card of '{there.device}', not of '{device}'; name another file.")
+    kept = base.parts if base else ()
+    if lost := [name for name in there.parts if name not in {*made, *kept}]:
+        raise ParameterError(
+            f"{out} has {' and '.join(lost)}, which this would lose; complete it with --calibration {out}, or name "
+            "another file."
+        )
+    if not args.force and (again := [name for name in there.parts if name in made]):
+        raise ParameterError(f"{out} has {' and '.join(again)} already. Name another file, or replace it with --force.")
+
 
 _EVERY: Final = 0.25
 _SELDOM: Final = 5.0
@@ -144,7 +175,7 @@ def live_capture(args: argparse.Namespace, triads: tuple[str, ...], base: "Calib
     session = _session(args)
     card = base or session.card
     unit = unit_of(session.meta.device, args.device, card)
-    room.require_room(args, unit, triads, card)
+    require_room(args, unit, triads, card)
     _require_triads(session, triads)
     imu = _run(args, session)
     if imu is None:
@@ -167,7 +198,7 @@ def require_recording(args: argparse.Namespace) -> None:
 
 def tell(args: argparse.Namespace, imu: "ImuData") -> None:
     """Say how the capture of a recording went."""
-    from plumbob.calibration.guide.sink import GUIDES, guided
+    from plumbob.calibration.guide.guides import GUIDES, guided
 
     guide = GUIDES[args.guided]()
     progress = guided(guide, imu)
@@ -181,7 +212,7 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     from plumbob.core import _jit
 
     pass
-    from plumbob.calibration.guide.sink import GUIDES, GuideSink, warm_up
+    from plumbob.calibration.guide.guides import GUIDES, GuideSink, warm_up
     from plumbob.cli.line import Status
     from plumbob.session.recording_sink import Keeper
     from plumbob.session.runner import run_line

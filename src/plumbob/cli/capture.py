@@ -4,13 +4,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plumbob.cli import common
-from plumbob.cli.calibrating import live, room
+from plumbob.cli import common, live
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibrate import Calibrated, Kind
     from plumbob.calibration.calibration import Capture
-    from plumbob.calibration.rejection import CaptureRefusedError
+    from plumbob.calibration.fit import CaptureRefusedError
     from plumbob.data.cards import CalibrationCard
 
 
@@ -60,7 +59,7 @@ def calibrated(
     from plumbob.data.cards import CalibrationCard
 
     how = KINDS[kind]
-    out = None if room.completes(args) else args.out
+    out = None if live.completes(args) else args.out
     common.check_outputs(args, out, args.html, inputs=(args.file, args.profile, args.calibration, *inputs))
     base = None if args.calibration is None else CalibrationCard.load(args.calibration)
     if args.live:
@@ -85,7 +84,7 @@ def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | Non
     )
     common.note(*(f"{args.file.name}: {line}" for line in found.found))
     made = {*how.triads, *(name for name in how.if_present if name in found.imu.triads)} or {"mount"}
-    room.require_room(args, found.device, made, base)
+    live.require_room(args, found.device, made, base)
     if args.guided and args.guide:
         live.tell(args, found.imu)
     return found
@@ -94,7 +93,7 @@ def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | Non
 def finish(args: argparse.Namespace, found: "Calibrated") -> int:
     """Print what was found, and write the card."""
     if args.out is not None:
-        found.save(args.out, overwrite=args.force or room.completes(args))
+        found.save(args.out, overwrite=args.force or live.completes(args))
     if args.html is not None:
         found.write_html(args.html, recording=args.file.name if args.file else "live", overwrite=args.force)
     if args.json:

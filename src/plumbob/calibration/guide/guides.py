@@ -1,21 +1,109 @@
-"""Guide of a magnetometer's capture: turned slowly until the field has been seen from all directions."""
+"""Guides of a capture: poses at rest for an accelerometer, turning for a magnetometer, rest for a gyroscope."""
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
+from plumbob.acquisition.transport import Event, Stop
 from plumbob.calibration.ellipsoid.autocorrelation import alike_in
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Ellipsoid, NormFit, Shape, fit_norm
-from plumbob.calibration.ellipsoid.scale import radius_of, scaled
-from plumbob.calibration.ellipsoid.shape_choice import SPARE, start_of
-from plumbob.calibration.fit import HEADING, grade_of
-from plumbob.calibration.guide.guide import ENOUGH, Guide, Progress, Seen, Turn, nearest, turn_to
+from plumbob.calibration.ellipsoid.ellipsoid_fit import Ellipsoid, NormFit, Shape, fit_norm, radius_of, scaled
+from plumbob.calibration.ellipsoid.shape_choice import SPARE, fit_shape, start_of
+from plumbob.calibration.fit import HEADING, TILT, grade_of
+from plumbob.calibration.guide.guide import ENOUGH, Guide, Progress, RestGuide, Seen, Turn, nearest, pose_words, turn_to
 from plumbob.calibration.guide.stream_blocks import Block
 from plumbob.calibration.mag.field_gradient import one_axis, unevenness_in
 from plumbob.calibration.mag.outcome import DIP
-from plumbob.calibration.predicted import NAMES, REGIONS, filled, heading_sd, region_of
+from plumbob.calibration.predicted import NAMES, REGIONS, filled, heading_sd, region_of, tilt_sd
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.units import dps, to_deg
+from plumbob.data import ImuData
+from plumbob.session.stream import Part
+
+HOLD: Final = 1.4
+"""Rest after which a pose counts, s: six blocks of `still`, in which any other cut has a second between quiet ones."""
+
+_UNTIL: Final = "keep it still until it counts, about 2 s"
+
+
+class AccelGuide(Guide):
+    """Asks for the 18 poses in which each face and each edge of the unit is up."""
+
+    triad = "acc"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._seen = Seen()
+        self._poses = np.empty((0, 3))
+        self._centre = np.zeros(3)
+        self._force: Floats | None = None
+        self._sd: float | None = None
+
+    def progress(self) -> Progress:
+        """State after the last whole block."""
+        count = int(self._seen.filled.sum())
+        grade = None if self._sd is None else grade_of(self._sd, TILT)
+        direction = None if self._force is None else _unit(self._force - self._centre)
+        here = None if direction is None else int(region_of(direction[np.newaxis])[0])
+        missing = np.flatnonzero(~self._seen.filled).tolist()
+        goal = nearest(direction, missing) if missing and direction is not None else None
+        done = self._done or (grade == "good" and count >= ENOUGH)
+        return Progress(
+            elapsed=self._now,
+            filled=self._seen.filled.copy(),
+            direction=here,
+            still_for=self._rest.lasting,
+            next_step="done" if done else self._words(here, goal),
+            turn=None if goal is None or goal == here or direction is None else turn_to(direction, REGIONS[goal]),
+            goal=goal,
+            predicted="" if self._sd is None else f"tilt ±{to_deg(self._sd):.2g}° (1 sd)",
+            grade=grade,
+            share=count / len(NAMES),
+            warnings=self._warnings,
+            done=done,
+        )
+
+    def _look(self, block: Block) -> None:
+        mean = block.triads["acc"].mean(axis=0)
+        self._force = mean if np.isfinite(mean).all() and np.any(mean != self._centre) else None
+        stretches = [one for one in self._rest.stretches if self._rest.time_of(one) >= HOLD]
+        poses = np.array([self._rest.mean_force(one) for one in stretches]).reshape(-1, 3)
+        if len(poses) != len(self._poses):
+            self._fit(poses)
+        self._poses = poses
+        if (news := self._seen.update(_filled(poses - self._centre))) is not None:
+            self._say(news)
+
+    def _fit(self, poses: Floats) -> None:
+        fit = fit_shape(poses, Shape.ELLIPSOID) if len(poses) >= Shape.ELLIPSOID.value + SPARE else None
+        self._centre = np.zeros(3) if fit is None else fit.ellipsoid.centre
+        self._sd = None if fit is None else _predicted(fit, poses)
+
+    def _words(self, here: int | None, goal: int | None) -> str:
+        if here is None or goal is None:
+            return "hold the unit still in another pose" if goal is None else "wait for the accelerometer"
+        if here == goal:
+            return _UNTIL if self._rest.lasting else "let go of it, or hold it still"
+        return f"hold it with {pose_words(goal)}, and {_UNTIL}"
+
+
+def _predicted(fit: NormFit, poses: Floats) -> float:
+    matrix, covariance = scaled(fit, G0, alike=alike_in(fit, poses).factor)
+    return tilt_sd(matrix, covariance, size=G0)
+
+
+def _filled(vectors: Floats) -> NDArray[np.bool_]:
+    seen = np.zeros(len(NAMES), dtype=np.bool_)
+    if len(vectors):
+        seen[region_of(vectors)] = True
+    return seen
+
+
+def _unit(vector: Floats) -> Floats:
+    return np.asarray(vector / np.linalg.norm(vector))
+
 
 TOO_FAST: Final = float(dps(180.0))
 """Rate above which a compass part, which averages for 10 ms or so, smears the field by degrees, rad/s."""
@@ -88,7 +176,7 @@ class MagGuide(Guide):
         fit = _determined(vectors) if one_axis(vectors, None) is None else None
         self._fit = fit
         full = fit is not None and fit.shape is Shape.ELLIPSOID
-        self._sd = _predicted(fit, vectors) if fit is not None and full else None
+        self._sd = _predicted_heading(fit, vectors) if fit is not None and full else None
         if fit is None:
             return
         if (news := self._seen.update(filled(vectors - fit.ellipsoid.centre) > 0)) is not None:
@@ -178,7 +266,7 @@ def _is_certain(fit: NormFit) -> bool:
     return centre_sd < _CERTAIN * radius and fit.sd < _HOLLOW * radius
 
 
-def _predicted(fit: NormFit, vectors: Floats) -> tuple[float, float]:
+def _predicted_heading(fit: NormFit, vectors: Floats) -> tuple[float, float]:
     """Predicted heading error, rad, and what of it more turning can make smaller: a length never shows the rest."""
     matrix, independent = scaled(fit, None, alike=1.0)
     memory, radius = alike_in(fit, vectors).memory, radius_of(fit.ellipsoid.shape)
@@ -195,3 +283,51 @@ def _least_turned(vectors: Floats) -> int:
     """Axis of the case about which the unit turned least: across that about which it turned most."""
     _, _, directions = np.linalg.svd(vectors - vectors.mean(axis=0), full_matrices=False)
     return int(np.argmin(np.abs(directions[2])))
+
+
+GUIDES: Final[dict[str, type[Guide]]] = {"mag": MagGuide, "accel": AccelGuide, "gyro": RestGuide}
+"""Guide of each kind of `plumbob calibrate` that has one."""
+
+_CHUNK: Final = 4096
+
+
+class GuideSink:
+    """Hands the samples of a line to a guide, shows its progress, and stops the line when it is enough.
+
+    Parameters
+    ----------
+    guide : Guide
+        The guide.
+    stop : Stop
+        Set when the capture is good.
+    show : callable
+        Gets the progress after each part.
+    """
+
+    def __init__(self, guide: Guide, stop: Stop, show: Callable[[Progress], None]) -> None:
+        self._guide, self._stop, self._show = guide, stop, show
+
+    def on_part(self, part: Part) -> None:
+        """Go on, and stop when it is enough."""
+        progress = self._guide.feed(part.sensed)
+        self._show(progress)
+        if progress.done:
+            self._stop.set()
+
+    def on_event(self, event: Event) -> None:
+        """Go on: a line that comes back goes on with the same unit in the same capture."""
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+def guided(guide: Guide, imu: ImuData) -> Progress:
+    """Progress at the end of a recording, uncalibrated in what is calibrated; the guide's timeline shows the way."""
+    for part in imu.chunks(_CHUNK):
+        progress = guide.feed(part)
+    return progress
+
+
+def warm_up() -> None:
+    """Compile what guides need now, so that no sample has to wait for it."""
+    fit_norm(10.0 * REGIONS, Shape.SPHERE, Ellipsoid(np.zeros(3), 0.1 * np.eye(3)))

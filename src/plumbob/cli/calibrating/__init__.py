@@ -1,1 +1,0 @@
-"""Kinds of `plumbob calibrate`, one file each."""
