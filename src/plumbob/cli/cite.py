@@ -10,8 +10,8 @@ def add_parser(verbs: common.Adder) -> None:
     p = verbs.add_parser(
         "cite",
         help="print the references of filters, as lines or as BibTeX",
-        description="Print the publications behind filters, a line for each, or their BibTeX entries: "
-        "plumbob cite mahony --bib > mahony.bib",
+        description="Print the publications behind filters, a line for each, or their BibTeX entries.",
+        epilog=common.more("plumbob cite mahony --bib", "equations.md"),
     )
     p.add_argument("names", nargs="*", metavar="FILTER", help="filters; all where none is named")
     p.add_argument("--bib", action="store_true", help="print the BibTeX entries, each once")

@@ -11,8 +11,8 @@ def add_parser(verbs: common.Adder) -> None:
     p = verbs.add_parser(
         "docs",
         help="print or open a page of the documentation",
-        description="Print a page of the documentation, which is installed with the package, or the list of pages: "
-        "plumbob docs time",
+        description="Print a page of the documentation, which is installed with the package, or the list of pages.",
+        epilog=common.more("plumbob docs time", "start.md"),
     )
     p.add_argument(
         "page", nargs="?", metavar="PAGE", help="the page, as a message names it or short: docs/time.md, time"

@@ -1,4 +1,4 @@
-"""What ideal sensors measure along a motion: rate, specific force, and the Earth's field.
+"""Functions of time that know their first and second derivative exactly, and the Earth's field as one vector.
 
 A signal is scalar, value ``(N,)`` at N instants, or has components on a last axis, value ``(N, k)``. Signals add, scale
 and multiply; whatever is built of them keeps exact derivatives, so that a simulated rate never comes from differences.

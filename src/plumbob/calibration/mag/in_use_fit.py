@@ -53,8 +53,10 @@ _SIZE_SD: Final = 1e-3  # of A, whose size is taken back
 _LEAST_WALK: Final = 1e-4  # of the field from window to window: a gyroscope's noise makes as much
 _LAGS: Final = ((15, 6), (150, 3))  # windows, and shares of all, between which differences of fields grow by the walk
 _STEPS: Final = 60
-_ROUNDS: Final = 4
+_ROUNDS: Final = 60  # of attitudes by the gyroscope's errors so far
+_SWINGING: Final = 10  # rounds, after which some records swing between two answers
 _ENOUGH: Final = 0.05  # of the parameters' standard deviations
+_SETTLED: Final = 0.5  # of the standard deviations of all parameters together, from one round to the next
 _TINY: Final = 1e-12
 
 
@@ -123,14 +125,17 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
     scaled, parts = (mag - middle) / size, parts_of(t, gyr, LENGTH)
     fit: _Fit | None = None
     try:
-        for _ in range(_ROUNDS):
+        for k in range(_ROUNDS):
             errors = Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
             windows = windows_of(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
-            fit = _Fit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
+            before, fit = fit, _Fit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
             if not fit.run():
                 return None
-        assert fit is not None
-        return fit.result(middle, size)
+            if before is not None and fit.way_from(before) < _SETTLED:
+                return fit.result(middle, size)
+            if before is not None and k >= _SWINGING:
+                fit.meet(before)
+        return None
     except np.linalg.LinAlgError:  # the steps led to where nothing determines the fields
         return None
 
@@ -188,6 +193,19 @@ class _Fit:
     def size(self) -> int:
         """Number of parameters: the magnetometer's, the gyroscope's gain, and its bias of each segment."""
         return _ALL - 3 + 3 * self.segments
+
+    def way_from(self, other: "_Fit") -> float:
+        """How far the parameters are from those of another fit, in standard deviations of all of them together."""
+        way = self._parameters() - other._parameters()
+        return math.sqrt(float(way @ self._equations().normal @ way))
+
+    def meet(self, other: "_Fit") -> None:
+        """Go half way to another fit."""
+        self.distortion, self.bias = 0.5 * (self.distortion + other.distortion), 0.5 * (self.bias + other.bias)
+        mine, theirs = self.gyr, other.gyr
+        self.gyr = Gyroscope(
+            0.5 * (mine.bias + theirs.bias), 0.5 * (mine.gain + theirs.gain), 0.5 * (mine.delay + theirs.delay)
+        )
 
     def run(self) -> bool:
         """Alternate between steps and the sizes of noise; False where they do not settle."""
