@@ -160,9 +160,9 @@ def _opened(
     span: tuple[float, float] | None,
     profile: Path | None,
 ) -> Capture:
-    if isinstance(recording, str | Path):
+    if not isinstance(recording, Recording | ImuData):
         return capture_of(
-            recording,
+            check.path("recording", recording),
             triads=how.triads,
             if_present=how.if_present,
             profile=profile,

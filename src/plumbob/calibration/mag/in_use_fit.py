@@ -129,7 +129,7 @@ def fit_in_use(t: Floats, mag: Floats, gyr: Floats, *, gyr_gain_sd: float) -> In
             errors = Gyroscope(np.zeros((1, 3)), np.zeros((3, 3)), 0.0) if fit is None else fit.gyr
             windows = windows_of(t, scaled, gyr, edges, LENGTH / parts, parts, errors)
             before, fit = fit, _Fit(windows, float(t[-1] - t[0]), gyr_gain_sd, fit)
-            if not fit.run():
+            if not fit.run(steady=k >= _SWINGING):
                 return None
             if before is not None and fit.way_from(before) < _SETTLED:
                 return fit.result(middle, size)
@@ -207,14 +207,14 @@ class _Fit:
             0.5 * (mine.bias + theirs.bias), 0.5 * (mine.gain + theirs.gain), 0.5 * (mine.delay + theirs.delay)
         )
 
-    def run(self) -> bool:
-        """Alternate between steps and the sizes of noise; False where they do not settle."""
+    def run(self, *, steady: bool) -> bool:
+        """Alternate between steps and, unless it is steady, the sizes of noise; False where they do not settle."""
         for k in range(_STEPS):
             found = self._equations()
             if not (np.isfinite(found.normal).all() and np.isfinite(found.slope).all()):
                 return False
             step = inverse_of(found.normal) @ found.slope
-            if k < _STEPS // 3:
+            if k < _STEPS // 3 and not steady:
                 self.noise = self._noise(found)
             self._move(step, found, 1.0 if k < _STEPS // 3 else 0.5)  # some swing to and fro
             if float(step @ found.normal @ step) < _ENOUGH**2 * _ALL:
