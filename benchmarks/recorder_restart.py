@@ -79,7 +79,7 @@ COUNTERS = struct.Struct("<Q")
 CHILD = """
 import mmap, sys, threading, time
 from plumbob.cli.main import main
-from plumbob.session import keep
+from plumbob.session import recording_sink as keep
 
 class Watched(keep.Keeper):
     def __init__(self, *args, **options):

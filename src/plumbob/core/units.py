@@ -11,7 +11,6 @@ from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
-from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import UnitError
 
@@ -316,7 +315,11 @@ def given(name: str, value: float | str | None, quantity: Quantity) -> float | N
     """
     if value is None:
         return None
-    return parse(value, quantity) if isinstance(value, str) else check.number(name, value, quantity.value)
+    if isinstance(value, str):
+        return parse(value, quantity)
+    from plumbob.core import check  # imports numpy, which the help of the command line does without
+
+    return check.number(name, value, quantity.value)
 
 
 def dps(value: Number) -> Number:
