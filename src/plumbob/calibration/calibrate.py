@@ -126,11 +126,11 @@ def calibrate(
     known = options_of(kind)
     if unknown := [name for name in options if name not in known]:
         raise ParameterError(f"{kind} has no option '{unknown[0]}'; it has {', '.join(known) or 'none'}.")
-    base = CalibrationCard.load(calibration) if isinstance(calibration, str | Path) else calibration
+    base = None if calibration is None else CalibrationCard.of(calibration)
     opened = (
         recording
         if isinstance(recording, Capture)
-        else _opened(recording, how, base, device, _span(start, stop), None if profile is None else Path(profile))
+        else _opened(recording, how, base, device, span_of(start, stop), None if profile is None else Path(profile))
     )
     say = note or (lambda line: None)
     if not isinstance(recording, Capture):
@@ -145,7 +145,8 @@ def options_of(kind: str) -> tuple[str, ...]:
     return tuple(signature(KINDS[kind].find).parameters)[2:]
 
 
-def _span(start: Value, stop: Value) -> tuple[float, float] | None:
+def span_of(start: Value, stop: Value) -> tuple[float, float] | None:
+    """Part of a recording, s, from its start or to its end where one is not given; None for the whole."""
     first, last = given("start", start, Quantity.TIME), given("stop", stop, Quantity.TIME)
     if first is None and last is None:
         return None

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plumbob.cli import capture, common
-from plumbob.cli.capture import add_options, calibrated, finish
 
 if TYPE_CHECKING:
     from plumbob.calibration.static_test import StaticTest
@@ -13,7 +12,6 @@ if TYPE_CHECKING:
     from plumbob.files import Recording
 
 KINDS: tuple[str, ...] = ("hand", "mag", "accel", "gyro", "table", "temperature", "mount", "statictest")
-
 """What can be calibrated: `add_` declares it, and `find_` does it."""
 
 LIVE = (
@@ -48,12 +46,11 @@ def run(args: argparse.Namespace) -> int:
     if args.kind is None or args.live_first:
         args.usage.error(LIVE if args.live_first else f"name a KIND: {', '.join(KINDS)}")
     from plumbob.calibration.fit import CaptureRefusedError
-    from plumbob.cli.capture import refused
 
     try:
         code: int = args.find(args)
     except CaptureRefusedError as why:
-        return refused(args, why)
+        return capture.refused(args, why)
     return code
 
 
@@ -126,7 +123,7 @@ def add_gyro(kinds: common.Adder) -> None:
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_options(p, guide="gyro")
+    capture.add_options(p, guide="gyro")
     p.add_argument(
         "--method", choices=("auto", "rest", "hand", "ferraris"), default="auto", help="how; auto says which"
     )
@@ -143,12 +140,14 @@ def find_gyro(args: argparse.Namespace) -> int:
     """Do it."""
     _refuse_idle(args)
     if args.method != "ferraris":
-        return finish(args, calibrated(args, "gyro", method=args.method, preset=args.preset))
+        return capture.finish(args, capture.calibrated(args, "gyro", method=args.method, preset=args.preset))
     from plumbob.files.text import read_labels
 
     labels = None if args.part_column is None else read_labels(args.file, args.part_column, args.profile)
     angle = args.angle or "360 deg"
-    return finish(args, calibrated(args, "ferraris", (args.parts,), parts=args.parts, labels=labels, angle=angle))
+    return capture.finish(
+        args, capture.calibrated(args, "ferraris", (args.parts,), parts=args.parts, labels=labels, angle=angle)
+    )
 
 
 def _refuse_idle(args: argparse.Namespace) -> None:
@@ -458,10 +457,10 @@ def add_temperature(kinds: common.Adder) -> None:
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_options(p, file="recording at rest over changing temperature")
+    capture.add_options(p, file="recording at rest over changing temperature")
     p.set_defaults(find=find_temperature)
 
 
 def find_temperature(args: argparse.Namespace) -> int:
     """Do it."""
-    return finish(args, calibrated(args, "temperature"))
+    return capture.finish(args, capture.calibrated(args, "temperature"))

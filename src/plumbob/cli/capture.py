@@ -71,6 +71,7 @@ def calibrated(
 
 def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | None") -> "Capture":
     """Capture that the options name, for the triads that are calibrated, some of them only where it has them."""
+    from plumbob.calibration.calibrate import span_of
     from plumbob.calibration.calibration import capture_of
 
     found = capture_of(
@@ -78,7 +79,7 @@ def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | Non
         triads=how.triads,
         if_present=how.if_present,
         profile=args.profile,
-        span=_span(args),
+        span=span_of(args.start, args.stop),
         device=args.device,
         base=base,
     )
@@ -125,12 +126,3 @@ def refused(args: argparse.Namespace, why: "CaptureRefusedError") -> int:
 def _read(args: argparse.Namespace) -> dict[str, Any]:
     """What was read, and what a guide told about it."""
     return {"file": args.file and str(args.file), **getattr(args, "told", {})}
-
-
-def _span(args: argparse.Namespace) -> tuple[float, float] | None:
-    from plumbob.core.units import Quantity, parse
-
-    if args.start is None and args.stop is None:
-        return None
-    first = 0.0 if args.start is None else parse(args.start, Quantity.TIME)
-    return first, float("inf") if args.stop is None else parse(args.stop, Quantity.TIME)

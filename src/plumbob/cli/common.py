@@ -4,7 +4,7 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -14,9 +14,7 @@ from plumbob.core.text import visible
 
 if TYPE_CHECKING:
     from plumbob.acquisition.transport import Stop
-    from plumbob.data import AttitudeTrack
     from plumbob.files import Recording
-    from plumbob.filters import Filter
     from plumbob.filters.offline import Stage
     from plumbob.protocols.decode import Counts
     from plumbob.protocols.format import Format, Message
@@ -216,26 +214,6 @@ def note_unassigned(form: "Format", message: "Message") -> None:
     if places := unassigned(form, message):
         told = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
         note(f"no field of message {message.name} uses its bytes {told} of {message.length}; they are ignored")
-
-
-def zero_of(north: str) -> str:
-    """What a heading counts from, in words."""
-    return "an arbitrary zero" if north == "free" else f"{north} north"
-
-
-def declination_deg(filter_: "Filter", track: "AttitudeTrack") -> float | None:
-    """Declination that makes a track's headings true, degrees; None where they are not."""
-    from plumbob.core.units import to_deg
-    from plumbob.rotations import North
-
-    angle = filter_.common.declination
-    return None if track.north is not North.TRUE or angle is None else to_deg(angle)
-
-
-def heading_of(report: Mapping[str, Any]) -> str:
-    """What the headings of a report count from, with the declination that makes them true."""
-    declination = report["declination_deg"]
-    return zero_of(report["north"]) + ("" if declination is None else f" (declination {declination:+.3f}°)")
 
 
 def print_json(value: Any) -> None:

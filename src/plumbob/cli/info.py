@@ -120,6 +120,7 @@ def _timing(t: Any) -> dict[str, Any]:
 def _print(report: dict[str, Any]) -> None:
     from plumbob.data import calibration_told
     from plumbob.files import found_in
+    from plumbob.rotations.headings import zero_of
 
     print(report["file"])
     told = found_in(report["notes"])  # on standard error already
@@ -138,7 +139,7 @@ def _print(report: dict[str, Any]) -> None:
             print(f"flag         {name}: {counted(count, 'sample')}")
     if attitude := report.get("attitude"):
         print(f"attitude     {visible(attitude['source']) or 'source not named'}")
-        print(f"frame        {attitude['frame']}, heading from {common.zero_of(attitude['north'])}")
+        print(f"frame        {attitude['frame']}, heading from {zero_of(attitude['north'])}")
         _print_timing(attitude["time"])
         print(
             f"known        {counted(attitude['known_samples'], 'sample')}, scored {attitude['scored_samples'] or 'all'}"

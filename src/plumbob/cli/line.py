@@ -181,6 +181,7 @@ def attitude_of(part: "Part | None") -> str:
 def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any]:
     """What a run gave, for JSON."""
     from plumbob.files import inferred
+    from plumbob.filters.offline import declination_deg
     from plumbob.protocols.overlap import passes_anything
     from plumbob.session.sources import KERNEL
 
@@ -198,7 +199,7 @@ def report_of(session: "Session", line: "Line", status: Status) -> dict[str, Any
         "filter": None if line.filter is None else line.filter.describe(),
         "frame": None if session.frame is None else str(session.frame),
         "north": None if track is None else str(track.north),
-        "declination_deg": None if track is None or line.filter is None else common.declination_deg(line.filter, track),
+        "declination_deg": None if track is None or line.filter is None else declination_deg(line.filter, track),
         "samples": status.samples,
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **line.report(),
@@ -210,6 +211,7 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
     """Print what a run gave, as text."""
     from plumbob.data import calibration_told
     from plumbob.protocols.page import UNCHECKED
+    from plumbob.rotations.headings import counted_from
 
     told, counts = report["time"], report["bytes"]
     rate = "unknown" if told["rate"] is None else f"{told['rate']:.6g} Hz"
@@ -233,5 +235,7 @@ def print_report(report: Mapping[str, Any], last: str) -> None:
     if report["filter"]:
         print(f"filter       {report['filter']}")
     if report["north"]:
-        print(f"frame        {report['frame']}, heading from {common.heading_of(report)}")
+        print(
+            f"frame        {report['frame']}, heading from {counted_from(report['north'], report['declination_deg'])}"
+        )
         print(f"at the end   {last}")

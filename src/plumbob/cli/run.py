@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         named = {"file": str(args.file), "out": str(args.out) if args.out else None}
         common.print_json(named | result.summary() | ({"errors": errors} if errors else {}))
         return 0
-    print(f"{args.file}: {counted(len(result.track), 'sample')}, {result.summary()['duration_s']:.3f} s")
+    print(f"{args.file}: {counted(len(result.track), 'sample')}, {result.track.t[-1] - result.track.t[0]:.3f} s")
     print("\n".join([result.text(), *_error_lines(errors)]))
     if args.out:
         print(f"written      {args.out}")

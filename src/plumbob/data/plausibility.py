@@ -156,7 +156,6 @@ LARGEST_TURN: Final = 0.5
 """Turns of the acceleration from window to window beyond it are left out, rad: they are no small angles."""
 
 QUIET_WHILE_TURNING: Final = 0.05
-
 """Windows count whose mean acceleration is as long as usual, within this fraction: little but gravity."""
 MOST_PAIRS = 50_000
 """About so many pairs of windows are compared, spread over the recording; more would only take longer."""

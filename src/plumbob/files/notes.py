@@ -56,6 +56,11 @@ class Recording:
         object.__setattr__(self, "notes", lines("notes", self.notes))
 
 
+def unsaved(imu: ImuData, name: str) -> Recording:
+    """Recording of samples that no file holds, with what is found in them, by their device's name or another."""
+    return Recording(imu=imu, name=imu.meta.device or name, notes=tuple(findings(imu)))
+
+
 def lines(name: str, given: Iterable[str]) -> tuple[str, ...]:
     """Lines of text, each without breaks; one text is refused, for its lines would be its letters."""
     found = None if isinstance(given, str) or not isinstance(given, Iterable) else tuple(given)

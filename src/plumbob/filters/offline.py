@@ -8,7 +8,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, ParameterError, ShapeError
-from plumbob.core.units import to_dps
+from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.filters import Filter, Start, takes_noise
@@ -83,6 +83,12 @@ class Stage:
     def name(self) -> str:
         """Label, or the filter's name."""
         return self.label or self.filter
+
+
+def declination_deg(filter_: Filter, track: AttitudeTrack) -> float | None:
+    """Declination that makes a track's headings true, degrees; None where they are not."""
+    angle = filter_.common.declination
+    return None if track.north is not North.TRUE or angle is None else float(to_deg(angle))
 
 
 def with_noise(stages: Sequence[Stage], card: "NoiseCard") -> list[Stage]:

@@ -106,7 +106,6 @@ def initialise(c: Floats, x: Floats, ax: float, ay: float, az: float, mx: float,
 LEVEL_WORD: Final = "level"
 """Roll and pitch zero; the heading is free until a magnetometer sets it."""
 TRUTH_WORD: Final = "truth"
-
 """The first attitude of the recording's reference, which `plumbob.session.start_from` looks up."""
 
 

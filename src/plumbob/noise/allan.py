@@ -16,7 +16,7 @@ from plumbob.core.version import __version__
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.files import Recording
-from plumbob.files.notes import findings
+from plumbob.files.notes import unsaved
 from plumbob.noise.characterise import Taus, characterise
 from plumbob.noise.findings import Analysis
 from plumbob.noise.static import StaticReport
@@ -65,8 +65,12 @@ class Noise(Shown):
     @property
     def source(self) -> str:
         """Where the figures come from."""
-        applied = "" if self.calibration is None else f", calibrated with {self.calibration}"
-        return f"Allan analysis of {self.record.path.name}{applied}, plumbob {__version__}"
+        return f"Allan analysis of {self._named}, plumbob {__version__}"
+
+    @property
+    def _named(self) -> str:
+        """Name of the record, and the card that was applied."""
+        return self.record.path.name + ("" if self.calibration is None else f", calibrated with {self.calibration}")
 
     def text(self, *, methods: bool = False, curve: bool = False) -> str:
         """Data sheet as text; with the figures of every method, or the curve's, where asked."""
@@ -98,8 +102,7 @@ class Noise(Shown):
         from plumbob.noise.datasheet import write_html
 
         name = device or self.record.path.stem
-        applied = "" if self.calibration is None else f", calibrated with {self.calibration}"
-        facts = {"record": f"{self.record.path.name}{applied}", "device": name, "made by": f"plumbob {__version__}"}
+        facts = {"record": self._named, "device": name, "made by": f"plumbob {__version__}"}
         write_html(
             Path(path), self.analyses, title=f"Noise of {name}", facts=facts, sections=sections, overwrite=overwrite
         )
@@ -197,7 +200,7 @@ def open_static(
     StaticRecord, StaticReport, str or None
         The channels, what was found in them, and the name of the card that was applied.
     """
-    card = CalibrationCard.load(calibration) if isinstance(calibration, str | Path) else calibration
+    card = None if calibration is None else CalibrationCard.of(calibration)
     applied = Path(calibration).name if isinstance(calibration, str | Path) else card.device if card else None
     hertz, first, last = (
         given(name, value, quantity)
@@ -208,7 +211,7 @@ def open_static(
     if isinstance(record, np.ndarray):
         opened = static_of_numbers(record, hertz, scale)
     elif isinstance(record, Recording | ImuData):
-        whole = record if isinstance(record, Recording) else _unsaved(record)
+        whole = record if isinstance(record, Recording) else unsaved(record, "samples")
         opened = static_of(whole, Path(whole.name), card, triads, (first, last), hertz)
     else:
         opened = load_static(
@@ -229,7 +232,3 @@ def open_static(
     for finding in report.errors:
         say(f"{name}: left out: {finding}")
     return opened, report, applied
-
-
-def _unsaved(imu: ImuData) -> Recording:
-    return Recording(imu=imu, name=imu.meta.device or "samples", notes=tuple(findings(imu)))

@@ -108,3 +108,13 @@ def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
 
 def _sd(variance: Floats) -> Floats:
     return np.sqrt(np.where(variance > 0.0, variance, np.nan))
+
+
+def zero_of(north: str) -> str:
+    """What a heading counts from, in words."""
+    return "an arbitrary zero" if north == North.FREE else f"{north} north"
+
+
+def counted_from(north: str, declination_deg: float | None) -> str:
+    """What headings count from, in words, with the declination that makes them true."""
+    return zero_of(north) + ("" if declination_deg is None else f" (declination {declination_deg:+.3f}°)")

@@ -17,10 +17,11 @@ from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.earth_field import located
 from plumbob.data.plausibility import upside_down
 from plumbob.files import Recording, findings, found_in, inferred_in, write
+from plumbob.files.notes import unsaved
 from plumbob.filters import Filter
-from plumbob.filters.offline import Stage, bias_beyond, filter_of, navigation_frame, run_stage
+from plumbob.filters.offline import Stage, bias_beyond, declination_deg, filter_of, navigation_frame, run_stage
 from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_rotate
-from plumbob.rotations.headings import claimed_sd
+from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
 from plumbob.session.reading import read
 
 if TYPE_CHECKING:
@@ -87,12 +88,6 @@ class Estimated(Shown):
             zip(("yaw", "pitch", "roll"), map(float, to_deg(euler_zyx_from_quat(self.track.q_nb[-1]))), strict=True)
         )
 
-    @property
-    def declination_deg(self) -> float | None:
-        """Declination that makes the headings true, degrees; None where they are not."""
-        angle = self.filter.common.declination
-        return None if self.track.north is not North.TRUE or angle is None else float(to_deg(angle))
-
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the track, with where it comes from; errors as of `plumbob.write`."""
         notes = (f"estimated from {self.name} by {self.track.source}", *self.inferred)
@@ -113,7 +108,7 @@ class Estimated(Shown):
             "flags": flags.counts(np.asarray(track.flags)),
             "filter": self.filter.describe(),
             "bias_beyond": self.bias_beyond,
-            "declination_deg": self.declination_deg,
+            "declination_deg": declination_deg(self.filter, track),
             "temperature_beyond": self.temperature_beyond,
             "noise_card": self.noise_card,
             "claimed_sd_deg": _claimed(track),
@@ -123,17 +118,15 @@ class Estimated(Shown):
         """What a reader wants to know first, a line each."""
         report = self.summary()
         last, north = report["last_attitude_deg"], report["north"]
-        zero = "an arbitrary zero" if north == "free" else f"{north} north"
-        declination = "" if self.declination_deg is None else f" (declination {self.declination_deg:+.3f}°)"
         lines = [
             f"filter       {report['filter']}",
-            f"frame        {report['frame']}, heading from {zero}{declination}",
+            f"frame        {report['frame']}, heading from {counted_from(north, report['declination_deg'])}",
             f"calibration  {calibration_told(report['calibration'])}",
         ]
         if self.noise_card:
             lines.append(f"noise card   {self.noise_card}")
         lines.append(f"at the end   yaw {last['yaw']:.3f}°, pitch {last['pitch']:.3f}°, roll {last['roll']:.3f}°")
-        lines.append(f"heading      {last['heading']:.3f}° clockwise from {zero}, of the body's x axis")
+        lines.append(f"heading      {last['heading']:.3f}° clockwise from {zero_of(north)}, of the body's x axis")
         if claims := report["claimed_sd_deg"]:
             said = ", ".join(f"{name} {'unknown' if sd is None else f'{sd:.3f}°'}" for name, sd in claims.items())
             lines.append(f"claimed      {said} (standard deviations at the end)")
@@ -237,8 +230,7 @@ def estimate(
 def _recording_of(given: str | Path | Recording | ImuData, profile: str | Path | None) -> tuple[str, Recording]:
     """What messages call it, and the recording."""
     if isinstance(given, ImuData):
-        name = given.meta.device or "the samples"
-        return name, Recording(imu=given, name=name, notes=tuple(findings(given)))
+        given = unsaved(given, "the samples")
     if isinstance(given, Recording):
         return given.name, given
     file = check.path("recording", given)
@@ -246,11 +238,11 @@ def _recording_of(given: str | Path | Recording | ImuData, profile: str | Path |
 
 
 def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
-    if not isinstance(given, str | Path):
-        return given
+    if given is None:
+        return None
     from plumbob.data.cards import NoiseCard
 
-    return NoiseCard.load(given)
+    return NoiseCard.of(given)
 
 
 def _calibrated(imu: ImuData, given: "CalibrationCard | str | Path") -> tuple[ImuData, str | None]:
@@ -258,7 +250,7 @@ def _calibrated(imu: ImuData, given: "CalibrationCard | str | Path") -> tuple[Im
     from plumbob.data.calibrated import apply_card, temperature_beyond
     from plumbob.data.cards import CalibrationCard
 
-    card = CalibrationCard.load(given) if isinstance(given, str | Path) else given
+    card = CalibrationCard.of(given)
     imu = apply_card(card, imu)
     return imu, temperature_beyond(card, imu)
 

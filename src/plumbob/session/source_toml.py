@@ -174,7 +174,6 @@ _RATE: Final = schema.size(Quantity.FREQUENCY)
 _STREAM: Final[dict[str, Parse]] = {"gather": schema.size(Quantity.TIME), "speed": schema.positive, "rate": _RATE}
 
 _PATIENT: Final[dict[str, Parse]] = {**_STREAM, "time": schema.one_of("host", "count")}
-
 """Of streams whose sender waits for a reader that is late; datagrams are lost instead."""
 _IIO: Final[dict[str, Parse]] = {
     "device": _which,

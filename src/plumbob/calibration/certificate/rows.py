@@ -108,7 +108,6 @@ def sizes(name: str, fit: Fitted) -> Sizes | None:
 AXES = ("x", "y", "z")
 
 SHOWN = {"gyr": ("deg/s",), "acc": ("mg", "m/s2"), "mag": ("uT",)}
-
 """Units in which a triad is shown; the first one also where only one is."""
 
 LEGEND = "± and predicted errors: one standard deviation"

@@ -195,7 +195,6 @@ def typical_miss(motions: Sequence[Motion], bias: Floats, matrix: Floats) -> flo
 
 
 FEWEST_RATES: Final = 12
-
 """Fewest poses: each axis has four parameters, and what they leave must tell noise."""
 
 SIGNIFICANCE: Final = 0.01

@@ -84,6 +84,11 @@ class Card(Shown):
         return cls.from_text(text_of(path, cls.KIND), str(path))
 
     @classmethod
+    def of(cls, given: Self | str | Path) -> Self:
+        """Return a card as it is, or the one of a file; errors as in `load`."""
+        return cls.load(given) if isinstance(given, str | Path) else given
+
+    @classmethod
     def from_text(cls, text: str, name: str) -> Self:
         """Read a card from its text; errors as in `load`, in which `name` stands for the file."""
         card: Self = built(name, cls, _parse(name, cls.KIND, cls.VERSION, text), cls.PARTS)

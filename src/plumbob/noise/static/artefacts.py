@@ -17,7 +17,6 @@ FEWEST: Final = 8
 """Visits of a pile; slow noise may stay at its outermost level for long, but not again and again."""
 
 CLIPPED_SHARE: Final = 1e-4
-
 """Part of all samples that a pile has."""
 
 
@@ -49,7 +48,6 @@ def _piled(pile: Pile, values: Floats) -> bool:
 
 
 HELD_SHARE: Final = 0.8
-
 """Part of the runs of equal values that must be alike. Coarse noise repeats itself too, but in runs of any length: of
 those that halve in number from each length to the next, 38 % last for two or three samples."""
 
@@ -94,7 +92,6 @@ def interleaved(values: Floats) -> int:
 
 
 PERIODIC_SHARE: Final = 0.9
-
 """Part of the energy of all changes that a single line must hold. Of 200 equal lines, the largest five hold a tenth."""
 LINES: Final = 200
 """Spectra of fewer lines are not judged."""
