@@ -1,0 +1,258 @@
+"""What the magnetometer says: the reference field, how far each field is to be believed, and the heading."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.units import deg, dps
+from plumbob.filters.smoother.inertial import Inertial
+from plumbob.filters.smoother.keyframes import Bools, Keyframes
+from plumbob.filters.smoother.model import Params
+from plumbob.filters.smoother.sweeps import UNUSED
+
+TURNING: Final = dps(20.0)
+"""A field that is seen while the unit turns so fast counts in full for the reference: a magnet nearby would show."""
+REST_SHARE: Final = 0.8
+"""All rest together counts at most so much of all turning."""
+STEEPEST: Final = 0.05
+"""A field whose level part is a smaller share than this of the reference's has no direction."""
+MODES: Final = 400
+"""Fields that are tried as a mode."""
+WIDER: Final = 1.5
+"""A field may differ from the reference by this many medians of what they do, or `mag_spread`."""
+USUAL_SHARE: Final = 0.8
+LEAST_NOISE: Final = 0.4
+"""White noise of the field is this share of its median deviation; never less than that of `mag_noise`."""
+LEAST_BEND: Final = deg(1.0)
+IGNORED: Final = 1e-4
+"""A weight below this is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Field that belongs to the place: level and vertical (up) part, µT, and the median deviation from it."""
+
+    level: float
+    vertical: float
+    median: float
+
+    def off(self, field: Floats) -> Floats:
+        """How far fields (K, 3) in navigation axes are off in size and dip, µT, whatever their direction."""
+        found: Floats = np.hypot(np.hypot(field[:, 0], field[:, 1]) - self.level, field[:, 2] - self.vertical)
+        return found
+
+    def spread(self, p: Params) -> float:
+        """Deviation at which a field counts with a quarter, µT."""
+        return max(p.mag_spread, WIDER * self.median)
+
+    def bend(self, p: Params) -> float:
+        """Standard deviation of the direction of a field that is right in size and dip, rad."""
+        return min(max(self.median / self.level, LEAST_BEND), p.mag_disturbance_sd)
+
+
+def reference_of(frames: Keyframes, p: Params, field: Floats, seen: Inertial, doubtful: Bools) -> Reference | None:
+    """The strongest mode of level and vertical field, weighed by the time that the unit turned in it.
+
+    Returns None where no field is left.
+    """
+    level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
+    rate = np.linalg.norm(frames.mean(frames.gyr) - seen.sweep.bias[1:], axis=1)
+    turning = np.where(seen.resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
+    resting = np.where(seen.resting, frames.step, 0.0)
+    all_turning, all_rest = float(turning.sum()), float(resting.sum())
+    if all_turning > 1.0 and all_rest > 0.0:
+        resting *= min(1.0, REST_SHARE * all_turning / all_rest)
+    weight = turning + resting
+    usable = np.isfinite(level) & ~doubtful & (weight > 0.0)
+    if not usable.any():
+        return None
+    points, weight = np.stack((level[usable], up[usable]), axis=1), weight[usable]
+    best = points[mode(points, weight, max(1, len(points) // MODES), 1.0 / (1.5 * p.mag_spread) ** 2)]
+    for _ in range(10):
+        w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
+        best = w @ points / w.sum()
+    found = Reference(float(best[0]), float(best[1]), 0.0)
+    if found.level < STEEPEST * math.hypot(*best):
+        return None
+    median = float(np.nanmedian(found.off(field)[~doubtful]))
+    return Reference(found.level, found.vertical, median)
+
+
+@njit
+def mode(points: Floats, weight: Floats, stride: int, sharpness: float) -> int:
+    """Place of the point, of every so many, near which most of the weight lies."""
+    best, most = 0, -1.0
+    for i in range(0, points.shape[0], stride):
+        near = 0.0
+        for j in range(points.shape[0]):
+            dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            off = 1.0 + sharpness * (dx * dx + dy * dy)
+            near += weight[j] / (off * off)
+        if near > most:
+            best, most = i, near
+    return best
+
+
+def weights(reference: Reference, p: Params, field: Floats, doubtful: Bools, *, directed: bool) -> Floats:
+    """How far each field (K, 3) is believed, 0 to 1: by size and dip, and where `directed` by direction too."""
+    off2 = reference.off(field) ** 2
+    if directed:  # half the chord to north: a reversed field of the right size is none
+        half = reference.level * np.abs(np.sin(0.5 * np.arctan2(field[:, 0], field[:, 1])))
+        off2 = off2 + half**2
+    usable = np.isfinite(off2) & ~doubtful
+    usable &= np.hypot(field[:, 0], field[:, 1]) > STEEPEST * reference.level
+    return np.where(usable, 1.0 / (1.0 + off2 / reference.spread(p) ** 2) ** 2, 0.0)
+
+
+def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight: Floats) -> Floats:
+    """Variance of the heading that the mean field of each step tells, rad²; beyond `UNUSED` where none does."""
+    white = p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
+    with np.errstate(divide="ignore"):
+        var = (white / reference.level) ** 2 / frames.step / weight
+    return np.where(weight > IGNORED, var, 2.0 * UNUSED)
+
+
+PATCH: Final = 30.0
+"""The rate of the drift is sought in stretches of this, s, whose phases are their own;"""
+PATCHES: Final = 20
+MOST_DRIFT: Final = dps(10.0)
+DRIFT_SD: Final = 3.0
+LEAST_DRIFT: Final = dps(0.1)
+"""where it may be more than this, rad/s, up to so many standard deviations."""
+DRIFTS: Final = dps(0.3)
+"""Afterwards it may still change: standard deviation of the rate, rad/s;"""
+DRIFT_WALK: Final = dps(0.006)
+DRIFT_NOISE: Final = 0.05 * dps(0.3) ** 2
+"""white noise of the heading that is integrated, rad²/s;"""
+ONE_LOOK: Final = 0.03
+"""and of the field's direction, rad² s."""
+WIDTHS: Final = 2.0, 1.0, 0.6, 0.35, 0.25, 0.25
+"""Directions further off than this, rad, lose their weight: from nearly all of them to those that agree."""
+THIRDS: Final = (0.0, 0.34), (0.33, 0.67), (0.66, 1.0)
+
+
+def heading_of(frames: Keyframes, found: Inertial, field: Floats, weight: Floats) -> Floats:
+    """Turn about the vertical, (K,), rad, that brings the field of an attitude without heading north, over time.
+
+    It is a constant that drifts as the gyroscope's bias is wrong. Fields of another direction must not pull it, whether
+    they come first or last: it is followed from three starts, each with weights that narrow, and the one that explains
+    most stays.
+    """
+    time, dt = frames.time[1:], frames.step
+    azimuth = np.where(weight > 0.0, np.arctan2(field[:, 0], field[:, 1]), 0.0)
+    drift = _drift(frames, azimuth, weight, _drift_sd(found))
+    base = drift * (time - time[0])
+    turned = azimuth - base
+    part = (time - time[0]) / max(time[-1] - time[0], 1e-9)
+    best: Floats = np.zeros_like(dt)
+    least = math.inf
+    for low, high in THIRDS:
+        inside = np.where((part >= low) & (part <= high), weight, 0.0)
+        offset: Floats = np.full(dt.size, math.atan2(float(inside @ np.sin(turned)), float(inside @ np.cos(turned))))
+        for width in WIDTHS:
+            off = _wrapped(turned - offset)
+            trust = weight / (1.0 + (off / width) ** 2) ** 2
+            offset = _followed(dt, offset + off, trust, frames.gap)
+        off2 = _wrapped(turned - offset) ** 2
+        cost = float(np.sum(weight * dt * off2 / (off2 + WIDTHS[-1] ** 2)))
+        if cost < least:
+            best, least = offset, cost
+    found: Floats = best + base
+    return found
+
+
+def bias_of_drift(frames: Keyframes, found: Inertial, turn: Floats) -> Floats:
+    """Bias, (3,), rad/s, that a drift of the heading shows, beside what is already known of it."""
+    from plumbob.rotations import dcm_from_quat
+
+    dt = frames.step
+    rate = np.diff(turn, prepend=turn[0]) / dt
+    rate[0] = rate[1] if rate.size > 1 else 0.0
+    rate[frames.gap] = 0.0
+    vertical = dcm_from_quat(found.sweep.q[1:])[:, 2, :]
+    trust = dt / (60.0 * dps(0.05) ** 2)  # in a minute a drift is known to 0.05 °/s
+    known: Floats = np.linalg.inv(found.sweep.cov[dt.size // 2, 3:, 3:])
+    normal: Floats = known + (vertical * trust[:, np.newaxis]).T @ vertical
+    shown: Floats = np.linalg.solve(normal, -vertical.T @ (trust * rate))
+    return shown
+
+
+def _drift_sd(found: Inertial) -> float:
+    """Standard deviation of the rate about the vertical, rad/s."""
+    from plumbob.rotations import dcm_from_quat
+
+    vertical = dcm_from_quat(found.sweep.q)[:, 2, :]
+    return math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, found.sweep.cov[:, 3:, 3:], vertical))))
+
+
+def _drift(frames: Keyframes, azimuth: Floats, weight: Floats, sd: float) -> float:
+    """Rate, rad/s, at which the phasors of the field stand still longest: the peak of their periodogram."""
+    if sd < LEAST_DRIFT:
+        return 0.0
+    time = frames.time[1:]
+    length = float(time[-1] - time[0])
+    patches = min(max(1, int(length // PATCH)), PATCHES)
+    edges = np.searchsorted(time, np.linspace(time[0], time[-1], patches + 1))
+    limit = min(DRIFT_SD * sd, MOST_DRIFT)
+    rates = np.arange(-limit, limit, min(dps(0.05) * PATCH / min(PATCH, max(length, 1.0)), dps(0.5)))
+    strength = np.zeros(rates.size)
+    for low, high in pairwise(edges):
+        phasor = (weight * frames.step)[low:high] * np.exp(1j * azimuth[low:high])
+        strength += np.abs(np.exp(-1j * np.outer(rates, time[low:high] - time[low])) @ phasor)
+    return float(rates[np.argmax(strength)])
+
+
+def _wrapped(angle: Floats) -> Floats:
+    return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def _followed(dt: Floats, angle: Floats, trust: Floats, gap: Bools) -> Floats:
+    out = np.empty(dt.size)
+    follow(dt, angle, trust, gap, DRIFTS, DRIFT_WALK, DRIFT_NOISE, ONE_LOOK, np.empty((dt.size, 10)), out)
+    return out
+
+
+@njit
+def follow(
+    dt: Floats, angle: Floats, trust: Floats, gap: Bools, rate_sd: float, walk: float, noise: float, look: float,
+    kept: Floats, out: Floats,
+) -> None:  # fmt: skip
+    """Smooth an angle that drifts at a rate, both unknown: forward, and back by [Rauch1965]."""
+    a, b, p00, p01, p11 = 0.0, 0.0, 10.0, 0.0, rate_sd * rate_sd
+    n = dt.size
+    for k in range(n):
+        h = dt[k]
+        if gap[k]:
+            p00, p01 = 10.0, 0.0
+        else:
+            a += h * b
+            p00 += 2.0 * h * p01 + h * h * p11 + noise * h
+            p01 += h * p11
+            p11 += walk * walk * h
+        kept[k, 0], kept[k, 1], kept[k, 2], kept[k, 3], kept[k, 4] = a, b, p00, p01, p11
+        if trust[k] > 1e-6:
+            s = p00 + look / (trust[k] * h)
+            k0, k1, r = p00 / s, p01 / s, angle[k] - a
+            a += k0 * r
+            b += k1 * r
+            p11 -= k1 * p01
+            p01 -= k0 * p01
+            p00 -= k0 * p00
+        kept[k, 5], kept[k, 6], kept[k, 7], kept[k, 8], kept[k, 9] = a, b, p00, p01, p11
+    out[n - 1] = a
+    for k in range(n - 2, -1, -1):
+        h = dt[k + 1]
+        p00, p01, p11 = kept[k + 1, 2], kept[k + 1, 3], kept[k + 1, 4]
+        d0, d1, det = a - kept[k + 1, 0], b - kept[k + 1, 1], p00 * p11 - p01 * p01
+        u0, u1 = (p11 * d0 - p01 * d1) / det, (p00 * d1 - p01 * d0) / det
+        q00, q01, q11 = kept[k, 7], kept[k, 8], kept[k, 9]
+        c00, c01 = (0.0, q01) if gap[k + 1] else (q00 + h * q01, q01)
+        c10, c11 = (0.0, q11) if gap[k + 1] else (q01 + h * q11, q11)
+        a = kept[k, 5] + c00 * u0 + c01 * u1
+        b = kept[k, 6] + c10 * u0 + c11 * u1
+        out[k] = a

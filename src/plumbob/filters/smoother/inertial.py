@@ -1,0 +1,238 @@
+"""What gyroscope and accelerometer say alone: when the unit rests, how fast it moves, its attitude but for heading."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.units import deg, dps
+from plumbob.filters.smoother.keyframes import Bools, Keyframes, path
+from plumbob.filters.smoother.model import FREE_HEADING, Noise, Params, start_covariance
+from plumbob.filters.smoother.sweeps import ANEW, MOVING, RESTING, UNUSED, Sweep, sweep
+
+WINDOW: Final = 3.0
+"""The body's speed is learned over this to both sides, s."""
+LEAK: Final = 2.0
+"""Velocity is integrated from the specific force with this memory, s, forward and backward."""
+SPEED_TIMES: Final = 6.0
+"""A speed lasts for about a period of the motion: this times speed over acceleration,"""
+SHORTEST, LONGEST = 0.25, 2.5
+"""within these, s."""
+REST_SPEED: Final = 0.02
+"""Level speed at rest, m/s."""
+FIRST_TILT: Final = 4.0
+"""The first tilt is that of the mean specific force over this, s;"""
+WIDE: Final = deg(15.0)
+"""its standard deviation, rad,"""
+NARROW: Final = deg(5.0)
+"""and that of a smoothed one that is taken for a start."""
+FIRST_BIASES: Final = dps(0.5), 1.0
+"""Standard deviations of the first bias, rad/s, and as a share of its prior, that are tried where nothing rests:"""
+REST_BIAS: Final = dps(0.3)
+"""at rest it is known to this."""
+AGAIN_BIAS: Final = dps(1.0)
+"""And this is what a later pass takes for it."""
+FIXED_MATRIX: Final = 1e-2
+"""Share of its prior by which scale and misalignment may move while the attitude is still far off."""
+BEYOND: Final = 3.0
+"""A mean rate beyond this many standard deviations of the bias is a turn."""
+MOST: Final = 2000
+"""Windows that are tried as centre of a cluster."""
+
+
+@dataclass(frozen=True, slots=True)
+class Speed:
+    """How the body moves, at each step: level speed, m/s, and for how long it lasts, s; each (K,)."""
+
+    speed: Floats
+    lasts: Floats
+
+    def density(self, p: Params, resting: Bools) -> Floats:
+        """Spectral density of the level velocity, taken for white, m²/s."""
+        moving = 2.0 * self.lasts * np.maximum(self.speed, p.speed) ** 2
+        return np.where(resting, 2.0 * SHORTEST * REST_SPEED**2, moving)
+
+
+@dataclass(frozen=True, slots=True)
+class Inertial:
+    """Attitude without a field, whose heading drifts: the pass, where it rested, and how fast the body moved."""
+
+    sweep: Sweep
+    resting: Bools
+    speed: Speed
+
+
+def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
+    """Kind of each step."""
+    return np.where(frames.gap, ANEW, np.where(resting, RESTING, MOVING))
+
+
+def calm(frames: Keyframes, p: Params) -> tuple[Bools, Floats]:
+    """Steps around which rate and force stay as they are, and the mean rate around every step, (K, 3).
+
+    The window reaches to both sides; one with a gap in it is not calm.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    usual = float(np.median(frames.step))
+    width = max(3, round(p.rest_time / usual) | 1)
+    rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
+
+    def spread(values: Floats) -> tuple[Floats, Floats]:
+        mean = _running_mean(values, width)
+        up, down = (f(values, width, axis=0, mode="nearest") for f in (maximum_filter1d, minimum_filter1d))
+        return np.maximum(up - mean, mean - down).max(axis=1), mean
+
+    (rate_spread, mean), (force_spread, _) = spread(rate), spread(force)
+    near_gap = maximum_filter1d(frames.gap.astype(np.int8), width, mode="constant") > 0
+    return (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap, mean
+
+
+def _running_mean(values: Floats, width: int) -> Floats:
+    total = np.concatenate((np.zeros((1, 3)), np.cumsum(values, axis=0)))
+    i = np.arange(len(values))
+    low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(values))
+    found: Floats = (total[high] - total[low]) / (high - low)[:, np.newaxis]
+    return found
+
+
+def first_rest(frames: Keyframes, p: Params) -> tuple[Bools, Floats]:
+    """Steps at rest, and the bias that they show, before any is known.
+
+    A slow even turn is as calm as rest, but its rate is its own; the rate at rest is the same bias every time. So rest
+    is where the mean rate belongs to the strongest cluster of all calm ones, weighed by how likely a bias it is.
+    """
+    quiet, mean = calm(frames, p)
+    if not quiet.any():
+        return quiet, np.zeros(3)
+    from scipy.spatial import cKDTree
+
+    rates = mean[quiet]
+    tried = rates[:: max(1, len(rates) // MOST)]
+    count = cKDTree(rates).query_ball_point(tried, p.rest_band, return_length=True)
+    likely = count * np.exp(-0.5 * (tried**2).sum(axis=1) / p.bias_start**2)
+    bias = tried[np.argmax(likely)]
+    for _ in range(3):
+        bias = rates[np.linalg.norm(rates - bias, axis=1) < p.rest_band].mean(axis=0)
+    if np.linalg.norm(bias) > BEYOND * p.bias_start:
+        return np.zeros_like(quiet), np.zeros(3)
+    resting = quiet & (np.linalg.norm(mean - bias, axis=1) < p.rest_band)
+    return resting, np.median(mean[resting], axis=0)
+
+
+def rest(frames: Keyframes, p: Params, bias: Floats) -> Bools:
+    """Steps at rest, where the bias (K, 3) is known."""
+    quiet, mean = calm(frames, p)
+    resting: Bools = quiet & (np.linalg.norm(mean - bias, axis=1) < p.rest_band)
+    return resting
+
+
+@njit
+def leaky(dt: Floats, force: Floats, memory: float, out: Floats) -> None:
+    """Half the sum of a level force integrated forward, and backward, with a memory."""
+    n = dt.size
+    for axis in range(2):
+        v = 0.0
+        for k in range(n):
+            v = v * math.exp(-dt[k] / memory) + dt[k] * force[k, axis]
+            out[k, axis] += 0.5 * v
+        v = 0.0
+        for k in range(n - 1, -1, -1):
+            v = v * math.exp(-dt[k] / memory) - dt[k] * force[k, axis]
+            out[k, axis] += 0.5 * v
+
+
+def speed_of(frames: Keyframes, force: Floats) -> Speed:
+    """How fast the body moves, by its level specific force (K, 2), from both sides."""
+    dt = frames.step
+    velocity = np.zeros((dt.size, 2))
+    leaky(dt, np.where(frames.gap[:, np.newaxis], 0.0, force), LEAK, velocity)
+    middle = frames.middle
+    low, high = np.searchsorted(middle, middle - WINDOW), np.searchsorted(middle, middle + WINDOW, side="right")
+
+    def rms(values: Floats) -> Floats:
+        total = np.concatenate(([0.0], np.cumsum(0.5 * (values**2).sum(axis=1) * dt)))
+        time = np.concatenate(([0.0], np.cumsum(dt)))
+        found: Floats = np.sqrt((total[high] - total[low]) / (time[high] - time[low]))
+        return found
+
+    speed, acceleration = rms(velocity), rms(force)
+    return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LONGEST))
+
+
+def first_speed(frames: Keyframes, bias: Floats) -> Speed:
+    """Speed before any attitude is known: in the frame that the gyroscope integrates gravity is a slow mean."""
+    from plumbob.rotations import quat_rotate
+
+    free = np.empty((frames.t.size, 4))
+    path(frames.t, frames.gyr - bias, free)
+    force = frames.mean(quat_rotate(free, frames.acc))
+    middle = frames.middle
+    low, high = np.searchsorted(middle, middle - LEAK), np.searchsorted(middle, middle + LEAK, side="right")
+    total = np.concatenate((np.zeros((1, 3)), np.cumsum(force, axis=0)))
+    force = force - (total[high] - total[low]) / (high - low)[:, np.newaxis]
+    one, other = speed_of(frames, force[:, :2]), speed_of(frames, force[:, 1:])
+    return Speed(np.maximum(one.speed, other.speed), np.full(middle.size, 0.5))
+
+
+def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
+    """Attitude (4,) at a keyframe, of any heading, from the mean force of the next seconds in the gyroscope's frame."""
+    from plumbob.rotations import quat_rotate
+
+    ends = np.flatnonzero(frames.gap[start:])
+    last = frames.first[start + ends[0]] if ends.size else frames.t.size - 1
+    i = frames.first[start]
+    j = max(min(int(np.searchsorted(frames.t, frames.t[i] + FIRST_TILT)), int(last) + 1), int(i) + 1)
+    t, free = frames.t[i:j], np.empty((j - i, 4))
+    path(t, frames.gyr[i:j] - bias, free)
+    x = (t - t[0]) / max(t[-1] - t[0], 1e-9)
+    weight = np.minimum(1.0, 4.0 * np.minimum(x, 1.0 - x) + 1e-3)  # what moves at the ends counts less
+    up = weight @ quat_rotate(free, frames.acc[i:j])
+    size = float(np.linalg.norm(up))
+    if size < 1e-6:
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    ux, uy, uz = up / size
+    if uz < -1.0 + 1e-9:
+        return np.array([0.0, 1.0, 0.0, 0.0])
+    turn = np.array([1.0 + uz, uy, -ux, 0.0])  # the shortest turn of u to the vertical
+    found: Floats = turn / np.linalg.norm(turn)
+    return found
+
+
+def level(frames: Keyframes, p: Params) -> Inertial:
+    """Attitude whose heading counts from nothing, by the first bias that leaves the least velocity."""
+    resting, bias = first_rest(frames, p)
+    tilt = np.zeros((frames.first.size, 4))
+    for start in frames.starts:
+        tilt[start] = first_tilt(frames, start, bias)
+    first = first_speed(frames, bias)
+    tried = (REST_BIAS,) if resting.any() else (FIRST_BIASES[0], FIRST_BIASES[1] * p.bias_start)
+    found = [_level(frames, p, resting, tilt, bias, first, sd) for sd in tried]
+    # A wrong attitude takes gravity for an acceleration, and a wrong bias is unlikely: what both leave, of one model
+    density = np.maximum.reduce([one.speed.density(p, resting) for one in found])
+    return min(found, key=lambda one: _misfit(frames, p, one.sweep, density))
+
+
+def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> float:
+    moved = float(np.sum(frames.step / density * (found.velocity[1:] ** 2).sum(axis=1)))
+    return moved + float(np.sum(found.bias[0] ** 2)) / p.bias_start**2
+
+
+def _level(
+    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, sd: float
+) -> Inertial:
+    """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
+    kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
+    noise, start = Noise.of(p, 0.0), tilt.copy()
+    for wide, matrix in ((WIDE, FIXED_MATRIX), (NARROW, FIXED_MATRIX), (NARROW, 1.0)):
+        known = sd if wide == WIDE else min(sd, AGAIN_BIAS)
+        p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=known, rigid=True, matrix=matrix)
+        density, last = speed.density(p, resting), matrix == 1.0
+        found = sweep(frames, kind, density, unused, start, bias, p0, noise, covariance=last)
+        speed = speed_of(frames, found.force[:, :2])
+        start[frames.starts], bias = found.q[frames.starts], found.bias[0]
+    return Inertial(found, resting, speed)

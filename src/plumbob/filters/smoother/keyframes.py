@@ -1,0 +1,218 @@
+"""Samples, the keyframes at which the smoother corrects, and the way back to an attitude at each sample."""
+
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.units import deg
+from plumbob.data import ImuData
+from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit
+
+LONGEST: Final = 0.1
+"""A longer step than this, s, and than three usual ones, is a gap: the attitude starts anew behind it."""
+USUAL: Final = 3.0
+UNKNOWN_FORCE: Final = 5.0
+"""Standard deviation of a specific force that was not measured, m/s²;"""
+UNKNOWN_RATE: Final = 0.3
+"""of a rate that was not measured, as a share of the rates around it, and"""
+LEAST_RATE: Final = deg(2.0)
+"""at least, rad/s."""
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframes:
+    """Samples without holes, and the steps that they are taken in.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    gyr, acc : ndarray (N, 3)
+        Rate and specific force, interpolated where there was none.
+    mag : ndarray (N, 3)
+        Field; NaN where there was none.
+    first : ndarray (K + 1,)
+        Sample of each keyframe.
+    gap : ndarray (K,) of bool
+        Steps without samples, behind which the attitude starts anew.
+    missed : ndarray (K,)
+        Variance of the attitude, rad², that interpolated rates add to each step.
+    pushed : ndarray (K,)
+        Variance of the level velocity, (m/s)², that interpolated forces add.
+    rows : ndarray (N,)
+        Place of each sample in the recording: those in a hole of the gyroscope are left out.
+    """
+
+    t: Floats
+    gyr: Floats
+    acc: Floats
+    mag: Floats
+    first: NDArray[np.int64]
+    gap: Bools
+    missed: Floats
+    pushed: Floats
+    rows: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self:
+        """Keyframes at least `spacing` apart, s."""
+        t, flag = np.asarray(imu.t), np.asarray(imu.flags)
+        gyr = _trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
+        acc = _trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
+        has_mag = mag and "mag" in imu.triads
+        field = (
+            _trusted(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
+            if has_mag
+            else np.full_like(gyr, np.nan)
+        )
+        longest = longest_step(t)
+        rows = np.flatnonzero(~_holes(t, np.isnan(gyr[:, 0]), longest))
+        t, gyr, acc, field = t[rows], gyr[rows], acc[rows], np.ascontiguousarray(field[rows])
+        first, gap = _steps(t, spacing, longest)
+        no_rate, no_force = np.isnan(gyr[:, 0]), np.isnan(acc[:, 0])
+        gyr, acc = _filled(t, gyr), _filled(t, acc)
+        dt = np.diff(t, prepend=t[0])
+        rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
+        missed = _per_step(first, np.where(no_rate, UNKNOWN_RATE * rates * dt, 0.0)) ** 2
+        pushed = _per_step(first, np.where(no_force, UNKNOWN_FORCE * dt, 0.0)) ** 2
+        return cls(t, gyr, acc, field, first, gap, missed, pushed, rows)
+
+    @property
+    def time(self) -> Floats:
+        """Times of the keyframes, s, (K + 1,)."""
+        return self.t[self.first]
+
+    @property
+    def step(self) -> Floats:
+        """Length of each step, s, (K,)."""
+        return np.diff(self.time)
+
+    @property
+    def middle(self) -> Floats:
+        """Middle of each step, s, (K,)."""
+        return 0.5 * (self.time[1:] + self.time[:-1])
+
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """Keyframes at which the attitude starts."""
+        return np.concatenate(([0], np.flatnonzero(self.gap) + 1))
+
+    def mean(self, values: Floats) -> Floats:
+        """Mean over the samples of each step, (K, …), of values (N, …)."""
+        total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)))
+        count = np.diff(self.first).reshape(-1, *(1,) * (values.ndim - 1))
+        found: Floats = (total[self.first[1:] + 1] - total[self.first[:-1] + 1]) / count
+        return found
+
+    def without(self, field: Floats) -> Self:
+        """Keyframes whose samples are rid of a field in body axes, (K, 3), that each step has of its own."""
+        per_sample = np.repeat(field, np.diff(self.first), axis=0)
+        mag = self.mag.copy()
+        mag[1:] -= per_sample[: len(mag) - 1]
+        return replace(self, mag=mag)
+
+
+def longest_step(t: Floats) -> float:
+    """Step beyond which there is a gap, s."""
+    return max(LONGEST, USUAL * float(np.median(np.diff(t)))) if t.size > 1 else LONGEST
+
+
+def _trusted(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:
+    """Values, NaN where one is missing or a flag says that it is not what it was."""
+    bad = ((flag & bits) != 0) | ~np.isfinite(values).all(axis=1)
+    return np.where(bad[:, np.newaxis], np.nan, values) if bad.any() else np.ascontiguousarray(values)
+
+
+def _holes(t: Floats, missing: Bools, longest: float) -> Bools:
+    """Samples in a stretch without a rate that is longer than a gap, or at an end of the recording."""
+    if not missing.any():
+        return missing
+    known = np.flatnonzero(~missing)
+    place = np.searchsorted(known, np.arange(t.size))
+    before, after = np.where(place > 0, known[np.maximum(place - 1, 0)], -1), known[np.minimum(place, known.size - 1)]
+    outside = (before < 0) | (place >= known.size)
+    return missing & (outside | (t[after] - t[np.maximum(before, 0)] > longest))
+
+
+def _steps(t: Floats, spacing: float, longest: float) -> tuple[NDArray[np.int64], Bools]:
+    """Keyframes, and which steps between them are gaps."""
+    reach = np.searchsorted(t, t + spacing - 1e-6)
+    found, i = [0], 0
+    while i < t.size - 1:
+        i = min(max(int(reach[i]), i + 1), t.size - 1)
+        found.append(i)
+    before = np.flatnonzero(np.diff(t) > longest)
+    first = np.unique(np.concatenate((found, before, before + 1)))
+    gap = np.zeros(first.size - 1, dtype=bool)
+    gap[np.searchsorted(first, before)] = True
+    return first.astype(np.int64), gap
+
+
+def _filled(t: Floats, values: Floats) -> Floats:
+    """Values, on straight lines over what is missing."""
+    known = ~np.isnan(values[:, 0])
+    if known.all():
+        return np.ascontiguousarray(values)
+    if not known.any():
+        return np.zeros_like(values)
+    return np.stack([np.interp(t, t[known], values[known, i]) for i in range(3)], axis=1)
+
+
+def _smooth(values: Floats, count: int) -> Floats:
+    """Running mean over a number of samples."""
+    return np.convolve(np.pad(values, count // 2, mode="edge"), np.full(count, 1.0 / count), mode="valid")
+
+
+def _per_step(first: NDArray[np.int64], values: Floats) -> Floats:
+    """Sum over the samples of each step."""
+    total = np.concatenate(([0.0], np.cumsum(values)))
+    return np.diff(total[first + 1])
+
+
+@njit
+def path(t: Floats, gyr: Floats, q: Floats) -> None:
+    """Attitude at every sample by the gyroscope alone, from the identity."""
+    a0, a1, a2, a3 = 1.0, 0.0, 0.0, 0.0
+    for i in range(t.size):
+        if i > 0:
+            dt = t[i] - t[i - 1]
+            e0, e1, e2, e3 = quat_exp(dt * gyr[i, 0], dt * gyr[i, 1], dt * gyr[i, 2])
+            a0, a1, a2, a3 = quat_mul(a0, a1, a2, a3, e0, e1, e2, e3)
+            a0, a1, a2, a3 = quat_unit(a0, a1, a2, a3)
+        q[i, 0], q[i, 1], q[i, 2], q[i, 3] = a0, a1, a2, a3
+
+
+def between(frames: Keyframes, moving: Bools, q_k: Floats, rate: Floats) -> Floats:
+    """Attitude at every sample, (N, 4): the gyroscope's way from keyframe to keyframe, what it misses spread evenly.
+
+    Parameters
+    ----------
+    frames : Keyframes
+        Samples and steps.
+    moving : ndarray (K,) of bool
+        Steps in which the gyroscope is followed; in others the attitude goes the shortest way.
+    q_k : ndarray (K + 1, 4)
+        Attitude at the keyframes.
+    rate : ndarray (N, 3)
+        Corrected rates, rad/s.
+    """
+    from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat
+
+    free = np.empty((frames.t.size, 4))
+    step = np.repeat(np.arange(moving.size), np.diff(frames.first))  # of samples 1, 2, …
+    turning = np.concatenate(([False], moving[step]))
+    path(frames.t, np.where(turning[:, np.newaxis], rate, 0.0), free)
+    # From the free path to the keyframes: constant in each step but for a rotation that grows evenly
+    change = quat_multiply(q_k, quat_conjugate(free[frames.first]))
+    grow = rotvec_from_quat(quat_multiply(change[1:], quat_conjugate(change[:-1])))
+    share = (frames.t[1:] - frames.time[step]) / frames.step[step]
+    here = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * grow[step]), change[step])
+    found: Floats = np.concatenate((q_k[:1], quat_multiply(here, free[1:])))
+    return found

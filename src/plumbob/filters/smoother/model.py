@@ -1,0 +1,169 @@
+"""What the smoother estimates, and what it takes for granted.
+
+=====  ==========  =========  =======================================================================
+place  name        unit       meaning
+=====  ==========  =========  =======================================================================
+0      TH          rad        error of the attitude, a rotation in navigation axes, ``q_true = exp(θ) ⊗ q``
+3      B           rad/s      bias of the gyroscope
+6      V           m/s        level velocity, east and north
+8      BEND        rad        how far the field's direction is off where its size and dip are right
+9      A           m/s²       bias of the accelerometer
+12     M           1          scale and misalignment of the gyroscope, row by row: rate = (I − M) gyr − bias
+=====  ==========  =========  =======================================================================
+
+The navigation frame inside is ENU with magnetic north; results are turned to the frame that was asked for.
+"""
+
+from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity, deg, dps
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import NoiseCard
+
+SMOOTHER: Final = "smoother"
+"""Its name, where a filter's is asked for."""
+SUMMARY: Final = "smoother: the whole recording at once, forward and backward; its scale, biases and field estimated"
+REFERENCES: Final = ("Sola2017", "Bierman1973", "Schmidt1966")
+NEEDS: Final = ("gyr", "acc")
+BIAS_PRIOR: Final = "bias_start"
+
+SIZE: Final = 21
+TH: Final = 0
+B: Final = 3
+V: Final = 6
+BEND: Final = 8
+A: Final = 9
+M: Final = 12
+KEPT: Final = 8
+"""The first states, whose covariance with all others is kept at every keyframe."""
+
+
+class Params(NamedTuple):
+    """Noise of the sensors, and how the body and its surroundings behave; all independent of the rate."""
+
+    gyr_noise: Annotated[float, Spec(Quantity.RATE_NOISE, "white noise of the gyroscope", 1e-9, 1)] = dps(0.01)
+    gyr_walk: Annotated[float, Spec(Quantity.RATE_WALK, "random walk of its bias", 0, 1)] = dps(0.006)
+    gyr_nonlinearity: Annotated[
+        float, Spec(Quantity.RATIO, "what scale and alignment leave, white, as a share of the rate, 1/√Hz", 0, 0.1)
+    ] = 0.0005
+    gyr_scale: Annotated[float, Spec(Quantity.RATIO, "standard deviation of its scale", 0, 0.5)] = 0.008
+    gyr_misalignment: Annotated[
+        float, Spec(Quantity.ANGLE, "standard deviation of the angles between its axes", 0, 0.5)
+    ] = 0.002
+    bias_start: Annotated[
+        float, Spec(Quantity.RATE, "standard deviation of its bias before the recording", 1e-9, 1)
+    ] = dps(5.0)
+    acc_noise: Annotated[float, Spec(Quantity.ACCELERATION_NOISE, "white noise of the accelerometer", 1e-6, 10)] = 0.003
+    acc_bias: Annotated[
+        float, Spec(Quantity.ACCELERATION, "standard deviation of its bias that is estimated", 0, 10)
+    ] = 0.015
+    acc_offset: Annotated[
+        float, Spec(Quantity.ACCELERATION, "and of an offset that is only counted in the covariance", 0, 10)
+    ] = 0.03
+    speed: Annotated[float, Spec(Quantity.SPEED, "least level speed that is expected; more is learned", 1e-3, 1e3)] = (
+        0.05
+    )
+    mag_noise: Annotated[float, Spec(Quantity.FIELD, "white noise of the field in motion, µT/√Hz", 1e-4, 100)] = 1.0
+    mag_spread: Annotated[
+        float, Spec(Quantity.FIELD, "a field this far from its reference counts with a quarter, at least", 1e-2, 100)
+    ] = 2.0
+    mag_disturbance_sd: Annotated[
+        float, Spec(Quantity.ANGLE, "largest standard deviation of the field's direction where its size is right", 0, 2)
+    ] = deg(3.0)
+    mag_disturbance_time: Annotated[float, Spec(Quantity.TIME, "for how long such a deflection lasts", 1e-3, 6000)] = (
+        60.0
+    )
+    rest_rate: Annotated[float, Spec(Quantity.RATE, "at rest the rate stays within this of its mean", 1e-6, 1)] = dps(
+        2.0
+    )
+    rest_force: Annotated[
+        float, Spec(Quantity.ACCELERATION, "and the specific force within this of its own", 1e-6, 100)
+    ] = 0.5
+    rest_band: Annotated[
+        float, Spec(Quantity.RATE, "and the mean rate within this of the bias; a slow turn is not rest", 1e-6, 1)
+    ] = dps(0.2)
+    rest_time: Annotated[float, Spec(Quantity.TIME, "over this time around each moment", 0.1, 600)] = 1.5
+    tremor: Annotated[float, Spec(Quantity.RATE_NOISE, "what still moves at rest", 0, 1)] = dps(0.05)
+    latency: Annotated[
+        float, Spec(Quantity.TIME, "the attitude is given for this much later than its samples", -1, 1)
+    ] = 0.0
+    latency_sd: Annotated[float, Spec(Quantity.TIME, "uncertainty of that, counted in the covariance", 0, 1)] = 0.0025
+    keyframe: Annotated[float, Spec(Quantity.TIME, "time between two corrections", 1e-3, 1)] = 0.049
+
+
+def from_noise(card: "NoiseCard") -> dict[str, float]:
+    """Noise parameters from a card, where they are larger than the defaults: in motion a sensor is never better.
+
+    What a unit shows at rest is the least of what it does in motion; a filter that believed it would follow the
+    gyroscope too stiffly.
+    """
+    usual, found = Params(), {}
+    for name, noise in (("gyr", card.gyr), ("acc", card.acc)):
+        if noise is not None:
+            found[f"{name}_noise"] = noise.n_rms
+    if card.gyr is not None:
+        found["gyr_walk"] = card.gyr.k_rms
+    return {name: value for name, value in found.items() if value > getattr(usual, name)}
+
+
+START_SPEED: Final = 0.3
+"""Standard deviation of the level velocity at a start, m/s."""
+
+
+def start_covariance(
+    p: Params, *, tilt: float, heading: float, bias: float, rigid: bool, matrix: float = 1.0
+) -> Floats:
+    """Covariance before the first sample, (21, 21).
+
+    Parameters
+    ----------
+    p : Params
+        Priors of the sensors.
+    tilt, heading : float
+        Standard deviations, rad.
+    bias : float
+        Of the gyroscope's bias, rad/s.
+    rigid : bool
+        Nothing tells the heading, so that the scale is only known as the misalignment is.
+    matrix : float
+        Share of the prior of scale and misalignment, as a standard deviation.
+    """
+    var = np.zeros(SIZE)
+    var[TH : TH + 2], var[TH + 2] = tilt**2, heading**2
+    var[B : B + 3] = bias**2
+    var[V : V + 2] = START_SPEED**2
+    var[A : A + 3] = p.acc_bias**2
+    var[M : M + 9] = p.gyr_misalignment**2
+    if not rigid:
+        var[[M, M + 4, M + 8]] = p.gyr_scale**2
+    var[M:] *= matrix**2
+    return np.diag(var)
+
+
+class Noise(NamedTuple):
+    """What the kernels read: variances per second, or of a measurement, and times."""
+
+    gyr: float
+    nonlinearity: float
+    walk: float
+    acc: float
+    rest: float
+    bend: float
+    bend_time: float
+
+    @classmethod
+    def of(cls, p: Params, bend: float) -> "Noise":
+        """Of the parameters, with the standard deviation of the field's direction, rad."""
+        return cls(
+            p.gyr_noise**2, p.gyr_nonlinearity**2, p.gyr_walk**2, p.acc_noise**2, p.gyr_noise**2 + p.tremor**2,
+            bend**2, p.mag_disturbance_time,
+        )  # fmt: skip
+
+
+FREE_HEADING: Final = 1e-3
+"""Standard deviation of a heading that counts from where the recording began, rad; no more than a number above zero."""
