@@ -119,12 +119,12 @@ def _parquet(folder: Path) -> Target:
 
 def _csv(folder: Path) -> Target:
     whole = _recording(60)
-    export(folder / "a.csv", whole)
+    export(whole, folder / "a.csv")
     return Target([folder / "a.csv"], lambda path: ("info", path, "--profile", folder / "a.profile.toml"), text=True)
 
 
 def _profile(folder: Path) -> Target:
-    export(folder / "a.csv", _recording(20))
+    export(_recording(20), folder / "a.csv")
     return Target([folder / "a.profile.toml"], lambda path: ("info", folder / "a.csv", "--profile", path), text=True)
 
 

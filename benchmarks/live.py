@@ -132,7 +132,7 @@ class Ages:
 def run(seconds: float, folder: Path) -> int:
     """Measure, and print."""
     from plumbob.session.recording_sink import Keeper
-    from plumbob.session.replay import compare, open_recording, replay
+    from plumbob.session.replay import open_recording, replay
     from plumbob.session.runner import run_line
     from plumbob.session.session import RecordSpec
     from plumbob.session.session_toml import parse_session
@@ -165,7 +165,7 @@ def run(seconds: float, folder: Path) -> int:
           f"{(folder / 'live.mcap').stat().st_size / age.size:.0f} bytes per sample")  # fmt: skip
     print(f"memory       at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
     log, again = open_recording(folder / "live.mcap")
-    result = compare(replay(log, again))
+    result = replay(log, session=again, check=True).comparison
     print(f"replay       {result.compared} attitudes compared, {result.different} different to the bit")
     return 0
 

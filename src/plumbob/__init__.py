@@ -55,6 +55,7 @@ from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibrate import calibrate
+    from plumbob.cli.info import info
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
@@ -74,12 +75,15 @@ if TYPE_CHECKING:
     from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
     from plumbob.session.estimated import estimate
+    from plumbob.session.live import record
     from plumbob.session.reading import read
     from plumbob.session.recorded import export
+    from plumbob.session.replay import replay
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Line
     from plumbob.simulation import simulate
+    from plumbob.simulation.rigs.emulate import emulate
 
 _HOME = {
     "AttitudeTrack": "data.imu",
@@ -105,16 +109,20 @@ _HOME = {
     "cite": "filters.known",
     "decode": "protocols.decode",
     "docs": "core.docs",
+    "emulate": "simulation.rigs.emulate",
     "estimate": "session.estimated",
     "evaluate": "evaluation",
     "export": "session.recorded",
     "filter_names": "filters",
     "find_format": "protocols.find",
+    "info": "cli.info",
     "load_session": "session.session_toml",
     "open_card": "data.cards",
     "profile": "files.draft",
     "read": "session.reading",
+    "record": "session.live",
     "repair": "files.mcap",
+    "replay": "session.replay",
     "simulate": "simulation",
     "verify": "files.mcap",
     "write": "files",
@@ -145,6 +153,7 @@ __all__ = [
     "cite",
     "decode",
     "docs",
+    "emulate",
     "errors",
     "estimate",
     "evaluate",
@@ -152,11 +161,14 @@ __all__ = [
     "filter_names",
     "find_format",
     "flags",
+    "info",
     "load_session",
     "open_card",
     "profile",
     "read",
+    "record",
     "repair",
+    "replay",
     "simulate",
     "units",
     "verify",

@@ -145,7 +145,7 @@ def values(line: Line) -> dict[str, float]:
 @pytest.mark.parametrize("line", LINES, ids=named)
 def test_a_worked_line_decodes(line):
     form = catalog.load(line.device).bind(dict(line.options))
-    frames, counts = decode(form, bytes.fromhex(line.hex))
+    frames, counts = decode(bytes.fromhex(line.hex), form)
     assert counts.junk == 0 and counts.frames[line.message] == 1 and list(frames) == [line.message]
     columns = frames[line.message].columns
     by_name = {one.name: one for one in form.message(line.message).fields}
@@ -171,7 +171,7 @@ def test_a_worked_line_encodes(line):
 
 @pytest.mark.parametrize(("device", "text"), WRONG)
 def test_a_line_that_is_wrong_is_refused(device, text):
-    frames, counts = decode(catalog.load(device), bytes.fromhex(text))
+    frames, counts = decode(bytes.fromhex(text), catalog.load(device))
     assert frames == {} and counts.junk == counts.received and counts.framed == 0
 
 
@@ -191,7 +191,7 @@ def test_what_cannot_be_is_refused_although_the_sum_is_right():
         (25, 4095, 1),
         (25, 4096, 0),
     ]:
-        counts = decode(form, with_word(at, value))[1]
+        counts = decode(with_word(at, value), form)[1]
         assert (counts.frames["ahrs400"], counts.bad_content > 0) == (frames, not frames)
 
 
@@ -205,8 +205,8 @@ def test_decimal_angles_that_cannot_be_are_refused():
     impossible = [("009001", "000000", "000000"), ("109001", "000000", "000000"), ("000000", "118001", "000000")]
     impossible += [("000000", "000000", "100001"), ("000000", "000000", "036001"), ("000000", "000000", "200000")]
     impossible += [("00000A", "000000", "000000")]
-    assert [decode(form, frame(*text))[1].frames["angles"] for text in possible] == [1, 1, 1]
-    assert [decode(form, frame(*text))[1].frames["angles"] for text in impossible] == [0] * 7
+    assert [decode(frame(*text), form)[1].frames["angles"] for text in possible] == [1, 1, 1]
+    assert [decode(frame(*text), form)[1].frames["angles"] for text in impossible] == [0] * 7
 
 
 def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
@@ -216,7 +216,7 @@ def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
         value ^= byte << 8
         for _ in range(8):
             value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
-    frames, counts = decode(catalog.load("x5555"), b"\x55\x55" + body + value.to_bytes(2, "big"))
+    frames, counts = decode(b"\x55\x55" + body + value.to_bytes(2, "big"), catalog.load("x5555"))
     assert frames == {} and counts.unknown == 1 and counts.junk == 0
 
 

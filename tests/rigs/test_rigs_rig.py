@@ -28,7 +28,7 @@ def rig_of(name, *, seed=3, duration=None, **more):
 
 
 def decoded(rig, data=None):
-    found, counts = decode(rig.form, rig.stream() if data is None else data)
+    found, counts = decode(rig.stream() if data is None else data, rig.form)
     return found[rig.form.messages[0].name], counts
 
 

@@ -9,7 +9,6 @@ from live_samples import SESSION, session, stream
 
 from plumbob import files
 from plumbob.acquisition.transport import Received
-from plumbob.cli.line import SETTLED, Status
 from plumbob.cli.main import main
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
@@ -17,6 +16,7 @@ from plumbob.evaluation.many.scenario import measure_scenario
 from plumbob.filters import Filter, filter_names
 from plumbob.filters.offline import Stage, bias_beyond
 from plumbob.rotations import Frame, North
+from plumbob.session.live import SETTLED, Watch
 from plumbob.session.stream import Line
 from plumbob.simulation import simulate
 from plumbob.simulation.presets import draw_module
@@ -102,10 +102,11 @@ def test_a_benchmark_says_in_how_many_seeds():
     assert text.count("plumbob calibrate gyro") == 1
 
 
-def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over(capsys):
+def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over():
     doubts_all = 'filter = "mekf"\nparams = { bias_start = "0.00001 deg/s", gyr_walk = "0.1 deg/s2/rtHz" }\n'
     line = Line(session(SESSION.split("filter")[0] + doubts_all))
-    status, told, size = Status(line, quiet=True), None, 30 * 140
+    notes = []
+    status, told, size = Watch(line, notes.append), None, 30 * 140
     data = stream(duration=32.0)
     for at in range(0, len(data), size):  # reads of 0.7 s: one begins before the time and ends after it
         part = line.take(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
@@ -115,4 +116,4 @@ def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over(capsys):
         if told is None and part.imu.t[-1] >= SETTLED:
             told = part.imu.t[0]
     assert told < SETTLED - 0.1
-    assert f"at {told:.1f} s: {status.bias_beyond}" in capsys.readouterr().err
+    assert notes == [f"at {told:.1f} s: {status.bias_beyond}"]

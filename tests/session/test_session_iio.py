@@ -18,7 +18,7 @@ from plumbob.core import flags
 from plumbob.core.errors import DecodeError, LineError, ParameterError, UnitError
 from plumbob.protocols.decode import decode
 from plumbob.session.recording_sink import Keeper
-from plumbob.session.replay import compare, open_recording, replay
+from plumbob.session.replay import open_recording, replay
 from plumbob.session.runner import run_line
 from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
@@ -60,8 +60,8 @@ def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):
     _, live = run(chosen, scans(gyr, acc, temp, t_ns), tree, tmp_path / "a.mcap")
     shutil.rmtree(tree.sys)  # a replay needs no device
     log, again = open_recording(tmp_path / "a.mcap")
-    replayed = replay(log, again)
-    result = compare(replayed)
+    replayed = replay(log, session=again, check=True)
+    result = replayed.comparison
     assert (result.equal, result.compared) == (True, 400)
     np.testing.assert_array_equal(live.t_ns, t_ns)  # the kernel's own, not those of the reads
     np.testing.assert_array_equal(replayed.found.t_ns, t_ns)
@@ -225,7 +225,7 @@ def test_a_driver_without_a_buffer_is_polled(tree, tmp_path):
     assert sensed.temp_c[-1] == pytest.approx(25.0)
     assert (sensed.meta.rate_nominal, sensed.meta.gyr_range) == (250.0, None)  # 32 bits are no range
     shutil.rmtree(tree.sys)
-    again = replay(*open_recording(path)).found
+    again = replay(path).found
     np.testing.assert_array_equal(again.t_ns, live.t_ns)
     np.testing.assert_array_equal(again.parts[-1].sensed.gyr, sensed.gyr)
 
@@ -272,7 +272,7 @@ def test_the_format_says_what_the_layout_says(layout, noise):
     """Two programs for the same bytes: the scan decoder of `acquire`, and the one of `sensors` from a format."""
     data = noise[: len(noise) // layout.size * layout.size]
     t_ns, columns = IioLayout.from_json(layout.to_json()).decode(data)
-    frames, counts = decode(iio_format(layout), data)
+    frames, counts = decode(data, iio_format(layout))
     found = frames["any"].columns
     assert counts.junk == 0
     np.testing.assert_array_equal(found["t_ns"], t_ns)

@@ -13,7 +13,7 @@ from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import disk, open_log, repair
 from plumbob.session.recorded import read_recorded
 from plumbob.session.recording_sink import Keeper, named_at
-from plumbob.session.replay import compare, open_recording, replay
+from plumbob.session.replay import replay
 from plumbob.session.runner import run_line
 from plumbob.session.session import OutputSpec, RecordSpec
 from plumbob.session.sinks import Collected
@@ -47,8 +47,8 @@ def two_starts(path, monkeypatch, *, reboot):
 @pytest.mark.parametrize("reboot", [False, True])
 def test_replay_of_two_starts_equals_live_to_the_bit(tmp_path, monkeypatch, reboot):
     live = two_starts(tmp_path / "a.mcap", monkeypatch, reboot=reboot)
-    replayed = replay(*open_recording(tmp_path / "a.mcap"))
-    assert compare(replayed).equal
+    replayed = replay(tmp_path / "a.mcap", check=True)
+    assert replayed.comparison.equal
     found = replayed.found
     first = len(live[0].t_ns)
     shift = HOUR if reboot else 0
@@ -59,15 +59,15 @@ def test_replay_of_two_starts_equals_live_to_the_bit(tmp_path, monkeypatch, rebo
     assert 1.9 < away < 2.1  # 2 s, a frame cut in two, and the delays of two reads
     gaps = np.flatnonzero(found.imu(calibrated=False).flags & flags.GAP)
     assert gaps.tolist() == [first]
-    assert replayed.line.report()["time"]["gap_count"] == 1
-    assert replayed.line.report()["time"]["lost"] == 0
+    assert replayed.stream.report()["time"]["gap_count"] == 1
+    assert replayed.stream.report()["time"]["lost"] == 0
     assert [event.kind for event in found.events] == ["restarted"]
 
 
 def test_one_file_made_of_both_gives_the_same(tmp_path, monkeypatch):
     two_starts(tmp_path / "a.mcap", monkeypatch, reboot=True)
     repair(tmp_path / "a.mcap", tmp_path / "b.mcap")
-    both = [replay(*open_recording(tmp_path / name)).found for name in ("a.mcap", "b.mcap")]
+    both = [replay(tmp_path / name).found for name in ("a.mcap", "b.mcap")]
     np.testing.assert_array_equal(both[0].t_ns, both[1].t_ns)
     np.testing.assert_array_equal(both[0].track().q_nb, both[1].track().q_nb)
 

@@ -125,7 +125,7 @@ def test_from_the_chip_to_the_recording_to_the_replay(tmp_path):
     gyr = joined(live, "gyr")[:, 2]
     np.testing.assert_allclose(gyr[20:] / LSB, counts(live.t_ns[20:] - 4 * MS), atol=1e-6)  # one poll old
     log, again = open_recording(tmp_path / "a.mcap")
-    replayed = replay(log, again)
+    replayed = replay(log, session=again)
     np.testing.assert_array_equal(replayed.found.t_ns, live.t_ns)
     np.testing.assert_array_equal(joined(replayed.found, "gyr"), joined(live, "gyr"))
     np.testing.assert_array_equal(joined(replayed.found, "flags"), joined(live, "flags"))
@@ -194,7 +194,7 @@ def test_a_chip_that_answers_behind_its_command_byte(tmp_path):
     np.testing.assert_allclose(gyr[5:, :2], np.tile([0.5, -0.25], (len(gyr) - 5, 1)), atol=np.radians(0.5 / 200))
     np.testing.assert_allclose(temp[5:], -3.5, atol=0.05)
     assert found.parts[0].sensed.meta.rate_nominal == 100.0
-    again = replay(*open_recording(tmp_path / "a.mcap")).found
+    again = replay(tmp_path / "a.mcap").found
     np.testing.assert_array_equal(joined(again, "gyr"), gyr)
 
 

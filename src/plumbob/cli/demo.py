@@ -126,7 +126,7 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     from plumbob.core.files import replacing
     from plumbob.protocols.rigs import load
     from plumbob.session.runner import run_line
-    from plumbob.session.session_toml import parse_session, plain_session
+    from plumbob.session.session_toml import session_of
     from plumbob.session.sinks import Collected
     from plumbob.session.sources import open_source
     from plumbob.session.stream import Line
@@ -137,10 +137,7 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     with replacing(path, overwrite=True) as temporary:
         temporary.write_bytes(rig.stream())
     device = next(iter(rig.units.values())).imu.meta.device
-    text = plain_session(
-        form="buoy", source={"kind": "file", "path": str(path)}, imu={"device": device, "frame": "NED"}
-    )
-    session, found = parse_session(text, str, name=path.stem), Collected()
+    session, found = session_of(capture=path, format="buoy", device=device, frame="NED"), Collected()
     run_line(Line(session), open_source(session.source), sinks=[found])
     imu = found.imu(calibrated=False)
     if imu is None:
@@ -326,22 +323,21 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     """Attitudes by name, the live filter's, that without its card and the others', and how many live ones are equal."""
     from dataclasses import replace
 
-    pass
     from plumbob.core.errors import PlumbobError
-    from plumbob.session.replay import compare, open_recording, replay
+    from plumbob.session.replay import open_recording, replay
 
     log, session = open_recording(out / RECORDING)
-    first = replay(log, session)
-    require_as_sent(first.found.imu(calibrated=False), sent, first.line.decoder.counts)
-    same = compare(first)
-    if not same.equal:
+    first = replay(log, session=session, check=True)
+    require_as_sent(first.found.imu(calibrated=False), sent, first.stream.decoder.counts)
+    same = first.comparison
+    if same is None or not same.equal:
         raise PlumbobError(f"the replay differs from what was live: {same}")
-    tracks = {"error-state EKF (live)": first.found.track()}
+    tracks = {"error-state EKF (live)": first.track}
     with common.progress("replaying", len(stages()) + 1) as advance:
-        tracks["the same, uncalibrated"] = replay(log, replace(session, card=None)).found.track()
+        tracks["the same, uncalibrated"] = replay(log, session=replace(session, card=None)).track
         advance(1)
         for stage in stages():
-            tracks[stage.name] = replay(log, replace(session, stage=stage)).found.track()
+            tracks[stage.name] = replay(log, session=replace(session, stage=stage)).track
             advance(1)
     return {name: track for name, track in tracks.items() if track is not None}, same.compared
 

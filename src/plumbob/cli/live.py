@@ -9,11 +9,9 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from plumbob.cli import common
-from plumbob.cli import session as lines
+from plumbob.cli import common, line
 
 if TYPE_CHECKING:
-    from plumbob.acquisition.transport import Event
     from plumbob.calibration.calibration import Capture
     from plumbob.calibration.guide.guide import Guide, Progress
     from plumbob.data import ImuData
@@ -162,7 +160,7 @@ def add_options(p: argparse.ArgumentParser) -> None:
     live.add_argument(
         "--live", action="store_true", help="INPUT is a session file (TOML); or give --port, --from, --iio"
     )
-    lines.add_line(live)
+    line.add_line(live)
     live.add_argument("--raw", type=Path, metavar="MCAP", help="recording of the capture, raw bytes and samples")
 
 
@@ -209,50 +207,37 @@ def tell(args: argparse.Namespace, imu: "ImuData") -> None:
 
 def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     """Samples of the line until the guide or somebody says stop; None where there are none."""
-    from plumbob.core import _jit
-
-    pass
+    from plumbob.acquisition.transport import Stop
     from plumbob.calibration.guide.guides import GUIDES, GuideSink, warm_up
-    from plumbob.cli.line import Status
+    from plumbob.core import _jit
+    from plumbob.session.live import Watch
     from plumbob.session.recording_sink import Keeper
     from plumbob.session.runner import run_line
     from plumbob.session.sinks import Collected, Sink
     from plumbob.session.sources import open_source
     from plumbob.session.stream import Line
 
-    line, guide, collected = Line(session), GUIDES[args.guided](), Collected()
+    stream, guide, collected = Line(session), GUIDES[args.guided](), Collected()
     if _jit.is_cold("accumulate"):
         common.note(_jit.compiling("the guide"))
-    line.warm_up()
+    stream.warm_up()
     warm_up()
-    board, status = Board(f"calibrate {args.kind}", guide), Status(line, quiet=True)
+    board, stop = Board(f"calibrate {args.kind}", guide), Stop()
+
+    def note(told: str) -> None:
+        board.erase()
+        common.note(told)
+
+    watch = Watch(stream, note)
     keeper = None if session.record is None else Keeper(session, session.record)
     source = open_source(session.source)
     common.note("waiting for samples; the capture ends when it is good, or by Ctrl-C with what there is")
-    with common.stopped_by_signals() as stop:
-        sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), _Notes(board, status)]
-        run_line(line, source, sinks=sinks, keeper=keeper, stop=stop, each=status.look)
+    with common.stopped_by_signals(stop):
+        sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), watch]
+        run_line(stream, source, sinks=sinks, keeper=keeper, stop=stop, each=watch.look)
     board.erase()
     args.told = _told(guide, guide.progress())
     return collected.imu(calibrated=False)
-
-
-class _Notes:
-    """Notes of a line, out of the way of a board."""
-
-    def __init__(self, board: Any, status: Any) -> None:
-        self._board, self._status = board, status
-
-    def on_part(self, part: Any) -> None:
-        """Leave it to the guide."""
-
-    def on_event(self, event: "Event") -> None:
-        """Say it."""
-        self._board.erase()
-        self._status.on_event(event)
-
-    def close(self) -> None:
-        """Nothing is held open."""
 
 
 def _require_end(args: argparse.Namespace) -> None:
@@ -287,9 +272,10 @@ def _session(args: argparse.Namespace) -> "Session":
 
     from plumbob.data import ImuMeta
     from plumbob.session.session import RecordSpec
+    from plumbob.session.session_toml import session_of
 
-    named = {"imu": {"device": args.device}} if args.device and args.file is None else {}
-    session = lines.session_of(args, args.file, args.start, named)
+    named = args.device if args.file is None else None
+    session = session_of(args.file, capture=args.start, device=named, **line.line_of(args))
     record = None if args.raw is None else replace(session.record or RecordSpec(""), path=str(args.raw))
     device = session.meta.device
     if device == session.form.name:

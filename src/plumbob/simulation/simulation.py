@@ -1,9 +1,9 @@
 """From a scenario and sensors to a recording with its truth, on one timeline."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.series import Series
 from plumbob.core.time import to_ns, to_s
 from plumbob.core.units import deg
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
@@ -112,8 +113,8 @@ MODULES = ("drawn", "calibrated")
 _CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Series):
     """A simulated recording and everything that is true about it.
 
     Attributes
@@ -141,6 +142,15 @@ class Simulation:
     kinematics: Truth
     module: Module
     scenario: Scenario
+
+    def facts(self) -> Mapping[str, str]:
+        """Scenario and samples."""
+        return {"scenario": self.truth.source.partition("(")[0], **self.imu.facts()}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the samples, and the true angles beside them."""
+        angles = {f"true {name}": one for name, one in self.truth.columns().items() if name.endswith("[deg]")}
+        return {**self.imu.columns(), **angles}
 
 
 class _World(NamedTuple):
