@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
+    from plumbob.session.emulated import emulate
     from plumbob.session.estimated import estimate
     from plumbob.session.live import record
     from plumbob.session.reading import read
@@ -83,7 +84,6 @@ if TYPE_CHECKING:
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Line
     from plumbob.simulation import simulate
-    from plumbob.simulation.rigs.emulate import emulate
 
 _HOME = {
     "AttitudeTrack": "data.imu",
@@ -109,7 +109,7 @@ _HOME = {
     "cite": "filters.known",
     "decode": "protocols.decode",
     "docs": "core.docs",
-    "emulate": "simulation.rigs.emulate",
+    "emulate": "session.emulated",
     "estimate": "session.estimated",
     "evaluate": "evaluation",
     "export": "session.recorded",

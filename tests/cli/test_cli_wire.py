@@ -19,7 +19,7 @@ from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import load
-from plumbob.simulation.rigs.emulate import _address
+from plumbob.session.emulated import _address
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
 from tests.battery.commandline import call

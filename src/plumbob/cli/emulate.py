@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.acquisition.transport import Stop
     from plumbob.core.errors import ParameterError
-    from plumbob.simulation.rigs.emulate import emulate, outputs
+    from plumbob.session.emulated import emulate, outputs
 
     if args.list:
         _print_list()

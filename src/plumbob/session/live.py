@@ -1,4 +1,4 @@
-"""A live stream from its device to a recording: `plumbob record`, and `plumbob.record`; what a replay tells, too."""
+"""A live stream from its device to a recording: `plumbob record`, and `plumbob.record`; and how a run is reported."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -53,7 +53,7 @@ class Watch:
     note : callable, optional
         Called with each remark.
     events : bool
-        Whether events are remarks, too; those of a replay were told when they happened.
+        Whether events are remarks, too; those of a replay are old.
     progress : callable, optional
         Called with this object after every part.
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.series import Series
 from plumbob.core.time import to_ns, to_s
-from plumbob.core.units import deg
+from plumbob.core.units import Quantity, deg, given
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
 from plumbob.data.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.rotations import Frame, North
@@ -110,6 +111,17 @@ def _count(rate: float, duration: float) -> int:
 MODULES = ("drawn", "calibrated")
 """What a module may be: as it left the line, or after an ideal calibration."""
 
+WORLD = {
+    "strength": Quantity.FIELD,
+    "dip": Quantity.ANGLE,
+    "declination": Quantity.ANGLE,
+    "temp_c": Quantity.TEMPERATURE,
+    "mag_rate": Quantity.FREQUENCY,
+    "jitter": Quantity.TIME,
+    "lost": Quantity.RATIO,
+}
+"""Numbers of the world and of the recording that are no parameters of a scenario, with what they measure."""
+
 _CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
 
 
@@ -177,19 +189,19 @@ def simulate(
     sensors: str | Module,
     module: str,
     seed: int,
-    rate: float | None = None,
-    duration: float | None = None,
-    strength: float = 50.0,
-    dip: float = deg(50.0),
-    declination: float = 0.0,
-    temp_c: float | Signal = 25.0,
-    mag_rate: float | None = None,
-    jitter: float = 0.0,
-    lost: float = 0.0,
-    noise: NoiseCard | None = None,
+    rate: float | str | None = None,
+    duration: float | str | None = None,
+    strength: float | str = 50.0,
+    dip: float | str = deg(50.0),
+    declination: float | str = 0.0,
+    temp_c: float | str | Signal = 25.0,
+    mag_rate: float | str | None = None,
+    jitter: float | str = 0.0,
+    lost: float | str = 0.0,
+    noise: NoiseCard | str | Path | None = None,
     **parameters: float | str,
 ) -> Simulation:
-    """Simulate a recording.
+    """Simulate a recording; every number may be text with its unit, as ``"60 s"``.
 
     Parameters
     ----------
@@ -232,20 +244,20 @@ def simulate(
         that the sensors have not.
     """
     frame = Frame.parse(frame)
-    for name, value, si in (
-        ("strength", strength, "µT"), ("dip", dip, "rad"), ("declination", declination, "rad"), ("jitter", jitter, "s"),
-        ("lost", lost, "1, a share"), ("temp_c", 0.0 if isinstance(temp_c, Signal) else temp_c, "°C"),
-    ):  # fmt: skip
-        check.number(name, value, si)
-    plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, mag_rate, noise)
-    rate = plan.rate if rate is None else check.number("rate", rate, "Hz")
-    duration = plan.duration if duration is None else check.number("duration", duration, "s")
-    line = time_line(rate=rate, duration=duration, jitter=jitter, lost=lost, seed=seed)
+    strength, dip, jitter = _number("strength", strength), _number("dip", dip), _number("jitter", jitter)
+    declination = _number("declination", declination)
+    warmth = temp_c if isinstance(temp_c, Signal) else constant(_number("temp_c", temp_c))
+    card = None if noise is None else check.kind("noise", NoiseCard.of(noise), NoiseCard)
+    magnetic = None if mag_rate is None else _number("mag_rate", mag_rate)
+    plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, magnetic, card)
+    rate = plan.rate if rate is None else _number("rate", rate)
+    duration = plan.duration if duration is None else _number("duration", duration)
+    line = time_line(rate=rate, duration=duration, jitter=jitter, lost=_number("lost", lost), seed=seed)
     motion = plan.motion(stream(seed, "scenario"), duration)
     world = _World(
         line=line,
         body=cache(lambda delay: motion.truth(line.sampled - delay).in_frame(frame)),
-        temp_c=(temp_c if isinstance(temp_c, Signal) else constant(temp_c)).at(line.sampled).value,
+        temp_c=warmth.at(line.sampled).value,
         field_n=earth_field(frame, strength=strength, dip=dip, declination=declination),
         declination=declination,
     )
@@ -280,6 +292,11 @@ def _simulation(
     )
 
 
+def _number(name: str, value: float | str) -> float:
+    quantity = {"rate": Quantity.FREQUENCY, "duration": Quantity.TIME, **WORLD}[name]
+    return check.number(name, given(name, value, quantity), quantity.value)
+
+
 def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scenario:
     if isinstance(scenario, str):
         return named_scenario(scenario, **parameters)
@@ -295,9 +312,9 @@ def _unit(sensors: str | Module, module: str, seed: int, mag_rate: float | None,
         raise ParameterError(f"module must be one of {', '.join(MODULES)}, but it is {check.said(module)}.")
     unit = draw_module(sensors, seed) if isinstance(sensors, str) else check.kind("sensors", sensors, Module)
     if mag_rate is not None:
-        unit = unit.with_mag_rate(check.number("mag_rate", mag_rate, "Hz"))
+        unit = unit.with_mag_rate(mag_rate)
     if noise is not None:
-        unit = unit.with_noise(check.kind("noise", noise, NoiseCard))
+        unit = unit.with_noise(noise)
     return unit.calibrated() if module == "calibrated" else unit
 
 
