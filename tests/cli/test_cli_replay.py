@@ -12,7 +12,7 @@ from plumbob.cli.main import main
 from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
 from plumbob.session import sources
-from plumbob.session.live import attitude_of, report_lines
+from plumbob.session.watch import attitude_of, report_lines
 from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
 
 

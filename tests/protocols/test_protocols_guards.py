@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from benchmarks.harness.false_accepts import false_accepts
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.overlap import false_accepts
 from plumbob.protocols.unpack import counts_of
 from tests.battery.decoders import in_pieces
 

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.harness.false_accepts import false_accepts
 from plumbob.core._jit import jit_disabled
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
-from plumbob.protocols.overlap import false_accepts, passes_anything
+from plumbob.protocols.overlap import passes_anything
 from plumbob.protocols.page import framing_of
 
 STREAMS = [name for name in catalog.names() if not catalog.load(name).framing.transfers]

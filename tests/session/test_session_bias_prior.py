@@ -16,8 +16,8 @@ from plumbob.evaluation.many.scenario import measure_scenario
 from plumbob.filters import Filter, filter_names
 from plumbob.filters.offline import Stage, bias_beyond
 from plumbob.rotations import Frame, North
-from plumbob.session.live import SETTLED, Watch
 from plumbob.session.stream import Line
+from plumbob.session.watch import SETTLED, Watch
 from plumbob.simulation import simulate
 from plumbob.simulation.presets import draw_module
 

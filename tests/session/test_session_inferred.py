@@ -9,13 +9,13 @@ from live_samples import SESSION, Handed, reads, session, stream
 
 from plumbob import files
 from plumbob.cli.main import main
-from plumbob.session.live import Watch, report_lines, report_of
 from plumbob.session.reading import read
 from plumbob.session.recorded import export, read_recorded
 from plumbob.session.recording_sink import Keeper
 from plumbob.session.runner import run_line
 from plumbob.session.session import RecordSpec
 from plumbob.session.stream import Line
+from plumbob.session.watch import Watch, report_lines, report_of
 
 TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall of the host looks the same"
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.session.live import Watch
+    from plumbob.session.watch import Watch
 
 
 def add_line(p: argparse._ActionsContainer) -> None:
@@ -69,7 +69,7 @@ class Status:
 
     def show(self, watch: "Watch") -> None:
         """Show now and then what a stream gives."""
-        from plumbob.session.live import attitude_of
+        from plumbob.session.watch import attitude_of
 
         if not self._shown or watch.last is None or (t := float(watch.last.imu.t[-1])) < self._next:
             return

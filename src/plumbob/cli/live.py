@@ -210,12 +210,12 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     from plumbob.acquisition.transport import Stop
     from plumbob.calibration.guide.guides import GUIDES, GuideSink, warm_up
     from plumbob.core import _jit
-    from plumbob.session.live import Watch
     from plumbob.session.recording_sink import Keeper
     from plumbob.session.runner import run_line
     from plumbob.session.sinks import Collected, Sink
     from plumbob.session.sources import open_source
     from plumbob.session.stream import Line
+    from plumbob.session.watch import Watch
 
     stream, guide, collected = Line(session), GUIDES[args.guided](), Collected()
     if _jit.is_cold("accumulate"):

@@ -116,20 +116,6 @@ def quat_to_xyzw(q: ArrayLike) -> Floats:
     return np.ascontiguousarray(np.roll(check.last_axis("q", q, 4), -1, axis=-1))
 
 
-def quat_continuous(q: ArrayLike) -> Floats:
-    """Choose signs along the first axis so that neighbours lie on the same half of the sphere; rotations stay.
-
-    Parameters
-    ----------
-    q : array_like (N, 4)
-        Unit quaternions; NaN rows keep their NaN and break the chain.
-    """
-    array = check.rows("q", q, 4)
-    flips = np.sum(array[1:] * array[:-1], axis=1) < 0.0
-    sign = np.where(np.cumsum(np.concatenate(([False], flips))) % 2 == 1, -1.0, 1.0)
-    return array * sign[:, np.newaxis]
-
-
 def by_component(kernel: Kernel[..., Any], *arrays: Floats) -> Floats:
     """Run a branch-free scalar kernel on whole arrays: their last axes are its arguments, its results the last axis."""
     return np.stack(kernel.py_func(*(a[..., i] for a in arrays for i in range(a.shape[-1]))), axis=-1)

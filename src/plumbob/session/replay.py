@@ -20,13 +20,13 @@ from plumbob.filters.offline import Stage
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame
 from plumbob.session import rows
-from plumbob.session.live import Note, Ran, Watch
 from plumbob.session.runner import run_line
 from plumbob.session.session import Session
 from plumbob.session.session_toml import load_session, of_unit, recorded_session
 from plumbob.session.sinks import Collected, Sink, Tracks
 from plumbob.session.sources import ReplaySource
 from plumbob.session.stream import Line, Part
+from plumbob.session.watch import Note, Ran, Watch
 
 
 @dataclass(frozen=True, eq=False, repr=False)
