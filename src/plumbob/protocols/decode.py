@@ -172,7 +172,7 @@ class Decoder:
 
     def _slice(self, whole: bytes, at: int, end: int, final: bool, parts: dict[int, list[Frames]]) -> tuple[int, bool]:
         view = np.frombuffer(whole, dtype=np.uint8)[at:end]
-        found, done = scan.scan(view, view.size, final, *self._plan, self._state, self._found)
+        found, done = scan.scan(view, view.size, final, self._plan, self._state, self._found)
         places = self._found[:found]
         for m, message in enumerate(self.form.messages):
             mine = places if len(self.form.messages) == 1 else places[places[:, 2] == m]
