@@ -154,11 +154,9 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
 
 def _profiles(path: Path) -> list[Path]:
     """Profiles that are read with a table."""
-    from plumbob.files import FORMATS
-    from plumbob.files.text import sidecars
+    from plumbob.core.files import TABLES, sidecars
 
-    described = any(kind.takes_profile and path.suffix.lower() in kind.suffixes for kind in FORMATS)
-    return [beside for beside in sidecars(path) if beside.is_file()] if described else []
+    return [beside for beside in sidecars(path) if beside.is_file()] if path.suffix.lower() in TABLES else []
 
 
 def unwritten(args: argparse.Namespace) -> list[Path]:
