@@ -71,13 +71,16 @@ class Replayed(Ran, Series):
         first, info = self.stream.t0_ns, self.log.first_info
         return 0 if first is None else first + (0 if info is None else info.epoch_offset_ns)
 
-    def save(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Write the track, with where it comes from; errors as of `plumbob.export`."""
-        from plumbob.session.recorded import export
+    def as_recording(self) -> Recording:
+        """The track, with where it comes from, for `plumbob.write` and `plumbob.export`.
 
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
         told = f"replayed from {self.log.paths[0].name} by {self._known.source}"
-        notes = (told, *inferred(self.stream.time_report()))
-        export(Recording(track=self.track, name=Path(path).stem, notes=notes), path, overwrite=overwrite)
+        return Recording(track=self._known, notes=(told, *inferred(self.stream.time_report())))
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
