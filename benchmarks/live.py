@@ -133,24 +133,24 @@ def run(seconds: float, folder: Path) -> int:
     """Measure, and print."""
     from plumbob.session.recording_sink import Keeper
     from plumbob.session.replay import open_recording, replay
-    from plumbob.session.runner import run_line
+    from plumbob.session.runner import run_stream
     from plumbob.session.session import RecordSpec
     from plumbob.session.session_toml import parse_session
     from plumbob.session.sources import open_source
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
 
     me = [sys.executable, __file__, "--emit", "--duration", str(seconds)]
     with subprocess.Popen(me, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as unit:
         port = unit.stdout.readline().strip()
         session = parse_session(SESSION.format(port=port), {"imu9.toml": FORMAT}.__getitem__, name="live")
-        line, ages = Line(session), Ages()
+        line, ages = Stream(session), Ages()
         line.warm_up()
         keeper = Keeper(session, RecordSpec(str(folder / "live.mcap")))
         source = open_source(session.source)
         unit.stdin.write("go\n")
         unit.stdin.flush()
         cpu, wall = time.process_time(), time.monotonic()
-        run_line(line, source, sinks=[ages], keeper=keeper, duration=seconds + 0.6)
+        run_stream(line, source, sinks=[ages], keeper=keeper, duration=seconds + 0.6)
         cpu, wall = time.process_time() - cpu, time.monotonic() - wall
         unit.stdin.write("end\n")
         unit.stdin.flush()

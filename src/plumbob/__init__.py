@@ -13,8 +13,8 @@ CalibrationCard, NoiseCard
     What a calibration and a noise analysis leave behind, as JSON.
 Format, Decoder
     What a device says on the wire, as data, and what makes numbers of its bytes: ``feed(bytes)`` gives frames.
-Session, Line
-    What a live line is, from a TOML file; and the line: bytes in, samples and attitude out, live or replayed.
+Session, Stream
+    What a live stream is, from a TOML file; and the stream: bytes in, samples and attitude out, live or replayed.
 Filter
     A named estimator with parameters and a state: ``process(data)`` gives a track, ``update(sample)`` goes on by one.
 
@@ -82,7 +82,7 @@ if TYPE_CHECKING:
     from plumbob.session.replay import replay
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
     from plumbob.simulation import simulate
 
 _HOME = {
@@ -96,7 +96,7 @@ _HOME = {
     "ImuData": "data.imu",
     "ImuMeta": "data.imu",
     "ImuSample": "data.sample",
-    "Line": "session.stream",
+    "Stream": "session.stream",
     "NoiseCard": "data.cards",
     "North": "rotations",
     "PlumbobError": "core.errors",
@@ -139,13 +139,13 @@ __all__ = [
     "ImuData",
     "ImuMeta",
     "ImuSample",
-    "Line",
     "NoiseCard",
     "North",
     "PlumbobError",
     "PlumbobWarning",
     "Recording",
     "Session",
+    "Stream",
     "__version__",
     "allan",
     "apply_card",

@@ -15,7 +15,7 @@ from plumbob.protocols.rigs import load
 from plumbob.session.recorded import read_recorded
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
 from tests.battery.commandline import call, ok
@@ -95,7 +95,7 @@ def test_what_was_lost_on_the_line_ends_the_demo_with_a_sentence(small, tmp_path
 
 def line_of(time="count"):
     source = f'source = {{ kind = "serial", port = "x", baud = 115200, speed = 60, time = "{time}" }}'
-    return Line(
+    return Stream(
         parse_session(f'kind = "plumbob session"\nversion = 1\n{source}\nformat = {{ name = "buoy" }}', str, name="x")
     )
 

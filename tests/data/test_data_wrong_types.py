@@ -54,7 +54,7 @@ DOORS = {
     "load_session": (plumbob.load_session, {"path": "x.toml"}),
     "Decoder": (plumbob.Decoder, {"form": FORM}),
     "feed": (lambda data: plumbob.Decoder(FORM).feed(data), {"data": b"ab"}),
-    "Line": (plumbob.Line, {"session": None}),
+    "Stream": (plumbob.Stream, {"session": None}),
     "CalibrationCard.load": (plumbob.CalibrationCard.load, {"path": "x.json"}),
     "NoiseCard.load": (plumbob.NoiseCard.load, {"path": "x.json"}),
     "simulate": (simulate, {"scenario": "static", "frame": Frame.NED, "sensors": "ideal", "module": "drawn",

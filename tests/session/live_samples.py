@@ -10,11 +10,11 @@ from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
 from plumbob.session.recording_sink import Keeper
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 
 RATE = 200.0
 OFFSET = 1_700_000_000_000_000_000
@@ -140,8 +140,8 @@ class Handed:
 def record(path, items, text=SESSION, **spec):
     """Items recorded at `path`, and what the line made of them."""
     chosen = session(text)
-    line, found = Line(chosen), Collected()
+    line, found = Stream(chosen), Collected()
     keeper = Keeper(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
-    run_line(line, Handed(items), sinks=[found], keeper=keeper)
+    run_stream(line, Handed(items), sinks=[found], keeper=keeper)
     assert keeper.recorder.acknowledged == keeper.recorder.written
     return found

@@ -16,7 +16,7 @@ from plumbob.evaluation.many.scenario import measure_scenario
 from plumbob.filters import Filter, filter_names
 from plumbob.filters.offline import Stage, bias_beyond
 from plumbob.rotations import Frame, North
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from plumbob.session.watch import SETTLED, Watch
 from plumbob.simulation import simulate
 from plumbob.simulation.presets import draw_module
@@ -104,12 +104,12 @@ def test_a_benchmark_says_in_how_many_seeds():
 
 def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over():
     doubts_all = 'filter = "mekf"\nparams = { bias_start = "0.00001 deg/s", gyr_walk = "0.1 deg/s2/rtHz" }\n'
-    line = Line(session(SESSION.split("filter")[0] + doubts_all))
+    line = Stream(session(SESSION.split("filter")[0] + doubts_all))
     notes = []
     status, told, size = Watch(line, notes.append), None, 30 * 140
     data = stream(duration=32.0)
     for at in range(0, len(data), size):  # reads of 0.7 s: one begins before the time and ends after it
-        part = line.take(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
+        part = line.feed(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
         if part is None:
             continue
         status.on_part(part)

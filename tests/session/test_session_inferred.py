@@ -12,9 +12,9 @@ from plumbob.cli.main import main
 from plumbob.session.reading import read
 from plumbob.session.recorded import export, read_recorded
 from plumbob.session.recording_sink import Keeper
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from plumbob.session.watch import Watch, report_lines, report_of
 
 TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall of the host looks the same"
@@ -27,9 +27,9 @@ def kept(path, *, late_ns=0, gone=0):
     shift = late_ns + 5_000_000 * (1000 + gone)
     items = [*before, *(replace(item, t_ns=item.t_ns + shift) for item in after)]
     chosen = session()
-    line = Line(chosen)
+    line = Stream(chosen)
     watch = Watch(line)
-    run_line(line, Handed(items), sinks=[watch], keeper=Keeper(chosen, RecordSpec(str(path))))
+    run_stream(line, Handed(items), sinks=[watch], keeper=Keeper(chosen, RecordSpec(str(path))))
     return report_of(watch)
 
 
@@ -88,7 +88,7 @@ def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
 
 def test_what_to_do_depends_on_what_the_frames_have():
     def line_of(mode, drift):
-        report = Line(session(SESSION)).time.report()
+        report = Stream(session(SESSION)).time.report()
         return files.inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))[0]
 
     assert "2 gaps, 3.25 s in all" in line_of("host", 0.0)

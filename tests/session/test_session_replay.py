@@ -15,10 +15,10 @@ from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
 from plumbob.session import reading, rows
 from plumbob.session.recorded import export, only, read_recorded
 from plumbob.session.replay import open_recording, replay
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.sinks import Collected, TextSink
 from plumbob.session.sources import open_source
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
 
@@ -254,8 +254,8 @@ def test_capture_of_a_logger_gives_the_device_times(tmp_path, lost):
     kept = b"".join(data[30 * i : 30 * i + 30] for i in range(len(data) // 30) if i not in lost)
     (tmp_path / "sd.bin").write_bytes(b"\x00\xa5" + kept)
     chosen = session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "sd.bin"}"\n')
-    line, found = Line(chosen), Collected()
-    run_line(line, open_source(chosen.source), sinks=[found])
+    line, found = Stream(chosen), Collected()
+    run_stream(line, open_source(chosen.source), sinks=[found])
     t_ns = np.delete(motion().imu.t_ns // 1000 * 1000, lost)
     np.testing.assert_array_equal(found.imu(calibrated=True).t_ns, t_ns)
     assert line.report()["time"]["lost"] == len(lost)

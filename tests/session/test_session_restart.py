@@ -14,10 +14,10 @@ from plumbob.files.mcap import disk, open_log, repair
 from plumbob.session.recorded import read_recorded
 from plumbob.session.recording_sink import Keeper, named_at
 from plumbob.session.replay import replay
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import OutputSpec, RecordSpec
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 
 HOUR = 3600 * 10**9
 UTC = 1_773_500_966_123_456_789  # date -u -d @1773500966 is 2026-03-14 15:09:26
@@ -26,9 +26,9 @@ UTC = 1_773_500_966_123_456_789  # date -u -d @1773500966 is 2026-03-14 15:09:26
 def start(path, items, offset=OFFSET):
     """One start of the recorder: a line of its own; gives what it made live."""
     chosen = session()
-    line, found = Line(chosen), Collected()
+    line, found = Stream(chosen), Collected()
     keeper = Keeper(chosen, RecordSpec(str(path), reserve=0, next_part=True), offset=lambda: offset)
-    run_line(line, Handed(items), sinks=[found], keeper=keeper)
+    run_stream(line, Handed(items), sinks=[found], keeper=keeper)
     return found
 
 
@@ -105,7 +105,7 @@ def test_another_session_goes_into_parts_of_its_own(tmp_path):
     start(tmp_path / "a.mcap", reads(stream())[:50])
     other = session(session().texts["session.toml"].replace("bench 7", "bench 8"))
     found, keeper = Collected(), Keeper(other, RecordSpec(str(tmp_path / "a.mcap"), reserve=0, next_part=True))
-    run_line(Line(other), Handed(reads(stream())[:50]), sinks=[found], keeper=keeper)
+    run_stream(Stream(other), Handed(reads(stream())[:50]), sinks=[found], keeper=keeper)
     assert "its session is another: parts from a.0002.mcap on are to be read apart" in found.events[0].text
     assert len(read_recorded(tmp_path / "a.0002.mcap").imu) > 0
     with pytest.raises(DecodeError, match="does not go on"):
@@ -147,7 +147,7 @@ class Full:
 def test_a_sink_that_fails_does_not_end_the_recording(tmp_path):
     chosen, items, full, found = session(), reads(stream()), Full(), Collected()
     keeper = Keeper(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
-    run_line(Line(chosen), Handed(items), sinks=[full, found], keeper=keeper)
+    run_stream(Stream(chosen), Handed(items), sinks=[full, found], keeper=keeper)
     assert full.parts == 4
     assert [(e.kind, e.text) for e in found.events] == [
         ("failed", "a.txt cannot be written any more: No space left on device.")
@@ -157,4 +157,4 @@ def test_a_sink_that_fails_does_not_end_the_recording(tmp_path):
     topics = [row.topic for row in log]
     assert (topics.count("raw"), topics.count("recorder")) == (len(items), 1)
     with pytest.raises(OSError, match="No space"):  # without a recording nothing goes on
-        run_line(Line(chosen), Handed(items), sinks=[Full()])
+        run_stream(Stream(chosen), Handed(items), sinks=[Full()])

@@ -11,12 +11,12 @@ from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, 
 from plumbob.files.mcap import open_log
 from plumbob.session.recording_sink import Keeper
 from plumbob.session.replay import open_recording, replay
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
 from plumbob.session.sources import open_source, spi_source
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from tests.emulated_chips.adxrs290 import Adxrs290
 from tests.emulated_chips.adxrs453 import Adxrs453
 from tests.emulated_chips.words_adxrs453 import Fault, sensor_command
@@ -105,11 +105,11 @@ def session(text=ADXRS453):
 
 def run(bench, duration, path=None, text=ADXRS453):
     chosen = session(text)
-    line, found = Line(chosen), Collected()
+    line, found = Stream(chosen), Collected()
     settings = chosen.source.settings
     source = spi_source(settings, open_bus=lambda: bench, clock=bench.clock, sleep=bench.sleep).open()
     keeper = None if path is None else Keeper(chosen, RecordSpec(str(path)), offset=lambda: 0)
-    run_line(line, source, sinks=[found], keeper=keeper, duration=duration, clock=bench.clock)
+    run_stream(line, source, sinks=[found], keeper=keeper, duration=duration, clock=bench.clock)
     return line, found
 
 
@@ -232,16 +232,16 @@ def test_a_machine_without_spi_says_what_is_missing():
 
 
 def test_a_lost_chip_is_a_gap():
-    line = Line(session())
+    line = Stream(session())
     bench = yaw()
     source = spi_source(session().source.settings, open_bus=lambda: bench, clock=bench.clock, sleep=bench.sleep).open()
     parts = []
     for number in range(200):
         if number == 100:
             lost = bench.t_ns
-            line.take(Event(lost, "lost", "the bus is gone"))
+            line.feed(Event(lost, "lost", "the bus is gone"))
             bench.sleep(0.5)
-            line.take(Event(bench.t_ns, "reopened", "it is back"))
-        parts += [part for item in source.read(1.0) if (part := line.take(item)) is not None]
+            line.feed(Event(bench.t_ns, "reopened", "it is back"))
+        parts += [part for item in source.read(1.0) if (part := line.feed(item)) is not None]
     told = np.concatenate([part.sensed.flags for part in parts])
     assert np.flatnonzero(told & flags.GAP).size == 1

@@ -213,13 +213,13 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     from plumbob.calibration.guide.guides import GUIDES, GuideSink, warm_up
     from plumbob.core import _jit
     from plumbob.session.recording_sink import Keeper
-    from plumbob.session.runner import run_line
+    from plumbob.session.runner import run_stream
     from plumbob.session.sinks import Collected, Sink
     from plumbob.session.sources import open_source
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
     from plumbob.session.watch import Watch
 
-    stream, guide, collected = Line(session), GUIDES[args.guided](), Collected()
+    stream, guide, collected = Stream(session), GUIDES[args.guided](), Collected()
     if _jit.is_cold("accumulate"):
         common.note(_jit.compiling("the guide"))
     stream.warm_up()
@@ -236,7 +236,7 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     common.note("waiting for samples; the capture ends when it is good, or by Ctrl-C with what there is")
     with common.stopped_by_signals(stop):
         sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), watch]
-        run_line(stream, source, sinks=sinks, keeper=keeper, stop=stop, each=watch.look)
+        run_stream(stream, source, sinks=sinks, keeper=keeper, stop=stop, each=watch.look)
     board.erase()
     args.told = _told(guide, guide.progress())
     return collected.imu(calibrated=False)

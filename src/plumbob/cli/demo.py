@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from plumbob.filters.offline import Stage
     from plumbob.protocols.decode import Counts
     from plumbob.session.session import Session
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
     from plumbob.simulation import Scenario
 
 _SAME_TIME: Final = 1e-6
@@ -125,11 +125,11 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     from plumbob.core.errors import DecodeError
     from plumbob.core.files import replacing
     from plumbob.protocols.rigs import load
-    from plumbob.session.runner import run_line
+    from plumbob.session.runner import run_stream
     from plumbob.session.session_toml import session_of
     from plumbob.session.sinks import Collected
     from plumbob.session.sources import open_source
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
     from plumbob.simulation.rigs.plan import PLANS
     from plumbob.simulation.rigs.rig import make_rig
 
@@ -138,7 +138,7 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
         temporary.write_bytes(rig.stream())
     device = next(iter(rig.units.values())).imu.meta.device
     session, found = session_of(capture=path, format="buoy", device=device, frame="NED"), Collected()
-    run_line(Line(session), open_source(session.source), sinks=[found])
+    run_stream(Stream(session), open_source(session.source), sinks=[found])
     imu = found.imu(calibrated=False)
     if imu is None:
         raise DecodeError(f"{path} holds no sample that could be decoded.")
@@ -287,21 +287,21 @@ def _command(out: Path, duration: float) -> list[str]:
     return [sys.executable, "-m", "plumbob.cli.main", *rig, "--truth", str(out / TRUTH), "--force"]
 
 
-def _live(out: Path, port: str, device: str) -> "Line":
+def _live(out: Path, port: str, device: str) -> "Stream":
     """Run the line on the port until the buoy has said everything."""
     from plumbob.session.recording_sink import Keeper
-    from plumbob.session.runner import run_line
+    from plumbob.session.runner import run_stream
     from plumbob.session.sinks import Collected, TextSink
     from plumbob.session.sources import open_source
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
 
     session = _session(out, port, device)
-    line, found = Line(session), Collected()
+    line, found = Stream(session), Collected()
     line.warm_up()
     assert session.record and session.output.text
     keeper = Keeper(session, session.record)
     sink = TextSink(session.output.text, session.output.every)
-    run_line(line, open_source(session.source), sinks=[found, sink], keeper=keeper, until_lost=True)
+    run_stream(line, open_source(session.source), sinks=[found, sink], keeper=keeper, until_lost=True)
     keeper.recorder.close(DISK)
     return line
 

@@ -13,12 +13,12 @@ from plumbob.core.units import Quantity, given
 from plumbob.protocols.find import unassigned_told
 from plumbob.session.estimated import compiling
 from plumbob.session.recording_sink import Keeper, named_at
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec, Session
 from plumbob.session.session_toml import session_of
 from plumbob.session.sinks import Sink, TextSink
 from plumbob.session.sources import open_source
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from plumbob.session.watch import Note, Ran, Watch, nothing_of
 
 
@@ -126,7 +126,7 @@ def record(
     chosen = _with_outputs(given_session or session_of(_path(session), **line), out, next_part=next_part, text=text)
     chosen = named_at(chosen, time.time_ns())
     seconds = given("duration", duration, Quantity.TIME)
-    stream, say = Line(chosen), note or (lambda line: None)
+    stream, say = Stream(chosen), note or (lambda line: None)
     _say_first(chosen, say)
     stream.warm_up()
     keeper = None if chosen.record is None else Keeper(chosen, chosen.record)
@@ -135,7 +135,7 @@ def record(
     source = open_source(chosen.source)
     if opened is not None:
         opened()
-    run_line(
+    run_stream(
         stream, source, sinks=[watch, *others, *sinks], keeper=keeper, duration=seconds, stop=stop, each=watch.look
     )
     if keeper is None:

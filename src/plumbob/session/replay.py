@@ -20,12 +20,12 @@ from plumbob.filters.offline import Stage
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame
 from plumbob.session import rows
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import Session
 from plumbob.session.session_toml import load_session, of_unit, recorded_session
 from plumbob.session.sinks import Collected, Sink, Tracks
 from plumbob.session.sources import ReplaySource
-from plumbob.session.stream import Line, Part
+from plumbob.session.stream import Part, Stream
 from plumbob.session.watch import Note, Ran, Watch
 
 
@@ -167,11 +167,11 @@ def replay(
     chosen = _estimated(chosen, filter, params, frame, noise, init)
     if opened is not None:
         opened(chosen)
-    stream, found, tracks = Line(chosen), Collected(), Tracks()
+    stream, found, tracks = Stream(chosen), Collected(), Tracks()
     watch, against = Watch(stream, note, events=False), Check(log) if check else None
     kept: dict[str, Sink] = {"all": found, "track": tracks}
     wanted = [watch, *([kept[keep]] if keep in kept else []), *([against] if against else []), *sinks]
-    run_line(stream, ReplaySource(log, speed), sinks=wanted)
+    run_stream(stream, ReplaySource(log, speed), sinks=wanted)
     if note is not None:
         for line in _lacking(log):
             note(line)

@@ -1,4 +1,4 @@
-"""Run a line: read, keep, decode, estimate, hand on, until the source ends or somebody says stop."""
+"""Run a stream: read, keep, decode, estimate, hand on, until the source ends or somebody says stop."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -8,14 +8,14 @@ from typing import Final
 from plumbob.acquisition.transport import Event, Received, Source, Stopping
 from plumbob.session.recording_sink import Keeper
 from plumbob.session.sinks import Sink
-from plumbob.session.stream import Line, Part
+from plumbob.session.stream import Part, Stream
 
 _WAIT: Final = 0.02
 """Longest wait for the source, s; the recording's chunks close on time also where nothing comes."""
 
 
-def run_line(
-    line: Line,
+def run_stream(
+    stream: Stream,
     source: Source,
     *,
     sinks: Sequence[Sink] = (),
@@ -33,8 +33,8 @@ def run_line(
 
     Parameters
     ----------
-    line : Line
-        The line.
+    stream : Stream
+        The stream.
     source : Source
         Where its bytes come from, open.
     sinks : sequence of Sink
@@ -62,18 +62,18 @@ def run_line(
             if behind and items:
                 items, behind = [replace(behind, t_ns=items[0].t_ns), *items], None
             for item in items:
-                _take(line, item, sinks, keeper)
+                _feed(stream, item, sinks, keeper)
             if each:
                 each()
             if until_lost and any(isinstance(item, Event) and item.kind == "lost" for item in items):
                 break
             if keeper:
-                _tell(keeper.tick(clock()), sinks)
-        _hand_on(line.finish(), clock(), sinks, keeper)
+                _on_events(keeper.tick(clock()), sinks)
+        _hand_on(stream.finish(), clock(), sinks, keeper)
     finally:
         source.close()
         if keeper:
-            _tell(keeper.close(), sinks)
+            _on_events(keeper.close(), sinks)
         for sink in sinks:
             sink.close()
 
@@ -105,12 +105,12 @@ class _Kept:
             self._keeper.failures.append(Event(self._clock(), "failed", what))
 
 
-def _take(line: Line, item: Received | Event, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
+def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
     if keeper:
         keeper.on_item(item)
-    _hand_on(line.take(item), item.t_ns, sinks, keeper)
+    _hand_on(stream.feed(item), item.t_ns, sinks, keeper)
     if isinstance(item, Event):
-        _tell([item], sinks)
+        _on_events([item], sinks)
 
 
 def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
@@ -122,7 +122,7 @@ def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], keeper: Keep
         keeper.on_part(part, now_ns)
 
 
-def _tell(events: Sequence[Event], sinks: Sequence[Sink]) -> None:
+def _on_events(events: Sequence[Event], sinks: Sequence[Sink]) -> None:
     for event in events:
         for sink in sinks:
             sink.on_event(event)

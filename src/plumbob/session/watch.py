@@ -17,7 +17,7 @@ from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import euler_zyx_from_quat
 from plumbob.rotations.headings import counted_from
 from plumbob.session.sources import KERNEL
-from plumbob.session.stream import Line, Part
+from plumbob.session.stream import Part, Stream
 
 Note = Callable[[str], None]
 
@@ -37,7 +37,7 @@ class Watch:
 
     Parameters
     ----------
-    stream : Line
+    stream : Stream
         The stream.
     note : callable, optional
         Called with each remark.
@@ -58,7 +58,7 @@ class Watch:
 
     def __init__(
         self,
-        stream: Line,
+        stream: Stream,
         note: Note | None = None,
         *,
         events: bool = True,
@@ -126,7 +126,7 @@ class Ran(Shown):
     watch: Watch
 
     @property
-    def stream(self) -> Line:
+    def stream(self) -> Stream:
         """The stream, with its counts."""
         return self.watch.stream
 
@@ -151,7 +151,7 @@ class Ran(Shown):
         return "\n".join(report_lines(self.summary(), attitude_of(self.watch.last)))
 
 
-def nothing_of(stream: Line) -> str:
+def nothing_of(stream: Stream) -> str:
     """Why a stream gave no sample, and where to look."""
     counts, session = stream.decoder.counts, stream.session
     if not counts.received:
