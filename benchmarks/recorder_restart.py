@@ -81,7 +81,7 @@ import mmap, sys, threading, time
 from plumbob.cli.main import main
 from plumbob.session import recording_sink as keep
 
-class Watched(keep.Keeper):
+class Watched(keep.RecordingSink):
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
         threading.Thread(target=self.publish, daemon=True).start()
@@ -93,7 +93,7 @@ class Watched(keep.Keeper):
             shared[:] = self.recorder.acknowledged.to_bytes(8, "little")
             time.sleep(0.001)
 
-keep.Keeper = Watched
+keep.RecordingSink = Watched
 sys.exit(main(["record", "session.toml"]))
 """
 

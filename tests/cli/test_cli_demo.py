@@ -103,7 +103,7 @@ def line_of(time="count"):
 def taken(items, line=None):
     """What a line makes of its items, and what became of the bytes."""
     line, found = line or line_of(), Collected()
-    for part in filter(None, [*map(line.take, items), line.finish()]):
+    for part in filter(None, [*map(line.feed, items), line.finish()]):
         found.on_part(part)
     return found.imu(calibrated=False), line.decoder.counts
 

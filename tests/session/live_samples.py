@@ -9,7 +9,7 @@ from plumbob.acquisition.transport import Received
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.session.recording_sink import Keeper
+from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
@@ -141,7 +141,7 @@ def record(path, items, text=SESSION, **spec):
     """Items recorded at `path`, and what the line made of them."""
     chosen = session(text)
     line, found = Stream(chosen), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
-    run_stream(line, Handed(items), sinks=[found], keeper=keeper)
-    assert keeper.recorder.acknowledged == keeper.recorder.written
+    recording_sink = RecordingSink(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
+    run_stream(line, Handed(items), sinks=[found], recording=recording_sink)
+    assert recording_sink.recorder.acknowledged == recording_sink.recorder.written
     return found

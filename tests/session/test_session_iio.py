@@ -17,7 +17,7 @@ from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, LineError, ParameterError, UnitError
 from plumbob.protocols.decode import decode
-from plumbob.session.recording_sink import Keeper
+from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.replay import open_recording, replay
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
@@ -47,8 +47,8 @@ def run(chosen, data, tree, path=None):
     for at in range(0, len(data), 1003):
         os.write(end, data[at : at + 1003])
     os.close(end)
-    keeper = None if path is None else Keeper(chosen, RecordSpec(str(path)), offset=lambda: 0)
-    run_stream(line, source, sinks=[found], keeper=keeper, until_lost=True)
+    recording_sink = None if path is None else RecordingSink(chosen, RecordSpec(str(path)), offset=lambda: 0)
+    run_stream(line, source, sinks=[found], recording=recording_sink, until_lost=True)
     return line, found
 
 
@@ -219,7 +219,7 @@ def test_a_driver_without_a_buffer_is_polled(tree, tmp_path):
     chosen = polled(tree)
     path, line, live = tmp_path / "a.mcap", Stream(chosen), Collected()
     source = open_source(chosen.source)
-    run_stream(line, source, sinks=[live], keeper=Keeper(chosen, RecordSpec(str(path))), duration=0.3)
+    run_stream(line, source, sinks=[live], recording=RecordingSink(chosen, RecordSpec(str(path))), duration=0.3)
     sensed = live.parts[-1].sensed
     assert np.degrees(sensed.gyr[-1, 2]) == pytest.approx(-2.0, rel=1e-4)
     assert sensed.temp_c[-1] == pytest.approx(25.0)

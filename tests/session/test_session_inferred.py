@@ -11,7 +11,7 @@ from plumbob import files
 from plumbob.cli.main import main
 from plumbob.session.reading import read
 from plumbob.session.recorded import export, read_recorded
-from plumbob.session.recording_sink import Keeper
+from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.stream import Stream
@@ -29,7 +29,7 @@ def kept(path, *, late_ns=0, gone=0):
     chosen = session()
     line = Stream(chosen)
     watch = Watch(line)
-    run_stream(line, Handed(items), sinks=[watch], keeper=Keeper(chosen, RecordSpec(str(path))))
+    run_stream(line, Handed(items), sinks=[watch], recording=RecordingSink(chosen, RecordSpec(str(path))))
     return report_of(watch)
 
 

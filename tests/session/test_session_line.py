@@ -15,7 +15,7 @@ from plumbob.filters.offline import run_stage
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
-from plumbob.session.recording_sink import Keeper
+from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.sinks import Collected
@@ -127,7 +127,7 @@ def test_warm_up_leaves_the_line_untouched():
 def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch):
     """From some chunk on the system has no room; the line goes on, and says so once."""
     chosen, found = session(), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(tmp_path / "a.mcap")))
+    recording_sink = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap")))
     real, sizes = disk.write_all, []
 
     def limited(fd, data, offset):
@@ -137,13 +137,13 @@ def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch)
         real(fd, data, offset)
 
     monkeypatch.setattr(disk, "write_all", limited)
-    run_stream(Stream(chosen), Handed(reads(stream())), sinks=[found], keeper=keeper)
+    run_stream(Stream(chosen), Handed(reads(stream())), sinks=[found], recording=recording_sink)
     assert len(found.imu(calibrated=True)) == len(motion().imu)
     assert [e.kind for e in found.events].count("stopped") == 1
-    assert 0 < keeper.recorder.acknowledged < keeper.recorder.written
+    assert 0 < recording_sink.recorder.acknowledged < recording_sink.recorder.written
     monkeypatch.undo()
     told = verify(tmp_path / "a.mcap")
-    assert sum(told.rows.values()) >= keeper.recorder.acknowledged
+    assert sum(told.rows.values()) >= recording_sink.recorder.acknowledged
 
 
 def test_card_that_needs_a_temperature_survives_one_that_is_missing(tmp_path):

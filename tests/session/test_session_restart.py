@@ -12,7 +12,7 @@ from plumbob.core import flags
 from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import disk, open_log, repair
 from plumbob.session.recorded import read_recorded
-from plumbob.session.recording_sink import Keeper, named_at
+from plumbob.session.recording_sink import RecordingSink, named_at
 from plumbob.session.replay import replay
 from plumbob.session.runner import run_stream
 from plumbob.session.session import OutputSpec, RecordSpec
@@ -27,8 +27,8 @@ def start(path, items, offset=OFFSET):
     """One start of the recorder: a line of its own; gives what it made live."""
     chosen = session()
     line, found = Stream(chosen), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(path), reserve=0, next_part=True), offset=lambda: offset)
-    run_stream(line, Handed(items), sinks=[found], keeper=keeper)
+    recording_sink = RecordingSink(chosen, RecordSpec(str(path), reserve=0, next_part=True), offset=lambda: offset)
+    run_stream(line, Handed(items), sinks=[found], recording=recording_sink)
     return found
 
 
@@ -104,8 +104,11 @@ def test_a_text_goes_on_as_the_recording_does(tmp_path):
 def test_another_session_goes_into_parts_of_its_own(tmp_path):
     start(tmp_path / "a.mcap", reads(stream())[:50])
     other = session(session().texts["session.toml"].replace("bench 7", "bench 8"))
-    found, keeper = Collected(), Keeper(other, RecordSpec(str(tmp_path / "a.mcap"), reserve=0, next_part=True))
-    run_stream(Stream(other), Handed(reads(stream())[:50]), sinks=[found], keeper=keeper)
+    found, recording_sink = (
+        Collected(),
+        RecordingSink(other, RecordSpec(str(tmp_path / "a.mcap"), reserve=0, next_part=True)),
+    )
+    run_stream(Stream(other), Handed(reads(stream())[:50]), sinks=[found], recording=recording_sink)
     assert "its session is another: parts from a.0002.mcap on are to be read apart" in found.events[0].text
     assert len(read_recorded(tmp_path / "a.0002.mcap").imu) > 0
     with pytest.raises(DecodeError, match="does not go on"):
@@ -115,10 +118,12 @@ def test_another_session_goes_into_parts_of_its_own(tmp_path):
 def test_a_wall_clock_that_is_set_is_told_once(tmp_path):
     """A board without a clock of its own begins in 1970 and learns the time from the network."""
     offsets = iter([0, 0, UTC, UTC, UTC])
-    keeper = Keeper(session(), RecordSpec(str(tmp_path / "a.mcap"), reserve=0), offset=lambda: next(offsets))
-    keeper.start()
-    told = [event for s in range(4) for event in keeper.tick(s * 10**9)]
-    keeper.close()
+    recording_sink = RecordingSink(
+        session(), RecordSpec(str(tmp_path / "a.mcap"), reserve=0), offset=lambda: next(offsets)
+    )
+    recording_sink.start()
+    told = [event for s in range(4) for event in recording_sink.tick(s * 10**9)]
+    recording_sink.close()
     assert [(event.t_ns, event.kind) for event in told] == [(10**9, "wall-clock")]
     assert "set by +1773500966.123 s" in told[0].text
 
@@ -146,13 +151,13 @@ class Full:
 
 def test_a_sink_that_fails_does_not_end_the_recording(tmp_path):
     chosen, items, full, found = session(), reads(stream()), Full(), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
-    run_stream(Stream(chosen), Handed(items), sinks=[full, found], keeper=keeper)
+    recording_sink = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
+    run_stream(Stream(chosen), Handed(items), sinks=[full, found], recording=recording_sink)
     assert full.parts == 4
     assert [(e.kind, e.text) for e in found.events] == [
         ("failed", "a.txt cannot be written any more: No space left on device.")
     ]
-    assert [e.kind for e in keeper.failures] == ["failed"]
+    assert [e.kind for e in recording_sink.failures] == ["failed"]
     log = open_log(tmp_path / "a.mcap")
     topics = [row.topic for row in log]
     assert (topics.count("raw"), topics.count("recorder")) == (len(items), 1)

@@ -52,7 +52,7 @@ def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_pat
 def test_card_is_applied_and_the_uncalibrated_values_stay(tmp_path):
     made = session(SESSION + '[calibration]\ncard = "card.json"\n', **{"card.json": card_text(tmp_path)})
     line = Stream(made)
-    part = next(p for p in map(line.take, reads(stream(0.5))) if p is not None)
+    part = next(p for p in map(line.feed, reads(stream(0.5))) if p is not None)
     np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
     assert part.imu.meta.calibration == f"{card().name}; NOT calibrated: acc, mag"
     assert part.sensed.meta.calibration is None
@@ -60,7 +60,7 @@ def test_card_is_applied_and_the_uncalibrated_values_stay(tmp_path):
 
 def test_axes_turn_the_case_into_the_body():
     line = Stream(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
-    part = next(p for p in map(line.take, reads(stream(0.5))) if p is not None)
+    part = next(p for p in map(line.feed, reads(stream(0.5))) if p is not None)
     acc = motion(0.5).imu.acc[0]
     np.testing.assert_allclose(part.sensed.acc[0], acc * [1, -1, -1], rtol=0, atol=0.5 / 8192 * 9.81)
 

@@ -9,7 +9,7 @@ from plumbob.acquisition.transport import Event
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, PlumbobError, UnitError
 from plumbob.files.mcap import open_log
-from plumbob.session.recording_sink import Keeper
+from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.replay import open_recording, replay
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
@@ -108,8 +108,8 @@ def run(bench, duration, path=None, text=ADXRS453):
     line, found = Stream(chosen), Collected()
     settings = chosen.source.settings
     source = spi_source(settings, open_bus=lambda: bench, clock=bench.clock, sleep=bench.sleep).open()
-    keeper = None if path is None else Keeper(chosen, RecordSpec(str(path)), offset=lambda: 0)
-    run_stream(line, source, sinks=[found], keeper=keeper, duration=duration, clock=bench.clock)
+    recording_sink = None if path is None else RecordingSink(chosen, RecordSpec(str(path)), offset=lambda: 0)
+    run_stream(line, source, sinks=[found], recording=recording_sink, duration=duration, clock=bench.clock)
     return line, found
 
 

@@ -212,7 +212,7 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
     from plumbob.acquisition.transport import Stop
     from plumbob.calibration.guide.guides import GUIDES, GuideSink, warm_up
     from plumbob.core import _jit
-    from plumbob.session.recording_sink import Keeper
+    from plumbob.session.recording_sink import RecordingSink
     from plumbob.session.runner import run_stream
     from plumbob.session.sinks import Collected, Sink
     from plumbob.session.sources import open_source
@@ -231,12 +231,12 @@ def _run(args: argparse.Namespace, session: "Session") -> "ImuData | None":
         common.note(told)
 
     watch = Watch(stream, note)
-    keeper = None if session.record is None else Keeper(session, session.record)
+    recording_sink = None if session.record is None else RecordingSink(session, session.record)
     source = open_source(session.source)
     common.note("waiting for samples; the capture ends when it is good, or by Ctrl-C with what there is")
     with common.stopped_by_signals(stop):
         sinks: list[Sink] = [collected, GuideSink(guide, stop, board.show), watch]
-        run_stream(stream, source, sinks=sinks, keeper=keeper, stop=stop, each=watch.look)
+        run_stream(stream, source, sinks=sinks, recording=recording_sink, stop=stop, each=watch.look)
     board.erase()
     args.told = _told(guide, guide.progress())
     return collected.imu(calibrated=False)

@@ -289,7 +289,7 @@ def _command(out: Path, duration: float) -> list[str]:
 
 def _live(out: Path, port: str, device: str) -> "Stream":
     """Run the line on the port until the buoy has said everything."""
-    from plumbob.session.recording_sink import Keeper
+    from plumbob.session.recording_sink import RecordingSink
     from plumbob.session.runner import run_stream
     from plumbob.session.sinks import Collected, TextSink
     from plumbob.session.sources import open_source
@@ -299,10 +299,10 @@ def _live(out: Path, port: str, device: str) -> "Stream":
     line, found = Stream(session), Collected()
     line.warm_up()
     assert session.record and session.output.text
-    keeper = Keeper(session, session.record)
+    recording_sink = RecordingSink(session, session.record)
     sink = TextSink(session.output.text, session.output.every)
-    run_stream(line, open_source(session.source), sinks=[found, sink], keeper=keeper, until_lost=True)
-    keeper.recorder.close(DISK)
+    run_stream(line, open_source(session.source), sinks=[found, sink], recording=recording_sink, until_lost=True)
+    recording_sink.recorder.close(DISK)
     return line
 
 

@@ -12,7 +12,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.units import Quantity, given
 from plumbob.protocols.find import unassigned_told
 from plumbob.session.estimated import compiling
-from plumbob.session.recording_sink import Keeper, named_at
+from plumbob.session.recording_sink import RecordingSink, named_at
 from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec, Session
 from plumbob.session.session_toml import session_of
@@ -129,20 +129,26 @@ def record(
     stream, say = Stream(chosen), note or (lambda line: None)
     _say_first(chosen, say)
     stream.warm_up()
-    keeper = None if chosen.record is None else Keeper(chosen, chosen.record)
+    recording_sink = None if chosen.record is None else RecordingSink(chosen, chosen.record)
     watch = Watch(stream, note, progress=progress)
     others = [TextSink(chosen.output.text, chosen.output.every)] if chosen.output.text else []
     source = open_source(chosen.source)
     if opened is not None:
         opened()
     run_stream(
-        stream, source, sinks=[watch, *others, *sinks], keeper=keeper, duration=seconds, stop=stop, each=watch.look
+        stream,
+        source,
+        sinks=[watch, *others, *sinks],
+        recording=recording_sink,
+        duration=seconds,
+        stop=stop,
+        each=watch.look,
     )
-    if keeper is None:
+    if recording_sink is None:
         return Recorded(watch, None, False)
-    recorder = keeper.recorder
+    recorder = recording_sink.recorder
     told = {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged}
-    return Recorded(watch, told | {"dropped": recorder.dropped}, bool(keeper.failures))
+    return Recorded(watch, told | {"dropped": recorder.dropped}, bool(recording_sink.failures))
 
 
 def _path(session: "Session | str | Path | None") -> Path | None:
