@@ -89,7 +89,7 @@ def emit(seconds: float) -> None:
     from plumbob.protocols.format_toml import parse_format
 
     form = parse_format(FORMAT)
-    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=1, rate=RATE,
+    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=1, rate=RATE,
                     duration=30.0, mag_rate=RATE)  # fmt: skip
     count = round(seconds * RATE)
     there_and_back = {k: np.concatenate([v, v[::-1]]) for k, v in columns_of(made.imu, form.message()).items()}

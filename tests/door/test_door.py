@@ -14,13 +14,13 @@ from plumbob.cli.main import VERBS
 from plumbob.core.errors import ParameterError
 from tests.battery.commandline import ok
 
-SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "module": "drawn"}
+SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random"}
 
 
 @pytest.fixture(scope="module")
 def sea(tmp_path_factory):
     file = tmp_path_factory.mktemp("door") / "sea.parquet"
-    made = plumbob.simulate("buoy", duration=12.0, seed=1, **(SIM | {"module": "calibrated"}))
+    made = plumbob.simulate("buoy", duration=12.0, seed=1, **(SIM | {"unit": "calibrated"}))
     plumbob.write(file, plumbob.Recording(imu=made.imu, track=made.truth))
     return file
 

@@ -86,7 +86,7 @@ params = { kp = 0.5, gate = "0.08 g" }
 @functools.cache
 def motion(duration=10.0):
     return simulate(
-        "buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=3, rate=RATE, duration=duration,
+        "buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=3, rate=RATE, duration=duration,
         mag_rate=RATE,
     )  # fmt: skip
 

@@ -68,7 +68,7 @@ def file(tmp_path_factory):
     """A gyroscope that is off by 4 °/s and perfect otherwise, at rest."""
     perfect = draw_module("mpu6000+hmc5983", 1).calibrated()
     unit = replace(perfect, gyr=replace(perfect.gyr, bias=dps(np.array([0.0, 4.0, 0.0]))))
-    found = simulate("static", frame=Frame.NED, sensors=unit, module="drawn", seed=1, duration=20.0, rate=100.0)
+    found = simulate("static", frame=Frame.NED, sensors=unit, unit="random", seed=1, duration=20.0, rate=100.0)
     path = tmp_path_factory.mktemp("bias") / "a.parquet"
     return files.write(path, files.Recording(imu=found.imu, name="a"))
 
@@ -91,7 +91,7 @@ class TestSaid:
 def test_a_benchmark_says_in_how_many_seeds():
     found = measure_scenario(
         "static", [Stage("mekf", {}), Stage("mahony", {})], frame=Frame.NED, sensors="mpu6000+hmc5983",
-        module="drawn", seeds=range(3), settings={"duration": 20.0, "rate": 100.0},
+        unit="random", seeds=range(3), settings={"duration": 20.0, "rate": 100.0},
     )  # fmt: skip
     many = len(found.warnings["mekf"])
     text = " ".join(found.text().split())

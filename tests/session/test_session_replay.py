@@ -231,7 +231,7 @@ def test_viewers_library_reads_the_recording(recording):
 
 def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
     """The rod's rig: its AHRS gives the truth, to half a count of 180°/2^15."""
-    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=20.0, module="calibrated")
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=20.0, unit="calibrated")
     text = (
         'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
         '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
@@ -279,7 +279,7 @@ def test_capture_that_cannot_be_timed_or_decoded_is_refused(tmp_path):
 
 def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path):
     """The rod's rig without its accelerometer's help: the start is the AHRS's first frame, headings from its north."""
-    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, module="calibrated")
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, unit="calibrated")
     text = (
         'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
         '[estimate]\nfilter = "integrate"\ninit = "truth"\n[reference]\nunit = "ref"\nnorth = "magnetic"\n'

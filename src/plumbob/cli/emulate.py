@@ -30,7 +30,7 @@ def _add_content(p: argparse.ArgumentParser) -> None:
     p.add_argument("--scenario", metavar="NAME", help="motion of the body (default: the rig's own)")
     p.add_argument("--set", default="", metavar="P", help="name=value,... with units: parameters of --scenario")
     p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts of a format's units (default ideal)")
-    p.add_argument("--module", choices=("drawn", "calibrated"), default="drawn", help="default drawn, as off the line")
+    p.add_argument("--unit", choices=("random", "calibrated"), default="random", help="default random, as off the line")
     common.add_frame(p, "navigation frame of a format's truth, and its body's axes (a rig has its own; default NED)")
     common.add_option(p)
     p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
                 stack.enter_context(common.stopped_by_signals(stop))
                 print(name, flush=True)
 
-        asked = ("scenario", "sensors", "module", "frame", "seed", "clock_error", "rate", "duration", "truth", "link",
+        asked = ("scenario", "sensors", "unit", "frame", "seed", "clock_error", "rate", "duration", "truth", "link",
                  "tcp", "udp", "speed", "fault_log")  # fmt: skip
         served = emulate(
             args.what,

@@ -38,8 +38,8 @@ def add_scenario_options(p: argparse.ArgumentParser, *, optional: bool = False) 
     common.add_frame(p, "navigation frame of the truth and of the body's axes; needed")
     p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts, as mpu6000+hmc5983 (default ideal)")
     p.add_argument(
-        "--module",
-        choices=("drawn", "calibrated"),
+        "--unit",
+        choices=("random", "calibrated"),
         help="a unit as it left the line, or after an ideal calibration; needed but for ideal sensors",
     )
     p.add_argument("--rate", metavar="HZ", help="sampling rate, as 100Hz; default: the scenario's")
@@ -60,9 +60,9 @@ def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]
     frame = common.frame_of(args)
     if frame is None:
         raise FrameError(f"a simulation needs a navigation frame. Give --frame {', --frame '.join(Frame)}.")
-    if args.module is None and args.sensors != "ideal":
-        raise ParameterError(f"say --module drawn for {args.sensors} as it left the line, or --module calibrated.")
-    args.module = args.module or "calibrated"
+    if args.unit is None and args.sensors != "ideal":
+        raise ParameterError(f"say --unit random for {args.sensors} as it left the line, or --unit calibrated.")
+    args.unit = args.unit or "calibrated"
     given = {key: value for key in ("rate", "duration") if (value := getattr(args, key)) is not None}
     return frame, dict(common.pairs(args.set)) | given
 
@@ -81,7 +81,7 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
     common.check_outputs(args, *common.with_profile(args.out), args.card, args.noise_card, inputs=(args.noise,))
     frame, given = scenario_settings(args)
-    choice = {"sensors": args.sensors, "module": args.module, "seed": args.seed, "noise": args.noise}
+    choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed, "noise": args.noise}
     result = simulate(args.scenario, frame=frame, **choice, **given)
     notes = (result.truth.source, *(() if args.noise is None else (f"noise {result.noise.source}",)))
     recording = files.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)

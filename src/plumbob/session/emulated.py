@@ -32,7 +32,7 @@ def emulate(
     scenario: str | None = None,
     set: Mapping[str, Any] | None = None,
     sensors: str = "ideal",
-    module: str = "drawn",
+    unit: str = "random",
     frame: Frame | str | None = None,
     options: Mapping[str, str] | None = None,
     seed: int = 0,
@@ -64,7 +64,7 @@ def emulate(
         Parameters of `scenario`: SI, or text with a unit.
     sensors : str
         Parts of a format's units.
-    module : {"drawn", "calibrated"}
+    unit : {"random", "calibrated"}
         As of `plumbob.simulate`.
     frame : Frame or str, optional
         Navigation frame of a format's truth, and its body's axes; a rig has its own; by default NED.
@@ -114,7 +114,7 @@ def emulate(
         form,
         seed=seed,
         duration=given("duration", duration, Quantity.TIME),
-        module=module,
+        unit=unit,
         clock_error=given("clock_error", clock_error, Quantity.RATIO) or 0.0,
         faults={kind: given(kind, share, Quantity.RATIO) or 0.0 for kind, share in (faults or {}).items()},
     )

@@ -108,8 +108,8 @@ def _count(rate: float, duration: float) -> int:
     return round(samples)
 
 
-MODULES = ("drawn", "calibrated")
-"""What a module may be: as it left the line, or after an ideal calibration."""
+KINDS = ("random", "calibrated")
+"""What a unit may be: as it left the line, or after an ideal calibration."""
 
 WORLD = {
     "strength": Quantity.FIELD,
@@ -187,7 +187,7 @@ def simulate(
     *,
     frame: Frame | str,
     sensors: str | Module,
-    module: str,
+    unit: str,
     seed: int,
     rate: float | str | None = None,
     duration: float | str | None = None,
@@ -212,8 +212,8 @@ def simulate(
     sensors : str or Module
         Names of parts joined by ``+`` (`preset_names`), such as ``"mpu6000+hmc5983"`` or ``"ideal"``; or a unit already
         made.
-    module : {"drawn", "calibrated"}
-        "drawn" draws the unit's bias, scale, misalignment and so on within the sheets' limits (a `Module` is taken as
+    unit : {"random", "calibrated"}
+        "random" draws the unit's bias, scale, misalignment and so on within the sheets' limits (a `Module` is taken as
         it stands); "calibrated" removes every deterministic error and leaves noise, quantisation and range.
     seed : int
         Of everything that is left to chance. Each error has its own random stream: switching one off, or sampling
@@ -249,7 +249,7 @@ def simulate(
     warmth = temp_c if isinstance(temp_c, Signal) else constant(_number("temp_c", temp_c))
     card = None if noise is None else check.kind("noise", NoiseCard.of(noise), NoiseCard)
     magnetic = None if mag_rate is None else _number("mag_rate", mag_rate)
-    plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, magnetic, card)
+    plan, module = _plan(scenario, parameters), _unit(sensors, unit, seed, magnetic, card)
     rate = plan.rate if rate is None else _number("rate", rate)
     duration = plan.duration if duration is None else _number("duration", duration)
     line = time_line(rate=rate, duration=duration, jitter=jitter, lost=_number("lost", lost), seed=seed)
@@ -262,7 +262,7 @@ def simulate(
         declination=declination,
     )
     stamped = motion.truth(line.stamps).in_frame(frame) if jitter else world.body(0.0)
-    return _simulation(world, stamped.rows(line.kept), plan, unit, seed, calibrated=module == "calibrated")
+    return _simulation(world, stamped.rows(line.kept), plan, module, seed, calibrated=unit == "calibrated")
 
 
 def _simulation(
@@ -307,15 +307,15 @@ def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scena
     return scenario
 
 
-def _unit(sensors: str | Module, module: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
-    if not isinstance(module, str) or module not in MODULES:
-        raise ParameterError(f"module must be one of {', '.join(MODULES)}, but it is {check.said(module)}.")
+def _unit(sensors: str | Module, asked: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
+    if not isinstance(asked, str) or asked not in KINDS:
+        raise ParameterError(f"unit must be one of {', '.join(KINDS)}, but it is {check.said(asked)}.")
     unit = draw_module(sensors, seed) if isinstance(sensors, str) else check.kind("sensors", sensors, Module)
     if mag_rate is not None:
         unit = unit.with_mag_rate(mag_rate)
     if noise is not None:
         unit = unit.with_noise(noise)
-    return unit.calibrated() if module == "calibrated" else unit
+    return unit.calibrated() if asked == "calibrated" else unit
 
 
 def _sense(world: _World, triad: str, errors: TriadErrors, seed: int) -> Measured:
