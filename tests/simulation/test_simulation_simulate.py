@@ -111,7 +111,7 @@ def test_a_seed_is_repeatable_and_another_is_another():
 
 
 def test_noise_does_not_depend_on_the_choice_of_module_or_on_losses():
-    random, calibrated = run("static", PARTS, unit="random"), run("static", PARTS)
+    drawn, calibrated = run("static", PARTS, unit="random"), run("static", PARTS)
     step = calibrated.module.gyr.lsb[0]
     # static: what remains besides a constant is the same noise, but for two quantisations of half a step each
     residual = drawn.imu.gyr - calibrated.imu.gyr
