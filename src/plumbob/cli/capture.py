@@ -305,8 +305,6 @@ def _told(guide: "Guide", progress: "Progress") -> dict[str, Any]:
 def _lines(guide: "Guide", progress: "Progress") -> list[str]:
     from plumbob.calibration.predicted import names_of
 
-    pass
-
     lines = [f"{moment.t:7.1f} s  {moment.text}" for moment in guide.timeline]
     lines.append(f"{progress.elapsed:7.1f} s  end of the capture")
     if progress.filled is not None:

@@ -100,8 +100,6 @@ def quat_slerp(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> Floats:
     fraction : array_like (...)
         Place between them.
     """
-    pass
-
     step = rotvec_from_quat(quat_multiply(quat_conjugate(a), b))
     return quat_multiply(a, quat_from_rotvec(step * np.asarray(fraction, dtype=np.float64)[..., np.newaxis]))
 
