@@ -53,7 +53,7 @@ def card_of(perfect: CalibrationCard, case: str, seed: int) -> CalibrationCard:
 def judged(case: str, motion: str, seed: int, duration: float = 40.0) -> tuple[float, float, float, float, float]:
     """NEES at the end, inclination and heading error there, and what is claimed of both, rad."""
     run = simulate(
-        motion, frame=Frame.ENU, sensors=SENSORS, module="drawn", seed=seed, duration=duration, rate=50.0,
+        motion, frame=Frame.ENU, sensors=SENSORS, unit="random", seed=seed, duration=duration, rate=50.0,
         **MOTIONS[motion],
     )  # fmt: skip
     imu = apply_card(card_of(run.calibration, case, seed), run.imu)

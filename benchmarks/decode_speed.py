@@ -36,11 +36,11 @@ def measure(form: Format, frames: int, rounds: int) -> dict[str, object]:
     columns = columns_for(message, frames, np.random.default_rng(1))
     rows = encode(form, columns, message=message.name)
     data = (rows if len(rows) == frames else np.repeat(rows, frames, axis=0)).tobytes()
-    decode(form, data[: 100 * message.length])
+    decode(data[: 100 * message.length], form)
     spent = []
     for _ in range(rounds):
         start = time.thread_time()
-        found, _ = decode(form, data)
+        found, _ = decode(data, form)
         spent.append(time.thread_time() - start)
     if len(found[message.name]) != frames:
         raise RuntimeError(f"{form.name}: {len(found[message.name])} of {frames} frames found")

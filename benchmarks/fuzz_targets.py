@@ -63,7 +63,7 @@ class Target:
 
 
 def _recording(rows_: int = 120) -> Recording:
-    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=3, rate=100.0,
+    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=3, rate=100.0,
                     duration=rows_ / 100.0, mag_rate=100.0)  # fmt: skip
     track = Filter("mahony", frame=Frame.NED, init=made.truth.q_nb[0]).process(made.imu)
     return Recording(imu=made.imu, track=track, name="made", notes=("made for fuzzing",))
@@ -119,12 +119,12 @@ def _parquet(folder: Path) -> Target:
 
 def _csv(folder: Path) -> Target:
     whole = _recording(60)
-    export(folder / "a.csv", whole)
+    export(whole, folder / "a.csv")
     return Target([folder / "a.csv"], lambda path: ("info", path, "--profile", folder / "a.profile.toml"), text=True)
 
 
 def _profile(folder: Path) -> Target:
-    export(folder / "a.csv", _recording(20))
+    export(_recording(20), folder / "a.csv")
     return Target([folder / "a.profile.toml"], lambda path: ("info", folder / "a.csv", "--profile", path), text=True)
 
 
@@ -283,7 +283,7 @@ def _number_text(folder: Path) -> Target:
 
 def _cards(folder: Path) -> Path:
     """Write cards of a unit, and return a recording of it."""
-    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="drawn", seed=3, rate=100.0,
+    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="random", seed=3, rate=100.0,
                     duration=0.6, mag_rate=100.0)  # fmt: skip
     files.write(folder / "rec.parquet", made.imu)
     made.calibration.save(folder / "card.json")

@@ -46,11 +46,11 @@ TEXTS = {".py", ".toml", ".md", ".bib"}
 TABLES = {"__all__", "_HOME", "(__getattr__, __dir__)"}
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 SMALL, LONG = 60, 60
-SENSORS = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--rate", "100Hz", "--module")
+SENSORS = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--rate", "100Hz", "--unit")
 INPUTS: tuple[tuple[str, ...], ...] = (
     ("sim", "buoy", *SENSORS, "calibrated", "--duration", "60s", "--out", "sea.parquet"),
-    ("sim", "static", *SENSORS, "drawn", "--duration", "600s", "--out", "rest.parquet"),
-    ("sim", "poses", *SENSORS, "drawn", "--out", "poses.parquet"),
+    ("sim", "static", *SENSORS, "random", "--duration", "600s", "--out", "rest.parquet"),
+    ("sim", "poses", *SENSORS, "random", "--out", "poses.parquet"),
     ("emulate", "buoy", "--seed", "1", "--duration", "3s", "--write", "sea.bin"),
 )
 VERBS: tuple[tuple[str, tuple[str, ...], int], ...] = (  # 'eval' reads what 'run' wrote

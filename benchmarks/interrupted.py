@@ -125,7 +125,7 @@ def cases(inputs: Path) -> dict[str, Case]:
     return {
         "sim": Case(
             "sim buoy --frame NED --duration 120s --out a.parquet --card card.json --noise-card noise.json "
-            "--sensors mpu6000+hmc5983 --module drawn",
+            "--sensors mpu6000+hmc5983 --unit random",
             {"a.parquet": files.read, "card.json": CalibrationCard.load, "noise.json": NoiseCard.load},
         ),
         "sim .csv": Case(
@@ -167,8 +167,8 @@ def make_inputs(folder: Path) -> None:
     """What the verbs read."""
     for words in (
         "sim buoy --frame NED --duration 120s --out sea.parquet",
-        "sim static --frame NED --sensors mpu6000 --module drawn --rate 100Hz --duration 300s --out rest.parquet",
-        "sim poses --frame NED --sensors mpu6000+hmc5983 --module drawn --seed 3 --set move=2s --out poses.parquet",
+        "sim static --frame NED --sensors mpu6000 --unit random --rate 100Hz --duration 300s --out rest.parquet",
+        "sim poses --frame NED --sensors mpu6000+hmc5983 --unit random --seed 3 --set move=2s --out poses.parquet",
         "run sea.parquet --filter mahony --out track.parquet",
         "export sea.parquet --out sea.mcap",
         "emulate buoy --duration 60s --write buoy.bin",

@@ -89,7 +89,7 @@ def emit(seconds: float) -> None:
     from plumbob.protocols.format_toml import parse_format
 
     form = parse_format(FORMAT)
-    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=1, rate=RATE,
+    made = simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=1, rate=RATE,
                     duration=30.0, mag_rate=RATE)  # fmt: skip
     count = round(seconds * RATE)
     there_and_back = {k: np.concatenate([v, v[::-1]]) for k, v in columns_of(made.imu, form.message()).items()}
@@ -131,26 +131,26 @@ class Ages:
 
 def run(seconds: float, folder: Path) -> int:
     """Measure, and print."""
-    from plumbob.session.recording_sink import Keeper
-    from plumbob.session.replay import compare, open_recording, replay
-    from plumbob.session.runner import run_line
+    from plumbob.session.recording_sink import RecordingSink
+    from plumbob.session.replay import open_recording, replay
+    from plumbob.session.runner import run_stream
     from plumbob.session.session import RecordSpec
     from plumbob.session.session_toml import parse_session
     from plumbob.session.sources import open_source
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
 
     me = [sys.executable, __file__, "--emit", "--duration", str(seconds)]
     with subprocess.Popen(me, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as unit:
         port = unit.stdout.readline().strip()
         session = parse_session(SESSION.format(port=port), {"imu9.toml": FORMAT}.__getitem__, name="live")
-        line, ages = Line(session), Ages()
+        line, ages = Stream(session), Ages()
         line.warm_up()
-        keeper = Keeper(session, RecordSpec(str(folder / "live.mcap")))
+        recording_sink = RecordingSink(session, RecordSpec(str(folder / "live.mcap")))
         source = open_source(session.source)
         unit.stdin.write("go\n")
         unit.stdin.flush()
         cpu, wall = time.process_time(), time.monotonic()
-        run_line(line, source, sinks=[ages], keeper=keeper, duration=seconds + 0.6)
+        run_stream(line, source, sinks=[ages], recording=recording_sink, duration=seconds + 0.6)
         cpu, wall = time.process_time() - cpu, time.monotonic() - wall
         unit.stdin.write("end\n")
         unit.stdin.flush()
@@ -161,11 +161,11 @@ def run(seconds: float, folder: Path) -> int:
     parts = len(ages.ages) / wall
     print(f"load         {100.0 * cpu / wall:.1f} % of one core over {wall:.0f} s, in {parts:.0f} parts a second")
     print(f"latency      sample to attitude, ms: {quantiles}, largest {age.max():.1f}")
-    print(f"recorder     {keeper.recorder.acknowledged} of {keeper.recorder.written} rows on disk, "
+    print(f"recorder     {recording_sink.recorder.acknowledged} of {recording_sink.recorder.written} rows on disk, "
           f"{(folder / 'live.mcap').stat().st_size / age.size:.0f} bytes per sample")  # fmt: skip
     print(f"memory       at most {resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024:.0f} MiB")
     log, again = open_recording(folder / "live.mcap")
-    result = compare(replay(log, again))
+    result = replay(log, session=again, check=True).comparison
     print(f"replay       {result.compared} attitudes compared, {result.different} different to the bit")
     return 0
 

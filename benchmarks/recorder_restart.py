@@ -30,7 +30,7 @@ from plumbob.files.mcap import open_log, verify
 from plumbob.files.mcap.layout import existing_parts
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.session.replay import compare, open_recording, replay
+from plumbob.session.replay import replay
 
 RATE = 200
 FORMAT = """
@@ -81,7 +81,7 @@ import mmap, sys, threading, time
 from plumbob.cli.main import main
 from plumbob.session import recording_sink as keep
 
-class Watched(keep.Keeper):
+class Watched(keep.RecordingSink):
     def __init__(self, *args, **options):
         super().__init__(*args, **options)
         threading.Thread(target=self.publish, daemon=True).start()
@@ -93,7 +93,7 @@ class Watched(keep.Keeper):
             shared[:] = self.recorder.acknowledged.to_bytes(8, "little")
             time.sleep(0.001)
 
-keep.Keeper = Watched
+keep.RecordingSink = Watched
 sys.exit(main(["record", "session.toml"]))
 """
 
@@ -172,7 +172,7 @@ def judge(path: Path, starts: list[dict[str, Any]], sent: int) -> dict[str, Any]
     rows = list(open_log(path))
     in_order = {topic: [row.sequence for row in rows if row.topic == topic] for topic in {row.topic for row in rows}}
     times = [row.t_ns for row in rows if row.topic == "raw"]
-    replayed = replay(*open_recording(path))
+    replayed = replay(path, check=True)
     numbers = np.concatenate([part.frames.columns["counter"].astype(np.int64) for part in replayed.found.parts])
     steps = np.diff(numbers)
     ends = [max(t for t in times if t <= start["ended_ns"]) for start in starts]
@@ -192,7 +192,7 @@ def judge(path: Path, starts: list[dict[str, Any]], sent: int) -> dict[str, Any]
         "longest_gap_s": float(steps.max(initial=1)) / RATE,
         "longest_unwritten_ms": max((start["ended_ns"] - end) / 1e6 for start, end in zip(starts, ends, strict=True)),
         "lossy": bool(verdict.lost),
-        "replay_equal": compare(replayed).equal,
+        "replay_equal": replayed.comparison.equal,
         "ended_well": starts[-1]["code"] == 0,
     }
 

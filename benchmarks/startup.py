@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 IMPORTS = "import numba, pyarrow.parquet"
-SENSORS = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated")
+SENSORS = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "calibrated")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ It prints::
 
 from plumbob import Filter, evaluate, simulate
 
-buoy = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", module="calibrated", seed=1, duration=120.0)
+buoy = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", unit="calibrated", seed=1, duration=120.0)
 track = Filter("mekf", frame="NED").process(buoy.imu)
 
 error = evaluate(track, buoy.truth).summary()

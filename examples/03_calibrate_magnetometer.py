@@ -13,7 +13,7 @@ import numpy as np
 from plumbob import apply_card, calibrate, simulate
 from plumbob.core.units import to_deg
 
-unit = {"frame": "NED", "sensors": "mpu6000+hmc5983", "module": "drawn", "seed": 3}
+unit = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random", "seed": 3}
 by_hand = simulate("poses", **unit).imu  # the unit held still in forty poses
 
 accel = calibrate(by_hand, "accel")

@@ -11,7 +11,7 @@ It prints::
 from plumbob import Filter, NoiseCard, allan, simulate
 from plumbob.core.units import from_si
 
-still = simulate("static", frame="NED", sensors="mpu6000", module="calibrated", seed=1, rate=100.0, duration=600.0)
+still = simulate("static", frame="NED", sensors="mpu6000", unit="calibrated", seed=1, rate=100.0, duration=600.0)
 noise = allan(still.imu, triads=("gyr",))
 for found in noise.analyses:
     n, k = found.terms["N"], found.terms["K"]

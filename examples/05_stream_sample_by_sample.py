@@ -18,7 +18,7 @@ import numpy as np
 from plumbob import Filter, flags, simulate
 from plumbob.core.units import to_deg
 
-rod = simulate("rod", frame="NED", sensors="mpu6000+hmc5983", module="calibrated", seed=1, duration=20.0)
+rod = simulate("rod", frame="NED", sensors="mpu6000+hmc5983", unit="calibrated", seed=1, duration=20.0)
 live = Filter("mahony", frame="NED")
 for i, sample in enumerate(rod.imu.samples()):
     seen = live.update(sample)  # flags of this sample

@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt
 from plumbob import Filter, evaluate, simulate
 from plumbob.core.units import to_deg
 
-buoy = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", module="calibrated", seed=2, duration=120.0)
+buoy = simulate("buoy", frame="NED", sensors="mpu6000+hmc5983", unit="calibrated", seed=2, duration=120.0)
 
 
 def errors(name, **params):

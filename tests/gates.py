@@ -24,12 +24,13 @@ READERS = {
 RUNNERS = {
     "tests": PYTEST,
     # the kernels as plain Python: what no other gate compares with the compiled ones
-    "plain Python": (*PYTEST, "-q", "tests/rotations", "tests/calibration/test_calibration_norm_fit.py"),
+    "plain Python": (*PYTEST, "-q", "tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py"),
 }
 LONG = {
     "long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long"),
     "plain Python": (*PYTEST, "-q", "tests/filters", "tests/rotations", "tests/noise", "tests/protocols",
-                     "tests/calibration/test_calibration_norm_fit.py", "tests/calibration/test_calibration_alike.py"),
+                     "tests/calibration/test_calibration_ellipsoid_fit.py",
+                     "tests/calibration/test_calibration_autocorrelation.py"),
 }  # fmt: skip
 SETS = {"test": (READERS, RUNNERS), "lint": (READERS, {}), "long": ({}, LONG)}
 

@@ -16,7 +16,7 @@ Made by `python website/command_line.py` from the parser. The order of work is: 
 evaluate. `plumbob VERB --help` says the same as this page.
 
 ```console
-$ plumbob sim buoy --frame NED --sensors mpu6000+hmc5983 --module calibrated --seed 1 --duration 60s --out sea.parquet
+$ plumbob sim buoy --frame NED --sensors mpu6000+hmc5983 --unit calibrated --seed 1 --duration 60s --out sea.parquet
 $ plumbob run sea.parquet --filter mahony --params kp=0.1,ki=0.003,gate=off --out track.parquet
 $ plumbob eval track.parquet sea.parquet --settle 30s
 ```

@@ -121,10 +121,11 @@ def _add_decoders(kinds: common.Adder) -> None:
 
 def run_faults(args: argparse.Namespace) -> int:
     """Do it under faults."""
+    from benchmarks.harness.contender import OurFilter
     from benchmarks.harness.fault_cases import ARGUMENTS, listing
     from benchmarks.harness.faults import measure_faults
+    from benchmarks.harness.peers import peers
     from plumbob.core.errors import ParameterError
-    from plumbob.evaluation.many import OurFilter, peers
 
     if args.list:
         print(listing())

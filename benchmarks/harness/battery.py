@@ -9,10 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from benchmarks.harness.contender import Construction, Contender, Running
+from benchmarks.harness.fault_scene import USUAL, Row, record
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.evaluation.many.contender import Construction, Contender, Running
-from plumbob.evaluation.many.fault_scene import USUAL, Row, record
 
 VECTOR: Final = np.array([0.5, -1.25, 9.75])
 
@@ -237,7 +237,7 @@ def _in_a_process(contender: str, construction: str) -> ApiVerdict:
 
 def child(contender: str, construction: str) -> None:
     """Print the verdict on one construction of a peer; this process may die of it."""
-    from plumbob.evaluation.many.peers import peers
+    from benchmarks.harness.peers import peers
 
     for peer in peers(contender.partition(".")[0])[0]:
         for one in peer.constructions():

@@ -84,7 +84,7 @@ def _one(seed: int, flicker: float, duration: float, cycles: int) -> tuple[float
         "static",
         frame=Frame.ENU,
         sensors=unit,
-        module="drawn",
+        unit="random",
         seed=seed,
         rate=_RATE,
         duration=duration,

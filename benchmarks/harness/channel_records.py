@@ -101,5 +101,5 @@ def _each(size: float) -> Floats:
 
 def _record(plan: Scenario, errors: TriadErrors, seed: int, duration: float | None) -> Record:
     unit = Module("trackball gyroscope", "figures of the test", gyr=errors)
-    run = simulate(plan, frame=Frame.NED, sensors=unit, module="drawn", seed=seed, rate=1.0 / STEP, duration=duration)
+    run = simulate(plan, frame=Frame.NED, sensors=unit, unit="random", seed=seed, rate=1.0 / STEP, duration=duration)
     return Record(run.imu.t, run.kinematics.rate_b, np.asarray(run.imu.gyr))

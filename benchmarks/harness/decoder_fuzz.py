@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness.decoder_streams import frames_of
+from benchmarks.harness.false_accepts import false_accepts
 from plumbob.protocols.decode import Decoder
 from plumbob.protocols.format import Format
-from plumbob.protocols.overlap import false_accepts
 
 _BLOCK: Final = 1 << 16
 _CHUNK: Final = 4096

@@ -188,7 +188,7 @@ def _check_name(form: Format) -> str:
 
 def judge(form: Format, kind: str, stream: Damaged) -> Harmed:
     """Decode a damaged stream, and compare what was found with what was sent whole."""
-    found, _ = decode(form, stream.data)
+    found, _ = decode(stream.data, form)
     at = {int(start): frames.message.length for frames in found.values() for start in frames.start}
     missing = [at.get(start) != length for start, length in stream.whole.items()]
     wrong = sum(

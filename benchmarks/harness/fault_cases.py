@@ -15,10 +15,7 @@ import numpy as np
 
 from benchmarks.harness import fault_edits as edits
 from benchmarks.harness.fault_edits import Edit
-from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
-from plumbob.core.units import deg, dps, g
-from plumbob.evaluation.many.fault_scene import (
+from benchmarks.harness.fault_scene import (
     FIELD_N,
     LENGTH,
     LONGEST,
@@ -30,6 +27,9 @@ from plumbob.evaluation.many.fault_scene import (
     record,
     smooth_step,
 )
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg, dps, g
 
 ARGUMENTS: Final = "F9"
 """The group that is no damaged stream: see `benchmarks.harness.battery`."""

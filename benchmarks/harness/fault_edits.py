@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from plumbob.evaluation.many.fault_scene import GRAVITY_N, RATE, Stream, clip
+from benchmarks.harness.fault_scene import GRAVITY_N, RATE, Stream, clip
 
 Edit = Callable[[Stream, slice], None]
 

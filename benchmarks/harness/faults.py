@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness.battery import ApiVerdict, Battery, is_clear, run_battery
+from benchmarks.harness.contender import Contender, unit
 from benchmarks.harness.fault_cases import Case
+from benchmarks.harness.fault_scene import LONGEST, RATE, USUAL, Stream, record
 from benchmarks.harness.verdict import COUNTED, PASS, STRICT, Judgement, Trace, Verdict, judge
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
-from plumbob.evaluation.many.contender import Contender, unit
-from plumbob.evaluation.many.fault_scene import LONGEST, RATE, USUAL, Stream, record
 from plumbob.rotations import quat_angle
 
 WARM: Final = 30.0

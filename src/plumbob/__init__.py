@@ -13,8 +13,8 @@ CalibrationCard, NoiseCard
     What a calibration and a noise analysis leave behind, as JSON.
 Format, Decoder
     What a device says on the wire, as data, and what makes numbers of its bytes: ``feed(bytes)`` gives frames.
-Session, Line
-    What a live line is, from a TOML file; and the line: bytes in, samples and attitude out, live or replayed.
+Session, Stream
+    What a live stream is, from a TOML file; and the stream: bytes in, samples and attitude out, live or replayed.
 Filter
     A named estimator with parameters and a state: ``process(data)`` gives a track, ``update(sample)`` goes on by one.
 
@@ -55,6 +55,7 @@ from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibrate import calibrate
+    from plumbob.cli.info import info
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
@@ -73,12 +74,15 @@ if TYPE_CHECKING:
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
     from plumbob.rotations import Frame, North
+    from plumbob.session.emulated import emulate
     from plumbob.session.estimated import estimate
+    from plumbob.session.live import record
     from plumbob.session.reading import read
     from plumbob.session.recorded import export
+    from plumbob.session.replay import replay
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
     from plumbob.simulation import simulate
 
 _HOME = {
@@ -92,7 +96,7 @@ _HOME = {
     "ImuData": "data.imu",
     "ImuMeta": "data.imu",
     "ImuSample": "data.sample",
-    "Line": "session.stream",
+    "Stream": "session.stream",
     "NoiseCard": "data.cards",
     "North": "rotations",
     "PlumbobError": "core.errors",
@@ -105,16 +109,20 @@ _HOME = {
     "cite": "filters.known",
     "decode": "protocols.decode",
     "docs": "core.docs",
+    "emulate": "session.emulated",
     "estimate": "session.estimated",
     "evaluate": "evaluation",
     "export": "session.recorded",
     "filter_names": "filters",
     "find_format": "protocols.find",
+    "info": "cli.info",
     "load_session": "session.session_toml",
     "open_card": "data.cards",
     "profile": "files.draft",
     "read": "session.reading",
+    "record": "session.live",
     "repair": "files.mcap",
+    "replay": "session.replay",
     "simulate": "simulation",
     "verify": "files.mcap",
     "write": "files",
@@ -131,13 +139,13 @@ __all__ = [
     "ImuData",
     "ImuMeta",
     "ImuSample",
-    "Line",
     "NoiseCard",
     "North",
     "PlumbobError",
     "PlumbobWarning",
     "Recording",
     "Session",
+    "Stream",
     "__version__",
     "allan",
     "apply_card",
@@ -145,6 +153,7 @@ __all__ = [
     "cite",
     "decode",
     "docs",
+    "emulate",
     "errors",
     "estimate",
     "evaluate",
@@ -152,11 +161,14 @@ __all__ = [
     "filter_names",
     "find_format",
     "flags",
+    "info",
     "load_session",
     "open_card",
     "profile",
     "read",
+    "record",
     "repair",
+    "replay",
     "simulate",
     "units",
     "verify",

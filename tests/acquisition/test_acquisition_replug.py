@@ -33,7 +33,7 @@ class PipeWire:
         os.close(self.writer)
 
 
-class Line(Replug):
+class Stream(Replug):
     """Open where `answers` says so: None is yes, "soon" is not yet, a pair of words is no."""
 
     def __init__(self, clock, answers=(), **options):
@@ -60,7 +60,7 @@ def make(clock):
     made = []
 
     def make(*answers, **options):
-        made.append(Line(clock, answers, **options))
+        made.append(Stream(clock, answers, **options))
         return made[-1]
 
     yield make

@@ -62,7 +62,7 @@ def digest(name):
     """Hash of what comes out of a short damaged stream: the same compiled and as plain Python."""
     form, rng = form_of(name), np.random.default_rng(7)
     frames = np.frombuffer(b"".join(frames_of(form, 40, rng)), dtype=np.uint8)
-    found, counts = decode(form, mutated(frames, rng).tobytes())
+    found, counts = decode(mutated(frames, rng).tobytes(), form)
     return hashlib.sha256(bits(found) + repr(counts).encode()).hexdigest()
 
 
@@ -75,7 +75,7 @@ class DecoderBattery:
         for message in form.messages:
             columns = columns_for(message, 50, np.random.default_rng(1))
             rows = encode(form, columns, message=message.name)
-            found, counts = decode(form, rows.tobytes())
+            found, counts = decode(rows.tobytes(), form)
             assert counts.frames[message.name] == len(rows) and counts.junk == 0
             own = {f.name for f in message.fields if f.role != "constant" and f.type != "parity"}
             again = {key: column for key, column in found[message.name].columns.items() if key in own}
@@ -86,11 +86,11 @@ class DecoderBattery:
         form = form_of(name)
         first, second = frames_of(form, 2, np.random.default_rng(2))
         for size in range(len(first)):
-            found, counts = decode(form, first[:size])
+            found, counts = decode(first[:size], form)
             assert found == {} and counts.junk == counts.received == size
             if form.framing.transfers:
                 continue
-            found, counts = decode(form, first[:size] + second)
+            found, counts = decode(first[:size] + second, form)
             assert [frames.start.tolist() for frames in found.values()] == [[size]]
             assert (counts.junk, counts.framed) == (size, len(second))
 
@@ -102,7 +102,7 @@ class DecoderBattery:
         for bit in range(8 * len(first)):
             wrong = bytearray(first)
             wrong[bit // 8] ^= 1 << bit % 8
-            found, counts = decode(form, bytes(wrong) + second)
+            found, counts = decode(bytes(wrong) + second, form)
             assert [frames.start.tolist() for frames in found.values()] == [[len(first)]], bit
             assert counts.junk == len(first)
 
@@ -114,7 +114,7 @@ class DecoderBattery:
         for size in (1, 2, 3, 17, 300):
             frames = frames_of(form, 6, rng)
             blocks = [rng.bytes(size), frames[0] + frames[1], rng.bytes(size), *frames[2:4], rng.bytes(size)]
-            found, counts = decode(form, b"".join(blocks))
+            found, counts = decode(b"".join(blocks), form)
             assert sum(map(len, found.values())) == 4
             assert (counts.junk, counts.framed) == (3 * size, sum(map(len, frames[:4])))
 

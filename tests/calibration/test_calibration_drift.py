@@ -51,7 +51,7 @@ def test_it_inverts_what_the_simulator_does_to_a_gyroscope():
         bias=np.full(3, 0.01), bias_per_k=np.full(3, 1e-3), scale=np.full(3, 0.02), g_sensitivity=COUPLING
     )
     unit = Module("drifting", "test", gyr=errors, acc=TriadErrors())
-    run = simulate("rod", frame=Frame.NED, sensors=unit, module="drawn", seed=1, duration=20.0, temp_c=40.0)
+    run = simulate("rod", frame=Frame.NED, sensors=unit, unit="random", seed=1, duration=20.0, temp_c=40.0)
     drift = GyroDrift(bias=0.01, bias_per_k=1e-3, scale=0.02, g_sensitivity=COUPLING)
     found = drift.compensate(run.imu.gyr, run.imu.temp_c, run.imu.acc)
     assert np.abs(found - run.kinematics.rate_b).max() < 1e-14  # roundings of rates of a few rad/s

@@ -33,7 +33,7 @@ def rests(body):
 @pytest.fixture(scope="module")
 def rod():
     """Moved by hand from one random tilt to the next, resting up to 6 s, without vibration."""
-    return simulate("rod", frame=Frame.ENU, sensors="mpu6000", module="drawn", seed=3, duration=100.0, pause=6.0,
+    return simulate("rod", frame=Frame.ENU, sensors="mpu6000", unit="random", seed=3, duration=100.0, pause=6.0,
                     vibration=0.0)  # fmt: skip
 
 

@@ -28,7 +28,7 @@ GOOD_PARAMS = "kp=0.5,ki=0.03,gate=off"
 def buoy(tmp_path_factory):
     """A minute of the buoy with calibrated sensors, simulated by the command line."""
     path = tmp_path_factory.mktemp("cli") / "buoy.parquet"
-    ok("sim", "buoy", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated", "--duration", "60s",
+    ok("sim", "buoy", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "calibrated", "--duration", "60s",
        "--seed", 3, "--out", path)  # fmt: skip
     return path
 
@@ -107,12 +107,12 @@ def test_benchmark_of_the_arm_paper_s_rows(capsys):
 
     The figures are those of the Euler angles of an estimate and of the truth, simulated and estimated once more here.
     """
-    words = "benchmark scenario arm --set turn=0deg --sensors arm --module drawn --frame NED --seeds 2 --json"
+    words = "benchmark scenario arm --set turn=0deg --sensors arm --unit random --frame NED --seeds 2 --json"
     assert main([*words.split(), "--filters", "integrate,fuzzy_pi"]) == 0
     result = json.loads(capsys.readouterr().out)
     assert "arm (turn=0 deg, time=30 s)" in result["scenario"]
     for seed in range(2):
-        run = simulate("arm", frame=Frame.NED, sensors="arm", module="drawn", seed=seed, turn=0.0)
+        run = simulate("arm", frame=Frame.NED, sensors="arm", unit="random", seed=seed, turn=0.0)
         for name in ("integrate", "fuzzy_pi"):
             q_nb = Filter(name, frame=Frame.NED).process(run.imu).q_nb
             off = np.degrees(euler_zyx_from_quat(q_nb) - euler_zyx_from_quat(run.truth.q_nb))
@@ -335,15 +335,13 @@ def test_a_missing_frame_filter_parameter_or_file_is_refused(buoy, tmp_path):
     assert "known are" in refused("run", buoy, "--filter", "mahoney")
     assert "does not exist" in refused("info", tmp_path / "nothing.parquet")
     assert "known are" in refused("sim", "bouy", "--frame", "ENU", "--out", tmp_path / "x.parquet")
-    assert "--module" in refused(
-        "sim", "buoy", "--frame", "ENU", "--sensors", "mpu6000", "--out", tmp_path / "x.parquet"
-    )
+    assert "--unit" in refused("sim", "buoy", "--frame", "ENU", "--sensors", "mpu6000", "--out", tmp_path / "x.parquet")
     assert "no attitude" in refused("eval", plain, buoy)
 
 
 def test_a_card_of_another_unit_is_refused(buoy, tmp_path):
     card = tmp_path / "card.json"
-    ok("sim", "static", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "drawn", "--seed", 8,
+    ok("sim", "static", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "random", "--seed", 8,
        "--out", tmp_path / "other.parquet", "--card", card)  # fmt: skip
     line = refused("run", buoy, "--filter", "mahony", "--calibration", card)
     assert "device" in line
@@ -398,8 +396,8 @@ def test_the_card_is_named_in_the_estimate(tmp_path):
         "NED",
         "--sensors",
         "mpu6000+hmc5983",
-        "--module",
-        "drawn",
+        "--unit",
+        "random",
         "--out",
         raw,
         "--card",

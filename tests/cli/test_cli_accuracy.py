@@ -12,7 +12,7 @@ from plumbob.simulation import simulate
 
 @pytest.fixture
 def folder(tmp_path):
-    run = simulate("buoy", frame=Frame.ENU, sensors="ideal", module="calibrated", seed=1, duration=10.0)
+    run = simulate("buoy", frame=Frame.ENU, sensors="ideal", unit="calibrated", seed=1, duration=10.0)
     files.write(tmp_path / "a.parquet", files.Recording(imu=run.imu, track=run.truth, name="a"))
     return str(tmp_path)
 

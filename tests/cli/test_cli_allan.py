@@ -75,7 +75,7 @@ def test_raw_values_and_npy_agree(files):
 
 def test_what_is_left_out_is_told(tmp_path):
     """The magnetometer comes with three of four samples."""
-    unit = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated")
+    unit = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "calibrated")
     ok("sim", "static", *unit, "--duration", "60s", "--out", tmp_path / "s.parquet")
     assert "s.parquet: mag left out: comes unevenly" in ok("allan", tmp_path / "s.parquet").stderr
 
@@ -118,7 +118,7 @@ def test_before_and_after(files):
 
 def test_cards_pages_and_imu_yaml(files):
     recording = files / "static.parquet"
-    ok("sim", "static", "--frame", "NED", "--sensors", "mpu6000", "--module", "drawn", "--rate", "50Hz",
+    ok("sim", "static", "--frame", "NED", "--sensors", "mpu6000", "--unit", "random", "--rate", "50Hz",
        "--duration", "120s", "--out", recording)  # fmt: skip
     card, yaml, page, picture = (files / f"noise.{suffix}" for suffix in ("json", "yaml", "html", "png"))
     outputs = ("--card", card, "--kalibr", yaml, "--html", page, "--png", picture)

@@ -9,7 +9,7 @@ import pytest
 
 from plumbob import CalibrationCard, ImuData, ImuMeta, files
 from plumbob.core.constants import G0
-from plumbob.core.units import dps, to_dps, to_g
+from plumbob.core.units import dps, from_si, to_dps
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import TriadCalibration
 from tests.battery.commandline import ok, plumbob, refused
@@ -106,7 +106,9 @@ def test_the_real_ferraris_session_in_one_command(tmp_path):
     ok(*words, "--part-column", "part", "--out", tmp_path / "card.json")
     card = CalibrationCard.load(tmp_path / "card.json")
     # imucal 2.6.0, see test_calibration_ferraris.py: b_a in counts of 1/2048 g, b_g in counts of 1/16.384 °/s
-    assert to_g(card.acc.bias) * 2048.0 == pytest.approx([-6.018868019671572, -48.287874016760156, -28.96636637224333])
+    assert from_si(card.acc.bias, "g") * 2048.0 == pytest.approx(
+        [-6.018868019671572, -48.287874016760156, -28.96636637224333]
+    )
     counts = [1.960686204431737, -4.472837741243746, -3.6511794138670477]
     assert to_dps(card.gyr.bias) * 16.384 == pytest.approx(counts)
     assert "nowhere" in refused(*words, "--part-column", "section")
@@ -153,7 +155,7 @@ def test_captures_that_are_none_leave_no_card(captures, tmp_path):
     (tmp_path / "degrees.toml").write_text(
         PROFILE.replace("204.8", "50").replace("deg/s", "rad/s").replace("counts", "#")
     )
-    table = np.hstack((to_g(session.acc), to_dps(session.gyr)))
+    table = np.hstack((from_si(session.acc, "g"), to_dps(session.gyr)))
     names = "acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z"
     np.savetxt(tmp_path / "degrees.csv", table, delimiter=",", header=names, comments="")
     assert refusal("calibrate", "gyro", tmp_path / "shaken.parquet", "--out", out) == ["not-still"]

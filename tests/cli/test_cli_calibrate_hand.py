@@ -12,7 +12,7 @@ from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from tests.battery.commandline import ok, plumbob, refused
 
-UNIT = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "drawn", "--seed", 5)
+UNIT = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "random", "--seed", 5)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def tilt_errors(path, card):
 
 def test_what_the_recording_lacks_is_said(files, tmp_path):
     no_mag = tmp_path / "nomag.parquet"
-    ok("sim", "poses", "--frame", "NED", "--sensors", "mpu6000", "--module", "drawn", "--set", "number=18", "--seed", 5,
+    ok("sim", "poses", "--frame", "NED", "--sensors", "mpu6000", "--unit", "random", "--set", "number=18", "--seed", 5,
        "--out", no_mag)  # fmt: skip
     done = ok("calibrate", "hand", no_mag, "--json")
     assert "note: the recording has no magnetometer, which is left out" in done.stderr

@@ -17,7 +17,7 @@ from tests.session.test_session_mounting import Q_BS, UNIT, Returning
 def files(tmp_path_factory):
     """Recording of a mounted unit, its attitude, and that of the body."""
     folder = tmp_path_factory.mktemp("mount")
-    sim = simulate(Returning(), frame=Frame.NED, sensors=UNIT, module="drawn", seed=1)
+    sim = simulate(Returning(), frame=Frame.NED, sensors=UNIT, unit="random", seed=1)
     turned = {name: quat_rotate(quat_conjugate(Q_BS), getattr(sim.imu, name)) for name in ("gyr", "acc")}
     io.write(folder / "unit.parquet", sim.imu.corrected(meta=sim.imu.meta, **turned))
     io.write(folder / "estimate.parquet", sim.truth.with_attitude(quat_multiply(sim.truth.q_nb, Q_BS)))

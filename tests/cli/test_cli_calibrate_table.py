@@ -13,7 +13,7 @@ RATES = "50, 100, 200 deg/s"
 @pytest.fixture(scope="module")
 def session(tmp_path_factory):
     path = tmp_path_factory.mktemp("table") / "session.parquet"
-    sim = ("--frame", "NED", "--sensors", "mpu6000", "--module", "drawn", "--seed", 3, "--set", "hold=4s")
+    sim = ("--frame", "NED", "--sensors", "mpu6000", "--unit", "random", "--seed", 3, "--set", "hold=4s")
     ok("sim", "ratetable", *sim, "--out", path)
     return path
 

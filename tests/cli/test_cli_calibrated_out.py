@@ -22,7 +22,7 @@ def made(tmp_path_factory):
     """A unit at rest for ten minutes, its card, and a card of another unit."""
     folder = tmp_path_factory.mktemp("card")
     found = plumbob.simulate(
-        "static", frame="NED", sensors="mpu6000", module="calibrated", seed=5, rate=20.0, duration=600.0
+        "static", frame="NED", sensors="mpu6000", unit="calibrated", seed=5, rate=20.0, duration=600.0
     )
     imu = replace(found.imu, meta=replace(found.imu.meta, device="unit 7", calibration=None))
     plumbob.write(folder / "rest.parquet", plumbob.Recording(imu=imu, track=found.truth))

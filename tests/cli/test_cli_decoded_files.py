@@ -31,7 +31,7 @@ def test_every_format_with_sensors_is_read_back(name, tmp_path):
     asked = {key: next(iter(o.choices), "1") for key, o in find_format(name).options.items() if o.default is None}
     options = [word for key, value in asked.items() for word in ("--option", f"{key}={value}")]
     for message, unit in ((m, u) for m in form.messages for u in prefixes_of(m)):
-        want = triads_of(decode(form, raw)[0][message.name], unit)
+        want = triads_of(decode(raw, form)[0][message.name], unit)
         if not any(np.isfinite(values).any() for values in want.values()):
             continue
         for suffix, slack in (("csv", 1e-11), ("parquet", 0.0)):  # CSV has twelve digits

@@ -15,7 +15,7 @@ from plumbob.protocols.rigs import load
 from plumbob.session.recorded import read_recorded
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
 from tests.battery.commandline import call, ok
@@ -95,7 +95,7 @@ def test_what_was_lost_on_the_line_ends_the_demo_with_a_sentence(small, tmp_path
 
 def line_of(time="count"):
     source = f'source = {{ kind = "serial", port = "x", baud = 115200, speed = 60, time = "{time}" }}'
-    return Line(
+    return Stream(
         parse_session(f'kind = "plumbob session"\nversion = 1\n{source}\nformat = {{ name = "buoy" }}', str, name="x")
     )
 
@@ -103,7 +103,7 @@ def line_of(time="count"):
 def taken(items, line=None):
     """What a line makes of its items, and what became of the bytes."""
     line, found = line or line_of(), Collected()
-    for part in filter(None, [*map(line.take, items), line.finish()]):
+    for part in filter(None, [*map(line.feed, items), line.finish()]):
         found.on_part(part)
     return found.imu(calibrated=False), line.decoder.counts
 

@@ -13,7 +13,7 @@ import pytest
 
 from plumbob import files
 from plumbob.calibration.guide.guide import Moment, Progress, Turn
-from plumbob.cli.live import Board, board_lines
+from plumbob.cli.capture import Board, board_lines
 from plumbob.cli.main import main
 from plumbob.data.cards import CalibrationCard
 from tests.battery.commandline import PLUMBOB, call

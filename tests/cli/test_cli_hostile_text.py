@@ -78,6 +78,7 @@ def test_files_for_other_programs_hold_no_command_for_a_terminal(tmp_path):
     track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0, 0, 0], (100, 1)), frame=Frame.ENU, north=North.FREE, source=STEER)
     whole = files.Recording(imu=imu, track=track, name=STEER, notes=(STEER,))
     for suffix in (".csv", ".tum", ".txt"):
-        text = export(tmp_path / f"a{suffix}", whole).read_text(encoding="utf-8")
+        export(whole, tmp_path / f"a{suffix}")
+        text = (tmp_path / f"a{suffix}").read_text(encoding="utf-8")
         assert text.replace("\n", "").replace("\t", "").isprintable()
     assert files.read(tmp_path / "a.csv").imu.meta.device == STEER  # its profile has it as it was

@@ -61,7 +61,7 @@ for name, words in lines.items():
 print(json.dumps(told))
 """
 
-SIM = ["--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module"]
+SIM = ["--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit"]
 PARQUET = {"numpy", "pyarrow", "pyarrow.parquet"}
 READ = PARQUET | {"filters"}
 """To open a recording, whose room imports what all filters share."""
@@ -80,7 +80,7 @@ LINES = {
     "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),
     "run, refused": (["run", "none.parquet", "--filter", "mekf"], {"numpy", "filters"}),
     "eval": (["eval", "track.parquet", "sea.parquet"], READ | {"evaluation"}),
-    "rest": (["sim", "static", *SIM, "drawn", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
+    "rest": (["sim", "static", *SIM, "random", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
     "allan": (
         ["allan", "rest.parquet", "--triads", "gyr"],
         READ | {"data.cards.calibration", "noise", "noise.datasheet", "numba", "report", "scipy", "scipy.fft",

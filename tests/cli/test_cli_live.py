@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from plumbob import files
+from plumbob.acquisition.transport import Stop
 from plumbob.cli import common
 from plumbob.files.mcap import open_log
 from tests.battery.commandline import PLUMBOB, call
@@ -205,7 +206,8 @@ def plumbob_format():
 
 def test_signals_say_stop_and_are_given_back():
     before = signal.getsignal(signal.SIGTERM)
-    with common.stopped_by_signals() as stop:
+    stop = Stop()
+    with common.stopped_by_signals(stop):
         assert not stop.is_set()
         signal.raise_signal(signal.SIGTERM)
         signal.raise_signal(signal.SIGINT)  # the second of two in a hurry, too
@@ -214,11 +216,13 @@ def test_signals_say_stop_and_are_given_back():
 
 
 def test_a_lost_terminal_says_stop_unless_it_is_to_be_survived():
-    with common.stopped_by_signals() as stop:
+    stop = Stop()
+    with common.stopped_by_signals(stop):
         signal.raise_signal(signal.SIGHUP)
         assert stop.is_set()
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
-    with common.stopped_by_signals() as stop:
+    stop = Stop()
+    with common.stopped_by_signals(stop):
         signal.raise_signal(signal.SIGHUP)
         assert not stop.is_set()
     signal.signal(signal.SIGHUP, before)

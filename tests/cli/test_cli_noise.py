@@ -7,7 +7,7 @@ import pytest
 from plumbob import NoiseCard, files
 from tests.battery.commandline import ok, plumbob, refused
 
-SIM = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--module", "calibrated", "--duration", "20s")
+SIM = ("--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "calibrated", "--duration", "20s")
 
 
 @pytest.fixture(scope="module")

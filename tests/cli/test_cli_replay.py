@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from plumbob import files
-from plumbob.cli import line as told
 from plumbob.cli.main import main
 from plumbob.protocols.page import UNCHECKED
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx
 from plumbob.session import sources
+from plumbob.session.watch import attitude_of, report_lines
 from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
 
 
@@ -154,9 +154,8 @@ def run_report(**changes):
         ),
     ],
 )
-def test_every_line_of_a_report(capsys, changes, line):
-    told.print_report(run_report(**changes), "level")
-    assert line in capsys.readouterr().out.splitlines()
+def test_every_line_of_a_report(changes, line):
+    assert line in report_lines(run_report(**changes), "level")
 
 
 @pytest.mark.parametrize(
@@ -173,13 +172,12 @@ def test_every_line_of_a_report(capsys, changes, line):
         ({"time": {"drift_ppm": None}}, "device clock"),
     ],
 )
-def test_what_is_not_known_or_did_not_happen_is_not_told(capsys, changes, word):
-    told.print_report(run_report(**changes), "level")
-    assert not [line for line in capsys.readouterr().out.splitlines() if line.startswith(word)]
+def test_what_is_not_known_or_did_not_happen_is_not_told(changes, word):
+    assert not [line for line in report_lines(run_report(**changes), "level") if line.startswith(word)]
 
 
 def test_the_attitude_of_a_part_is_its_last_one():
     q = quat_from_euler_zyx(np.radians([[1.0, 2.0, 3.0], [-40.0, 25.0, 170.0]]))
     part = SimpleNamespace(track=SimpleNamespace(q_nb=q, frame=Frame.NED))
-    assert told.attitude_of(part) == "roll 170.00°, pitch 25.00°, yaw -40.00°"
-    assert told.attitude_of(SimpleNamespace(track=None)) == told.attitude_of(None) == ""
+    assert attitude_of(part) == "roll 170.00°, pitch 25.00°, yaw -40.00°"
+    assert attitude_of(SimpleNamespace(track=None)) == attitude_of(None) == ""

@@ -13,7 +13,7 @@ from plumbob.data.cards import CalibrationCard
 @pytest.fixture
 def table(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    words = "sim table36 --frame NED --sensors mpu6000+hmc5983 --module drawn --seed 3 --rate 20Hz --out a.parquet"
+    words = "sim table36 --frame NED --sensors mpu6000+hmc5983 --unit random --seed 3 --rate 20Hz --out a.parquet"
     assert main([*words.split(), "--card", "card.json"]) == 0
     capsys.readouterr()
     return tmp_path
@@ -68,7 +68,7 @@ def test_a_page_does_not_replace_an_input(table, capsys):
 
 
 def test_from_captures_by_hand_to_the_static_test(table, capsys):
-    unit = "--frame NED --sensors mpu6000+hmc5983 --module drawn --seed 3 --rate 20Hz"
+    unit = "--frame NED --sensors mpu6000+hmc5983 --unit random --seed 3 --rate 20Hz"
     assert main(["sim", "faces", *unit.split(), "--set", "edges=on,wobble=3deg", "--out", "faces.parquet"]) == 0
     assert main(["calibrate", "accel", "faces.parquet", "--out", "acc.json"]) == 0
     words = ["faces.parquet", "--calibration", "acc.json", "--out", "found.json"]
@@ -90,7 +90,7 @@ def test_from_captures_by_hand_to_the_static_test(table, capsys):
 )
 def test_simulated_captures_that_calibrate_nothing_are_refused(words, kind, tmp_path, capsys):
     capture, card = str(tmp_path / "a.parquet"), tmp_path / "card.json"
-    unit = "--frame NED --sensors mpu6000+hmc5983 --module drawn --seed 3 --rate 20Hz"
+    unit = "--frame NED --sensors mpu6000+hmc5983 --unit random --seed 3 --rate 20Hz"
     assert main(["sim", *words.split(), *unit.split(), "--out", capture]) == 0
     capsys.readouterr()
     assert main(["calibrate", "mag", capture, "--out", str(card), "--json"]) == 1

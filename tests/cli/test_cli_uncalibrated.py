@@ -72,7 +72,7 @@ def made(tmp_path_factory):
     from plumbob.protocols.format_toml import load_format
 
     folder = tmp_path_factory.mktemp("bare")
-    unit = {"sensors": "mpu6000+hmc5983", "module": "drawn", "seed": 4}
+    unit = {"sensors": "mpu6000+hmc5983", "unit": "random", "seed": 4}
     found = simulate("static", frame=Frame.NED, duration=4.0, rate=100.0, **unit)
     imu = replace(found.imu, meta=replace(found.imu.meta, device="unit 7"))
     files.write(folder / "raw.parquet", files.Recording(imu=imu, track=found.truth, name="raw"))
@@ -283,7 +283,7 @@ class TestBenchmark:
         assert told_in_json == {"a": UNCALIBRATED, "b": "unit 7 table"}
 
     def test_scenario_says_it_of_each_filter(self, told):
-        words = ("static", "--sensors", "mpu6000+hmc5983", "--module", "drawn", "--frame", "NED", "--seeds", 1)
+        words = ("static", "--sensors", "mpu6000+hmc5983", "--unit", "random", "--frame", "NED", "--seeds", 1)
         said = told("benchmark", "scenario", *words, "--duration", "2s", "--filters", "mahony")
         assert f"; calibration {UNCALIBRATED}" in said.out
 

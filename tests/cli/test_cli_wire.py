@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 
 from plumbob.cli import decode as cli_decode
-from plumbob.cli import emulate
 from plumbob.files import read
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.find import find_format
 from plumbob.protocols.rigs import load
+from plumbob.session.emulated import _address
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
 from tests.battery.commandline import call
@@ -77,7 +77,7 @@ def test_a_table_has_units_in_its_header_and_nothing_but_rows(buoy):
 def test_every_kind_of_file_holds_the_same(buoy, tmp_path, suffix):
     out = tmp_path / f"x.{suffix}"
     assert ok("decode", buoy, "--format", "buoy", "--out", out)[0] == ""
-    found, _ = decode(load("buoy"), buoy.read_bytes())
+    found, _ = decode(buoy.read_bytes(), load("buoy"))
     want = found["buoy"].columns["gyr.x"]
     if suffix == "json":
         told = json.loads(out.read_text())
@@ -184,8 +184,8 @@ def test_mistakes_get_one_line(args, words, tmp_path):
 
 
 def test_a_port_without_a_host_is_heard_on_this_machine_alone():
-    assert emulate._address(":4000") == ("127.0.0.1", 4000)
-    assert emulate._address("0.0.0.0:4000") == ("0.0.0.0", 4000)
+    assert _address(":4000") == ("127.0.0.1", 4000)
+    assert _address("0.0.0.0:4000") == ("0.0.0.0", 4000)
 
 
 def test_an_option_changes_the_numbers():
@@ -217,7 +217,7 @@ def test_the_emulator_prints_its_port_first_and_ends_on_a_signal(tmp_path):
     assert out == b""
     assert b"60000 frames: " in err
     assert not link.is_symlink()
-    assert decode(load("buoy"), data)[1].frames["buoy"] >= 5
+    assert decode(data, load("buoy"))[1].frames["buoy"] >= 5
 
 
 def test_truth_card_and_faults_lie_beside(tmp_path):

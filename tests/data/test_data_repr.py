@@ -9,7 +9,7 @@ from plumbob import AttitudeTrack, Filter, ImuData, ImuMeta, simulate
 from plumbob.evaluation import evaluate
 from plumbob.rotations import quat_from_euler_zyx
 
-MADE = simulate("static", frame="NED", sensors="mpu6000+hmc5983", module="drawn", seed=0, rate=50.0, duration=2.0)
+MADE = simulate("static", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=0, rate=50.0, duration=2.0)
 SHOWN = {
     "imu": (MADE.imu, ("<ImuData: samples 100 in 1.98 s at 50 Hz; sensors gyr, acc, mag, temp_c;", "calibration none")),
     "track": (MADE.truth, ("<AttitudeTrack: samples 100 in 1.98 s at 50 Hz; known 100; frame NED; north true;",)),

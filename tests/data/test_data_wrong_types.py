@@ -11,7 +11,7 @@ from plumbob.core.errors import FrameError, ParameterError, PlumbobError, ShapeE
 from plumbob.evaluation import evaluate
 
 FORM = find_format("fin")
-MADE = simulate("static", frame="NED", sensors="ideal", module="drawn", seed=0, rate=20.0, duration=1.0)
+MADE = simulate("static", frame="NED", sensors="ideal", unit="random", seed=0, rate=20.0, duration=1.0)
 IMU, TRACK = MADE.imu, MADE.truth
 
 
@@ -54,10 +54,10 @@ DOORS = {
     "load_session": (plumbob.load_session, {"path": "x.toml"}),
     "Decoder": (plumbob.Decoder, {"form": FORM}),
     "feed": (lambda data: plumbob.Decoder(FORM).feed(data), {"data": b"ab"}),
-    "Line": (plumbob.Line, {"session": None}),
+    "Stream": (plumbob.Stream, {"session": None}),
     "CalibrationCard.load": (plumbob.CalibrationCard.load, {"path": "x.json"}),
     "NoiseCard.load": (plumbob.NoiseCard.load, {"path": "x.json"}),
-    "simulate": (simulate, {"scenario": "static", "frame": Frame.NED, "sensors": "ideal", "module": "drawn",
+    "simulate": (simulate, {"scenario": "static", "frame": Frame.NED, "sensors": "ideal", "unit": "random",
                             "rate": 20.0, "duration": 1.0, "strength": 50.0, "dip": 0.5, "declination": 0.0,
                             "temp_c": 25.0, "mag_rate": None, "jitter": 0.0, "lost": 0.0, "noise": None, "seed": 0}),
 }  # fmt: skip

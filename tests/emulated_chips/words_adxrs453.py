@@ -69,7 +69,7 @@ def register_readings(commands: bytes, replies: bytes) -> Answers:
     """
     sent, _ = transfers(commands, replies, 4)
     words = np.full(sent.size, -1, dtype=np.int64)
-    found = decode(catalog.load("adxrs453"), replies)[0].get("read")
+    found = decode(replies, catalog.load("adxrs453"))[0].get("read")
     if found is not None:
         words[found.start // 4] = found.columns["data"].astype(np.int64)
     asked = np.where(sent >> 29 == 0b100, sent >> 17 & 0x1FF, -1)

@@ -120,7 +120,7 @@ def gyroscope(imu):
 @pytest.mark.parametrize("name", ["buoy", "rod", "fin"])
 def test_rates_in_another_unit_or_against_the_accelerometer(name):
     settings = {} if name == "fin" else {"duration": 300.0}
-    imu = simulate(name, frame=Frame.NED, sensors="mpu6000+hmc5983", module="drawn", seed=1, **settings).imu
+    imu = simulate(name, frame=Frame.NED, sensors="mpu6000+hmc5983", unit="random", seed=1, **settings).imu
     assert gyroscope(turned(imu, 1.0)) == []
     assert "57 times slower" in gyroscope(turned(imu, 180.0 / np.pi))[0]
     assert "°/s declared as rad/s" in gyroscope(turned(imu, 180.0 / np.pi))[0]
@@ -132,8 +132,8 @@ def test_rates_in_another_unit_or_against_the_accelerometer(name):
 @pytest.mark.parametrize("sensors", ["ideal", "mpu6000+hmc5983", "adis16355:density"])
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_right_rates_of_every_simulation(name, sensors):
-    module = "calibrated" if sensors == "ideal" else "drawn"
-    imu = simulate(name, frame=Frame.NWU, sensors=sensors, module=module, seed=2).imu
+    module = "calibrated" if sensors == "ideal" else "random"
+    imu = simulate(name, frame=Frame.NWU, sensors=sensors, unit=module, seed=2).imu
     assert (gyroscope(imu), doubts(imu[:10_000]), upside_down(imu, Frame.NWU)) == ([], (), ())
 
 

@@ -230,7 +230,7 @@ def misprinted(**kernels):
 
 @functools.cache
 def rod(seed, duration=600.0):
-    return simulate("rod", frame=Frame.NED, sensors="adis16355", module="calibrated", seed=seed, duration=duration)
+    return simulate("rod", frame=Frame.NED, sensors="adis16355", unit="calibrated", seed=seed, duration=duration)
 
 
 def tilt_errors(track, truth, after=1.0):

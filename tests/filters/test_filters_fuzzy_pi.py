@@ -127,7 +127,7 @@ def test_the_integral_of_the_rules_is_never_beyond_three_degree_seconds():
 @pytest.mark.parametrize("params", ROWS.values(), ids=ROWS)
 def test_in_a_steady_turn_there_is_no_lag(params):
     """Exact turns to the sample's own time: without noise only rounding is left, where one sample late is 0.3°."""
-    run = simulate("arm", frame=Frame.NED, sensors="ideal", module="drawn", seed=0)
+    run = simulate("arm", frame=Frame.NED, sensors="ideal", unit="random", seed=0)
     track = Filter("fuzzy_pi", frame=Frame.NED, params=params).process(run.imu)
     assert quat_angle(track.q_nb, run.truth.q_nb).max() < 1e-9
 
@@ -145,7 +145,7 @@ def test_in_the_turn_with_the_noise_that_the_paper_states():
     unit = Module("stated", "the paper", **triads)
     rms = []
     for seed in range(10):
-        run = simulate("arm", frame=Frame.NED, sensors=unit, module="drawn", seed=seed)
+        run = simulate("arm", frame=Frame.NED, sensors=unit, unit="random", seed=seed)
         track = Filter("fuzzy_pi", frame=Frame.NED, params={"fuzzy": False}).process(run.imu)
         rms.append(evaluate(track, run.truth, declination=0.0).stats["yaw"].rmse / DEG)
     assert np.sqrt(np.mean(np.square(rms))) < 0.184 / 4.0
@@ -185,7 +185,7 @@ def rest():
 
     def std(**params):
         result = measure_scenario(
-            "arm", [Stage("fuzzy_pi", params)], frame=Frame.NED, sensors="arm:rest", module="drawn",
+            "arm", [Stage("fuzzy_pi", params)], frame=Frame.NED, sensors="arm:rest", unit="random",
             seeds=range(40), settings={"turn": 0.0},
         )  # fmt: skip
         axes = result.values["fuzzy_pi"]

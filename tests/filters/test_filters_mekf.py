@@ -248,7 +248,7 @@ def test_the_covariance_is_that_of_the_body_axes():
 
 def test_a_buoy_in_waves_keeps_its_horizon_and_knows_how_well():
     """Bar of the buoy paper's page: 0.2° rms roll and pitch; and 95 % of the tilts within the 99.9 % bound claimed."""
-    run = simulate("buoy", frame=Frame.ENU, sensors="mpu6000+hmc5983", module="calibrated", seed=3, duration=200.0)
+    run = simulate("buoy", frame=Frame.ENU, sensors="mpu6000+hmc5983", unit="calibrated", seed=3, duration=200.0)
     track = Filter("mekf", frame=Frame.ENU).process(run.imu, covariance=True)
     rows = run.imu.t > 60.0
     error_n = rotvec_from_quat(quat_multiply(run.truth.q_nb, quat_conjugate(track.q_nb)))[rows]
@@ -263,7 +263,7 @@ def test_a_buoy_in_waves_keeps_its_horizon_and_knows_how_well():
 def test_strokes_on_a_desk_stay_below_the_bar_of_the_page(speed, time):
     """Roll and pitch at most 1.2° in all four sets of strokes; the paper itself reached 3.3° with its gate."""
     run = simulate(
-        "slide", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=1, peak_speed=speed, stroke=time
+        "slide", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=1, peak_speed=speed, stroke=time
     )
     q = Filter("mekf", frame=Frame.NED).process(run.imu).q_nb
     error_n = rotvec_from_quat(quat_multiply(run.truth.q_nb, quat_conjugate(q)))

@@ -89,9 +89,9 @@ WRITERS = {
     "a.csv": lambda path, **how: formats.write(path, imu(), **how),
     "page.html": lambda path, **how: certificate.write_html(path, card(), {}, title="unit 7", facts={}, **how),
     "a.png": lambda path, **how: png(path, lambda figure: None, height=1.0, **how),
-    "a.tum": lambda path, **how: export(path, both(), **how),
-    "a.txt": lambda path, **how: export(path, both(), **how),
-    "a.mcap": lambda path, **how: export(path, both(), **how),
+    "a.tum": lambda path, **how: export(both(), path, **how),
+    "a.txt": lambda path, **how: export(both(), path, **how),
+    "a.mcap": lambda path, **how: export(both(), path, **how),
 }
 
 

@@ -193,7 +193,7 @@ def test_shorthands():
     assert units.g(1.0) == 9.80665
     assert units.gauss(0.5) == 50.0  # the Earth's field is about half a gauss, 50 µT
     assert units.to_deg(math.pi) == units.to_dps(math.pi) == 180.0
-    assert units.to_g(9.80665) == 1.0
+    assert units.from_si(9.80665, "g") == 1.0
 
 
 def test_arrays_are_converted_and_left_alone():

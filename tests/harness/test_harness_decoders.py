@@ -102,5 +102,5 @@ def test_targets_are_met_on_a_small_scale(name):
 def test_every_frame_of_an_undamaged_stream_is_found():
     form = user_frame()
     frames = frames_of(form, 100, rng())
-    found, _ = decode(form, b"".join(frames))
+    found, _ = decode(b"".join(frames), form)
     assert found["user_crc16"].start.tolist() == list(range(0, 1800, 18))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.fault_cases import CASES, GROUPS, choose, listing
+from benchmarks.harness.fault_scene import FIELD_N, GRAVITY_N, RANGES, USUAL, Motion, record, truth_of
 from plumbob.core import flags
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import to_dps
-from plumbob.evaluation.many.fault_scene import FIELD_N, GRAVITY_N, RANGES, USUAL, Motion, record, truth_of
 from plumbob.rotations import quat_angle, quat_conjugate, quat_from_euler_zyx, quat_from_rotvec, quat_rotate
 
 BY_NAME = {case.name: case for case in CASES}

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.battery import ApiVerdict, child, run_battery
+from benchmarks.harness.contender import OurFilter
 from benchmarks.harness.fault_cases import CASES, choose
+from benchmarks.harness.fault_scene import USUAL, record
 from benchmarks.harness.faults import listen, measure_faults
+from benchmarks.harness.peers import peers
 from benchmarks.harness.verdict import Verdict
 from plumbob.core.errors import ParameterError
-from plumbob.evaluation.many import OurFilter, peers
-from plumbob.evaluation.many.fault_scene import USUAL, record
 from plumbob.filters.offline import Stage
 
 BY_NAME = {case.name: case for case in CASES}

@@ -35,7 +35,7 @@ STUDIED = {"vqf": "2.1.2", "imufusion": "1.3.3"}
 
 def rocking(**settings):
     """Half a minute of a buoy without sensor errors, heading 40°, in ENU; the field is turned by its declination."""
-    return simulate("buoy", frame=Frame.ENU, sensors="ideal", module="calibrated", seed=4, duration=30.0, **settings)
+    return simulate("buoy", frame=Frame.ENU, sensors="ideal", unit="calibrated", seed=4, duration=30.0, **settings)
 
 
 def file_of(path, run):

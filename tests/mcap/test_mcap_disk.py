@@ -136,7 +136,7 @@ def test_a_failed_fsync_takes_back_and_writes_anew(tmp_path, monkeypatch):
     numbers = channels(r)
     with r:
         rows = fill(r, numbers, 30)
-        wait_for(lambda: r.acknowledged == 40 and not r._scribe._unsynced)
+        wait_for(lambda: r.acknowledged == 40 and not r._writer._unsynced)
         ill = Disk(monkeypatch, errno.EIO, fails=("fsync",))
         rows += fill(r, numbers, 60, start=30)
         wait_for(lambda: r.state == "stopped")

@@ -14,7 +14,7 @@ from record_samples import DECODED, OFFSET, RAW, SCHEMA, channels, fill, read, r
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files.mcap import Recorder, Schema, open_log, verify
-from plumbob.files.mcap.log import Ledger
+from plumbob.files.mcap.log import SequenceGaps
 from tests.battery import examples
 
 FAST = examples(0.4)
@@ -291,23 +291,23 @@ def test_rows_that_cannot_be_stored_are_counted_and_cost_no_other(tmp_path):
 @given(st.lists(st.tuples(st.integers(0, 40), st.integers(1, 5)), max_size=30))
 def test_the_ledger_counts_like_a_set(ranges):
     """Oracle: a plain set of numbers, instead of intervals."""
-    ledger, seen = Ledger(0), set()
+    sequence, seen = SequenceGaps(0), set()
     for low, count in ranges:
         numbers = set(range(low, low + count))
         new = not numbers & seen and (low >= (max(seen) + 1 if seen else 0) or max(numbers) < max(seen))
-        assert ledger.is_new(low, count) == new
+        assert sequence.is_new(low, count) == new
         if new:
-            ledger.take(low, count)
+            sequence.take(low, count)
             seen |= numbers
-    assert ledger.missing == (max(seen) + 1 - len(seen) if seen else 0)
+    assert sequence.missing == (max(seen) + 1 - len(seen) if seen else 0)
 
 
 def test_sequence_numbers_go_on_beyond_32_bits():
-    ledger = Ledger(2**32 - 2)
-    assert ledger.place(2**32 - 2) == 2**32 - 2
-    ledger.take(2**32 - 2, 4)
-    assert ledger.place(2) == 2**32 + 2
-    assert ledger.place(2**32 - 1) == 2**32 - 1
+    sequence = SequenceGaps(2**32 - 2)
+    assert sequence.place(2**32 - 2) == 2**32 - 2
+    sequence.take(2**32 - 2, 4)
+    assert sequence.place(2) == 2**32 + 2
+    assert sequence.place(2**32 - 1) == 2**32 - 1
 
 
 @pytest.mark.parametrize("row", ["text", bytearray(b"x"), 7])

@@ -97,7 +97,7 @@ def bound(name, options=()):
 
 def one(form, text):
     """The only frame that bytes decode to, and its message's name."""
-    found, counts = decode(form, bytes.fromhex(text))
+    found, counts = decode(bytes.fromhex(text), form)
     assert counts.junk == 0
     ((name, frames),) = found.items()
     assert len(frames) == 1
@@ -249,7 +249,7 @@ def test_replies_of_every_kind_in_one_stream():
         bytes.fromhex("14028001 4E1CE001 1E020000")
         + encode(bound("adxrs453"), {"data": [0xBEEF]}, message="write").tobytes()
     )
-    found, counts = decode(bound("adxrs453"), data)
+    found, counts = decode(data, bound("adxrs453"))
     assert {name: int(frames.start[0]) for name, frames in found.items()} == {
         "sensor": 0, "read": 4, "error": 8, "write": 12
     }  # fmt: skip
@@ -279,7 +279,7 @@ def test_a_single_flipped_bit_of_an_adxrs453_frame_is_always_rejected(reply):
     assert (whole >> 16).bit_count() % 2 == 1
     assert whole.bit_count() % 2 == 1
     flipped = b"".join((whole ^ 1 << bit).to_bytes(4, "big") for bit in range(32))
-    found, counts = decode(form, flipped)
+    found, counts = decode(flipped, form)
     assert found == {}
     assert (counts.junk, counts.bad_content) == (128, 32)
 
@@ -287,7 +287,7 @@ def test_a_single_flipped_bit_of_an_adxrs453_frame_is_always_rejected(reply):
 @given(st.binary(max_size=200), st.lists(st.integers(0, 200), max_size=6))
 def test_a_bus_gives_the_same_frames_in_any_chunking(data, cuts):
     form = bound("adxrs453")
-    whole, counts = decode(form, data)
+    whole, counts = decode(data, form)
     decoder = Decoder(form)
     places = [0, *sorted(min(c, len(data)) for c in cuts), len(data)]
     parts = [decoder.feed(data[a:b]) for a, b in itertools.pairwise(places)] + [decoder.finish()]
@@ -322,7 +322,7 @@ def test_trap_adxrs290_rate_without_its_sign():
 
 def test_trap_adxrs453_simulated_pattern_fails_the_parity():
     """WPILib's 00400AE0."""
-    assert decode(bound("adxrs453"), bytes.fromhex("00400AE0"))[0] == {}
+    assert decode(bytes.fromhex("00400AE0"), bound("adxrs453"))[0] == {}
 
 
 def test_trap_mpu6000_scale_of_the_full_range():
@@ -381,7 +381,7 @@ def test_a_status_of_one_field_keeps_its_unit_inside_a_frame():
         'kind = "plumbob format"\nversion = 1\nname = "carrier"\ntitle = "carrier"\n[frame]\nsync = "A5"\nlength = 21\n'
         '[[embed]]\ndevice = "adis16355"\nat = 1\nunit = "u1"\n'
     )
-    frames = decode(form, b"\xa5" + bytes.fromhex(POLL.replace("BDDE", "3DDE")))[0]["carrier"]
+    frames = decode(b"\xa5" + bytes.fromhex(POLL.replace("BDDE", "3DDE")), form)[0]["carrier"]
     assert np.isnan(frames.columns["u1.gyr.y"][0])
     assert np.isfinite(frames.columns["u1.gyr.x"][0])
     assert frames.flags["u1"][0] == flags.GYR_ABSENT

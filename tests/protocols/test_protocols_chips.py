@@ -29,7 +29,7 @@ DEG = math.pi / 180
 
 def decoded(form, data):
     """Columns of the only message."""
-    ((_, frames),) = decode(form, data)[0].items()
+    ((_, frames),) = decode(data, form)[0].items()
     return frames.columns
 
 
@@ -114,7 +114,7 @@ def test_adxrs453_registers_and_refusals():
     assert readings["TEM"].values[0] == 85.0
     assert readings["FAULT"].values[0] == 0x0200
     assert readings["PID"].values[0] == 0x5201
-    found = decode(chip.form, replies)[0]
+    found = decode(replies, chip.form)[0]
     assert found["error"].columns["re"].tolist() == [1, 1]  # 12 is the ADXRS450's (K-450); 40 is none
     assert found["error"].start.tolist() == [24, 28]
 
@@ -129,7 +129,7 @@ def test_adxrs453_refuses_a_command_of_wrong_parity_or_of_no_kind():
 def test_adxrs453_echoes_a_write():
     chip = running()
     chip.transfer(words_adxrs453.write_command(0x00, 0xBEEF))
-    found = decode(chip.form, chip.transfer(sensor_command()))[0]
+    found = decode(chip.transfer(sensor_command()), chip.form)[0]
     assert found["write"].columns["data"][0] == 0xBEEF
 
 
@@ -258,7 +258,7 @@ def test_mpu6000_early_silicon_has_half_the_counts():
 def test_mpu6000_clips_at_the_end_of_its_word():
     chip = awake()
     chip.sample({**FELT, "acc.x": g(-3.0)}, 0)
-    frames = decode(chip.form, chip.read(0x3B, 14))[0]["mpu6000"]
+    frames = decode(chip.read(0x3B, 14), chip.form)[0]["mpu6000"]
     assert frames.flags[""][0] == flags.ACC_CLIPPED
 
 
@@ -505,7 +505,7 @@ def test_adis16355_poll_is_the_frame_of_the_catalogue():
 def test_adis16355_says_nothing_new_before_150_ms():
     chip = Adis16355()
     chip.sample(MOTION, 149 * MS)
-    frames = decode(chip.form, poll(chip))[0]["adis16355"]
+    frames = decode(poll(chip), chip.form)[0]["adis16355"]
     assert frames.flags[""][0] == flags.GYR_ABSENT | flags.ACC_ABSENT
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from benchmarks.harness.false_accepts import false_accepts
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import Decoder, decode
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.protocols.overlap import false_accepts
 from plumbob.protocols.unpack import counts_of
 from tests.battery.decoders import in_pieces
 
@@ -51,7 +51,7 @@ def test_a_frame_is_believed_where_every_count_is_within_its_range(order):
         counts = counts_of(one, rows)  # the other way to read them: many frames at once
         inside &= (one.range[0] <= counts) & (counts <= one.range[1])
     assert 1000 < inside.sum() < 19_000
-    found, counts = decode(form, rows.tobytes())
+    found, counts = decode(rows.tobytes(), form)
     assert found["mine"].start.tolist() == (np.flatnonzero(inside) * 13).tolist()
     assert counts.bad_content == (~inside).sum()
 
@@ -59,7 +59,7 @@ def test_a_frame_is_believed_where_every_count_is_within_its_range(order):
 def test_what_is_encoded_stays_within_the_range():
     form = parse_format(HEAD + RANGED.format(order="big"))
     rows = encode(form, {"b": np.radians([1e5, -1e5]), "e": np.radians([1e5, -1e5]), "a": [10, 240]})
-    found, counts = decode(form, rows.tobytes())
+    found, counts = decode(rows.tobytes(), form)
     assert counts.frames == {"mine": 2}
     # 20000 and −30000 counts of 0.1°, 90000 and −5000 of 0.01°
     np.testing.assert_allclose(np.degrees(found["mine"].columns["b"]), [2000.0, -3000.0])
@@ -87,7 +87,7 @@ def test_frames_that_end_with_fixed_bytes():
     row = encode(form, {"a": [5], "b": [6]}).tobytes()
     assert row == bytes.fromhex("24 05 06 03 0D 0A")  # 5 xor 6 is 3
     for wrong in ("24 05 06 03 0D 0B", "24 05 06 03 0C 0A"):
-        found, counts = decode(form, bytes.fromhex(wrong) + row)
+        found, counts = decode(bytes.fromhex(wrong) + row, form)
         assert found["mine"].start.tolist() == [6] and counts.bad_content == 1
     assert false_accepts(form) == 256.0**-4
 
@@ -121,7 +121,7 @@ def test_a_check_of_two_kinds_is_learnt_alike_however_the_bytes_are_cut(words):
 def test_floats_that_are_no_numbers_are_absent_and_flagged():
     form = catalog.load("xbus_mtdata2")
     rows = encode(form, {"gyr.x": [1.0, np.inf, -np.inf, 2.0], "gyr.y": [1.0, 2.0, 3.0, 4.0]})
-    found = decode(form, rows.tobytes())[0]["xbus_mtdata2"]
+    found = decode(rows.tobytes(), form)[0]["xbus_mtdata2"]
     np.testing.assert_array_equal(found.columns["gyr.x"], [1.0, np.nan, np.nan, 2.0])
     assert found.columns["gyr.y"].tolist() == [1.0, 2.0, 3.0, 4.0]
     assert (found.flags[""] == [0, flags.GYR_INVALID, flags.GYR_INVALID, 0]).all()
@@ -156,7 +156,7 @@ def test_a_frame_of_no_known_message_is_believed_by_its_length_and_a_check_of_16
     words = {"length": length, "kind": checksum, "at": -1 if checksum in {"crc8", "sum8"} else -2}
     known, other = (parse_format(HEAD + ONE_OF_TWO.format(**words, value=value)) for value in (1, 2))
     stream = b"".join(encode(form, {"a": [77]}).tobytes() for form in (known, other, known))
-    found, counts = decode(known, stream)
+    found, counts = decode(stream, known)
     assert found["mine"].start.tolist() == [0, 16]
     assert (counts.unknown, counts.junk) == ((1, 0) if believed else (0, 8))
 

@@ -12,7 +12,7 @@ from plumbob.protocols.decode import decode
 from plumbob.protocols.encode import encode
 
 
-class Line(NamedTuple):
+class Stream(NamedTuple):
     device: str
     message: str
     hex: str
@@ -37,14 +37,14 @@ def angles(pitch, roll, heading, header):
 
 LINES = [
     # made from the manual's table (7430-0060-02, page 10) and sum of bytes
-    Line(
+    Stream(
         "ahrs500ga",
         "ahrs500ga",
         "AA55 08E4 FDB0 C0B6 0111 FF93 000E 006D FFD4 F777 0001 0000 0970",
         {**TURNING, "model": "1", "bit": "0"},
     ),
     # the same with a sum of 16-bit words modulo 65535, which the manual does not rule out
-    Line(
+    Stream(
         "ahrs500ga",
         "ahrs500ga",
         "AA55 08E4 FDB0 C0B6 0111 FF93 000E 006D FFD4 F777 0001 0000 BFB9",
@@ -52,7 +52,7 @@ LINES = [
         (("checksum", "words"),),
     ),
     # made from the manual's table (7430-0004-01, page 24) for a unit of RR 200, GR 4
-    Line(
+    Stream(
         "ahrs400",
         "ahrs400",
         "FF 08E4 FDB0 C0B6 0444 FE4B 0037 0111 FF93 EAAB 0F05 00AF E148 06A2 9C40 80",
@@ -61,33 +61,33 @@ LINES = [
         (("rr", "200"), ("gr", "4")),
     ),
     # Crossbow NAV440 manual
-    Line("x5555", "ping", "5555 504B 00 9EF4", {}),
+    Stream("x5555", "ping", "5555 504B 00 9EF4", {}),
     # Rion HCM705B manual, pages 13-17
-    Line("rion", "read_angles", "68 04 00 04 08", {"header": "104", "address": "0"}),
-    Line("rion", "angles", "68 0D 00 84 002010 100525 018000 7C", angles("20.10", "-5.25", "180.00", 0x68)),
+    Stream("rion", "read_angles", "68 04 00 04 08", {"header": "104", "address": "0"}),
+    Stream("rion", "angles", "68 0D 00 84 002010 100525 018000 7C", angles("20.10", "-5.25", "180.00", 0x68)),
     # drivers of the DCM260B
-    Line(
+    Stream(
         "rion",
         "angles_status",
         "68 0E 00 84 001050 101005 010401 00 1D",
         {**angles("10.50", "-10.05", "104.01", 0x68), "disturbance": "0", "mode": "0", "over_range": "0"},
     ),
     # Bewis-Sensing BMR3000 manual, page 8, and a driver's tests
-    Line("rion", "angles", "77 0D 00 84 100154 001443 001520 82", angles("-1.54", "14.43", "15.20", 0x77)),
-    Line("rion", "angles", "77 0D 00 84 000071 000012 013217 5E", angles("0.71", "0.12", "132.17", 0x77)),
-    Line("rion", "read_heading", "77 04 00 03 07", {"header": "119"}),
-    Line("rion", "mode_reply", "77 05 00 8C 00 91", {"header": "119", "failed": "0"}),
+    Stream("rion", "angles", "77 0D 00 84 100154 001443 001520 82", angles("-1.54", "14.43", "15.20", 0x77)),
+    Stream("rion", "angles", "77 0D 00 84 000071 000012 013217 5E", angles("0.71", "0.12", "132.17", 0x77)),
+    Stream("rion", "read_heading", "77 04 00 03 07", {"header": "119"}),
+    Stream("rion", "mode_reply", "77 05 00 8C 00 91", {"header": "119", "failed": "0"}),
     # computed from the layout
-    Line("rion", "angles", "68 0D 00 84 101234 000567 027105 CB", angles("-12.34", "5.67", "271.05", 0x68)),
+    Stream("rion", "angles", "68 0D 00 84 101234 000567 027105 CB", angles("-12.34", "5.67", "271.05", 0x68)),
     # computed from the protocol's layout: 12.5° and −3.25°, cut toward zero to counts of 180°/2^15
-    Line(
+    Stream(
         "witmotion",
         "angle",
         "55 53 E308 B1FD 0040 0000 81",
         {"roll": "12.497 deg", "pitch": "-3.2465 deg", "yaw": "90 deg"},
     ),
     # CEVA BNO08X data sheet, UART-RVC
-    Line(
+    Stream(
         "bno08x_rvc",
         "bno08x_rvc",
         "AAAA DE 0100 92FF 2508 8DFE ECFF D103 000000 E7",
@@ -95,23 +95,23 @@ LINES = [
         | {"acc.y": "-20 mg", "acc.z": "977 mg", "reserved": "0"},
     ),
     # computed from the protocol's layout
-    Line(
+    Stream(
         "xbus_mtdata2",
         "xbus_mtdata2",
         "FAFF 36 14 102002 1234 80200C 3DCCCCCD BE4CCCCD 3E99999A 44",
         {"counter": "4660", "gyr.x": "0.1 rad/s", "gyr.y": "-0.2 rad/s", "gyr.z": "0.3 rad/s"},
     ),
     # VectorNav UM001, first example, which prints +043.579, +001.885, -000.002
-    Line(
+    Stream(
         "vectornav_ypr",
         "vectornav_ypr",
         "FA 01 0800 93502E42 833EF13F 48B504BB 9288",
         {"yaw": "43.57868576 deg", "pitch": "1.88472021 deg", "roll": "-0.00202496536 deg"},
     ),
     # MicroStrain MIP documentation
-    Line("mip", "ping", "7565 01 02 0201 E0C6", {}),
+    Stream("mip", "ping", "7565 01 02 0201 E0C6", {}),
     # a made-up log in the frame of sbgECom
-    Line(
+    Stream(
         "sbg_ecom",
         "example",
         "FF5A 06 00 1000 40420F00 CDCCCC3D CDCC4CBE 0000C03F 182D 33",
@@ -130,11 +130,11 @@ WRONG = [
 ]
 
 
-def named(line: Line) -> str:
+def named(line: Stream) -> str:
     return f"{line.device}-{line.message}-{line.hex.replace(' ', '')[-6:]}"
 
 
-def values(line: Line) -> dict[str, float]:
+def values(line: Stream) -> dict[str, float]:
     found = {}
     for name, text in line.says.items():
         number, unit = units.split(text)
@@ -145,7 +145,7 @@ def values(line: Line) -> dict[str, float]:
 @pytest.mark.parametrize("line", LINES, ids=named)
 def test_a_worked_line_decodes(line):
     form = catalog.load(line.device).bind(dict(line.options))
-    frames, counts = decode(form, bytes.fromhex(line.hex))
+    frames, counts = decode(bytes.fromhex(line.hex), form)
     assert counts.junk == 0 and counts.frames[line.message] == 1 and list(frames) == [line.message]
     columns = frames[line.message].columns
     by_name = {one.name: one for one in form.message(line.message).fields}
@@ -171,7 +171,7 @@ def test_a_worked_line_encodes(line):
 
 @pytest.mark.parametrize(("device", "text"), WRONG)
 def test_a_line_that_is_wrong_is_refused(device, text):
-    frames, counts = decode(catalog.load(device), bytes.fromhex(text))
+    frames, counts = decode(bytes.fromhex(text), catalog.load(device))
     assert frames == {} and counts.junk == counts.received and counts.framed == 0
 
 
@@ -191,7 +191,7 @@ def test_what_cannot_be_is_refused_although_the_sum_is_right():
         (25, 4095, 1),
         (25, 4096, 0),
     ]:
-        counts = decode(form, with_word(at, value))[1]
+        counts = decode(with_word(at, value), form)[1]
         assert (counts.frames["ahrs400"], counts.bad_content > 0) == (frames, not frames)
 
 
@@ -205,8 +205,8 @@ def test_decimal_angles_that_cannot_be_are_refused():
     impossible = [("009001", "000000", "000000"), ("109001", "000000", "000000"), ("000000", "118001", "000000")]
     impossible += [("000000", "000000", "100001"), ("000000", "000000", "036001"), ("000000", "000000", "200000")]
     impossible += [("00000A", "000000", "000000")]
-    assert [decode(form, frame(*text))[1].frames["angles"] for text in possible] == [1, 1, 1]
-    assert [decode(form, frame(*text))[1].frames["angles"] for text in impossible] == [0] * 7
+    assert [decode(frame(*text), form)[1].frames["angles"] for text in possible] == [1, 1, 1]
+    assert [decode(frame(*text), form)[1].frames["angles"] for text in impossible] == [0] * 7
 
 
 def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
@@ -216,7 +216,7 @@ def test_an_unknown_packet_that_passes_its_check_is_counted_and_not_data():
         value ^= byte << 8
         for _ in range(8):
             value = (value << 1 ^ (0x1021 if value & 0x8000 else 0)) & 0xFFFF
-    frames, counts = decode(catalog.load("x5555"), b"\x55\x55" + body + value.to_bytes(2, "big"))
+    frames, counts = decode(b"\x55\x55" + body + value.to_bytes(2, "big"), catalog.load("x5555"))
     assert frames == {} and counts.unknown == 1 and counts.junk == 0
 
 

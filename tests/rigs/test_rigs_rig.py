@@ -28,7 +28,7 @@ def rig_of(name, *, seed=3, duration=None, **more):
 
 
 def decoded(rig, data=None):
-    found, counts = decode(rig.form, rig.stream() if data is None else data)
+    found, counts = decode(rig.stream() if data is None else data, rig.form)
     return found[rig.form.messages[0].name], counts
 
 
@@ -89,7 +89,7 @@ def test_the_magnetometer_is_absent_where_it_has_nothing_new():
 def test_a_rate_beyond_the_range_is_clipped_on_the_wire():
     """Twist of 20° and swing of 30° at 1 Hz peak at 126 and 121 °/s on x and y; the ADXRS290 ends at 100 [Ou2017]."""
     fast = replace(PLANS["fin"], scenario=scenario("fin", frequency=1.0))
-    rig = make_rig(fast, load("fin"), seed=1, duration=2.0, module="calibrated")
+    rig = make_rig(fast, load("fin"), seed=1, duration=2.0, unit="calibrated")
     frames, _ = decoded(rig)
     gyr = triads_of(frames)["gyr"]
     assert np.degrees(np.abs(gyr[:, :2]).max()) == pytest.approx(100.0, abs=1e-9)
@@ -102,7 +102,7 @@ def test_a_field_beyond_the_range_has_its_own_count():
     weak = find_format("buoy")
     fields = tuple(replace(f, counts=6000.0) if f.triad == "mag" else f for f in weak.messages[0].fields)
     fine = replace(weak, messages=(replace(weak.messages[0], fields=fields),))
-    frames, _ = decoded(make_rig(plan, fine, seed=1, module="calibrated"))
+    frames, _ = decoded(make_rig(plan, fine, seed=1, unit="calibrated"))
     new = frames.columns["mag_new"] == 1
     mag = triads_of(frames)["mag"][new]
     assert np.isnan(mag[:, 2]).all()
@@ -112,7 +112,7 @@ def test_a_field_beyond_the_range_has_its_own_count():
 
 def test_opposite_units_of_the_arm_measure_opposite_axes():
     """u4 against x, u5 against y, u6 against z; the mean of opposite readings is their bias, not the motion."""
-    rig = rig_of("arm", module="calibrated", duration=30.0)
+    rig = rig_of("arm", unit="calibrated", duration=30.0)
     frames, _ = decoded(rig)
     mag = {u: triads_of(frames, u)["mag"].mean(axis=0) for u in rig.units}
     for (plus, minus), axis in zip((("u1", "u4"), ("u2", "u5"), ("u3", "u6")), range(3), strict=True):

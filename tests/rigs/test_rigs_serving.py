@@ -125,7 +125,7 @@ def test_in_real_time_the_port_is_away_for_its_second(line):
     assert served.sent + served.lost + served.unheard == len(rig)
     assert served.lost == sum(f.count for f in away)
     assert np.diff(reader.times).max() >= 0.99 / 5.0
-    frames = decode(rig.form, reader.data)[0]["buoy"]
+    frames = decode(reader.data, rig.form)[0]["buoy"]
     assert len(frames) == served.sent
 
 
@@ -270,6 +270,6 @@ def test_noise_of_a_million_bytes_passes_through_a_terminal(line):
     reader.done.set()
     reader.join(LONG)
     assert reader.data == rig.stream()
-    found, counts = decode(rig.form, reader.data)
+    found, counts = decode(reader.data, rig.form)
     assert len(found["buoy"]) == len(rig)
     assert counts.junk == 1_000_000 * len(rig.faults)

@@ -12,7 +12,6 @@ from plumbob.rotations import (
     dcm_from_quat,
     quat_angle,
     quat_conjugate,
-    quat_continuous,
     quat_from_rotvec,
     quat_from_xyzw,
     quat_multiply,
@@ -129,7 +128,7 @@ def test_xyzw_order():
 
 def test_inputs_are_left_alone(quats):
     before = quats.copy()
-    for call in (quat_conjugate, quat_normalize, quat_to_xyzw, quat_from_xyzw, quat_continuous, dcm_from_quat):
+    for call in (quat_conjugate, quat_normalize, quat_to_xyzw, quat_from_xyzw, dcm_from_quat):
         result = call(quats)
         assert not np.shares_memory(result, quats)
     assert np.array_equal(before, quats)
@@ -164,30 +163,3 @@ class TestSlerp:
     def test_half_turn_apart_goes_one_of_the_two_ways(self):
         middle = quat_slerp(IDENTITY, [0.0, 0.0, 1.0, 0.0], 0.5)
         assert abs(quat_angle(middle, IDENTITY) - np.pi / 2) <= PRODUCT
-
-
-class TestContinuous:
-    def test_neighbours_agree_and_rotations_stay(self):
-        angle = np.linspace(0, 20, 400)
-        q = quat_from_rotvec(np.outer(angle, [0.6, 0.0, 0.8]))
-        jumping = q * np.where(np.random.default_rng(1).random(400) < 0.5, -1.0, 1.0)[:, np.newaxis]
-        smooth = quat_continuous(jumping)
-        assert (np.sum(smooth[1:] * smooth[:-1], axis=1) > 0).all()
-        assert np.array_equal(np.abs(smooth), np.abs(q))
-        assert np.array_equal(smooth[0], jumping[0])
-
-    def test_large_steps(self):
-        """Neighbours up to 170° apart: the product of the nearer signs is cos 85°, and small."""
-        q = quat_from_rotvec(np.outer(np.deg2rad([0, 170, 10, 175, 20, 179]), [0, 0, 1.0]))
-        smooth = quat_continuous(q * [[1], [-1], [1], [1], [-1], [1]])
-        assert (np.sum(smooth[1:] * smooth[:-1], axis=1) > 0).all()
-
-    def test_absent_rows_stay_where_they_are(self):
-        q = np.array([[1.0, 0, 0, 0], [np.nan] * 4, [-1.0, 0, 0, 0], [1.0, 0, 0, 0]])
-        smooth = quat_continuous(q)
-        assert np.array_equal(np.isnan(smooth), np.isnan(q))
-        assert np.array_equal(smooth[3], smooth[2])
-
-    @pytest.mark.parametrize("count", [0, 1, 2])
-    def test_short(self, count):
-        assert quat_continuous(np.tile([1.0, 0, 0, 0], (count, 1))).shape == (count, 4)

@@ -9,12 +9,12 @@ from plumbob.acquisition.transport import Received
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.format_toml import parse_format
-from plumbob.session.recording_sink import Keeper
-from plumbob.session.runner import run_line
+from plumbob.session.recording_sink import RecordingSink
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 
 RATE = 200.0
 OFFSET = 1_700_000_000_000_000_000
@@ -86,7 +86,7 @@ params = { kp = 0.5, gate = "0.08 g" }
 @functools.cache
 def motion(duration=10.0):
     return simulate(
-        "buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", module="calibrated", seed=3, rate=RATE, duration=duration,
+        "buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=3, rate=RATE, duration=duration,
         mag_rate=RATE,
     )  # fmt: skip
 
@@ -140,8 +140,8 @@ class Handed:
 def record(path, items, text=SESSION, **spec):
     """Items recorded at `path`, and what the line made of them."""
     chosen = session(text)
-    line, found = Line(chosen), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
-    run_line(line, Handed(items), sinks=[found], keeper=keeper)
-    assert keeper.recorder.acknowledged == keeper.recorder.written
+    line, found = Stream(chosen), Collected()
+    recording_sink = RecordingSink(chosen, RecordSpec(str(path), **spec), offset=lambda: OFFSET)
+    run_stream(line, Handed(items), sinks=[found], recording=recording_sink)
+    assert recording_sink.recorder.acknowledged == recording_sink.recorder.written
     return found

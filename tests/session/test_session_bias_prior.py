@@ -9,7 +9,6 @@ from live_samples import SESSION, session, stream
 
 from plumbob import files
 from plumbob.acquisition.transport import Received
-from plumbob.cli.line import SETTLED, Status
 from plumbob.cli.main import main
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
@@ -17,7 +16,8 @@ from plumbob.evaluation.many.scenario import measure_scenario
 from plumbob.filters import Filter, filter_names
 from plumbob.filters.offline import Stage, bias_beyond
 from plumbob.rotations import Frame, North
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
+from plumbob.session.watch import SETTLED, Watch
 from plumbob.simulation import simulate
 from plumbob.simulation.presets import draw_module
 
@@ -68,7 +68,7 @@ def file(tmp_path_factory):
     """A gyroscope that is off by 4 °/s and perfect otherwise, at rest."""
     perfect = draw_module("mpu6000+hmc5983", 1).calibrated()
     unit = replace(perfect, gyr=replace(perfect.gyr, bias=dps(np.array([0.0, 4.0, 0.0]))))
-    found = simulate("static", frame=Frame.NED, sensors=unit, module="drawn", seed=1, duration=20.0, rate=100.0)
+    found = simulate("static", frame=Frame.NED, sensors=unit, unit="random", seed=1, duration=20.0, rate=100.0)
     path = tmp_path_factory.mktemp("bias") / "a.parquet"
     return files.write(path, files.Recording(imu=found.imu, name="a"))
 
@@ -91,7 +91,7 @@ class TestSaid:
 def test_a_benchmark_says_in_how_many_seeds():
     found = measure_scenario(
         "static", [Stage("mekf", {}), Stage("mahony", {})], frame=Frame.NED, sensors="mpu6000+hmc5983",
-        module="drawn", seeds=range(3), settings={"duration": 20.0, "rate": 100.0},
+        unit="random", seeds=range(3), settings={"duration": 20.0, "rate": 100.0},
     )  # fmt: skip
     many = len(found.warnings["mekf"])
     text = " ".join(found.text().split())
@@ -102,17 +102,18 @@ def test_a_benchmark_says_in_how_many_seeds():
     assert text.count("plumbob calibrate gyro") == 1
 
 
-def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over(capsys):
+def test_a_line_says_it_in_the_part_in_which_a_start_in_motion_is_over():
     doubts_all = 'filter = "mekf"\nparams = { bias_start = "0.00001 deg/s", gyr_walk = "0.1 deg/s2/rtHz" }\n'
-    line = Line(session(SESSION.split("filter")[0] + doubts_all))
-    status, told, size = Status(line, quiet=True), None, 30 * 140
+    line = Stream(session(SESSION.split("filter")[0] + doubts_all))
+    notes = []
+    status, told, size = Watch(line, notes.append), None, 30 * 140
     data = stream(duration=32.0)
     for at in range(0, len(data), size):  # reads of 0.7 s: one begins before the time and ends after it
-        part = line.take(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
+        part = line.feed(Received(round((at + size) / 30 * 5e6), data[at : at + size]))
         if part is None:
             continue
         status.on_part(part)
         if told is None and part.imu.t[-1] >= SETTLED:
             told = part.imu.t[0]
     assert told < SETTLED - 0.1
-    assert f"at {told:.1f} s: {status.bias_beyond}" in capsys.readouterr().err
+    assert notes == [f"at {told:.1f} s: {status.bias_beyond}"]

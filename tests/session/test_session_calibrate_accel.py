@@ -48,7 +48,7 @@ def test_every_pose_is_found_and_the_sensor_comes_back(directions, gyr):
 @pytest.mark.parametrize("seed", range(4))
 def test_a_simulated_unit_held_by_hand_comes_back_with_its_flicker_and_steps(seed):
     """40 poses of a drawn MPU-6000; its noise is not white, and the intervals are those of the residuals."""
-    run = simulate("poses", frame=Frame.NED, sensors="mpu6000+hmc5983", module="drawn", seed=seed)
+    run = simulate("poses", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="random", seed=seed)
     found = calibrate_accel(run.imu).calibration
     true = run.calibration.acc
     assert (np.abs(found.bias - true.bias) < 4.5 * found.bias_sd).all()

@@ -39,7 +39,7 @@ UNIT = Module(
 
 @pytest.fixture(scope="module")
 def simulated():
-    return simulate("poses", frame=Frame.NED, sensors=UNIT, module="drawn", seed=1, number=18, rate=50.0, move=2.0)
+    return simulate("poses", frame=Frame.NED, sensors=UNIT, unit="random", seed=1, number=18, rate=50.0, move=2.0)
 
 
 @pytest.fixture(scope="module")

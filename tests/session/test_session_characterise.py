@@ -114,7 +114,7 @@ def test_a_record_that_is_not_static_is_not_analysed(tmp_path):
 def test_the_simulator_s_noise_comes_back(tmp_path):
     """N, B and K of a unit's card, planted by `sim`, are found within three halves of their intervals."""
     simulated = simulate(
-        "static", frame=Frame.ENU, sensors="mpu6000", module="drawn", seed=3, rate=50.0, duration=3600.0
+        "static", frame=Frame.ENU, sensors="mpu6000", unit="random", seed=3, rate=50.0, duration=3600.0
     )
     path = tmp_path / "static.parquet"
     files.write(path, simulated.imu)

@@ -8,7 +8,7 @@ from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 
 SERIAL = '[source]\nkind = "serial"\nport = "/dev/null"\nbaud = 115200\nspeed = 60\n'
 COUNTED = SESSION + SERIAL + 'time = "count"\n'
@@ -17,9 +17,9 @@ BARE = FORMAT.replace('role = "counter"', 'role = "status"').replace('role = "cl
 
 
 def through(items, text=COUNTED, form=FORMAT):
-    line, found = Line(session(text, **{"imu9.toml": form})), Collected()
+    line, found = Stream(session(text, **{"imu9.toml": form})), Collected()
     for item in items:
-        part = line.take(item)
+        part = line.feed(item)
         if part is not None:
             found.on_part(part)
     part = line.finish()

@@ -17,15 +17,15 @@ from plumbob.acquisition.transport import Event, Received
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, LineError, ParameterError, UnitError
 from plumbob.protocols.decode import decode
-from plumbob.session.recording_sink import Keeper
-from plumbob.session.replay import compare, open_recording, replay
-from plumbob.session.runner import run_line
+from plumbob.session.recording_sink import RecordingSink
+from plumbob.session.replay import open_recording, replay
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
 from plumbob.session.source_toml import iio_format
 from plumbob.session.sources import open_source
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 
 ESTIMATE = '[estimate]\nfilter = "mahony"\nparams = { kp = 0.5 }\n'
 
@@ -41,14 +41,14 @@ def session(text):
 
 def run(chosen, data, tree, path=None):
     """Let a line take what the kernel has, until the device goes; the bytes come in pieces that are no scans."""
-    line, found = Line(chosen), Collected()
+    line, found = Stream(chosen), Collected()
     source = open_source(chosen.source)
     end = tree.hold()
     for at in range(0, len(data), 1003):
         os.write(end, data[at : at + 1003])
     os.close(end)
-    keeper = None if path is None else Keeper(chosen, RecordSpec(str(path)), offset=lambda: 0)
-    run_line(line, source, sinks=[found], keeper=keeper, until_lost=True)
+    recording_sink = None if path is None else RecordingSink(chosen, RecordSpec(str(path)), offset=lambda: 0)
+    run_stream(line, source, sinks=[found], recording=recording_sink, until_lost=True)
     return line, found
 
 
@@ -60,8 +60,8 @@ def test_from_the_tree_to_the_recording_to_the_replay(tree, tmp_path):
     _, live = run(chosen, scans(gyr, acc, temp, t_ns), tree, tmp_path / "a.mcap")
     shutil.rmtree(tree.sys)  # a replay needs no device
     log, again = open_recording(tmp_path / "a.mcap")
-    replayed = replay(log, again)
-    result = compare(replayed)
+    replayed = replay(log, session=again, check=True)
+    result = replayed.comparison
     assert (result.equal, result.compared) == (True, 400)
     np.testing.assert_array_equal(live.t_ns, t_ns)  # the kernel's own, not those of the reads
     np.testing.assert_array_equal(replayed.found.t_ns, t_ns)
@@ -106,13 +106,13 @@ def test_a_stamp_that_repeats_is_not_used(tree):
 
 def test_a_device_that_comes_back_begins_behind_a_gap(tree):
     tree.add_imu()
-    line, (gyr, acc, temp, t_ns) = Line(session(tree.session())), motion(40)
+    line, (gyr, acc, temp, t_ns) = Stream(session(tree.session())), motion(40)
     t_ns[20:] += 3_000_000_000
     first, second = (scans(gyr[p], acc[p], temp[p], t_ns[p]) for p in (slice(20), slice(20, 40)))
-    line.take(Received(int(t_ns[19]) + 50_000, first + second[:11]))
-    line.take(Event(int(t_ns[20]) - 20_000_000, "lost", "it is gone"))
-    line.take(Event(int(t_ns[20]) - 10_000_000, "reopened", "it is back"))
-    part = line.take(Received(int(t_ns[39]) + 50_000, second))
+    line.feed(Received(int(t_ns[19]) + 50_000, first + second[:11]))
+    line.feed(Event(int(t_ns[20]) - 20_000_000, "lost", "it is gone"))
+    line.feed(Event(int(t_ns[20]) - 10_000_000, "reopened", "it is back"))
+    part = line.feed(Received(int(t_ns[39]) + 50_000, second))
     np.testing.assert_array_equal(part.t_ns, t_ns[20:])
     assert np.flatnonzero(part.sensed.flags & flags.GAP).tolist() == [0]
     assert line.decoder.counts.junk == 11
@@ -194,7 +194,7 @@ def test_a_device_that_does_not_say_its_units_is_refused_before_anything_is_open
     with pytest.raises(LineError, match="no IIO device mpu6050"):
         session(tree.session(device="mpu6050"))
     with pytest.raises(ParameterError, match="carries no gyr"):
-        Line(session(tree.session('channels = ["temp", "timestamp"]')))
+        Stream(session(tree.session('channels = ["temp", "timestamp"]')))
 
 
 def test_a_recording_without_the_words_of_the_kernel_is_refused(tree, tmp_path):
@@ -217,28 +217,28 @@ def polled(tree, **more):
 
 def test_a_driver_without_a_buffer_is_polled(tree, tmp_path):
     chosen = polled(tree)
-    path, line, live = tmp_path / "a.mcap", Line(chosen), Collected()
+    path, line, live = tmp_path / "a.mcap", Stream(chosen), Collected()
     source = open_source(chosen.source)
-    run_line(line, source, sinks=[live], keeper=Keeper(chosen, RecordSpec(str(path))), duration=0.3)
+    run_stream(line, source, sinks=[live], recording=RecordingSink(chosen, RecordSpec(str(path))), duration=0.3)
     sensed = live.parts[-1].sensed
     assert np.degrees(sensed.gyr[-1, 2]) == pytest.approx(-2.0, rel=1e-4)
     assert sensed.temp_c[-1] == pytest.approx(25.0)
     assert (sensed.meta.rate_nominal, sensed.meta.gyr_range) == (250.0, None)  # 32 bits are no range
     shutil.rmtree(tree.sys)
-    again = replay(*open_recording(path)).found
+    again = replay(path).found
     np.testing.assert_array_equal(again.t_ns, live.t_ns)
     np.testing.assert_array_equal(again.parts[-1].sensed.gyr, sensed.gyr)
 
 
 def test_a_polls_time_is_its_own_and_missed_deadlines_are_a_gap(tree):
-    line = Line(polled(tree))
+    line = Stream(polled(tree))
     t_ns = 1_000_000_000 + 4_000_000 * np.arange(500) + np.random.default_rng(1).integers(0, 300_000, 500)
     kept = np.r_[0:200, 203:500]
     parts = []
     for t in t_ns[kept].tolist():
         if t == t_ns[203]:
-            line.take(Event(t, "late", "3 deadlines have passed", 3))
-        parts.append(line.take(Received(t, struct.pack("<2i", -7, 0))))
+            line.feed(Event(t, "late", "3 deadlines have passed", 3))
+        parts.append(line.feed(Received(t, struct.pack("<2i", -7, 0))))
     np.testing.assert_array_equal(np.concatenate([p.t_ns for p in parts]), t_ns[kept])
     told = np.concatenate([p.sensed.flags for p in parts])
     assert np.flatnonzero(told & flags.GAP).tolist() == [200]
@@ -272,7 +272,7 @@ def test_the_format_says_what_the_layout_says(layout, noise):
     """Two programs for the same bytes: the scan decoder of `acquire`, and the one of `sensors` from a format."""
     data = noise[: len(noise) // layout.size * layout.size]
     t_ns, columns = IioLayout.from_json(layout.to_json()).decode(data)
-    frames, counts = decode(iio_format(layout), data)
+    frames, counts = decode(data, iio_format(layout))
     found = frames["any"].columns
     assert counts.junk == 0
     np.testing.assert_array_equal(found["t_ns"], t_ns)

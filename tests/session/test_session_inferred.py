@@ -8,14 +8,14 @@ import pytest
 from live_samples import SESSION, Handed, reads, session, stream
 
 from plumbob import files
-from plumbob.cli import line as told_line
 from plumbob.cli.main import main
 from plumbob.session.reading import read
 from plumbob.session.recorded import export, read_recorded
-from plumbob.session.recording_sink import Keeper
-from plumbob.session.runner import run_line
+from plumbob.session.recording_sink import RecordingSink
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
+from plumbob.session.watch import Watch, report_lines, report_of
 
 TELLS = "inferred gaps: 1 gap, 5 s in all, by the host's delays alone: a stall of the host looks the same"
 
@@ -27,10 +27,10 @@ def kept(path, *, late_ns=0, gone=0):
     shift = late_ns + 5_000_000 * (1000 + gone)
     items = [*before, *(replace(item, t_ns=item.t_ns + shift) for item in after)]
     chosen = session()
-    line = Line(chosen)
-    status = told_line.Status(line, quiet=True)
-    run_line(line, Handed(items), sinks=[status], keeper=Keeper(chosen, RecordSpec(str(path))))
-    return told_line.report_of(chosen, line, status)
+    line = Stream(chosen)
+    watch = Watch(line)
+    run_stream(line, Handed(items), sinks=[watch], recording=RecordingSink(chosen, RecordSpec(str(path))))
+    return report_of(watch)
 
 
 @pytest.fixture(scope="module")
@@ -40,13 +40,12 @@ def late(tmp_path_factory):
     return path, kept(path, late_ns=5_000_000_000)
 
 
-def test_record_says_it_at_its_end(late, capsys):
+def test_record_says_it_at_its_end(late):
     _, report = late
     assert report["inferred_gaps"].startswith(TELLS)
     assert report["time"]["inferred"] == 1
     assert report["time"]["inferred_time"] == pytest.approx(5.0, abs=0.01)
-    told_line.print_report(report, "")
-    assert "inferred     1 gap, 5 s in all" in capsys.readouterr().out
+    assert "inferred     1 gap, 5 s in all" in "\n".join(report_lines(report, ""))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +66,8 @@ def test_so_does_whoever_reads_it(late, track, tmp_path, capsys):
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".mcap"])
 def test_it_goes_from_file_to_file(late, tmp_path, suffix):
-    out = export(tmp_path / f"out{suffix}", read_recorded(late[0], estimated=True))
+    out = tmp_path / f"out{suffix}"
+    export(late[0], out)
     assert [note for note in read(out).notes if note.startswith("inferred gaps")] == [
         note for note in read_recorded(late[0]).notes if note.startswith(TELLS)
     ]
@@ -88,7 +88,7 @@ def test_gaps_that_the_device_s_counts_show_are_not_inferred(tmp_path, gone):
 
 def test_what_to_do_depends_on_what_the_frames_have():
     def line_of(mode, drift):
-        report = Line(session(SESSION)).time.report()
+        report = Stream(session(SESSION)).time.report()
         return files.inferred(replace(report, mode=mode, drift_ppm=drift, inferred=2, inferred_time=3.25))[0]
 
     assert "2 gaps, 3.25 s in all" in line_of("host", 0.0)

@@ -15,16 +15,16 @@ from plumbob.filters.offline import run_stage
 from plumbob.protocols import catalog
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
-from plumbob.session.recording_sink import Keeper
-from plumbob.session.runner import run_line
+from plumbob.session.recording_sink import RecordingSink
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line, time_spec
+from plumbob.session.stream import Stream, time_spec
 
 
 def through(items, chosen=None):
-    line, found = Line(chosen or session()), Collected()
-    run_line(line, Handed(items), sinks=[found])
+    line, found = Stream(chosen or session()), Collected()
+    run_stream(line, Handed(items), sinks=[found])
     return line, found
 
 
@@ -96,7 +96,7 @@ def test_junk_is_counted_and_never_becomes_a_sample():
 def test_a_unit_that_is_not_there_is_refused():
     text = 'kind = "plumbob session"\nversion = 1\n[format]\nfile = "imu9.toml"\nunit = "u2"\n'
     with pytest.raises(ParameterError, match="one unit without a name, but 'u2' was asked for"):
-        Line(session(text))
+        Stream(session(text))
 
 
 def test_time_comes_from_the_device_clock_where_there_is_one():
@@ -111,14 +111,14 @@ def test_clock_that_counts_down_is_told_by_its_sign():
 
 
 def test_line_that_waits_for_bytes_says_so_in_its_report():
-    line = Line(session())
-    line.take(Received(0, stream()[:40]))
+    line = Stream(session())
+    line.feed(Received(0, stream()[:40]))
     told = line.report()["bytes"]
     assert (told["received"], told["framed"], told["pending"]) == (40, 30, 10)
 
 
 def test_warm_up_leaves_the_line_untouched():
-    line = Line(session())
+    line = Stream(session())
     line.warm_up()
     assert line.decoder.counts.received == 0
     assert line.t0_ns is None
@@ -127,7 +127,7 @@ def test_warm_up_leaves_the_line_untouched():
 def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch):
     """From some chunk on the system has no room; the line goes on, and says so once."""
     chosen, found = session(), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(tmp_path / "a.mcap")))
+    recording_sink = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap")))
     real, sizes = disk.write_all, []
 
     def limited(fd, data, offset):
@@ -137,13 +137,13 @@ def test_full_disk_stops_the_recording_and_not_the_filter(tmp_path, monkeypatch)
         real(fd, data, offset)
 
     monkeypatch.setattr(disk, "write_all", limited)
-    run_line(Line(chosen), Handed(reads(stream())), sinks=[found], keeper=keeper)
+    run_stream(Stream(chosen), Handed(reads(stream())), sinks=[found], recording=recording_sink)
     assert len(found.imu(calibrated=True)) == len(motion().imu)
     assert [e.kind for e in found.events].count("stopped") == 1
-    assert 0 < keeper.recorder.acknowledged < keeper.recorder.written
+    assert 0 < recording_sink.recorder.acknowledged < recording_sink.recorder.written
     monkeypatch.undo()
     told = verify(tmp_path / "a.mcap")
-    assert sum(told.rows.values()) >= keeper.recorder.acknowledged
+    assert sum(told.rows.values()) >= recording_sink.recorder.acknowledged
 
 
 def test_card_that_needs_a_temperature_survives_one_that_is_missing(tmp_path):

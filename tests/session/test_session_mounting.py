@@ -49,7 +49,7 @@ class Returning(Raising):
 
 def made(scenario=Raising, frame=Frame.NED, seed=2):
     """Simulation of a body, and the capture of a unit that is mounted on it by Q_BS."""
-    sim = simulate(scenario(), frame=frame, sensors=UNIT, module="drawn", seed=seed)
+    sim = simulate(scenario(), frame=frame, sensors=UNIT, unit="random", seed=seed)
     turned = {name: quat_rotate(quat_conjugate(Q_BS), getattr(sim.imu, name)) for name in ("gyr", "acc")}
     return sim, capture(sim.imu.corrected(meta=sim.imu.meta, **turned), triads=())
 

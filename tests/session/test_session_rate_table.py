@@ -30,7 +30,7 @@ HEADER = "from_s,to_s,rate_x_dps,rate_y_dps,rate_z_dps"
 
 def simulated(**changes):
     unit = Module("unit", "test", gyr=changes.pop("gyr", GYR), acc=TriadErrors(white_rpsd=1e-3))
-    return simulate("ratetable", frame=Frame.NED, sensors=unit, module="drawn", seed=4, hold=4.0, **changes)
+    return simulate("ratetable", frame=Frame.NED, sensors=unit, unit="random", seed=4, hold=4.0, **changes)
 
 
 @pytest.fixture(scope="module")

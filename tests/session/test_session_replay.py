@@ -14,11 +14,11 @@ from plumbob.protocols.rigs import load as load_rig
 from plumbob.rotations import North, quat_angle, quat_conjugate, quat_multiply
 from plumbob.session import reading, rows
 from plumbob.session.recorded import export, only, read_recorded
-from plumbob.session.replay import compare, open_recording, replay
-from plumbob.session.runner import run_line
+from plumbob.session.replay import open_recording, replay
+from plumbob.session.runner import run_stream
 from plumbob.session.sinks import Collected, TextSink
 from plumbob.session.sources import open_source
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from plumbob.simulation.rigs.plan import PLANS
 from plumbob.simulation.rigs.rig import make_rig
 
@@ -40,12 +40,12 @@ def test_recording_holds_every_byte_with_its_time(recording):
 def test_replay_equals_live_to_the_bit(recording):
     path, _, live = recording
     log, chosen = open_recording(path)
-    replayed = replay(log, chosen)
+    replayed = replay(log, session=chosen, check=True)
     again = replayed.found
     np.testing.assert_array_equal(again.t_ns, live.t_ns)
     for name in ("q_nb", "bias_b", "flags"):
         np.testing.assert_array_equal(getattr(again.track(), name), getattr(live.track(), name))
-    result = compare(replayed)
+    result = replayed.comparison
     assert result.equal
     assert (result.compared, result.different) == (len(motion().imu), 0)
     assert [e.kind for e in again.events] == ["damaged"]
@@ -56,7 +56,7 @@ def test_comparison_notices_another_filter(recording):
     other = type(chosen)(
         **{**{f: getattr(chosen, f) for f in chosen.__dataclass_fields__}, "stage": Stage("integrate", {})}
     )
-    result = compare(replay(log, other))
+    result = replay(log, session=other, check=True).comparison
     assert not result.equal
     assert result.different > 0
 
@@ -76,7 +76,7 @@ def rewritten(path, out, change):
                 recorder.write(channel[m.topic], m.t_ns, m.data)
         for row in change([m.data for m in kept if m.topic == "attitude"]):
             recorder.write(channel["attitude"], kept[-1].t_ns, row)
-    return replay(*open_recording(out))
+    return replay(out, check=True)
 
 
 @pytest.mark.parametrize(
@@ -94,16 +94,15 @@ def rewritten(path, out, change):
     ],
 )
 def test_rows_are_compared_in_their_order_and_none_is_left_out(recording, tmp_path, change, found):
-    result = compare(rewritten(recording[0], tmp_path / "a.mcap", change))
+    result = rewritten(recording[0], tmp_path / "a.mcap", change).comparison
     counts = (result.compared, result.different, result.only_live, result.only_replayed)
     assert counts == found
     assert result.equal == (found == (2000, 0, 0, 0))
 
 
 def test_attitudes_without_a_time_are_refused(recording, tmp_path):
-    false = rewritten(recording[0], tmp_path / "a.mcap", lambda live: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
     with pytest.raises(DecodeError, match="no whole number of nanoseconds"):
-        compare(false)
+        rewritten(recording[0], tmp_path / "a.mcap", lambda _: [b'{"t_ns":1.5,"q_nb":0,"bias_b":0,"flags":0}'])
 
 
 def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path):
@@ -113,7 +112,7 @@ def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path
     data[middle : middle + 1500] = bytes(1500)  # more than indexes take, less than a chunk
     path.write_bytes(data)
     log, chosen = open_recording(path)
-    replayed = replay(log, chosen)
+    replayed = replay(log, session=chosen, check=True)
     assert log.damage
     kinds = [e.kind for e in replayed.found.events]
     assert kinds.count("reopened") == kinds.count("dropped") == 1
@@ -122,7 +121,7 @@ def test_bytes_missing_from_a_damaged_recording_become_a_gap(recording, tmp_path
     assert whole - 60 < len(track) < whole  # a chunk of 0.1 s is 20 frames, two may be hit; cut frames go with them
     assert np.isfinite(track.q_nb).all()
     assert (track.flags & flags.GAP).any()
-    assert not compare(replayed).equal
+    assert not replayed.comparison.equal
 
 
 def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
@@ -139,7 +138,8 @@ def test_recorded_samples_are_uncalibrated_and_carry_utc(recording):
 def test_export_reads_back_exactly(recording, tmp_path, suffix):
     path, _, live = recording
     whole = read_recorded(path, estimated=True)
-    out = export(tmp_path / f"out{suffix}", whole)
+    out = tmp_path / f"out{suffix}"
+    export(whole, out)
     back = read_recorded(out, estimated=True) if suffix == ".mcap" else files.read(out)
     np.testing.assert_array_equal(back.imu.t_ns, whole.imu.t_ns)
     np.testing.assert_array_equal(back.imu.acc, whole.imu.acc)
@@ -149,14 +149,16 @@ def test_export_reads_back_exactly(recording, tmp_path, suffix):
 
 def test_tum_export_is_scalar_last(recording, tmp_path):
     whole = read_recorded(recording[0], estimated=True)
-    table = np.loadtxt(export(tmp_path / "a.tum", whole))
+    export(whole, tmp_path / "a.tum")
+    table = np.loadtxt(tmp_path / "a.tum")
     np.testing.assert_array_equal(table[:, 4:], whole.track.q_nb[:, [1, 2, 3, 0]])
     np.testing.assert_array_equal(table[:, 1:4], 0.0)
     assert table[5, 0] == pytest.approx(whole.track.t[5], abs=1e-9)
 
 
 def test_text_export_has_degrees(recording, tmp_path):
-    path = export(tmp_path / "a.txt", read_recorded(recording[0], estimated=True))
+    path = tmp_path / "a.txt"
+    export(recording[0], path)
     lines = path.read_text().splitlines()
     assert lines[0].startswith("# roll about x") and "axes to NED, heading from magnetic north; by mahony(" in lines[0]
     assert lines[1].split("\t") == ["t [s]", "roll [deg]", "pitch [deg]", "yaw [deg]", "flags"]
@@ -166,15 +168,15 @@ def test_text_export_has_degrees(recording, tmp_path):
 def test_export_refuses_what_is_not_there_and_what_would_be_lost(recording, tmp_path):
     samples = only(read_recorded(recording[0], estimated=True), "samples")
     with pytest.raises(ShapeError, match="holds an attitude, and there is none"):
-        export(tmp_path / "a.tum", samples)
+        export(samples, tmp_path / "a.tum")
     with pytest.raises(ShapeError, match="has no attitude; it has samples"):
         only(samples, "attitude")
     for name in ("b.tum", "b.csv", "b.parquet"):
         (tmp_path / name).write_text("precious")
         with pytest.raises(ParameterError, match="exists already and is not replaced"):
-            export(tmp_path / name, read_recorded(recording[0], estimated=True))
+            export(read_recorded(recording[0], estimated=True), tmp_path / name)
     with pytest.raises(ParameterError, match=r"an export writes .*, not '\.json'"):
-        export(tmp_path / "b.json", read_recorded(recording[0], estimated=True))
+        export(recording[0], tmp_path / "b.json")
 
 
 def test_foreign_file_is_refused(tmp_path):
@@ -208,10 +210,9 @@ def test_recording_without_samples_is_smaller_and_replays_alike(tmp_path, record
     record(path, reads(stream()), samples=False)
     assert {m.topic for m in open_log(path)} == {"raw"}
     log, chosen = open_recording(path)
-    again = replay(log, chosen)
-    np.testing.assert_array_equal(again.found.track().q_nb, recording[2].track().q_nb)
+    np.testing.assert_array_equal(replay(log, session=chosen).track.q_nb, recording[2].track().q_nb)
     with pytest.raises(DecodeError, match="holds no attitudes"):
-        compare(again)
+        replay(log, session=chosen, check=True)
 
 
 def test_viewers_library_reads_the_recording(recording):
@@ -230,7 +231,7 @@ def test_viewers_library_reads_the_recording(recording):
 
 def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
     """The rod's rig: its AHRS gives the truth, to half a count of 180°/2^15."""
-    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=20.0, module="calibrated")
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=20.0, unit="calibrated")
     text = (
         'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
         '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
@@ -253,8 +254,8 @@ def test_capture_of_a_logger_gives_the_device_times(tmp_path, lost):
     kept = b"".join(data[30 * i : 30 * i + 30] for i in range(len(data) // 30) if i not in lost)
     (tmp_path / "sd.bin").write_bytes(b"\x00\xa5" + kept)
     chosen = session(SESSION + f'[source]\nkind = "file"\npath = "{tmp_path / "sd.bin"}"\n')
-    line, found = Line(chosen), Collected()
-    run_line(line, open_source(chosen.source), sinks=[found])
+    line, found = Stream(chosen), Collected()
+    run_stream(line, open_source(chosen.source), sinks=[found])
     t_ns = np.delete(motion().imu.t_ns // 1000 * 1000, lost)
     np.testing.assert_array_equal(found.imu(calibrated=True).t_ns, t_ns)
     assert line.report()["time"]["lost"] == len(lost)
@@ -278,7 +279,7 @@ def test_capture_that_cannot_be_timed_or_decoded_is_refused(tmp_path):
 
 def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path):
     """The rod's rig without its accelerometer's help: the start is the AHRS's first frame, headings from its north."""
-    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, module="calibrated")
+    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, unit="calibrated")
     text = (
         'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
         '[estimate]\nfilter = "integrate"\ninit = "truth"\n[reference]\nunit = "ref"\nnorth = "magnetic"\n'
@@ -286,8 +287,8 @@ def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path)
     items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
     record(tmp_path / "rod.mcap", items, text)
     log, session = open_recording(tmp_path / "rod.mcap")
-    replayed = replay(log, session)
-    assert compare(replayed).equal
+    replayed = replay(log, session=session, check=True)
+    assert replayed.comparison.equal
     first, reference = replayed.found.track(), read_recorded(tmp_path / "rod.mcap").track
     assert first.north is North.MAGNETIC
     assert quat_angle(first.q_nb[0], reference.q_nb[0]) < 1e-12

@@ -12,12 +12,12 @@ from plumbob.core import flags
 from plumbob.core.errors import DecodeError
 from plumbob.files.mcap import disk, open_log, repair
 from plumbob.session.recorded import read_recorded
-from plumbob.session.recording_sink import Keeper, named_at
-from plumbob.session.replay import compare, open_recording, replay
-from plumbob.session.runner import run_line
+from plumbob.session.recording_sink import RecordingSink, named_at
+from plumbob.session.replay import replay
+from plumbob.session.runner import run_stream
 from plumbob.session.session import OutputSpec, RecordSpec
 from plumbob.session.sinks import Collected
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 
 HOUR = 3600 * 10**9
 UTC = 1_773_500_966_123_456_789  # date -u -d @1773500966 is 2026-03-14 15:09:26
@@ -26,9 +26,9 @@ UTC = 1_773_500_966_123_456_789  # date -u -d @1773500966 is 2026-03-14 15:09:26
 def start(path, items, offset=OFFSET):
     """One start of the recorder: a line of its own; gives what it made live."""
     chosen = session()
-    line, found = Line(chosen), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(path), reserve=0, next_part=True), offset=lambda: offset)
-    run_line(line, Handed(items), sinks=[found], keeper=keeper)
+    line, found = Stream(chosen), Collected()
+    recording_sink = RecordingSink(chosen, RecordSpec(str(path), reserve=0, next_part=True), offset=lambda: offset)
+    run_stream(line, Handed(items), sinks=[found], recording=recording_sink)
     return found
 
 
@@ -47,8 +47,8 @@ def two_starts(path, monkeypatch, *, reboot):
 @pytest.mark.parametrize("reboot", [False, True])
 def test_replay_of_two_starts_equals_live_to_the_bit(tmp_path, monkeypatch, reboot):
     live = two_starts(tmp_path / "a.mcap", monkeypatch, reboot=reboot)
-    replayed = replay(*open_recording(tmp_path / "a.mcap"))
-    assert compare(replayed).equal
+    replayed = replay(tmp_path / "a.mcap", check=True)
+    assert replayed.comparison.equal
     found = replayed.found
     first = len(live[0].t_ns)
     shift = HOUR if reboot else 0
@@ -59,15 +59,15 @@ def test_replay_of_two_starts_equals_live_to_the_bit(tmp_path, monkeypatch, rebo
     assert 1.9 < away < 2.1  # 2 s, a frame cut in two, and the delays of two reads
     gaps = np.flatnonzero(found.imu(calibrated=False).flags & flags.GAP)
     assert gaps.tolist() == [first]
-    assert replayed.line.report()["time"]["gap_count"] == 1
-    assert replayed.line.report()["time"]["lost"] == 0
+    assert replayed.stream.report()["time"]["gap_count"] == 1
+    assert replayed.stream.report()["time"]["lost"] == 0
     assert [event.kind for event in found.events] == ["restarted"]
 
 
 def test_one_file_made_of_both_gives_the_same(tmp_path, monkeypatch):
     two_starts(tmp_path / "a.mcap", monkeypatch, reboot=True)
     repair(tmp_path / "a.mcap", tmp_path / "b.mcap")
-    both = [replay(*open_recording(tmp_path / name)).found for name in ("a.mcap", "b.mcap")]
+    both = [replay(tmp_path / name).found for name in ("a.mcap", "b.mcap")]
     np.testing.assert_array_equal(both[0].t_ns, both[1].t_ns)
     np.testing.assert_array_equal(both[0].track().q_nb, both[1].track().q_nb)
 
@@ -104,8 +104,11 @@ def test_a_text_goes_on_as_the_recording_does(tmp_path):
 def test_another_session_goes_into_parts_of_its_own(tmp_path):
     start(tmp_path / "a.mcap", reads(stream())[:50])
     other = session(session().texts["session.toml"].replace("bench 7", "bench 8"))
-    found, keeper = Collected(), Keeper(other, RecordSpec(str(tmp_path / "a.mcap"), reserve=0, next_part=True))
-    run_line(Line(other), Handed(reads(stream())[:50]), sinks=[found], keeper=keeper)
+    found, recording_sink = (
+        Collected(),
+        RecordingSink(other, RecordSpec(str(tmp_path / "a.mcap"), reserve=0, next_part=True)),
+    )
+    run_stream(Stream(other), Handed(reads(stream())[:50]), sinks=[found], recording=recording_sink)
     assert "its session is another: parts from a.0002.mcap on are to be read apart" in found.events[0].text
     assert len(read_recorded(tmp_path / "a.0002.mcap").imu) > 0
     with pytest.raises(DecodeError, match="does not go on"):
@@ -115,10 +118,12 @@ def test_another_session_goes_into_parts_of_its_own(tmp_path):
 def test_a_wall_clock_that_is_set_is_told_once(tmp_path):
     """A board without a clock of its own begins in 1970 and learns the time from the network."""
     offsets = iter([0, 0, UTC, UTC, UTC])
-    keeper = Keeper(session(), RecordSpec(str(tmp_path / "a.mcap"), reserve=0), offset=lambda: next(offsets))
-    keeper.start()
-    told = [event for s in range(4) for event in keeper.tick(s * 10**9)]
-    keeper.close()
+    recording_sink = RecordingSink(
+        session(), RecordSpec(str(tmp_path / "a.mcap"), reserve=0), offset=lambda: next(offsets)
+    )
+    recording_sink.start()
+    told = [event for s in range(4) for event in recording_sink.tick(s * 10**9)]
+    recording_sink.close()
     assert [(event.t_ns, event.kind) for event in told] == [(10**9, "wall-clock")]
     assert "set by +1773500966.123 s" in told[0].text
 
@@ -146,15 +151,15 @@ class Full:
 
 def test_a_sink_that_fails_does_not_end_the_recording(tmp_path):
     chosen, items, full, found = session(), reads(stream()), Full(), Collected()
-    keeper = Keeper(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
-    run_line(Line(chosen), Handed(items), sinks=[full, found], keeper=keeper)
+    recording_sink = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0))
+    run_stream(Stream(chosen), Handed(items), sinks=[full, found], recording=recording_sink)
     assert full.parts == 4
     assert [(e.kind, e.text) for e in found.events] == [
         ("failed", "a.txt cannot be written any more: No space left on device.")
     ]
-    assert [e.kind for e in keeper.failures] == ["failed"]
+    assert [e.kind for e in recording_sink.failures] == ["failed"]
     log = open_log(tmp_path / "a.mcap")
     topics = [row.topic for row in log]
     assert (topics.count("raw"), topics.count("recorder")) == (len(items), 1)
     with pytest.raises(OSError, match="No space"):  # without a recording nothing goes on
-        run_line(Line(chosen), Handed(items), sinks=[Full()])
+        run_stream(Stream(chosen), Handed(items), sinks=[Full()])

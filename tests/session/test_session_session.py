@@ -12,7 +12,7 @@ from plumbob import Frame
 from plumbob.core.errors import CalibrationError, DecodeError, FrameError, ParameterError, PlumbobError, UnitError
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.session.session_toml import load_session, parse_session, plain_session, recorded_session
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 
 
 def card(device="bench 7"):
@@ -51,16 +51,16 @@ def test_session_keeps_every_text_that_it_needs_and_reads_back_from_them(tmp_pat
 
 def test_card_is_applied_and_the_uncalibrated_values_stay(tmp_path):
     made = session(SESSION + '[calibration]\ncard = "card.json"\n', **{"card.json": card_text(tmp_path)})
-    line = Line(made)
-    part = next(p for p in map(line.take, reads(stream(0.5))) if p is not None)
+    line = Stream(made)
+    part = next(p for p in map(line.feed, reads(stream(0.5))) if p is not None)
     np.testing.assert_array_equal(part.imu.gyr, 2.0 * part.sensed.gyr)
     assert part.imu.meta.calibration == f"{card().name}; NOT calibrated: acc, mag"
     assert part.sensed.meta.calibration is None
 
 
 def test_axes_turn_the_case_into_the_body():
-    line = Line(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
-    part = next(p for p in map(line.take, reads(stream(0.5))) if p is not None)
+    line = Stream(session(SESSION.replace('frame = "NED"', 'frame = "NED"\naxes = "x -y -z"')))
+    part = next(p for p in map(line.feed, reads(stream(0.5))) if p is not None)
     acc = motion(0.5).imu.acc[0]
     np.testing.assert_allclose(part.sensed.acc[0], acc * [1, -1, -1], rtol=0, atol=0.5 / 8192 * 9.81)
 

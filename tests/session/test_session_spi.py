@@ -9,14 +9,14 @@ from plumbob.acquisition.transport import Event
 from plumbob.core import flags
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError, PlumbobError, UnitError
 from plumbob.files.mcap import open_log
-from plumbob.session.recording_sink import Keeper
+from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.replay import open_recording, replay
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import RecordSpec
 from plumbob.session.session_toml import parse_session
 from plumbob.session.sinks import Collected
 from plumbob.session.sources import open_source, spi_source
-from plumbob.session.stream import Line
+from plumbob.session.stream import Stream
 from tests.emulated_chips.adxrs290 import Adxrs290
 from tests.emulated_chips.adxrs453 import Adxrs453
 from tests.emulated_chips.words_adxrs453 import Fault, sensor_command
@@ -105,11 +105,11 @@ def session(text=ADXRS453):
 
 def run(bench, duration, path=None, text=ADXRS453):
     chosen = session(text)
-    line, found = Line(chosen), Collected()
+    line, found = Stream(chosen), Collected()
     settings = chosen.source.settings
     source = spi_source(settings, open_bus=lambda: bench, clock=bench.clock, sleep=bench.sleep).open()
-    keeper = None if path is None else Keeper(chosen, RecordSpec(str(path)), offset=lambda: 0)
-    run_line(line, source, sinks=[found], keeper=keeper, duration=duration, clock=bench.clock)
+    recording_sink = None if path is None else RecordingSink(chosen, RecordSpec(str(path)), offset=lambda: 0)
+    run_stream(line, source, sinks=[found], recording=recording_sink, duration=duration, clock=bench.clock)
     return line, found
 
 
@@ -125,7 +125,7 @@ def test_from_the_chip_to_the_recording_to_the_replay(tmp_path):
     gyr = joined(live, "gyr")[:, 2]
     np.testing.assert_allclose(gyr[20:] / LSB, counts(live.t_ns[20:] - 4 * MS), atol=1e-6)  # one poll old
     log, again = open_recording(tmp_path / "a.mcap")
-    replayed = replay(log, again)
+    replayed = replay(log, session=again)
     np.testing.assert_array_equal(replayed.found.t_ns, live.t_ns)
     np.testing.assert_array_equal(joined(replayed.found, "gyr"), joined(live, "gyr"))
     np.testing.assert_array_equal(joined(replayed.found, "flags"), joined(live, "flags"))
@@ -194,7 +194,7 @@ def test_a_chip_that_answers_behind_its_command_byte(tmp_path):
     np.testing.assert_allclose(gyr[5:, :2], np.tile([0.5, -0.25], (len(gyr) - 5, 1)), atol=np.radians(0.5 / 200))
     np.testing.assert_allclose(temp[5:], -3.5, atol=0.05)
     assert found.parts[0].sensed.meta.rate_nominal == 100.0
-    again = replay(*open_recording(tmp_path / "a.mcap")).found
+    again = replay(tmp_path / "a.mcap").found
     np.testing.assert_array_equal(joined(again, "gyr"), gyr)
 
 
@@ -232,16 +232,16 @@ def test_a_machine_without_spi_says_what_is_missing():
 
 
 def test_a_lost_chip_is_a_gap():
-    line = Line(session())
+    line = Stream(session())
     bench = yaw()
     source = spi_source(session().source.settings, open_bus=lambda: bench, clock=bench.clock, sleep=bench.sleep).open()
     parts = []
     for number in range(200):
         if number == 100:
             lost = bench.t_ns
-            line.take(Event(lost, "lost", "the bus is gone"))
+            line.feed(Event(lost, "lost", "the bus is gone"))
             bench.sleep(0.5)
-            line.take(Event(bench.t_ns, "reopened", "it is back"))
-        parts += [part for item in source.read(1.0) if (part := line.take(item)) is not None]
+            line.feed(Event(bench.t_ns, "reopened", "it is back"))
+        parts += [part for item in source.read(1.0) if (part := line.feed(item)) is not None]
     told = np.concatenate([part.sensed.flags for part in parts])
     assert np.flatnonzero(told & flags.GAP).size == 1

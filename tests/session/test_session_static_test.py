@@ -19,7 +19,7 @@ LEVEL = 50.0 * np.cos(deg(50.0))  # level part of the simulator's field, µT
 
 def on_table(frame=Frame.NED, *, seed=1, acc=None, mag=None, **settings):
     unit = Module("unit", "test", gyr=TriadErrors(), acc=acc or TriadErrors(), mag=mag or TriadErrors())
-    return simulate("table36", frame=frame, sensors=unit, module="drawn", seed=seed, rate=20.0, **settings)
+    return simulate("table36", frame=frame, sensors=unit, unit="random", seed=seed, rate=20.0, **settings)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_rests_that_the_reference_does_not_tell_are_left_out(iron):
 
 
 def test_a_unit_that_never_rests_or_another_unit_s_card_is_refused(iron):
-    moving = simulate("tumble", frame=Frame.NED, sensors="ideal", module="drawn", seed=1)
+    moving = simulate("tumble", frame=Frame.NED, sensors="ideal", unit="random", seed=1)
     with pytest.raises(CaptureRefusedError, match="too-few") as refused:
         static_test(moving.imu, moving.truth, moving.calibration)
     assert refused.value.reasons[0].kind == "too-few"

@@ -16,7 +16,7 @@ from plumbob.simulation import Module, TriadErrors, draw_module, scenario, simul
 from plumbob.simulation.signals import Polynomial
 
 PARTS = "mpu6000+hmc5983"
-SHORT = {"frame": Frame.NED, "module": "calibrated", "seed": 3, "duration": 20.0}
+SHORT = {"frame": Frame.NED, "unit": "calibrated", "seed": 3, "duration": 20.0}
 
 
 def run(name="rod", sensors="ideal", **changes):
@@ -75,7 +75,7 @@ def test_same_motion_in_enu_and_ned():
 def test_the_card_undoes_the_planted_errors(sensors):
     unit = noiseless(sensors, 7)
     warming = Polynomial((25.0, 1.0))
-    made = run("rod", unit, module="drawn", temp_c=warming)
+    made = run("rod", unit, unit="random", temp_c=warming)
     corrected = apply_card(made.calibration, made.imu)
     exact = run("rod", temp_c=warming).imu
     for triad in made.imu.triads:
@@ -86,7 +86,7 @@ def test_the_card_undoes_the_planted_errors(sensors):
 
 
 def test_a_card_fits_its_own_unit_only():
-    made, other = run(sensors=PARTS, module="drawn"), run(sensors=PARTS, module="drawn", seed=4)
+    made, other = run(sensors=PARTS, unit="random"), run(sensors=PARTS, unit="random", seed=4)
     with pytest.raises(CalibrationError, match="device"):
         apply_card(other.calibration, made.imu)
 
@@ -99,11 +99,11 @@ def test_a_calibrated_unit_says_so_and_its_card_changes_nothing():
         assert not triad.bias.any()
     with pytest.raises(CalibrationError, match="already"):
         apply_card(made.calibration, made.imu)
-    assert run(sensors=PARTS, module="drawn").imu.meta.calibration is None
+    assert run(sensors=PARTS, unit="random").imu.meta.calibration is None
 
 
 def test_a_seed_is_repeatable_and_another_is_another():
-    first, again, other = (run(sensors=PARTS, module="drawn", seed=s) for s in (5, 5, 6))
+    first, again, other = (run(sensors=PARTS, unit="random", seed=s) for s in (5, 5, 6))
     for triad in ("gyr", "acc", "mag"):
         np.testing.assert_array_equal(getattr(first.imu, triad), getattr(again.imu, triad))
         assert np.nanmax(np.abs(getattr(first.imu, triad) - getattr(other.imu, triad))) > 1e-3
@@ -111,7 +111,7 @@ def test_a_seed_is_repeatable_and_another_is_another():
 
 
 def test_noise_does_not_depend_on_the_choice_of_module_or_on_losses():
-    drawn, calibrated = run("static", PARTS, module="drawn"), run("static", PARTS)
+    drawn, calibrated = run("static", PARTS, unit="random"), run("static", PARTS)
     step = calibrated.module.gyr.lsb[0]
     # static: what remains besides a constant is the same noise, but for two quantisations of half a step each
     residual = drawn.imu.gyr - calibrated.imu.gyr
@@ -145,14 +145,14 @@ def test_static_noise_is_what_the_card_says():
 
 def test_the_true_bias_is_told():
     unit = Module("unit", "test", gyr=TriadErrors(bias=(0.1, -0.2, 0.3), flicker=0.01, walk_rpsd=0.01, ramp=1e-3))
-    made = run("rod", unit, module="drawn")
+    made = run("rod", unit, unit="random")
     np.testing.assert_allclose(made.imu.gyr - made.kinematics.rate_b, made.truth.bias_b, atol=1e-14)
     np.testing.assert_allclose(made.truth.bias_b[0], [0.1, -0.2, 0.3], atol=0.05)  # five times the first flicker
 
 
 def test_gravity_shifts_the_gyroscope_by_its_g_sensitivity():
     s = np.arange(9.0).reshape(3, 3) * 1e-4
-    made = run("static", Module("unit", "test", gyr=TriadErrors(g_sensitivity=s)), module="drawn")
+    made = run("static", Module("unit", "test", gyr=TriadErrors(g_sensitivity=s)), unit="random")
     np.testing.assert_allclose(made.imu.gyr, np.tile(s @ [0.0, 0.0, -G0], (len(made.imu), 1)), atol=1e-15)  # level, NED
 
 
@@ -188,7 +188,7 @@ def test_jitter_moves_the_stamps_and_not_the_samples():
 
 def test_latency_shows_older_values():
     late = Module("late", "test", gyr=TriadErrors(latency=(0.0, 0.02, 0.05)), acc=TriadErrors(latency=0.02))
-    plain, delayed = run("coning"), run("coning", late, module="drawn")
+    plain, delayed = run("coning"), run("coning", late, unit="random")
     # 2 and 5 samples of 10 ms
     np.testing.assert_allclose(delayed.imu.gyr[5:, 0], plain.imu.gyr[5:, 0], atol=1e-12)
     np.testing.assert_allclose(delayed.imu.gyr[5:, 1], plain.imu.gyr[3:-2, 1], atol=1e-7)  # times round to 1 ns
@@ -223,14 +223,14 @@ def test_meta_says_what_was_made():
 
 
 def test_gyroscopes_alone_make_a_recording():
-    made = simulate("turntable", frame=Frame.ENU, sensors="mpu3050", module="drawn", seed=1)
+    made = simulate("turntable", frame=Frame.ENU, sensors="mpu3050", unit="random", seed=1)
     assert made.imu.triads == ("gyr",)
     assert made.calibration.acc is None
     assert len(made.imu) == 2000  # gyroscope paper: 1000 + 1000 points
 
 
 def test_temperature_follows_its_profile():
-    made = run("static", "adis16355", temp_c=Polynomial((25.0, 1.0)), module="drawn")
+    made = run("static", "adis16355", temp_c=Polynomial((25.0, 1.0)), unit="random")
     np.testing.assert_allclose(made.imu.temp_c, 25.0 + made.imu.t, atol=1e-12)
     drift = made.imu.acc[-200:].mean(axis=0) - made.imu.acc[:200].mean(axis=0)
     # 18 K between the means of the first and last two seconds; the rest is noise of 1.85 mg/√Hz over 2 s and flicker
@@ -245,9 +245,9 @@ def test_a_scenario_already_made_is_taken():
         run(scenario("coning"), frequency=2.0)
 
 
-@pytest.mark.parametrize("left_out", ["frame", "sensors", "module", "seed"])
+@pytest.mark.parametrize("left_out", ["frame", "sensors", "unit", "seed"])
 def test_nothing_that_matters_has_a_default(left_out):
-    given = {"frame": Frame.NED, "sensors": "ideal", "module": "drawn", "seed": 1}
+    given = {"frame": Frame.NED, "sensors": "ideal", "unit": "random", "seed": 1}
     del given[left_out]
     with pytest.raises(TypeError, match=left_out):
         simulate("static", **given)
@@ -257,7 +257,7 @@ def test_nothing_that_matters_has_a_default(left_out):
     ("changes", "error", "rule"),
     [
         ({"frame": "north"}, FrameError, "ENU"),
-        ({"module": "perfect"}, ParameterError, "drawn, calibrated"),
+        ({"unit": "perfect"}, ParameterError, "random, calibrated"),
         ({"sensors": "abc"}, ParameterError, "known are"),
         ({"name": "abc"}, ParameterError, "known are"),
         ({"frequncy": 1.0}, ParameterError, "no parameter 'frequncy'"),

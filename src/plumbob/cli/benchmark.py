@@ -146,7 +146,7 @@ def run_scenario(args: argparse.Namespace) -> int:
             chosen,
             frame=frame,
             sensors=args.sensors,
-            module=args.module,
+            unit=args.unit,
             seeds=seeds,
             settings=settings,
             settle=parse(args.settle, Quantity.TIME),

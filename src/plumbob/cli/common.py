@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from plumbob.acquisition.transport import Stop
     from plumbob.files import Recording
     from plumbob.filters.offline import Stage
-    from plumbob.protocols.decode import Counts
-    from plumbob.protocols.format import Format, Message
     from plumbob.rotations import Frame
 
 Adder = Any  # argparse's sub-parser action, whose type is private
@@ -156,11 +154,9 @@ def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Seque
 
 def _profiles(path: Path) -> list[Path]:
     """Profiles that are read with a table."""
-    from plumbob.files import FORMATS
-    from plumbob.files.text import sidecars
+    from plumbob.core.files import TABLES, sidecars
 
-    described = any(kind.takes_profile and path.suffix.lower() in kind.suffixes for kind in FORMATS)
-    return [beside for beside in sidecars(path) if beside.is_file()] if described else []
+    return [beside for beside in sidecars(path) if beside.is_file()] if path.suffix.lower() in TABLES else []
 
 
 def unwritten(args: argparse.Namespace) -> list[Path]:
@@ -194,26 +190,6 @@ def note(*lines: str) -> None:
     """Tell the user something on standard error, out of the way of pipes."""
     for line in lines:
         print(f"note: {visible(line)}", file=sys.stderr)
-
-
-def why_rejected(counts: "Counts") -> str:
-    """Which checks candidates for a frame failed, to stand behind a sentence; empty where there was none."""
-    reasons = {"checksum": counts.bad_checksum, "content": counts.bad_content, "length": counts.bad_length}
-    told = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
-    return f"; candidates rejected: {told}" if told else ""
-
-
-def note_unassigned(form: "Format", message: "Message") -> None:
-    """Say which bytes of a message the user's own format leaves out; of a known device they are known to be spare."""
-    from plumbob.protocols import catalog
-    from plumbob.protocols.overlap import unassigned
-    from plumbob.protocols.rigs import names
-
-    if form.name in {*catalog.names(), *names()}:
-        return
-    if places := unassigned(form, message):
-        told = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
-        note(f"no field of message {message.name} uses its bytes {told} of {message.length}; they are ignored")
 
 
 def print_json(value: Any) -> None:
@@ -310,19 +286,16 @@ def _as_text(value: Any) -> Any:
 
 
 @contextmanager
-def stopped_by_signals() -> "Iterator[Stop]":
-    """What SIGTERM, Ctrl-C and the loss of the terminal set: ending is how a live line is used, no mishap."""
+def stopped_by_signals(stop: "Stop") -> Iterator[None]:
+    """Let SIGTERM, Ctrl-C and the loss of the terminal set it: ending is how a live line is used, no mishap."""
     import signal
 
-    from plumbob.acquisition.transport import Stop
-
-    stop = Stop()
     names = [name for name in ("SIGTERM", "SIGINT", "SIGHUP") if hasattr(signal, name)]
     asked = [getattr(signal, name) for name in names]
     kept = [which for which in asked if signal.getsignal(which) != signal.SIG_IGN]  # nohup wants to go on
     before = {which: signal.signal(which, lambda *_: stop.set()) for which in kept}
     try:
-        yield stop
+        yield
     finally:
         for which, handler in before.items():
             signal.signal(which, handler)
@@ -377,10 +350,7 @@ def _may_draw(stream: TextIO) -> bool:
 
 def warn_of_compiling(names: Sequence[str]) -> None:
     """Say why the next call waits, where a filter has not been compiled on this machine yet."""
-    from plumbob.core import _jit
-    from plumbob.filters import claims_covariance, filter_names
+    from plumbob.session.estimated import compiling
 
-    loops = {name: "claiming" if name in filter_names() and claims_covariance(name) else "batch" for name in names}
-    cold = [name for name, loop in loops.items() if _jit.is_cold(f"{loop}_{name}")]
-    if cold:
-        note(_jit.compiling(", ".join(cold)))
+    if told := compiling(names):
+        note(told)

@@ -3,17 +3,17 @@
 import argparse
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from plumbob.cli import common
 from plumbob.core.text import counted
-from plumbob.core.units import Quantity, parse, unit
+from plumbob.core.units import Quantity, parse
 
 if TYPE_CHECKING:
     from plumbob.protocols.decode import Counts, Frames
-    from plumbob.protocols.field import Field
     from plumbob.protocols.format import Format
 
 _READ = 1 << 20
@@ -52,32 +52,31 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import DecodeError, ParameterError
     from plumbob.data import UNCALIBRATED
-    from plumbob.protocols.decode import Decoder
-    from plumbob.protocols.find import find_format
+    from plumbob.protocols.decode import decode
+    from plumbob.protocols.find import find_format, unassigned_told
 
     form = find_format(args.format).bind(common.options_of(args))
-    common.note_unassigned(form, form.message(args.message))
+    if spare := unassigned_told(form, form.message(args.message)):
+        common.note(spare)
     if args.out and args.out.suffix not in (*_TEXT, ".parquet", ".json"):
         raise ParameterError(f"{args.out} must end in .csv, .txt, .parquet or .json, so that its kind is known.")
     common.check_outputs(args, *common.with_profile(args.out, _TEXT), inputs=(Path(args.file),))
     table = _Table(args.message, None if args.rate is None else parse(args.rate, Quantity.FREQUENCY))
-    decoder, head = Decoder(form), b""
-    for data in _chunks(args.file):
-        head = head or data[:_HINT]
-        table.add(decoder.feed(data))
+
+    def take(found: "Mapping[str, Frames]", _: "Counts") -> None:
+        table.add(found)
         if args.out is None:
             table.print_new()
-    table.add(decoder.finish())
-    if not decoder.counts.received:
+
+    counts = decode(_chunks(args.file, table), form, each=take).counts
+    if not counts.received:
         raise DecodeError(f"{args.file} is empty. Give a file of raw bytes.")
-    if not sum(decoder.counts.frames.values()):
-        none = f"none of its {_bytes(decoder.counts.received)} is {_a(form)}{common.why_rejected(decoder.counts)}"
-        raise DecodeError(f"{args.file}: {none}.{_hint(form, head)}")
-    if args.out is None:
-        table.print_new()
-    else:
-        table.write(args.out, decoder.counts, _profile(form, table, args.unit), overwrite=args.force)
-    _tell(form, decoder.counts, table.message, head)
+    if not sum(counts.frames.values()):
+        none = f"none of its {_bytes(counts.received)} is {_a(form)}{counts.why_rejected()}"
+        raise DecodeError(f"{args.file}: {none}.{_hint(form, table.head)}")
+    if args.out is not None:
+        table.write(args.out, counts, _profile(form, table, args.unit), overwrite=args.force)
+    _tell(form, counts, table)
     if table.skipped:
         rows = "; t [s] counts rows, so it is early by that many periods after each gap" if args.rate else ""
         common.note(f"the frame counter skips {table.skipped}: that many frames are missing, or it jumped{rows}")
@@ -88,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
 def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
     """Profile that reads the table as a recording; empty where the message has no triad."""
     from plumbob.files.decoded import profile_text
-    from plumbob.protocols.decode import prefixes_of
+    from plumbob.protocols.decode import prefixes_of, title_of
 
     message = form.message(table.message)
     units = prefixes_of(message)
@@ -96,7 +95,7 @@ def _profile(form: "Format", table: "_Table", unit: str | None) -> str:
         return ""
     if len(units) > 1 and unit is None:
         common.note(f"the file is read as unit {units[0]} of {', '.join(units)}; ask for another with --unit")
-    titles = {one.name: _title(one) for one in message.fields}
+    titles = {one.name: title_of(one) for one in message.fields}
     titles |= {name: name for name in (f"{u}.flags".lstrip(".") for u in units)}
     return profile_text(form, message, units[0] if unit is None else unit, titles, table.time)
 
@@ -108,13 +107,15 @@ class _Table:
         self.message = message
         self._rate = rate
         self.time = "t [s]" if rate else ""
+        self.head = b""
+        """First bytes of the stream, of which other formats are tried."""
         self._parts: list[Frames] = []
         self._printed = 0
         self._rows = 0
         self._count: int | None = None
         self.skipped = 0
 
-    def add(self, found: "dict[str, Frames]") -> None:
+    def add(self, found: "Mapping[str, Frames]") -> None:
         """Take frames of the message; of the first that comes, where none was asked for."""
         self.message = self.message or min(found, key=lambda name: int(found[name].start[0]), default="")
         if self.message in found:
@@ -196,21 +197,17 @@ class _Table:
 def _columns(frames: "Frames") -> dict[str, list[Any]]:
     """Columns by name with unit; None where there is no value, or it is beyond all numbers, by a scale of 1e-320."""
     from plumbob.core import flags
+    from plumbob.protocols.decode import title_of
 
     found: dict[str, list[Any]] = {"byte": frames.start.tolist()}
     for one in (f for f in frames.message.fields if f.name in frames.columns):
         values = frames.columns[one.name].tolist()
-        found[_title(one)] = [
+        found[title_of(one)] = [
             None if isinstance(value, float) and not math.isfinite(value) else value for value in values
         ]
     for prefix, words in frames.flags.items():
         found[f"{prefix}.flags" if prefix else "flags"] = ["+".join(flags.names(word)) for word in words.tolist()]
     return found
-
-
-def _title(one: "Field") -> str:
-    name = unit(one.unit).quantity.value if one.physical else one.unit
-    return one.name if name in ("", "1") else f"{one.name} [{name}]"
 
 
 def _cell(value: Any) -> str:
@@ -219,12 +216,12 @@ def _cell(value: Any) -> str:
     return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
-def _chunks(name: str) -> Iterator[bytes]:
-    if name == "-":
-        yield from _pieces(sys.stdin.buffer)
-        return
-    with Path(name).open("rb") as file:
-        yield from _pieces(file)
+def _chunks(name: str, table: _Table) -> Iterator[bytes]:
+    """Pieces of a file, or of standard input; the first stays with the table."""
+    with nullcontext(sys.stdin.buffer) if name == "-" else Path(name).open("rb") as file:
+        for data in _pieces(file):
+            table.head = table.head or data[:_HINT]
+            yield data
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:
@@ -233,22 +230,21 @@ def _pieces(file: BinaryIO) -> Iterator[bytes]:
         yield data
 
 
-def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
+def _tell(form: "Format", counts: "Counts", table: _Table) -> None:
     """Say on standard error what was not decoded, and why, and what could not be checked."""
     from plumbob.protocols.overlap import passes_anything
     from plumbob.protocols.page import UNCHECKED
 
     if passes_anything(form):
         common.note(f"checks of {form.name}: {UNCHECKED.format(form.framing.length)}")
-    others = [f"{count} of {name}" for name, count in counts.frames.items() if count and name != message]
+    others = [f"{count} of {name}" for name, count in counts.frames.items() if count and name != table.message]
     if others:
-        common.note(
-            f"{counted(counts.frames[message], 'frame')} of {message}; also {', '.join(others)}: ask with --message"
-        )
+        main = f"{counted(counts.frames[table.message], 'frame')} of {table.message}"
+        common.note(f"{main}; also {', '.join(others)}: ask with --message")
     if counts.unknown:
         common.note(f"checked, but of no message that {form.name} describes: {counted(counts.unknown, 'frame')}")
     if counts.junk:
-        common.note(f"{_bytes(counts.junk)} of {counts.received} belong to no frame{common.why_rejected(counts)}")
+        common.note(f"{_bytes(counts.junk)} of {counts.received} belong to no frame{counts.why_rejected()}")
     if form.framing.transfers and (over := counts.received % form.framing.length):
         common.note(
             f"{_bytes(counts.received)} are not a multiple of {form.framing.length}, the length of a transfer of "
@@ -256,7 +252,7 @@ def _tell(form: "Format", counts: "Counts", message: str, head: bytes) -> None:
             "bytes shows it"
         )
     doubtful = form.framing.transfers or 2 * counts.framed < counts.received
-    if doubtful and (hint := _hint(form, head)):
+    if doubtful and (hint := _hint(form, table.head)):
         common.note(f"this may not be {form.name} at all.{hint}")
 
 
@@ -274,7 +270,7 @@ def _hint(form: "Format", head: bytes) -> str:
         if name == form.name or not (other.framing.sync and other.framing.checksum):
             continue
         try:
-            counts = decode(other, head)[1]
+            counts = decode(head, other).counts
         except ParameterError:  # it has an option that only the user knows
             continue
         if sum(counts.frames.values()) >= 2 and 2 * counts.framed > counts.received:

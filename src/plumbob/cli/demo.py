@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from plumbob.filters.offline import Stage
     from plumbob.protocols.decode import Counts
     from plumbob.session.session import Session
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
     from plumbob.simulation import Scenario
 
 _SAME_TIME: Final = 1e-6
@@ -125,11 +125,11 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     from plumbob.core.errors import DecodeError
     from plumbob.core.files import replacing
     from plumbob.protocols.rigs import load
-    from plumbob.session.runner import run_line
-    from plumbob.session.session_toml import parse_session, plain_session
+    from plumbob.session.runner import run_stream
+    from plumbob.session.session_toml import session_of
     from plumbob.session.sinks import Collected
     from plumbob.session.sources import open_source
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
     from plumbob.simulation.rigs.plan import PLANS
     from plumbob.simulation.rigs.rig import make_rig
 
@@ -137,11 +137,8 @@ def _decoded(path: Path, motion: "Scenario", seed: int) -> "ImuData":
     with replacing(path, overwrite=True) as temporary:
         temporary.write_bytes(rig.stream())
     device = next(iter(rig.units.values())).imu.meta.device
-    text = plain_session(
-        form="buoy", source={"kind": "file", "path": str(path)}, imu={"device": device, "frame": "NED"}
-    )
-    session, found = parse_session(text, str, name=path.stem), Collected()
-    run_line(Line(session), open_source(session.source), sinks=[found])
+    session, found = session_of(capture=path, format="buoy", device=device, frame="NED"), Collected()
+    run_stream(Stream(session), open_source(session.source), sinks=[found])
     imu = found.imu(calibrated=False)
     if imu is None:
         raise DecodeError(f"{path} holds no sample that could be decoded.")
@@ -290,22 +287,22 @@ def _command(out: Path, duration: float) -> list[str]:
     return [sys.executable, "-m", "plumbob.cli.main", *rig, "--truth", str(out / TRUTH), "--force"]
 
 
-def _live(out: Path, port: str, device: str) -> "Line":
+def _live(out: Path, port: str, device: str) -> "Stream":
     """Run the line on the port until the buoy has said everything."""
-    from plumbob.session.recording_sink import Keeper
-    from plumbob.session.runner import run_line
+    from plumbob.session.recording_sink import RecordingSink
+    from plumbob.session.runner import run_stream
     from plumbob.session.sinks import Collected, TextSink
     from plumbob.session.sources import open_source
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
 
     session = _session(out, port, device)
-    line, found = Line(session), Collected()
+    line, found = Stream(session), Collected()
     line.warm_up()
     assert session.record and session.output.text
-    keeper = Keeper(session, session.record)
+    recording_sink = RecordingSink(session, session.record)
     sink = TextSink(session.output.text, session.output.every)
-    run_line(line, open_source(session.source), sinks=[found, sink], keeper=keeper, until_lost=True)
-    keeper.recorder.close(DISK)
+    run_stream(line, open_source(session.source), sinks=[found, sink], recording=recording_sink, until_lost=True)
+    recording_sink.recorder.close(DISK)
     return line
 
 
@@ -326,22 +323,21 @@ def _replayed(out: Path, sent: "ImuData") -> "tuple[dict[str, AttitudeTrack], in
     """Attitudes by name, the live filter's, that without its card and the others', and how many live ones are equal."""
     from dataclasses import replace
 
-    pass
     from plumbob.core.errors import PlumbobError
-    from plumbob.session.replay import compare, open_recording, replay
+    from plumbob.session.replay import open_recording, replay
 
     log, session = open_recording(out / RECORDING)
-    first = replay(log, session)
-    require_as_sent(first.found.imu(calibrated=False), sent, first.line.decoder.counts)
-    same = compare(first)
-    if not same.equal:
+    first = replay(log, session=session, check=True)
+    require_as_sent(first.found.imu(calibrated=False), sent, first.stream.decoder.counts)
+    same = first.comparison
+    if same is None or not same.equal:
         raise PlumbobError(f"the replay differs from what was live: {same}")
-    tracks = {"error-state EKF (live)": first.found.track()}
+    tracks = {"error-state EKF (live)": first.track}
     with common.progress("replaying", len(stages()) + 1) as advance:
-        tracks["the same, uncalibrated"] = replay(log, replace(session, card=None)).found.track()
+        tracks["the same, uncalibrated"] = replay(log, session=replace(session, card=None)).track
         advance(1)
         for stage in stages():
-            tracks[stage.name] = replay(log, replace(session, stage=stage)).found.track()
+            tracks[stage.name] = replay(log, session=replace(session, stage=stage)).track
             advance(1)
     return {name: track for name, track in tracks.items() if track is not None}, same.compared
 

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.core.units import Quantity
-    from plumbob.data import AttitudeTrack
     from plumbob.evaluation import Evaluation
 
 ALIGNMENTS = ("heading", "mounting", "time")
@@ -40,21 +38,18 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.core.units import Quantity
     from plumbob.evaluation import evaluate
 
     _refuse_mixed_up_files(args)
-    settle, max_gap = _number(args.settle, Quantity.TIME), _number(args.max_gap, Quantity.TIME)
-    declination = _number(args.declination, Quantity.ANGLE)
-    estimate = _track(args.estimate, None, estimated=True)
-    reference = _track(args.reference, args.profile)
     result = evaluate(
-        estimate,
-        reference,
+        args.estimate,
+        args.reference,
         align=alignments(args.align),
-        max_gap=max_gap,
-        declination=declination,
-        settle=0.0 if settle is None else settle,
+        max_gap=args.max_gap,
+        declination=args.declination,
+        settle=args.settle,
+        profile=args.profile,
+        note=common.note,
     )
     common.print_json(result.summary()) if args.json else print(result.text())
     if args.html:
@@ -85,26 +80,9 @@ def _write_page(args: argparse.Namespace, result: "Evaluation") -> None:
     write_html(args.html, {args.estimate.stem: result}, title=title, facts=facts, overwrite=args.force)
 
 
-def _track(path: Path, profile: Path | None, *, estimated: bool = False) -> "AttitudeTrack":
-    from plumbob.core.errors import ShapeError
-
-    recording = common.read(path, profile)
-    if recording.track is None:
-        raise ShapeError(f"{path} holds sensor data but no attitude; run a filter on it first: plumbob run {path} ...")
-    if estimated and recording.imu is not None:
-        common.note(f"{path} holds sensor data: it looks like a recording with its reference, not an estimate")
-    return recording.track
-
-
 def alignments(text: str) -> tuple[str, ...]:
     """Words of a comma list, each a known alignment."""
     from plumbob.core import check
 
     words = tuple(word.strip() for word in text.split(",") if word.strip())
     return tuple(check.one_of("--align", word, ALIGNMENTS) for word in words)
-
-
-def _number(text: str | None, quantity: "Quantity") -> float | None:
-    from plumbob.core.units import parse
-
-    return None if text is None else parse(text, quantity)

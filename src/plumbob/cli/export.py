@@ -26,23 +26,19 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.filters.offline import recalibrated
-    from plumbob.session.reading import SUFFIX, read
-    from plumbob.session.recorded import export, only, read_recorded
+    from plumbob.session.recorded import export
 
     common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile, args.calibration))
-    if args.file.suffix == SUFFIX:
-        recording = read_recorded(args.file, estimated=True)
-    else:
-        recording = read(args.file, profile=args.profile)
-    recording = only(recording, args.what)
-    if args.calibration is not None:
-        from plumbob.data.cards import CalibrationCard
-
-        recording = recalibrated(recording, CalibrationCard.load(args.calibration))
-        common.note(*(note for note in recording.notes if note.startswith("temperature: ")))
-    written = export(args.out, recording, overwrite=args.force)
-    parts = [("samples", recording.imu), ("attitudes", recording.track)]
+    written = export(
+        args.file,
+        args.out,
+        what=args.what,
+        profile=args.profile,
+        calibration=args.calibration,
+        overwrite=args.force,
+        note=common.note,
+    )
+    parts = [("samples", written.imu), ("attitudes", written.track)]
     told = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
-    print(f"{written}: of {args.file.name}, {told}")
+    print(f"{args.out}: of {args.file.name}, {told}")
     return 0

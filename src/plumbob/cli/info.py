@@ -1,11 +1,15 @@
 """plumbob info: what a file holds."""
 
 import argparse
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
-from plumbob.core.text import counted, visible
+from plumbob.core.text import Shown, counted, visible
+
+if TYPE_CHECKING:
+    from plumbob.files import Recording
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -25,33 +29,99 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    if args.file.suffix.lower() == ".json":
-        return _card(args)
-    recording = common.read(args.file, args.profile)
-    report: dict[str, Any] = {"file": str(args.file), "notes": list(recording.notes)}
+    found = info(args.file, profile=args.profile, note=common.note)
+    common.print_json(found.summary()) if args.json else print(found.text())
+    return 0
+
+
+class Info(Shown):
+    """What a file holds.
+
+    Parameters
+    ----------
+    report : mapping
+        All that is known, as JSON can hold it.
+    lines : sequence of str
+        The same for a reader.
+    """
+
+    def __init__(self, report: Mapping[str, Any], lines: Sequence[str]) -> None:
+        self._report, self._lines = report, lines
+
+    def facts(self) -> Mapping[str, str]:
+        """The file, and what is in it."""
+        kinds = ("sensors", "attitude", "card")
+        held = {kind: self._report[kind] for kind in kinds if kind in self._report}
+        found = {"file": self._report["file"], "holds": ", ".join(held)}
+        timed = held.get("sensors", held.get("attitude", {}))
+        return found | ({"samples": str(timed["time"]["samples"])} if "time" in timed else {})
+
+    def summary(self) -> dict[str, Any]:
+        """All that is known, as JSON can hold it."""
+        return dict(self._report)
+
+    def text(self) -> str:
+        """The same for a reader, a line each."""
+        return "\n".join(self._lines)
+
+
+def info(
+    what: "Recording | str | Path",
+    *,
+    profile: str | Path | None = None,
+    note: Callable[[str], object] | None = None,
+) -> Info:
+    """Say what a recording, a track or a card holds.
+
+    Parameters
+    ----------
+    what : Recording or path
+        The recording, or a file: a recording, a track, a calibration card or a noise card.
+    profile : path, optional
+        What the columns of a text file mean.
+    note : callable, optional
+        Called with what was found in the data of a file, which the lines then do not repeat.
+
+    Raises
+    ------
+    DecodeError
+        If the file cannot be read.
+    """
+    from plumbob.core import check
+    from plumbob.files import Recording, found_in
+    from plumbob.session.reading import read
+
+    if isinstance(what, Recording):
+        name, recording = what.name, what
+    elif (file := check.path("what", what)).suffix.lower() == ".json":
+        return _card(file)
+    else:
+        name, recording = str(file), read(file, profile=profile)
+    said = () if note is None else found_in(recording.notes)
+    for line in said:
+        note(f"{Path(name).name}: {line}")  # type: ignore[misc]
+    report: dict[str, Any] = {"file": name, "notes": list(recording.notes)}
     if recording.imu is not None:
         report["sensors"] = _sensors(recording.imu)
     if recording.track is not None:
         report["attitude"] = _attitude(recording.track)
-    common.print_json(report) if args.json else _print(report)
-    return 0
+    return Info(report, list(_lines(report, said)))
 
 
-def _card(args: argparse.Namespace) -> int:
-    """Print what a card holds."""
+def _card(file: Path) -> Info:
+    """What a card holds."""
     import json
 
     from plumbob.calibration import certificate
     from plumbob.data.cards import CalibrationCard, open_card
     from plumbob.noise import datasheet
 
-    card = open_card(args.file)
+    card = open_card(file)
     if isinstance(card, CalibrationCard):
         told, text = certificate.as_dict(card, {}), certificate.text(card, {})
     else:
         told, text = {"card": json.loads(card.text())}, datasheet.card_text(card)
-    common.print_json({"file": str(args.file)} | told) if args.json else print(text)
-    return 0
+    return Info({"file": str(file)} | told, [text])
 
 
 def _sensors(imu: Any) -> dict[str, Any]:
@@ -117,43 +187,40 @@ def _timing(t: Any) -> dict[str, Any]:
     }
 
 
-def _print(report: dict[str, Any]) -> None:
+def _lines(report: dict[str, Any], said: Sequence[str]) -> Iterator[str]:
     from plumbob.data import calibration_told
-    from plumbob.files import found_in
     from plumbob.rotations.headings import zero_of
 
-    print(report["file"])
-    told = found_in(report["notes"])  # on standard error already
-    for line in dict.fromkeys(note for note in report["notes"] if note not in told):
-        print(f"{'note':12} {visible(line)}")
+    yield report["file"]
+    for line in dict.fromkeys(note for note in report["notes"] if note not in said):
+        yield f"{'note':12} {visible(line)}"
     if sensors := report.get("sensors"):
-        print(f"device       {visible(sensors['device'])}, body axes '{sensors['axes']}' of the case")
-        print(f"calibration  {visible(calibration_told(sensors['calibration']))}")
-        print(f"frame        {sensors['frame'] or 'not named; filters need --frame'}")
+        yield f"device       {visible(sensors['device'])}, body axes '{sensors['axes']}' of the case"
+        yield f"calibration  {visible(calibration_told(sensors['calibration']))}"
+        yield f"frame        {sensors['frame'] or 'not named; filters need --frame'}"
         if sensors["declination_deg"] is not None:
-            print(f"declination  {sensors['declination_deg']:+.4g}°, east positive")
-        _print_timing(sensors["time"])
+            yield f"declination  {sensors['declination_deg']:+.4g}°, east positive"
+        yield _timing_line(sensors["time"])
         for name, triad in sensors["triads"].items():
-            _print_triad(name, triad)
+            yield from _triad_lines(name, triad)
         for name, count in sensors["flags"].items():
-            print(f"flag         {name}: {counted(count, 'sample')}")
+            yield f"flag         {name}: {counted(count, 'sample')}"
     if attitude := report.get("attitude"):
-        print(f"attitude     {visible(attitude['source']) or 'source not named'}")
-        print(f"frame        {attitude['frame']}, heading from {zero_of(attitude['north'])}")
-        _print_timing(attitude["time"])
-        print(
-            f"known        {counted(attitude['known_samples'], 'sample')}, scored {attitude['scored_samples'] or 'all'}"
-        )
+        yield f"attitude     {visible(attitude['source']) or 'source not named'}"
+        yield f"frame        {attitude['frame']}, heading from {zero_of(attitude['north'])}"
+        yield _timing_line(attitude["time"])
+        known = counted(attitude["known_samples"], "sample")
+        yield f"known        {known}, scored {attitude['scored_samples'] or 'all'}"
 
 
-def _print_triad(name: str, triad: dict[str, Any]) -> None:
+def _triad_lines(name: str, triad: dict[str, Any]) -> Iterator[str]:
     reach = "" if triad["range"] is None else f", range {_range(triad['range'])}"
     if not triad["samples"]:
-        print(f"{name:12} no usable sample in {triad['unit']}{reach}")
+        yield f"{name:12} no usable sample in {triad['unit']}{reach}"
         return
     samples = counted(triad["samples"], "sample")
-    print(f"{name:12} {samples} in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}")
-    print(f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}")
+    yield f"{name:12} {samples} in {triad['unit']}{reach}, |{name}| median {triad['norm_median']:.5g}"
+    yield f"{'':12} mean {_three(triad['mean'])}, std {_three(triad['std'])}"
 
 
 def _range(full_scale: float | tuple[float, ...]) -> str:
@@ -161,11 +228,11 @@ def _range(full_scale: float | tuple[float, ...]) -> str:
     return ", ".join(f"±{axis:.5g}" for axis in axes)
 
 
-def _print_timing(time: dict[str, Any]) -> None:
+def _timing_line(time: dict[str, Any]) -> str:
     rate = "one sample" if time["rate_hz"] is None else f"{time['rate_hz']:.6g} Hz, jitter {time['jitter_us']:.3g} µs"
     longest = "" if time["rate_hz"] is None else f", longest step {time['longest_step_s']:.6g} s"
     samples, gaps = counted(time["samples"], "sample"), counted(time["gaps"], "gap")
-    print(f"time         {samples}, {time['duration_s']:.3f} s, {rate}, {gaps}{longest}")
+    return f"time         {samples}, {time['duration_s']:.3f} s, {rate}, {gaps}{longest}"
 
 
 def _three(values: list[float]) -> str:

@@ -5,21 +5,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plumbob.cli import common
-from plumbob.core.units import Quantity
 
 if TYPE_CHECKING:
     from plumbob.rotations import Frame
 
-WORLD = {
-    "strength": Quantity.FIELD,
-    "dip": Quantity.ANGLE,
-    "declination": Quantity.ANGLE,
-    "temp_c": Quantity.TEMPERATURE,
-    "mag_rate": Quantity.FREQUENCY,
-    "jitter": Quantity.TIME,
-    "lost": Quantity.RATIO,
-}
-"""What --set takes besides the scenario's own parameters."""
+WORLD = ("strength", "dip", "declination", "temp_c", "mag_rate", "jitter", "lost")
+"""As `plumbob.simulation.simulation.WORLD`, which a help text shall not import."""
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -47,8 +38,8 @@ def add_scenario_options(p: argparse.ArgumentParser, *, optional: bool = False) 
     common.add_frame(p, "navigation frame of the truth and of the body's axes; needed")
     p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts, as mpu6000+hmc5983 (default ideal)")
     p.add_argument(
-        "--module",
-        choices=("drawn", "calibrated"),
+        "--unit",
+        choices=("random", "calibrated"),
         help="a unit as it left the line, or after an ideal calibration; needed but for ideal sensors",
     )
     p.add_argument("--rate", metavar="HZ", help="sampling rate, as 100Hz; default: the scenario's")
@@ -64,21 +55,16 @@ def add_scenario_options(p: argparse.ArgumentParser, *, optional: bool = False) 
 def scenario_settings(args: argparse.Namespace) -> "tuple[Frame, dict[str, Any]]":
     """Frame and keyword arguments of `plumbob.simulation.simulate` that the options name."""
     from plumbob.core.errors import FrameError, ParameterError
-    from plumbob.core.units import parse
     from plumbob.rotations import Frame
 
     frame = common.frame_of(args)
     if frame is None:
         raise FrameError(f"a simulation needs a navigation frame. Give --frame {', --frame '.join(Frame)}.")
-    if args.module is None and args.sensors != "ideal":
-        raise ParameterError(f"say --module drawn for {args.sensors} as it left the line, or --module calibrated.")
-    args.module = args.module or "calibrated"
-    given = {key: parse(value, WORLD[key]) if key in WORLD else value for key, value in common.pairs(args.set)}
-    if args.rate is not None:
-        given["rate"] = parse(args.rate, Quantity.FREQUENCY)
-    if args.duration is not None:
-        given["duration"] = parse(args.duration, Quantity.TIME)
-    return frame, given
+    if args.unit is None and args.sensors != "ideal":
+        raise ParameterError(f"say --unit random for {args.sensors} as it left the line, or --unit calibrated.")
+    args.unit = args.unit or "calibrated"
+    given = {key: value for key in ("rate", "duration") if (value := getattr(args, key)) is not None}
+    return frame, dict(common.pairs(args.set)) | given
 
 
 def run(args: argparse.Namespace) -> int:
@@ -86,7 +72,6 @@ def run(args: argparse.Namespace) -> int:
     from plumbob import files
     from plumbob.core.errors import ParameterError
     from plumbob.data import calibration_told
-    from plumbob.data.cards import NoiseCard
     from plumbob.simulation import simulate
 
     if args.list:
@@ -96,10 +81,9 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
     common.check_outputs(args, *common.with_profile(args.out), args.card, args.noise_card, inputs=(args.noise,))
     frame, given = scenario_settings(args)
-    noise = None if args.noise is None else NoiseCard.load(args.noise)
-    choice = {"sensors": args.sensors, "module": args.module, "seed": args.seed, "noise": noise}
+    choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed, "noise": args.noise}
     result = simulate(args.scenario, frame=frame, **choice, **given)
-    notes = (result.truth.source, *(() if noise is None else (f"noise {result.noise.source}",)))
+    notes = (result.truth.source, *(() if args.noise is None else (f"noise {result.noise.source}",)))
     recording = files.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
     files.write(args.out, recording, overwrite=args.force)
     for path, card in ((args.card, result.calibration), (args.noise_card, result.noise)):
@@ -107,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
             card.save(path, overwrite=args.force)
     print(f"{args.out}: {len(result.imu)} samples, {result.imu.t[-1]:.3f} s, {result.imu.meta.device}")
     print(f"truth        {result.truth.source}, frame {frame}, heading from true north")
-    if noise is not None:
+    if args.noise is not None:
         print(f"noise        {result.noise.source}")
     print(f"calibration  {calibration_told(result.imu.meta.calibration)}")
     return 0

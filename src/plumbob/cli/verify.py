@@ -62,7 +62,7 @@ def print_verdict(verdict: "Verdict") -> None:
     print(f"ended        {_end(verdict)}")
     _print_missing("dropped", verdict.dropped, "given up while recording, or lost before a repair")
     _print_missing("lost", verdict.lost, "missing")
-    print(f"verdict      {_in_words(verdict)}")
+    print(f"verdict      {verdict.in_words}")
 
 
 def _end(verdict: "Verdict") -> str:
@@ -74,13 +74,3 @@ def _end(verdict: "Verdict") -> str:
 def _print_missing(title: str, rows: "Mapping[str, int]", how: str) -> None:
     for topic, count in rows.items():
         print(f"{title:12} {visible(topic)}: {counted(count, 'row')} {how}")
-
-
-def _in_words(verdict: "Verdict") -> str:
-    if verdict.whole:
-        return "whole"
-    if verdict.lossy:
-        return "damaged: rows are missing, or may be"
-    if not sum(verdict.rows.values()):
-        return "not complete, and no row is in it"
-    return "not complete, but no row that had been written is missing"

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.noise import characterise
     from plumbob.rotations import Frame
     from plumbob.session.session_toml import parse_session
-    from plumbob.session.stream import Line
+    from plumbob.session.stream import Stream
 
     _jit.compiling("everything")  # which the user has asked for, and need not be told
     names, channels = filter_names(), channel_names()
@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         for name in channels:
             RateFilter(name).warm_up()
             advance(1)
-        Line(parse_session(SESSION, str, name="warmup")).warm_up()
+        Stream(parse_session(SESSION, str, name="warmup")).warm_up()
         advance(1)
         for part in (characterise, guides):
             part.warm_up()

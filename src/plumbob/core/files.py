@@ -118,6 +118,15 @@ def profile_beside(path: Path) -> Path:
     return path.with_name(f"{path.stem}.profile.toml")
 
 
+TABLES: Final = (".csv", ".txt", ".tsv", ".lvm", ".dat", ".log")
+"""Suffixes of text tables, which a profile describes."""
+
+
+def sidecars(path: Path) -> tuple[Path, Path]:
+    """Names that a profile beside a text file may have."""
+    return path.with_name(f"{path.stem}.toml"), profile_beside(path)
+
+
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
     """Put the file's name before every error of its content, and make one line of it."""

@@ -112,14 +112,22 @@ class Shown:
         raise NotImplementedError
 
     def __repr__(self) -> str:
-        told = "; ".join(f"{name} {value}" for name, value in self.facts().items())
-        return f"<{type(self).__name__}: {visible(told)}>"
+        return one_line(type(self).__name__, self.facts())
 
     def _repr_html_(self) -> str:
-        from html import escape
+        return small_table(type(self).__name__, self.facts())
 
-        rows = "".join(
-            f"<tr><th>{escape(visible(name))}</th><td>{escape(visible(value))}</td></tr>"
-            for name, value in self.facts().items()
-        )
-        return f"<table><caption>{escape(type(self).__name__)}</caption>{rows}</table>"
+
+def one_line(kind: str, facts: Mapping[str, str]) -> str:
+    """Facts as an object shows itself: ``<Kind: name value; name value>``."""
+    return f"<{kind}: {visible('; '.join(f'{name} {value}' for name, value in facts.items()))}>"
+
+
+def small_table(kind: str, facts: Mapping[str, str]) -> str:
+    """Facts as a notebook shows them, in HTML."""
+    from html import escape
+
+    rows = "".join(
+        f"<tr><th>{escape(visible(name))}</th><td>{escape(visible(value))}</td></tr>" for name, value in facts.items()
+    )
+    return f"<table><caption>{escape(kind)}</caption>{rows}</table>"

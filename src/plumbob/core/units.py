@@ -350,8 +350,3 @@ def to_deg(value: Number) -> Number:
 def to_dps(value: Number) -> Number:
     """Convert rad/s to degrees per second."""
     return from_si(value, "deg/s")
-
-
-def to_g(value: Number) -> Number:
-    """Convert m/s² to standard gravities."""
-    return from_si(value, "g")

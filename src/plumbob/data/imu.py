@@ -16,9 +16,10 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import ClockError, ShapeError, UnitError
-from plumbob.core.text import Shown
+from plumbob.core.series import Series
 from plumbob.core.time import after_gap, to_ns, to_s
 from plumbob.core.units import to_deg
+from plumbob.data.cards.file import UNITS
 from plumbob.data.sample import ImuSample
 from plumbob.rotations import Frame, North, body_axes, euler_zyx_from_quat, quat_normalize
 
@@ -148,7 +149,7 @@ def calibration_told(calibration: str | None) -> str:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ImuData(Shown):
+class ImuData(Series):
     """Samples of a gyroscope, an accelerometer and a magnetometer on one time line.
 
     A triad that the unit does not have is None; one that has no value in some samples (a slower magnetometer, a lost
@@ -262,6 +263,14 @@ class ImuData(Shown):
 
     def __len__(self) -> int:
         return int(self.t.size)
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Time, the triads by axis, temperature and flags, by name."""
+        found: dict[str, NDArray[Any]] = {"t [s]": self.t}
+        for name in self.triads:
+            values = getattr(self, name)
+            found |= {f"{name}_{axis} [{UNITS[name]}]": values[:, i] for i, axis in enumerate("xyz")}
+        return found | ({} if self.temp_c is None else {"temp_c [degC]": self.temp_c}) | {"flags": self.flags}
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: samples, sensors, device, frame and calibration."""
@@ -427,7 +436,7 @@ class ImuData(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AttitudeTrack(Shown):
+class AttitudeTrack(Series):
     """Attitude over time: an estimate or a reference.
 
     Parameters
@@ -517,6 +526,15 @@ class AttitudeTrack(Shown):
             "with": ", ".join(more) or "nothing else",
             "source": self.source.partition("(")[0] or "not named",
         }
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Time, the quaternion, its angles in degrees, and the gyroscope's bias where it is estimated, by name."""
+        angles = to_deg(self.euler_zyx)
+        found = {"t [s]": self.t} | {f"q_{axis}": self.q_nb[:, i] for i, axis in enumerate("wxyz")}
+        found |= {f"{name} [deg]": angles[:, i] for i, name in enumerate(("yaw", "pitch", "roll"))}
+        if self.bias_b is not None:
+            found |= {f"bias_{axis} [rad/s]": self.bias_b[:, i] for i, axis in enumerate("xyz")}
+        return found
 
     @property
     def euler_zyx(self) -> Floats:

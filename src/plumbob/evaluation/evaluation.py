@@ -4,18 +4,19 @@ One rule holds throughout: the estimate is judged as it was delivered. Whatever 
 declination, time, mounting or heading, is done to the reference, and the result says so.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from plumbob.core import flags
 from plumbob.core.check import Floats, number, said
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.text import Shown, counted
-from plumbob.core.units import deg, to_deg
+from plumbob.core.series import Series
+from plumbob.core.text import counted
+from plumbob.core.units import Quantity, deg, given, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
 from plumbob.evaluation import report
 from plumbob.evaluation.align import (
@@ -40,9 +41,6 @@ from plumbob.evaluation.metrics import (
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
 
-if TYPE_CHECKING:
-    pass
-
 RATE_BASELINE = 0.1
 """Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
 
@@ -59,7 +57,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluation(Shown):
+class Evaluation(Series):
     """An estimate judged by a reference.
 
     Attributes
@@ -126,6 +124,10 @@ class Evaluation(Shown):
         found |= {f"{name} rmse": f"{to_deg(stats.rmse):.3g}°" for name, stats in self.stats.items()}
         return found | {"source": self.estimate.source.partition("(")[0] or "not named"}
 
+    def columns(self) -> Mapping[str, Floats]:
+        """Time, and the error of each quantity that is scored, degrees, by name."""
+        return {"t [s]": self.t} | {f"{name} [deg]": to_deg(error) for name, error in self.errors.items()}
+
     def summary(self) -> dict[str, Any]:
         """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluation.report`."""
         return report.summary(self)
@@ -148,10 +150,12 @@ def evaluate(
     reference: AttitudeTrack | Tracked | str | Path,
     *,
     align: Collection[str] = (),
-    max_gap: float | None = None,
-    max_offset: float = 1.0,
-    declination: float | None = None,
-    settle: float = 0.0,
+    max_gap: float | str | None = None,
+    max_offset: float | str = 1.0,
+    declination: float | str | None = None,
+    settle: float | str = 0.0,
+    profile: str | Path | None = None,
+    note: Callable[[str], object] | None = None,
 ) -> Evaluation:
     """Judge an estimate by a reference.
 
@@ -165,14 +169,18 @@ def evaluate(
     align : collection of {"time", "mounting", "heading"}
         Constants to find and remove, in that order; none by default, because a constant error is an error. Aligning
         time also removes the delay of a filter.
-    max_gap : float, optional
-        Largest step of the reference that is bridged, s; by default 5 of its median steps.
-    max_offset : float
+    max_gap : float or str, optional
+        Largest step of the reference that is bridged, s, or text with a unit; by default 5 of its median steps.
+    max_offset : float or str
         Largest time offset sought, s.
-    declination : float, optional
+    declination : float or str, optional
         Of the place, rad, east positive; needed where one heading is true and the other magnetic.
-    settle : float
+    settle : float or str
         Time after the estimate's first sample that is left out, s.
+    profile : path, optional
+        What the columns of a reference in a text file mean.
+    note : callable, optional
+        Called with what was found in files.
 
     Returns
     -------
@@ -189,21 +197,26 @@ def evaluate(
     ShapeError
         If no sample is left to score, or one of the two is not an attitude and holds none.
     """
-    estimate, reference = _attitude("estimate", estimate), _attitude("reference", reference)
-    for name, value in (("max_gap", max_gap), ("max_offset", max_offset), ("settle", settle)):
-        if value is not None or name != "max_gap":
-            number(name, value, "s")
-    if declination is not None:
-        number("declination", declination, "rad")
-    settings = Settings(_asked(align), max_gap, max_offset, declination, settle)
+    settings = Settings(
+        _asked(align),
+        given("max_gap", max_gap, Quantity.TIME),
+        number("max_offset", given("max_offset", max_offset, Quantity.TIME), "s"),
+        given("declination", declination, Quantity.ANGLE),
+        number("settle", given("settle", settle, Quantity.TIME), "s"),
+    )
+    estimate, reference = _attitude("estimate", estimate, None, note), _attitude("reference", reference, profile, note)
     policy = heading_policy(
-        estimate.north, reference.north, aligned="heading" in settings.align, declination=declination
+        estimate.north, reference.north, aligned="heading" in settings.align, declination=settings.declination
     )
     _refuse_blind_mounting(policy, settings)
     truth = _in_frame_of(estimate, reference, policy)
     time = _time_alignment(estimate, truth, settings)
     match = associate(
-        estimate, truth, max_gap=max_gap, settle=settle, offset=0.0 if time.time is None else time.time.offset
+        estimate,
+        truth,
+        max_gap=settings.max_gap,
+        settle=settings.settle,
+        offset=0.0 if time.time is None else time.time.offset,
     )
     _refuse_empty(estimate, match)
     alignment = replace(_rotation_alignment(estimate, match, settings), time=time.time)
@@ -211,20 +224,38 @@ def evaluate(
     return _measure(estimate, reference, settings, match, alignment, policy)
 
 
-def _attitude(name: str, given: AttitudeTrack | Tracked | str | Path) -> AttitudeTrack:
-    if isinstance(given, AttitudeTrack):
-        return given
-    if isinstance(given, str | Path):
-        from plumbob.session.reading import read
-
-        given = read(given)
-    if isinstance(held := getattr(given, "track", None), AttitudeTrack):
+def _attitude(
+    name: str,
+    what: AttitudeTrack | Tracked | str | Path,
+    profile: str | Path | None,
+    note: Callable[[str], object] | None,
+) -> AttitudeTrack:
+    if isinstance(what, AttitudeTrack):
+        return what
+    if isinstance(what, str | Path):
+        return _attitude_in(name, Path(what), profile, note or (lambda line: None))
+    if isinstance(held := getattr(what, "track", None), AttitudeTrack):
         return held
-    what = "has no track" if hasattr(given, "track") else f"is {said(given)}"
+    kind = "has no track" if hasattr(what, "track") else f"is {said(what)}"
     raise ShapeError(
-        f"{name} must be an AttitudeTrack, or a Recording that has one, but it {what}. A filter's process gives an "
+        f"{name} must be an AttitudeTrack, or a Recording that has one, but it {kind}. A filter's process gives an "
         "estimate; a file is read with plumbob.read."
     )
+
+
+def _attitude_in(name: str, path: Path, profile: str | Path | None, note: Callable[[str], object]) -> AttitudeTrack:
+    """Attitude of a file."""
+    from plumbob.files import found_in
+    from plumbob.session.reading import read
+
+    recording = read(path, profile=profile)
+    for line in found_in(recording.notes):
+        note(f"{path.name}: {line}")
+    if recording.track is None:
+        raise ShapeError(f"{path} holds sensor data but no attitude; run a filter on it first: plumbob run {path} ...")
+    if name == "estimate" and recording.imu is not None:
+        note(f"{path} holds sensor data: it looks like a recording with its reference, not an estimate")
+    return recording.track
 
 
 def _asked(align: Collection[str]) -> tuple[str, ...]:

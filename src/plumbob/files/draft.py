@@ -8,7 +8,7 @@ contradict.
 import json
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +20,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import existing_file, reading, write_text
+from plumbob.core.text import Shown
 from plumbob.core.units import UNITS, Quantity, canonical_name, is_name, to_si
 from plumbob.data import TITLES, TRIADS, ImuData, ImuMeta
 from plumbob.data.plausibility import Turning, turning
@@ -58,8 +59,8 @@ _BEST: Final = 0.8
 """Correlation from which on other axes are proposed, where the declared ones have less than half of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Draft:
+@dataclass(frozen=True, repr=False)
+class Draft(Shown):
     """Draft of a profile.
 
     Attributes
@@ -72,6 +73,10 @@ class Draft:
 
     text: str
     questions: tuple[tuple[str, str], ...]
+
+    def facts(self) -> Mapping[str, str]:
+        """Keys that a person must answer."""
+        return {"questions": ", ".join(key for key, _ in self.questions) or "none"}
 
 
 def profile(path: str | os.PathLike[str], *, out: str | os.PathLike[str] | None = None) -> Draft:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import existing_file
+from plumbob.core.files import TABLES, existing_file
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.files.notes import Recording, findings, lines
 
@@ -64,7 +64,7 @@ FORMATS: Final = (
     ),
     Format(
         name="text",
-        suffixes=(".csv", ".txt", ".tsv", ".lvm", ".dat", ".log"),
+        suffixes=TABLES,
         what="text tables, described by a profile in TOML; written as .csv with its profile beside it",
         read=_late("text", "read_text"),
         takes_profile=True,

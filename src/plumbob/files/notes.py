@@ -4,7 +4,7 @@ Most of it is found in the data at each reading and never stored; what only the 
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,14 +14,14 @@ from plumbob.acquisition.timing.report import TimeReport
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
-from plumbob.core.text import counted
+from plumbob.core.text import Shown, counted
 from plumbob.core.time import timing
 from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
 from plumbob.data.plausibility import doubts
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Shown):
     """What one file holds.
 
     Parameters
@@ -54,6 +54,12 @@ class Recording:
             if getattr(self, name) is not None:
                 check.kind(name, getattr(self, name), expected)
         object.__setattr__(self, "notes", lines("notes", self.notes))
+
+    def facts(self) -> Mapping[str, str]:
+        """Name, samples, attitude, and how many notes there are."""
+        parts = {"samples": self.imu, "attitude": self.track}
+        held = {name: part.facts()["samples"] for name, part in parts.items() if part is not None}
+        return {"name": self.name or "not named", **held, "notes": str(len(self.notes))}
 
 
 def unsaved(imu: ImuData, name: str) -> Recording:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
-from plumbob.core.files import existing_file, profile_beside, reading, text_of
+from plumbob.core.files import existing_file, reading, sidecars, text_of
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.files.columns import StampError, seconds_of
 from plumbob.files.notes import Recording, read_notes
@@ -81,11 +81,6 @@ def recording_of(profile: Profile, table: Table, name: str, note: str) -> Record
     track = None if profile.reference is None else _track(profile.reference, table, t, profile.turn)
     notes = (*read_notes(profile.notes, imu), note, *table.notes, *_changes(profile, t0_ns))
     return Recording(imu=imu, track=track, name=name, notes=notes)
-
-
-def sidecars(path: Path) -> tuple[Path, Path]:
-    """Names that a profile beside a text file may have."""
-    return path.with_name(f"{path.stem}.toml"), profile_beside(path)
 
 
 def profile_of(file: Path, given: Profile | str | Path | None) -> tuple[Profile, str]:

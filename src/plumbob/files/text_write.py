@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core.errors import DecodeError
-from plumbob.core.files import replacing_all
+from plumbob.core.files import replacing_all, sidecars
 from plumbob.core.text import visible
 from plumbob.core.time import to_s
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -17,7 +17,6 @@ from plumbob.files.arrow import column_of
 from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, to_columns
 from plumbob.files.header import plain_meta
 from plumbob.files.notes import Recording, stored_notes
-from plumbob.files.text import sidecars
 
 _FORMULA: Final = ("=", "+", "-", "@")
 

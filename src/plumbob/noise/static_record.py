@@ -18,13 +18,12 @@ from plumbob import files
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
-from plumbob.core.files import existing_file
+from plumbob.core.files import existing_file, sidecars
 from plumbob.core.units import Quantity
 from plumbob.data import TRIADS
 from plumbob.data.cards import CalibrationCard
 from plumbob.files import Recording
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, Numbers, open_numbers
-from plumbob.files.text import sidecars
 from plumbob.filters.offline import recalibrated
 from plumbob.noise.even_rows import triads_of
 from plumbob.noise.static import StaticCheck, StaticReport, find_step, judge

@@ -1,9 +1,10 @@
 """Bytes to numbers with units: every byte belongs to a frame or is counted as junk, and nothing on the wire raises."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Final
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,13 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.series import frame_of
+from plumbob.core.text import one_line, small_table
+from plumbob.core.units import unit
 from plumbob.data import TRIADS, ImuData
 from plumbob.protocols import scan
+from plumbob.protocols.field import Field
+from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.scan import Reads, plan_of
 from plumbob.protocols.unpack import Column, Unpacker
@@ -87,6 +93,12 @@ class Counts:
         """Everything by name, for JSON."""
         return {name: getattr(self, name) for name in self.__slots__}
 
+    def why_rejected(self) -> str:
+        """Which checks candidates for a frame failed, to stand behind a sentence; empty where there was none."""
+        reasons = {"checksum": self.bad_checksum, "content": self.bad_content, "length": self.bad_length}
+        told = ", ".join(f"{count} for their {word}" for word, count in reasons.items() if count)
+        return f"; candidates rejected: {told}" if told else ""
+
 
 class Decoder:
     """Decodes a stream in any chunking; equal bytes give equal frames.
@@ -160,7 +172,7 @@ class Decoder:
 
     def _slice(self, whole: bytes, at: int, end: int, final: bool, parts: dict[int, list[Frames]]) -> tuple[int, bool]:
         view = np.frombuffer(whole, dtype=np.uint8)[at:end]
-        found, done = scan.scan(view, view.size, final, *self._plan, self._state, self._found)
+        found, done = scan.scan(view, view.size, final, self._plan, self._state, self._found)
         places = self._found[:found]
         for m, message in enumerate(self.form.messages):
             mine = places if len(self.form.messages) == 1 else places[places[:, 2] == m]
@@ -181,29 +193,103 @@ class Decoder:
         )
 
 
-def decode(form: Format, data: bytes, t_ns: int = 0) -> tuple[dict[str, Frames], Counts]:
-    """Decode a whole stream at once.
+class Decoded(NamedTuple):
+    """A decoded stream.
 
-    Parameters
+    Attributes
     ----------
-    form : Format
-        Format.
-    data : bytes
-        The stream.
-    t_ns : int
-        Host's time to give to every frame, ns.
-
-    Returns
-    -------
     frames : dict of str to Frames
-        By message.
+        By message; empty where they were handed on as they came.
     counts : Counts
         What became of every byte.
     """
-    decoder = Decoder(form)
-    parts = [decoder.feed(data, t_ns), decoder.finish()]
+
+    frames: Mapping[str, Frames]
+    counts: Counts
+
+    def facts(self) -> Mapping[str, str]:
+        """Frames of each message, and bytes that belong to none."""
+        told = {name: str(count) for name, count in self.counts.frames.items()}
+        return {**told, "junk": f"{self.counts.junk} of {self.counts.received} bytes"}
+
+    def __repr__(self) -> str:
+        return one_line("Decoded", self.facts())
+
+    def _repr_html_(self) -> str:
+        return small_table("Decoded", self.facts())
+
+    def to_frame(self, message: str = "") -> Any:
+        """Table for pandas of one message, by default the first that occurs; a column each, by name with unit.
+
+        Raises
+        ------
+        MissingExtraError
+            If pandas is not installed.
+        """
+        found = self.frames[message or min(self.frames, key=lambda name: int(self.frames[name].start[0]))]
+        titles = {title_of(f): found.columns[f.name] for f in found.message.fields if f.name in found.columns}
+        return frame_of({"byte": found.start, **titles})
+
+
+def title_of(one: Field) -> str:
+    """Name of a field with its unit, as a table has it."""
+    name = unit(one.unit).quantity.value if one.physical else one.unit
+    return one.name if name in ("", "1") else f"{one.name} [{name}]"
+
+
+def decode(
+    data: bytes | str | Path | Iterable[bytes],
+    format: Format | str | Path,
+    *,
+    options: Mapping[str, str] | None = None,
+    t_ns: int = 0,
+    each: Callable[[dict[str, Frames], Counts], object] | None = None,
+) -> Decoded:
+    """Decode a whole stream.
+
+    Parameters
+    ----------
+    data : bytes, path or iterable of bytes
+        The stream, the file that holds it, or its pieces in their order.
+    format : Format, str or path
+        What the bytes mean: a device, a rig or a ``.toml`` file, as `plumbob.find_format` takes it.
+    options : mapping of str to str, optional
+        Options of the format, as ``{"gyr_range": "500 deg/s"}``.
+    t_ns : int
+        Host's time to give to every frame, ns.
+    each : callable, optional
+        Called with the frames that each piece completes, which the result then does not hold, and the counts so far.
+
+    Returns
+    -------
+    Decoded
+
+    Raises
+    ------
+    ParameterError
+        If the format or an option is not known, or an option is missing.
+    """
+    form = format if isinstance(format, Format) else find_format(format)
+    decoder = Decoder(form.bind(options) if options else form)
+    parts: list[dict[str, Frames]] = []
+    use = (lambda found, _: parts.append(found)) if each is None else each
+    for piece in pieces_of(data):
+        use(decoder.feed(piece, t_ns), decoder.counts)
+    use(decoder.finish(), decoder.counts)
     names = [m.name for m in decoder.form.messages]
-    return {n: _joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}, decoder.counts
+    whole = {n: _joined([p[n] for p in parts if n in p]) for n in names if any(n in p for p in parts)}
+    return Decoded(whole, decoder.counts)
+
+
+def pieces_of(data: bytes | str | Path | Iterable[bytes]) -> Iterator[bytes]:
+    """Pieces of a stream; of a file that is open, what is there already."""
+    if isinstance(data, str | Path):
+        with Path(data).open("rb") as file:
+            yield from iter(lambda: file.read(_SLICE), b"")
+    elif isinstance(data, bytes | bytearray | memoryview) or hasattr(data, "__array__"):
+        yield data  # type: ignore[misc]
+    else:
+        yield from data
 
 
 def _room(form: Format) -> int:

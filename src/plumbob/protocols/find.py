@@ -5,7 +5,7 @@ from pathlib import Path
 from plumbob.core import check
 from plumbob.core.errors import ParameterError
 from plumbob.protocols import catalog, rigs
-from plumbob.protocols.format import Format
+from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import load_format
 
 
@@ -33,3 +33,13 @@ def find_format(name: str | Path) -> Format:
         return catalog.load(name)
     except ParameterError as error:
         raise ParameterError(f"{error} Rigs are {', '.join(rigs.names())}.") from error
+
+
+def unassigned_told(form: Format, message: Message) -> str | None:
+    """Which bytes of a message the user's own format leaves out; of a known device they are known to be spare."""
+    from plumbob.protocols.overlap import unassigned
+
+    if form.name in {*catalog.names(), *rigs.names()} or not (places := unassigned(form, message)):
+        return None
+    told = ", ".join(str(at) if end == at + 1 else f"{at} to {end - 1}" for at, end in places)
+    return f"no field of message {message.name} uses its bytes {told} of {message.length}; they are ignored"

@@ -295,21 +295,7 @@ def _why_not(size: int, content: bool) -> int:
 
 
 @njit
-def scan(
-    data: Bytes,
-    end: int,
-    final: bool,
-    sync: Bytes,
-    length: Ints,
-    check: Ints,
-    remainders: Ints,
-    messages: Ints,
-    constants: Ints,
-    parity: Ints,
-    ranges: Ints,
-    state: Ints,
-    out: Ints,
-) -> tuple[int, int]:
+def scan(data: Bytes, end: int, final: bool, plan: Plan, state: Ints, out: Ints) -> tuple[int, int]:
     """Search frames from the first byte on.
 
     Parameters
@@ -320,8 +306,8 @@ def scan(
         How many there are.
     final : bool
         Whether no more will come, so that an unfinished frame is junk.
-    sync, length, check, remainders, messages, constants, parity, ranges : ndarray
-        The `Plan`.
+    plan : Plan
+        The format.
     state : ndarray (STATE,)
         Counters, and what the search remembers.
     out : ndarray (N, 3)
@@ -334,6 +320,7 @@ def scan(
     """
     # In one piece: numba counts references to each array that is handed on, and a kernel for what is found at one byte
     # would take ten of them. That was measured to cost 40 % of the speed.
+    sync, length, check, remainders, messages, constants, parity, ranges = plan
     ahead = sync.shape[1]
     header = ahead if length[0] else max(ahead, length[1] + length[2])
     transfers = length[7] == 1

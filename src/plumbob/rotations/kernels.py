@@ -98,23 +98,3 @@ def quat_exp(rx: float, ry: float, rz: float) -> Quat:
     """Unit quaternion of the rotation vector r (rad)."""
     w, s = half_angle(rx * rx + ry * ry + rz * rz)
     return w, s * rx, s * ry, s * rz  # [Sola2017] (101)
-
-
-@njit
-def quat_from_axes(
-    xx: float, xy: float, xz: float, yx: float, yy: float, yz: float, zx: float, zy: float, zz: float
-) -> Quat:
-    """Unit quaternion of the matrix with rows x, y, z (a proper rotation), by the largest of the four pivots."""
-    trace = xx + yy + zz
-    if trace >= xx and trace >= yy and trace >= zz:  # [Shepperd1978]: divide by the largest component
-        q0, q1, q2, q3 = 1.0 + trace, zy - yz, xz - zx, yx - xy
-    elif xx >= yy and xx >= zz:
-        q0, q1, q2, q3 = zy - yz, 1.0 + xx - yy - zz, yx + xy, xz + zx
-    elif yy >= zz:
-        q0, q1, q2, q3 = xz - zx, yx + xy, 1.0 - xx + yy - zz, zy + yz
-    else:
-        q0, q1, q2, q3 = yx - xy, xz + zx, zy + yz, 1.0 - xx - yy + zz
-    if q0 < 0.0:
-        q0, q1, q2, q3 = -q0, -q1, -q2, -q3
-    s = 1.0 / math.sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
-    return q0 * s, q1 * s, q2 * s, q3 * s

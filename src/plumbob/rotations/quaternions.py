@@ -100,8 +100,6 @@ def quat_slerp(a: ArrayLike, b: ArrayLike, fraction: ArrayLike) -> Floats:
     fraction : array_like (...)
         Place between them.
     """
-    pass
-
     step = rotvec_from_quat(quat_multiply(quat_conjugate(a), b))
     return quat_multiply(a, quat_from_rotvec(step * np.asarray(fraction, dtype=np.float64)[..., np.newaxis]))
 
@@ -114,20 +112,6 @@ def quat_from_xyzw(quat_xyzw: ArrayLike) -> Floats:
 def quat_to_xyzw(q: ArrayLike) -> Floats:
     """Reorder to scalar last, for SciPy's default, ROS or three.js."""
     return np.ascontiguousarray(np.roll(check.last_axis("q", q, 4), -1, axis=-1))
-
-
-def quat_continuous(q: ArrayLike) -> Floats:
-    """Choose signs along the first axis so that neighbours lie on the same half of the sphere; rotations stay.
-
-    Parameters
-    ----------
-    q : array_like (N, 4)
-        Unit quaternions; NaN rows keep their NaN and break the chain.
-    """
-    array = check.rows("q", q, 4)
-    flips = np.sum(array[1:] * array[:-1], axis=1) < 0.0
-    sign = np.where(np.cumsum(np.concatenate(([False], flips))) % 2 == 1, -1.0, 1.0)
-    return array * sign[:, np.newaxis]
 
 
 def by_component(kernel: Kernel[..., Any], *arrays: Floats) -> Floats:

@@ -1,16 +1,18 @@
 """From a recording to an attitude, with what a reader should know of both: `plumbob run`, and `plumbob.estimate`."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plumbob.core import check, flags
+from plumbob.core import _jit, check, flags
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.text import Shown, counted
+from plumbob.core.series import Series
+from plumbob.core.text import counted
 from plumbob.core.time import timing
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
@@ -18,7 +20,7 @@ from plumbob.data.earth_field import located
 from plumbob.data.plausibility import upside_down
 from plumbob.files import Recording, findings, found_in, inferred_in, write
 from plumbob.files.notes import unsaved
-from plumbob.filters import Filter
+from plumbob.filters import Filter, claims_covariance, filter_names
 from plumbob.filters.offline import Stage, bias_beyond, declination_deg, filter_of, navigation_frame, run_stage
 from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
@@ -35,7 +37,7 @@ _OFTEN = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Estimated(Shown):
+class Estimated(Series):
     """An estimated attitude, and what belongs to it.
 
     Attributes
@@ -87,6 +89,10 @@ class Estimated(Shown):
         return dict(
             zip(("yaw", "pitch", "roll"), map(float, to_deg(euler_zyx_from_quat(self.track.q_nb[-1]))), strict=True)
         )
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the track."""
+        return self.track.columns()
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the track, with where it comes from; errors as of `plumbob.write`."""
@@ -225,6 +231,13 @@ def estimate(
         say(contradiction)
     told = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
     return Estimated(track, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt)
+
+
+def compiling(names: Sequence[str]) -> str | None:
+    """Why the next call waits, where filters have not been compiled on this machine yet; None where they have."""
+    loops = {name: "claiming" if name in filter_names() and claims_covariance(name) else "batch" for name in names}
+    cold = [name for name, loop in loops.items() if _jit.is_cold(f"{loop}_{name}")]
+    return _jit.compiling(", ".join(cold)) if cold else None
 
 
 def _recording_of(given: str | Path | Recording | ImuData, profile: str | Path | None) -> tuple[str, Recording]:

@@ -17,14 +17,16 @@ from plumbob.core.schema import texts
 from plumbob.core.text import visible
 from plumbob.core.time import to_ns
 from plumbob.data import TRIADS, AttitudeTrack, ImuData
+from plumbob.data.cards import CalibrationCard
 from plumbob.files import Recording
 from plumbob.files.header import meta_from, plain_meta, track_meta_from
 from plumbob.files.mcap import Log, open_log
 from plumbob.files.mcap.verdict import write_rows
 from plumbob.files.notes import read_notes, stored_notes
+from plumbob.filters.offline import recalibrated
 from plumbob.rotations import Frame, quat_from_euler_zyx
 from plumbob.session import rows
-from plumbob.session.replay import Replayed, replay, utc_ns
+from plumbob.session.replay import Replayed, replay
 from plumbob.session.session import reference_names
 from plumbob.session.session_toml import SESSION, recorded_session
 from plumbob.session.sinks import text_of
@@ -51,28 +53,28 @@ def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
     log = open_log(file)
     if SESSION not in log.metadata:
         return _from_rows(log, file, estimated=estimated)
-    replayed = replay(log, recorded_session(log.metadata, file.stem))
+    replayed = replay(log, session=recorded_session(log.metadata, file.stem))
     imu = replayed.found.imu(calibrated=False)
     if imu is None:
         raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
-    meta = replace(imu.meta, t0_ns=utc_ns(replayed))
-    counts = replayed.line.decoder.counts
+    meta = replace(imu.meta, t0_ns=replayed.t0_ns)
+    counts = replayed.stream.decoder.counts
     notes = [
-        f"decoded from {counts.received} raw bytes as {replayed.line.session.form.name}, {counts.junk} of them junk"
+        f"decoded from {counts.received} raw bytes as {replayed.stream.session.form.name}, {counts.junk} of them junk"
     ]
     if log.starts > 1:
         notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
     notes += [f"damaged: {damage}" for damage in log.damage]
-    notes += files.inferred(replayed.line.time_report())
+    notes += files.inferred(replayed.stream.time_report())
     notes += [f"units: {doubt}; check the units of the format" for doubt in imu.unit_doubts()]
-    track = replayed.found.track() if estimated else _reference(replayed)
+    track = replayed.track if estimated else _reference(replayed)
     whole = Recording(imu=replace(imu, meta=meta), track=track, name=file.stem, notes=tuple(notes))
     return replace(whole, notes=(*whole.notes, *files.findings(whole.imu))) if whole.imu else whole
 
 
 def _reference(replayed: Replayed) -> AttitudeTrack | None:
     """Attitude of the reference that the session names; its angles are those of NED, as heading and roll are."""
-    session = replayed.line.session
+    session = replayed.stream.session
     if session.reference is None:
         return None
     names = reference_names(session.reference)
@@ -163,12 +165,43 @@ def _track(found: Sequence[Mapping[str, Any]], told: Any) -> AttitudeTrack:
     )
 
 
-def export(path: str | Path, recording: Recording, *, overwrite: bool = False) -> Path:
-    """Write a recording in the format that the file's suffix names.
+def export(
+    recording: Recording | str | Path,
+    path: str | Path,
+    *,
+    what: str = "all",
+    profile: str | Path | None = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    overwrite: bool = False,
+    note: Callable[[str], object] | None = None,
+) -> Recording:
+    """Write a recording, or a file of any format, in the format that the new file's suffix names.
 
     ``.tum`` holds the attitude as ``t x y z qx qy qz qw`` with positions of zero, for evo; ``.txt`` roll, pitch and yaw
     in degrees, as the papers' hosts kept them; ``.mcap`` samples and attitude for viewers; others are those of
-    `plumbob.files.write`. A file that lies there is replaced only where `overwrite` says so.
+    `plumbob.files.write`.
+
+    Parameters
+    ----------
+    recording : Recording or path
+        What to write; of a recorded stream, with the attitude that was estimated.
+    path : path
+        The new file.
+    what : {"all", "samples", "attitude"}
+        Leaves the rest out.
+    profile : path, optional
+        What the columns of a text file mean.
+    calibration : CalibrationCard or path, optional
+        Card to apply to the samples.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
+    note : callable, optional
+        Called with what a reader should know of the samples.
+
+    Returns
+    -------
+    Recording
+        What was written.
 
     Raises
     ------
@@ -178,14 +211,25 @@ def export(path: str | Path, recording: Recording, *, overwrite: bool = False) -
         If the suffix is unknown, or the file exists and is not to be replaced, or cannot be written.
     """
     file = Path(path)
+    if not isinstance(recording, Recording):
+        given = Path(recording)
+        mcap = given.suffix == ".mcap"
+        recording = read_recorded(given, estimated=True) if mcap else files.read(given, profile=profile)
+    recording = only(recording, what)
+    if calibration is not None:
+        recording = recalibrated(recording, CalibrationCard.of(calibration))
+        for line in recording.notes:
+            if note is not None and line.startswith("temperature: "):
+                note(line)
     if file.suffix not in SUFFIXES:
         raise ParameterError(f"{file}: an export writes {', '.join(SUFFIXES)}, not '{file.suffix}'.")
     if file.suffix in _OWN:
         _OWN[file.suffix](file, recording, overwrite)
-        return file
+        return recording
     if recording.imu is not None and recording.track is not None and not _on_one_clock(recording):
         raise ShapeError(f"{file}: samples and attitude have different times; export one of them with --what.")
-    return files.write(file, recording, overwrite=overwrite)
+    files.write(file, recording, overwrite=overwrite)
+    return recording
 
 
 def only(recording: Recording, what: str) -> Recording:

@@ -53,7 +53,7 @@ def named_at(session: Session, utc_ns: int) -> Session:
     return replace(session, record=record, output=replace(session.output, text=text))
 
 
-class Keeper:
+class RecordingSink:
     """Writes a line into a recording.
 
     Parameters

@@ -1,41 +1,96 @@
-"""Go through a recording again: the same line, the same items, the same bits."""
+"""Go through a recording again: the same stream, the same items, the same bits."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
+
+from numpy.typing import NDArray
 
 from plumbob.acquisition.transport import Event
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, FrameError, ParameterError
+from plumbob.core.series import Series
+from plumbob.core.text import counted
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.cards import CalibrationCard, NoiseCard
+from plumbob.data.earth_field import day_of
+from plumbob.files import Recording, inferred
 from plumbob.files.mcap import Log, open_log
+from plumbob.filters.offline import Stage
+from plumbob.filters.start import TRUTH_WORD
+from plumbob.rotations import Frame
 from plumbob.session import rows
-from plumbob.session.runner import run_line
+from plumbob.session.runner import run_stream
 from plumbob.session.session import Session
-from plumbob.session.session_toml import recorded_session
-from plumbob.session.sinks import Collected, Sink
+from plumbob.session.session_toml import load_session, of_unit, recorded_session
+from plumbob.session.sinks import Collected, Sink, Tracks
 from plumbob.session.sources import ReplaySource
-from plumbob.session.stream import Line, Part
+from plumbob.session.stream import Part, Stream
+from plumbob.session.watch import Note, Ran, Watch
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Replayed:
-    """What a recording gave when it went through the line again.
+@dataclass(frozen=True, eq=False, repr=False)
+class Replayed(Ran, Series):
+    """What a recording gave when it went through the stream again.
 
     Attributes
     ----------
-    line : Line
-        The line, with its counts.
-    found : Collected
-        All parts and events.
     log : Log
         The recording, read to its end: `log.damage` says what is wrong with it.
-    epoch_offset_ns : int
-        UTC minus the monotonic clock at the start of the recording, ns.
+    found : Collected
+        All parts and events; none where they were not kept.
+    track : AttitudeTrack or None
+        The attitude; None where nothing was estimated, or it was not kept.
+    comparison : Comparison or None
+        Against what the recording holds, where that was asked for.
     """
 
-    line: Line
-    found: Collected
     log: Log
-    epoch_offset_ns: int
+    found: Collected
+    track: AttitudeTrack | None
+    comparison: "Comparison | None" = None
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the track."""
+        return self._known.columns()
+
+    @property
+    def _known(self) -> AttitudeTrack:
+        if self.track is None:
+            raise ParameterError("nothing was estimated, so there is no track to write; name a filter with --filter.")
+        return self.track
+
+    @property
+    def imu(self) -> ImuData | None:
+        """Samples, calibrated where the session has a card; None where there are none, or they were not kept."""
+        return self.found.imu(calibrated=True)
+
+    @property
+    def t0_ns(self) -> int:
+        """UTC of the first sample, ns since 1970; 0 where there is none, or it is not known."""
+        first, info = self.stream.t0_ns, self.log.first_info
+        return 0 if first is None else first + (0 if info is None else info.epoch_offset_ns)
+
+    def as_recording(self) -> Recording:
+        """The track, with where it comes from, for `plumbob.write` and `plumbob.export`.
+
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
+        told = f"replayed from {self.log.paths[0].name} by {self._known.source}"
+        return Recording(track=self._known, notes=(told, *inferred(self.stream.time_report())))
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        same = self.comparison
+        return super().summary() | ({} if same is None else {"check": {**asdict(same), "equal": same.equal}})
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        same = self.comparison
+        return super().text() + ("" if same is None else f"\ncheck        {same}")
 
 
 def open_recording(path: str | Path) -> tuple[Log, Session]:
@@ -50,24 +105,132 @@ def open_recording(path: str | Path) -> tuple[Log, Session]:
     return log, recorded_session(log.metadata, Path(path).stem)
 
 
-def replay(log: Log, session: Session, *, sinks: Sequence[Sink] = (), speed: float | None = None) -> Replayed:
-    """Send a recording's reads and events through a line.
+def replay(
+    recording: "str | Path | Log",
+    *,
+    session: Session | str | Path | None = None,
+    filter: str | None = None,
+    params: Mapping[str, Any] | None = None,
+    frame: Frame | str | None = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    noise: NoiseCard | str | Path | None = None,
+    init: str | None = None,
+    unit: str | None = None,
+    speed: float | None = None,
+    check: bool = False,
+    keep: Literal["all", "track", "nothing"] = "all",
+    sinks: Sequence[Sink] = (),
+    note: Note | None = None,
+    opened: Callable[[Session], object] | None = None,
+) -> Replayed:
+    """Send the bytes of a recording through the same stream again, or through another.
 
     Parameters
     ----------
-    log : Log
-        The recording.
-    session : Session
-        Its own session, or another for the same bytes: another filter, another card.
-    sinks : sequence of Sink
-        Who else takes the parts.
+    recording : path or Log
+        Made by `plumbob record` (``.mcap``).
+    session : Session or path, optional
+        Instead of the recording's own.
+    filter, params, frame, calibration, noise, init : optional
+        What to estimate with instead of the session's, as in `plumbob.estimate`.
+    unit : str, optional
+        Another unit of the same frames.
     speed : float, optional
-        How many times faster than it was; as fast as it goes where None.
+        How many times as fast as it was; as fast as it goes where None.
+    check : bool
+        Whether to compare with the attitude that was estimated live, bit for bit.
+    keep : {"all", "track", "nothing"}
+        What the result holds in memory besides its counts.
+    sinks : sequence of Sink
+        What else takes the samples and attitudes as they come.
+    note : callable, optional
+        Called with each remark as it is made.
+    opened : callable, optional
+        Called with the session before it runs.
+
+    Returns
+    -------
+    Replayed
+
+    Raises
+    ------
+    DecodeError
+        If it is not a recording of a stream, or holds no attitude to compare with.
+    ParameterError, FrameError
+        If what is asked for does not go together.
     """
-    line, found = Line(session), Collected()
-    run_line(line, ReplaySource(log, speed), sinks=[found, *sinks])
-    info = log.first_info
-    return Replayed(line, found, log, 0 if info is None else info.epoch_offset_ns)
+    if speed is not None and not speed > 0.0:
+        raise ParameterError(f"--speed must be above 0, but it is {speed:g}.")
+    log, own = (recording, None) if isinstance(recording, Log) else open_recording(recording)
+    chosen = _session(log, own, session)
+    chosen = _changed(chosen, unit, calibration)
+    chosen = _estimated(chosen, filter, params, frame, noise, init)
+    if opened is not None:
+        opened(chosen)
+    stream, found, tracks = Stream(chosen), Collected(), Tracks()
+    watch, against = Watch(stream, note, events=False), Check(log) if check else None
+    kept: dict[str, Sink] = {"all": found, "track": tracks}
+    wanted = [watch, *([kept[keep]] if keep in kept else []), *([against] if against else []), *sinks]
+    run_stream(stream, ReplaySource(log, speed), sinks=wanted)
+    if note is not None:
+        for line in _lacking(log):
+            note(line)
+    track = found.track() if keep == "all" else tracks.track()
+    return Replayed(watch, log, found, track, against.comparison if against else None)
+
+
+def _lacking(log: Log) -> list[str]:
+    """What of a recording is missing or damaged."""
+    missing = [f"{counted(count, 'row')} of {topic} missing" for topic, count in log.missing.items()]
+    return [f"{log.paths[0].name}: {line}" for line in (*missing, *map(str, log.damage))]
+
+
+def _session(log: Log, own: Session | None, asked: Session | str | Path | None) -> Session:
+    if isinstance(asked, Session):
+        return asked
+    if asked is not None:
+        return load_session(asked, date=_day(log))
+    return own or recorded_session(log.metadata, log.paths[0].stem)
+
+
+def _day(log: Log) -> str | None:
+    """Day of the first row, ISO 8601; None where it is not known."""
+    info, first = log.first_info, next(iter(log), None)
+    return None if info is None or first is None else day_of(info.epoch_offset_ns + first.t_ns)
+
+
+def _changed(session: Session, unit: str | None, calibration: CalibrationCard | str | Path | None) -> Session:
+    """Session of another unit, or with another card."""
+    if unit is not None:
+        session = of_unit(session, unit)
+    if calibration is None:
+        return session
+    card = CalibrationCard.of(calibration)
+    if card.device != session.meta.device:
+        raise ParameterError(f"the card is for '{card.device}', but the recording is of '{session.meta.device}'.")
+    return replace(session, card=card)
+
+
+def _estimated(
+    session: Session,
+    filter: str | None,
+    params: Mapping[str, Any] | None,
+    asked: Frame | str | None,
+    noise: NoiseCard | str | Path | None,
+    init: str | None,
+) -> Session:
+    """Session with another filter, where one is named."""
+    if filter is None:
+        if params or noise or init:
+            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
+        return session
+    frame = session.frame if asked is None else Frame.parse(asked)
+    if frame is None:
+        raise FrameError("the recording's session names no frame. Give --frame ENU, NED or NWU.")
+    if init == TRUTH_WORD and session.reference is None:
+        raise ParameterError("--init truth takes the reference of the recording's session, which names none.")
+    stage = Stage(filter, dict(params or {}), noise=None if noise is None else NoiseCard.of(noise), init=init)
+    return replace(session, stage=stage, frame=frame, meta=replace(session.meta, frame=frame))
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +256,13 @@ class Comparison:
     def equal(self) -> bool:
         """Whether both are the same, to the bit."""
         return self.compared > 0 and not (self.different or self.only_live or self.only_replayed)
+
+    def __str__(self) -> str:
+        verdict = "EQUAL to the bit" if self.equal else "NOT equal"
+        return (
+            f"{verdict}: {counted(self.compared, 'attitude')} compared, {self.different} different, "
+            f"{self.only_live} only live, {self.only_replayed} only replayed"
+        )
 
 
 class Check:
@@ -158,24 +328,3 @@ class Check:
         if self._next is None:
             return 1
         return 0 if self._next == row else rows.time_of(self._next) - rows.time_of(row)
-
-
-def compare(replayed: Replayed) -> Comparison:
-    """Compare a replay with the attitudes that the recording holds, in their order, bit for bit.
-
-    Raises
-    ------
-    DecodeError
-        If the recording holds no attitudes.
-    """
-    check = Check(replayed.log)
-    for part in replayed.found.parts:
-        check.on_part(part)
-    check.close()
-    return check.comparison
-
-
-def utc_ns(replayed: Replayed) -> int:
-    """UTC of the first sample, ns since 1970; 0 where there is none."""
-    t_ns = replayed.found.t_ns
-    return int(t_ns[0]) + replayed.epoch_offset_ns if t_ns.size else 0

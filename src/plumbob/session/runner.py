@@ -1,4 +1,4 @@
-"""Run a line: read, keep, decode, estimate, hand on, until the source ends or somebody says stop."""
+"""Run a stream: read, keep, decode, estimate, hand on, until the source ends or somebody says stop."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -6,20 +6,20 @@ from dataclasses import replace
 from typing import Final
 
 from plumbob.acquisition.transport import Event, Received, Source, Stopping
-from plumbob.session.recording_sink import Keeper
+from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.sinks import Sink
-from plumbob.session.stream import Line, Part
+from plumbob.session.stream import Part, Stream
 
 _WAIT: Final = 0.02
 """Longest wait for the source, s; the recording's chunks close on time also where nothing comes."""
 
 
-def run_line(
-    line: Line,
+def run_stream(
+    stream: Stream,
     source: Source,
     *,
     sinks: Sequence[Sink] = (),
-    keeper: Keeper | None = None,
+    recording: RecordingSink | None = None,
     duration: float | None = None,
     until_lost: bool = False,
     stop: Stopping | None = None,
@@ -33,13 +33,13 @@ def run_line(
 
     Parameters
     ----------
-    line : Line
-        The line.
+    stream : Stream
+        The stream.
     source : Source
         Where its bytes come from, open.
     sinks : sequence of Sink
         What else takes its parts.
-    keeper : Keeper, optional
+    recording : RecordingSink, optional
         Recording, started here.
     duration : float, optional
         Longest time to run, s.
@@ -53,27 +53,27 @@ def run_line(
         Monotonic clock, ns.
     """
     end = None if duration is None else clock() + round(duration * 1e9)
-    if keeper:
-        sinks = [_Kept(sink, keeper, clock) for sink in sinks]
+    if recording:
+        sinks = [_Kept(sink, recording, clock) for sink in sinks]
     try:
-        behind = keeper.start() if keeper else None
+        behind = recording.start() if recording else None
         while not source.finished and not (stop and stop.is_set()) and (end is None or clock() < end):
             items = source.read(_WAIT)
             if behind and items:
                 items, behind = [replace(behind, t_ns=items[0].t_ns), *items], None
             for item in items:
-                _take(line, item, sinks, keeper)
+                _feed(stream, item, sinks, recording)
             if each:
                 each()
             if until_lost and any(isinstance(item, Event) and item.kind == "lost" for item in items):
                 break
-            if keeper:
-                _tell(keeper.tick(clock()), sinks)
-        _hand_on(line.finish(), clock(), sinks, keeper)
+            if recording:
+                _on_events(recording.tick(clock()), sinks)
+        _hand_on(stream.finish(), clock(), sinks, recording)
     finally:
         source.close()
-        if keeper:
-            _tell(keeper.close(), sinks)
+        if recording:
+            _on_events(recording.close(), sinks)
         for sink in sinks:
             sink.close()
 
@@ -81,9 +81,9 @@ def run_line(
 class _Kept:
     """A sink beside a recording, which goes on when the sink fails."""
 
-    def __init__(self, sink: Sink, keeper: Keeper, clock: Callable[[], int]) -> None:
+    def __init__(self, sink: Sink, recording: RecordingSink, clock: Callable[[], int]) -> None:
         self._sink: Sink | None = sink
-        self._keeper, self._clock = keeper, clock
+        self._recording, self._clock = recording, clock
 
     def on_part(self, part: Part) -> None:
         self._do(lambda sink: sink.on_part(part))
@@ -102,27 +102,27 @@ class _Kept:
         except OSError as error:
             what = f"{self._sink} cannot be written any more: {error.strerror or error}."
             self._sink = None
-            self._keeper.failures.append(Event(self._clock(), "failed", what))
+            self._recording.failures.append(Event(self._clock(), "failed", what))
 
 
-def _take(line: Line, item: Received | Event, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
-    if keeper:
-        keeper.on_item(item)
-    _hand_on(line.take(item), item.t_ns, sinks, keeper)
+def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], recording: RecordingSink | None) -> None:
+    if recording:
+        recording.on_item(item)
+    _hand_on(stream.feed(item), item.t_ns, sinks, recording)
     if isinstance(item, Event):
-        _tell([item], sinks)
+        _on_events([item], sinks)
 
 
-def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], keeper: Keeper | None) -> None:
+def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], recording: RecordingSink | None) -> None:
     if part is None:
         return
     for sink in sinks:
         sink.on_part(part)
-    if keeper:
-        keeper.on_part(part, now_ns)
+    if recording:
+        recording.on_part(part, now_ns)
 
 
-def _tell(events: Sequence[Event], sinks: Sequence[Sink]) -> None:
+def _on_events(events: Sequence[Event], sinks: Sequence[Sink]) -> None:
     for event in events:
         for sink in sinks:
             sink.on_event(event)

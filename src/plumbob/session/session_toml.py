@@ -13,11 +13,14 @@ from plumbob.core import schema
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, FrameError, ParameterError, PlumbobError
 from plumbob.core.files import text_of
+from plumbob.core.params import describe
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity
 from plumbob.data import ImuMeta
 from plumbob.data.cards import CalibrationCard, NoiseCard
+from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
+from plumbob.filters import CommonParams, load
 from plumbob.filters.offline import Stage, filter_of
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.protocols.decode import ranges_of, unit_of
@@ -305,6 +308,139 @@ def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage 
         raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
     filter_of(stage, frame)  # refuses what it cannot take, before the start
     return stage
+
+
+def session_of(
+    file: Path | None = None,
+    *,
+    port: str | None = None,
+    capture: str | Path | None = None,
+    iio: str | int | None = None,
+    baud: int = 115200,
+    rate: float | str | None = None,
+    time: str | None = None,
+    format: str | Path | None = None,
+    unit: str | None = None,
+    device: str | None = None,
+    frame: Frame | str | None = None,
+    place: str | None = None,
+    date: str | None = None,
+    filter: str | None = None,
+    params: Mapping[str, Any] | None = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    noise: NoiseCard | str | Path | None = None,
+    init: str | None = None,
+) -> Session:
+    """Session of a file, or of a few words, as the options of the command line are.
+
+    Parameters
+    ----------
+    file : path, optional
+        Session file, which says everything but the line's own options.
+    port, capture, iio : optional
+        Without a file one of these: a serial line; raw bytes in a file (``--from``); an IIO device.
+    baud : int
+        Speed of `port`.
+    rate : float or str, optional
+        Frames per second of `port` or `capture`, Hz, where the format has neither clock nor rate.
+    time : {"host", "count"}, optional
+        What times the frames of `port`.
+    format : str or path, optional
+        What the bytes mean: a device, a rig or a format file.
+    unit : str, optional
+        Which unit, where a frame has several.
+    device : str, optional
+        Name of this unit, to which its calibration card belongs.
+    frame : Frame or str, optional
+        Navigation frame.
+    place, date : str, optional
+        As in `plumbob.estimate`.
+    filter, params, calibration, noise, init : optional
+        As in `plumbob.estimate`; nothing is estimated without `filter`.
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one line is named, or options do not fit it.
+    PlumbobError
+        As in `load_session`.
+    """
+    cards = {"calibration": calibration, "noise": noise}
+    imu = {"device": device, "frame": frame and str(frame), "place": place, "date": date}
+    tables: dict[str, Mapping[str, Any]] = _estimate_table(filter, params, init, noise)
+    if calibration is not None:
+        tables["calibration"] = {"card": _name_of("calibration", calibration)}
+    if known := {key: value for key, value in imu.items() if value}:
+        tables["imu"] = known
+    if unit:
+        tables["format"] = {"unit": unit}
+    if [file, port, capture, iio].count(None) != 3:
+        raise ParameterError("give either a session file, or --port or --from with --format, or --iio.")
+    if file is not None:
+        if format or tables:
+            raise ParameterError(
+                "the session file says format, unit, device, frame, calibration and filter; leave the options out."
+            )
+        return load_session(file)
+    if iio is not None and (format or unit):
+        raise ParameterError("--iio takes no --format and no --unit: the kernel says what the bytes mean.")
+    if iio is None and format is None:
+        raise ParameterError(
+            "--port and --from need --format: what the bytes mean is not guessed; see 'plumbob devices'."
+        )
+    source = _source_table(port, capture, iio, baud=baud, rate=rate, time=time)
+    held = {_name_of(key, card): card.text() for key, card in cards.items() if isinstance(card, Card)}
+    return parse_session(
+        plain_session(form=None if format is None else str(format), source=source, **tables),
+        lambda name: held[name] if name in held else text_of(Path(name)),
+        name=Path(str(port or capture or iio)).name,
+    )
+
+
+def _source_table(
+    port: str | None,
+    capture: str | Path | None,
+    iio: str | int | None,
+    *,
+    baud: int,
+    rate: float | str | None,
+    time: str | None,
+) -> dict[str, Any]:
+    if iio is not None:
+        return {"kind": "iio", "device": int(iio) if str(iio).isdecimal() else iio}
+    paced = {"rate": f"{rate!r} Hz" if isinstance(rate, int | float) else rate} if rate else {}
+    if capture is not None:
+        return {"kind": "file", "path": str(capture), **paced}
+    return {"kind": "serial", "port": port, "baud": baud, **paced, **({"time": time} if time else {})}
+
+
+def _estimate_table(
+    filter: str | None, params: Mapping[str, Any] | None, init: str | None, noise: Any
+) -> dict[str, Mapping[str, Any]]:
+    """Table of a filter; numbers are in SI, and say so in the text of the session."""
+    if filter is None:
+        if params or noise or init:
+            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
+        return {}
+    quantities = {one.name: one.spec.quantity for kind in (load(filter).Params, CommonParams) for one in describe(kind)}
+    table: dict[str, Any] = {"filter": filter}
+    if params:
+        table["params"] = {key: _with_unit(value, quantities.get(key, Quantity.RATIO)) for key, value in params.items()}
+    if noise is not None:
+        table["noise"] = _name_of("noise", noise)
+    return {"estimate": table | ({"init": init} if init else {})}
+
+
+def _with_unit(value: Any, quantity: Quantity) -> Any:
+    """A number in SI with its unit; a switch or an absent value as a word."""
+    if value is None or isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value!r} {quantity.value}" if isinstance(value, int | float) and quantity is not Quantity.RATIO else value
+
+
+def _name_of(key: str, card: Card | str | Path) -> str:
+    """Name of a card's file; one that has none gets that of its part in the session."""
+    return f"{key}.json" if isinstance(card, Card) else str(card)
 
 
 def plain_session(*, form: str | None, source: Mapping[str, Any], **tables: Mapping[str, Any]) -> str:

@@ -72,7 +72,7 @@ class CaptureSource:
             data = existing_file(self._path).read_bytes()
         except OSError as error:
             raise DecodeError(f"{self._path} cannot be read: {error.strerror}.") from error
-        found, counts = decode(self._form, data)
+        found, counts = decode(data, self._form)
         if self._message not in found:
             what = f"no frame of {self._form.name}, message {self._message}, in {counts.received} bytes"
             raise DecodeError(f"{self._path} holds {what}; 'plumbob decode' tries other formats.")

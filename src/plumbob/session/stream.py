@@ -65,7 +65,7 @@ class Part:
     track: AttitudeTrack | None
 
 
-class Line:
+class Stream:
     """Decodes, stamps, calibrates and estimates a stream.
 
     Parameters
@@ -103,7 +103,7 @@ class Line:
         self.filter = _filter(self.session)
         self._started = False
 
-    def take(self, item: Received | Event) -> Part | None:
+    def feed(self, item: Received | Event) -> Part | None:
         """Take what has come, and return what it completes; None where that is nothing."""
         if isinstance(item, Received):
             return self._through(self.decoder.feed(item.data, item.t_ns))
@@ -129,8 +129,8 @@ class Line:
         message = self.session.form.message(self.session.message)
         physical = [f.name for f in message.fields if f.physical][:1]
         rows = encode(self.session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
-        other = Line(self.session)
-        other.take(Received(0, rows.tobytes()))
+        other = Stream(self.session)
+        other.feed(Received(0, rows.tobytes()))
         other.finish()
 
     def report(self) -> dict[str, Any]:

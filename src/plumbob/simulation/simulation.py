@@ -1,9 +1,10 @@
 """From a scenario and sensors to a recording with its truth, on one timeline."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.series import Series
 from plumbob.core.time import to_ns, to_s
-from plumbob.core.units import deg
+from plumbob.core.units import Quantity, deg, given
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
 from plumbob.data.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.rotations import Frame, North
@@ -106,14 +108,25 @@ def _count(rate: float, duration: float) -> int:
     return round(samples)
 
 
-MODULES = ("drawn", "calibrated")
-"""What a module may be: as it left the line, or after an ideal calibration."""
+KINDS = ("random", "calibrated")
+"""What a unit may be: as it left the line, or after an ideal calibration."""
+
+WORLD = {
+    "strength": Quantity.FIELD,
+    "dip": Quantity.ANGLE,
+    "declination": Quantity.ANGLE,
+    "temp_c": Quantity.TEMPERATURE,
+    "mag_rate": Quantity.FREQUENCY,
+    "jitter": Quantity.TIME,
+    "lost": Quantity.RATIO,
+}
+"""Numbers of the world and of the recording that are no parameters of a scenario, with what they measure."""
 
 _CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
 
 
-@dataclass(frozen=True, eq=False)
-class Simulation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Simulation(Series):
     """A simulated recording and everything that is true about it.
 
     Attributes
@@ -142,6 +155,15 @@ class Simulation:
     module: Module
     scenario: Scenario
 
+    def facts(self) -> Mapping[str, str]:
+        """Scenario and samples."""
+        return {"scenario": self.truth.source.partition("(")[0], **self.imu.facts()}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the samples, and the true angles beside them."""
+        angles = {f"true {name}": one for name, one in self.truth.columns().items() if name.endswith("[deg]")}
+        return {**self.imu.columns(), **angles}
+
 
 class _World(NamedTuple):
     """What surrounds the sensors: the time line, the body's state at any delay, temperature and magnetic field."""
@@ -165,21 +187,21 @@ def simulate(
     *,
     frame: Frame | str,
     sensors: str | Module,
-    module: str,
+    unit: str,
     seed: int,
-    rate: float | None = None,
-    duration: float | None = None,
-    strength: float = 50.0,
-    dip: float = deg(50.0),
-    declination: float = 0.0,
-    temp_c: float | Signal = 25.0,
-    mag_rate: float | None = None,
-    jitter: float = 0.0,
-    lost: float = 0.0,
-    noise: NoiseCard | None = None,
+    rate: float | str | None = None,
+    duration: float | str | None = None,
+    strength: float | str = 50.0,
+    dip: float | str = deg(50.0),
+    declination: float | str = 0.0,
+    temp_c: float | str | Signal = 25.0,
+    mag_rate: float | str | None = None,
+    jitter: float | str = 0.0,
+    lost: float | str = 0.0,
+    noise: NoiseCard | str | Path | None = None,
     **parameters: float | str,
 ) -> Simulation:
-    """Simulate a recording.
+    """Simulate a recording; every number may be text with its unit, as ``"60 s"``.
 
     Parameters
     ----------
@@ -190,8 +212,8 @@ def simulate(
     sensors : str or Module
         Names of parts joined by ``+`` (`preset_names`), such as ``"mpu6000+hmc5983"`` or ``"ideal"``; or a unit already
         made.
-    module : {"drawn", "calibrated"}
-        "drawn" draws the unit's bias, scale, misalignment and so on within the sheets' limits (a `Module` is taken as
+    unit : {"random", "calibrated"}
+        "random" draws the unit's bias, scale, misalignment and so on within the sheets' limits (a `Module` is taken as
         it stands); "calibrated" removes every deterministic error and leaves noise, quantisation and range.
     seed : int
         Of everything that is left to chance. Each error has its own random stream: switching one off, or sampling
@@ -222,25 +244,25 @@ def simulate(
         that the sensors have not.
     """
     frame = Frame.parse(frame)
-    for name, value, si in (
-        ("strength", strength, "µT"), ("dip", dip, "rad"), ("declination", declination, "rad"), ("jitter", jitter, "s"),
-        ("lost", lost, "1, a share"), ("temp_c", 0.0 if isinstance(temp_c, Signal) else temp_c, "°C"),
-    ):  # fmt: skip
-        check.number(name, value, si)
-    plan, unit = _plan(scenario, parameters), _unit(sensors, module, seed, mag_rate, noise)
-    rate = plan.rate if rate is None else check.number("rate", rate, "Hz")
-    duration = plan.duration if duration is None else check.number("duration", duration, "s")
-    line = time_line(rate=rate, duration=duration, jitter=jitter, lost=lost, seed=seed)
+    strength, dip, jitter = _number("strength", strength), _number("dip", dip), _number("jitter", jitter)
+    declination = _number("declination", declination)
+    warmth = temp_c if isinstance(temp_c, Signal) else constant(_number("temp_c", temp_c))
+    card = None if noise is None else check.kind("noise", NoiseCard.of(noise), NoiseCard)
+    magnetic = None if mag_rate is None else _number("mag_rate", mag_rate)
+    plan, module = _plan(scenario, parameters), _unit(sensors, unit, seed, magnetic, card)
+    rate = plan.rate if rate is None else _number("rate", rate)
+    duration = plan.duration if duration is None else _number("duration", duration)
+    line = time_line(rate=rate, duration=duration, jitter=jitter, lost=_number("lost", lost), seed=seed)
     motion = plan.motion(stream(seed, "scenario"), duration)
     world = _World(
         line=line,
         body=cache(lambda delay: motion.truth(line.sampled - delay).in_frame(frame)),
-        temp_c=(temp_c if isinstance(temp_c, Signal) else constant(temp_c)).at(line.sampled).value,
+        temp_c=warmth.at(line.sampled).value,
         field_n=earth_field(frame, strength=strength, dip=dip, declination=declination),
         declination=declination,
     )
     stamped = motion.truth(line.stamps).in_frame(frame) if jitter else world.body(0.0)
-    return _simulation(world, stamped.rows(line.kept), plan, unit, seed, calibrated=module == "calibrated")
+    return _simulation(world, stamped.rows(line.kept), plan, module, seed, calibrated=unit == "calibrated")
 
 
 def _simulation(
@@ -270,6 +292,11 @@ def _simulation(
     )
 
 
+def _number(name: str, value: float | str) -> float:
+    quantity = {"rate": Quantity.FREQUENCY, "duration": Quantity.TIME, **WORLD}[name]
+    return check.number(name, given(name, value, quantity), quantity.value)
+
+
 def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scenario:
     if isinstance(scenario, str):
         return named_scenario(scenario, **parameters)
@@ -280,15 +307,15 @@ def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scena
     return scenario
 
 
-def _unit(sensors: str | Module, module: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
-    if not isinstance(module, str) or module not in MODULES:
-        raise ParameterError(f"module must be one of {', '.join(MODULES)}, but it is {check.said(module)}.")
+def _unit(sensors: str | Module, asked: str, seed: int, mag_rate: float | None, noise: NoiseCard | None) -> Module:
+    if not isinstance(asked, str) or asked not in KINDS:
+        raise ParameterError(f"unit must be one of {', '.join(KINDS)}, but it is {check.said(asked)}.")
     unit = draw_module(sensors, seed) if isinstance(sensors, str) else check.kind("sensors", sensors, Module)
     if mag_rate is not None:
-        unit = unit.with_mag_rate(check.number("mag_rate", mag_rate, "Hz"))
+        unit = unit.with_mag_rate(mag_rate)
     if noise is not None:
-        unit = unit.with_noise(check.kind("noise", noise, NoiseCard))
-    return unit.calibrated() if module == "calibrated" else unit
+        unit = unit.with_noise(noise)
+    return unit.calibrated() if asked == "calibrated" else unit
 
 
 def _sense(world: _World, triad: str, errors: TriadErrors, seed: int) -> Measured:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
@@ -12,9 +12,6 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import CalibrationError
 from plumbob.data.cards.file import UNITS, Card, finite, require_no_negative, require_number, require_part, require_text
-
-if TYPE_CHECKING:
-    pass
 
 GRADES: Final = ("good", "fair", "poor")
 

@@ -1,48 +1,25 @@
-"""Adapters to other libraries: same samples, same clock, each with the calls and signs that its own examples use.
+"""Other libraries on whole recordings, by their batch calls where they have one, with the signs that each asks for.
 
-They are imported when they are asked for. Each starts as its constructor leaves it; those of ahrs start from the
-identity. A peer without time input runs with its nominal step.
-
-Other libraries on whole recordings, by their batch calls where they have one, with the signs that each asks for.
-
-All results are attitudes to east, north and up with a heading from magnetic north. A library without time input runs
-with the median step. The streaming adapters of the same libraries are in `plumbob.evaluation.many.peers`.
+They are imported when they are asked for. All results are attitudes to east, north and up with a heading from magnetic
+north. A library without time input runs with the median step.
 """
 
 import warnings
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from importlib import import_module
 from typing import Any, Final, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.evaluation.many.contender import Construction, Contender, Running
-from plumbob.evaluation.many.fault_scene import DIP_DEG, RATE, Row
-from plumbob.rotations import Frame, North, change_frame, quat_conjugate, quat_from_euler_zyx, quat_multiply
-
-STEP = 1.0 / RATE
+from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_multiply
 
 Made = TypeVar("Made")
-
-
-def peers(names: str) -> tuple[list[Contender], dict[str, str]]:
-    """Contenders of the libraries that a comma list names, and those that are absent, with the reason.
-
-    Raises
-    ------
-    ParameterError
-        If a library is not known here.
-    """
-    return made(names, _LIBRARIES)
 
 
 def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tuple[list[Made], dict[str, str]]:
@@ -75,249 +52,6 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
             continue
         found += [kind(library) for kind in kinds[name]]
     return found, absent
-
-
-class _Peer(ABC):
-    """What the adapters share.
-
-    Attributes
-    ----------
-    RATE_ARGUMENTS : tuple of float
-        What its constructor is given in the battery of impossible rates; steps for those that take a step.
-    """
-
-    timed = True
-    none_is_absent = False
-    can_kill = False
-    words: Mapping[int, str] = {}
-    RATE_ARGUMENTS: tuple[float, ...] = (0.0, -RATE, float("nan"), float("inf"))
-
-    def __init__(self, library: Any) -> None:
-        self.library = library
-
-    @abstractmethod
-    def start(self, rate: float = RATE) -> Running:
-        """Make a fresh one."""
-
-    def constructions(self) -> list[Construction]:
-        """Rates, or steps, that are none."""
-        return [Construction(f"rate {value:g}", partial(self.start, value)) for value in self.RATE_ARGUMENTS]
-
-    @contextmanager
-    def quiet(self) -> Iterator[None]:
-        """Keep warnings of the library off the terminal."""
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-
-    def enu(self, q: Floats) -> Floats:
-        """Return attitudes as they are."""
-        return q
-
-
-class _Clock:
-    """Steps from time stamps, as a user's loop makes them."""
-
-    def __init__(self) -> None:
-        self._last: float | None = None
-
-    def step(self, t_ns: float) -> float:
-        """Time since the last stamp, s; the nominal step at first."""
-        last, self._last = self._last, t_ns
-        return STEP if last is None else (t_ns - last) / 1e9
-
-
-class _RunningVqf:
-    def __init__(self, filter_: Any) -> None:
-        self._filter = filter_
-        self._notes_field = hasattr(filter_, "getMagDistDetected")
-
-    def take(self, row: Row) -> int:
-        _, gyr, acc, mag, _ = row
-        if mag is None:
-            self._filter.update(gyr, acc)
-        else:
-            self._filter.update(gyr, acc, mag)
-        return int(self._notes_field and self._filter.getMagDistDetected())
-
-    def give(self, gyr: Floats, acc: Any, mag: Floats | None) -> None:
-        self._filter.update(gyr, acc, mag)
-
-    def attitude(self) -> ArrayLike:
-        q: ArrayLike = self._filter.getQuat9D()
-        return q
-
-
-class Vqf(_Peer):
-    """The compiled classes of vqf, with a magnetometer."""
-
-    timed = False
-    can_kill = True
-    words: Mapping[int, str] = {1: "magDistDetected"}
-    RATE_ARGUMENTS = (0.0, -STEP, float("nan"), float("inf"))
-    KIND = "VQF"
-
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.name = f"vqf.{self.KIND}"
-        self.settings = f"{self.name}({STEP:g} s), defaults"
-
-    def start(self, rate: float = STEP) -> Running:
-        """Make a fresh one, at a step in s."""
-        return _RunningVqf(getattr(self.library, self.KIND)(rate))
-
-
-class BasicVqf(Vqf):
-    """Without rest detection, bias estimation and rejection of disturbances."""
-
-    KIND = "BasicVQF"
-
-
-class _RunningFusion:
-    def __init__(self, filter_: Any) -> None:
-        self._filter, self._clock = filter_, _Clock()
-
-    def take(self, row: Row) -> int:
-        t_ns, gyr, acc, mag, _ = row
-        self._filter.set_sample_period(self._clock.step(t_ns))
-        if mag is None:
-            self._filter.update_no_magnetometer(to_deg(gyr), acc / G0)
-        else:
-            self._filter.update(to_deg(gyr), acc / G0, mag)
-        said, inner = self._filter.get_flags(), self._filter.get_internal_states()
-        found = (said.startup, said.overrange_recovery, said.acceleration_recovery, said.magnetic_recovery,
-                 inner.accelerometer_ignored, inner.magnetometer_ignored)  # fmt: skip
-        return sum(1 << i for i, up in enumerate(found) if up)
-
-    def give(self, gyr: Floats, acc: Any, mag: Floats | None) -> None:
-        self._filter.update(to_deg(gyr), acc, mag)
-
-    def attitude(self) -> ArrayLike:
-        q: ArrayLike = self._filter.get_quaternion()
-        return q
-
-
-class Fusion(_Peer):
-    """x-io Fusion with its default settings."""
-
-    name = "imufusion(default)"
-    settings = "imufusion.Ahrs, defaults, ENU"
-    TUNING: Mapping[str, float] = {}
-    words: Mapping[int, str] = {
-        1: "startup", 2: "overrange_recovery", 4: "acceleration_recovery", 8: "magnetic_recovery",
-        16: "accelerometer_ignored", 32: "magnetometer_ignored",
-    }  # fmt: skip
-
-    def start(self, rate: float = RATE) -> Running:
-        """Make a fresh one, at a rate in Hz."""
-        return _RunningFusion(self.make(rate))
-
-    def make(self, rate: float) -> Any:
-        """Object of the library with its settings, at a nominal rate, Hz."""
-        settings = self.library.AhrsSettings()
-        settings.sample_rate = rate
-        settings.convention = self.library.CONVENTION_ENU  # its constructor would ignore the argument
-        for name, value in self.TUNING.items():
-            setattr(settings, name, value)
-        filter_ = self.library.Ahrs()
-        filter_.set_settings(settings)
-        return filter_
-
-
-class FusionTuned(Fusion):
-    """x-io Fusion with the settings of its own advanced example, rejection on."""
-
-    name = "imufusion(tuned)"
-    settings = "imufusion.Ahrs, gain 0.5, gyroscope range 2000 °/s, rejection 10° and 10°, timeout 5 s, ENU"
-    TUNING: Mapping[str, float] = {
-        "gain": 0.5, "gyroscope_range": 2000.0,
-        "acceleration_rejection": 10.0, "magnetic_rejection": 10.0, "rejection_timeout": 5.0,
-    }  # fmt: skip
-
-
-class _RunningAhrs:
-    """Calls of Madgwick, Mahony and AQUA, which agree."""
-
-    def __init__(self, filter_: Any) -> None:
-        self._filter, self._clock, self._q = filter_, _Clock(), np.array([1.0, 0.0, 0.0, 0.0])
-
-    def take(self, row: Row) -> int:
-        t_ns, gyr, acc, mag, _ = row
-        self._update(gyr, acc, mag, self._clock.step(t_ns))
-        return 0
-
-    def give(self, gyr: Floats, acc: Any, mag: Floats | None) -> None:
-        self._update(gyr, acc, mag, STEP)
-
-    def _update(self, gyr: Floats, acc: Any, mag: Floats | None, dt: float) -> None:
-        if mag is None:
-            self._q = self._filter.updateIMU(self._q, gyr, acc, dt=dt)
-        else:
-            self._q = self._filter.updateMARG(self._q, gyr, acc, mag, dt=dt)
-
-    def attitude(self) -> ArrayLike:
-        return np.array(self._q, dtype=np.float64)
-
-
-class _RunningEkf(_RunningAhrs):
-    """The EKF of ahrs: it wants −g in its ENU frame, and reads whether there is a magnetometer from an attribute."""
-
-    def take(self, row: Row) -> int:
-        t_ns, gyr, acc, mag, known = row
-        return super().take((t_ns, gyr, -acc, mag, known))
-
-    def _update(self, gyr: Floats, acc: Any, mag: Floats | None, dt: float) -> None:
-        self._filter.mag = mag
-        self._q = self._filter.update(self._q, gyr, acc, mag, dt=dt)
-
-
-class Ahrs(_Peer):
-    """One class of ahrs."""
-
-    KIND = "Mahony"
-    RUNNING = _RunningAhrs
-    ARGUMENTS: Mapping[str, Any] = {}
-
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.name = f"ahrs.{self.KIND}"
-        shown = ", ".join(f"{name}={value}" for name, value in self.ARGUMENTS.items())
-        self.settings = f"{self.name}({shown or 'defaults'}), streamed from the identity"
-
-    def start(self, rate: float = RATE) -> Running:
-        """Make a fresh one, at a rate in Hz."""
-        return self.RUNNING(getattr(self.library.filters, self.KIND)(frequency=rate, **self.ARGUMENTS))
-
-
-class Madgwick(Ahrs):
-    """The gradient descent of the 2010 report."""
-
-    KIND = "Madgwick"
-
-    def enu(self, q: Floats) -> Floats:
-        """Attitudes to a frame whose x axis is north and whose z axis is up."""
-        return change_frame(q, to=Frame.ENU, from_=Frame.NWU)
-
-
-class _Ekf(Ahrs):
-    KIND = "EKF"
-    RUNNING = _RunningEkf
-    ARGUMENTS: Mapping[str, Any] = {"frame": "ENU", "magnetic_ref": DIP_DEG}
-
-
-class _Aqua(Ahrs):
-    KIND = "AQUA"
-
-    def enu(self, q: Floats) -> Floats:
-        """Attitudes of a frame whose x axis is north and whose z axis is up, to the body."""
-        return change_frame(quat_conjugate(q), to=Frame.ENU, from_=Frame.NWU)
-
-
-_LIBRARIES: Final[Mapping[str, tuple[Any, ...]]] = {
-    "vqf": (Vqf, BasicVqf),
-    "imufusion": (Fusion, FusionTuned),
-    "ahrs": (Madgwick, Ahrs, _Ekf, _Aqua),
-}
 
 
 class PeerRun(Protocol):
@@ -379,9 +113,21 @@ def _complete(name: str, triad: Floats | None) -> Floats:
     return np.array(triad)
 
 
-class _Vqf(Vqf):
+class _Peer:
+    """What the adapters share."""
+
+    def __init__(self, library: Any) -> None:
+        self.library = library
+
+
+class _Vqf(_Peer):
+    """The compiled classes of vqf, with a magnetometer."""
+
+    KIND = "VQF"
+
     def __init__(self, library: Any) -> None:
         super().__init__(library)
+        self.name = f"vqf.{self.KIND}"
         self.settings = f"{self.name}, defaults"
 
     def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
@@ -390,7 +136,9 @@ class _Vqf(Vqf):
 
 
 class _BasicVqf(_Vqf):
-    KIND = BasicVqf.KIND
+    """Without rest detection, bias estimation and rejection of disturbances."""
+
+    KIND = "BasicVQF"
 
 
 class _OfflineVqf(_Vqf):
@@ -407,9 +155,35 @@ class _OfflineVqf(_Vqf):
         return q
 
 
-class _Fusion(Fusion):
+TUNED_FUSION: Final = "imufusion.Ahrs, gain 0.5, gyroscope range 2000 °/s, rejection 10° and 10°, timeout 5 s, ENU"
+FUSION_TUNING: Final[Mapping[str, float]] = {
+    "gain": 0.5, "gyroscope_range": 2000.0,
+    "acceleration_rejection": 10.0, "magnetic_rejection": 10.0, "rejection_timeout": 5.0,
+}  # fmt: skip
+"""Settings of x-io Fusion's own advanced example, in words and as attributes."""
+
+
+def fusion_filter(library: Any, rate: float, tuning: Mapping[str, float]) -> Any:
+    """Object of x-io Fusion with settings, at a nominal rate, Hz."""
+    settings = library.AhrsSettings()
+    settings.sample_rate = rate
+    settings.convention = library.CONVENTION_ENU  # its constructor would ignore the argument
+    for name, value in tuning.items():
+        setattr(settings, name, value)
+    filter_ = library.Ahrs()
+    filter_.set_settings(settings)
+    return filter_
+
+
+class _Fusion(_Peer):
+    """x-io Fusion with its default settings."""
+
+    name = "imufusion(default)"
+    settings = "imufusion.Ahrs, defaults, ENU"
+    TUNING: Mapping[str, float] = {}
+
     def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
-        filter_ = self.make(1.0 / step)
+        filter_ = fusion_filter(self.library, 1.0 / step, self.TUNING)
         q = np.empty((len(gyr), 4))
         for i, (rate, force, field) in enumerate(zip(self.rates(gyr, step), acc / G0, mag, strict=True)):
             filter_.update(rate, force, field)
@@ -425,8 +199,8 @@ class _FusionReadme(_Fusion):
     """As its README has it: rejection on, and its own estimate of the bias at rest taken off first."""
 
     name = "imufusion(readme)"
-    settings = f"{FusionTuned.settings}; imufusion.Bias, defaults, before it"
-    TUNING = FusionTuned.TUNING
+    settings = f"{TUNED_FUSION}; imufusion.Bias, defaults, before it"
+    TUNING = FUSION_TUNING
 
     def rates(self, gyr: Floats, step: float) -> Floats:
         """Rates less the bias that the library has found so far, °/s."""
@@ -437,10 +211,28 @@ class _FusionReadme(_Fusion):
         return np.array([bias.update(rate) for rate in to_deg(gyr)])
 
 
-class _Ahrs(Ahrs):
+class _Ahrs(_Peer):
+    """One class of ahrs."""
+
+    KIND = "Mahony"
+    ARGUMENTS: Mapping[str, Any] = {}
+
     def __init__(self, library: Any) -> None:
         super().__init__(library)
-        self.settings = self.settings.replace("streamed from the identity", "started from the first sample")
+        self.name = f"ahrs.{self.KIND}"
+        shown = ", ".join(f"{name}={value}" for name, value in self.ARGUMENTS.items())
+        self.settings = f"{self.name}({shown or 'defaults'}), started from the first sample"
+
+    @contextmanager
+    def quiet(self) -> Iterator[None]:
+        """Keep warnings of the library off the terminal."""
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+
+    def enu(self, q: Floats) -> Floats:
+        """Return attitudes as they are."""
+        return q
 
     def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
         kind = getattr(self.library.filters, self.KIND)
@@ -459,8 +251,13 @@ class _BuoyMahony(_Ahrs):
 
 
 class _Madgwick(_Ahrs):
-    KIND = Madgwick.KIND
-    enu = Madgwick.enu
+    """The gradient descent of the 2010 report."""
+
+    KIND = "Madgwick"
+
+    def enu(self, q: Floats) -> Floats:
+        """Attitudes to a frame whose x axis is north and whose z axis is up."""
+        return change_frame(q, to=Frame.ENU, from_=Frame.NWU)
 
 
 class _EkfRun(_Ahrs):

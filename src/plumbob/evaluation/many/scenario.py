@@ -109,7 +109,7 @@ def measure_scenario(
     *,
     frame: Frame,
     sensors: str,
-    module: str,
+    unit: str,
     seeds: Sequence[int],
     settings: Mapping[str, Any],
     settle: float = 0.0,
@@ -127,8 +127,8 @@ def measure_scenario(
         Filters with their parameters.
     frame : Frame
         Navigation frame.
-    sensors, module : str
-        Sensor preset, and which module of it; as in `plumbob.simulation.simulate`.
+    sensors, unit : str
+        Sensor preset, and which unit of it; as in `plumbob.simulation.simulate`.
     seeds : sequence of int
         One run each.
     settings : Mapping
@@ -146,7 +146,7 @@ def measure_scenario(
     ran: dict[str, str] = {}
     warnings: dict[str, list[str]] = {}
     for seed in seeds:
-        run = simulate(scenario, frame=frame, sensors=sensors, module=module, seed=seed, **settings)
+        run = simulate(scenario, frame=frame, sensors=sensors, unit=unit, seed=seed, **settings)
         for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = run_stage(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
@@ -157,7 +157,7 @@ def measure_scenario(
         if progress:
             progress(1)
     what = run.truth.source.rpartition(", seed")[0]
-    title = f"{what}; sensors {sensors} ({module}); {counted(len(seeds), 'seed')}; first {settle:g} s left out"
+    title = f"{what}; sensors {sensors} ({unit}); {counted(len(seeds), 'seed')}; first {settle:g} s left out"
     if own_noise:
         title += "; noise cards of the units"
     return MonteCarlo(title, ran, values, None if limit is None else to_deg(limit), warnings)

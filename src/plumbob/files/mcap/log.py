@@ -17,7 +17,7 @@ from plumbob.files.mcap.resync import Source
 from plumbob.files.mcap.scan import Block, Damage, Identity, Scan, identify
 
 
-class Ledger:
+class SequenceGaps:
     """Sequence numbers of one channel.
 
     Parameters
@@ -195,18 +195,18 @@ class Log:
     @property
     def lost(self) -> dict[str, int]:
         """Rows per topic that are missing, as sequence numbers tell, besides those that the recorder dropped."""
-        missing = {topic: ledger.missing - self.dropped.get(topic, 0) for topic, ledger in self._ledgers.items()}
+        missing = {topic: sequence.missing - self.dropped.get(topic, 0) for topic, sequence in self._sequences.items()}
         return {topic: count for topic, count in missing.items() if count > 0}
 
     @property
     def missing(self) -> dict[str, int]:
         """Rows per topic that are missing for whatever reason."""
-        return {topic: ledger.missing for topic, ledger in self._ledgers.items() if ledger.missing}
+        return {topic: sequence.missing for topic, sequence in self._sequences.items() if sequence.missing}
 
     @property
     def ends(self) -> dict[str, int]:
         """Per topic, one more than the last sequence number that is known of."""
-        return {topic: ledger.next for topic, ledger in self._ledgers.items() if ledger.next is not None}
+        return {topic: sequence.next for topic, sequence in self._sequences.items() if sequence.next is not None}
 
     def __iter__(self) -> Iterator[LogMessage]:
         for block in self.blocks():
@@ -233,7 +233,7 @@ class Log:
         self.dropped: dict[str, int] = {}
         self.unchecked = 0
         self.clean = True
-        self._ledgers: dict[str, Ledger] = {}
+        self._sequences: dict[str, SequenceGaps] = {}
         self._last_part: int | None = None
         self._run = _Run(self.recording)
         self._channels: dict[str, Channel] = {}
@@ -283,7 +283,7 @@ class Log:
         """All rows before these numbers should have come: what is missing belongs to the damages so far."""
         before, since = self.missing, self._run.damages
         for topic, end in reached.items():
-            self._ledger(topic).reach(self._run.base.get(topic, 0) + end)
+            self._sequence(topic).reach(self._run.base.get(topic, 0) + end)
         self._attribute(before)
         self.damage[since:] = [replace(damage, certain=True) for damage in self.damage[since:]]
 
@@ -305,17 +305,17 @@ class Log:
             counts[number] = counts.get(number, 0) + 1
         offset = self._offset_of(block)
         channels = {number: self._joined(block.channels[number]) for number in lows}
-        ledgers = {number: self._ledger(channels[number].topic) for number in lows}
+        sequences = {number: self._sequence(channels[number].topic) for number in lows}
         base = {number: self._run.base.get(channel.topic, 0) for number, channel in channels.items()}
-        places = {number: ledgers[number].place(base[number] + low) for number, low in lows.items()}
-        if not all(ledgers[number].is_new(places[number], count) for number, count in counts.items()):
+        places = {number: sequences[number].place(base[number] + low) for number, low in lows.items()}
+        if not all(sequences[number].is_new(places[number], count) for number, count in counts.items()):
             self.damage.append(Damage(path, block.offset, 0, "a chunk is repeated here; its rows are left out"))
             return []
-        if any(places[number] < (ledger.next or 0) for number, ledger in ledgers.items()):
+        if any(places[number] < (sequence.next or 0) for number, sequence in sequences.items()):
             self.damage.append(Damage(path, block.offset, 0, "a chunk is out of order; its rows are whole"))
         before = self.missing
         for number, count in counts.items():
-            ledgers[number].take(places[number], count)
+            sequences[number].take(places[number], count)
         self._attribute(before)
         found = [
             LogMessage(
@@ -353,12 +353,12 @@ class Log:
             self._channels[channel.topic] = known
         return known
 
-    def _ledger(self, topic: str) -> Ledger:
-        ledger = self._ledgers.get(topic)
-        if ledger is None:
+    def _sequence(self, topic: str) -> SequenceGaps:
+        sequence = self._sequences.get(topic)
+        if sequence is None:
             first = self.first_info
-            ledger = self._ledgers[topic] = Ledger(None if first is None else first.starts.get(topic, 0))
-        return ledger
+            sequence = self._sequences[topic] = SequenceGaps(None if first is None else first.starts.get(topic, 0))
+        return sequence
 
     def _attribute(self, before: Mapping[str, int]) -> None:
         """Rows that are newly known to be missing belong to the last damage that may have held rows."""

@@ -18,7 +18,7 @@ from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.files.mcap import disk, info, layout
 from plumbob.files.mcap.layout import CHUNK_BYTES, MESSAGE_BYTES, Channel, OpenChunk, Rules, Schema, State
 from plumbob.files.mcap.scan import identify
-from plumbob.files.mcap.writer import Backlog, Scribe
+from plumbob.files.mcap.writer import Backlog, Writer
 
 BACKLOG: Final = 64 << 20
 """Bytes of rows that may wait for a slow or full disk."""
@@ -103,7 +103,7 @@ class Recorder:
         self._channels: dict[int, tuple[str, tuple[bytes, bytes]]] = {}
         self._next: dict[int, int] = {}
         self._chunk: OpenChunk | None = None
-        self._scribe: Scribe | None = None
+        self._writer: Writer | None = None
         self._events: deque[Event] = deque()
         self._lost = 0
         self._drops: dict[str, int] = {}
@@ -114,17 +114,17 @@ class Recorder:
     @property
     def state(self) -> State:
         """Whether it writes: ``new``, ``recording``, ``stopped`` (the disk refuses; rows wait), ``closed``."""
-        return "new" if self._scribe is None else self._scribe.state
+        return "new" if self._writer is None else self._writer.state
 
     @property
     def acknowledged(self) -> int:
         """Rows whose chunk has been written; rows that a failed fsync puts in doubt are taken back and rewritten."""
-        return 0 if self._scribe is None else self._scribe.acknowledged
+        return 0 if self._writer is None else self._writer.acknowledged
 
     @property
     def dropped(self) -> int:
         """Rows that had no room, were too large, or were still unwritten at the end."""
-        return self._lost + (0 if self._scribe is None else self._scribe.unwritten)
+        return self._lost + (0 if self._writer is None else self._writer.unwritten)
 
     def start(self) -> Self:
         """Create the first part and begin to write.
@@ -139,7 +139,7 @@ class Recorder:
         DecodeError
             If the system does not let the file be created.
         """
-        if self._scribe is not None:
+        if self._writer is not None:
             raise ParameterError(f"the recording {self._path.name} has been started before; make another Recorder.")
         rules = self._rules()
         existing = layout.existing_parts(self._path)
@@ -152,15 +152,15 @@ class Recorder:
         own = info.PartInfo(
             self._recording, rules.first, self._offset, metadata=dict(self.metadata), follows=before, boot=disk.boot()
         )
-        scribe = Scribe(rules, own, self._backlog, self._channels, self._take_drops, self._tell)
+        writer = Writer(rules, own, self._backlog, self._channels, self._take_drops, self._tell)
         try:
-            scribe.start()
+            writer.start()
         except FileExistsError:
             self._refuse(layout.existing_parts(self._path))
             raise
         except OSError as error:
             raise DecodeError(f"{self._path} cannot be written: {error.strerror}. Choose another place.") from error
-        self._scribe = scribe
+        self._writer = writer
         return self
 
     def channel(
@@ -238,16 +238,16 @@ class Recorder:
         timeout : float
             Longest wait for the disk, s; after it, an event says how many rows are in doubt.
         """
-        if self._scribe is None or self.state == "closed":
+        if self._writer is None or self.state == "closed":
             return
         self._hand_over()
         self._tell_drops("rows have been dropped")
-        if not self._scribe.close(timeout):
+        if not self._writer.close(timeout):
             waiting = self.written - self.acknowledged - self.dropped
             self._tell("unfinished", f"the disk did not take the last rows within {timeout:g} s", waiting)
 
     def __enter__(self) -> Self:
-        return self if self._scribe is not None else self.start()
+        return self if self._writer is not None else self.start()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

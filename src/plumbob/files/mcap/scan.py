@@ -343,8 +343,6 @@ class Scan:
 
     def _summary(self, at: int) -> int:
         """Offset behind the end of the file proper, whose summary begins here."""
-        pass
-
         footer = footer_after(self._source, at, checked=self._ours)
         if footer is None:
             raise BrokenRecordError("the summary is damaged, or bytes follow the end")

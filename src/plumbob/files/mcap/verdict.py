@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import replacing, require_place
+from plumbob.core.text import Shown
 from plumbob.files.mcap import disk
 from plumbob.files.mcap.info import PartInfo
 from plumbob.files.mcap.layout import CHUNK_BYTES, Channel, OpenChunk, Schema, compressor, pack
@@ -112,8 +113,8 @@ def _chunks(
         yield chunk
 
 
-@dataclass(slots=True)
-class Verdict:
+@dataclass(repr=False)
+class Verdict(Shown):
     """What a recording holds and what it lacks.
 
     Attributes
@@ -149,6 +150,22 @@ class Verdict:
     open: bool = False
     first_ns: int | None = None
     last_ns: int | None = None
+
+    def facts(self) -> Mapping[str, str]:
+        """Files, rows, and whether it is whole."""
+        names = ", ".join(path.name for path in self.paths)
+        return {"files": names, "rows": str(sum(self.rows.values())), "verdict": self.in_words}
+
+    @property
+    def in_words(self) -> str:
+        """What it comes to."""
+        if self.whole:
+            return "whole"
+        if self.lossy:
+            return "damaged: rows are missing, or may be"
+        if not sum(self.rows.values()):
+            return "not complete, and no row is in it"
+        return "not complete, but no row that had been written is missing"
 
     @property
     def whole(self) -> bool:

@@ -91,7 +91,7 @@ MARGIN: Final = 16 << 20
 """So much more than the reserve must be free before a stopped recording goes on; a quarter of a small reserve."""
 
 
-class Scribe:
+class Writer:
     """Writes chunks; the only one who touches the disk.
 
     Parameters

@@ -139,7 +139,7 @@ def make_rig(
     *,
     seed: int,
     duration: float | None = None,
-    module: str = "drawn",
+    unit: str = "random",
     clock_error: float = 0.0,
     faults: Mapping[str, float] | None = None,
 ) -> Rig:
@@ -155,7 +155,7 @@ def make_rig(
         Of everything left to chance: the sea, the units' errors, their noise, faults.
     duration : float, optional
         s, default: the plan's.
-    module : {"drawn", "calibrated"}
+    unit : {"random", "calibrated"}
         Units as they left the line, or after an ideal calibration.
     clock_error : float
         By how much the device's own clock is fast: 4e-5 are 40 µs a second.
@@ -170,8 +170,8 @@ def make_rig(
     bound = form.bind()
     message = bound.messages[0]
     units = {
-        unit.prefix: _simulated(plan, unit, message, number, seed, duration, module)
-        for number, unit in enumerate(plan.units)
+        one.prefix: _simulated(plan, one, message, number, seed, duration, unit)
+        for number, one in enumerate(plan.units)
     }
     due_ns = to_ns(next(iter(units.values())).imu.t)
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
@@ -184,14 +184,14 @@ def make_rig(
 
 
 def _simulated(
-    plan: Plan, unit: Unit, message: Message, number: int, seed: int, duration: float | None, module: str
+    plan: Plan, unit: Unit, message: Message, number: int, seed: int, duration: float | None, kind: str
 ) -> Simulation:
     own_seed = seed if number == 0 else 1000 * seed + number  # each unit has its own errors and noise
     return simulate(
         Mounted(plan=plan.scenario, frame=plan.frame, q_bs=unit.q_bs, seed=seed),
         frame=plan.frame,
         sensors=fitted(draw_module(unit.sensors, own_seed), message, unit.prefix),
-        module=module,
+        unit=kind,
         seed=own_seed,
         rate=plan.rate,
         duration=plan.duration if duration is None else duration,

@@ -1,7 +1,7 @@
 """Ports and sockets, and the frames of a rig sent when they are due, without accumulated lateness."""
 
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from time import monotonic_ns, sleep
 from typing import BinaryIO, Final, Protocol
@@ -9,6 +9,7 @@ from typing import BinaryIO, Final, Protocol
 import numpy as np
 
 from plumbob.acquisition.transport import Stopping
+from plumbob.core.text import Shown
 from plumbob.simulation.rigs.faults import Fault
 from plumbob.simulation.rigs.rig import Rig
 
@@ -210,12 +211,14 @@ _GONE: Final = 0.05
 """s; how long a port stays away where nobody waits for the time of day."""
 
 
-@dataclass(slots=True)
-class Served:
+@dataclass(repr=False)
+class Served(Shown):
     """What became of the frames.
 
     Attributes
     ----------
+    frames : int
+        Frames that there were to send.
     sent : int
         Frames handed to the port, damaged ones included.
     lost : int
@@ -226,10 +229,16 @@ class Served:
         Longest delay of a frame behind its time, ns; 0 as fast as wanted.
     """
 
+    frames: int = 0
     sent: int = 0
     lost: int = 0
     unheard: int = 0
     latest_ns: int = 0
+
+    def facts(self) -> Mapping[str, str]:
+        """Counts of frames."""
+        counts = {"sent": self.sent, "lost by faults": self.lost, "due while nobody listened": self.unheard}
+        return {name: str(count) for name, count in counts.items() if count or name == "sent"}
 
 
 def serve(
@@ -255,7 +264,7 @@ def serve(
     on_fault : callable
         Called with each fault once it has happened.
     """
-    told = Served()
+    told = Served(len(rig))
     if not _await_reader(port, stop):
         return told
     start, at, faults = monotonic_ns(), 0, list(rig.faults)

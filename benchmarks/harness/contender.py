@@ -10,11 +10,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from benchmarks.harness.fault_scene import FRAME, RATE, Row
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.params import Parameter, describe
 from plumbob.data.sample import ImuSample
-from plumbob.evaluation.many.fault_scene import FRAME, RATE, Row
 from plumbob.filters import CommonParams, Filter, load
 from plumbob.filters.offline import Stage
 

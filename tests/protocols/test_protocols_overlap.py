@@ -120,4 +120,4 @@ def test_a_buffer_that_is_used_again_does_not_change_what_waits():
         buffer[:] = stream[at : at + 9]
         found += sum(map(len, decoder.feed(memoryview(buffer)).values()))
     assert (found, decoder.counts.junk) == (4, 0)
-    assert len(decode(form, np.frombuffer(stream, dtype=np.uint8))[0]["board"]) == 4
+    assert len(decode(np.frombuffer(stream, dtype=np.uint8), form)[0]["board"]) == 4

@@ -1,0 +1,32 @@
+"""How many wrong frames a format lets pass, by its checks: what the decoders' benchmark measures is held against it."""
+
+from plumbob.protocols.checksum import SUM16_EITHER, algorithm
+from plumbob.protocols.format import Format, Framing
+from plumbob.protocols.overlap import content_odds
+
+
+def false_accepts(form: Format) -> float:
+    """Expected number of wrong frames of a known message per random byte; on a bus, per random transfer.
+
+    Random bytes stand for a line without a device or at another speed. It is an upper bound where sync, constants and
+    ranges share bytes, and where a check of two possible kinds is settled.
+    """
+    bound = form.bind()
+    framing = bound.framing
+    fixed = _sync(framing) * _check(framing) * 0.5 ** len(framing.parity) * 256.0 ** -len(framing.end)
+    if framing.confirm:
+        fixed *= _sync(framing)
+    if framing.length_field:
+        fixed *= 256.0**-framing.length_field.size
+    return fixed * sum(content_odds(message) for message in bound.messages)
+
+
+def _sync(framing: Framing) -> float:
+    return len(framing.sync) * 256.0 ** -len(framing.sync[0]) if framing.sync else 1.0
+
+
+def _check(framing: Framing) -> float:
+    if framing.checksum is None:
+        return 1.0
+    how = algorithm(framing.checksum.kind)
+    return (2.0 if how.code == SUM16_EITHER else 1.0) * 0.5**how.width

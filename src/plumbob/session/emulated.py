@@ -1,0 +1,248 @@
+"""Hardware that is not there: `plumbob emulate`, and `plumbob.emulate`."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from plumbob import files
+from plumbob.acquisition.transport import Stop, Stopping
+from plumbob.core.errors import ParameterError
+from plumbob.core.files import profile_beside, replacing, require_place
+from plumbob.core.units import Quantity, given
+from plumbob.protocols.find import find_format
+from plumbob.protocols.format import Format
+from plumbob.protocols.unpack import units_of
+from plumbob.rotations import Frame
+from plumbob.simulation import scenario as named_scenario
+from plumbob.simulation.rigs.faults import Fault
+from plumbob.simulation.rigs.plan import PLANS, Plan, plan_for
+from plumbob.simulation.rigs.rig import Rig, make_rig
+from plumbob.simulation.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
+
+LOOPBACK = "127.0.0.1"
+"""Where no host is named: to be heard by other machines is asked for, as 0.0.0.0."""
+
+
+def emulate(
+    what: str | Path,
+    *,
+    scenario: str | None = None,
+    set: Mapping[str, Any] | None = None,
+    sensors: str = "ideal",
+    unit: str = "random",
+    frame: Frame | str | None = None,
+    options: Mapping[str, str] | None = None,
+    seed: int = 0,
+    clock_error: float | str = 0.0,
+    rate: float | str | None = None,
+    duration: float | str | None = None,
+    truth: str | Path | None = None,
+    link: str | Path | None = None,
+    tcp: str | None = None,
+    udp: str | None = None,
+    write: str | Path | BinaryIO | None = None,
+    speed: float | str | None = None,
+    faults: Mapping[str, float | str] | None = None,
+    fault_log: str | Path | None = None,
+    overwrite: bool = False,
+    stop: Stopping | None = None,
+    opened: Callable[[str], object] | None = None,
+    note: Callable[[str], object] | None = None,
+) -> Served:
+    """Send what a rig would send, from the moment that somebody listens, until it has said everything.
+
+    Parameters
+    ----------
+    what : str or path
+        A rig, or a format of your own.
+    scenario : str, optional
+        Motion of the body; by default that of the rig.
+    set : mapping, optional
+        Parameters of `scenario`: SI, or text with a unit.
+    sensors : str
+        Parts of a format's units.
+    unit : {"random", "calibrated"}
+        As of `plumbob.simulate`.
+    frame : Frame or str, optional
+        Navigation frame of a format's truth, and its body's axes; a rig has its own; by default NED.
+    options : mapping of str to str, optional
+        Options of the format.
+    seed : int
+        Of everything that is left to chance.
+    clock_error : float or str
+        Relative error of the device's clock; positive: fast.
+    rate, duration : float or str, optional
+        Frames per second, Hz, and how long, s; by default the format's and the scenario's.
+    truth : path, optional
+        Recording of samples and truth to write before the port is named; the unit's card is written beside it.
+    link, tcp, udp, write : optional
+        Where to: a pseudo-terminal, to which `link` may lead; a server at ``HOST:PORT``; datagrams to ``HOST:PORT``; or
+        the bytes alone into a file or an open stream.
+    speed : float or "max", optional
+        Times real time; by default 1, and as fast as possible with `write`.
+    faults : mapping, optional
+        Shares of the frames, by kind of fault.
+    fault_log : path, optional
+        Gets a line of JSON for each fault once it has happened.
+    overwrite : bool
+        Whether files that lie there may be replaced.
+    stop : Stopping, optional
+        Set from another thread to end.
+    opened : callable, optional
+        Called with the name of the port once it is open.
+    note : callable, optional
+        Called with what a reader of the port should know.
+
+    Returns
+    -------
+    Served
+
+    Raises
+    ------
+    ParameterError
+        If something is not known, out of range, or does not go together.
+    """
+    pace = _speed(speed, fastest=write is not None)
+    form, plan = _plan(what, options, scenario, set, sensors, frame, given("rate", rate, Quantity.FREQUENCY))
+    for path in outputs(what, truth, write, fault_log):
+        require_place(path, overwrite=overwrite)
+    rig = make_rig(
+        plan,
+        form,
+        seed=seed,
+        duration=given("duration", duration, Quantity.TIME),
+        unit=unit,
+        clock_error=given("clock_error", clock_error, Quantity.RATIO) or 0.0,
+        faults={kind: given(kind, share, Quantity.RATIO) or 0.0 for kind, share in (faults or {}).items()},
+    )
+    if truth:  # before the port is named, so that who waits for it finds the truth and the card
+        _write_truth(Path(truth), rig, overwrite=overwrite)
+    stop = stop or Stop()
+    with _port(link, tcp, udp, write, stop, overwrite=overwrite) as port, _fault_log(fault_log) as log:
+        if opened is not None:
+            opened(port.name)
+        if note is not None and pace != 1.0 and not (write or udp):
+            note('this line does not keep real time: record it with --time count, or time = "count" in [source]')
+        return serve(rig, port, speed=pace, stop=stop, on_fault=log)
+
+
+def outputs(
+    what: str | Path, truth: str | Path | None, write: str | Path | BinaryIO | None, fault_log: str | Path | None
+) -> Iterator[Path]:
+    """Files that `emulate` would write, with those beside them."""
+    yield from (Path(path) for path in (write, fault_log) if isinstance(path, str | Path))
+    if truth is None:
+        return
+    form = find_format(what)
+    for prefix in (
+        [unit.prefix for unit in PLANS[form.name].units] if _is_rig(what, form) else units_of(form.messages[0])
+    ):
+        own = _truth_of(Path(truth), prefix)
+        yield from (
+            own,
+            *([profile_beside(own)] if own.suffix.lower() == ".csv" else []),
+            own.with_suffix(".card.json"),
+        )
+
+
+def _is_rig(what: str | Path, form: Format) -> bool:
+    return form.name in PLANS and not str(what).endswith(".toml")
+
+
+def _plan(
+    what: str | Path,
+    options: Mapping[str, str] | None,
+    scenario: str | None,
+    parameters: Mapping[str, Any] | None,
+    sensors: str,
+    frame: Frame | str | None,
+    rate: float | None,
+) -> tuple[Format, Plan]:
+    form = find_format(what).bind(options or {})
+    if parameters and scenario is None:
+        raise ParameterError("--set gives parameters of a scenario; name it with --scenario.")
+    motion = None if scenario is None else named_scenario(scenario, **(parameters or {}))
+    if _is_rig(what, form):
+        plan = PLANS[form.name]
+        if sensors != "ideal" or frame:
+            raise ParameterError(f"rig {plan.name} has its own sensors and frame; leave --sensors and --frame out.")
+        if motion:
+            plan = replace(plan, scenario=motion, duration=motion.duration)
+        return form, replace(plan, rate=rate or plan.rate)
+    if motion is None:
+        raise ParameterError(f"say what moves {form.name}: --scenario buoy, or another of 'plumbob sim --list'.")
+    return form, plan_for(form, motion, sensors=sensors, frame=Frame.parse(frame or Frame.NED), rate=rate)
+
+
+def _speed(asked: float | str | None, *, fastest: bool) -> float | None:
+    text = asked or ("max" if fastest else 1.0)
+    if text == "max":
+        return None
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = 0.0
+    if not 0.0 < speed < float("inf"):
+        raise ParameterError(f"--speed must be a number above 0, or max, but it is '{text}'.")
+    return speed
+
+
+@contextmanager
+def _port(
+    link: str | Path | None,
+    tcp: str | None,
+    udp: str | None,
+    write: str | Path | BinaryIO | None,
+    stop: Stopping,
+    *,
+    overwrite: bool,
+) -> Iterator[Port]:
+    with ExitStack() as stack:
+        port: Port
+        if isinstance(write, str | Path):
+            temporary = stack.enter_context(replacing(Path(write), overwrite=overwrite))
+            port = FilePort(stack.enter_context(temporary.open("wb")), str(write))
+        elif write is not None:
+            port = FilePort(write, "-")
+        elif tcp:
+            port = TcpPort(*_address(tcp))
+        elif udp:
+            port = UdpPort(*_address(udp))
+        else:
+            from plumbob.simulation.rigs.terminal import PtyPort  # on Unix alone
+
+            port = PtyPort(None if link is None else Path(link), stop)
+        stack.callback(port.close)
+        yield port
+
+
+def _address(text: str) -> tuple[str, int]:
+    host, colon, number = text.rpartition(":")
+    if not colon or not number.isdecimal() or int(number) > 65535:
+        raise ParameterError(f"an address is HOST:PORT, as 127.0.0.1:4000, but got '{text}'.")
+    return host or LOOPBACK, int(number)
+
+
+@contextmanager
+def _fault_log(path: str | Path | None) -> Iterator[Callable[[Fault], None]]:
+    if path is None:
+        yield lambda fault: None
+        return
+    with Path(path).open("w", encoding="utf-8") as file:
+        yield lambda fault: print(json.dumps(fault.told()), file=file, flush=True)
+
+
+def _truth_of(path: Path, prefix: str) -> Path:
+    """Where the truth of one of several units lies."""
+    return path.with_stem(f"{path.stem}-{prefix}") if prefix else path
+
+
+def _write_truth(path: Path, rig: Rig, *, overwrite: bool) -> None:
+    for prefix, unit in rig.units.items():
+        own = _truth_of(path, prefix)
+        recording = files.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=(unit.truth.source,))
+        files.write(own, recording, overwrite=overwrite)
+        unit.calibration.save(own.with_suffix(".card.json"), overwrite=overwrite)
