@@ -15,7 +15,7 @@ is as steep, but its integral weak. A gain of K needs steps well below 2/K.
 This is not the whole of the paper: neither the array of six units nor the Kalman filter behind it. What one set of
 sensors does at rest is printed by::
 
-    plumbob benchmark scenario arm --set turn=0deg --sensors arm --module drawn --frame NED --filters integrate,fuzzy_pi
+    plumbob benchmark scenario arm --set turn=0deg --sensors arm --unit random --frame NED --filters integrate,fuzzy_pi
 
 and what it does in the paper's turn without ``--set`` and with ``--sensors arm:turn``; ``--params fuzzy_pi.fuzzy=off``
 leaves the PI law alone. The noise of these sensors is assumed: with what the paper states, its errors would be 50 to

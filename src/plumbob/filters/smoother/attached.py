@@ -106,7 +106,8 @@ def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
     # The field of the place eliminated: (I − R̄ᵀR̄) c = m̄ − R̄ᵀ h̄
     normal = np.eye(3, dtype=np.float64) - np.swapaxes(turn, 1, 2) @ turn
     right = m - (np.swapaxes(turn, 1, 2) @ h[:, :, np.newaxis])[:, :, 0]
-    own: Floats = np.linalg.solve(normal + 1e-6 * np.eye(3), right[:, :, np.newaxis])[:, :, 0]
+    solved = np.linalg.solve(normal + 1e-6 * np.eye(3), right[:, :, np.newaxis])
+    own = np.asarray(solved[:, :, 0], dtype=np.float64)
     left = np.maximum(power - (h**2).sum(axis=1) - (own * right).sum(axis=1), 0.0) / 3.0
     good = number > 10.0
     info = np.where(good, INDEPENDENT / np.maximum(left, LEAST_NOISE**2), 0.0)[:, np.newaxis, np.newaxis] * normal

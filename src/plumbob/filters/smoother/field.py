@@ -162,8 +162,8 @@ def heading_of(frames: Keyframes, found: Inertial, field: Floats, weight: Floats
         cost = float(np.sum(weight * dt * off2 / (off2 + WIDTHS[-1] ** 2)))
         if cost < least:
             best, least = offset, cost
-    found: Floats = best + base
-    return found
+    turn: Floats = best + base
+    return turn
 
 
 def bias_of_drift(frames: Keyframes, found: Inertial, turn: Floats) -> Floats:
@@ -176,10 +176,9 @@ def bias_of_drift(frames: Keyframes, found: Inertial, turn: Floats) -> Floats:
     rate[frames.gap] = 0.0
     vertical = dcm_from_quat(found.sweep.q[1:])[:, 2, :]
     trust = dt / (60.0 * dps(0.05) ** 2)  # in a minute a drift is known to 0.05 °/s
-    known: Floats = np.linalg.inv(found.sweep.cov[dt.size // 2, 3:, 3:])
-    normal: Floats = known + (vertical * trust[:, np.newaxis]).T @ vertical
-    shown: Floats = np.linalg.solve(normal, -vertical.T @ (trust * rate))
-    return shown
+    known = np.asarray(np.linalg.inv(found.sweep.cov[dt.size // 2, 3:, 3:]))
+    normal = known + (vertical * trust[:, np.newaxis]).T @ vertical
+    return np.asarray(np.linalg.solve(normal, -vertical.T @ (trust * rate)), dtype=np.float64)
 
 
 def _drift_sd(found: Inertial) -> float:
