@@ -25,7 +25,7 @@ from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import judge, usable, watch
-from plumbob.filters.known import load
+from plumbob.filters.known import CAUSAL, SMOOTHER, load
 from plumbob.filters.layout import (
     BIAS,
     BLIND,
@@ -277,6 +277,11 @@ class Filter(Shown):
         init: Start | ArrayLike | str | None = None,
         meta: ImuMeta | None = None,
     ) -> None:
+        if name == SMOOTHER:
+            raise ParameterError(
+                "the smoother takes a whole recording and no single samples: plumbob.estimate(recording) runs it. A "
+                f"filter for a stream is {CAUSAL}."
+            )
         self.name = name
         self.frame = frame = Frame.parse(frame)
         self.module = load(name)

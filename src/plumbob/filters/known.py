@@ -28,22 +28,34 @@ _MODULES = (
 )
 
 
+SMOOTHER = "smoother"
+"""What takes a whole recording, where a filter is asked for by its name."""
+CAUSAL = "mekf"
+"""The filter for a stream, and for what a live system would have known."""
+
+
 def filter_names() -> tuple[str, ...]:
-    """Names that `Filter` and the command line accept."""
+    """Names that `Filter` accepts: causal filters, sample by sample."""
     return _MODULES
 
 
+def estimator_names() -> tuple[str, ...]:
+    """Names that `plumbob.estimate` and the command line accept: the filters, and the smoother."""
+    return (*_MODULES, SMOOTHER)
+
+
 def load(name: str) -> "FilterModule":
-    """Module of a filter.
+    """Module of a filter, or of the smoother, which has no step.
 
     Raises
     ------
     ParameterError
         If there is no filter of that name.
     """
-    if not isinstance(name, str) or name not in _MODULES:
-        raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(_MODULES)}.")
-    return cast("FilterModule", import_module(f"plumbob.filters.{name}"))
+    if not isinstance(name, str) or name not in estimator_names():
+        raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(estimator_names())}.")
+    place = "smoother.model" if name == SMOOTHER else name
+    return cast("FilterModule", import_module(f"plumbob.filters.{place}"))
 
 
 def claims_covariance(name: str) -> bool:
@@ -80,7 +92,7 @@ def cite(*names: str, bib: bool = False) -> str:
     >>> cite("mekf", bib=True).splitlines()[0]
     '@misc{Sola2017,'
     """
-    keys = {name: load(name).REFERENCES for name in names or filter_names()}
+    keys = {name: load(name).REFERENCES for name in names or estimator_names()}
     known = bibliography()
     if bib:
         return "\n".join(known[key] for key in dict.fromkeys(key for of in keys.values() for key in of))

@@ -11,7 +11,8 @@ from plumbob.core.errors import FrameError, ParameterError, ShapeError
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.reading import default_max_gap, read_at
-from plumbob.filters import Filter, Start, takes_noise
+from plumbob.filters import SMOOTHER, Filter, Start, takes_noise
+from plumbob.filters.smoother import Smoother
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import heading_policy, turn_heading
@@ -24,7 +25,7 @@ BEYOND: Final = 3.0
 """Standard deviations of the prior from which on an estimate contradicts it."""
 
 
-def bias_beyond(filter_: Filter, track: AttitudeTrack) -> str | None:
+def bias_beyond(filter_: Filter | Smoother, track: AttitudeTrack) -> str | None:
     """Say in words that the last estimated bias contradicts the filter's prior, and what to do; None where not.
 
     Parameters
@@ -61,7 +62,7 @@ class Stage:
     Attributes
     ----------
     filter : str
-        Name of the filter.
+        Name of the filter, or "smoother".
     params : Mapping
         Its parameters; numbers in SI, text with its unit.
     label : str
@@ -85,7 +86,7 @@ class Stage:
         return self.label or self.filter
 
 
-def declination_deg(filter_: Filter, track: AttitudeTrack) -> float | None:
+def declination_deg(filter_: Filter | Smoother, track: AttitudeTrack) -> float | None:
     """Declination that makes a track's headings true, degrees; None where they are not."""
     angle = filter_.common.declination
     return None if track.north is not North.TRUE or angle is None else float(to_deg(angle))
@@ -146,6 +147,26 @@ def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start:
     return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, init=start or init, meta=meta)
 
 
+def smoother_of(stage: Stage, frame: Frame) -> Smoother:
+    """Smoother of a stage.
+
+    Raises
+    ------
+    ParameterError
+        If a start is given: it asks the whole recording for it.
+    """
+    if stage.init is not None:
+        raise ParameterError(
+            "the smoother takes its start from the whole recording. Leave init out, or name a filter that runs forward."
+        )
+    return Smoother(frame=frame, params=stage.params, noise=stage.noise)
+
+
+def estimator_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Filter | Smoother:
+    """Filter or smoother of a stage."""
+    return smoother_of(stage, frame) if stage.filter == SMOOTHER else filter_of(stage, frame, meta)
+
+
 def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":
     """Recording with the card applied to its samples, and what is then found in them in its notes.
 
@@ -198,6 +219,9 @@ def run_stage(
     progress : callable, optional
         Called with the number of samples done since the last call.
     """
+    if stage.filter == SMOOTHER:
+        smoothed: AttitudeTrack = smoother_of(stage, frame).process(imu, progress=progress)
+        return smoothed
     start = None
     if stage.init == TRUTH_WORD:
         imu, start = start_from(reference, imu, filter_of(stage, frame, imu.meta))

@@ -10,7 +10,7 @@ from plumbob.core.check import Floats
 from plumbob.core.text import counted, listed
 from plumbob.core.units import to_deg
 from plumbob.evaluation import evaluate
-from plumbob.filters.offline import Stage, bias_beyond, filter_of, run_stage, with_noise
+from plumbob.filters.offline import Stage, bias_beyond, estimator_of, run_stage, with_noise
 from plumbob.rotations import Frame
 from plumbob.simulation import simulate
 
@@ -150,7 +150,7 @@ def measure_scenario(
         for stage in with_noise(stages, run.noise) if own_noise else stages:
             track = run_stage(run.imu, stage, frame=frame)
             ran[stage.name] = track.source
-            told = bias_beyond(filter_of(stage, frame, run.imu.meta), track)
+            told = bias_beyond(estimator_of(stage, frame, run.imu.meta), track)
             warnings.setdefault(stage.name, []).extend([told] if told else [])
             figures = evaluate(track, run.truth, settle=settle).summary()
             _append(values.setdefault(stage.name, {}), figures)

@@ -15,9 +15,9 @@ whole recording, and all is repeated from the smoothed attitude until nothing de
 
 from plumbob.core.lazy import lazily
 
-__all__ = ["SMOOTHER", "Params", "Smoother"]
+__all__ = ["Params", "Smoother"]
 
 __getattr__, __dir__ = lazily(
     __name__,
-    {"SMOOTHER": "model", "Params": "model", "Smoother": "smoothing"},
+    {"Params": "model", "Smoother": "smoothing"},
 )

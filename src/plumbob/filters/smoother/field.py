@@ -29,17 +29,35 @@ USUAL_SHARE: Final = 0.8
 LEAST_NOISE: Final = 0.4
 """White noise of the field is this share of its median deviation; never less than that of `mag_noise`."""
 LEAST_BEND: Final = deg(1.0)
+APART: Final = 3.0
+"""Two fields are two if they are so many `mag_spread` apart;"""
+RIVAL: Final = 0.35
+"""the weaker one is a rival from this share of the weight of both on."""
 IGNORED: Final = 1e-4
 """A weight below this is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Field that belongs to the place: level and vertical (up) part, µT, and the median deviation from it."""
+    """Field that belongs to the place.
+
+    Attributes
+    ----------
+    level, vertical : float
+        Its level part, and the vertical one (up), µT.
+    median : float
+        Median deviation from it, µT.
+    rival : (float, float) or None
+        Level and vertical part of another field that has nearly the same weight.
+    rival_share : float
+        Share of the rival in the weight of both.
+    """
 
     level: float
     vertical: float
     median: float
+    rival: tuple[float, float] | None = None
+    rival_share: float = 0.0
 
     def off(self, field: Floats) -> Floats:
         """How far fields (K, 3) in navigation axes are off in size and dip, µT, whatever their direction."""
@@ -55,10 +73,31 @@ class Reference:
         return min(max(self.median / self.level, LEAST_BEND), p.mag_disturbance_sd)
 
 
-def reference_of(frames: Keyframes, p: Params, field: Floats, seen: Inertial, doubtful: Bools) -> Reference | None:
+def reference_of(
+    frames: Keyframes, p: Params, field: Floats, seen: Inertial, doubtful: Bools,
+    known: tuple[Reference, float] | None = None,
+) -> Reference | None:  # fmt: skip
     """The strongest mode of level and vertical field, weighed by the time that the unit turned in it.
 
-    Returns None where no field is left.
+    Parameters
+    ----------
+    frames : Keyframes
+        Steps.
+    p : Params
+        Parameters.
+    field : ndarray (K, 3)
+        Mean fields of the steps in navigation axes, whatever their heading, µT.
+    seen : Inertial
+        Where the unit rested, and its bias.
+    doubtful : ndarray (K,) of bool
+        Steps whose field is not to be used.
+    known : (Reference, float), optional
+        The field of the samples before, and for how long it was seen, s.
+
+    Returns
+    -------
+    Reference or None
+        None where no field has a level part.
     """
     level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
     rate = np.linalg.norm(frames.mean(frames.gyr) - seen.sweep.bias[1:], axis=1)
@@ -72,6 +111,9 @@ def reference_of(frames: Keyframes, p: Params, field: Floats, seen: Inertial, do
     if not usable.any():
         return None
     points, weight = np.stack((level[usable], up[usable]), axis=1), weight[usable]
+    if known is not None:
+        points = np.concatenate(([[known[0].level, known[0].vertical]], points))
+        weight = np.concatenate(([known[1]], weight))
     best = points[mode(points, weight, max(1, len(points) // MODES), 1.0 / (1.5 * p.mag_spread) ** 2)]
     for _ in range(10):
         w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
@@ -80,7 +122,23 @@ def reference_of(frames: Keyframes, p: Params, field: Floats, seen: Inertial, do
     if found.level < STEEPEST * math.hypot(*best):
         return None
     median = float(np.nanmedian(found.off(field)[~doubtful]))
-    return Reference(found.level, found.vertical, median)
+    return Reference(found.level, found.vertical, median, *_rival(points, weight, best, p))
+
+
+def _rival(points: Floats, weight: Floats, best: Floats, p: Params) -> tuple[tuple[float, float] | None, float]:
+    """Another mode that is nearly as strong, and its share of both."""
+    far = np.linalg.norm(points - best, axis=1) > APART * p.mag_spread
+    if not far.any():
+        return None, 0.0
+    sharpness = 1.0 / (1.5 * p.mag_spread) ** 2
+    others = points[far]
+    other = others[mode(others, weight[far], max(1, len(others) // MODES), sharpness)]
+
+    def strength(centre: Floats) -> float:
+        return float(np.sum(weight / (1.0 + sharpness * ((points - centre) ** 2).sum(axis=1)) ** 2))
+
+    share = strength(other) / (strength(other) + strength(best))
+    return ((float(other[0]), float(other[1])), share) if share > RIVAL else (None, 0.0)
 
 
 @njit

@@ -203,14 +203,21 @@ def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
     return found
 
 
-def level(frames: Keyframes, p: Params) -> Inertial:
-    """Attitude whose heading counts from nothing, by the first bias that leaves the least velocity."""
-    resting, bias = first_rest(frames, p)
+def level(frames: Keyframes, p: Params, known: Floats | None = None) -> Inertial:
+    """Attitude whose heading counts from nothing, by the first bias that leaves the least velocity.
+
+    `known` is the bias (3,), rad/s, that the samples before showed.
+    """
+    if known is None:
+        resting, bias = first_rest(frames, p)
+    else:
+        resting, bias = rest(frames, p, known), known
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
     first = first_speed(frames, bias)
-    tried = (REST_BIAS,) if resting.any() else (FIRST_BIASES[0], FIRST_BIASES[1] * p.bias_start)
+    sure = resting.any() or known is not None
+    tried = (REST_BIAS,) if sure else (FIRST_BIASES[0], FIRST_BIASES[1] * p.bias_start)
     found = [_level(frames, p, resting, tilt, bias, first, sd) for sd in tried]
     # A wrong attitude takes gravity for an acceleration, and a wrong bias is unlikely: what both leave, of one model
     density = np.maximum.reduce([one.speed.density(p, resting) for one in found])

@@ -25,12 +25,12 @@ from plumbob.core.units import Quantity, deg, dps
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
 
-SMOOTHER: Final = "smoother"
-"""Its name, where a filter's is asked for."""
 SUMMARY: Final = "smoother: the whole recording at once, forward and backward; its scale, biases and field estimated"
 REFERENCES: Final = ("Sola2017", "Bierman1973", "Schmidt1966")
 NEEDS: Final = ("gyr", "acc")
 BIAS_PRIOR: Final = "bias_start"
+COVARIANCE: Final = slice(0, 9)
+"""Of the attitude, as those of the filters say where theirs lies."""
 
 SIZE: Final = 21
 TH: Final = 0
@@ -93,6 +93,10 @@ class Params(NamedTuple):
         float, Spec(Quantity.TIME, "the attitude is given for this much later than its samples", -1, 1)
     ] = 0.0
     latency_sd: Annotated[float, Spec(Quantity.TIME, "uncertainty of that, counted in the covariance", 0, 1)] = 0.0025
+    lag: Annotated[
+        float | None,
+        Spec(Quantity.TIME, "a sample knows nothing that comes later than this after it; off: all", 0.1, 1e6),
+    ] = None
     keyframe: Annotated[float, Spec(Quantity.TIME, "time between two corrections", 1e-3, 1)] = 0.049
 
 

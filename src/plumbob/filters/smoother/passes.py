@@ -1,0 +1,188 @@
+"""The passes over a recording: inertial, a field that turns with the sensor, its heading, and all sensors twice."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.units import deg
+from plumbob.filters.smoother.attached import Attached, attached_field
+from plumbob.filters.smoother.field import (
+    Reference,
+    bias_of_drift,
+    heading_of,
+    heading_variance,
+    reference_of,
+    weights,
+)
+from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, kinds, level, rest, speed_of
+from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
+from plumbob.filters.smoother.model import Noise, Params, start_covariance
+from plumbob.filters.smoother.sweeps import Sweep, sweep
+from plumbob.rotations import dcm_from_quat, quat_multiply, quat_slerp
+
+AGAIN_TILT: Final = deg(3.0)
+AGAIN_HEADING: Final = deg(30.0)
+"""Standard deviations of a smoothed attitude that is taken for a start, rad."""
+PASSES: Final = 2
+LONGEST_SEEN: Final = 300.0
+"""A field that was seen for long counts as if for this, s, so that another one can follow it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Carry:
+    """What a stretch of a recording leaves to the next one.
+
+    Attributes
+    ----------
+    bias : ndarray (3,)
+        Bias of the gyroscope, rad/s.
+    reference : Reference or None
+        The field of the place.
+    seen : float
+        Weight of that, s of turning in it.
+    """
+
+    bias: Floats
+    reference: Reference | None = None
+    seen: float = 0.0
+
+    @classmethod
+    def after(cls, found: "Smoothed", before: "Carry | None") -> "Carry":
+        """What is known after a stretch, of it and those before."""
+        reference = found.reference or (None if before is None else before.reference)
+        seen = 0.0 if before is None else before.seen
+        used = float(found.frames.step @ found.weight)
+        return cls(found.sweep.bias[-1], reference, min(max(seen, used), LONGEST_SEEN))
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """What the smoother found, at the keyframes.
+
+    Attributes
+    ----------
+    frames : Keyframes
+        Samples and steps.
+    sweep : Sweep
+        The last pass.
+    resting : ndarray (K,) of bool
+        Steps at rest.
+    reference : Reference or None
+        The field of the place; None where no field gives the heading.
+    weight : ndarray (K,)
+        How far the field of each step was believed.
+    attached : Attached or None
+        Field that turns with the sensor.
+    rival_turn : float
+        By how much the heading would be another one if the reference's rival were the field of the place, rad.
+    """
+
+    frames: Keyframes
+    sweep: Sweep
+    resting: Bools
+    reference: Reference | None
+    weight: Floats
+    attached: Attached | None
+    rival_turn: float = 0.0
+
+    @property
+    def heading_var(self) -> float:
+        """Variance of the heading, rad², that the choice between two fields leaves."""
+        share = 0.0 if self.reference is None else self.reference.rival_share
+        return (share * self.rival_turn) ** 2
+
+
+def smooth(frames: Keyframes, p: Params, carry: Carry | None = None) -> Smoothed:
+    """Smooth a recording, or a stretch of one that others came before."""
+    inertial = level(frames, p, None if carry is None else carry.bias)
+    if np.isfinite(frames.mag[:, 0]).any():
+        own = attached_field(frames, at_samples(frames, inertial.sweep, inertial.resting))
+        clean = frames.without(own.field) if own.found else frames
+        field = _field_of(clean, inertial.sweep, inertial.resting) if own.found else inertial.sweep.field
+        known = None if carry is None or carry.reference is None else (carry.reference, carry.seen)
+        if (reference := reference_of(clean, p, field, inertial, own.doubtful, known)) is not None:
+            return _with_field(clean, p, inertial, field, reference, own, known)
+    return Smoothed(frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None)
+
+
+def _with_field(
+    frames: Keyframes,
+    p: Params,
+    inertial: Inertial,
+    field: Floats,
+    reference: Reference,
+    own: Attached,
+    known: tuple[Reference, float] | None,
+) -> Smoothed:
+    """All sensors, from the attitude without heading and the heading that the field gives it."""
+    weight = weights(reference, p, field, own.doubtful, directed=False)
+    turn = heading_of(frames, inertial, field, weight)
+    by = np.concatenate((turn[:1], turn))
+    q = quat_multiply(about_up(by), inertial.sweep.q)
+    field = np.stack((*_turned(turn, field), field[:, 2]), axis=1)
+    bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
+    speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
+    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False)
+    for left in range(PASSES, 0, -1):
+        seen = Inertial(found, resting, speed)
+        reference = reference_of(frames, p, field, seen, own.doubtful, known) or reference
+        weight = weights(reference, p, field, own.doubtful, directed=True)
+        resting = rest(frames, p, bias[1:])
+        var = heading_variance(frames, p, reference, weight)
+        noise = Noise.of(p, reference.bend(p))
+        kind, density = kinds(frames, resting), speed.density(p, resting)
+        found = sweep(frames, kind, density, var, q, bias[0], p0, noise, covariance=left == 1)
+        speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
+    return Smoothed(frames, found, resting, reference, weight, own, _rival_turn(reference, p, field))
+
+
+def _rival_turn(reference: Reference, p: Params, field: Floats) -> float:
+    """Mean azimuth of the fields near the reference's rival, rad."""
+    if reference.rival is None:
+        return 0.0
+    off2 = (np.hypot(field[:, 0], field[:, 1]) - reference.rival[0]) ** 2 + (field[:, 2] - reference.rival[1]) ** 2
+    near = off2 < reference.spread(p) ** 2
+    return abs(math.atan2(float(field[near, 0].sum()), float(field[near, 1].sum())))
+
+
+def _turned(by: Floats, field: Floats) -> tuple[Floats, Floats]:
+    """Level part of fields turned about the vertical."""
+    c, s = np.cos(by), np.sin(by)
+    return c * field[:, 0] - s * field[:, 1], s * field[:, 0] + c * field[:, 1]
+
+
+def about_up(angle: Floats) -> Floats:
+    """Turns about the vertical, (N, 4), by angles (N,), rad."""
+    zero = np.zeros_like(angle)
+    return np.stack((np.cos(0.5 * angle), zero, zero, np.sin(0.5 * angle)), axis=1)
+
+
+def rates(frames: Keyframes, found: Sweep) -> Floats:
+    """Corrected rates of the samples, rad/s, (N, 3)."""
+    place = np.repeat(np.arange(frames.gap.size), np.diff(frames.first))
+    bias = found.bias[np.concatenate(([0], place))]
+    rate: Floats = frames.gyr - bias - frames.gyr @ found.matrix.reshape(3, 3).T
+    return rate
+
+
+def at_samples(frames: Keyframes, found: Sweep, resting: Bools) -> Floats:
+    """Attitude at every sample, (N, 4)."""
+    return between(frames, ~resting & ~frames.gap, found.q, rates(frames, found))
+
+
+def _field_of(frames: Keyframes, found: Sweep, resting: Bools) -> Floats:
+    """Mean field of each step in navigation axes, (K, 3), NaN where there was none."""
+    q = at_samples(frames, found, resting)
+    middle = quat_slerp(q[:-1], q[1:], 0.5)
+    seen = np.isfinite(frames.mag[1:, 0])
+    field = (dcm_from_quat(middle) @ np.where(seen[:, np.newaxis], frames.mag[1:], 0.0)[:, :, np.newaxis])[:, :, 0]
+    start = frames.first[:-1]
+    count = np.add.reduceat(seen.astype(float), start)
+    total = np.add.reduceat(field * seen[:, np.newaxis], start, axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean: Floats = total / count[:, np.newaxis]
+    mean[frames.gap] = np.nan
+    return mean

@@ -1,0 +1,68 @@
+"""What a reader of a smoothed track should know: fields that were not used, were of the sensor, or leave a doubt."""
+
+import math
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.units import to_deg
+from plumbob.filters.smoother.keyframes import Bools
+from plumbob.filters.smoother.model import Params
+from plumbob.filters.smoother.passes import Smoothed
+from plumbob.filters.smoother.samples import GATED, Stretch
+
+LASTING: Final = 3.0
+"""A field that is wrong for less than this, s, is not named."""
+MOST: Final = 5
+"""Spells that are named."""
+
+
+def remarks_of(found: Smoothed, p: Params, stretch: Stretch, t: Floats) -> list[str]:
+    """Remarks on a stretch of a recording, a line each."""
+    begin, end = float(t[stretch.core.start]), float(t[stretch.core.stop - 1])
+    told = _gaps(found, begin, end)
+    if found.reference is None:
+        if np.isfinite(found.frames.mag[:, 0]).any():
+            told.append("no field of the recording has a level part that gives a heading: it counts from a free zero")
+        return told
+    if found.attached is not None and found.attached.found:
+        size = float(np.linalg.norm(found.attached.field, axis=1).max())
+        when = _spells(found, np.asarray(found.attached.field.any(axis=1)), begin, end)
+        if when:
+            told.append(f"a field of {size:.0f} µT turned with the sensor ({when}); it was taken off")
+    if when := _spells(found, (found.weight < GATED) & np.isfinite(found.sweep.field[:, 0]), begin, end):
+        told.append(f"the field was not that of the place ({when}); the heading there is the gyroscope's")
+    if found.reference.rival is not None:
+        level, up = found.reference.rival
+        told.append(
+            f"two fields have nearly equal weight, {found.reference.level:.0f} µT level, "
+            f"{found.reference.vertical:.0f} up, and {level:.0f} level, {up:.0f} up: the heading may be off by "
+            f"{to_deg(found.rival_turn):.0f}°, which its standard deviation counts"
+        )
+    return told
+
+
+def _gaps(found: Smoothed, begin: float, end: float) -> list[str]:
+    time = found.frames.time[1:][found.frames.gap]
+    inside = time[(time >= begin) & (time <= end)]
+    if not inside.size:
+        return []
+    count = "a gap" if inside.size == 1 else f"{inside.size} gaps"
+    return [
+        f"{count} in the samples (until {', '.join(f'{x:.1f}' for x in inside[:MOST])} s): the attitude starts anew"
+    ]
+
+
+def _spells(found: Smoothed, which: Bools, begin: float, end: float) -> str:
+    """Times, s, for which something lasted, the longest few of them; empty where none did for long."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], which, [False])).astype(np.int8)))
+    time = found.frames.time
+    spells = [(max(float(time[a]), begin), min(float(time[b]), end)) for a, b in list(pairwise(edges))[::2]]
+    long = sorted((s for s in spells if s[1] - s[0] >= LASTING), key=lambda s: s[0] - s[1])
+    total = math.fsum(b - a for a, b in long)
+    if not long:
+        return ""
+    named = ", ".join(f"{a:.0f}–{b:.0f} s" for a, b in sorted(long[:MOST]))
+    return named if len(long) <= MOST else f"{named} and more, {total:.0f} s in all"

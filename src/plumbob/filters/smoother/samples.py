@@ -1,0 +1,160 @@
+"""From keyframes to samples: what the track says of each, and the stretches that a long recording is cut into."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.units import deg
+from plumbob.data import ImuData
+from plumbob.data.cards.left import Half
+from plumbob.filters.settling import considered
+from plumbob.filters.smoother.keyframes import Keyframes
+from plumbob.filters.smoother.model import Params
+from plumbob.filters.smoother.passes import Smoothed, about_up, at_samples, rates
+from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, quat_slerp
+
+GATED: Final = 0.1
+"""A field that counts with less than this was not used."""
+DOUBTFUL: Final = deg(6.0)
+"""With a larger standard deviation of the tilt, rad, the attitude is not converged."""
+LONG: Final = 1800.0
+"""A longer recording, s, is smoothed in stretches"""
+CORE: Final = 1200.0
+"""of this, s,"""
+MARGIN: Final = 120.0
+"""with so much before and behind each, s. With a lag this is how much of the past is smoothed with each part."""
+LEAST_CORE: Final = 0.5
+"""With a lag a part is half of it long, but not shorter than this, s."""
+
+
+class Part(NamedTuple):
+    """Of each sample: attitude to ENU (N, 4), bias (N, 3), rad/s, covariance in body axes (N, 3, 3), flags (N,)."""
+
+    q: Floats
+    bias: Floats
+    cov: Floats
+    flags: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Part of a recording: the samples that are smoothed together, and those of them whose attitude is kept."""
+
+    whole: slice
+    core: slice
+
+    @property
+    def inside(self) -> slice:
+        """The core among the smoothed ones."""
+        return slice(self.core.start - self.whole.start, self.core.stop - self.whole.start)
+
+
+def stretches(t: Floats, lag: float | None) -> Iterator[Stretch]:
+    """Stretches of a recording whose cores cover it, each sample once.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Time, s.
+    lag : float or None
+        No sample may know what comes more than this after it, s; None: each may know all.
+    """
+    if lag is None:
+        core, past, ahead = (CORE, MARGIN, MARGIN) if t[-1] - t[0] > LONG else (math.inf, 0.0, 0.0)
+    else:
+        core = max(0.5 * lag, min(lag, LEAST_CORE))
+        past, ahead = MARGIN, lag - core
+    begin = 0
+    while begin < t.size:
+        end = max(int(np.searchsorted(t, t[begin] + core)), begin + 1)
+        if t.size - end < 2:
+            end = t.size
+        low, high = np.searchsorted(t, t[begin] - past), np.searchsorted(t, t[end - 1] + ahead, side="right")
+        yield Stretch(slice(int(low), max(int(high), end)), slice(begin, end))
+        begin = end
+
+
+def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
+    """What is known of every sample of a recording, or of a stretch of one."""
+    frames = found.frames
+    q, rate = at_samples(frames, found.sweep, found.resting), rates(frames, found.sweep)
+    place = np.searchsorted(frames.first, np.arange(frames.t.size))
+    cov = _covariance(q, found, place, rate, p, data.meta.left)
+    if p.latency:
+        q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
+    word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
+    return _everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word))
+
+
+def continued(part: Part, stretch: Stretch, before: Part, last: Stretch) -> Part:
+    """A stretch whose heading is free, turned to the one before by what both have."""
+    low, high = stretch.whole.start, min(last.whole.stop, stretch.core.start + 1)
+    if high <= low:
+        return part
+    own, other = part.q[: high - low], before.q[low - last.whole.start : high - last.whole.start]
+    turn = quat_multiply(other, quat_conjugate(own))
+    angle = 2.0 * math.atan2(float((turn[:, 3] * turn[:, 0]).sum()), float((turn[:, 0] ** 2).sum()))
+    return part._replace(q=quat_multiply(about_up(np.full(len(part.q), angle)), part.q))
+
+
+def _covariance(
+    q: Floats, found: Smoothed, place: NDArray[np.int64], rate: Floats, p: Params, left: tuple[Half, Half]
+) -> Floats:
+    """Covariance of the attitude error in body axes, (N, 3, 3): the smoother's own, and what it does not estimate."""
+    c_nb = dcm_from_quat(q)
+    in_n = found.sweep.cov[place, :3, :3].copy()
+    in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2
+    in_n[:, 2, 2] += found.heading_var
+    cov = np.swapaxes(c_nb, 1, 2) @ in_n @ c_nb
+    cov += p.latency_sd**2 * rate[:, :, np.newaxis] * rate[:, np.newaxis, :]
+    if any(left[0]) or any(left[1]):
+        reference = found.reference
+        seen = np.zeros(2) if reference is None else np.array([reference.level, reference.vertical])
+        cov += considered(q, np.broadcast_to(seen, (len(q), 2)), 1.0, (0.0, 1.0), *left)
+    found_cov: Floats = 0.5 * (cov + np.swapaxes(cov, 1, 2))
+    return found_cov
+
+
+def _flags(found: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """What to know of each sample."""
+    step = np.maximum(place - 1, 0)
+    word = np.where(found.resting[step], flags.AT_REST, 0)
+    if found.reference is None:
+        word |= flags.HEADING_FREE
+    else:
+        word |= np.where(found.weight[step] < GATED, flags.MAG_GATED, 0)
+    tilt = found.sweep.cov[place, 0, 0] + found.sweep.cov[place, 1, 1]
+    word |= np.where(tilt > 2.0 * DOUBTFUL**2, flags.NOT_CONVERGED, 0)
+    return word.astype(np.uint32)
+
+
+def _everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
+    """The same at all samples, those in holes too: the shortest way between, as uncertain as it is long."""
+    n, rows = len(data), frames.rows
+    if rows.size == n:
+        return part
+    t, each = np.asarray(data.t), np.arange(n)
+    after = np.clip(np.searchsorted(rows, each), 0, rows.size - 1)
+    before = np.where(rows[after] == each, after, np.maximum(after - 1, 0))
+    inside, held = before != after, rows[before] != each
+    held &= rows[after] != each
+    span = np.where(inside, frames.t[after] - frames.t[before], 1.0)
+    share = np.clip(np.where(inside, (t - frames.t[before]) / span, 0.0), 0.0, 1.0)
+    turn = quat_multiply(quat_conjugate(part.q[before]), part.q[after])
+    angle = 2.0 * np.arccos(np.clip(np.abs(turn[:, 0]), 0.0, 1.0))
+    wide = np.where(inside, 0.5 * angle, math.pi) ** 2 * held
+    words = part.flags[before] | np.asarray(data.flags)
+    lost = (words & ~np.uint32(flags.AT_REST)) | flags.GYR_HELD | flags.NOT_CONVERGED
+    return Part(
+        quat_slerp(part.q[before], part.q[after], share),
+        part.bias[before],
+        part.cov[before] + wide[:, np.newaxis, np.newaxis] * np.eye(3),
+        np.where(held, lost, words).astype(np.uint32),
+    )
