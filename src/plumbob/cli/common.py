@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from plumbob.filters.offline import Stage
     from plumbob.protocols.decode import Counts
     from plumbob.protocols.format import Format, Message
+    from plumbob.report import Report
     from plumbob.rotations import Frame
 
 Adder = Any  # argparse's sub-parser action, whose type is private
@@ -123,6 +124,41 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
 def add_force(parser: argparse.ArgumentParser) -> None:
     """Option --force."""
     parser.add_argument("--force", action="store_true", help="replace files that exist already; never an input")
+
+
+def add_page(parser: argparse.ArgumentParser) -> None:
+    """Options --html, --plot and --lang."""
+    parser.add_argument("--html", type=Path, metavar="FILE", help="also write a page with figures that opens offline")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="also write the figures alone: .svg, .png or .pdf")
+    parser.add_argument("--lang", choices=("en", "zh"), help="language of the labels of page and figures (default en)")
+
+
+ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
+"""Of the names of pages and pictures."""
+
+
+def pages(args: argparse.Namespace) -> list[Path | None]:
+    """Files that the options of `add_page` name; a name that ends otherwise is refused."""
+    from plumbob.core.errors import ParameterError
+
+    found: list[Path | None] = [getattr(args, name) for name in ENDINGS]
+    for (name, endings), path in zip(ENDINGS.items(), found, strict=True):
+        if path is not None and path.suffix.lower() not in endings:
+            raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+    if args.lang and not any(found):
+        raise ParameterError("--lang is for --html or --plot, which is not given; leave it out.")
+    return found
+
+
+def write_pages(args: argparse.Namespace, report: "Report") -> None:
+    """Write page and picture after the numbers, which need neither matplotlib nor a place to write."""
+    if sys.stdout:
+        sys.stdout.flush()
+    for what, path, write in (("page", args.html, report.write_html), ("figures", args.plot, report.plot)):
+        if path is not None:
+            write(path, lang=args.lang or "en", overwrite=args.force)
+            if not args.json:
+                print(f"{what:12} {path}")
 
 
 def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:

@@ -100,10 +100,10 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
 
     The seed is that of the unit and of its noise: the captures and the sea have the same one.
     """
-    from plumbob.calibration import certificate
     from plumbob.calibration.calibrate_gyro import calibrate_by_hand
     from plumbob.calibration.calibrate_mount import mount_by_poses
     from plumbob.calibration.calibration import capture, card_of
+    from plumbob.calibration.report import certificate
     from plumbob.rotations import Frame
     from plumbob.simulation import scenario
 
@@ -114,9 +114,8 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
     mounted = mount_by_poses(capture(raised, triads=(), base=card_of(whole, fits)), frame=Frame.NED)
     card = card_of(whole, fits, mounted=mounted)
     card.save(out / CARD, overwrite=True)
-    facts = {"recording": f"{HAND} and {MOUNTING}, emulated"}
-    title = f"Calibration of {card.device}"
-    certificate.write_html(out / CERTIFICATE, card, fits, title=title, facts=facts, overwrite=True)
+    report = certificate(card, fits, recording=f"{HAND} and {MOUNTING}, emulated")
+    report.write_html(out / CERTIFICATE, overwrite=True)
     return card
 
 
@@ -235,7 +234,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.units import Quantity, parse
     from plumbob.data import calibration_told
-    from plumbob.evaluation import evaluate, write_html
+    from plumbob.evaluation import comparison, evaluate
 
     duration = parse(args.duration, Quantity.TIME)
     settle = min(SETTLE, SETTLE_SHARE * duration)
@@ -260,7 +259,8 @@ def run(args: argparse.Namespace) -> int:
         print(_table(results))
     facts = {"scenario": truth.source, "sensors": card.device, "calibration": calibration_told(card.name)}
     title = "A buoy in waves, five ways to its attitude, and one without calibration"
-    page = write_html(args.out / PAGE, results, title=title, facts=facts, overwrite=True)
+    report = comparison(results, title=title, facts=list(facts.items()))
+    page = report.write_html(args.out / PAGE, overwrite=True)
     certificate = args.out / CERTIFICATE
     if args.json:
         found = {name: result.summary() for name, result in results.items()}

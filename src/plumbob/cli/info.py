@@ -41,16 +41,18 @@ def _card(args: argparse.Namespace) -> int:
     """Print what a card holds."""
     import json
 
-    from plumbob.calibration import certificate
     from plumbob.data.cards import CalibrationCard, open_card
-    from plumbob.noise import datasheet
 
     card = open_card(args.file)
     if isinstance(card, CalibrationCard):
-        told, text = certificate.as_dict(card, {}), certificate.text(card, {})
+        from plumbob.calibration.report import certificate, numbers
+
+        told, report = numbers(card, {}), certificate(card, {})
     else:
-        told, text = {"card": json.loads(card.text())}, datasheet.card_text(card)
-    common.print_json({"file": str(args.file)} | told) if args.json else print(text)
+        from plumbob.noise.card import card_report
+
+        told, report = {"card": json.loads(card.text())}, card_report(card)
+    common.print_json({"file": str(args.file)} | told) if args.json else print(report.text())
     return 0
 
 

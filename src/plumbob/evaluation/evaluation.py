@@ -4,17 +4,17 @@ One rule holds throughout: the estimate is judged as it was delivered. Whatever 
 declination, time, mounting or heading, is done to the reference, and the result says so.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from plumbob.core import flags
 from plumbob.core.check import Floats, number, said
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.text import Shown, counted
+from plumbob.core.text import counted
 from plumbob.core.units import deg, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
 from plumbob.evaluation import report
@@ -37,11 +37,9 @@ from plumbob.evaluation.metrics import (
     consistency,
     total_rmse,
 )
+from plumbob.report import Report, Reported
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
-
-if TYPE_CHECKING:
-    pass
 
 RATE_BASELINE = 0.1
 """Time over which the reference's turning is measured, s; shorter ones would measure its noise."""
@@ -59,7 +57,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluation(Shown):
+class Evaluation(Reported):
     """An estimate judged by a reference.
 
     Attributes
@@ -127,12 +125,12 @@ class Evaluation(Shown):
         return found | {"source": self.estimate.source.partition("(")[0] or "not named"}
 
     def summary(self) -> dict[str, Any]:
-        """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluation.report`."""
-        return report.summary(self)
+        """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `evaluation.report.numbers`."""
+        return report.numbers(self)
 
-    def text(self) -> str:
-        """Plain table of at most 80 columns."""
-        return report.text(self)
+    def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+        """What was found, as text, page and picture; `facts` say more of where it comes from."""
+        return report.report(self, facts=facts)
 
 
 class Tracked(Protocol):
