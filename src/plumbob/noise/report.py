@@ -1,7 +1,7 @@
 """Data sheet of a sensor's noise: what is said, as a report and as numbers, and what is drawn."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -37,7 +37,8 @@ _DEFINITIONS = (
     "95 % where a record does not show the term. The floor of the curve is the point whose interval ends lowest, which "
     "need not be the least value. Intervals of the deviation are those of χ² with the degrees of "
     "freedom (edf) of overlapping averages under the identified noise. The error of IEEE Std 952, "
-    "1/√(2(N/n − 1)), is one for every noise and meant for disjoint averages.",
+    "1/√(2(N/n − 1)), is one for every noise and meant for disjoint averages. Bands are intervals, pale where the "
+    "relative uncertainty is above 50 %.",
 )
 _COMPARED = (
     "Overlapping Allan deviations of two records at equal averaging times. Bands are intervals of 68.3 %; that of the "
@@ -463,22 +464,17 @@ def _remarks(triad: Triad) -> list[str]:
 
 def _coefficient_rows(triad: Triad) -> list[list[str]]:
     """Rows of the table of a triad: name with unit, and one cell for each axis."""
-    units, sample = DATASHEET[triad.quantity], DEVIATION[triad.quantity]
-    pick: list[tuple[str, Callable[[Analysis], str]]] = [
-        (f"{letter} {term.name} [{written(units[letter])}]", partial(_own_cell, letter=letter))
-        for letter, term in TERMS.items()
+    units, sample, channels = DATASHEET[triad.quantity], DEVIATION[triad.quantity], triad.channels.values()
+    return [
+        *(
+            [f"{k} {term.name} [{written(units[k])}]", *(_cell(a.terms, k, units[k]) for a in channels)]
+            for k, term in TERMS.items()
+        ),
+        [f"floor of the curve [{written(sample)}]", *map(_floor, channels)],
+        ["at an averaging time of", *map(_floor_at, channels)],
+        [f"mean [{written(sample)}]", *(number(from_si(a.mean, sample), 4) for a in channels)],
+        [f"standard deviation [{written(sample)}]", *(number(from_si(a.sd, sample), 4) for a in channels)],
     ]
-    pick += [
-        (f"floor of the curve [{written(sample)}]", _floor),
-        ("at an averaging time of", _floor_at),
-        (f"mean [{written(sample)}]", lambda a: number(from_si(a.mean, sample), 4)),
-        (f"standard deviation [{written(sample)}]", lambda a: number(from_si(a.sd, sample), 4)),
-    ]
-    return [[label, *(cell(a) for a in triad.channels.values())] for label, cell in pick]
-
-
-def _own_cell(a: Analysis, letter: str) -> str:
-    return _cell(a.terms, letter, DATASHEET[a.quantity][letter])
 
 
 def _cell(terms: Mapping[str, Coefficient], letter: str, unit: str) -> str:
@@ -565,8 +561,7 @@ def triad_figure(triad: Triad) -> Figure:
 
     axes = [(axis, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
     masked = [("masked on an axis", SHADE, "block")] if any(a.mask.n > 1 for a in channels) else []
-    caption = "Allan deviation of all axes; bands: confidence intervals; pale: relative uncertainty above 50 %"
-    return Figure(caption, draw, [*axes, ("models", MODEL, "solid"), *masked], HEIGHT)
+    return Figure("Allan deviation of all axes", draw, [*axes, ("models", MODEL, "solid"), *masked], HEIGHT)
 
 
 def channel_figure(analysis: Analysis) -> Figure:

@@ -32,7 +32,8 @@ _VARIABLES: Final = {**PALETTE, INK: "ink", MUTED: "muted", GRID: "grid", SHADE:
 _DPI = 200
 _WIDTH = 7.5  # inches, 540 points: the page shows a point as 1.8 pixels at most
 _DASHES: Final[dict[str, Any]] = {"solid": "-", "dashed": "--", "dotted": ":"}
-_TITLE = 0.3  # inches for title and key of a picture
+_TITLE = 0.45  # inches for caption and key of a picture
+_LETTERS = 110  # that fit beside each other in a key, with its samples of lines
 _STYLE: Final[dict[str, Any]] = {
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
@@ -176,7 +177,8 @@ def _explain(panel: "FigureBase", figure: Figure) -> None:
     ]
     panel.suptitle(figure.caption, x=0.01, ha="left", fontsize=8.0, fontweight="bold")
     if handles:
-        panel.legend(handles=handles, loc="outside upper right", ncols=len(handles), frameon=False)
+        columns = _LETTERS // (8 + max(len(name) for name, *_ in figure.key))
+        panel.legend(handles=handles, loc="outside lower left", ncols=max(1, columns), frameon=False)
 
 
 def _finish(canvas: "FigureBase", lang: str) -> None:

@@ -47,8 +47,7 @@ def _body(report: Report, lang: str, number: "count[int]", *, depth: int) -> Ite
 
 def _facts(report: Report, lang: str) -> str:
     items = "".join(
-        f"<div><dt>{escape(said(name, lang))}</dt><dd>{escape(said(value, lang))}</dd></div>"
-        for name, value in report.facts
+        f"<div><dt>{escape(said(name, lang))}</dt><dd>{escape(value)}</dd></div>" for name, value in report.facts
     )
     return f"<dl>{items}</dl>" if items else ""
 
