@@ -126,8 +126,8 @@ def _check_outputs(args: argparse.Namespace) -> None:
 
     if args.card is not None:
         NoiseCard.require_place(args.card)
-    outputs = (*common.pages(args), args.card, args.kalibr)
-    common.check_outputs(args, *outputs, inputs=(args.file, args.after, args.profile, args.calibration))
+    inputs = (args.file, args.after, args.profile, args.calibration)
+    common.check_pages(args, args.card, args.kalibr, inputs=inputs)
 
 
 def _static(args: argparse.Namespace, path: Path, *, card: Path | None) -> dict[str, Any]:

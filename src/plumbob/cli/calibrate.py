@@ -351,7 +351,7 @@ def find_statictest(args: argparse.Namespace) -> int:
     from plumbob.data.cards import CalibrationCard
 
     inputs = (args.file, args.reference, args.calibration, args.profile)
-    common.check_outputs(args, *common.pages(args), inputs=inputs)
+    common.check_pages(args, inputs=inputs)
     recording = common.read(args.file, args.profile)
     if recording.imu is None:
         raise CalibrationError(f"{args.file} holds an attitude but no sensor data, so there is nothing to test.")

@@ -60,7 +60,7 @@ def calibrated(
 
     how = KINDS[kind]
     out = None if live.completes(args) else args.out
-    common.check_outputs(args, out, *common.pages(args), inputs=(args.file, args.profile, args.calibration, *inputs))
+    common.check_pages(args, out, inputs=(args.file, args.profile, args.calibration, *inputs))
     base = None if args.calibration is None else CalibrationCard.load(args.calibration)
     if args.live:
         return calibrate(live.live_capture(args, how.triads, base), kind, note=common.note, **options)

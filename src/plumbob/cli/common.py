@@ -137,17 +137,17 @@ ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
 """Of the names of pages and pictures."""
 
 
-def pages(args: argparse.Namespace) -> list[Path | None]:
-    """Files that the options of `add_page` name; a name that ends otherwise is refused."""
+def check_pages(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:
+    """Refuse what `check_outputs` does, of page, picture and other outputs; and names that end otherwise."""
     from plumbob.core.errors import ParameterError
 
-    found: list[Path | None] = [getattr(args, name) for name in ENDINGS]
-    for (name, endings), path in zip(ENDINGS.items(), found, strict=True):
+    check_outputs(args, args.html, args.plot, *outputs, inputs=inputs)
+    for name, endings in ENDINGS.items():
+        path: Path | None = getattr(args, name)
         if path is not None and path.suffix.lower() not in endings:
             raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
-    if args.lang and not any(found):
+    if args.lang and not (args.html or args.plot):
         raise ParameterError("--lang is for --html or --plot, which is not given; leave it out.")
-    return found
 
 
 def write_pages(args: argparse.Namespace, report: "Report") -> None:

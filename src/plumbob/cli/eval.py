@@ -63,7 +63,7 @@ def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
 
     if common.is_same_file(args.estimate, args.reference):
         raise ParameterError(f"{args.estimate} is both estimate and reference; name the track of 'plumbob run' first.")
-    common.check_outputs(args, *common.pages(args), inputs=(args.estimate, args.reference, args.profile))
+    common.check_pages(args, inputs=(args.estimate, args.reference, args.profile))
 
 
 def _track(path: Path, profile: Path | None, *, estimated: bool = False) -> "AttitudeTrack":

@@ -246,8 +246,9 @@ def datasheet(analyses: Sequence[Analysis], *, facts: Sequence[tuple[str, str]] 
 
 
 def curves_report(deviations: Sequence[Deviation]) -> Report:
-    """Deviations alone, one table after the other."""
-    return Report("Deviations over averaging time", tables=[_curve(d) for d in deviations])
+    """Deviations alone."""
+    parts = [Report(d.name, tables=[_curve(d)]) for d in deviations]
+    return Report("Deviation over averaging time", parts=parts)
 
 
 def comparison(found: Sequence[Compared], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
@@ -404,11 +405,7 @@ def _details(a: Analysis) -> list[Table]:
         least = min(c.bic for c in a.candidates)
         models = [(c.terms, f"{c.bic - least:.1f}", "chosen" if c.chosen else "") for c in a.candidates]
         found.append(Table("Candidate models", ["terms", "ΔBIC", ""], models, words=(2,), detail="methods"))
-    return [*found, replace(_curve(a), title=_curve_title(a), detail="curve")]
-
-
-def _curve_title(a: Analysis | Deviation) -> str:
-    return f"{a.curve.kind}{_in_brackets(DEVIATION[a.quantity])}, {100.0 * a.curve.confidence:.1f} % interval"
+    return [*found, replace(_curve(a), detail="curve")]
 
 
 def _curve(a: Analysis | Deviation) -> Table:
@@ -427,7 +424,8 @@ def _curve(a: Analysis | Deviation) -> Table:
     ]
     some = "" if use.size == c.n.size else f", {use.size} of {c.n.size} averaging times"
     head = ("τ [s]", "deviation", "from", "to", "edf", "IEEE Std 952 [%]", "noise")
-    return Table(f"{a.name}: {_curve_title(a)}{some}", head, rows, words=(6,))
+    title = f"{c.kind}{_in_brackets(unit)}, {100.0 * c.confidence:.1f} % interval{some}"
+    return Table(title, head, rows, words=(6,))
 
 
 def _compared(one: Compared) -> Report:

@@ -64,7 +64,8 @@ class Table:
         last = len(widths) - 1
         below = last in self.words and sum(widths) + 2 * last > WIDTH
         shown = widths[:-1] if below else widths
-        gap = "  " if sum(shown) + 2 * len(shown) <= WIDTH + 2 else " "
+        narrow = sum(shown) + len(shown) - 1 <= WIDTH < sum(shown) + 2 * len(shown) - 2
+        gap = " " if narrow else "  "
         for line in lines:
             remark = line.pop() if below else ""
             cells = [
@@ -183,26 +184,27 @@ class Reported(Shown):
 
 
 def _text(report: Report, details: Collection[str], *, top: bool) -> Iterator[str]:
-    tables = [table for table in report.tables if not table.detail or table.detail in details]
+    tables = [table for table in report.tables if not table.detail]
+    more = [table for table in report.tables if table.detail and table.detail in details]
     parts = [text for part in report.parts if (text := list(_text(part, details, top=False)))]
-    if not (top or tables or report.facts or report.remarks or parts):
+    if not (top or tables or more or report.facts or report.remarks or parts):
         return
     yield from textwrap.wrap(report.title, WIDTH)
     if top:
         yield from _facts(report)
     for table in tables:
-        if table.title or top:
-            yield ""
-        yield from textwrap.wrap(table.title, WIDTH)
-        yield from table.text()
+        yield from ["", *_titled(table)] if table.title or top else table.text()
     if not top:
         yield from _facts(report)
     elif tables and report.remarks:
         yield ""
     yield from listed(report.remarks)
-    for part in parts:
-        yield ""
-        yield from part
+    for block in (*map(_titled, more), *parts):
+        yield from ("", *block)
+
+
+def _titled(table: Table) -> list[str]:
+    return [*textwrap.wrap(table.title, WIDTH), *table.text()]
 
 
 def _facts(report: Report) -> Iterator[str]:

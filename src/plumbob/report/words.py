@@ -79,6 +79,7 @@ CHINESE: Final[dict[str, str]] = {
     "Allan deviation of all axes": "各轴艾伦偏差",
     "Allan deviation": "艾伦偏差", "model and terms": "模型与各项", "averaging time": "平均时间", "models": "模型",
     "masked on an axis": "某轴屏蔽", "masked": "屏蔽", "deviation": "偏差", "# % interval": "# % 置信区间",
+    "# of # averaging times": "# / # 个平均时间",
     "terms": "各项", "read off at the dots": "在圆点处读取", "Allan deviation before and after": "前后艾伦偏差",
     "bent by the filter": "受滤波器影响", "Coefficients by method": "各方法的系数", "lines": "直线法",
     "least squares": "最小二乘", "likelihood": "最大似然", "Candidate models": "候选模型", "ΔBIC": "ΔBIC",
