@@ -37,8 +37,8 @@ _DEFINITIONS = (
     "95 % where a record does not show the term. The floor of the curve is the point whose interval ends lowest, which "
     "need not be the least value. Intervals of the deviation are those of χ² with the degrees of "
     "freedom (edf) of overlapping averages under the identified noise. The error of IEEE Std 952, "
-    "1/√(2(N/n − 1)), is one for every noise and meant for disjoint averages. Bands are intervals, pale where the "
-    "relative uncertainty is above 50 %.",
+    "1/√(2(N/n − 1)), is one for every noise and meant for disjoint averages. Bands are intervals; pale: "
+    "relative uncertainty above 50 %.",
 )
 _COMPARED = (
     "Overlapping Allan deviations of two records at equal averaging times. Bands are intervals of 68.3 %; that of the "

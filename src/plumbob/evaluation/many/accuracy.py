@@ -74,20 +74,18 @@ class Accuracy:
     def report(self) -> Report:
         """Table of the trials and their mean for each filter, and the means beside each other."""
         means = self.mean()
-        aligned = ("aligned", ", ".join(self.align) or "nothing")
         trials = {name: {trial: errors[name] for trial, errors in self.trials.items()} for name in self.settings}
         parts = [
-            Report(setting, facts=[aligned], tables=[_table("RMSE [°]", {**trials[name], "mean": means[name]})])
+            Report(setting, tables=[_table("RMSE [°]", {**trials[name], "mean": means[name]})])
             for name, setting in self.settings.items()
         ]
-        if len(means) > 1:
-            parts.append(Report("", tables=[_table(f"Mean RMSE of {counted(len(self.trials), 'trial')} [°]", means)]))
-        remarks = [f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"] * bool(
-            self.skipped
-        )
+        count = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
+        remarks = [count] if self.skipped else []
         remarks += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         remarks += [f"peer left out: {name}: {why}" for name, why in self.absent.items()]
-        return Report("Accuracy", facts=self._calibrations(), remarks=remarks, parts=parts)
+        beside = [_table(f"Mean RMSE of {counted(len(self.trials), 'trial')} [°]", means)] if len(means) > 1 else []
+        facts = [*self._calibrations(), ("aligned", ", ".join(self.align) or "nothing")]
+        return Report("Accuracy", facts=facts, parts=[*parts, Report("", tables=beside, remarks=remarks)])
 
     def text(self) -> str:
         """Report as text."""
