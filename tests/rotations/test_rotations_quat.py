@@ -11,6 +11,7 @@ from plumbob.rotations import (
     IDENTITY,
     dcm_from_quat,
     quat_angle,
+    quat_chained,
     quat_conjugate,
     quat_continuous,
     quat_from_rotvec,
@@ -191,3 +192,11 @@ class TestContinuous:
     @pytest.mark.parametrize("count", [0, 1, 2])
     def test_short(self, count):
         assert quat_continuous(np.tile([1.0, 0, 0, 0], (count, 1))).shape == (count, 4)
+
+
+def test_chained_rotations_are_their_product_in_order():
+    turns = np.random.default_rng(3).normal(size=(13, 3))
+    q = np.array([1.0, 0.0, 0.0, 0.0])
+    for i, turn in enumerate(turns, start=1):
+        q = quat_multiply(q, quat_from_rotvec(turn))
+        assert quat_chained(turns)[i] == pytest.approx(q, abs=1e-14)

@@ -113,11 +113,11 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 
 def read(path: Path, profile: Path | None = None) -> "Recording":
     """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
-    from plumbob import files
+    from plumbob.files import found_in
     from plumbob.session import reading
 
     recording = reading.read(path, profile=profile)
-    note(*(f"{path.name}: {line}" for line in files.found_in(recording.notes)))
+    note(*(f"{path.name}: {line}" for line in found_in(recording.notes)))
     return recording
 
 

@@ -19,11 +19,12 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.files import replacing
-from plumbob.report.report import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE, SOFT, Figure
-from plumbob.report.words import said
+from plumbob.report.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE, SOFT, said
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
+
+    from plumbob.report.report import Figure
 
 PICTURES: Final = (".svg", ".png", ".pdf")
 """Endings of the names of pictures."""
@@ -72,7 +73,7 @@ def variable(colour: str) -> str:
     return f"var(--{_VARIABLES[colour]})"
 
 
-def svg(figure: Figure, *, lang: str = "en", salt: str) -> str:
+def svg(figure: "Figure", *, lang: str = "en", salt: str) -> str:
     """``<svg>`` element of a figure.
 
     Parameters
@@ -92,7 +93,7 @@ def svg(figure: Figure, *, lang: str = "en", salt: str) -> str:
     return _for_page(buffer.getvalue())
 
 
-def picture(path: str | Path, figures: Sequence[Figure], *, lang: str = "en", overwrite: bool = False) -> Path:
+def picture(path: str | Path, figures: "Sequence[Figure]", *, lang: str = "en", overwrite: bool = False) -> Path:
     """Write figures one below the other on white, each with its caption and key, as the ending of the name says.
 
     Raises
@@ -164,7 +165,7 @@ def _chinese_font(embedded: bool) -> list[str]:
     return ["DejaVu Sans", *found]
 
 
-def _explain(panel: "FigureBase", figure: Figure) -> None:
+def _explain(panel: "FigureBase", figure: "Figure") -> None:
     """Caption and key of a figure without a page around it."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch

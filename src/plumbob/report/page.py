@@ -3,16 +3,19 @@
 from collections.abc import Iterator
 from html import escape
 from itertools import count
+from typing import TYPE_CHECKING
 
 from plumbob.core import check
 from plumbob.report.drawing import svg, variable
-from plumbob.report.report import LANGUAGES, Figure, Report, Table
-from plumbob.report.words import said
+from plumbob.report.style import LANGUAGES, said
+
+if TYPE_CHECKING:
+    from plumbob.report.report import Figure, Report, Table
 
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
-def page(report: Report, *, lang: str = "en") -> str:
+def page(report: "Report", *, lang: str = "en") -> str:
     """HTML of a report; any text in it is safe."""
     check.one_of("lang", lang, LANGUAGES)
     title = escape(said(report.title, lang))
@@ -28,7 +31,7 @@ def page(report: Report, *, lang: str = "en") -> str:
     )
 
 
-def _body(report: Report, lang: str, number: "count[int]", *, depth: int) -> Iterator[str]:
+def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> Iterator[str]:
     shown = [table for table in report.tables if not table.detail]
     yield from (_table(table, lang) for table in shown)
     if depth > 1:
@@ -45,14 +48,14 @@ def _body(report: Report, lang: str, number: "count[int]", *, depth: int) -> Ite
         yield "</section>"
 
 
-def _facts(report: Report, lang: str) -> str:
+def _facts(report: "Report", lang: str) -> str:
     items = "".join(
         f"<div><dt>{escape(said(name, lang))}</dt><dd>{escape(value)}</dd></div>" for name, value in report.facts
     )
     return f"<dl>{items}</dl>" if items else ""
 
 
-def _table(table: Table, lang: str) -> str:
+def _table(table: "Table", lang: str) -> str:
     """A table that scrolls in a narrow window, with its first column standing still."""
     words = {0, *table.words}
 
@@ -77,7 +80,7 @@ def _table(table: Table, lang: str) -> str:
     return f"<div class='scroll'><table>{title}{head}<tbody>{rows}</tbody></table></div>"
 
 
-def _figure(figure: Figure, lang: str, salt: str) -> str:
+def _figure(figure: "Figure", lang: str, salt: str) -> str:
     key = "".join(
         f"<span><i class='{dash}' style='color: {variable(colour)}'></i>{escape(said(name, lang))}</span>"
         for name, colour, dash in figure.key

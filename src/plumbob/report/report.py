@@ -5,28 +5,13 @@ import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from plumbob.core.text import WIDTH, Shown, listed
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-LANGUAGES: Final = ("en", "zh")
-"""Of the labels of pages and pictures."""
-
-# After Okabe and Ito, distinguished by colour-blind readers; the names are CSS variables of the page.
-PALETTE: Final = {
-    "#0072b2": "blue",
-    "#d55e00": "red",
-    "#009e73": "green",
-    "#cc79a7": "pink",
-    "#e69f00": "amber",
-    "#56b4e9": "sky",
-    "#8a6d00": "olive",
-}
-INK, MUTED, GRID, SHADE, SOFT = "#1b1f24", "#5b6570", "#d8dde2", "#e9edf1", "#aab4be"
-SERIES: Final = tuple(PALETTE)
 _NAME = 11  # letters of the name of a fact, at least
 
 

@@ -1,8 +1,24 @@
-"""Labels of pages and pictures in Chinese, in the terms of the papers that this field writes in it."""
+"""What pages and pictures share: colours, languages, and their labels in Chinese, in the terms of papers in Chinese."""
 
 import re
 from itertools import product
 from typing import Final
+
+LANGUAGES: Final = ("en", "zh")
+"""Of the labels of pages and pictures."""
+
+# After Okabe and Ito, distinguished by colour-blind readers; the names are CSS variables of the page.
+PALETTE: Final = {
+    "#0072b2": "blue",
+    "#d55e00": "red",
+    "#009e73": "green",
+    "#cc79a7": "pink",
+    "#e69f00": "amber",
+    "#56b4e9": "sky",
+    "#8a6d00": "olive",
+}
+INK, MUTED, GRID, SHADE, SOFT = "#1b1f24", "#5b6570", "#d8dde2", "#e9edf1", "#aab4be"
+SERIES: Final = tuple(PALETTE)
 
 _APART = re.compile(r"(: |, | \[[^\]]*\])")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
