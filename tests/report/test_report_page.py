@@ -78,9 +78,9 @@ def test_numbers_are_strict_json():
 
 
 @pytest.mark.parametrize("colour", SERIES)
-def test_every_colour_is_a_variable_of_the_style_for_light_dark_and_paper(colour):
+def test_every_colour_is_a_variable_of_the_style_for_light_and_dark(colour):
     assert variable(colour) == f"var(--{PALETTE[colour]})"
-    assert CSS.count(f"--{PALETTE[colour]}:") == 3
+    assert CSS.count(f"--{PALETTE[colour]}:") == 2
     assert f"--{PALETTE[colour]}: {colour};" in CSS
 
 

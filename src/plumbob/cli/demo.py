@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from plumbob.core.check import Floats
     from plumbob.data import AttitudeTrack, ImuData
     from plumbob.data.cards import CalibrationCard
-    from plumbob.evaluation import Evaluation
     from plumbob.filters.offline import Stage
     from plumbob.protocols.decode import Counts
     from plumbob.session.session import Session
@@ -254,12 +253,12 @@ def run(args: argparse.Namespace) -> int:
     others = f"with {len(stages())} other filters, and uncalibrated"
     _say(args, f"4 replayed    {same} live attitudes come out again, every bit; and {others}")
     results = {name: evaluate(track, truth, settle=settle) for name, track in tracks.items()}
-    if not args.json:
-        print(f"5 evaluated   after {settle:.3g} s of settling, in {time.perf_counter() - started:.1f} s\n")
-        print(_table(results))
     facts = {"scenario": truth.source, "sensors": card.device, "calibration": calibration_told(card.name)}
     title = "A buoy in waves, five ways to its attitude, and one without calibration"
     report = comparison(results, title=title, facts=list(facts.items()))
+    if not args.json:
+        print(f"5 evaluated   after {settle:.3g} s of settling, in {time.perf_counter() - started:.1f} s\n")
+        print(replace(report, facts=(), remarks=(), parts=()).text())
     page = report.write_html(args.out / PAGE, overwrite=True)
     certificate = args.out / CERTIFICATE
     if args.json:
@@ -360,13 +359,3 @@ def _truth(out: Path) -> "tuple[ImuData, AttitudeTrack]":
 def _say(args: argparse.Namespace, line: str) -> None:
     if not args.json:
         print(line, flush=True)
-
-
-def _table(results: "dict[str, Evaluation]") -> str:
-    lines = [f"{'':28}{'rms error, degrees':^33}{'largest, degrees':^16}", ""]
-    lines[1] = f"{'':28}" + "".join(f"{word:>11}" for word in ("roll", "pitch", "yaw")) + f"{'of the total':>16}"
-    for name, result in results.items():
-        s = result.summary()
-        axes = "".join(f"{s[axis]['rmse_deg']:>10.2f}°" for axis in ("roll", "pitch", "yaw"))
-        lines.append(f"{name:28}{axes}{s['total']['max_abs_deg']:>15.2f}°")
-    return "\n".join(lines)

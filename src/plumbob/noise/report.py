@@ -52,15 +52,10 @@ AXES: Final = ("x", "y", "z")
 TRUSTED = 2.0
 """Degrees of freedom below which a deviation scatters by more than half of itself: pictures fade it."""
 
-NOISE = {
-    2: "quantization",
-    1: "flicker of the integral",
-    0: "white",
-    -1: "flicker",
-    -2: "random walk",
-    -3: "flicker walk",
+NOISE: Final = {
+    2: "quantization", 1: "flicker of the integral", 0: "white", -1: "flicker", -2: "random walk", -3: "flicker walk",
     -4: "random run",
-}
+}  # fmt: skip
 """Kinds of noise by the exponent of their spectrum."""
 
 

@@ -4,17 +4,6 @@ from plumbob.report.report import Figure, Report, Reported, Table, plain
 from plumbob.report.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SERIES, SHADE, SOFT
 
 __all__ = [
-    "GRID",
-    "INK",
-    "LANGUAGES",
-    "MUTED",
-    "PALETTE",
-    "SERIES",
-    "SHADE",
-    "SOFT",
-    "Figure",
-    "Report",
-    "Reported",
-    "Table",
+    "GRID", "INK", "LANGUAGES", "MUTED", "PALETTE", "SERIES", "SHADE", "SOFT", "Figure", "Report", "Reported", "Table",
     "plain",
-]
+]  # fmt: skip

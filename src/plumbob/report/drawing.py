@@ -36,31 +36,13 @@ _DASHES: Final[dict[str, Any]] = {"solid": "-", "dashed": "--", "dotted": ":"}
 _TITLE = 0.45  # inches for caption and key of a picture
 _LETTERS = 110  # that fit beside each other in a key, with its samples of lines
 _STYLE: Final[dict[str, Any]] = {
-    "svg.fonttype": "none",
-    "pdf.fonttype": 42,
-    "font.family": "sans-serif",
-    "font.size": 7.0,
-    "text.color": INK,
-    "text.parse_math": False,
-    "axes.edgecolor": MUTED,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.5,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.xmargin": 0.0,
-    "grid.color": GRID,
-    "grid.linewidth": 0.5,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.major.width": 0.5,
-    "ytick.major.width": 0.5,
-    "lines.solid_joinstyle": "round",
-    "path.simplify": False,
-}
+    "svg.fonttype": "none", "pdf.fonttype": 42, "font.family": "sans-serif", "font.size": 7.0, "text.color": INK,
+    "text.parse_math": False, "axes.edgecolor": MUTED, "axes.labelcolor": INK, "axes.linewidth": 0.5,
+    "axes.grid": True, "axes.axisbelow": True, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.xmargin": 0.0, "grid.color": GRID, "grid.linewidth": 0.5, "xtick.color": MUTED, "ytick.color": MUTED,
+    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "xtick.major.width": 0.5, "ytick.major.width": 0.5,
+    "lines.solid_joinstyle": "round", "path.simplify": False,
+}  # fmt: skip
 CHINESE: Final = (
     "Noto Sans CJK SC", "Noto Sans SC", "Source Han Sans SC", "Source Han Sans CN", "WenQuanYi Micro Hei",
     "WenQuanYi Zen Hei", "Microsoft YaHei", "SimHei", "PingFang SC", "Hiragino Sans GB", "Heiti SC", "Arial Unicode MS",

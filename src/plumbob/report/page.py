@@ -97,7 +97,7 @@ CSS = """\
   --blue: #0072b2; --red: #d55e00; --green: #009e73; --pink: #cc79a7; --amber: #e69f00; --sky: #56b4e9;
   --olive: #8a6d00;
 }
-@media (prefers-color-scheme: dark) {
+@media screen and (prefers-color-scheme: dark) {
   :root {
     --paper: #14181d; --ink: #e6eaee; --muted: #9aa5b1; --soft: #5d6873;
     --grid: #2e353d; --shade: #262d35; --band: #1b2026;
@@ -153,13 +153,6 @@ footer { margin-top: 2.5rem; border-top: 1px solid var(--grid); color: var(--mut
   th:first-child { max-width: 9rem; }
 }
 @media print {
-  :root {
-    color-scheme: light;
-    --paper: #ffffff; --ink: #000000; --muted: #444444; --soft: #aaaaaa;
-    --grid: #cccccc; --shade: #e4e4e4; --band: #ffffff;
-    --blue: #0072b2; --red: #d55e00; --green: #009e73; --pink: #cc79a7; --amber: #e69f00; --sky: #56b4e9;
-    --olive: #8a6d00;
-  }
   body { font-size: 8.5pt; line-height: 1.4; }
   main { max-width: none; padding: 0; }
   figure { margin-top: 1rem; }
