@@ -40,7 +40,8 @@ _FOOTNOTE = (
 _DEFINITIONS = (
     "With e = q_est ⊗ q_ref⁻¹ = (w, x, y, z) in the navigation frame: total 2 acos |w|, heading 2 atan |z / w|, "
     "inclination 2 acos √(w² + z²), as in the BROAD benchmark (Laidig et al. 2021, doi:10.3390/data6070072). Yaw, "
-    "pitch and roll are signed differences of ZYX Euler angles, estimate minus reference.",
+    "pitch and roll are signed differences of ZYX Euler angles, estimate minus reference. Bold in a comparison: the "
+    "smallest of a column.",
 )
 
 

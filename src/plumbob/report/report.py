@@ -47,7 +47,7 @@ class Table:
         lines = [list(row) for row in ([self.head] if any(self.head) else []) + list(self.rows)]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         last = len(widths) - 1
-        below = last in self.words and sum(widths) + 2 * last > WIDTH
+        below = last in self.words and sum(widths) + last > WIDTH
         shown = widths[:-1] if below else widths
         narrow = sum(shown) + len(shown) - 1 <= WIDTH < sum(shown) + 2 * len(shown) - 2
         gap = " " if narrow else "  "
