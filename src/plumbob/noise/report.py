@@ -686,7 +686,7 @@ def _name(ax: "Axes", letter: str, tau: Floats, line: Floats) -> None:
     """Put a term's letter and slope where its line is lowest in the picture, on the side that the line leaves."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     inside = np.flatnonzero(
-        (line >= low * _ROOM) & (line <= high) & (tau >= left * _ROOM) & (tau <= right / _ROOM)  # room for the letter
+        (line >= low * _ROOM) & (line <= high) & (tau >= left * _ROOM) & (tau <= right / _ROOM**3)  # room for the label
     )
     if not inside.size:
         return

@@ -160,8 +160,9 @@ def _explain(panel: "FigureBase", figure: "Figure") -> None:
     ]
     panel.suptitle(figure.caption, x=0.01, ha="left", fontsize=8.0, fontweight="bold")
     if handles:
-        columns = _LETTERS // (8 + max(len(name) for name, *_ in figure.key))
-        panel.legend(handles=handles, loc="outside lower left", ncols=max(1, columns), frameon=False)
+        widths = [8 + len(name) for name, *_ in figure.key]
+        columns = len(widths) if sum(widths) <= _LETTERS else max(1, _LETTERS // max(widths))
+        panel.legend(handles=handles, loc="outside lower left", ncols=columns, frameon=False)
 
 
 def _finish(canvas: "FigureBase", lang: str) -> None:
