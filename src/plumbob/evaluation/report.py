@@ -297,21 +297,15 @@ def _samples(e: "Evaluation") -> dict[str, Any]:
 
 def _alignment(e: "Evaluation") -> dict[str, Any]:
     a = e.alignment
+    found: dict[str, Any] = {"time": None, "mounting": None}
+    if a.time is not None:
+        found["time"] = {"offset_s": a.time.offset, "correlation": a.time.correlation}
+        found["time"] |= {"rival_correlation": a.time.rival, "rival_offset_s": a.time.rival_at}
+    if a.mounting is not None:
+        angle = to_deg(float(quat_angle(IDENTITY, a.mounting)))
+        found["mounting"] = {"q_re_wxyz": a.mounting.tolist(), "angle_deg": angle}
     return {
-        "time": None
-        if a.time is None
-        else {
-            "offset_s": a.time.offset,
-            "correlation": a.time.correlation,
-            "rival_correlation": a.time.rival,
-            "rival_offset_s": a.time.rival_at,
-        },
-        "mounting": None
-        if a.mounting is None
-        else {
-            "q_re_wxyz": a.mounting.tolist(),
-            "angle_deg": to_deg(float(quat_angle(IDENTITY, a.mounting))),
-        },
+        **found,
         "heading_deg": None if a.heading is None else to_deg(a.heading),
         "tilt_spread_deg": None if a.tilt_spread is None else to_deg(a.tilt_spread),
     }

@@ -5,6 +5,7 @@ serves a light page, a dark page and paper.
 """
 
 import io
+import logging
 import re
 import warnings
 from collections.abc import Iterator, Sequence
@@ -124,6 +125,8 @@ def _canvas(height: float, lang: str, *, salt: str = "picture", embedded: bool =
         from matplotlib.figure import Figure as Canvas
     except ImportError as error:
         raise MissingExtraError('plots need matplotlib: pip install "plumbob[plot]".') from error
+    fonts = logging.getLogger("matplotlib.font_manager")
+    level = fonts.level
     with mpl.rc_context(), warnings.catch_warnings():
         mpl.rcdefaults()
         params: Any = mpl.rcParams
@@ -131,7 +134,11 @@ def _canvas(height: float, lang: str, *, salt: str = "picture", embedded: bool =
         if lang == "zh":
             params["font.family"] = _chinese_font(embedded)
             warnings.filterwarnings("ignore", "Glyph .* missing from font")  # the reader of an SVG has another font
-        yield Canvas(figsize=(_WIDTH, height), layout="constrained")
+            fonts.setLevel(logging.ERROR)  # many of these fonts have one weight, which it would tell
+        try:
+            yield Canvas(figsize=(_WIDTH, height), layout="constrained")
+        finally:
+            fonts.setLevel(level)
 
 
 def _chinese_font(embedded: bool) -> list[str]:
