@@ -61,6 +61,12 @@ def test_a_detail_is_folded_on_the_page_and_in_the_text_only_where_asked():
     assert "<details><summary>Curve</summary><div class='scroll'><table><thead>" in report.page()
 
 
+def test_a_long_table_comes_after_the_figures_of_a_page_and_is_folded():
+    table = Table("Curve", ["n"], [[str(i)] for i in range(21)])
+    page = Report("Title", tables=[table], figures=[Figure("Line", line)]).page()
+    assert page.index("</figure>") < page.index("<details><summary>Curve</summary>")
+
+
 def test_words_that_are_too_long_stand_below_their_row():
     rows = [["a", "1", "x" * 90], ["b", "22", "short"]]
     table = Table("", ["", "n", "remark"], rows, words=(2,))

@@ -1,6 +1,7 @@
 """A report as a page: one HTML file with figures that opens anywhere, without network and without scripts."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from html import escape
 from itertools import count
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from plumbob.report.style import LANGUAGES, said
 if TYPE_CHECKING:
     from plumbob.report.report import Figure, Report, Table
 
+_LONG = 20  # rows of a titled table that is not folded away
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
@@ -32,16 +34,16 @@ def page(report: "Report", *, lang: str = "en") -> str:
 
 
 def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> Iterator[str]:
-    shown = [table for table in report.tables if not table.detail]
-    yield from (_table(table, lang) for table in shown)
+    folded = [table for table in report.tables if table.detail or (table.title and len(table.rows) > _LONG)]
+    yield from (_table(table, lang) for table in report.tables if table not in folded)
     if depth > 1:
         yield _facts(report, lang)
     if report.remarks:
         yield f"<ul class='note'>{''.join(f'<li>{escape(remark)}</li>' for remark in report.remarks)}</ul>"
     yield from (_figure(figure, lang, f"{next(number)}") for figure in report.figures)
-    for table in report.tables:
-        if table.detail:
-            yield f"<details><summary>{escape(said(table.title, lang))}</summary>{_table(table, lang)}</details>"
+    for table in folded:
+        inside = _table(replace(table, title=""), lang)
+        yield f"<details><summary>{escape(said(table.title, lang))}</summary>{inside}</details>"
     for part in report.parts:
         yield f"<section><h{min(depth + 1, 6)}>{escape(said(part.title, lang))}</h{min(depth + 1, 6)}>"
         yield from _body(part, lang, number, depth=depth + 1)
@@ -75,7 +77,7 @@ def _table(table: "Table", lang: str) -> str:
     rows = "".join(
         f"<tr>{''.join(cell(n, i, value) for i, value in enumerate(row))}</tr>" for n, row in enumerate(table.rows)
     )
-    title = f"<caption>{escape(said(table.title, lang))}</caption>" if table.title and not table.detail else ""
+    title = f"<caption>{escape(said(table.title, lang))}</caption>" if table.title else ""
     head = f"<thead><tr>{names}</tr></thead>" if any(table.head) else ""
     return f"<div class='scroll'><table>{title}{head}<tbody>{rows}</tbody></table></div>"
 
