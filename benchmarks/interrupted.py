@@ -135,7 +135,7 @@ def cases(inputs: Path) -> dict[str, Case]:
         "run .csv": Case("run {}/sea.parquet --filter mahony --out a.csv", {"a.csv": _table, "a.profile.toml": _table}),
         "eval": Case("eval {}/track.parquet {}/sea.parquet --html a.html", {"a.html": _page}),
         "allan": Case(
-            "allan {}/rest.parquet --html a.html --png a.png --card a.json --kalibr a.yaml",
+            "allan {}/rest.parquet --html a.html --plot a.png --card a.json --kalibr a.yaml",
             {"a.html": _page, "a.png": _png, "a.json": NoiseCard.load, "a.yaml": _yaml},
         ),
         "calibrate": Case(

@@ -5,13 +5,12 @@ import pytest
 
 from benchmarks.harness.room import room_of
 from plumbob.calibration.fit import CaptureRefusedError
-from plumbob.calibration.mag.windows import chained
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr, fit_turned_field
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
 from plumbob.evaluation.many.accuracy import read_trial
-from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_multiply
+from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply
 from tests.calibration.mag_scene import (
     DIP,
     STRENGTH,
@@ -38,7 +37,7 @@ def scene(seed, *, gain_sd=0.0, **motion):
 
 def turned(t, gyr):
     """Attitudes (N, 3, 3) from the axes of a body that starts at one to those of the start."""
-    return dcm_from_quat(chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis]))
+    return dcm_from_quat(quat_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis]))
 
 
 @pytest.mark.parametrize("gain_sd", [0.0, GAIN_SD])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from certificate_samples import acc_calibration, covariance, mag_calibration
 
-from plumbob.calibration.certificate.rows import sensing_axes
+from plumbob.calibration.report import sensing_axes
 from plumbob.core.units import deg
 
 EPS = np.finfo(float).eps

@@ -99,7 +99,7 @@ def test_benchmark_scenario(tmp_path):
     )
     result = json.loads(ok(*words, "--json").stdout)
     assert len(result["seeds"]["mahony"]["roll"]["max_abs_deg"]) == 2
-    assert "largest error" in ok(*words).stdout
+    assert "largest median" in ok(*words).stdout
 
 
 def test_benchmark_of_the_arm_paper_s_rows(capsys):

@@ -105,7 +105,7 @@ def test_other_deviations(files):
 def test_before_and_after(files):
     page, picture = files / "change.html", files / "change.png"
     words = ("allan", files / "one.txt", "--after", files / "smooth.txt", *NUMBERS)
-    text = ok(*words, "--html", page, "--png", picture).stdout
+    text = ok(*words, "--html", page, "--plot", picture).stdout
     assert "time constant of 0.1 s" in text or "time constant of 0.0" in text
     assert "no slope or coefficient may be read off" in " ".join(text.split())
     assert page.read_text(encoding="utf-8").count("<svg") == 1
@@ -121,7 +121,7 @@ def test_cards_pages_and_imu_yaml(files):
     ok("sim", "static", "--frame", "NED", "--sensors", "mpu6000", "--unit", "random", "--rate", "50Hz",
        "--duration", "120s", "--out", recording)  # fmt: skip
     card, yaml, page, picture = (files / f"noise.{suffix}" for suffix in ("json", "yaml", "html", "png"))
-    outputs = ("--card", card, "--kalibr", yaml, "--html", page, "--png", picture)
+    outputs = ("--card", card, "--kalibr", yaml, "--html", page, "--plot", picture)
     told = ok("allan", recording, *outputs, "--device", "unit 7").stdout
     assert all(str(path) in told for path in (card, yaml, page, picture))
     noise = NoiseCard.load(card)
@@ -130,7 +130,9 @@ def test_cards_pages_and_imu_yaml(files):
     assert from_si(noise.gyr.n_rpsd, "deg/s/rtHz") == pytest.approx([0.005] * 3, rel=0.04)
     assert from_si(noise.acc.n_rpsd, "ug/rtHz") == pytest.approx([400.0] * 3, rel=0.04)
     assert "gyroscope_noise_density: 8." in yaml.read_text(encoding="utf-8")
-    assert "Noise of unit 7" in page.read_text(encoding="utf-8")
+    assert "<dt>device</dt><dd>unit 7</dd>" in page.read_text(encoding="utf-8")
+    ok("allan", recording, "--html", page, "--lang", "zh", "--force")
+    assert "噪声数据表" in page.read_text(encoding="utf-8")
     report = json.loads(
         ok("run", recording, "--filter", "mekf", "--params", "mag=off", "--noise", card, "--json").stdout
     )
@@ -148,10 +150,11 @@ def test_cards_pages_and_imu_yaml(files):
         ("--after smooth.txt --html x.html --device A", "does not go with --device"),
         ("--paper fin --json", "does not go with --json"),
         ("--paper fin --curve", "does not go with --curve"),
-        ("--device A --png x.png", "--device is for --card or --html"),
+        ("--device A --plot x.png", "--device is for --card or --html"),
         ("--topic /imu1", "--topic is for --kalibr"),
         ("--triads gyr", "holds plain numbers, but --triads is for recordings"),
-        ("--png x.svg", "--png needs a name that ends in .png"),
+        ("--plot x.jpg", "--plot needs a name that ends in .svg or .png or .pdf"),
+        ("--lang zh", "--lang is for --html or --plot, which is not given"),
         ("--html x.png", "--html needs a name that ends in .html or .htm"),
         ("--card none/x.json", "there is no folder none"),
         ("--kalibr .", "is a folder"),
@@ -205,7 +208,7 @@ def test_the_fin_paper_s_table(files):
 )
 def test_what_is_no_static_record_gets_a_word_and_no_picture(tmp_path, values, words):
     np.save(tmp_path / "x.npy", values)
-    told = refused("allan", tmp_path / "x.npy", "--rate", "100Hz", "--scale", "1", "--png", tmp_path / "x.png")
+    told = refused("allan", tmp_path / "x.npy", "--rate", "100Hz", "--scale", "1", "--plot", tmp_path / "x.png")
     assert words in told
     assert not (tmp_path / "x.png").exists()
 

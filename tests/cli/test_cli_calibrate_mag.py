@@ -116,7 +116,9 @@ def deployed(tmp_path_factory, unit):
 
 def test_a_unit_at_work_is_calibrated_in_use(deployed, unit, tmp_path):
     card = tmp_path / "card.json"
-    done = ok("calibrate", "mag", deployed, "--in-use", "--out", card, "--html", tmp_path / "card.html")
+    done = ok("calibrate", "mag", deployed, "--in-use", "--out", card, "--html", tmp_path / "card.html",
+              "--plot", tmp_path / "card.pdf")  # fmt: skip
+    assert (tmp_path / "card.pdf").read_bytes().startswith(b"%PDF")
     assert "Fitted in use, as asked for" in done.stdout
     assert "150 windows of 4 s in 10 min" in done.stdout
     found = CalibrationCard.load(card).mag

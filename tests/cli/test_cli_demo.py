@@ -65,7 +65,7 @@ def test_the_unit_is_calibrated_as_it_was_drawn(unit, tmp_path):
 def test_a_small_sea_is_recorded_as_it_was_sent(small, tmp_path):
     done = small(seconds=20.0)  # a start in waves takes some seconds until it is scored
     assert done.returncode == 0, done.stderr
-    assert "rms error, degrees" in done.stdout
+    assert "RMSE [°]" in done.stdout
     assert str(tmp_path / "report.html") in done.stdout
     assert "<svg" in (tmp_path / "report.html").read_text()
     assert "2000 live attitudes come out again, every bit" in done.stdout

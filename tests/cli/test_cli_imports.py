@@ -19,8 +19,8 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="the system cann
 PACKAGES = ("h5py", "lz4", "matplotlib", "mcap", "numba", "numpy", "pandas", "pyarrow", "pygeomag", "rich", "scipy",
             "serial", "zstandard")  # fmt: skip
 ROOMS = ("acquisition.serial_line", "acquisition.sockets", "acquisition.timing.timebase", "calibration",
-         "calibration.certificate", "data.cards.calibration", "evaluation", "evaluation.many", "files.mcap", "filters",
-         "noise", "noise.datasheet", "protocols", "report", "session.stream", "simulation",
+         "data.cards.calibration", "evaluation", "evaluation.many", "files.mcap", "filters",
+         "noise", "protocols", "report.drawing", "session.stream", "simulation",
          "simulation.rigs.rig")  # fmt: skip
 PARTS = ("scipy.fft", "scipy.interpolate", "scipy.io", "scipy.optimize", "scipy.signal", "scipy.special", "scipy.stats",
          "pyarrow.csv", "pyarrow.parquet")  # fmt: skip
@@ -83,12 +83,12 @@ LINES = {
     "rest": (["sim", "static", *SIM, "random", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
     "allan": (
         ["allan", "rest.parquet", "--triads", "gyr"],
-        READ | {"data.cards.calibration", "noise", "noise.datasheet", "numba", "report", "scipy", "scipy.fft",
+        READ | {"data.cards.calibration", "noise", "numba", "scipy", "scipy.fft",
                 "scipy.interpolate", "scipy.optimize", "scipy.special"},
     ),
     "calibrate": (
         ["calibrate", "gyro", "rest.parquet", "--method", "rest"],
-        READ | {"calibration", "data.cards.calibration", "calibration.certificate", "numba", "report"},
+        READ | {"calibration", "data.cards.calibration", "numba"},
     ),
     "emulate": (
         ["emulate", "buoy", "--seed", "1", "--duration", "3s", "--write", "sea.bin"],

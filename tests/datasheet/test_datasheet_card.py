@@ -10,8 +10,7 @@ from plumbob import Filter, Frame, NoiseCard
 from plumbob.core.errors import ShapeError, UnitError
 from plumbob.core.units import Quantity, to_si
 from plumbob.filters import mekf
-from plumbob.noise.datasheet import noise_card
-from plumbob.noise.datasheet.card import card_text
+from plumbob.noise.card import card_report, noise_card
 from plumbob.noise.findings import Coefficient, Estimates, Mask
 from plumbob.simulation.errors import TriadErrors
 
@@ -41,7 +40,7 @@ def test_it_comes_with_its_intervals(plain, tmp_path):
     again = NoiseCard.load(tmp_path / "noise.json").gyr
     for letter, ends in zip("NBK", (again.n_interval, again.b_interval, again.k_interval), strict=True):
         assert ends.T.tolist() == [[a.terms[letter].lo, a.terms[letter].hi] for a in plain]
-    assert "68.3 %" in card_text(card)
+    assert "68.3 %" in card_report(card).text()
 
 
 def test_what_is_not_observable_is_as_likely_and_its_limit_is_told(plain):

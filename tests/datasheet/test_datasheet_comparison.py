@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from plumbob.core.units import Quantity, dps
 from plumbob.noise import Compared, compare
-from plumbob.noise.datasheet import compared_as_dict, compared_text, write_comparison, write_comparison_png
+from plumbob.noise.report import comparison, comparison_numbers
 from tests.battery.pages import HOSTILE, PageBattery
 
 
@@ -22,10 +22,8 @@ def found():
 
 
 @pytest.fixture(scope="module")
-def text(found, tmp_path_factory):
-    path = tmp_path_factory.mktemp("comparison") / "page.html"
-    hostile = [found[0]._replace(name=HOSTILE)]
-    return write_comparison(path, hostile, title=HOSTILE, facts={HOSTILE: HOSTILE}).read_text(encoding="utf-8")
+def text(found):
+    return comparison([found[0]._replace(name=HOSTILE)], facts=[(HOSTILE, HOSTILE)]).page()
 
 
 class TestComparisonPage(PageBattery):
@@ -33,9 +31,9 @@ class TestComparisonPage(PageBattery):
 
 
 def test_the_table_has_both_deviations_and_their_ratio(found):
-    lines = compared_text(found).splitlines()
-    assert lines[0].startswith("gyr x: oadev in °/h")
-    row = next(line.split() for line in lines if line.split()[0] == "0.100")
+    lines = comparison(found).text().splitlines()
+    assert lines[2:5] == ["gyr x", "", "oadev [°/h], ratio with its 68.3 % interval"]
+    row = next(line.split() for line in lines if line.startswith("0.100"))
     before, after, ratio = map(float, row[1:4])
     assert before == pytest.approx(360.0, rel=0.02)
     assert ratio == pytest.approx(after / before, rel=0.01)
@@ -44,7 +42,7 @@ def test_the_table_has_both_deviations_and_their_ratio(found):
 
 
 def test_the_dictionary_is_strict_json(found):
-    one = compared_as_dict(found)["gyr x"]
+    one = comparison_numbers(found)["gyr x"]
     assert json.loads(json.dumps(one, allow_nan=False)) == one
     assert one["time_constant_s"] == pytest.approx(1.0, rel=0.05)
     assert one["bent_below_s"] == pytest.approx(10.0 * one["time_constant_s"])
@@ -52,5 +50,5 @@ def test_the_dictionary_is_strict_json(found):
 
 
 def test_the_picture(found, tmp_path):
-    picture = write_comparison_png(tmp_path / "x.png", found)
+    picture = comparison(found).plot(tmp_path / "x.png")
     assert picture.read_bytes()[:4] == b"\x89PNG"

@@ -8,8 +8,7 @@ import pytest
 from plumbob.core.errors import ShapeError
 from plumbob.core.text import measured
 from plumbob.core.units import from_si, to_si
-from plumbob.noise.datasheet import fin_report, fin_section
-from plumbob.noise.datasheet.fin import DURATION, TABLE, averaging_time, percent_error
+from plumbob.noise.fin import DURATION, TABLE, averaging_time, fin_report, percent_error
 from plumbob.noise.findings import Coefficient, Estimates
 from tests.battery.pages import Outline
 
@@ -59,8 +58,8 @@ def gyro(plain):
 
 
 def test_our_own_record_is_read_as_the_paper_reads(gyro):
-    report = fin_report(gyro)
-    own = report[: report.index("as printed")]
+    report = fin_report(gyro).text()
+    own = report[: report.index("As printed")]
     assert own.count("6.299 % 1.732 s") == 3
     assert own.count("4.778 % 1 s") == 3
     assert own.count("4.40 ± 0.28") == 3  # 6.299 % of 4.4
@@ -70,7 +69,7 @@ def test_our_own_record_is_read_as_the_paper_reads(gyro):
 
 
 def test_the_paper_is_reprinted_with_its_misprints_marked(gyro):
-    report = " ".join(fin_report(gyro).split())
+    report = " ".join(fin_report(gyro).text().split())
     for entry in TABLE:
         assert f"{entry.axis} {entry.value} ± {entry.error} {100.0 * entry.relative:.3f} %" in report
         assert entry.remark in report
@@ -87,21 +86,21 @@ def test_the_paper_is_reprinted_with_its_misprints_marked(gyro):
 
 
 def test_a_term_without_a_line_and_a_record_too_short_are_dashes(plain):
-    report = fin_report(plain)  # whose lines give no Q
-    assert report.splitlines()[3].split() == ["Q", "[arcsec]", "-", "-", "-"]
+    report = fin_report(plain).text()  # whose lines give no Q
+    assert report.splitlines()[4].split() == ["Q", "[arcsec]", "-", "-", "-"]
     short = [replace(a, curve=replace(a.curve, count=150)) for a in plain]
-    assert fin_report(short).splitlines()[4].split()[-3:] == ["-", "-", "-"]
+    assert fin_report(short).text().splitlines()[5].split()[-3:] == ["-", "-", "-"]
 
 
 def test_it_is_about_a_gyroscope(analyses, gyro):
-    assert fin_report([*analyses[3:], *gyro]) == fin_report(gyro)
+    assert fin_report([*analyses[3:], *gyro]).text() == fin_report(gyro).text()
     with pytest.raises(ShapeError, match="about a gyroscope, but no channel is in rad/s"):
         fin_report(analyses[3:])
 
 
 def test_lines_fit_a_terminal_and_the_section_a_page(gyro):
-    assert max(map(len, fin_report(gyro).splitlines())) <= 80
-    section = fin_section(gyro)
+    assert max(map(len, fin_report(gyro).text().splitlines())) <= 80
+    section = fin_report(gyro).page()
     Outline(section)
     assert "4.40 ± 0.28" in section
     assert section.count("ten times too large") == 2

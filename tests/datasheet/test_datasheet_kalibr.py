@@ -8,7 +8,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity
-from plumbob.noise.datasheet import kalibr_yaml
+from plumbob.noise.card import kalibr_yaml
 from plumbob.noise.findings import Coefficient, Estimates
 
 # YAML 1.1 takes a number with exponent for a number only if it has a point and a signed exponent (yaml.org/type/float)

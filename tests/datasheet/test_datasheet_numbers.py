@@ -6,7 +6,7 @@ import pytest
 
 from plumbob.core.text import measured, number
 from plumbob.core.units import to_si
-from plumbob.noise.datasheet import numbers
+from plumbob.noise import report
 from plumbob.noise.findings import Coefficient
 
 
@@ -51,18 +51,18 @@ def test_a_bare_number_has_the_digits_asked_for(value, digits, text):
 
 def test_a_coefficient_is_written_in_the_unit_of_a_data_sheet():
     c = Coefficient(*(to_si(v, "deg/rth") for v in (0.3, 0.299, 0.301)))
-    assert numbers.coefficient(c, "deg/rth") == "0.3000 ± 0.0010"
-    assert numbers.verdict(c, "deg/rth") == "0.3000 ± 0.0010 °/√h"
+    assert report.coefficient(c, "deg/rth") == "0.3000 ± 0.0010"
+    assert report.verdict(c, "deg/rth") == "0.3000 ± 0.0010 °/√h"
 
 
 def test_what_is_not_observable_is_a_limit_and_a_length_of_record():
     c = Coefficient(0.0, upper=to_si(3.2, "deg/h"), observable=False, hours=12.3)
-    assert numbers.coefficient(c, "deg/h") == "< 3.2"
+    assert report.coefficient(c, "deg/h") == "< 3.2"
     longer = "to show half of it takes a record of"
-    assert numbers.verdict(c, "deg/h") == f"not observable; < 3.2 °/h (95 %); {longer} 12 h"
+    assert report.verdict(c, "deg/h") == f"not observable; < 3.2 °/h (95 %); {longer} 12 h"
     without = Coefficient(0.0, observable=False)
-    assert numbers.coefficient(without, "deg/h") == "not observable"
-    assert numbers.verdict(without, "deg/h") == f"not observable; {longer} more than a year"
+    assert report.coefficient(without, "deg/h") == "not observable"
+    assert report.verdict(without, "deg/h") == f"not observable; {longer} more than a year"
 
 
 @pytest.mark.parametrize(
@@ -70,4 +70,4 @@ def test_what_is_not_observable_is_a_limit_and_a_length_of_record():
     [(0.0, "0 s"), (3.0, "3.0 s"), (119.0, "120 s"), (200.0, "3.3 min"), (7200.0, "2.0 h"), (4.4e6, "1200 h")],
 )
 def test_lengths_of_time_have_two_digits(seconds, text):
-    assert numbers.length(seconds) == text
+    assert report.length(seconds) == text

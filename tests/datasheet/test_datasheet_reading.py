@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from plumbob.noise.curve import Curve
-from plumbob.noise.datasheet.numbers import lowest, noise_name, points, rows, shown
 from plumbob.noise.findings import Coefficient, Estimates, Mask
+from plumbob.noise.report import lowest, noise_name, points, shown, thinned_rows
 
 
 def curve(dev, half, n=None):
@@ -59,11 +59,11 @@ def test_without_a_least_deviation_b_has_no_place(channel):
 def test_long_curves_are_cut_to_some_rows_spread_over_all(channel):
     n = np.arange(1, 50_001)
     long = curve(np.ones(n.size), np.ones(n.size), n=n)
-    use = rows(long, 40)
+    use = thinned_rows(long, 40)
     assert use.size <= 40
     assert (use[0], use[-1]) == (0, n.size - 1)
     assert np.diff(np.log(n[use])).max() <= math.log(2.0)
-    assert np.array_equal(rows(curve([1, 2, 3], [1, 1, 1]), 40), [0, 1, 2])
+    assert np.array_equal(thinned_rows(curve([1, 2, 3], [1, 1, 1]), 40), [0, 1, 2])
 
 
 def test_noise_has_names():

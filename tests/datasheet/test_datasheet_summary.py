@@ -5,30 +5,30 @@ import math
 
 import numpy as np
 
-from plumbob.noise.datasheet import as_dict
+from plumbob.noise.report import numbers
 
 
 def test_it_is_strict_json(analyses, bare):
-    found = as_dict([*analyses, bare])
+    found = numbers([*analyses, bare])
     assert json.loads(json.dumps(found, allow_nan=False)) == found
     assert list(found) == [a.name for a in [*analyses, bare]]
 
 
 def test_numbers_stand_under_their_units(analyses):
-    n = as_dict(analyses)["gyr x"]["coefficients"]["N"]
+    n = numbers(analyses)["gyr x"]["coefficients"]["N"]
     assert n["name"] == "white noise"
     # 0.3 °/√h is 0.3/60 °/s/√Hz, that is 8.7266e-5 rad/s/√Hz
     assert math.isclose(n["value"]["rad/s/rtHz"], math.radians(0.3 / 60.0), rel_tol=1e-12)
     assert math.isclose(n["value"]["deg/rth"], 0.3, rel_tol=1e-12)
     assert math.isclose(n["hi"]["deg/rth"], 0.3 * 1.004, rel_tol=1e-12)
-    q = as_dict(analyses)["acc z"]["coefficients"]["Q"]
+    q = numbers(analyses)["acc z"]["coefficients"]["Q"]
     assert set(q["upper"]) == {"m/s", "mm/s"}
     assert math.isclose(q["upper"]["m/s"], 1e-3 * q["upper"]["mm/s"], rel_tol=1e-12)
     assert (q["observable"], q["hours"]) == (False, None)
 
 
 def test_everything_is_there(analyses):
-    a, found = analyses[0], as_dict(analyses)["gyr x"]
+    a, found = analyses[0], numbers(analyses)["gyr x"]
     assert (found["samples"], found["duration_s"], found["dt_s"]) == (20_000, 200.0, 0.01)
     assert list(found["methods"]) == ["lines", "least squares", "likelihood"]
     assert found["methods"]["lines"]["N"]["lo"] == {"rad/s/rtHz": None, "deg/rth": None}  # the method gives none
@@ -48,4 +48,4 @@ def test_everything_is_there(analyses):
 
 
 def test_bare_numbers_have_one_unit_where_both_are_the_same(bare):
-    assert as_dict([bare])["column"]["mean"] == {"1": bare.mean}
+    assert numbers([bare])["column"]["mean"] == {"1": bare.mean}

@@ -8,10 +8,13 @@ import pytest
 
 from plumbob.core.text import measured, number
 from plumbob.core.units import from_si, to_si
-from plumbob.noise.datasheet import text
-from plumbob.noise.datasheet.numbers import coefficient, lowest, noise_name
 from plumbob.noise.findings import Coefficient, Estimates, Sinusoid
+from plumbob.noise.report import coefficient, datasheet, lowest, noise_name
 from plumbob.noise.terms import DATASHEET
+
+
+def text(analyses, *details):
+    return datasheet(analyses).text(*details)
 
 
 def row(table, label):
@@ -20,13 +23,13 @@ def row(table, label):
 
 def test_axes_stand_side_by_side_with_intervals(analyses):
     table = text(analyses)
-    assert "gyroscope: 3.3 min at 100 Hz, 20000 samples" in table
+    assert "record      3.3 min at 100 Hz, 20000 samples" in table
     gyr, acc = analyses[:3], analyses[3:]
     for of, label, letter in ((gyr, "N white noise [°/√h]", "N"), (gyr, "B bias instability [°/h]", "B")):
         cells = [coefficient(a.terms[letter], DATASHEET[a.quantity][letter]) for a in of]
         assert row(table, label).split("]")[1].split() == " ".join(cells).split()
     assert "300.0 ± 1.2" in row(table, "N white noise [µg/√Hz]")  # planted in the fixture
-    assert f"{number(from_si(acc[2].sd, 'ug'), 4)}" in table.split("accelerometer")[1]
+    assert f"{number(from_si(acc[2].sd, 'ug'), 4)}" in table.split("Accelerometer")[1]
 
 
 def test_another_coefficient_is_another_number(analyses):
@@ -74,9 +77,10 @@ def test_the_floor_is_no_least_value(analyses):
 
 def test_methods_and_models_on_demand(analyses):
     assert "by method" not in text(analyses)
-    table = text(analyses[:1], methods=True)
-    head = row(table, "x by method").split()
-    assert head == ["x", "by", "method", "lines", "least", "squares", "likelihood"]
+    table = text(analyses[:1], "methods")
+    assert "\nCoefficients by method\n" in table
+    head = table.split("Coefficients by method\n")[1].splitlines()[0]
+    assert re.split(r"\s{2,}", head.strip()) == ["lines", "least squares", "likelihood"]
     assert row(table, "K [°/h/√h]").split()[2:] == ["-", "24.0", "20.0", "±", "7.0"]
     assert row(table, "N B  ").split() == ["N", "B", "34.2"]  # −1200.25 + 1234.5, and the other is chosen
     assert row(table, "N B K").split() == ["N", "B", "K", "0.0", "chosen"]
@@ -84,8 +88,8 @@ def test_methods_and_models_on_demand(analyses):
 
 def test_the_curve_on_demand(analyses):
     a = analyses[3]
-    table = text([a], curve=True)
-    assert "oadev in µg, interval of 68.3 %, IEEE Std 952 (disjoint averages) in %" in table
+    table = text([a], "curve")
+    assert re.search(r"\noadev \[µg\], 68\.3 % interval, \d+ of \d+ averaging times\nτ \[s\]", table)
     last = table.splitlines()[-1].split()
     expected = [number(float(a.curve.tau[-1]))]
     expected += [number(from_si(float(v[-1]), "ug"), 4) for v in (a.curve.dev, a.curve.lo, a.curve.hi)]
@@ -94,26 +98,26 @@ def test_the_curve_on_demand(analyses):
 
 
 def test_columns_grow_with_a_long_interval_and_stay_apart(bare):
-    lines = text([bare], methods=True).splitlines()
-    head, b = (next(line for line in lines if line.startswith(start)) for start in ("column by method", "B [1]"))
-    assert b.endswith(" 0.0200 +0.0018 -0.0014 0.0200 +0.0018 -0.0014")
+    lines = text([bare], "methods").splitlines()
+    head, b = (next(line for line in lines if line.lstrip().startswith(start)) for start in ("lines", "B [1]"))
+    assert b.endswith(" 0.0200 +0.0018 -0.0014  0.0200 +0.0018 -0.0014")
     assert len(head) == len(b)
 
 
-@pytest.mark.parametrize("options", [{}, {"methods": True, "curve": True}])
-def test_no_line_is_too_wide_and_nothing_is_nan(analyses, bare, options):
-    lines = text([*analyses, bare], **options).splitlines()
-    assert max(len(line) for line in text(analyses, **options).splitlines()) <= 80
+@pytest.mark.parametrize("details", [(), ("methods", "curve")])
+def test_no_line_is_too_wide_and_nothing_is_nan(analyses, bare, details):
+    lines = text([*analyses, bare], *details).splitlines()
+    assert max(len(line) for line in text(analyses, *details).splitlines()) <= 80
     assert not re.search(r"\b(nan|inf)\b", "\n".join(lines))
 
 
 def test_bare_numbers_have_bare_units(bare):
     table = text([bare])
-    assert table.startswith("column: 3.0 s at 100 Hz, 300 samples")
+    assert "record      3.0 s at 100 Hz, 300 samples" in table
     assert "N white noise [1/√Hz]" in table
     assert "B bias instability [1]" in table
     sinusoid = Sinusoid(0.5, 0.02, 12.5, 0.0004, 0.01)
-    told = " ".join(text([replace(bare, step=1.0, sinusoids=(sinusoid,))], curve=True).split())
+    told = " ".join(text([replace(bare, step=1.0, sinusoids=(sinusoid,))], "curve").split())
     assert "values are multiples of 1.000, whose" in told
     assert "sinusoid of 0.500 ± 0.020 at" in told
-    assert "column: oadev, interval of" in told
+    assert "oadev, 68.3 % interval" in told

@@ -6,7 +6,7 @@ import pytest
 
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import Quantity
-from plumbob.noise.datasheet.numbers import triads
+from plumbob.noise.report import triads
 
 
 def test_axes_of_one_name_are_a_triad(analyses, bare):

@@ -57,6 +57,16 @@ def test_a_page_has_the_name_of_a_page(files, capsys, name):
     assert not (files / name).exists()
 
 
+def test_page_and_figures_in_chinese(files, capsys):
+    words = ("estimate.parquet", "truth.parquet", "--html", "page.html", "--plot", "figures.svg", "--lang", "zh")
+    code, out, _ = run(capsys, *words)
+    assert code == 0
+    assert out.splitlines()[-2:] == ["page         page.html", "figures      figures.svg"]
+    assert "总误差</th>" in (files / "page.html").read_text(encoding="utf-8")
+    assert ">总误差 [°]</text>" in (files / "figures.svg").read_text(encoding="utf-8")
+    assert "--lang is for --html or --plot" in refused(capsys, "estimate.parquet", "truth.parquet", "--lang", "zh")
+
+
 def test_a_page_does_not_replace_an_input(files, capsys):
     before = (files / "truth.parquet").read_bytes()
     assert "is an input" in refused(capsys, "estimate.parquet", "truth.parquet", "--html", "./truth.parquet")

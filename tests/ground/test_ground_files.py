@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from plumbob import files as formats
-from plumbob.calibration import certificate
 from plumbob.calibration.rate_table import read_plan
+from plumbob.calibration.report import certificate
 from plumbob.cli import common
 from plumbob.cli.main import main
 from plumbob.core import files
@@ -29,7 +29,8 @@ from plumbob.files.mcap.layout import pack
 from plumbob.files.profile_toml import load_profile
 from plumbob.files.text import read_spans
 from plumbob.protocols.find import find_format
-from plumbob.report.drawing import png
+from plumbob.report import Figure
+from plumbob.report.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North
 from plumbob.session.recorded import export
 from plumbob.session.session_toml import load_session
@@ -87,11 +88,11 @@ WRITERS = {
     "noise.json": lambda path, **how: noise_card().save(path, **how),
     "a.parquet": lambda path, **how: formats.write(path, imu(), **how),
     "a.csv": lambda path, **how: formats.write(path, imu(), **how),
-    "page.html": lambda path, **how: certificate.write_html(path, card(), {}, title="unit 7", facts={}, **how),
-    "a.png": lambda path, **how: png(path, lambda figure: None, height=1.0, **how),
-    "a.tum": lambda path, **how: export(both(), path, **how),
-    "a.txt": lambda path, **how: export(both(), path, **how),
-    "a.mcap": lambda path, **how: export(both(), path, **how),
+    "page.html": lambda path, **how: certificate(card(), {}).write_html(path, **how),
+    "a.png": lambda path, **how: picture(path, [Figure("", lambda canvas: None, height=1.0)], **how),
+    "a.tum": lambda path, **how: export(path, both(), **how),
+    "a.txt": lambda path, **how: export(path, both(), **how),
+    "a.mcap": lambda path, **how: export(path, both(), **how),
 }
 
 

@@ -11,6 +11,7 @@ from plumbob.rotations import (
     IDENTITY,
     dcm_from_quat,
     quat_angle,
+    quat_chained,
     quat_conjugate,
     quat_from_rotvec,
     quat_from_xyzw,
@@ -163,3 +164,11 @@ class TestSlerp:
     def test_half_turn_apart_goes_one_of_the_two_ways(self):
         middle = quat_slerp(IDENTITY, [0.0, 0.0, 1.0, 0.0], 0.5)
         assert abs(quat_angle(middle, IDENTITY) - np.pi / 2) <= PRODUCT
+
+
+def test_chained_rotations_are_their_product_in_order():
+    turns = np.random.default_rng(3).normal(size=(13, 3))
+    q = np.array([1.0, 0.0, 0.0, 0.0])
+    for i, turn in enumerate(turns, start=1):
+        q = quat_multiply(q, quat_from_rotvec(turn))
+        assert quat_chained(turns)[i] == pytest.approx(q, abs=1e-14)

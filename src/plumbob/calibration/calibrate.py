@@ -10,12 +10,12 @@ from plumbob.calibration.calibration import Capture, capture, capture_of, card_o
 from plumbob.core import check
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, FrameError, ParameterError
-from plumbob.core.text import Shown
 from plumbob.core.units import Quantity, given
 from plumbob.data import ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.files import Recording
+from plumbob.report import Report, Reported
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ Value = float | str | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Calibrated(Shown):
+class Calibrated(Reported):
     """What a calibration found.
 
     Attributes
@@ -54,24 +54,17 @@ class Calibrated(Shown):
         """Write the card; errors as of `CalibrationCard.save`."""
         self.card.save(path, overwrite=overwrite)
 
-    def text(self) -> str:
-        """Certificate as text."""
-        from plumbob.calibration import certificate
+    def report(self, *, recording: str = "") -> Report:
+        """Certificate, which names the recording where one is given."""
+        from plumbob.calibration.report import certificate
 
-        return certificate.text(self.card, self.fits)
+        return certificate(self.card, self.fits, recording=recording)
 
     def summary(self) -> dict[str, Any]:
         """All figures, as JSON can hold them."""
-        from plumbob.calibration import certificate
+        from plumbob.calibration.report import numbers
 
-        return certificate.as_dict(self.card, self.fits)
-
-    def write_html(self, path: str | Path, *, recording: str = "capture", overwrite: bool = False) -> None:
-        """Write the certificate as a page with figures, a single file that opens offline."""
-        from plumbob.calibration import certificate
-
-        title, facts = f"Calibration of {self.card.device}", {"recording": recording}
-        certificate.write_html(Path(path), self.card, self.fits, title=title, facts=facts, overwrite=overwrite)
+        return numbers(self.card, self.fits)
 
 
 def calibrate(

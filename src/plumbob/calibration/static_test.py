@@ -1,10 +1,8 @@
 """The static test of the buoy paper [Yu2018]: a unit at rest in many poses beside a reference, and its page."""
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from html import escape
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,26 +10,24 @@ import numpy as np
 from plumbob.calibration.fit import CaptureRefusedError, Reason, mean_of_whole
 from plumbob.calibration.static_periods import stills
 from plumbob.core.check import Floats
-from plumbob.core.files import write_text
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
 from plumbob.evaluation import evaluate
 from plumbob.evaluation.evaluation import Evaluation
-from plumbob.evaluation.metrics import Stats
 from plumbob.filters.offline import Stage, run_stage
-from plumbob.report import SERIES, SOFT, document, figure, html_table, svg
+from plumbob.report import SERIES, SOFT, Figure, Report, Reported, Table
 from plumbob.rotations import euler_zyx_from_quat, quat_mean
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
 
 ANGLES: Final = ("yaw", "pitch", "roll")
 
 
-@dataclass(frozen=True, eq=False)
-class StaticTest:
+@dataclass(frozen=True, eq=False, repr=False)
+class StaticTest(Reported):
     """Result of a static test of M rests.
 
     Attributes
@@ -76,31 +72,52 @@ class StaticTest:
                 {"from_s": first, "to_s": last, "reference_deg": _degrees(ref), **_pair(before, after)}
                 for (first, last), ref, before, after in rows
             ],
-            "summary": {name: _summary(self.before.stats.get(name), self.after.stats.get(name)) for name in ANGLES},
+            "summary": self._summary(),
             "remarks": list(self.remarks),
         }
 
-    def text(self) -> str:
-        """Table of the rests, largest errors and root mean squares below, degrees."""
-        return "\n".join(_lines(self))
+    def facts(self) -> Mapping[str, str]:
+        """Rests, and the root mean square of each error that is left, degrees."""
+        errors = {name: f"{to_deg(s.rmse):.2f}°" for name in ANGLES if (s := self.after.stats.get(name))}
+        return {"rests": str(len(self.spans))} | errors
+
+    def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+        """Errors of all rests, the largest and the root mean square below; `facts` say where they come from."""
+        largest = [[name, *map(_cell, found.values())] for name, found in self._summary().items()]
+        values = to_deg(np.hstack((self.reference, self.errors("before"), self.errors("after")))).tolist()
+        rows = [
+            [str(i), f"{span.mean():.1f}", *map(_cell, row)]
+            for i, (span, row) in enumerate(zip(self.spans, values, strict=True), start=1)
+        ]
+        errors = ["", "max |e| before", "max |e| after", "rms before", "rms after"]
+        head = ["rest", "at [s]", *ANGLES, "before yaw", *ANGLES[1:], "after yaw", *ANGLES[1:]]
+        return Report(
+            "Static test",
+            facts=facts,
+            tables=[
+                Table(f"Errors at rest [°], {len(self.spans)} rests", errors, largest),
+                Table("Attitude of the reference, errors before and after calibration [°]", head, rows),
+            ],
+            remarks=self.remarks,
+            figures=[_drawing(self)],
+            definitions=_DEFINITIONS,
+        )
+
+    def _summary(self) -> dict[str, dict[str, float | None]]:
+        """Largest error and root mean square of each angle, degrees."""
+        both = (("before", self.before), ("after", self.after))
+        return {
+            angle: {
+                f"{figure}_{which}_deg": to_deg(getattr(e.stats[angle], name)) if angle in e.stats else None
+                for figure, name in (("max", "max_abs"), ("rms", "rmse"))
+                for which, e in both
+            }
+            for angle in ANGLES
+        }
 
 
-def _lines(test: StaticTest) -> Iterator[str]:
-    yield f"Static test, {len(test.spans)} rests: errors of attitude against the reference [°]"
-    yield ""
-    yield f"{'':>4}{'at, s':>8}{'reference':^24}{'error before':^24}{'error after':^24}"
-    yield f"{'':12}{''.join(f'{name:>8}' for _ in range(3) for name in ANGLES)}"
-    numbers = np.hstack((test.reference, test.errors("before"), test.errors("after")))
-    for i, (span, row) in enumerate(zip(test.spans, numbers, strict=True), start=1):
-        yield f"{i:4d}{span.mean():8.1f}{''.join(map(_cell, row.tolist()))}"
-    for label, what in (("max |error|", "max_abs"), ("rms", "rmse")):
-        stats = [getattr(test, which).stats.get(name) for which in ("before", "after") for name in ANGLES]
-        yield f"{label:36}{''.join(_cell(math.nan if s is None else getattr(s, what)) for s in stats)}"
-    yield from test.remarks
-
-
-def _cell(angle: float) -> str:
-    return f"{to_deg(angle):z8.2f}" if math.isfinite(angle) else f"{'-':>8}"
+def _cell(angle: float | None) -> str:
+    return "-" if angle is None or not math.isfinite(angle) else f"{angle:z.2f}"
 
 
 def _degrees(angles: Floats) -> dict[str, float | None]:
@@ -109,15 +126,6 @@ def _degrees(angles: Floats) -> dict[str, float | None]:
 
 def _pair(before: Floats, after: Floats) -> dict[str, dict[str, float | None]]:
     return {"before_deg": _degrees(before), "after_deg": _degrees(after)}
-
-
-def _summary(before: Stats | None, after: Stats | None) -> dict[str, float | None]:
-    both = (("before", before), ("after", after))
-    return {
-        f"{figure}_{label}_deg": None if s is None else to_deg(getattr(s, name))
-        for figure, name in (("max", "max_abs"), ("rms", "rmse"))
-        for label, s in both
-    }
 
 
 FEWEST: Final = 2
@@ -203,48 +211,18 @@ def _too_few(rests: int, known: int) -> Reason:
 
 
 _BEFORE, _AFTER = SERIES[1], SERIES[0]
-_STYLE = ".scroll { margin-top: 1.75rem; }\n"
 _DEFINITIONS = (
     "At each rest the means of specific force and field give roll and pitch, then the heading of the field's level "
-    "part; errors are differences of ZYX Euler angles to the mean attitude of the reference over the same rest."
+    "part; errors are differences of ZYX Euler angles to the mean attitude of the reference over the same rest.",
 )
 
 
-def write_static_test(
-    path: str | Path, test: StaticTest, *, title: str, facts: Mapping[str, str], overwrite: bool = False
-) -> None:
-    """Write a self-contained page.
-
-    Parameters
-    ----------
-    path : path_like
-        File to write.
-    test : StaticTest
-        The result.
-    title : str
-        Of the page.
-    facts : mapping of str to str
-        Provenance as name and value; any text is safe.
-    overwrite : bool
-        Whether a file that lies there may be replaced.
-
-    Raises
-    ------
-    MissingExtraError
-        If matplotlib is not installed.
-    """
-    keys = [("before", _BEFORE, "dashed"), ("after", _AFTER, "solid")]
-    drawn = figure("Errors at rest against the heading of the reference", _drawing(test), keys)
-    body = ["<section>", _summary_rows(test), _remarks(test), drawn, _table(test), "</section>"]
-    write_text(path, document(title, facts, body, footer=_DEFINITIONS, style=_STYLE), overwrite=overwrite)
-
-
-def _drawing(test: StaticTest) -> str:
+def _drawing(test: StaticTest) -> Figure:
     heading = np.mod(to_deg(test.reference[:, 0]), 360.0)
     order = np.argsort(heading)
 
-    def draw(drawn: "Figure") -> None:
-        axes = drawn.subplots(3, 1, sharex=True)
+    def draw(canvas: "FigureBase") -> None:
+        axes = canvas.subplots(3, 1, sharex=True)
         for i, (ax, name) in enumerate(zip(axes, ANGLES, strict=True)):
             ax.axhline(0.0, color=SOFT, linewidth=0.5)
             for which, colour, style in (("before", _BEFORE, "--"), ("after", _AFTER, "-")):
@@ -255,28 +233,5 @@ def _drawing(test: StaticTest) -> str:
         axes[-1].set_xticks(range(0, 361, 45))
         axes[-1].set_xlabel("heading of the reference [°]")
 
-    return svg(draw, height=4.2, salt="static test")
-
-
-def _summary_rows(test: StaticTest) -> str:
-    head = ("", "max |error| before", "max |error| after", "rms before", "rms after")
-    rows = [(name, *map(_html_cell, figures.values())) for name, figures in test.as_dict()["summary"].items()]
-    return html_table(f"Errors at rest [°], {len(test.spans)} rests", head, rows)
-
-
-def _remarks(test: StaticTest) -> str:
-    return "".join(f"<p class='note'>{escape(remark)}</p>" for remark in test.remarks)
-
-
-def _table(test: StaticTest) -> str:
-    head = ("rest", "at, s", *ANGLES, *(f"{name} {when}" for when in ("before", "after") for name in ANGLES))
-    numbers = to_deg(np.hstack((test.reference, test.errors("before"), test.errors("after")))).tolist()
-    rows = [
-        (str(i), f"{span.mean():.1f}", *map(_html_cell, row))
-        for i, (span, row) in enumerate(zip(test.spans, numbers, strict=True), start=1)
-    ]
-    return html_table("Reference attitude and errors of each rest, before and after calibration [°]", head, rows)
-
-
-def _html_cell(degrees: float | None) -> str:
-    return "-" if degrees is None or not math.isfinite(degrees) else f"{degrees:z.2f}"
+    keys = [("before", _BEFORE, "dashed"), ("after", _AFTER, "solid")]
+    return Figure("Errors at rest against the heading of the reference", draw, keys, height=4.2)

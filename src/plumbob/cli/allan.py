@@ -16,9 +16,6 @@ KINDS = ("oadev", "adev", "mdev", "ohdev", "hdev", "totdev")
 RAW_TYPES = ("f32", "f64", "i8", "i16", "i32", "i64", "u8", "u16", "u32")
 """As `plumbob.files.numbers.RAW`."""
 
-SUFFIXES = {"png": (".png",), "html": (".html", ".htm"), "card": (), "kalibr": ()}
-"""Outputs, and how the names of those that are opened by their suffix must end."""
-
 ALONE = {
     "after": (
         "compares deviations and finds no coefficients",
@@ -26,7 +23,7 @@ ALONE = {
     ),
     "deviation": (
         "prints that deviation and finds no coefficients",
-        ("card", "kalibr", "device", "paper", "methods", "curve", "html", "png"),
+        ("card", "kalibr", "device", "paper", "methods", "curve", "html", "plot"),
     ),
     "paper": ("prints that table", ("json", "methods", "curve")),
 }
@@ -65,8 +62,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--methods", action="store_true", help="show the three methods side by side")
     p.add_argument("--curve", action="store_true", help="show the deviation itself, by averaging time")
     p.add_argument("--paper", choices=("fin",), help="report as the bionic-fin paper's table 1")
-    p.add_argument("--html", type=Path, metavar="FILE", help="also write a page with plots that opens offline")
-    p.add_argument("--png", type=Path, metavar="FILE", help="also write the plot alone")
+    common.add_page(p)
     p.add_argument("--card", type=Path, metavar="JSON", help="also write a noise card for the simulator and filters")
     p.add_argument("--kalibr", type=Path, metavar="YAML", help="also write Kalibr's imu.yaml")
     p.add_argument("--topic", metavar="NAME", help=f"rostopic of imu.yaml (default {ROSTOPIC})")
@@ -126,17 +122,12 @@ def _refuse_what_does_not_go_together(args: argparse.Namespace) -> None:
 
 def _check_outputs(args: argparse.Namespace) -> None:
     """Refuse, before a long analysis, what could not be written or would be lost."""
-    from plumbob.core.errors import ParameterError
     from plumbob.data.cards import NoiseCard
 
-    outputs = {name: path for name in SUFFIXES if (path := getattr(args, name)) is not None}
     if args.card is not None:
         NoiseCard.require_place(args.card)
-    common.check_outputs(args, *outputs.values(), inputs=(args.file, args.after, args.profile, args.calibration))
-    for name, path in outputs.items():
-        endings = SUFFIXES[name]
-        if endings and path.suffix.lower() not in endings:
-            raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+    inputs = (args.file, args.after, args.profile, args.calibration)
+    common.check_pages(args, args.card, args.kalibr, inputs=inputs)
 
 
 def _static(args: argparse.Namespace, path: Path, *, card: Path | None) -> dict[str, Any]:
@@ -206,77 +197,74 @@ def _print(args: argparse.Namespace, noise: "Noise") -> None:
     if args.json:
         common.print_json(noise.summary())
     elif args.paper == "fin":
-        from plumbob.noise import datasheet
+        from plumbob.noise.fin import fin_report
 
-        print(datasheet.fin_report(noise.analyses))
+        print(fin_report(noise.analyses).text())
     else:
-        print(noise.text(methods=args.methods, curve=args.curve or args.taus is not None))
+        asked = {"methods": args.methods, "curve": args.curve or args.taus is not None}
+        print(noise.text(*(detail for detail, wanted in asked.items() if wanted)))
 
 
 def _write(args: argparse.Namespace, noise: "Noise") -> None:
     """Write files after the figures, which need neither matplotlib nor a place to write."""
-    from plumbob.core.files import write_text
-    from plumbob.noise import datasheet
+    from dataclasses import replace
 
-    if args.png is not None:
-        noise.plot(args.png, overwrite=args.force)
-    if args.html is not None:
-        sections = (datasheet.fin_section(noise.analyses),) if args.paper == "fin" else ()
-        noise.write_html(args.html, device=args.device, sections=sections, overwrite=args.force)
+    from plumbob.core.files import write_text
+
+    report = noise.report(device=args.device)
+    if args.paper == "fin":
+        from plumbob.noise.fin import fin_report
+
+        report = replace(report, parts=[*report.parts, fin_report(noise.analyses)])
+    common.write_pages(args, report)
     if args.card is not None:
         noise.card(args.device).save(args.card, overwrite=args.force)
     if args.kalibr is not None:
-        text = datasheet.kalibr_yaml(noise.analyses, rostopic=args.topic or ROSTOPIC, source=noise.source)
+        from plumbob.noise.card import kalibr_yaml
+
+        text = kalibr_yaml(noise.analyses, rostopic=args.topic or ROSTOPIC, source=noise.source)
         write_text(args.kalibr, text, overwrite=args.force)
-    _tell_written(args, "png", "html", "card", "kalibr")
+    for name in ("card", "kalibr"):
+        if not args.json and getattr(args, name) is not None:
+            print(f"{name:12} {getattr(args, name)}")
 
 
 def _deviation_alone(args: argparse.Namespace) -> int:
-    from plumbob.noise import datasheet
     from plumbob.noise.allan import open_static
     from plumbob.noise.characterise import deviations
+    from plumbob.noise.report import curve_numbers, curves_report
 
     with common.progress_bars() as bars:
         record, report, card = open_static(**_static(args, args.file, card=args.calibration), progress=bars)
     found = deviations(record, report, args.deviation, taus=_taus(args.taus))
     if args.json:
         about = {"file": str(record.path), "calibration": card, "deviation": args.deviation}
-        common.print_json({**about, **datasheet.curves_as_dict(found)})
+        common.print_json({**about, **curve_numbers(found)})
     else:
-        print(datasheet.curves_text(found))
+        print(curves_report(found).text())
     return 0
 
 
 def _compare(args: argparse.Namespace) -> int:
     from plumbob.core.version import __version__
-    from plumbob.noise import datasheet
     from plumbob.noise.allan import open_static
     from plumbob.noise.characterise import comparisons
+    from plumbob.noise.report import comparison, comparison_numbers
 
     with common.progress_bars() as bars:
-        record, report, _ = open_static(**_static(args, args.file, card=None), progress=bars)
+        record, checked, _ = open_static(**_static(args, args.file, card=None), progress=bars)
         after, judged, card = open_static(**_static(args, args.after, card=args.calibration), progress=bars)
-    found = comparisons((record, report), (after, judged), taus=_taus(args.taus))
+    found = comparisons((record, checked), (after, judged), taus=_taus(args.taus))
+    facts = {
+        "before": record.path.name,
+        "after": after.path.name if card is None else f"{after.path.name}, calibrated with {card}",
+        "made by": f"plumbob {__version__}",
+    }
+    report = comparison(found, facts=list(facts.items()))
     if args.json:
         about = {"before": str(record.path), "after": str(after.path), "calibration": card}
-        common.print_json({**about, **datasheet.compared_as_dict(found)})
+        common.print_json({**about, **comparison_numbers(found)})
     else:
-        print(datasheet.compared_text(found))
-    if args.png is not None:
-        datasheet.write_comparison_png(args.png, found, overwrite=args.force)
-    if args.html is not None:
-        facts = {
-            "before": record.path.name,
-            "after": after.path.name if card is None else f"{after.path.name}, calibrated with {card}",
-            "made by": f"plumbob {__version__}",
-        }
-        title = f"{record.path.stem} before and after"
-        datasheet.write_comparison(args.html, found, title=title, facts=facts, overwrite=args.force)
-    _tell_written(args, "png", "html")
+        print(report.text())
+    common.write_pages(args, report)
     return 0
-
-
-def _tell_written(args: argparse.Namespace, *outputs: str) -> None:
-    for name in outputs:
-        if not args.json and getattr(args, name) is not None:
-            print(f"{name:8} {getattr(args, name)}")

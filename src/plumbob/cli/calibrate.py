@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from plumbob.cli import capture, common
 
 if TYPE_CHECKING:
-    from plumbob.calibration.static_test import StaticTest
     from plumbob.data import AttitudeTrack
     from plumbob.files import Recording
 
@@ -336,7 +335,7 @@ def add_statictest(kinds: common.Adder) -> None:
     p.add_argument("--align", default="", metavar="A,B", help="remove first: heading, mounting (default nothing)")
     p.add_argument("--declination", metavar="ANGLE", help="magnetic declination with unit, east positive, as 3.2deg")
     common.add_profile(p)
-    p.add_argument("--html", type=Path, metavar="FILE", help="write a page with plots that opens offline")
+    common.add_page(p)
     common.add_force(p)
     common.add_json(p)
     p.set_defaults(find=find_statictest)
@@ -352,7 +351,7 @@ def find_statictest(args: argparse.Namespace) -> int:
     from plumbob.data.cards import CalibrationCard
 
     inputs = (args.file, args.reference, args.calibration, args.profile)
-    common.check_outputs(args, args.html, inputs=inputs)
+    common.check_pages(args, inputs=inputs)
     recording = common.read(args.file, args.profile)
     if recording.imu is None:
         raise CalibrationError(f"{args.file} holds an attitude but no sensor data, so there is nothing to test.")
@@ -363,9 +362,14 @@ def find_statictest(args: argparse.Namespace) -> int:
         align=alignments(args.align),
         declination=None if args.declination is None else parse(args.declination, Quantity.ANGLE),
     )
-    common.print_json({"file": str(args.file), **result.as_dict()}) if args.json else print(result.text())
-    if args.html:
-        _write_page(args, result)
+    facts = {
+        "recording": args.file.name,
+        "reference": f"{(args.reference or args.file).name}: {result.before.reference.source}",
+        "calibration": args.calibration.name,
+    }
+    report = result.report(facts=list(facts.items()))
+    common.print_json({"file": str(args.file), **result.as_dict()}) if args.json else print(report.text())
+    common.write_pages(args, report)
     return 0
 
 
@@ -377,20 +381,6 @@ def _reference(args: argparse.Namespace, recording: "Recording") -> "AttitudeTra
         where = args.reference or args.file
         raise ShapeError(f"{where} holds no attitude to compare with; name a track or recording with --reference.")
     return track
-
-
-def _write_page(args: argparse.Namespace, result: "StaticTest") -> None:
-    from plumbob.calibration.static_test import write_static_test
-
-    facts = {
-        "recording": args.file.name,
-        "reference": f"{(args.reference or args.file).name}: {result.before.reference.source}",
-        "calibration": args.calibration.name,
-    }
-    title = f"Static test of {args.file.name}"
-    write_static_test(args.html, result, title=title, facts=facts, overwrite=args.force)
-    if not args.json:
-        print(f"page         {args.html}")
 
 
 def add_table(kinds: common.Adder) -> None:

@@ -344,7 +344,7 @@ def add_options(
     p.add_argument("--device", metavar="ID", help="the unit, where the recording does not name it")
     common.add_calibration(p, "card so far: used for other triads, and kept")
     p.add_argument("--out", type=Path, metavar="JSON", help="card to write; that of --calibration is completed")
-    p.add_argument("--html", type=Path, metavar="FILE", help="also write a page with figures that opens offline")
+    common.add_page(p)
     common.add_force(p)
     common.add_json(p)
     p.set_defaults(told={}, live=False, guided=guide)
@@ -361,7 +361,7 @@ def calibrated(
 
     how = KINDS[kind]
     out = None if completes(args) else args.out
-    common.check_outputs(args, out, args.html, inputs=(args.file, args.profile, args.calibration, *inputs))
+    common.check_pages(args, out, inputs=(args.file, args.profile, args.calibration, *inputs))
     base = None if args.calibration is None else CalibrationCard.load(args.calibration)
     if args.live:
         return calibrate(live_capture(args, how.triads, base), kind, note=common.note, **options)
@@ -396,16 +396,13 @@ def finish(args: argparse.Namespace, found: "Calibrated") -> int:
     """Print what was found, and write the card."""
     if args.out is not None:
         found.save(args.out, overwrite=args.force or completes(args))
-    if args.html is not None:
-        found.write_html(args.html, recording=args.file.name if args.file else "live", overwrite=args.force)
     if args.json:
         written = {"out": args.out and str(args.out), "html": args.html and str(args.html)}
         common.print_json(_read(args) | written | found.summary())
-        return 0
-    print(found.text())
-    print(f"card         {args.out}" if args.out else "card         NOT WRITTEN: name a file with --out")
-    if args.html is not None:
-        print(f"page         {args.html}")
+    else:
+        print(found.text())
+        print(f"card         {args.out}" if args.out else "card         NOT WRITTEN: name a file with --out")
+    common.write_pages(args, found.report(recording=args.file.name if args.file else "live"))
     return 0
 
 
@@ -413,13 +410,13 @@ def refused(args: argparse.Namespace, why: "CaptureRefusedError") -> int:
     """Print the reasons, as text on standard error or as JSON; nothing is written."""
     import sys
 
-    from plumbob.calibration import certificate
+    from plumbob.calibration.report import refusal_numbers, refusal_text
     from plumbob.core.text import visible
 
     if args.json:
-        common.print_json(_read(args) | {"out": None, "html": None} | certificate.refusal_as_dict(why))
+        common.print_json(_read(args) | {"out": None, "html": None} | refusal_numbers(why))
     else:
-        told = visible(certificate.refusal_text(why), keep="\n")
+        told = visible(refusal_text(why), keep="\n")
         print(f"plumbob calibrate {args.kind}: {told}", file=sys.stderr)
     return 1
 

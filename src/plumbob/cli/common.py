@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from plumbob.acquisition.transport import Stop
     from plumbob.files import Recording
     from plumbob.filters.offline import Stage
+    from plumbob.report import Report
     from plumbob.rotations import Frame
 
 Adder = Any  # argparse's sub-parser action, whose type is private
@@ -110,17 +111,52 @@ def frame_of(args: argparse.Namespace) -> "Frame | None":
 
 def read(path: Path, profile: Path | None = None) -> "Recording":
     """Read a recording and warn of what was found in its data; `info` shows its provenance too."""
-    from plumbob import files
+    from plumbob.files import found_in
     from plumbob.session import reading
 
     recording = reading.read(path, profile=profile)
-    note(*(f"{path.name}: {line}" for line in files.found_in(recording.notes)))
+    note(*(f"{path.name}: {line}" for line in found_in(recording.notes)))
     return recording
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
     """Option --force."""
     parser.add_argument("--force", action="store_true", help="replace files that exist already; never an input")
+
+
+def add_page(parser: argparse.ArgumentParser) -> None:
+    """Options --html, --plot and --lang."""
+    parser.add_argument("--html", type=Path, metavar="FILE", help="also write a page with figures that opens offline")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="also write the figures alone: .svg, .png or .pdf")
+    parser.add_argument("--lang", choices=("en", "zh"), help="language of the labels of page and figures (default en)")
+
+
+ENDINGS = {"html": (".html", ".htm"), "plot": (".svg", ".png", ".pdf")}
+"""Of the names of pages and pictures."""
+
+
+def check_pages(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:
+    """Refuse what `check_outputs` does, of page, picture and other outputs; and names that end otherwise."""
+    from plumbob.core.errors import ParameterError
+
+    check_outputs(args, args.html, args.plot, *outputs, inputs=inputs)
+    for name, endings in ENDINGS.items():
+        path: Path | None = getattr(args, name)
+        if path is not None and path.suffix.lower() not in endings:
+            raise ParameterError(f"--{name} needs a name that ends in {' or '.join(endings)}, but got {path}.")
+    if args.lang and not (args.html or args.plot):
+        raise ParameterError("--lang is for --html or --plot, which is not given; leave it out.")
+
+
+def write_pages(args: argparse.Namespace, report: "Report") -> None:
+    """Write page and picture after the numbers, which need neither matplotlib nor a place to write."""
+    if sys.stdout:
+        sys.stdout.flush()
+    for what, path, write in (("page", args.html, report.write_html), ("figures", args.plot, report.plot)):
+        if path is not None:
+            write(path, lang=args.lang or "en", overwrite=args.force)
+            if not args.json:
+                print(f"{what:12} {path}")
 
 
 def check_outputs(args: argparse.Namespace, *outputs: Path | None, inputs: Sequence[Path | None] = ()) -> None:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from plumbob.core.check import Floats
     from plumbob.data import AttitudeTrack, ImuData
     from plumbob.data.cards import CalibrationCard
-    from plumbob.evaluation import Evaluation
     from plumbob.filters.offline import Stage
     from plumbob.protocols.decode import Counts
     from plumbob.session.session import Session
@@ -100,10 +99,10 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
 
     The seed is that of the unit and of its noise: the captures and the sea have the same one.
     """
-    from plumbob.calibration import certificate
     from plumbob.calibration.calibrate_gyro import calibrate_by_hand
     from plumbob.calibration.calibrate_mount import mount_by_poses
     from plumbob.calibration.calibration import capture, card_of
+    from plumbob.calibration.report import certificate
     from plumbob.rotations import Frame
     from plumbob.simulation import scenario
 
@@ -114,9 +113,8 @@ def calibrate_unit(out: Path, *, seed: int) -> "CalibrationCard":
     mounted = mount_by_poses(capture(raised, triads=(), base=card_of(whole, fits)), frame=Frame.NED)
     card = card_of(whole, fits, mounted=mounted)
     card.save(out / CARD, overwrite=True)
-    facts = {"recording": f"{HAND} and {MOUNTING}, emulated"}
-    title = f"Calibration of {card.device}"
-    certificate.write_html(out / CERTIFICATE, card, fits, title=title, facts=facts, overwrite=True)
+    report = certificate(card, fits, recording=f"{HAND} and {MOUNTING}, emulated")
+    report.write_html(out / CERTIFICATE, overwrite=True)
     return card
 
 
@@ -232,7 +230,7 @@ def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.units import Quantity, parse
     from plumbob.data import calibration_told
-    from plumbob.evaluation import evaluate, write_html
+    from plumbob.evaluation import comparison, evaluate
 
     duration = parse(args.duration, Quantity.TIME)
     settle = min(SETTLE, SETTLE_SHARE * duration)
@@ -252,12 +250,13 @@ def run(args: argparse.Namespace) -> int:
     others = f"with {len(stages())} other filters, and uncalibrated"
     _say(args, f"4 replayed    {same} live attitudes come out again, every bit; and {others}")
     results = {name: evaluate(track, truth, settle=settle) for name, track in tracks.items()}
-    if not args.json:
-        print(f"5 evaluated   after {settle:.3g} s of settling, in {time.perf_counter() - started:.1f} s\n")
-        print(_table(results))
     facts = {"scenario": truth.source, "sensors": card.device, "calibration": calibration_told(card.name)}
     title = "A buoy in waves, five ways to its attitude, and one without calibration"
-    page = write_html(args.out / PAGE, results, title=title, facts=facts, overwrite=True)
+    report = comparison(results, title=title, facts=list(facts.items()))
+    if not args.json:
+        print(f"5 evaluated   after {settle:.3g} s of settling, in {time.perf_counter() - started:.1f} s\n")
+        print(replace(report, facts=(), remarks=(), parts=()).text())
+    page = report.write_html(args.out / PAGE, overwrite=True)
     certificate = args.out / CERTIFICATE
     if args.json:
         found = {name: result.summary() for name, result in results.items()}
@@ -356,13 +355,3 @@ def _truth(out: Path) -> "tuple[ImuData, AttitudeTrack]":
 def _say(args: argparse.Namespace, line: str) -> None:
     if not args.json:
         print(line, flush=True)
-
-
-def _table(results: "dict[str, Evaluation]") -> str:
-    lines = [f"{'':28}{'rms error, degrees':^33}{'largest, degrees':^16}", ""]
-    lines[1] = f"{'':28}" + "".join(f"{word:>11}" for word in ("roll", "pitch", "yaw")) + f"{'of the total':>16}"
-    for name, result in results.items():
-        s = result.summary()
-        axes = "".join(f"{s[axis]['rmse_deg']:>10.2f}°" for axis in ("roll", "pitch", "yaw"))
-        lines.append(f"{name:28}{axes}{s['total']['max_abs_deg']:>15.2f}°")
-    return "\n".join(lines)

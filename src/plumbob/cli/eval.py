@@ -1,17 +1,11 @@
 """plumbob eval: an estimate against a reference."""
 
 import argparse
-import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from plumbob.cli import common
 
-if TYPE_CHECKING:
-    from plumbob.evaluation import Evaluation
-
 ALIGNMENTS = ("heading", "mounting", "time")
-PAGE_SUFFIXES = (".html", ".htm")
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -30,7 +24,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--max-gap", metavar="S", help="do not interpolate across longer reference gaps, as 0.5s")
     p.add_argument("--declination", metavar="ANGLE", help="magnetic declination with unit, east positive, as in 3.2deg")
     common.add_profile(p)
-    p.add_argument("--html", type=Path, metavar="FILE", help="write a page with plots that opens offline")
+    common.add_page(p)
     common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
@@ -52,10 +46,7 @@ def run(args: argparse.Namespace) -> int:
         note=common.note,
     )
     common.print_json(result.summary()) if args.json else print(result.text())
-    if args.html:
-        _write_page(args, result)
-        if not args.json:
-            print(f"page         {args.html}")
+    common.write_pages(args, result.report(facts=[("files", f"{args.estimate.name}, {args.reference.name}")]))
     return 0
 
 
@@ -64,20 +55,7 @@ def _refuse_mixed_up_files(args: argparse.Namespace) -> None:
 
     if common.is_same_file(args.estimate, args.reference):
         raise ParameterError(f"{args.estimate} is both estimate and reference; name the track of 'plumbob run' first.")
-    common.check_outputs(args, args.html, inputs=(args.estimate, args.reference, args.profile))
-    if args.html and args.html.suffix.lower() not in PAGE_SUFFIXES:
-        raise ParameterError(f"--html writes a page, so its name must end in .html or .htm, but it is {args.html}.")
-
-
-def _write_page(args: argparse.Namespace, result: "Evaluation") -> None:
-    """Write the page after the numbers, which need neither matplotlib nor a place to write."""
-    from plumbob.evaluation import write_html
-
-    if sys.stdout:
-        sys.stdout.flush()
-    facts = {"estimate": f"{args.estimate.name}: {result.estimate.source}", "reference": args.reference.name}
-    title = f"{args.estimate.name} against a reference"
-    write_html(args.html, {args.estimate.stem: result}, title=title, facts=facts, overwrite=args.force)
+    common.check_pages(args, inputs=(args.estimate, args.reference, args.profile))
 
 
 def alignments(text: str) -> tuple[str, ...]:

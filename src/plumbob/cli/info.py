@@ -112,16 +112,18 @@ def _card(file: Path) -> Info:
     """What a card holds."""
     import json
 
-    from plumbob.calibration import certificate
     from plumbob.data.cards import CalibrationCard, open_card
-    from plumbob.noise import datasheet
 
     card = open_card(file)
     if isinstance(card, CalibrationCard):
-        told, text = certificate.as_dict(card, {}), certificate.text(card, {})
+        from plumbob.calibration.report import certificate, numbers
+
+        told, report = numbers(card, {}), certificate(card, {})
     else:
-        told, text = {"card": json.loads(card.text())}, datasheet.card_text(card)
-    return Info({"file": str(file)} | told, [text])
+        from plumbob.noise.card import card_report
+
+        told, report = {"card": json.loads(card.text())}, card_report(card)
+    return Info({"file": str(file)} | told, [report.text()])
 
 
 def _sensors(imu: Any) -> dict[str, Any]:

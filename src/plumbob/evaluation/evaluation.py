@@ -4,7 +4,7 @@ One rule holds throughout: the estimate is judged as it was delivered. Whatever 
 declination, time, mounting or heading, is done to the reference, and the result says so.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -14,7 +14,7 @@ import numpy as np
 from plumbob.core import flags
 from plumbob.core.check import Floats, number, said
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.series import Series
+from plumbob.core.series import frame_of
 from plumbob.core.text import counted
 from plumbob.core.units import Quantity, deg, given, to_deg
 from plumbob.data import UNCALIBRATED, AttitudeTrack
@@ -38,6 +38,7 @@ from plumbob.evaluation.metrics import (
     consistency,
     total_rmse,
 )
+from plumbob.report import Report, Reported
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
 
@@ -57,7 +58,7 @@ class Settings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Evaluation(Series):
+class Evaluation(Reported):
     """An estimate judged by a reference.
 
     Attributes
@@ -128,13 +129,17 @@ class Evaluation(Series):
         """Time, and the error of each quantity that is scored, degrees, by name."""
         return {"t [s]": self.t} | {f"{name} [deg]": to_deg(error) for name, error in self.errors.items()}
 
-    def summary(self) -> dict[str, Any]:
-        """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `plumbob.evaluation.report`."""
-        return report.summary(self)
+    def to_frame(self) -> Any:
+        """Errors as a table for pandas, a column each; MissingExtraError where pandas is not installed."""
+        return frame_of(self.columns())
 
-    def text(self) -> str:
-        """Plain table of at most 80 columns."""
-        return report.text(self)
+    def summary(self) -> dict[str, Any]:
+        """Everything but the series, ready for JSON: degrees, seconds, never NaN; see `evaluation.report.numbers`."""
+        return report.numbers(self)
+
+    def report(self, *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+        """What was found, as text, page and picture; `facts` say more of where it comes from."""
+        return report.report(self, facts=facts)
 
 
 class Tracked(Protocol):

@@ -1,27 +1,51 @@
-"""An evaluation as a dictionary for JSON and as a plain table; degrees and seconds, units in every name."""
+"""An evaluation as a report and as numbers; degrees and seconds, units in every name."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from plumbob.core import flags
 from plumbob.core.check import Floats
-from plumbob.core.text import counted, listed, pair
+from plumbob.core.errors import ShapeError
+from plumbob.core.text import counted
+from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
+from plumbob.data import AttitudeTrack
 from plumbob.evaluation.associate import Fate
-from plumbob.evaluation.metrics import CONFIDENCE, DOF, QUANTITIES, Stats
-from plumbob.rotations import IDENTITY, North, quat_angle
+from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
+from plumbob.report import SERIES, SHADE, SOFT, Figure, Report, Table
+from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
     from plumbob.evaluation.evaluation import Evaluation
 
+ESTIMATE, REFERENCE = SERIES[0], SOFT
+COLOUR: Final = dict(zip(("total", "heading", "inclination"), SERIES, strict=False))
+_DASHES = ("solid", "dashed", "dotted")
+_QUANTILES = np.linspace(0.0, 100.0, 401)
+_COLUMNS = 800
+_ALL_COLUMNS = 3200  # shared by the evaluations of a page, so that many of them still make a small file
+_HEAD = ("", "rmse", "mean", "std", "max", "at [s]", "50 %", "95 %", "99 %")
 _FOOTNOTE = (
     "total, heading, inclination: magnitudes; yaw, pitch, roll: estimate minus reference; max and percentiles: of the "
     "magnitude; rmse² = mean² + std²"
 )
-COLUMNS = ("rmse", "mean", "std", "max", "at", "50 %", "95 %", "99 %")
+_DEFINITIONS = (
+    "With e = q_est ⊗ q_ref⁻¹ = (w, x, y, z) in the navigation frame: total 2 acos |w|, heading 2 atan |z / w|, "
+    "inclination 2 acos √(w² + z²), as in the BROAD benchmark (Laidig et al. 2021, doi:10.3390/data6070072). Yaw, "
+    "pitch and roll are signed differences of ZYX Euler angles, estimate minus reference. Bold in a comparison: the "
+    "smallest of a column.",
+)
 
 
-def summary(e: "Evaluation") -> dict[str, Any]:
+def numbers(e: "Evaluation") -> dict[str, Any]:
     """Numbers of an evaluation, strictly valid for JSON.
 
     Returns
@@ -39,8 +63,8 @@ def summary(e: "Evaluation") -> dict[str, Any]:
         "samples": _samples(e),
         "alignment": _alignment(e),
         "settings": _settings(e),
-        "estimate": _track(e, "estimate"),
-        "reference": _track(e, "reference"),
+        "estimate": _track(e.estimate),
+        "reference": _track(e.reference),
         "flags": e.flag_counts(),
         "consistency": None if e.consistency is None else asdict(e.consistency),
         "reference_rate_rms_dps": None if e.reference_rate is None else to_dps(e.reference_rate),
@@ -48,37 +72,134 @@ def summary(e: "Evaluation") -> dict[str, Any]:
     }
 
 
-def text(e: "Evaluation") -> str:
-    """Plain table of at most 80 columns."""
-    lines = ["Attitude error, estimate against reference", ""]
-    lines += [pair(name, value) for name, value in heading_lines(e)]
-    lines += ["", _row("", COLUMNS), _row("", ("deg", "deg", "deg", "deg", "s", "deg", "deg", "deg"))]
-    lines += [_row(name, _cells(e.stats[name])) if name in e.stats else f"{name:<12}not scored" for name in QUANTITIES]
-    lines += ["", *listed([_FOOTNOTE])]
-    for reason in dict.fromkeys(e.not_scored.values()):
-        names = ", ".join(name for name, why in e.not_scored.items() if why == reason)
-        lines += listed([f"{names} not scored: {reason}"])
-    lines += listed(e.notes)
-    return "\n".join(lines)
+def report(e: "Evaluation", *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+    """What an evaluation found, with figures; `facts` say more of where it comes from."""
+    return Report(
+        "Attitude error, estimate against reference",
+        facts=[*facts, *_facts(e)],
+        tables=_tables(e),
+        remarks=_remarks(e),
+        figures=_figures(e, _COLUMNS),
+        definitions=_DEFINITIONS,
+    )
 
 
-def heading_lines(e: "Evaluation") -> list[tuple[str, str]]:
-    """Facts above a table, as name and value."""
-    facts = [(name, describe_track(e, name)) for name in ("estimate", "reference")]
-    facts.append(("scored", describe_samples(e)))
-    facts += [("left out", f"{n} {why}") for why, n in left_out(e).items()]
-    facts += [("aligned", line) for line in describe_alignment(e)] or [("aligned", "nothing")]
-    if e.settings.settle:
-        facts.append(("settling", f"{e.settings.settle:g} s left out at the start"))
+def comparison(
+    evaluations: Mapping[str, "Evaluation"], *, title: str = "Attitude errors", facts: Sequence[tuple[str, str]] = ()
+) -> Report:
+    """Evaluations beside each other, and a part for each.
+
+    Parameters
+    ----------
+    evaluations : mapping of str to Evaluation
+        By name, such as the filter's.
+    title : str
+        Of the report; any text is safe.
+    facts : sequence of (str, str)
+        Where they come from: device, recording, calibration, versions, date.
+
+    Raises
+    ------
+    ShapeError
+        If there is no evaluation.
+    """
+    if not evaluations:
+        raise ShapeError("a report needs at least one evaluation, but evaluations is empty.")
+    columns = max(200, min(_COLUMNS, _ALL_COLUMNS // len(evaluations)))
+    differing = _differences(list(evaluations.values()))
+    return Report(
+        title,
+        facts=facts,
+        tables=[_comparison_table(evaluations)],
+        remarks=[f"Not directly comparable: the rows differ in {differing}."] if differing else [],
+        figures=[comparison_figure(evaluations)],
+        parts=[
+            Report(name, _facts(e), _tables(e), _remarks(e), _figures(e, columns)) for name, e in evaluations.items()
+        ],
+        definitions=_DEFINITIONS,
+    )
+
+
+def _facts(e: "Evaluation") -> list[tuple[str, str]]:
+    """What was compared, and how."""
+    s = e.settings
+    facts = [(name, _describe_track(track)) for name, track in (("estimate", e.estimate), ("reference", e.reference))]
+    facts.append(("scored", _describe_samples(e)))
+    facts += [("left out", f"{n} {why}") for why, n in _left_out(e).items()]
+    facts += [("aligned", line) for line in _describe_alignment(e)] or [("aligned", "nothing")]
+    if "time" in s.align:
+        facts.append(("searched", f"time offsets of ±{s.max_offset:g} s"))
+    if s.settle:
+        facts.append(("settling", f"{s.settle:g} s left out at the start"))
+    if s.declination is not None:
+        facts.append(("declination", f"{to_deg(s.declination):+.3f}° (east positive)"))
     if e.reference_rate is not None:
         facts.append(("motion", f"the reference turned at {to_dps(e.reference_rate):.3g} °/s rms"))
     if e.estimate.cov_b is not None:
-        facts.append(("covariance", describe_consistency(e)))
-    facts += [("flagged", f"{counted(n, 'scored sample')}: {name}") for name, n in e.flag_counts().items()]
-    return facts
+        facts.append(("covariance", _describe_consistency(e)))
+    return facts + [("flagged", f"{counted(n, 'scored sample')}: {name}") for name, n in e.flag_counts().items()]
 
 
-def left_out(e: "Evaluation") -> dict[str, int]:
+def _tables(e: "Evaluation") -> list[Table]:
+    rows = [[name, *_cells(e.stats.get(name))] for name in QUANTITIES]
+    return [
+        Table("Errors of the scored samples [°]", _HEAD, rows, strong=[(i, 1) for i in range(len(rows))]),
+        _sample_table(e),
+    ]
+
+
+def _cells(s: Stats | None) -> list[str]:
+    if s is None:
+        return ["not scored", *[""] * (len(_HEAD) - 2)]
+    angles = [degrees(a) for a in (s.rmse, s.mean, s.std, s.max_abs, s.p50, s.p95, s.p99)]
+    return [*angles[:4], f"{s.max_at:.2f}", *angles[4:]]
+
+
+def _sample_table(e: "Evaluation") -> Table:
+    """Samples that count, those that do not, and flags of those that do."""
+    scored, meaning = int(e.match.scored.sum()), dict(flags.MEANING.values())
+    rows = [("scored", str(scored), _share(scored, e.t.size), "")]
+    rows += [("left out", str(n), _share(n, e.t.size), why) for why, n in _left_out(e).items()]
+    rows += [(name, str(n), _share(n, scored), meaning[name]) for name, n in e.flag_counts().items()]
+    return Table("Samples", ["", "samples", "share", "meaning"], rows, words=(3,), detail="samples")
+
+
+def _share(n: int, of: int) -> str:
+    percent = 100.0 * n / of
+    return f"{percent:.1f} %" if percent >= 0.1 or not n else "< 0.1 %"
+
+
+def _remarks(e: "Evaluation") -> list[str]:
+    reasons = [
+        f"{', '.join(name for name, why in e.not_scored.items() if why == reason)} not scored: {reason}"
+        for reason in dict.fromkeys(e.not_scored.values())
+    ]
+    return [_FOOTNOTE, *reasons, *e.notes]
+
+
+def _differences(evaluations: list["Evaluation"]) -> str:
+    """In what the evaluations differ besides their estimates; empty where they can be compared."""
+    judged: dict[str, set[object]] = {
+        "the samples scored": {e.t[e.match.scored].tobytes() for e in evaluations},
+        "what was aligned": {e.settings.align for e in evaluations},
+        "the reference": {e.reference.source for e in evaluations},
+    }
+    return " and ".join(name for name, values in judged.items() if len(values) > 1)
+
+
+def _comparison_table(evaluations: Mapping[str, "Evaluation"]) -> Table:
+    """RMSE of each, the smallest of each column in bold."""
+    rows, strong = [], []
+    for name, e in evaluations.items():
+        errors = [degrees(e.stats[q].rmse) if q in e.stats else "not scored" for q in QUANTITIES]
+        rows.append([name, *errors, str(e.match.scored.sum()), ", ".join(e.settings.align) or "nothing"])
+    for column, q in enumerate(QUANTITIES, start=1):
+        found = {i: e.stats[q].rmse for i, e in enumerate(evaluations.values()) if q in e.stats}
+        strong += [(i, column) for i, rmse in found.items() if rmse == min(found.values())]
+    return Table("RMSE [°]", ["", *QUANTITIES, "samples", "aligned"], rows, (len(QUANTITIES) + 2,), strong)
+
+
+def _left_out(e: "Evaluation") -> dict[str, int]:
     """How many samples were left out, by the reason in words."""
     until = e.not_converged_until
     found = {fate.meaning: n for fate, n in e.match.counts().items() if fate is not Fate.SCORED}
@@ -88,14 +209,13 @@ def left_out(e: "Evaluation") -> dict[str, int]:
     return {f"{why}, the last at {until:.3f} s" if why == name else why: n for why, n in found.items()}
 
 
-def describe_track(e: "Evaluation", which: str) -> str:
-    """Source, frame and heading reference of the estimate or the reference."""
-    track = e.estimate if which == "estimate" else e.reference
+def _describe_track(track: AttitudeTrack) -> str:
+    """Source, frame and heading reference."""
     heading = "free heading" if track.north is North.FREE else f"{track.north} north"
     return f"{track.source or 'unnamed'} ({track.frame}, {heading}, {counted(len(track), 'sample')})"
 
 
-def describe_samples(e: "Evaluation") -> str:
+def _describe_samples(e: "Evaluation") -> str:
     """How many samples count, over which time, and how the reference was read."""
     samples = _samples(e)
     span = f"{samples['first_s']:.3f} to {samples['last_s']:.3f} s"
@@ -105,7 +225,7 @@ def describe_samples(e: "Evaluation") -> str:
     )
 
 
-def describe_alignment(e: "Evaluation") -> list[str]:
+def _describe_alignment(e: "Evaluation") -> list[str]:
     """One line for each constant that was found."""
     a, lines = e.alignment, []
     if a.time is not None:
@@ -126,11 +246,9 @@ def describe_alignment(e: "Evaluation") -> list[str]:
     return lines
 
 
-def describe_consistency(e: "Evaluation") -> str:
+def _describe_consistency(e: "Evaluation") -> str:
     """How the error fits the claimed covariance."""
     c = e.consistency
-    if e.estimate.cov_b is None:
-        return "none claimed"
     if c is None:
         return f"claimed, but not judged: {e.not_scored.get('total', 'in no scored sample is it positive definite')}"
     left_out = f"; {counted(c.unusable, 'sample')} with an unusable covariance" if c.unusable else ""
@@ -144,16 +262,6 @@ def degrees(angle: float) -> str:
     """Angle in degrees with three decimals, or with two digits where that would show nothing."""
     value = to_deg(angle)
     return f"{value:.3f}" if value == 0.0 or abs(value) >= 0.0005 else f"{value:.0e}"
-
-
-def _cells(s: Stats) -> tuple[str, ...]:
-    angles = [degrees(a) for a in (s.rmse, s.mean, s.std, s.max_abs, s.p50, s.p95, s.p99)]
-    return (*angles[:4], f"{s.max_at:.2f}", *angles[4:])
-
-
-def _row(name: str, cells: tuple[str, ...]) -> str:
-    widths = (8, 9, 8, 9, 9, 8, 8, 8)
-    return f"{name:<12}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
 
 
 def _numbers(values: Floats) -> str:
@@ -189,21 +297,15 @@ def _samples(e: "Evaluation") -> dict[str, Any]:
 
 def _alignment(e: "Evaluation") -> dict[str, Any]:
     a = e.alignment
+    found: dict[str, Any] = {"time": None, "mounting": None}
+    if a.time is not None:
+        found["time"] = {"offset_s": a.time.offset, "correlation": a.time.correlation}
+        found["time"] |= {"rival_correlation": a.time.rival, "rival_offset_s": a.time.rival_at}
+    if a.mounting is not None:
+        angle = to_deg(float(quat_angle(IDENTITY, a.mounting)))
+        found["mounting"] = {"q_re_wxyz": a.mounting.tolist(), "angle_deg": angle}
     return {
-        "time": None
-        if a.time is None
-        else {
-            "offset_s": a.time.offset,
-            "correlation": a.time.correlation,
-            "rival_correlation": a.time.rival,
-            "rival_offset_s": a.time.rival_at,
-        },
-        "mounting": None
-        if a.mounting is None
-        else {
-            "q_re_wxyz": a.mounting.tolist(),
-            "angle_deg": to_deg(float(quat_angle(IDENTITY, a.mounting))),
-        },
+        **found,
         "heading_deg": None if a.heading is None else to_deg(a.heading),
         "tilt_spread_deg": None if a.tilt_spread is None else to_deg(a.tilt_spread),
     }
@@ -220,8 +322,7 @@ def _settings(e: "Evaluation") -> dict[str, Any]:
     }
 
 
-def _track(e: "Evaluation", which: str) -> dict[str, Any]:
-    track = e.estimate if which == "estimate" else e.reference
+def _track(track: AttitudeTrack) -> dict[str, Any]:
     rate = (len(track) - 1) / float(track.t[-1] - track.t[0]) if len(track) > 1 else math.nan
     return {
         "source": track.source,
@@ -232,3 +333,113 @@ def _track(e: "Evaluation", which: str) -> dict[str, Any]:
         "first_s": float(track.t[0]),
         "last_s": float(track.t[-1]),
     }
+
+
+def _figures(e: "Evaluation", columns: int) -> list[Figure]:
+    shade = ("not scored", SHADE, "block")
+    attitude = [("estimate", ESTIMATE, "solid"), ("reference", REFERENCE, "solid"), shade]
+    errors = [(name, colour, "solid") for name, colour in COLOUR.items() if name in e.stats]
+    caption = "Cumulative distribution of the error; dots mark 50, 95 and 99 %"
+    return [
+        Figure(
+            "Error over time",
+            partial(_draw_errors, e, columns),
+            [*errors, shade],
+            height=0.6 + 1.1 * max(1, len(errors)),
+        ),
+        Figure("Yaw, pitch and roll over time", partial(_draw_attitude, e, columns), attitude, height=3.9),
+        Figure(caption, partial(_draw_distribution, e), errors),
+    ]
+
+
+def _draw_attitude(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
+    """Yaw, pitch and roll of estimate and reference over time."""
+    est, ref = euler_zyx_from_quat(e.estimate.q_nb), euler_zyx_from_quat(e.match.q_ref)
+    axes = canvas.subplots(3, 1, sharex=True)
+    for i, name in enumerate(("yaw", "pitch", "roll")):
+        _line(axes[i], e, ref[:, i], columns, color=REFERENCE, linewidth=2.4, jump=np.pi)
+        _line(axes[i], e, est[:, i], columns, color=ESTIMATE, linewidth=0.7, jump=np.pi)
+        _round_degrees(axes[i], 90 if name == "pitch" else 180)
+        _shade(axes[i], e, columns)
+        axes[i].set_ylabel(f"{name} [°]")
+    axes[2].set_xlabel("time [s]")
+
+
+def _draw_errors(e: "Evaluation", columns: int, canvas: "FigureBase") -> None:
+    """Total, heading and inclination error over time, those of them that are scored."""
+    names = [name for name in COLOUR if name in e.stats]
+    axes = canvas.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, name in zip(axes, names, strict=True):
+        _line(ax, e, e.errors[name], columns, color=COLOUR[name], linewidth=0.7)
+        _shade(ax, e, columns)
+        ax.set_ylim(bottom=0.0)
+        ax.set_ylabel(f"{name} [°]")
+    axes[-1].set_xlabel("time [s]")
+
+
+def _draw_distribution(e: "Evaluation", canvas: "FigureBase") -> None:
+    """Share of samples whose error is at most so much, with the median and the 95th and 99th percentile."""
+    ax = canvas.subplots()
+    scored = [name for name in COLOUR if name in e.stats]
+    for name in scored:
+        _cumulative(ax, e.errors[name][e.match.scored], color=COLOUR[name], linestyle="solid")
+        s = e.stats[name]
+        marks = [to_deg(p) for p in (s.p50, s.p95, s.p99)]
+        ax.plot(marks, (50, 95, 99), "o", color=COLOUR[name], markersize=3.0, clip_on=False)
+    _finish_cumulative(ax, [e.stats[name] for name in scored])
+
+
+def comparison_figure(evaluations: Mapping[str, "Evaluation"]) -> Figure:
+    """Distribution of the one error that all have: total, or inclination where a heading is free."""
+    shared = NEEDS_HEADING[0] if all(NEEDS_HEADING[0] in e.stats for e in evaluations.values()) else "inclination"
+    styles = [(SERIES[i % len(SERIES)], _DASHES[i // len(SERIES) % len(_DASHES)]) for i in range(len(evaluations))]
+
+    def draw(canvas: "FigureBase") -> None:
+        ax = canvas.subplots()
+        for e, (colour, dash) in zip(evaluations.values(), styles, strict=True):
+            _cumulative(ax, e.errors[shared][e.match.scored], color=colour, linestyle=dash)
+        _finish_cumulative(ax, [e.stats[shared] for e in evaluations.values()])
+
+    keys = [(name, *style) for name, style in zip(evaluations, styles, strict=True)]
+    return Figure(f"Cumulative distribution of the {shared} error", draw, keys)
+
+
+def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
+    from plumbob.report.drawing import envelope
+
+    gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if e.t.size > 1 else np.inf
+    t, y = envelope(e.t, values, columns, gap=gap, jump=jump)
+    marker = "." if t.size < 3 else ""
+    ax.plot(t, to_deg(y), marker=marker, **style)
+
+
+def _shade(ax: "Axes", e: "Evaluation", columns: int) -> None:
+    from plumbob.report.drawing import runs
+
+    if e.t.size < 2:
+        return
+    ax.set_xlim(e.t[0], e.t[-1])
+    stretches = runs(e.t, ~e.match.scored, columns)
+    ax.broken_barh(stretches, (0.0, 1.0), transform=ax.get_xaxis_transform(), facecolors=SHADE, linewidth=0, zorder=0)
+
+
+def _round_degrees(ax: "Axes", limit: int) -> None:
+    """Round ticks and the whole range on an axis that shows more than half of what the angle can be."""
+    low, high = ax.get_ylim()
+    if high - low > limit:
+        ax.set_ylim(min(low, -limit), max(high, limit))
+        ax.set_yticks((-limit, -limit // 2, 0, limit // 2, limit))
+
+
+def _cumulative(ax: "Axes", error: Floats, *, color: str, linestyle: str) -> None:
+    known = np.abs(error[np.isfinite(error)])
+    ax.plot(to_deg(np.percentile(known, _QUANTILES)), _QUANTILES, color=color, linestyle=linestyle, linewidth=1.1)
+
+
+def _finish_cumulative(ax: "Axes", stats: Sequence[Stats]) -> None:
+    """Axes up to the worst 99th percentile and a quarter; the tail beyond is in the table."""
+    ax.set_ylim(0.0, 100.0)
+    ax.set_yticks((0, 25, 50, 75, 95))
+    ax.set_xlim(0.0, max(to_deg(max(min(s.max_abs, 1.25 * s.p99) for s in stats)), 1e-9))
+    ax.set_xlabel("error [°]")
+    ax.set_ylabel("cumulative share [%]")

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from plumbob.core import check
 from plumbob.core.errors import ShapeError
-from plumbob.core.text import Shown
 from plumbob.core.units import Quantity, given
 from plumbob.core.version import __version__
 from plumbob.data import TRIADS, ImuData
@@ -21,20 +20,21 @@ from plumbob.noise.characterise import Taus, characterise
 from plumbob.noise.findings import Analysis
 from plumbob.noise.static import StaticReport
 from plumbob.noise.static_record import StaticRecord, check_static, load_static, static_of, static_of_numbers
+from plumbob.report import Report, Reported
 
 Note = Callable[[str], None]
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Noise(Shown):
+class Noise(Reported):
     """Noise of a unit, found from a static record.
 
     Attributes
     ----------
     record : StaticRecord
         What was analysed.
-    report : StaticReport
+    static : StaticReport
         Whether it was static, and what was left out of it.
     analyses : tuple of Analysis
         One for each channel.
@@ -43,7 +43,7 @@ class Noise(Shown):
     """
 
     record: StaticRecord
-    report: StaticReport
+    static: StaticReport
     analyses: tuple[Analysis, ...]
     calibration: str | None = None
 
@@ -58,7 +58,7 @@ class Noise(Shown):
 
     def card(self, device: str | None = None, source: str | None = None) -> NoiseCard:
         """Noise card of the unit, for the simulator and the filters; errors as of `NoiseCard`."""
-        from plumbob.noise.datasheet import noise_card
+        from plumbob.noise.card import noise_card
 
         return noise_card(self.analyses, device=device or self.record.path.stem, source=source or self.source)
 
@@ -72,40 +72,18 @@ class Noise(Shown):
         """Name of the record, and the card that was applied."""
         return self.record.path.name + ("" if self.calibration is None else f", calibrated with {self.calibration}")
 
-    def text(self, *, methods: bool = False, curve: bool = False) -> str:
-        """Data sheet as text; with the figures of every method, or the curve's, where asked."""
-        from plumbob.noise.datasheet import text
+    def report(self, *, device: str | None = None) -> Report:
+        """Data sheet; further tables of its text are "methods" and "curve"."""
+        from plumbob.noise.report import datasheet
 
-        return text(self.analyses, methods=methods, curve=curve)
+        named = {"device": device or self.record.path.stem, "record": self._named, "made by": f"plumbob {__version__}"}
+        return datasheet(self.analyses, facts=list(named.items()))
 
     def summary(self) -> dict[str, Any]:
         """All figures with their units, as JSON can hold them."""
-        from plumbob.noise.datasheet import as_dict
+        from plumbob.noise.report import numbers
 
-        return {"file": str(self.record.path), "calibration": self.calibration, **as_dict(self.analyses)}
-
-    def plot(self, path: str | Path, *, overwrite: bool = False) -> None:
-        """Draw curves, models and masks into a picture; its suffix chooses the format (png, svg, pdf)."""
-        from plumbob.noise.datasheet import write_png
-
-        write_png(Path(path), self.analyses, overwrite=overwrite)
-
-    def write_html(
-        self,
-        path: str | Path,
-        *,
-        device: str | None = None,
-        sections: Sequence[Any] = (),
-        overwrite: bool = False,
-    ) -> None:
-        """Write the page with figures and tables, a single file that opens offline."""
-        from plumbob.noise.datasheet import write_html
-
-        name = device or self.record.path.stem
-        facts = {"record": self._named, "device": name, "made by": f"plumbob {__version__}"}
-        write_html(
-            Path(path), self.analyses, title=f"Noise of {name}", facts=facts, sections=sections, overwrite=overwrite
-        )
+        return {"file": str(self.record.path), "calibration": self.calibration, **numbers(self.analyses)}
 
 
 def allan(

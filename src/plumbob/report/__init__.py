@@ -1,46 +1,9 @@
-"""One page: a self-contained HTML file with figures that opens anywhere, without network and without scripts."""
+"""One Report for every subject: facts, tables, remarks and figures; as text, as JSON, as a page and as a picture."""
 
-from plumbob.report.document import (
-    DASHES,
-    GRID,
-    INK,
-    LABELS,
-    MUTED,
-    PALETTE,
-    SERIES,
-    SHADE,
-    SOFT,
-    Key,
-    Rows,
-    definitions_list,
-    document,
-    figure,
-    html_table,
-    swatch,
-    variable,
-)
-from plumbob.report.drawing import envelope, png, runs, svg
+from plumbob.report.report import Figure, Report, Reported, Table, plain
+from plumbob.report.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SERIES, SHADE, SOFT
 
 __all__ = [
-    "DASHES",
-    "GRID",
-    "INK",
-    "LABELS",
-    "MUTED",
-    "PALETTE",
-    "SERIES",
-    "SHADE",
-    "SOFT",
-    "Key",
-    "Rows",
-    "definitions_list",
-    "document",
-    "envelope",
-    "figure",
-    "html_table",
-    "png",
-    "runs",
-    "svg",
-    "swatch",
-    "variable",
-]
+    "GRID", "INK", "LANGUAGES", "MUTED", "PALETTE", "SERIES", "SHADE", "SOFT", "Figure", "Report", "Reported", "Table",
+    "plain",
+]  # fmt: skip

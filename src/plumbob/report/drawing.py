@@ -1,92 +1,184 @@
-"""Figures as SVG text to stand inside a page: no font, no link and no fixed colour is in them.
+"""Figures: as SVG text that stands inside a page, or as a picture in a file of its own.
 
-Colours are written as CSS variables, so that one figure serves a light page, a dark page and paper.
+In a page, no font, no link and no fixed colour is in them. Colours are written as CSS variables, so that one figure
+serves a light page, a dark page and paper.
 """
 
 import io
+import logging
 import re
-from collections.abc import Callable
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core import check
 from plumbob.core.check import Floats
-from plumbob.core.errors import MissingExtraError
+from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.files import replacing
-from plumbob.report.document import GRID, INK, MUTED, VARIABLES
+from plumbob.report.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE, SOFT, said
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import FigureBase
 
-Draw = Callable[["Figure"], None]
+    from plumbob.report.report import Figure
 
+PICTURES: Final = (".svg", ".png", ".pdf")
+"""Endings of the names of pictures."""
+
+_VARIABLES: Final = {**PALETTE, INK: "ink", MUTED: "muted", GRID: "grid", SHADE: "shade", SOFT: "soft"}
 _DPI = 200
 _WIDTH = 7.5  # inches, 540 points: the page shows a point as 1.8 pixels at most
+_DASHES: Final[dict[str, Any]] = {"solid": "-", "dashed": "--", "dotted": ":"}
+_TITLE = 0.45  # inches for caption and key of a picture
+_LETTERS = 110  # that fit beside each other in a key, with its samples of lines
 _STYLE: Final[dict[str, Any]] = {
-    "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.size": 7.0,
-    "text.color": INK,
-    "axes.edgecolor": MUTED,
-    "axes.labelcolor": INK,
-    "axes.linewidth": 0.5,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.xmargin": 0.0,
-    "grid.color": GRID,
-    "grid.linewidth": 0.5,
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.major.width": 0.5,
-    "ytick.major.width": 0.5,
-    "lines.solid_joinstyle": "round",
-    "path.simplify": False,
-}
+    "svg.fonttype": "none", "pdf.fonttype": 42, "font.family": "sans-serif", "font.size": 7.0, "text.color": INK,
+    "text.parse_math": False, "axes.edgecolor": MUTED, "axes.labelcolor": INK, "axes.linewidth": 0.5,
+    "axes.grid": True, "axes.axisbelow": True, "axes.spines.top": False, "axes.spines.right": False,
+    "axes.xmargin": 0.0, "grid.color": GRID, "grid.linewidth": 0.5, "xtick.color": MUTED, "ytick.color": MUTED,
+    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "xtick.major.width": 0.5, "ytick.major.width": 0.5,
+    "lines.solid_joinstyle": "round", "path.simplify": False,
+}  # fmt: skip
+CHINESE: Final = (
+    "Noto Sans CJK SC", "Noto Sans SC", "Source Han Sans SC", "Source Han Sans CN", "WenQuanYi Micro Hei",
+    "WenQuanYi Zen Hei", "Microsoft YaHei", "SimHei", "PingFang SC", "Hiragino Sans GB", "Heiti SC", "Arial Unicode MS",
+)  # fmt: skip
+"""Fonts that have the letters of Chinese labels, the first one found is taken."""
 
 
-def svg(draw: Draw, *, height: float, salt: str) -> str:
-    """Run a drawing function on a new figure and return its ``<svg>`` element.
+def variable(colour: str) -> str:
+    """CSS variable of a colour of this room."""
+    return f"var(--{_VARIABLES[colour]})"
+
+
+def svg(figure: "Figure", *, lang: str = "en", salt: str) -> str:
+    """``<svg>`` element of a figure.
 
     Parameters
     ----------
-    draw : callable
-        Draws on the matplotlib figure that it gets.
-    height : float
-        Inches.
+    figure : Figure
+        To draw.
+    lang : str
+        Of its labels.
     salt : str
         Distinguished from that of every other figure of the page, so that no two share an identifier.
     """
     buffer = io.StringIO()
-    _save(draw, height, buffer, format="svg", transparent=True, metadata={"Date": None}, salt=salt)
+    with _canvas(figure.height, lang, salt=salt) as canvas:
+        figure.draw(canvas)
+        _finish(canvas, lang)
+        canvas.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
     return _for_page(buffer.getvalue())
 
 
-def png(path: Path, draw: Draw, *, height: float, overwrite: bool = False) -> None:
-    """Run a drawing function on a new figure and write it as a picture on white."""
-    with replacing(path, overwrite=overwrite) as temporary:
-        _save(draw, height, temporary, format="png", dpi=_DPI, facecolor="white")
+def picture(path: str | Path, figures: "Sequence[Figure]", *, lang: str = "en", overwrite: bool = False) -> Path:
+    """Write figures one below the other on white, each with its caption and key, as the ending of the name says.
+
+    Raises
+    ------
+    ParameterError
+        If the name does not end in .svg, .png or .pdf, or there is no figure.
+    MissingExtraError
+        If matplotlib is not installed, or no Chinese font where the labels need one.
+    """
+    target = Path(path)
+    check.one_of("lang", lang, LANGUAGES)
+    kind = picture_kind(target)
+    if not figures:
+        raise ParameterError(f"{target} would be empty: this report has no figure. Write the page instead.")
+    heights = [figure.height + _TITLE for figure in figures]
+    with _canvas(sum(heights), lang, embedded=kind != "svg") as canvas:
+        panels = canvas.subfigures(len(figures), 1, squeeze=False, height_ratios=heights)[:, 0]
+        for panel, figure in zip(panels, figures, strict=True):
+            figure.draw(panel)
+            _explain(panel, figure)
+            _finish(panel, lang)
+        with replacing(target, overwrite=overwrite) as temporary:
+            undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
+            canvas.savefig(temporary, format=kind, dpi=_DPI, facecolor="white", metadata=undated)
+    return target
 
 
-def _save(draw: Draw, height: float, target: Any, *, salt: str | None = None, **options: Any) -> None:
+def picture_kind(path: Path) -> str:
+    """Format of a picture by the ending of its name.
+
+    Raises
+    ------
+    ParameterError
+        If it is not among `PICTURES`.
+    """
+    if path.suffix.lower() not in PICTURES:
+        raise ParameterError(f"the name of a picture must end in {', '.join(PICTURES)}, but it is {path}.")
+    return path.suffix.lower()[1:]
+
+
+@contextmanager
+def _canvas(height: float, lang: str, *, salt: str = "picture", embedded: bool = False) -> Iterator[Any]:
+    """A figure of matplotlib in our style, which holds as long as it is drawn on."""
     try:
         import matplotlib as mpl
-        from matplotlib.figure import Figure
+        from matplotlib.figure import Figure as Canvas
     except ImportError as error:
         raise MissingExtraError('plots need matplotlib: pip install "plumbob[plot]".') from error
-    with mpl.rc_context():
+    fonts = logging.getLogger("matplotlib.font_manager")
+    level = fonts.level
+    with mpl.rc_context(), warnings.catch_warnings():
         mpl.rcdefaults()
         params: Any = mpl.rcParams
         params.update({**_STYLE, "svg.hashsalt": salt})
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
-        draw(figure)
-        figure.align_ylabels()
-        figure.savefig(target, **options)
+        if lang == "zh":
+            params["font.family"] = _chinese_font(embedded)
+            warnings.filterwarnings("ignore", "Glyph .* missing from font")  # the reader of an SVG has another font
+            fonts.setLevel(logging.ERROR)  # many of these fonts have one weight, which it would tell
+        try:
+            yield Canvas(figsize=(_WIDTH, height), layout="constrained")
+        finally:
+            fonts.setLevel(level)
+
+
+def _chinese_font(embedded: bool) -> list[str]:
+    from matplotlib import font_manager
+
+    known = set(font_manager.get_font_names())
+    found = [name for name in CHINESE if name in known][:1]
+    if embedded and not found:
+        raise MissingExtraError(
+            "Chinese labels in a PNG or PDF need a Chinese font, and none is installed. Install one, as "
+            "'apt install fonts-noto-cjk' does, or write an .svg or the page."
+        )
+    return ["DejaVu Sans", *found]
+
+
+def _explain(panel: "FigureBase", figure: "Figure") -> None:
+    """Caption and key of a figure without a page around it."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Patch(color=colour, label=name)
+        if dash == "block"
+        else Line2D([], [], color=colour, linestyle=_DASHES[dash], linewidth=1.2, label=name)
+        for name, colour, dash in figure.key
+    ]
+    panel.suptitle(figure.caption, x=0.01, ha="left", fontsize=8.0, fontweight="bold")
+    if handles:
+        widths = [8 + len(name) for name, *_ in figure.key]
+        columns = len(widths) if sum(widths) <= _LETTERS else max(1, _LETTERS // max(widths))
+        panel.legend(handles=handles, loc="outside lower left", ncols=columns, frameon=False)
+
+
+def _finish(canvas: "FigureBase", lang: str) -> None:
+    """Labels in their language, and aligned."""
+    from matplotlib.text import Text
+
+    for text in canvas.findobj(Text) if lang != "en" else ():
+        text.set_text(said(text.get_text(), lang))
+    canvas.align_ylabels()
 
 
 def _for_page(svg: str) -> str:
@@ -99,7 +191,7 @@ def _for_page(svg: str) -> str:
     svg = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", svg, count=1)
     svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\.\d{2})\d+", r"\1", tag[0]), svg)  # labels keep their digits
-    for colour, name in VARIABLES.items():
+    for colour, name in _VARIABLES.items():
         svg = svg.replace(colour, f"var(--{name})")
     return re.sub(r"\s*\n\s*", "\n", svg).strip()
 

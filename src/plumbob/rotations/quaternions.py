@@ -200,6 +200,16 @@ def quat_from_rotvec(rotvec: ArrayLike) -> Floats:
     return np.concatenate((w[..., np.newaxis], s[..., np.newaxis] * r), axis=-1)  # [Sola2017] (101)
 
 
+def quat_chained(turns: Floats) -> Floats:
+    """Attitudes (N + 1, 4) that rotation vectors (N, 3), rad, lead to, each in the axes that those before it turned."""
+    q = quat_from_rotvec(np.vstack((np.zeros(3), turns)))
+    reach = 1
+    while reach < len(q):  # products of 2, 4, 8, … rotations up to each one
+        q[reach:] = quat_multiply(q[:-reach], q[reach:])
+        reach *= 2
+    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
+
+
 def rotvec_from_quat(q: ArrayLike) -> Floats:
     """Logarithm of unit quaternions: the rotation vector of angle at most π, rad, shape (..., 3); q ≡ −q."""
     array = check.last_axis("q", q, 4)

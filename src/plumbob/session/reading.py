@@ -38,15 +38,16 @@ def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None"
     MissingExtraError
         If the format needs a package that is not installed.
     """
-    from plumbob import files
+    from plumbob.files import FORMATS
+    from plumbob.files import read as read_samples
 
     file = check.path("path", path)
     if file.suffix == SUFFIX:
         from plumbob.session.recorded import read_recorded
 
         return read_recorded(file)
-    known = [suffix for kind in files.FORMATS for suffix in kind.suffixes]
+    known = [suffix for kind in FORMATS for suffix in kind.suffixes]
     if file.suffix.lower() not in known:
         listed = f"known are {', '.join([SUFFIX, *known])}; raw bytes are for 'plumbob record --from'"
         raise DecodeError(f"{file}: the suffix '{file.suffix}' is unknown; {listed}.")
-    return files.read(file, profile=profile)
+    return read_samples(file, profile=profile)

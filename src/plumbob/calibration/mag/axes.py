@@ -21,9 +21,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.calibration.mag.windows import chained
 from plumbob.core.check import Floats
-from plumbob.rotations import dcm_from_quat, every_axes, skew
+from plumbob.rotations import dcm_from_quat, every_axes, quat_chained, skew
 
 CLEARLY: Final = 3.0
 """How many times as large the squares that an arrangement leaves must be as the least ones, for it to be excluded."""
@@ -268,7 +267,7 @@ def _windows(t: Floats, known: NDArray[np.intp]) -> NDArray[np.intp]:
 def _turned_by(t: Floats, rates: Floats, rows: NDArray[np.intp], sense: float) -> _TurnedBack:
     flat = rows.ravel()
     step = np.diff(t[flat])[:, np.newaxis]
-    turns = dcm_from_quat(chained(0.5 * sense * (rates[flat[1:]] + rates[flat[:-1]]) * step))
+    turns = dcm_from_quat(quat_chained(0.5 * sense * (rates[flat[1:]] + rates[flat[:-1]]) * step))
     each = 0.5 * (turns[1:] + turns[:-1]) * step[:, :, np.newaxis]
     by_bias = np.concatenate((np.zeros((1, 3, 3)), np.cumsum(each, axis=0))).reshape(*rows.shape, 3, 3)
     return _TurnedBack(rows, sense, turns.reshape(by_bias.shape), by_bias - by_bias[:, :1, :1])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
-from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.rotations import dcm_from_quat, quat_chained, quat_from_rotvec, quat_multiply
 
 TURN_SD: Final = float(deg(0.25))
 """Standard deviation of a turn of a gyroscope's axes together about each, rad, without a card: 0.4 % across."""
@@ -19,16 +19,6 @@ TURN_SD: Final = float(deg(0.25))
 _BIAS_SD: Final = float(dps(10.0))  # rad/s; no MEMS gyroscope is off by more, and most by less
 _DELAY_SD: Final = 0.02  # s; periods of 10 ms, and filters of as much again
 _EXACT: Final = 1e-6  # gain that counts as known
-
-
-def chained(angles: Floats) -> Floats:
-    """Attitudes (N + 1, 4) that rotations (N, 3) in turning axes lead to."""
-    q = quat_from_rotvec(np.vstack((np.zeros(3), angles)))
-    reach = 1
-    while reach < len(q):  # products of 2, 4, 8, … rotations up to each one
-        q[reach:] = quat_multiply(q[:-reach], q[reach:])
-        reach *= 2
-    return np.asarray(q / np.linalg.norm(q, axis=1, keepdims=True))
 
 
 def by_error(turns: Floats, angles: Floats, dt: Floats) -> Floats:
@@ -215,7 +205,7 @@ def _chunk(
     bias = errors.bias[segment_of(since, float(t[-1] - t[0]), len(errors.bias))]
     rates = gyr[first:stop] + gyr[first:stop] @ errors.gain.T - bias
     angles = 0.5 * (rates[1:] + rates[:-1]) * np.diff(since)[:, np.newaxis]
-    attitude = quat_multiply(q, chained(angles))
+    attitude = quat_multiply(q, quat_chained(angles))
     turns = dcm_from_quat(attitude)
     leans = leaning(turns, angles, angles, np.diff(since)[:, np.newaxis])
     late = np.asarray(turns @ dcm_from_quat(quat_from_rotvec(-errors.delay * rates)))

@@ -42,13 +42,21 @@ from plumbob.calibration.mag.outcome import (
     uneven_told,
     where_known,
 )
-from plumbob.calibration.mag.windows import by_error, chained, inverse_of, leaning, tightness
+from plumbob.calibration.mag.windows import by_error, inverse_of, leaning, tightness
 from plumbob.calibration.mag.with_acc import turn_of
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps, to_deg, to_dps
-from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, rotvec_from_quat, skew
+from plumbob.rotations import (
+    dcm_from_quat,
+    quat_chained,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    rotvec_from_quat,
+    skew,
+)
 
 _DIRECTIONS: Final = 400
 
@@ -189,7 +197,7 @@ class _Fit:
         self.mag, self.gyr, self.size = mag, gyr[seen], size
         nodes = np.union1d(seen, np.searchsorted(t, np.arange(t[0], t[-1], _NODE)))
         self.seen, self.dt = np.searchsorted(nodes, seen), np.diff(t[nodes])[:, np.newaxis]
-        q = chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
+        q = quat_chained(0.5 * (gyr[1:] + gyr[:-1]) * np.diff(t)[:, np.newaxis])[nodes]
         self.angles = rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
         self.turned = float(np.sum(np.linalg.norm(self.angles, axis=1)))
         self.gyr_tight = tightness(gyr_gain_sd)
@@ -263,7 +271,7 @@ class _Fit:
     def _turns(self) -> Floats:
         """Attitudes (M, 3, 3), and beside them how they lean by the gyroscope's errors."""
         angles = self.angles + self.angles @ self._gain().T - self.gyr_errors[:3] * self.dt
-        whole = dcm_from_quat(chained(angles))
+        whole = dcm_from_quat(quat_chained(angles))
         sums = leaning(whole, angles, self.angles, self.dt)[self.seen]
         self.now, delay = whole[self.seen], float(self.gyr_errors[12])
         self.by_gyr = sums - by_error(self.now, delay * self.gyr, np.full((len(self.now), 1), delay))

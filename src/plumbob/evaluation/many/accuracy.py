@@ -13,6 +13,7 @@ from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.evaluation import evaluate
 from plumbob.evaluation.many.peers import PeerRun, peer_track
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
+from plumbob.report import Report, Table
 from plumbob.rotations import Frame
 
 Errors = dict[str, float | None]
@@ -70,32 +71,33 @@ class Accuracy:
             "absent": self.absent,
         }
 
-    def text(self) -> str:
-        """Table of the trials and their mean, per filter, and the means beside each other."""
-        width = max(len(name) for name in (*self.trials, *self.settings, "mean"))
+    def report(self) -> Report:
+        """Table of the trials and their mean for each filter, and the means beside each other."""
         means = self.mean()
-        lines = [*self._calibrations(), ""]
-        for name, setting in self.settings.items():
-            aligned = f"aligned first: {', '.join(self.align) or 'nothing'}"
-            lines += [setting, aligned, _head("RMSE in degrees", width)]
-            lines += [_row(trial, width, errors[name]) for trial, errors in self.trials.items()]
-            lines += [_row("mean", width, means[name]), ""]
-        if len(means) > 1:
-            lines += [_head(f"means of {len(self.trials)}", width)]
-            lines += [*(_row(name, width, errors) for name, errors in means.items()), ""]
-        if self.skipped:
-            lines += [f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"]
-        lines += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
-        lines += [f"peer left out: {name}: {why}" for name, why in self.absent.items()]
-        return "\n".join(lines).strip()
+        trials = {name: {trial: errors[name] for trial, errors in self.trials.items()} for name in self.settings}
+        parts = [
+            Report(setting, tables=[_table("RMSE [°]", {**trials[name], "mean": means[name]})])
+            for name, setting in self.settings.items()
+        ]
+        count = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
+        remarks = [count] if self.skipped else []
+        remarks += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
+        remarks += [f"peer left out: {name}: {why}" for name, why in self.absent.items()]
+        beside = [_table(f"Mean RMSE of {counted(len(self.trials), 'trial')} [°]", means)] if len(means) > 1 else []
+        facts = [*self._calibrations(), ("aligned", ", ".join(self.align) or "nothing")]
+        return Report("Accuracy", facts=facts, parts=[*parts, Report("", tables=beside, remarks=remarks)])
 
-    def _calibrations(self) -> list[str]:
+    def text(self) -> str:
+        """Report as text."""
+        return self.report().text()
+
+    def _calibrations(self) -> list[tuple[str, str]]:
         """Which trials had which calibration."""
         trials: dict[str, list[str]] = {}
         for trial, told in self.calibration.items():
             trials.setdefault(told, []).append(trial)
         whole = len(trials) == 1
-        return [f"calibration {told}: {'all' if whole else ', '.join(names)}" for told, names in trials.items()]
+        return [("calibration", f"{told}: {'all' if whole else ', '.join(names)}") for told, names in trials.items()]
 
 
 def trials_in(folder: Path) -> list[Path]:
@@ -219,10 +221,6 @@ def _errors(track: AttitudeTrack, reference: AttitudeTrack, align: Sequence[str]
     return {key: summary[key] for key in KEYS}
 
 
-def _head(title: str, width: int) -> str:
-    return f"{title:{width}}  {'total':>9} {'heading':>9} {'incl.':>9}"
-
-
-def _row(name: str, width: int, errors: Errors) -> str:
-    cells = " ".join(f"{'–':>9}" if errors[key] is None else f"{errors[key]:9.3f}" for key in KEYS)
-    return f"{name:{width}}  {cells}"
+def _table(title: str, rows: Mapping[str, Errors]) -> Table:
+    cells = [[name, *("–" if e[key] is None else f"{e[key]:.3f}" for key in KEYS)] for name, e in rows.items()]
+    return Table(title, ["", "total", "heading", "inclination"], cells)

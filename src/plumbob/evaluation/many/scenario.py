@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.text import counted, listed
+from plumbob.core.text import counted
 from plumbob.core.units import to_deg
 from plumbob.evaluation import evaluate
 from plumbob.filters.offline import Stage, bias_beyond, estimator_of, run_stage, with_noise
+from plumbob.report import Report, Table
 from plumbob.rotations import Frame
 from plumbob.simulation import simulate
 
@@ -72,24 +73,25 @@ class MonteCarlo:
         return found
 
     def text(self) -> str:
-        """Table of the errors over the seeds."""
-        lines = [self.scenario]
+        """Errors over the seeds, a table for each filter."""
+        head = ["", *(f"{figure} {of}" for figure in ("rms", "largest") for of in ("median", "95 %", "max"))]
+        parts = []
         for name, setting in self.settings.items():
-            lines += ["", setting, f"{'':7}{'rms error, degrees':^30}{'largest error, degrees':^30}"]
-            lines += [f"{'':7}" + f"{'median':>10}{'95 %':>10}{'max':>10}" * 2]
-            for axis, figures in self.values[name].items():
-                cells = [f"{v:10.3f}" for figure in SHOWN for v in _summary(figures[figure]).values()]
-                lines += [f"{axis:7}{''.join(cells)}"]
-            lines += self._warned(name)
-            if self.limit_deg is not None:
-                share = 100.0 * self.kept(name, self.limit_deg)
-                lines += [f"roll and pitch stay within {self.limit_deg:g}° in {share:.0f} % of the seeds"]
-        return "\n".join([*lines, *self._ratios()])
+            rows = [
+                [axis, *(f"{v:.3f}" for figure in SHOWN for v in _summary(figures[figure]).values())]
+                for axis, figures in self.values[name].items()
+            ]
+            parts.append(Report(setting, tables=[Table("Error [°]", head, rows)], remarks=self._remarks(name)))
+        return Report(self.scenario, parts=parts, remarks=self._ratios()).text()
 
-    def _warned(self, name: str) -> list[str]:
+    def _remarks(self, name: str) -> list[str]:
         told = self.warnings.get(name, [])
         count = len(next(iter(self.values[name].values()))[FIGURES[0]])
-        return listed([f"in {len(told)} of {count} seeds, as in the first of them: {told[0]}"]) if told else []
+        found = [f"in {len(told)} of {count} seeds, as in the first of them: {told[0]}"] if told else []
+        if self.limit_deg is None:
+            return found
+        share = 100.0 * self.kept(name, self.limit_deg)
+        return [*found, f"roll and pitch stay within {self.limit_deg:g}° in {share:.0f} % of the seeds"]
 
     def _ratios(self) -> list[str]:
         """Tilt errors of the other filters beside the first one's, where a limit was asked for."""
@@ -99,7 +101,7 @@ class MonteCarlo:
             with np.errstate(divide="ignore", invalid="ignore"):  # ideal sensors may leave no error at all
                 ratio = self.largest_tilt(name) / self.largest_tilt(first)
             figures = f"{np.median(ratio):.1f} (median over the seeds; least {ratio.min():.1f})"
-            lines += ["", f"largest tilt error of {name} over that of {first}: {figures}"]
+            lines.append(f"largest tilt error of {name} over that of {first}: {figures}")
         return lines
 
 

@@ -11,13 +11,11 @@ from typing import NamedTuple
 
 from plumbob.core import text
 from plumbob.core.errors import ShapeError
-from plumbob.core.text import listed
 from plumbob.core.units import Quantity, from_si
-from plumbob.noise.datasheet import numbers
-from plumbob.noise.datasheet.numbers import Triad, lowest, triads
 from plumbob.noise.findings import Analysis
+from plumbob.noise.report import Triad, coefficient, lowest, triads
 from plumbob.noise.terms import TERMS
-from plumbob.report import html_table
+from plumbob.report import Report, Table
 
 DURATION = 110_000 / 500.0
 """Of the paper's record, s."""
@@ -82,8 +80,8 @@ def averaging_time(share: float, duration: float = DURATION) -> float:
     return duration / (1.0 + 0.5 / share**2)
 
 
-def fin_report(analyses: Sequence[Analysis]) -> str:
-    """Text of the report, at most 80 columns wide.
+def fin_report(analyses: Sequence[Analysis]) -> Report:
+    """The report.
 
     Parameters
     ----------
@@ -96,35 +94,12 @@ def fin_report(analyses: Sequence[Analysis]) -> str:
         If no channel is a gyroscope's.
     """
     triad = _gyroscope(analyses)
-    lines = [_CAPTION, "", _row("", *triad.channels, widths=_OWN)]
-    lines += [_row(*cells, widths=_OWN) for cells in _own_rows(triad)]
-    lines += ["", _PRINTED_CAPTION, "", _row(*_HEAD, widths=_PRINTED)]
-    for *cells, remark in _printed_rows():
-        lines += [_row(*cells, widths=_PRINTED), f"     {remark}"]
-    lines.append("")
-    lines += listed(_MISPRINTS)
-    return "\n".join(lines)
-
-
-def fin_section(analyses: Sequence[Analysis]) -> str:
-    """The same as a section of the page; parameters and errors as in `fin_report`."""
-    triad = _gyroscope(analyses)
-    items = "".join(f"<li>{remark}</li>" for remark in _MISPRINTS)
-    parts = [
-        "<section><h2>Table 1 of the fin paper</h2>",
-        html_table(_CAPTION, ["", *triad.channels], _own_rows(triad)),
-        html_table(_PRINTED_CAPTION, _HEAD, _printed_rows(), words=(5,)),
-        f"<ul class='note'>{items}</ul>",
-        "</section>",
+    head = ("", "axis", "printed", "±/value", "implied T [s]", "remark")
+    tables = [
+        Table("This record", ["", *triad.channels], _own_rows(triad)),
+        Table("As printed, and its errors recomputed for 110000 samples at 500 Hz", head, _printed_rows(), words=(5,)),
     ]
-    return "\n".join(parts)
-
-
-_CAPTION = "Table 1 of Ou et al. 2017 for this record"
-_PRINTED_CAPTION = "Table 1 as printed, and its errors recomputed for 110000 samples at 500 Hz"
-_HEAD = ("", "axis", "printed", "±/value", "implied T [s]", "remark")
-_OWN = (26, 18, 18, 18)
-_PRINTED = (5, 5, 18, 12, 28)
+    return Report("Table 1 of Ou et al. 2017", tables=tables, remarks=_MISPRINTS)
 
 
 def _gyroscope(analyses: Sequence[Analysis]) -> Triad:
@@ -160,7 +135,7 @@ def _behind(a: Analysis, letter: str) -> str:
 
 def _likelihood(a: Analysis, letter: str) -> str:
     c = a.terms.get(letter)
-    return "-" if c is None else numbers.coefficient(c, _UNITS[letter])
+    return "-" if c is None else coefficient(c, _UNITS[letter])
 
 
 def _read_at(a: Analysis, letter: str) -> float | None:
@@ -179,8 +154,3 @@ def _printed_rows() -> list[list[str]]:
         number = f"{entry.value} ± {entry.error}"
         rows.append([name, entry.axis, number, f"{100.0 * entry.relative:.3f} %", span, entry.remark])
     return rows
-
-
-def _row(label: str, *cells: str, widths: Sequence[int]) -> str:
-    first, *rest = widths
-    return (f"{label:<{first}}" + "".join(f"{c:>{w}}" for c, w in zip(cells, rest, strict=False))).rstrip()

@@ -15,15 +15,14 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
-from plumbob.core.text import aligned, listed, number, visible
+from plumbob.core.text import number, visible
 from plumbob.core.units import Quantity, from_si, written
 from plumbob.data import TITLES
 from plumbob.data.cards import UNITS, NoiseCard, TriadNoise
-from plumbob.noise.datasheet import numbers
-from plumbob.noise.datasheet.numbers import AXES, Triad, triads
-from plumbob.noise.datasheet.table import facts
 from plumbob.noise.findings import Analysis, Coefficient
+from plumbob.noise.report import AXES, Triad, coefficient, length_and_rate, triads
 from plumbob.noise.terms import DATASHEET, TERMS
+from plumbob.report import Report, Table
 
 
 def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> NoiseCard:
@@ -65,14 +64,14 @@ def noise_card(analyses: Sequence[Analysis], *, device: str, source: str) -> Noi
     return NoiseCard(device, "; ".join(said), **noises)
 
 
-def card_text(card: NoiseCard) -> str:
-    """Tell what a noise card holds, in the units of data sheets."""
-    lines = [f"{card.device}: noise card", *listed([card.source])]
-    for name in UNITS:
-        triad: TriadNoise | None = getattr(card, name)
-        if triad is not None:
-            lines += ["", TITLES[name], *aligned(["", *AXES], *_rows(name, triad))]
-    return "\n".join(lines)
+def card_report(card: NoiseCard) -> Report:
+    """What a noise card holds, in the units of data sheets."""
+    parts = [
+        Report(TITLES[name].capitalize(), tables=[Table("", ["", *AXES], _rows(name, triad))])
+        for name in UNITS
+        if (triad := getattr(card, name)) is not None
+    ]
+    return Report("Noise card", facts=[("device", card.device)], remarks=[card.source], parts=parts)
 
 
 def _rows(name: str, triad: TriadNoise) -> list[list[str]]:
@@ -127,10 +126,10 @@ def _value(analysis: Analysis, letter: str) -> float:
 def _remarks(triad: Triad) -> list[str]:
     """Length of the record, and the limits of what is not observable."""
     units = DATASHEET[triad.quantity]
-    found = [f"{triad.name} from {facts(triad)}"]
+    found = [f"{triad.name} from {length_and_rate(triad)}"]
     for letter in ("B", "K"):
         hidden = {axis: c for axis in AXES if (c := triad.channels[axis].terms.get(letter)) and not c.observable}
-        limits = ", ".join(f"{axis} {numbers.coefficient(c, units[letter])}" for axis, c in hidden.items())
+        limits = ", ".join(f"{axis} {coefficient(c, units[letter])}" for axis, c in hidden.items())
         if hidden:
             limit = f"{limits} {written(units[letter])} (95 %)"
             found.append(f"{triad.name} {letter} not observable, the most likely is taken: {limit}")
@@ -181,7 +180,7 @@ def kalibr_yaml(analyses: Sequence[Analysis], *, rostopic: str, source: str = ""
             raise ShapeError(f"Kalibr needs gyr and acc, but the record has only {', '.join(found)}.")
         if found[name].quantity is not quantity:
             raise UnitError(f"{name} is in '{found[name].quantity}', but Kalibr takes {quantity}; scale the recording.")
-        lines += ["", f"# {sensor}: {_ascii(facts(found[name]))}"]
+        lines += ["", f"# {sensor}: {_ascii(length_and_rate(found[name]))}"]
         for letter, field in _FIELDS:
             lines += _field(f"{sensor}_{field}", found[name], letter)
     lines += ["", f"rostopic: {rostopic}", f"update_rate: {_rate(found):.6f}"]
@@ -202,7 +201,7 @@ def _field(field: str, triad: Triad, letter: str) -> list[str]:
             )
         squares.append(size**2)
         limit = "" if c.observable else ", not observable: the limit of 95 % is taken"
-        comments.append(f"#   {letter} {axis}: {_ascii(numbers.coefficient(c, unit))} {unit}{limit}")
+        comments.append(f"#   {letter} {axis}: {_ascii(coefficient(c, unit))} {unit}{limit}")
     return [f"{field}: {math.sqrt(sum(squares) / len(squares)):.6e}", *comments]
 
 

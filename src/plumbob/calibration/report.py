@@ -1,0 +1,519 @@
+"""Certificate of a calibration: what is said, as a report and as numbers, and what is drawn; or why it was refused."""
+
+import json
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.calibration.fit import CaptureRefusedError, Fitted
+from plumbob.calibration.predicted import NAMES, REGIONS, filled, names_of
+from plumbob.core.check import Floats
+from plumbob.core.text import WIDTH, counted, listed, measured, number
+from plumbob.core.units import from_si, g, to_deg, written
+from plumbob.data import TITLES, TRIADS
+from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
+from plumbob.report import INK, MUTED, SERIES, Figure, Report, Table, plain
+from plumbob.rotations import euler_zyx_from_quat
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
+
+AXES: Final = ("x", "y", "z")
+
+SHOWN: Final = {"gyr": ("deg/s",), "acc": ("mg", "m/s2"), "mag": ("uT",)}
+"""Units in which a triad is shown; the first one also where only one is."""
+
+_ROUNDING = 8.0 * np.finfo(float).eps  # of the inverse of a matrix near 1
+_RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹"
+_PPM = 0.01
+_NOTHING = 1e-12  # rounding of what is left, in units of SI and µT
+_REFERENCE = {"gyr": "rate", "acc": "gravity", "mag": "field"}
+_UNITS: Final = {**UNITS, "angles": "rad"}
+_DEFINITIONS = (
+    "Scale, direction and angles are those of the sensing axes: the rows of the inverse matrix. The maps are Lambert's "
+    "equal-area projections of the directions of what was measured, seen from the centre of the fit: +z on the left, "
+    "−z on the right, x to the right and y up in both. Each direction belongs to the nearest of 6 faces and 12 edges "
+    "of a cube. Predicted errors follow from the covariance of the parameters; those of inclination and heading are "
+    "root mean squares over attitudes.",
+)
+
+
+class SensingAxes(NamedTuple):
+    """Axes of a triad as its inverse matrix has them: row i of ``inv(matrix)`` is what axis i answers to.
+
+    Attributes
+    ----------
+    scale : ndarray (3,)
+        Gain of each axis minus 1: 0.01 reads 1 % too much.
+    scale_sd : ndarray (3,) or None
+        Standard deviations to first order, where the covariance is known.
+    misalignment : ndarray (3,)
+        Angle between each sensing axis and the axis of the case that it is called after, rad.
+    skew : ndarray (3,)
+        Angles between the sensing axes x and y, x and z, y and z, less a right angle, rad.
+    """
+
+    scale: Floats
+    scale_sd: Floats | None
+    misalignment: Floats
+    skew: Floats
+
+
+def sensing_axes(calibration: TriadCalibration) -> SensingAxes:
+    """Gains and directions of a triad's axes."""
+    response = np.asarray(np.linalg.inv(calibration.matrix), dtype=np.float64)
+    gain = np.linalg.norm(response, axis=1)
+    unit = np.asarray(response / gain[:, np.newaxis], dtype=np.float64)
+    across = np.sqrt(np.maximum(0.0, 1.0 - np.diag(unit) ** 2))
+    between = unit @ unit.T
+    return SensingAxes(
+        scale=_cleaned(gain - 1.0),
+        scale_sd=_gain_sd(calibration, response, unit),
+        misalignment=np.arctan2(np.where(across > np.sqrt(_ROUNDING), across, 0.0), np.diag(unit)),
+        skew=_cleaned(-np.arcsin(between[[0, 0, 1], [1, 2, 2]])),
+    )
+
+
+def _gain_sd(calibration: TriadCalibration, response: Floats, unit: Floats) -> Floats | None:
+    """From dR = −R dM R: the gain of axis i changes by −R_ik dM_kl (R_l · u_i)."""
+    if calibration.covariance is None:
+        return None
+    slopes = np.einsum("ik,lj,ij->ikl", response, response, unit).reshape(3, 9)
+    variance = np.einsum("ia,ab,ib->i", slopes, calibration.covariance[3:, 3:], slopes)
+    return np.asarray(np.sqrt(np.maximum(0.0, variance)))
+
+
+def _cleaned(values: Floats) -> Floats:
+    return np.asarray(np.where(np.abs(values) > _ROUNDING, values, 0.0))
+
+
+class Sizes(NamedTuple):
+    """Sizes of what was measured, and of what became of it.
+
+    Attributes
+    ----------
+    before, after : ndarray (N,)
+        Of each sample, unit of the triad.
+    expected : float
+        What they should be: the reference, or the mean of those after where none is known.
+    used : ndarray (N,) of bool
+        Those that were fitted.
+    """
+
+    before: Floats
+    after: Floats
+    expected: float
+    used: NDArray[np.bool_]
+
+    def rms(self) -> tuple[float, float]:
+        """Root mean square by which used samples miss what they should be, before and after."""
+        before, after = (
+            float(np.sqrt(np.mean((v[self.used] - self.expected) ** 2))) for v in (self.before, self.after)
+        )
+        return before, after
+
+
+def sizes(name: str, fit: Fitted) -> Sizes | None:
+    """Sizes of what a fit was made of; None for a gyroscope, whose rates have no size that is known."""
+    if name == "gyr" or not fit.used.any():
+        return None
+    model = fit.calibration
+    after = np.linalg.norm((fit.measured - model.bias) @ model.matrix.T, axis=1)
+    expected = float(after[fit.used].mean()) if model.reference is None else model.reference
+    return Sizes(np.linalg.norm(fit.measured, axis=1), after, expected, fit.used)
+
+
+def certificate(card: CalibrationCard, fits: Mapping[str, Fitted], *, recording: str = "") -> Report:
+    """What a card holds, with units and standard deviations.
+
+    Parameters
+    ----------
+    card : CalibrationCard
+        The card.
+    fits : mapping of str to Fitted
+        By triad, the fits that it was just made of; their triads get figures.
+    recording : str
+        What it was made from; any text is safe.
+    """
+    named = {"device": card.device, "date": card.date, "made by": card.software, "recording": recording}
+    lacking = [title for name, title in TITLES.items() if name not in card.parts]
+    remarks = [f"NOT in this card, which leaves them uncalibrated: {', '.join(lacking)}"] if lacking else []
+    parts = [_part(name, getattr(card, name), fits.get(name)) for name in TITLES if name in card.parts]
+    return Report(
+        "Certificate of calibration",
+        facts=[*((name, value) for name, value in named.items() if value), ("model", _formula(card))],
+        remarks=["± and predicted errors: one standard deviation", *remarks],
+        parts=parts if card.mount is None else [*parts, _mount(card.mount)],
+        definitions=_DEFINITIONS,
+    )
+
+
+def numbers(card: CalibrationCard, fits: Mapping[str, Fitted]) -> dict[str, Any]:
+    """Card, figures made of it and remarks, ready for JSON.
+
+    Keys are `refused` (empty), `units`, `card`, `figures` and `remarks`, the last two by part of the card. Numbers of a
+    triad are in the unit that `units` gives it, angles in that of `angles`; matrices and scales are relative. A figure
+    that was not found is null.
+    """
+    figures = {name: _figures(name, getattr(card, name), fits.get(name)) for name in TRIADS if name in card.parts}
+    if card.mount is not None:
+        figures["mount"] = {"yaw_pitch_roll": euler_zyx_from_quat(card.mount.q_bs)}
+    remarks = {name: list(part.remarks) for name, part in card.parts.items()}
+    found = {"units": _UNITS, "card": json.loads(card.text()), "figures": plain(figures), "remarks": remarks}
+    return {"refused": [], **found}
+
+
+def refusal_numbers(refused: CaptureRefusedError) -> dict[str, Any]:
+    """Reasons of a refusal, ready for JSON, with the keys of `numbers`."""
+    reasons = [asdict(reason) for reason in refused.reasons]
+    return {"refused": reasons, "units": _UNITS, "card": None, "figures": {}, "remarks": {}}
+
+
+def refusal_text(refused: CaptureRefusedError) -> str:
+    """Tell why a capture was refused, and what to do."""
+    lines = [f"REFUSED, {refused.reasons[0].kind}; no card is made"]
+    for reason in refused.reasons:
+        lines += listed([f"{reason.kind}: {reason.text}"])
+        lines += textwrap.wrap(reason.advice, WIDTH, initial_indent="  ", subsequent_indent="  ")
+    return "\n".join(lines)
+
+
+def _part(name: str, c: TriadCalibration, fit: Fitted | None) -> Report:
+    grade = "not graded" if c.quality is None else c.quality.grade
+    rows = [
+        [f"bias [{written(unit)}]", *_cells(from_si(c.bias, unit), _converted(c.bias_sd, unit))] for unit in SHOWN[name]
+    ]
+    return Report(
+        f"{TITLES[name].capitalize()}: {grade.upper()}",
+        facts=_facts(name, c, fit),
+        tables=[Table("", ["", *AXES], [*rows, *_matrix_rows(c), *_temperature_rows(name, c), *_coupling_rows(c)])],
+        remarks=c.remarks,
+        figures=[] if fit is None else list(_drawn(name, fit)),
+    )
+
+
+def _mount(mount: Mount) -> Report:
+    """How the unit's axes are turned from those of the body."""
+    angles = zip(("yaw", "pitch", "roll"), to_deg(euler_zyx_from_quat(mount.q_bs)).tolist(), strict=True)
+    facts = [("turned", ", ".join(f"{name} {angle:.3f}°" for name, angle in angles))]
+    if mount.sd is not None:
+        sd = zip(AXES, to_deg(mount.sd).tolist(), strict=True)
+        facts.append(("±", f"{', '.join(f'{axis} {number(value, 2)}°' for axis, value in sd)}, about the body's axes"))
+    facts += [(label, text) for label, text in (("method", mount.method), ("date", mount.date)) if text]
+    return Report("Mounting of the unit on its body", facts=facts, remarks=mount.remarks)
+
+
+def _facts(name: str, c: TriadCalibration, fit: Fitted | None) -> list[tuple[str, str]]:
+    """How it was found, how well, and where it holds."""
+    missing = "" if fit is None or name == "gyr" else names_of(np.flatnonzero(~_coverage(fit)[1]).tolist())
+    found = [("method", c.method), ("date", c.date), ("residual", _residual(name, c, fit))]
+    found += [("data", _made_of(c)), ("not covered", missing), ("predicted", _predicted(c))]
+    found += [("reference", _reference(name, c)), ("temperature", _temperature(c))]
+    return [(label, text) for label, text in found if text]
+
+
+def _formula(card: CalibrationCard) -> str:
+    """What the card does to a measurement, with the terms that it has."""
+    triads = [part for part in card.parts.values() if isinstance(part, TriadCalibration)]
+    terms = ["measured", "bias"]
+    terms += ["temperature terms"] if any(c.bias_per_k.any() for c in triads) else []
+    terms += ["g-sensitivity · specific force"] if any(c.g_sensitivity.any() for c in triads) else []
+    turned = "" if card.mount is None else ", turned into the axes of the body"
+    return f"calibrated = matrix · ({' − '.join(terms)}){turned}"
+
+
+def _matrix_rows(c: TriadCalibration) -> Iterator[list[str]]:
+    if not c.matrix_found:
+        yield ["matrix, scale, axes", *3 * ["not found"]]
+        return
+    for axis, row, sd in zip(AXES, c.matrix, _rows_of(c.matrix_sd), strict=True):
+        yield [f"matrix, row {axis}", *_cells(row, sd)]
+    axes = sensing_axes(c)
+    fine = bool((np.abs(axes.scale) < _PPM).all())
+    unit = 1e6 if fine else 1e2
+    sd = None if axes.scale_sd is None else unit * axes.scale_sd
+    yield [f"scale error [{'ppm' if fine else '%'}]", *_cells(unit * axes.scale, sd)]
+    yield ["axis misalignment [°]", *(number(value) for value in to_deg(axes.misalignment).tolist())]
+    skew = to_deg(axes.skew).tolist()
+    yield ["non-orthogonality [°]", *(f"{pair} {number(v)}" for pair, v in zip(("xy", "xz", "yz"), skew, strict=True))]
+
+
+def _temperature_rows(name: str, c: TriadCalibration) -> Iterator[list[str]]:
+    if not c.bias_per_k.any():
+        return
+    unit = SHOWN[name][0]
+    for k, (row, sd) in enumerate(
+        zip(c.bias_per_k, _rows_of(c.bias_per_k_sd, len(c.bias_per_k)), strict=True), start=1
+    ):
+        power = "" if k == 1 else "".join(_RAISED[int(digit)] for digit in str(k))
+        cells = _cells(from_si(row, unit), _converted(sd, unit))
+        yield [f"bias per K{power} [{written(unit)}/K{power}]", *cells]
+
+
+def _coupling_rows(c: TriadCalibration) -> Iterator[list[str]]:
+    if not c.g_sensitivity.any():
+        return
+    for axis, row, sd in zip(AXES, g(c.g_sensitivity), _rows_of(c.g_sensitivity_sd), strict=True):
+        spread = None if sd is None else to_deg(g(sd))
+        yield [f"g-sensitivity, row {axis} [°/s/g]", *_cells(to_deg(row), spread)]
+
+
+def _residual(name: str, c: TriadCalibration, fit: Fitted | None) -> str:
+    unit = SHOWN[name][0]
+    left = c.residual_rms or 0.0
+    told = [f"{_with(left, unit)} rms"] if left > _NOTHING else []  # one mean leaves nothing, however good it is
+    found = None if fit is None else sizes(name, fit)
+    if found is not None:
+        before, after = found.rms()
+        told.append(f"magnitude error {_with(before, unit)} rms before calibration, {_with(after, unit)} after")
+    return "; ".join(told)
+
+
+def _made_of(c: TriadCalibration) -> str:
+    q = c.quality
+    if q is None:
+        return ""
+    told = [counted(q.samples, "data point"), f"{counted(q.outliers, 'outlier')} set aside"]
+    told += [] if q.regions is None else [f"{q.regions} of 18 directions"]
+    return ", ".join(told + ([] if q.condition is None else [f"condition number {number(q.condition, 2)}"]))
+
+
+def _predicted(c: TriadCalibration) -> str:
+    """Errors of attitude and scale by the covariance of the parameters, as standard deviations."""
+    q = c.quality
+    if q is None:
+        return ""
+    angles = {"inclination": q.tilt_sd, "heading": q.heading_sd}
+    within = "" if q.tilt_range is None else f" (tilt ≤ {to_deg(q.tilt_range):.0f}°)"
+    errors = [f"{name} error{within}: {number(to_deg(sd), 2)}°" for name, sd in angles.items() if sd is not None]
+    errors += [] if q.scale_sd is None else [f"scale error: {number(1e6 * q.scale_sd, 2)} ppm"]
+    return "; ".join(errors)
+
+
+def _reference(name: str, c: TriadCalibration) -> str:
+    if c.reference is None:
+        return ""
+    return f"{_REFERENCE[name]} of {from_si(c.reference, SHOWN[name][-1]):.6g} {written(SHOWN[name][-1])}"
+
+
+def _temperature(c: TriadCalibration) -> str:
+    at = f"bias at {c.temp_ref_c:g} °C"
+    if c.temp_span_c is None:
+        return at if c.bias_per_k.any() else ""
+    low, high = c.temp_span_c
+    beyond = "; beyond, the bias is extrapolated along its tangent" if c.bias_per_k.any() else ""
+    span = f"from {low:.1f} to {high:.1f} °C" if high > low else f"at {low:.1f} °C"
+    return f"{at}, calibrated {span}{beyond}"
+
+
+def _cells(values: Floats, sd: Floats | None) -> Sequence[str]:
+    spread = np.zeros(3) if sd is None else sd
+    return [_cell(v, s) for v, s in zip(values.tolist(), spread.tolist(), strict=True)]
+
+
+def _cell(value: float, sd: float) -> str:
+    return measured(value, value - sd, value + sd) if sd > 0.0 else f"{value + 0.0:.6g}"
+
+
+def _rows_of(sd: Floats | None, count: int = 3) -> Sequence[Floats | None]:
+    return [None] * count if sd is None else list(sd)
+
+
+def _converted(values: Floats | None, unit: str) -> Floats | None:
+    return None if values is None else from_si(values, unit)
+
+
+def _with(value: float, unit: str) -> str:
+    return f"{number(from_si(value, unit))} {written(unit)}"
+
+
+def _figures(name: str, model: TriadCalibration, fit: Fitted | None) -> dict[str, Any]:
+    axes = sensing_axes(model) if model.matrix_found else None
+    found = None if fit is None else sizes(name, fit)
+    before, after = (None, None) if found is None else found.rms()
+    return {
+        "bias_sd": model.bias_sd,
+        "matrix_sd": model.matrix_sd if model.matrix_found else None,
+        "scale": getattr(axes, "scale", None),
+        "scale_sd": getattr(axes, "scale_sd", None),
+        "misalignment": getattr(axes, "misalignment", None),
+        "skew_xy_xz_yz": getattr(axes, "skew", None),
+        "size_expected": None if found is None else found.expected,
+        "size_rms_before": before,
+        "size_rms_after": after,
+    }
+
+
+SEEN, MISSING = SERIES[0], SERIES[4]
+BEFORE, AFTER, OUTLIER = SERIES[1], SERIES[0], SERIES[1]
+
+_GRID = 241  # points across a hemisphere
+_DOTS = 400  # samples that a hemisphere shows at most
+_COLUMNS = 600
+_FEW = 200  # samples that are drawn as dots too
+_ROOM = 1.5  # of the picture over the largest residual that was used; outliers beyond stand on its edge
+_MARGIN = 1.14  # of the picture around a hemisphere, in radii
+
+
+def _drawn(name: str, fit: Fitted) -> Iterator[Figure]:
+    """Figures of a fit."""
+    found = sizes(name, fit)
+    if found is not None:
+        yield coverage_figure(fit)
+        yield size_figure(name, found)
+    if fit.calibration.bias_per_k.any() and fit.calibration.temp_span_c is not None:
+        yield temperature_figure(name, fit.calibration)
+    yield residual_figure(name, fit)
+
+
+def _coverage(fit: Fitted) -> tuple[Floats, NDArray[np.bool_]]:
+    """Directions (N, 3) of what was measured and used, seen from the centre of the fit, and which regions they fill."""
+    vectors = (fit.measured - fit.calibration.bias)[fit.used]
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True), filled(vectors) > 0
+
+
+def coverage_figure(fit: Fitted) -> Figure:
+    """Both hemispheres in Lambert's equal-area map with the 18 regions."""
+    directions, seen = _coverage(fit)
+
+    def draw(canvas: "FigureBase") -> None:
+        for ax, side in zip(canvas.subplots(1, 2), (1.0, -1.0), strict=True):
+            _draw_hemisphere(ax, directions, seen, side)
+
+    key = [("seen", SEEN, "block"), ("missing", MISSING, "block"), ("samples", INK, "dotted")]
+    return Figure(f"Directions covered: {np.count_nonzero(seen)} / {seen.size}", draw, key, height=3.9)
+
+
+def size_figure(name: str, found: Sizes) -> Figure:
+    """Sizes of the vectors over the samples, before and after."""
+    unit = SHOWN[name][0]
+
+    def draw(canvas: "FigureBase") -> None:
+        ax = canvas.subplots()
+        for values, colour in ((found.before, BEFORE), (found.after, AFTER)):
+            _plot(ax, from_si(np.where(found.used, values, np.nan), unit), colour)
+        ax.axhline(from_si(found.expected, unit), color=INK, linewidth=0.7, linestyle=(0, (4, 3)), zorder=1)
+        _label(ax, found.before.size, f"magnitude [{written(unit)}]")
+
+    key = [("before", BEFORE, "solid"), ("after", AFTER, "solid"), ("expected", INK, "dashed")]
+    return Figure("Magnitude before and after calibration", draw, key)
+
+
+def temperature_figure(name: str, c: TriadCalibration) -> Figure:
+    """How the bias leaves that at the temperature of reference, over the calibrated span."""
+    unit, (low, high) = SHOWN[name][0], c.temp_span_c or (c.temp_ref_c, c.temp_ref_c)
+
+    def draw(canvas: "FigureBase") -> None:
+        ax = canvas.subplots()
+        temp = np.linspace(low, high, 200)
+        powers = (temp - c.temp_ref_c)[:, np.newaxis] ** np.arange(1, len(c.bias_per_k) + 1)
+        for values, colour in zip(from_si(powers @ c.bias_per_k, unit).T, SERIES, strict=False):
+            ax.plot(temp, values, color=colour, linewidth=1.2)
+        if low <= c.temp_ref_c <= high:
+            ax.axvline(c.temp_ref_c, color=MUTED, linewidth=0.7, linestyle=(0, (4, 3)))
+        ax.margins(y=0.12)
+        ax.set_xlabel("temperature [°C]")
+        ax.set_ylabel(f"change of bias [{written(unit)}]")
+
+    keys = [(axis, colour, "solid") for axis, colour in zip(AXES, SERIES, strict=False)]
+    return Figure("Bias over temperature", draw, [*keys, ("temperature of reference", MUTED, "dashed")])
+
+
+def residual_figure(name: str, fit: Fitted) -> Figure:
+    """Residual of each sample, with outliers marked, on the edge where they are farther off."""
+    unit = SHOWN[name][0]
+    rows = from_si(fit.residuals.reshape(len(fit.used), -1), unit)
+    reach = _ROOM * float(np.abs(rows[fit.used]).max(initial=np.finfo(float).tiny))
+    outlier = OUTLIER if rows.shape[1] == 1 else INK
+    names = AXES if rows.shape[1] == len(AXES) else ("residual",)
+
+    def draw(canvas: "FigureBase") -> None:
+        from plumbob.report.drawing import envelope
+
+        ax = canvas.subplots()
+        for values, colour in zip(rows.T, SERIES, strict=False):
+            _plot(ax, np.where(fit.used, values, np.nan), colour)
+            beyond = np.where(fit.used, np.nan, np.clip(values, -reach, reach))
+            if not fit.used.all():
+                marks = envelope(_numbered(values), beyond, _COLUMNS)
+                ax.plot(*marks, "x", color=outlier, markersize=4.0, clip_on=False)
+        ax.axhline(0.0, color=MUTED, linewidth=0.7)
+        _label(ax, fit.used.size, f"residual [{written(unit)}]")
+        ax.set_ylim(-reach, reach)
+
+    key = [(name, colour, "solid") for name, colour in zip(names, SERIES, strict=False)]
+    return Figure("Residuals", draw, key + ([] if fit.used.all() else [("outliers, set aside", outlier, "block")]))
+
+
+def _plot(ax: "Axes", values: Floats, colour: str) -> None:
+    from plumbob.report.drawing import envelope
+
+    x, y = envelope(_numbered(values), values, _COLUMNS)
+    ax.plot(x, y, color=colour, linewidth=0.9, marker="." if values.size <= _FEW else "", markersize=4.0)
+
+
+def _numbered(values: Floats) -> Floats:
+    return np.arange(1.0, values.size + 1.0)
+
+
+def _label(ax: "Axes", count: int, label: str) -> None:
+    ax.set_xlim(0.5, count + 0.5)
+    ax.margins(y=0.12)
+    ax.set_xlabel("sample")
+    ax.set_ylabel(label)
+
+
+def _draw_hemisphere(ax: "Axes", directions: Floats, seen: NDArray[np.bool_], side: float) -> None:
+    from matplotlib.patches import Circle
+
+    ax.set_aspect("equal")
+    ax.set_xlim(-_MARGIN, _MARGIN)
+    ax.set_ylim(-_MARGIN, _MARGIN)
+    ax.axis("off")
+    rim = Circle((0.0, 0.0), 1.0, facecolor="none", edgecolor=INK, linewidth=0.8)
+    ax.add_patch(rim)
+    _draw_regions(ax, seen, side, rim)
+    here = directions[side * directions[:, 2] >= 0.0]
+    dots = _mapped(here[:: -(-len(here) // _DOTS) or 1], side)
+    ax.plot(*dots.T, ".", color=INK, markersize=2.0, alpha=0.45)
+    _name_regions(ax, side)
+
+
+def _draw_regions(ax: "Axes", seen: NDArray[np.bool_], side: float, rim: Any) -> None:
+    line = np.linspace(-1.0, 1.0, _GRID)
+    x, y = np.meshgrid(line, line)
+    cosines = _unmapped(x, y, side) @ REGIONS.T
+    for region in np.unique(cosines.argmax(axis=2)[x**2 + y**2 <= 1.0]).tolist():
+        ahead = cosines[..., region] - np.delete(cosines, region, axis=2).max(axis=2)
+        colour = SEEN if seen[region] else MISSING
+        area = ax.contourf(x, y, ahead, levels=[0.0, 3.0], colors=[colour], alpha=0.3 if seen[region] else 0.12)
+        edge = ax.contour(x, y, ahead, levels=[0.0], colors=[MUTED], linewidths=0.6)
+        for drawn in (area, edge):
+            drawn.set_clip_path(rim)
+
+
+def _name_regions(ax: "Axes", side: float) -> None:
+    """Names of faces and edges, those on the rim outside of it."""
+    for name, direction in zip(NAMES, REGIONS, strict=True):
+        if side * direction[2] < -1e-9:
+            continue
+        out = 1.07 if abs(direction[2]) < 1e-9 else 1.0
+        at = out * _mapped(direction[np.newaxis], side)[0]
+        ax.annotate(name, tuple(at.tolist()), ha="center", va="center", color=INK, fontsize=6.5)
+
+
+def _mapped(directions: Floats, side: float) -> Floats:
+    """Places (N, 2) of directions (N, 3) of one hemisphere, whose rim has radius 1, areas kept."""
+    return np.asarray(directions[:, :2] / np.sqrt(1.0 + side * directions[:, 2:]))
+
+
+def _unmapped(x: Floats, y: Floats, side: float) -> Floats:
+    """Directions (..., 3) of places; those far outside of the rim are taken to the other pole."""
+    square = np.minimum(x**2 + y**2, 2.0)
+    level = np.sqrt(2.0 - square)
+    return np.stack([x * level, y * level, side * (1.0 - square)], axis=-1)

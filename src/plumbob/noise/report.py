@@ -1,0 +1,698 @@
+"""Data sheet of a sensor's noise: what is said, as a report and as numbers, and what is drawn."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ShapeError
+from plumbob.core.text import measured, number, places, rounded
+from plumbob.core.units import Quantity, from_si, unit, written
+from plumbob.data import TITLES
+from plumbob.noise.compare import Compared
+from plumbob.noise.curve import Curve
+from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates
+from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
+from plumbob.report import INK, SERIES, SHADE, Figure, Report, Table, plain
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import FigureBase
+
+LEGEND: Final = (
+    "±: 68.3 %; <: not observable, limit with 95 % confidence; floor: where the interval of the deviation ends lowest, "
+    "which need not be its least value"
+)
+_DEFINITIONS = (
+    "The Allan variance of a signal at the averaging time τ is half the mean square difference of its means over "
+    "neighbouring stretches of length τ. Its terms: quantization 3 Q²/τ², white noise N²/τ, bias instability "
+    "(2 ln 2/π) B², random walk K² τ/3, ramp R² τ²/2; on their lines, Q is read at τ = √3 s, N at 1 s, K at 3 s, R at "
+    "√2 s, and B is the flat deviation divided by 0.664. ± is an interval of 68.3 %; < is a limit that holds with "
+    "95 % where a record does not show the term. The floor of the curve is the point whose interval ends lowest, which "
+    "need not be the least value. Intervals of the deviation are those of χ² with the degrees of "
+    "freedom (edf) of overlapping averages under the identified noise. The error of IEEE Std 952, "
+    "1/√(2(N/n − 1)), is one for every noise and meant for disjoint averages. Bands are intervals; pale: "
+    "relative uncertainty above 50 %.",
+)
+_COMPARED = (
+    "Overlapping Allan deviations of two records at equal averaging times. Bands are intervals of 68.3 %; that of the "
+    "ratio is as if the records were independent. A filter of time constant T bends the curve up to some 10 T, where "
+    "no slope and no coefficient may be read, and changes nothing far beyond.",
+)
+_ROWS = 40  # of a curve's table
+_COARSE = 0.05  # of N² from the rounding of the values: more is told
+AXES: Final = ("x", "y", "z")
+
+TRUSTED = 2.0
+"""Degrees of freedom below which a deviation scatters by more than half of itself: pictures fade it."""
+
+NOISE: Final = {
+    2: "quantization", 1: "flicker of the integral", 0: "white", -1: "flicker", -2: "random walk", -3: "flicker walk",
+    -4: "random run",
+}  # fmt: skip
+"""Kinds of noise by the exponent of their spectrum."""
+
+
+class Lowest(NamedTuple):
+    """Least deviation with its interval, at the averaging time tau, s; `risen` shows whether a later one is higher."""
+
+    tau: float
+    dev: float
+    lo: float
+    hi: float
+    risen: bool
+
+
+class Point(NamedTuple):
+    """Where a coefficient is read off: averaging time, s, and deviation there."""
+
+    letter: str
+    tau: float
+    dev: float
+
+
+def trusted(curve: Curve) -> NDArray[np.bool_]:
+    """Points (m,) with enough degrees of freedom to be believed."""
+    return np.asarray(curve.edf >= TRUSTED)
+
+
+def lowest(analysis: Analysis) -> Lowest | None:
+    """Deviation whose interval ends lowest, so that scatter at the end of a record is not taken for a minimum.
+
+    Of the whole curve, masked or not: it is what was measured. None where no point has a finite interval.
+    """
+    curve = analysis.curve
+    use = np.flatnonzero(np.isfinite(curve.hi))
+    if not use.size:
+        return None
+    i = int(use[np.argmin(curve.hi[use])])
+    tau, dev, lo, hi = (float(a[i]) for a in (curve.tau, curve.dev, curve.lo, curve.hi))
+    return Lowest(tau, dev, lo, hi, risen=bool(np.any(curve.lo[i:] > hi)))
+
+
+def points(analysis: Analysis) -> list[Point]:
+    """Where the observable coefficients are read off their lines; B at the least deviation, where there is one."""
+    least = lowest(analysis)
+    found = []
+    for letter, c in shown(analysis).items():
+        tau = TERMS[letter].read_at or (least and least.tau)
+        if tau is not None:
+            found.append(Point(letter, tau, math.sqrt(float(variance(letter, c.value, tau)))))
+    return found
+
+
+def shown(analysis: Analysis) -> dict[str, Coefficient]:
+    """Coefficients that this record shows, by letter."""
+    return {letter: c for letter, c in analysis.terms.items() if c.observable and c.value > 0.0}
+
+
+def thinned_rows(curve: Curve, limit: int) -> NDArray[np.intp]:
+    """Rows of a curve for a table of at most so many: all, or some evenly spaced in the logarithm of τ."""
+    if curve.n.size <= limit:
+        return np.arange(curve.n.size)
+    wanted = np.geomspace(curve.n[0], curve.n[-1], limit)
+    return np.unique(np.clip(np.searchsorted(curve.n, wanted), 0, curve.n.size - 1))
+
+
+def noise_name(alpha: float) -> str:
+    """Kind of noise in words."""
+    return NOISE.get(round(alpha), f"f^{alpha:.0f}")
+
+
+class Triad(NamedTuple):
+    """Channels of one sensor.
+
+    Attributes
+    ----------
+    name : str
+        What their names share, such as "gyr"; the whole name of a channel that stands alone.
+    channels : mapping of str to Analysis
+        By axis; the axis is empty for a channel that stands alone.
+    """
+
+    name: str
+    channels: Mapping[str, Analysis]
+
+    @property
+    def title(self) -> str:
+        """Name for a heading."""
+        return TITLES.get(self.name, self.name)
+
+    @property
+    def quantity(self) -> Quantity:
+        """What its samples measure."""
+        return self.first.quantity
+
+    @property
+    def first(self) -> Analysis:
+        """The first of its channels."""
+        return next(iter(self.channels.values()))
+
+
+def triads(analyses: Sequence[Analysis]) -> list[Triad]:
+    """Sort channels into triads by their names: "gyr x", "gyr y" and "gyr z" are axes of "gyr".
+
+    Raises
+    ------
+    ShapeError
+        If there is no analysis, two share a name, or the axes of a triad measure different quantities.
+    """
+    if not analyses:
+        raise ShapeError("a report needs at least one analysis, but analyses is empty.")
+    found: dict[str, dict[str, Analysis]] = {}
+    for analysis in analyses:
+        head, _, last = analysis.name.rpartition(" ")
+        name, axis = (head, last) if head and last in AXES else (analysis.name, "")
+        channels = found.setdefault(name, {})
+        if axis in channels:
+            raise ShapeError(f"two analyses are named '{analysis.name}'; give each channel a name of its own.")
+        channels[axis] = analysis
+    for name, channels in found.items():
+        measured = {analysis.quantity for analysis in channels.values()}
+        if len(measured) > 1:
+            raise ShapeError(
+                f"the axes of '{name}' measure {', '.join(sorted(measured))}; a triad measures one quantity."
+            )
+    return [Triad(name, channels) for name, channels in found.items()]
+
+
+def coefficient(c: Coefficient, unit: str) -> str:
+    """Cell of a table: the value with its uncertainty, or the limit below which it lies."""
+    value, lo, hi, upper = (from_si(v, unit) for v in (c.value, c.lo, c.hi, c.upper))
+    if c.observable:
+        return measured(value, lo, hi)
+    return f"< {number(upper, 2)}" if math.isfinite(upper) else "not observable"
+
+
+def with_unit(text: str, unit: str) -> str:
+    """Number in a sentence, with its unit; nothing follows plain numbers, whose unit is 1."""
+    return text if unit == Quantity.RATIO.value else f"{text} {written(unit)}"
+
+
+def _in_brackets(unit: str) -> str:
+    """What follows the name of a quantity in a title: `` [°/h]``; nothing for plain numbers."""
+    return "" if unit == Quantity.RATIO.value else f" [{written(unit)}]"
+
+
+def verdict(c: Coefficient, unit: str) -> str:
+    """The same in words, with the unit."""
+    if c.observable:
+        return with_unit(coefficient(c, unit), unit)
+    limit = from_si(c.upper, unit)
+    bound = f"; < {with_unit(number(limit, 2), unit)} (95 %)" if math.isfinite(limit) else ""
+    return f"not observable{bound}; to show half of it takes a record of {longer(c)}"
+
+
+def longer(c: Coefficient) -> str:
+    """How long a record would have to be to show half of the limit of a coefficient that is not observable."""
+    return "more than a year" if c.hours is None else length(3600.0 * c.hours)
+
+
+def length(seconds: float) -> str:
+    """Length of time with two digits."""
+    unit, size = next(pair for pair in (("h", 3600.0), ("min", 60.0), ("s", 0.0)) if seconds >= 2.0 * pair[1])
+    value = seconds / (size or 1.0)
+    return f"{rounded(value, places(value))} {unit}" if value > 0.0 else "0 s"
+
+
+def datasheet(analyses: Sequence[Analysis], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+    """Data sheet: a part for each sensor, its axes side by side, with a figure and the details of each channel.
+
+    Parameters
+    ----------
+    analyses : sequence of Analysis
+        Channels; names such as "gyr x" say which belong together.
+    facts : sequence of (str, str)
+        Where they come from; any text is safe.
+
+    Raises
+    ------
+    ShapeError
+        If there is no analysis, or two share a name.
+    """
+    parts = [_triad(triad) for triad in triads(analyses)]
+    return Report("Noise data sheet", facts=facts, remarks=[LEGEND], parts=parts, definitions=_DEFINITIONS)
+
+
+def curves_report(deviations: Sequence[Deviation]) -> Report:
+    """Deviations alone."""
+    parts = [Report(d.name, tables=[_curve(d)]) for d in deviations]
+    return Report("Deviation over averaging time", parts=parts)
+
+
+def comparison(found: Sequence[Compared], *, facts: Sequence[tuple[str, str]] = ()) -> Report:
+    """Deviations before and after at equal averaging times, their ratio with its interval, and what to make of it."""
+    return Report("Noise before and after", facts=facts, parts=[_compared(one) for one in found], definitions=_COMPARED)
+
+
+def numbers(analyses: Sequence[Analysis]) -> dict[str, Any]:
+    """Everything that was found, strictly valid for JSON.
+
+    Returns
+    -------
+    dict
+        By name of the channel. A number with a unit is a dictionary of unit and value: the unit inside first, then that
+        of a data sheet, as in ``{"rad/s/rtHz": 8.7e-5, "deg/rth": 0.3}``. What is not known is None.
+
+    Raises
+    ------
+    ShapeError
+        If there is no analysis, or two share a name.
+    """
+    found: dict[str, Any] = plain(
+        {a.name: _channel_numbers(a) for triad in triads(analyses) for a in triad.channels.values()}
+    )
+    return found
+
+
+def curve_numbers(deviations: Sequence[Deviation]) -> dict[str, Any]:
+    """Deviations alone, as `numbers` has them."""
+    return {
+        d.name: {"quantity": d.quantity.name.lower(), **_curve_numbers(d.curve, DEVIATION[d.quantity])}
+        for d in deviations
+    }
+
+
+def comparison_numbers(found: Sequence[Compared]) -> dict[str, Any]:
+    """By name of the channel: both curves, ratio, time constant and notes, strictly valid for JSON."""
+    return {one.name: _compared_numbers(one) for one in found}
+
+
+def _channel_numbers(a: Analysis) -> dict[str, Any]:
+    sample = DEVIATION[a.quantity]
+    return {
+        "quantity": a.quantity.name.lower(),
+        "duration_s": a.duration,
+        "samples": a.curve.count,
+        "dt_s": a.curve.dt,
+        **_with_units(a, sample, "mean", "sd", "step"),
+        "coefficients": _estimates(a.likelihood, a.quantity),
+        "methods": {e.method: _estimates(e, a.quantity) for e in (a.lines, a.least_squares, a.likelihood)},
+        "minimum": _minimum(a),
+        "sinusoids": [
+            {
+                **_with_units(s, sample, "amplitude", "amplitude_sd"),
+                "frequency_hz": s.frequency,
+                "frequency_sd_hz": s.frequency_sd,
+            }
+            for s in a.sinusoids
+        ],
+        "bands": [
+            {**_with_units(b, sample, "sd"), "low_hz": b.low, "high_hz": b.high, "middle_hz": b.middle} for b in a.bands
+        ],
+        "gauss_markov": a.markov
+        and {"sd": _coefficient(a.markov.sd, sample), "time": _coefficient(a.markov.time, "s")},
+        "mask": {"n": a.mask.n, "frequency_hz": a.mask.frequency, "reason": a.mask.reason},
+        "candidates": [{"terms": c.terms, "bic": c.bic, "chosen": c.chosen} for c in a.candidates],
+        "notes": list(a.notes),
+        "curve": _curve_numbers(a.curve, sample),
+    }
+
+
+def _estimates(estimates: Estimates, quantity: Quantity) -> dict[str, Any]:
+    return {
+        letter: {"name": TERMS[letter].name, **_coefficient(c, DATASHEET[quantity][letter])}
+        for letter, c in estimates.terms.items()
+    }
+
+
+def _coefficient(c: Coefficient, name: str) -> dict[str, Any]:
+    return {**_with_units(c, name, "value", "lo", "hi", "upper"), "observable": c.observable, "hours": c.hours}
+
+
+def _minimum(a: Analysis) -> dict[str, Any] | None:
+    least = lowest(a)
+    if least is None:
+        return None
+    return {"tau_s": least.tau, **_with_units(least, DEVIATION[a.quantity], "dev", "lo", "hi"), "risen": least.risen}
+
+
+def _curve_numbers(curve: Curve, sample: str) -> dict[str, Any]:
+    """A curve, its deviations in the unit inside and in `sample`."""
+    found: dict[str, Any] = plain(
+        {
+            "kind": curve.kind,
+            "confidence": curve.confidence,
+            "n": curve.n,
+            "tau_s": curve.tau,
+            **_with_units(curve, sample, "dev", "lo", "hi"),
+            "alpha": curve.alpha,
+            "edf": curve.edf,
+            "ieee952_relative_error": curve.ieee,
+        }
+    )
+    return found
+
+
+def _with_units(found: Any, name: str, *keys: str) -> dict[str, dict[str, Any]]:
+    """Numbers in the unit inside and in that of a data sheet."""
+    return {key: {u: from_si(getattr(found, key), u) for u in (unit(name).quantity.value, name)} for key in keys}
+
+
+def _compared_numbers(one: Compared) -> dict[str, Any]:
+    c, unit = one.comparison, DEVIATION[one.quantity]
+    found: dict[str, Any] = plain(
+        {
+            "quantity": one.quantity.name.lower(),
+            "before": _curve_numbers(c.before, unit),
+            "after": _curve_numbers(c.after, unit),
+            "ratio": c.ratio,
+            "ratio_lo": c.lo,
+            "ratio_hi": c.hi,
+            "time_constant_s": c.time_constant,
+            "corner_hz": c.corner,
+            "bent_below_s": c.bent_below,
+            "notes": list(c.notes),
+        }
+    )
+    return found
+
+
+def _triad(triad: Triad) -> Report:
+    first, channels = triad.first, list(triad.channels.values())
+    alone = len(channels) == 1
+    return Report(
+        triad.title.capitalize() if triad.name in TITLES else triad.title,
+        facts=[("record", length_and_rate(triad))],
+        tables=[Table("", ["", *triad.channels], _coefficient_rows(triad)), *(_details(first) if alone else ())],
+        remarks=_remarks(triad),
+        figures=[channel_figure(first) if alone else triad_figure(triad)],
+        parts=() if alone else [Report(a.name, tables=_details(a), figures=[channel_figure(a)]) for a in channels],
+    )
+
+
+def _details(a: Analysis) -> list[Table]:
+    """Methods side by side, the models that were weighed, and the curve."""
+    units, methods = DATASHEET[a.quantity], (a.lines, a.least_squares, a.likelihood)
+    rows = [
+        [f"{letter} [{written(units[letter])}]", *(_cell(e.terms, letter, units[letter]) for e in methods)]
+        for letter in TERMS
+        if any(letter in e.terms for e in methods)
+    ]
+    found = [Table("Coefficients by method", ["", *(e.method for e in methods)], rows, detail="methods")]
+    if a.candidates:
+        least = min(c.bic for c in a.candidates)
+        models = [(c.terms, f"{c.bic - least:.1f}", "chosen" if c.chosen else "") for c in a.candidates]
+        found.append(Table("Candidate models", ["terms", "ΔBIC", ""], models, words=(2,), detail="methods"))
+    return [*found, replace(_curve(a), detail="curve")]
+
+
+def _curve(a: Analysis | Deviation) -> Table:
+    """Averaging time, deviation, ends of its interval, degrees of freedom, error of IEEE Std 952, kind of noise."""
+    c, unit = a.curve, DEVIATION[a.quantity]
+    use = thinned_rows(c, _ROWS)
+    rows = [
+        (
+            number(float(c.tau[i])),
+            *(number(from_si(float(v[i]), unit), 4) for v in (c.dev, c.lo, c.hi)),
+            number(float(c.edf[i])),
+            number(100.0 * float(c.ieee[i])),
+            noise_name(float(c.alpha[i])),
+        )
+        for i in use.tolist()
+    ]
+    some = "" if use.size == c.n.size else f", {use.size} of {c.n.size} averaging times"
+    head = ("τ [s]", "deviation", "from", "to", "edf", "IEEE Std 952 [%]", "noise")
+    title = f"{c.kind}{_in_brackets(unit)}, {100.0 * c.confidence:.1f} % interval{some}"
+    return Table(title, head, rows, words=(6,))
+
+
+def _compared(one: Compared) -> Report:
+    c, unit = one.comparison, DEVIATION[one.quantity]
+    rows = [
+        (
+            number(float(c.tau[i])),
+            *(number(from_si(float(curve.dev[i]), unit), 4) for curve in (c.before, c.after)),
+            *(number(float(v[i])) for v in (c.ratio, c.lo, c.hi)),
+        )
+        for i in thinned_rows(c.before, _ROWS).tolist()
+    ]
+    head = ("τ [s]", "before", "after", "ratio", "from", "to")
+    title = f"{c.before.kind}{_in_brackets(unit)}, ratio with its 68.3 % interval"
+    return Report(one.name, tables=[Table(title, head, rows)], remarks=c.notes, figures=[_compared_figure(one)])
+
+
+def length_and_rate(triad: Triad) -> str:
+    """Length and rate of the record."""
+    first = triad.first
+    return f"{length(first.duration)} at {1.0 / first.curve.dt:.6g} Hz, {first.curve.count} samples"
+
+
+def _remarks(triad: Triad) -> list[str]:
+    """What a reader must know beside the coefficients, each remark once with the axes that it holds for."""
+    found: dict[str, list[str]] = {}
+    for axis, a in triad.channels.items():
+        for remark in (*_extras(a), *a.notes):
+            found.setdefault(remark, []).append(axis)
+    everywhere = len(triad.channels)
+    rest = [r if len(axes) == everywhere else f"{', '.join(axes)}: {r}" for r, axes in found.items()]
+    return [*_verdicts(triad), *rest]
+
+
+def _coefficient_rows(triad: Triad) -> list[list[str]]:
+    """Rows of the table of a triad: name with unit, and one cell for each axis."""
+    units, sample, channels = DATASHEET[triad.quantity], DEVIATION[triad.quantity], triad.channels.values()
+    return [
+        *(
+            [f"{k} {term.name} [{written(units[k])}]", *(_cell(a.terms, k, units[k]) for a in channels)]
+            for k, term in TERMS.items()
+        ),
+        [f"floor of the curve [{written(sample)}]", *map(_floor, channels)],
+        ["at an averaging time of", *map(_floor_at, channels)],
+        [f"mean [{written(sample)}]", *(number(from_si(a.mean, sample), 4) for a in channels)],
+        [f"standard deviation [{written(sample)}]", *(number(from_si(a.sd, sample), 4) for a in channels)],
+    ]
+
+
+def _cell(terms: Mapping[str, Coefficient], letter: str, unit: str) -> str:
+    return coefficient(terms[letter], unit) if letter in terms else "-"
+
+
+def _floor(a: Analysis) -> str:
+    """Deviation whose interval ends lowest."""
+    found, unit = lowest(a), DEVIATION[a.quantity]
+    return "-" if found is None else measured(*(from_si(value, unit) for value in (found.dev, found.lo, found.hi)))
+
+
+def _floor_at(a: Analysis) -> str:
+    found = lowest(a)
+    return "-" if found is None else f"{number(found.tau)} s" + ("" if found.risen else " or later")
+
+
+def _verdicts(triad: Triad) -> Iterator[str]:
+    """Coefficients that this record does not show, and how long ones would."""
+    for letter in TERMS:
+        found = {axis: a.terms[letter] for axis, a in triad.channels.items() if letter in a.terms}
+        lacking = {axis: c for axis, c in found.items() if not c.observable}
+        if lacking:
+            where = "" if len(lacking) == len(triad.channels) else f" on {', '.join(lacking)}"
+            times = {axis: longer(c) for axis, c in lacking.items()}
+            same = set(times.values())
+            lengths = same.pop() if len(same) == 1 else ", ".join(f"{time} ({axis})" for axis, time in times.items())
+            yield f"{letter} is not observable{where}: to show half of the limit takes a record of {lengths}"
+
+
+def _extras(a: Analysis) -> list[str]:
+    """Sinusoids, bands, Gauss–Markov process, mask and step."""
+    unit = DEVIATION[a.quantity]
+    found = []
+    for s in a.sinusoids:
+        size, sd = from_si(s.amplitude, unit), from_si(s.amplitude_sd, unit)
+        at = measured(s.frequency, s.frequency - s.frequency_sd, s.frequency + s.frequency_sd)
+        amplitude = with_unit(measured(size, size - sd, size + sd), unit)
+        found.append(f"sinusoid of {amplitude} at {at} Hz, or folded from another frequency: k × rate ± it")
+    for b in a.bands:
+        power = with_unit(number(from_si(b.sd, unit)), unit)
+        limits = f"{number(b.low)} to {number(b.high)} Hz"
+        found.append(f"left out: a band of {power} rms about {number(b.middle)} Hz ({limits}): motion or interference")
+    if a.markov is not None:
+        sd_words, time = verdict(a.markov.sd, unit), verdict(a.markov.time, "s")
+        found.append(f"Gauss-Markov process: standard deviation {sd_words}, correlation time {time}")
+    if a.mask.n > 1:
+        above = "" if a.mask.frequency is None else f", above {number(a.mask.frequency)} Hz"
+        found.append(f"masked: averaging times below {number(a.mask.n * a.curve.dt)} s{above}: {a.mask.reason}")
+    if a.step:
+        step = with_unit(number(from_si(a.step, unit), 4), unit)
+        found.append(f"values are multiples of {step}{_rounding(a)}")
+    return found
+
+
+def _rounding(a: Analysis) -> str:
+    """How much of the white noise is the rounding of the values to their step, which scatters by step/√12."""
+    white = a.terms.get("N")
+    density = a.step**2 / 12.0 * a.curve.dt
+    if white is None or not white.observable or density <= _COARSE * white.value**2:
+        return ""
+    return f", whose rounding (step²/12 · Δt) is {number(100.0 * density / white.value**2, 2)} % of N²"
+
+
+CURVE, MODEL, TERM = SERIES[0], INK, SERIES[1]
+_SLOPES = {-2: "−1", -1: "−½", 0: "0", 1: "+½", 2: "+1"}
+_COLUMNS = 600  # of a picture, for the thinning of long curves
+HEIGHT = 3.3
+_FADED = 0.35
+_ROOM = 1.2  # between a letter and the ends of the scales, as a ratio
+
+
+def triad_figure(triad: Triad) -> Figure:
+    """Deviations of all axes of a triad."""
+    channels = list(triad.channels.values())
+
+    def draw(canvas: "FigureBase") -> None:
+        ax = canvas.subplots()
+        _frame(ax, channels)
+        _shade(ax, max(channels, key=lambda a: a.mask.n))
+        for analysis, colour in zip(channels, SERIES, strict=False):
+            _draw_curve(ax, analysis, colour, band=0.15)
+            _draw_model(ax, analysis)
+
+    axes = [(axis, colour, "solid") for axis, colour in zip(triad.channels, SERIES, strict=False)]
+    masked = [("masked on an axis", SHADE, "block")] if any(a.mask.n > 1 for a in channels) else []
+    return Figure("Allan deviation of all axes", draw, [*axes, ("models", MODEL, "solid"), *masked], HEIGHT)
+
+
+def channel_figure(analysis: Analysis) -> Figure:
+    """One channel with everything that was found in it: the terms with their values where they are read off."""
+    keys = [
+        (f"deviation, {100.0 * analysis.curve.confidence:.1f} % interval", CURVE, "solid"),
+        ("model", MODEL, "solid"),
+        ("terms, read off at the dots", TERM, "dashed"),
+    ]
+    masked = [("masked", SHADE, "block")] if analysis.mask.n > 1 else []
+    draw = partial(_draw_channel, analysis=analysis)
+    return Figure("Allan deviation, model and terms", draw, [*keys, *masked], HEIGHT)
+
+
+def _compared_figure(one: Compared) -> Figure:
+    c = one.comparison
+    both = [Deviation(one.name, one.quantity, curve) for curve in (c.before, c.after)]
+
+    def draw(canvas: "FigureBase") -> None:
+        ax = canvas.subplots()
+        _frame(ax, both)
+        if c.bent_below is not None:
+            ax.axvspan(ax.get_xlim()[0], c.bent_below, color=SHADE, linewidth=0, zorder=0)
+        for deviation, colour in zip(both, SERIES, strict=False):
+            _draw_curve(ax, deviation, colour, band=0.18)
+
+    bent = [("bent by the filter", SHADE, "block")] if c.bent_below is not None else []
+    keys = [("before", SERIES[0], "solid"), ("after", SERIES[1], "solid"), *bent]
+    return Figure("Allan deviation before and after", draw, keys, HEIGHT)
+
+
+def _draw_channel(canvas: "FigureBase", analysis: Analysis) -> None:
+    ax = canvas.subplots()
+    _frame(ax, [analysis])
+    _draw_curve(ax, analysis, CURVE, band=0.22)
+    _shade(ax, analysis)
+    _draw_model(ax, analysis)
+    sample, tau = DEVIATION[analysis.quantity], np.geomspace(*ax.get_xlim(), 200)
+    for letter, c in shown(analysis).items():
+        line = from_si(np.sqrt(variance(letter, c.value, tau)), sample)
+        ax.plot(tau, line, color=TERM, linewidth=0.7, linestyle=(0, (4, 3)))
+        _name(ax, letter, tau, line)
+    for letter, at, dev in points(analysis):
+        dot = (at, from_si(dev, sample))
+        ax.plot(*dot, "o", color=TERM, markersize=3.5, zorder=4)
+        name = DATASHEET[analysis.quantity][letter]
+        value = with_unit(number(from_si(analysis.terms[letter].value, name)), name)
+        power = TERMS[letter].power
+        ax.annotate(
+            f"{letter} = {value}", dot, xytext=(4 * np.sign(power), -5), textcoords="offset points", color=TERM,
+            ha="right" if power < 0 else "left" if power else "center", va="top",
+        )  # fmt: skip
+
+
+def _shade(ax: "Axes", analysis: Analysis) -> None:
+    """What the mask leaves out."""
+    if analysis.mask.n > 1:
+        ax.axvspan(ax.get_xlim()[0], analysis.mask.n * analysis.curve.dt, color=SHADE, linewidth=0, zorder=0)
+
+
+def _draw_model(ax: "Axes", analysis: Analysis) -> None:
+    tau = np.geomspace(*ax.get_xlim(), 400)
+    ax.plot(tau, from_si(analysis.model(tau), DEVIATION[analysis.quantity]), color=MODEL, linewidth=0.7)
+
+
+def _draw_curve(ax: "Axes", analysis: Analysis | Deviation, colour: str, *, band: float) -> None:
+    """Deviation and its interval, paler above a relative uncertainty of 50 %."""
+    curve, unit = analysis.curve, DEVIATION[analysis.quantity]
+    until = int(np.count_nonzero(np.logical_and.accumulate(trusted(curve))))
+    pale = slice(max(0, until - 1), None if until < curve.n.size else 0)
+    for part, alpha in ((slice(0, until), 1.0), (pale, _FADED)):
+        tau = curve.tau[part]
+        if tau.size == 0:
+            continue
+        dev, lo, hi = (from_si(a[part], unit) for a in (curve.dev, curve.lo, curve.hi))
+        x, y = _thinned(tau, dev)
+        ax.plot(x, y, color=colour, linewidth=1.2, alpha=alpha, marker="." if x.size == 1 else "")
+        below, above = _thinned(tau, lo), _thinned(tau, hi)
+        outline = [np.concatenate((a, b[::-1])) for a, b in zip(below, above, strict=True)]
+        ax.fill(*outline, color=colour, alpha=band * alpha, linewidth=0)
+
+
+def _thinned(tau: Floats, dev: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest value of each column of the picture, whose axis is logarithmic."""
+    from plumbob.report.drawing import envelope
+
+    x, y = envelope(np.log(tau), dev, _COLUMNS)
+    return np.exp(x), y
+
+
+def _frame(ax: "Axes", analyses: Sequence[Analysis] | Sequence[Deviation]) -> None:
+    """Scales, limits and labels; what is drawn afterwards does not change them."""
+    unit = DEVIATION[analyses[0].quantity]
+    low, high = (from_si(end, unit) for end in _range(analyses))
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    ax.set_xlim(min(a.curve.tau[0] for a in analyses) / 1.1, max(a.curve.tau[-1] for a in analyses) * 1.1)
+    ax.set_ylim(low, high)
+    _ticks(ax.xaxis, labels=(1,))
+    _ticks(ax.yaxis, labels=(1, 2, 5) if high / low < 300.0 else (1,))
+    ax.set_xlabel("averaging time [s]")
+    ax.set_ylabel(f"Allan deviation [{written(unit)}]")
+
+
+def _range(analyses: Sequence[Analysis] | Sequence[Deviation]) -> tuple[float, float]:
+    """Least and greatest deviation of the picture: those of trusted points, or of all where none can be trusted.
+
+    A picture of one channel shows its read-off points too, if they are not far below the curve.
+    """
+    seen = [a.curve.dev[use if (use := trusted(a.curve)).any() else slice(None)] for a in analyses]
+    tops = [a.curve.hi[trusted(a.curve) & np.isfinite(a.curve.hi)] for a in analyses]
+    low = min(float(dev[dev > 0.0].min(initial=math.inf)) for dev in seen)
+    high = max(float(values.max(initial=0.0)) for values in [*seen, *tops])
+    if len(analyses) == 1 and isinstance(analyses[0], Analysis):
+        low = min([low, *(point.dev for point in points(analyses[0]) if point.dev > low / 30.0)])
+    return low / 1.7, high * 1.5
+
+
+def _ticks(axis: "Axis", labels: tuple[int, ...]) -> None:
+    """Plain numbers at powers of ten, and at their multiples where there are few powers."""
+    from matplotlib.ticker import LogLocator
+
+    axis.set_major_locator(LogLocator(subs=labels, numticks=99))
+    axis.set_major_formatter(lambda value, _: f"{value:g}")
+    axis.set_minor_formatter(lambda value, _: "")
+
+
+def _name(ax: "Axes", letter: str, tau: Floats, line: Floats) -> None:
+    """Put a term's letter and slope where its line is lowest in the picture, on the side that the line leaves."""
+    (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
+    inside = np.flatnonzero(
+        (line >= low * _ROOM) & (line <= high) & (tau >= left * _ROOM) & (tau <= right / _ROOM**3)  # room for the label
+    )
+    if not inside.size:
+        return
+    power = TERMS[letter].power
+    i, rises = int(inside[-1] if power < 0 else inside[0]), power > 0
+    ax.annotate(
+        f"{letter} {_SLOPES[power]}", (tau[i], line[i]), xytext=(-4 if rises else 4, 2), textcoords="offset points",
+        color=TERM, fontsize=9, fontweight="bold", ha="right" if rises else "left", va="bottom",
+    )  # fmt: skip
