@@ -16,7 +16,8 @@ Format, Decoder
 Session, Stream
     What a live stream is, from a TOML file; and the stream: bytes in, samples and attitude out, live or replayed.
 Filter
-    A named estimator with parameters and a state: ``process(data)`` gives a track, ``update(sample)`` goes on by one.
+    A named causal estimator with parameters and a state: ``process(data)`` gives a track, ``update(sample)`` goes on
+    by one sample.
 
 Units
 -----

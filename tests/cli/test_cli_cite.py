@@ -5,7 +5,7 @@ import re
 import pytest
 
 import plumbob
-from plumbob.filters import filter_names, load
+from plumbob.filters import estimator_names, load
 from plumbob.filters.known import bibliography, in_a_line
 from tests.battery import commandline
 
@@ -36,7 +36,7 @@ def test_bibtex_has_each_entry_once():
 
 def test_without_a_name_every_filter_is_cited():
     names = [line for line in plumbob.cite().splitlines() if not line.startswith(" ")]
-    assert tuple(names) == filter_names()
+    assert tuple(names) == estimator_names()
     assert {key for name in names for key in load(name).REFERENCES} <= bibliography().keys()
 
 

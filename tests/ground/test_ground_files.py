@@ -90,9 +90,9 @@ WRITERS = {
     "a.csv": lambda path, **how: formats.write(path, imu(), **how),
     "page.html": lambda path, **how: certificate(card(), {}).write_html(path, **how),
     "a.png": lambda path, **how: picture(path, [Figure("", lambda canvas: None, height=1.0)], **how),
-    "a.tum": lambda path, **how: export(path, both(), **how),
-    "a.txt": lambda path, **how: export(path, both(), **how),
-    "a.mcap": lambda path, **how: export(path, both(), **how),
+    "a.tum": lambda path, **how: export(both(), path, **how),
+    "a.txt": lambda path, **how: export(both(), path, **how),
+    "a.mcap": lambda path, **how: export(both(), path, **how),
 }
 
 

@@ -21,7 +21,7 @@ from plumbob.noise.report import comparison as before_and_after
 from plumbob.report.style import CHINESE, said
 from tests.battery.labels import labels
 
-SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "module": "drawn", "seed": 1}
+SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random", "seed": 1}
 SYMBOLS = r"Gauss-Markov|IEEE|BIC|Hz|RMS|rms|\[[^\]]*\]|\b[QNBKR] = \S+ .*"
 """What has no other word in Chinese: names, symbols, and values with their units."""
 
@@ -34,7 +34,7 @@ def hand():
 
 
 def evaluations(_):
-    sea = plumbob.simulate("buoy", duration=20.0, **(SIM | {"module": "calibrated"}))
+    sea = plumbob.simulate("buoy", duration=20.0, **(SIM | {"unit": "calibrated"}))
     track = plumbob.estimate(sea.imu, "mekf").track
     both = [plumbob.evaluate(track, sea.truth, align=align, settle=5.0) for align in ((), ("time", "heading"))]
     facts = [("files", ""), ("scenario", ""), ("sensors", ""), ("calibration", "")]

@@ -28,9 +28,9 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.params import describe
-    from plumbob.filters import CommonParams, filter_names, load
+    from plumbob.filters import CommonParams, estimator_names, load
 
-    names = filter_names() if args.name is None else (args.name,)
+    names = estimator_names() if args.name is None else (args.name,)
     listed = {name: _entry(load(name), described=args.name is not None) for name in names}
     shared = [_row(p) for p in describe(CommonParams)]
     if args.json:

@@ -15,12 +15,16 @@ def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "run",
-        help="estimate the attitude of a recording with one filter",
-        description="Estimate the attitude at every sample of a recording with one filter, and write it as a track.",
-        epilog=common.more("plumbob run sea.parquet --filter mekf --out track.parquet", "choose-a-filter.md"),
+        help="estimate the attitude of a recording",
+        description="Estimate the attitude at every sample of a recording, and write it as a track. By default each is "
+        "estimated from what came before and after it; --causal estimates what a live system would have known.",
+        epilog=common.more("plumbob run sea.parquet --out track.parquet", "choose-a-filter.md"),
     )
     p.add_argument("file", type=Path, help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat")
-    p.add_argument("--filter", required=True, metavar="NAME", help="see 'plumbob filters'")
+    which = p.add_mutually_exclusive_group()
+    which.add_argument("--filter", metavar="NAME", help="one of 'plumbob filters'; default: smoother")
+    which.add_argument("--causal", action="store_true", help="the filter that a stream uses by default")
+    which.add_argument("--lag", metavar="T", help="smooth with a fixed lag, as 5s: nothing later is used")
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
     common.add_init(p)
@@ -37,9 +41,11 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
+    from plumbob.filters.known import CAUSAL, SMOOTHER
     from plumbob.session.estimated import estimate
 
-    chosen = common.stages(args.filter, args.params)
+    name = args.filter or (CAUSAL if args.causal else SMOOTHER)
+    chosen = common.stages(name, args.params)
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     inputs = (args.file, args.profile, args.calibration, args.noise)
@@ -49,6 +55,7 @@ def run(args: argparse.Namespace) -> int:
         result = estimate(
             args.file,
             chosen[0].filter,
+            lag=args.lag,
             params=chosen[0].params,
             frame=args.frame,
             init=args.init,

@@ -20,8 +20,17 @@ from plumbob.data.earth_field import located
 from plumbob.data.plausibility import upside_down
 from plumbob.files import Recording, findings, found_in, inferred_in, write
 from plumbob.files.notes import unsaved
-from plumbob.filters import Filter, claims_covariance, filter_names
-from plumbob.filters.offline import Stage, bias_beyond, declination_deg, filter_of, navigation_frame, run_stage
+from plumbob.filters import CAUSAL, SMOOTHER, Filter, claims_covariance, filter_names
+from plumbob.filters.offline import (
+    Stage,
+    bias_beyond,
+    declination_deg,
+    filter_of,
+    navigation_frame,
+    run_stage,
+    smoother_of,
+)
+from plumbob.filters.smoother import Smoother
 from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
 from plumbob.session.reading import read
@@ -46,8 +55,8 @@ class Estimated(Series):
         The attitude at every sample, with its covariance where the filter claims one.
     imu : ImuData
         The samples that the filter was given, calibrated where a card was.
-    filter : Filter
-        What made it, in its first state.
+    filter : Filter or Smoother
+        What made it; a filter in its first state.
     name : str
         Of the recording.
     notes : tuple of str
@@ -64,7 +73,7 @@ class Estimated(Series):
 
     track: AttitudeTrack
     imu: ImuData
-    filter: Filter
+    filter: Filter | Smoother
     name: str
     notes: tuple[str, ...]
     reference: AttitudeTrack | None = None
@@ -89,6 +98,18 @@ class Estimated(Series):
         return dict(
             zip(("yaw", "pitch", "roll"), map(float, to_deg(euler_zyx_from_quat(self.track.q_nb[-1]))), strict=True)
         )
+
+    @property
+    def told(self) -> str:
+        """What ran, in words: what differs from the defaults."""
+        facts = self.filter.facts()
+        name = facts["name"] if facts["params"] == "defaults" else f"{facts['name']} ({facts['params']})"
+        if not isinstance(self.filter, Smoother):
+            return f"{name}: each attitude from the samples before it"
+        lag = self.filter.params.lag
+        if lag is not None:
+            return f"{name}: smoothed with a lag of {lag:g} s"
+        return f"{name}: smoothed over the whole recording; causal: what a live system would have known"
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Of the track."""
@@ -125,7 +146,7 @@ class Estimated(Series):
         report = self.summary()
         last, north = report["last_attitude_deg"], report["north"]
         lines = [
-            f"filter       {report['filter']}",
+            f"filter       {self.told}",
             f"frame        {report['frame']}, heading from {counted_from(north, report['declination_deg'])}",
             f"calibration  {calibration_told(report['calibration'])}",
         ]
@@ -143,8 +164,10 @@ class Estimated(Series):
 
 def estimate(
     recording: str | Path | Recording | ImuData,
-    filter: str,
+    filter: str | None = None,
     *,
+    causal: bool = False,
+    lag: float | str | None = None,
     params: Mapping[str, Any] | None = None,
     frame: Frame | str | None = None,
     init: str | None = None,
@@ -156,14 +179,19 @@ def estimate(
     note: Note | None = None,
     progress: Progress | None = None,
 ) -> Estimated:
-    """Estimate the attitude at every sample of a recording with one filter.
+    """Estimate the attitude at every sample of a recording: smoothed, or with one filter.
 
     Parameters
     ----------
     recording : path, Recording or ImuData
         Sensor data; a file of any format that `plumbob.read` takes.
-    filter : str
-        Name of the filter; `plumbob.filter_names` lists them.
+    filter : str, optional
+        Name of a causal filter, `plumbob.filter_names` lists them, or "smoother", which is the default: each attitude
+        is then estimated from what came before and after it.
+    causal : bool
+        Use the filter that a stream uses by default: each attitude knows only what came before it.
+    lag : float or str, optional
+        Smooth with a fixed lag, s: each attitude knows nothing that comes later than this after it.
     params : mapping, optional
         Its parameters: numbers in SI, or text with a unit, as ``{"gate": "0.08 g"}``.
     frame : Frame or str, optional
@@ -205,7 +233,7 @@ def estimate(
     label, source = _recording_of(recording, profile)
     if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
-    stage = Stage(filter, dict(params or {}), noise=_noise(noise), init=init)
+    stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
     asked = None if frame is None else Frame.parse(frame)
     frame = navigation_frame(source.imu, asked, where=label)
 
@@ -223,20 +251,46 @@ def estimate(
         say(f"{source.name}: {line}")
     count = len(imu)
     done = None if progress is None else _counted(progress, count)
-    track = run_stage(imu, stage, frame=frame, reference=source.track, progress=done)
-    if (restarts := _restarts(imu, track)) is not None:
-        say(restarts)
-    made_by = filter_of(stage, frame, imu.meta)
+    made_by, track = _run(imu, stage, frame, source.track, done)
+    for line in made_by.remarks if isinstance(made_by, Smoother) else _restarts(imu, track):
+        say(line)
     if (contradiction := bias_beyond(made_by, track)) is not None:
         say(contradiction)
     told = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
     return Estimated(track, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt)
 
 
+def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Stage) -> Stage:
+    """What runs, of what was asked for."""
+    if causal and (filter is not None or lag is not None):
+        raise ParameterError("causal chooses the filter, and has no lag. Give causal alone, or filter, or lag.")
+    name = filter or (CAUSAL if causal else SMOOTHER)
+    if lag is not None and name != SMOOTHER:
+        raise ParameterError(f"lag is for the smoother, but filter is {name}. Leave one of them out.")
+    params = asked.params if lag is None else {**asked.params, "lag": lag}
+    return replace(asked, filter=name, params=params)
+
+
+def _run(
+    imu: ImuData,
+    stage: Stage,
+    frame: Frame,
+    reference: AttitudeTrack | None,
+    done: Callable[[int], None] | None,
+) -> tuple[Filter | Smoother, AttitudeTrack]:
+    """What ran, and its track."""
+    if stage.filter == SMOOTHER:
+        smoother = smoother_of(stage, frame)
+        return smoother, smoother.process(imu, progress=done)
+    track = run_stage(imu, stage, frame=frame, reference=reference, progress=done)
+    return filter_of(stage, frame, imu.meta), track
+
+
 def compiling(names: Sequence[str]) -> str | None:
     """Why the next call waits, where filters have not been compiled on this machine yet; None where they have."""
-    loops = {name: "claiming" if name in filter_names() and claims_covariance(name) else "batch" for name in names}
-    cold = [name for name, loop in loops.items() if _jit.is_cold(f"{loop}_{name}")]
+    loops = {name: "claiming_" if name in filter_names() and claims_covariance(name) else "batch_" for name in names}
+    kernels = {name: "backward" if name == SMOOTHER else loop + name for name, loop in loops.items()}
+    cold = [name for name, kernel in kernels.items() if _jit.is_cold(kernel)]
     return _jit.compiling(", ".join(cold)) if cold else None
 
 
@@ -294,15 +348,15 @@ def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say
     return imu
 
 
-def _restarts(imu: ImuData, track: AttitudeTrack) -> str | None:
+def _restarts(imu: ImuData, track: AttitudeTrack) -> list[str]:
     """A filter that restarts all the time estimates nothing: most often time is in another unit than declared."""
     share = float(np.mean((np.asarray(track.flags) & flags.GAP) != 0))
     if share <= _OFTEN:
-        return None
-    return (
+        return []
+    return [
         f"{100.0 * share:.0f} % of the samples come after a gap, and a filter restarts after a gap longer than "
         f"max_gap; the median step is {1.0 / timing(imu.t).rate:.4g} s. Check the unit of time, and max_gap."
-    )
+    ]
 
 
 def _claimed(track: AttitudeTrack) -> dict[str, float | None] | None:

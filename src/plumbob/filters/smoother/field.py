@@ -168,7 +168,7 @@ def weights(reference: Reference, p: Params, field: Floats, doubtful: Bools, *, 
 
 
 def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight: Floats) -> Floats:
-    """Variance of the heading that the mean field of each step tells, rad²; beyond `UNUSED` where none does."""
+    """Variance of the heading that the mean field of each step shows, rad²; beyond `UNUSED` where none does."""
     white = p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
     with np.errstate(divide="ignore"):
         var = (white / reference.level) ** 2 / frames.step / weight

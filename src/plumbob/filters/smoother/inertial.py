@@ -12,7 +12,7 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, path
 from plumbob.filters.smoother.model import FREE_HEADING, Noise, Params, start_covariance
-from plumbob.filters.smoother.sweeps import ANEW, MOVING, RESTING, UNUSED, Sweep, sweep
+from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
 WINDOW: Final = 3.0
 """The body's speed is learned over this to both sides, s."""
@@ -68,7 +68,7 @@ class Inertial:
 
 def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
     """Kind of each step."""
-    return np.where(frames.gap, ANEW, np.where(resting, RESTING, MOVING))
+    return np.where(frames.gap, AGAIN, np.where(resting, RESTING, MOVING))
 
 
 def calm(frames: Keyframes, p: Params) -> tuple[Bools, Floats]:

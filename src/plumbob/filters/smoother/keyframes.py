@@ -14,7 +14,7 @@ from plumbob.data import ImuData
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit
 
 LONGEST: Final = 0.1
-"""A longer step than this, s, and than three usual ones, is a gap: the attitude starts anew behind it."""
+"""A longer step than this, s, and than three usual ones, is a gap: the attitude starts again behind it."""
 USUAL: Final = 3.0
 UNKNOWN_FORCE: Final = 5.0
 """Standard deviation of a specific force that was not measured, m/s²;"""
@@ -41,7 +41,7 @@ class Keyframes:
     first : ndarray (K + 1,)
         Sample of each keyframe.
     gap : ndarray (K,) of bool
-        Steps without samples, behind which the attitude starts anew.
+        Steps without samples, behind which the attitude starts again.
     missed : ndarray (K,)
         Variance of the attitude, rad², that interpolated rates add to each step.
     pushed : ndarray (K,)

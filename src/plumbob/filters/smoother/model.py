@@ -133,7 +133,7 @@ def start_covariance(
     bias : float
         Of the gyroscope's bias, rad/s.
     rigid : bool
-        Nothing tells the heading, so that the scale is only known as the misalignment is.
+        Nothing shows the heading, so that the scale is only known as the misalignment is.
     matrix : float
         Share of the prior of scale and misalignment, as a standard deviation.
     """

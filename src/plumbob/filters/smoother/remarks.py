@@ -51,7 +51,7 @@ def _gaps(found: Smoothed, begin: float, end: float) -> list[str]:
         return []
     count = "a gap" if inside.size == 1 else f"{inside.size} gaps"
     return [
-        f"{count} in the samples (until {', '.join(f'{x:.1f}' for x in inside[:MOST])} s): the attitude starts anew"
+        f"{count} in the samples (until {', '.join(f'{x:.1f}' for x in inside[:MOST])} s): the attitude starts again"
     ]
 
 

@@ -3,7 +3,7 @@
 Forward it is an error-state Kalman filter whose measurements are scalars. Backward it is the smoother of Bryson and
 Frazier in Bierman's form, [Bierman1973]: it carries what the later measurements say of the state, λ with its covariance
 Λ, and inverts nothing; the smoothed estimate is x − P λ with the covariance P − P Λ P. A state without noise needs no
-care, nor does a keyframe at which the attitude starts anew: nothing passes it backward.
+care, nor does a keyframe at which the attitude starts again: nothing passes it backward.
 
 Sums are written out because a product of small matrices is slower than its arithmetic.
 """
@@ -42,7 +42,7 @@ STEP: Final = 40
 
 MOVING: Final = 0
 RESTING: Final = 1
-ANEW: Final = 2
+AGAIN: Final = 2
 
 FORCE: Final = 0  # means over a step in navigation axes: specific force, 3
 FIELD: Final = 3  # and field, 3, of so many samples
@@ -182,7 +182,7 @@ def propagate_attitude(p: Floats, f: Floats) -> None:
 
 
 @njit
-def start_anew(p: Floats, p0: Floats, x: Floats) -> None:
+def start_again(p: Floats, p0: Floats, x: Floats) -> None:
     """Forget attitude and velocity, and nothing else."""
     for i in (TH, TH + 1, TH + 2, V, V + 1):
         for j in range(SIZE):
@@ -277,11 +277,11 @@ def forward(
         spread2 = integrate(first[k], last, t, gyr, acc, mag, kind[k], attitude, now, f, u)
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
-        if kind[k] == ANEW:
+        if kind[k] == AGAIN:
             for i in range(4):
                 attitude[i] = q_start[k + 1, i]
             u[COUNT] = 0.0
-            start_anew(p, p0, now)
+            start_again(p, p0, now)
         else:
             now[V] += u[FORCE]
             now[V + 1] += u[FORCE + 1]
@@ -299,7 +299,7 @@ def forward(
         for i in range(3):
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
-        if kind[k] != ANEW:
+        if kind[k] != AGAIN:
             zero_velocity_update(p, now, gain[k], term[k], column, density[k] / dt)
         if kind[k] == RESTING:
             zero_rate_update(p, now, gain[k], term[k], column, u, dt, noise.rest / dt)
@@ -396,13 +396,13 @@ def back_over_velocity(lam: Floats, big: Floats, f: Floats) -> None:
 
 @njit
 def back_over(lam: Floats, big: Floats, f: Floats) -> None:
-    """From behind a step to before it; where the attitude started anew, nothing of it and the velocity passes."""
+    """From behind a step to before it; where the attitude started again, nothing of it and the velocity passes."""
     lam[BEND] *= f[FADE]
     for j in range(SIZE):
         big[BEND, j] *= f[FADE]
     for j in range(SIZE):
         big[j, BEND] *= f[FADE]
-    if f[KIND] == ANEW:
+    if f[KIND] == AGAIN:
         for i in (TH, TH + 1, TH + 2, V, V + 1):
             lam[i] = 0.0
             for j in range(SIZE):
@@ -526,13 +526,13 @@ def sweep(
     frames : Keyframes
         Samples and the steps between keyframes.
     kind : ndarray (K,)
-        Of each step: moving, at rest, or with a start anew at its end.
+        Of each step: moving, at rest, or with a new start at its end.
     density : ndarray (K,)
         Of the level velocity, m²/s: what the body moves, as white noise.
     heading_var : ndarray (K,)
-        Variance of the heading that the mean field of each step tells, rad².
+        Variance of the heading that the mean field of each step shows, rad².
     q_start : ndarray (K + 1, 4)
-        Attitude to start from, at the first keyframe and where it starts anew.
+        Attitude to start from, at the first keyframe and where it starts again.
     bias : ndarray (3,)
         First bias of the gyroscope, rad/s.
     p0 : ndarray (21, 21)
