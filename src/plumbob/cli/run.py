@@ -33,6 +33,9 @@ def add_parser(verbs: common.Adder) -> None:
     common.add_calibration(p)
     common.add_noise(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
+    p.add_argument(
+        "--card", type=Path, metavar="FILE", help="where to write the card with what was found of the gyroscope"
+    )
     common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
@@ -49,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     if len(chosen) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     inputs = (args.file, args.profile, args.calibration, args.noise)
-    common.check_outputs(args, *common.with_profile(args.out), inputs=inputs)
+    common.check_outputs(args, *common.with_profile(args.out), args.card, inputs=inputs)
     common.warn_of_compiling([chosen[0].filter])
     with common.progress_bars() as bars:
         result = estimate(
@@ -69,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.out:
         result.save(args.out, overwrite=args.force)
+    if args.card:
+        result.card().save(args.card, overwrite=args.force)
     errors = {} if result.reference is None else _errors(result.track, result.reference)
     if args.json:
         named = {"file": str(args.file), "out": str(args.out) if args.out else None}
@@ -78,6 +83,8 @@ def run(args: argparse.Namespace) -> int:
     print("\n".join([result.text(), *_error_lines(errors)]))
     if args.out:
         print(f"written      {args.out}")
+    if args.card:
+        print(f"card         {args.card}")
     return 0
 
 

@@ -61,7 +61,9 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
         changed |= {name: _times(dcm_bs, changed.get(name, getattr(data, name))) for name in data.triads}
         meta = meta.turned(dcm_bs)
     acc_left, mag_left = left_by("acc", card.acc, card.mount), left_by("mag", card.mag, card.mount)
-    meta = replace(meta, calibration=_told(card, data), acc_left=acc_left, mag_left=mag_left)
+    known = card.gyr is not None and card.gyr.covariance is not None
+    gyr_left = left_by("gyr", card.gyr, card.mount) if known else None
+    meta = replace(meta, calibration=_told(card, data), gyr_left=gyr_left, acc_left=acc_left, mag_left=mag_left)
     return data.corrected(**changed, meta=meta)
 
 

@@ -70,9 +70,10 @@ class ImuMeta:
         Magnetic declination at the place, east positive, rad, from −π to π, where known.
     calibration : str or None
         Name of the calibration card that has been applied; None says uncalibrated.
-    acc_left, mag_left : tuple of 78 floats or None
+    gyr_left, acc_left, mag_left : tuple of 78 floats or None
         What errors the calibration leaves, as `plumbob.data.cards.calibration` has it; None: nothing of a calibrated
-        recording, and of an uncalibrated one all that the data sheet of a common part allows.
+        recording, and of an uncalibrated one all that the data sheet of a common part allows. Of a gyroscope, whose
+        errors are estimated, None says that nothing is known.
     unit_check : bool
         Refuse a recording whose typical size does not fit its units. Switch off for a centrifuge or a drop tower; it is
         off where a format said the units.
@@ -89,6 +90,7 @@ class ImuMeta:
     north: North | None = None
     declination: float | None = None
     calibration: str | None = None
+    gyr_left: Half | None = field(default=None, repr=False)
     acc_left: Half | None = field(default=None, repr=False)
     mag_left: Half | None = field(default=None, repr=False)
     unit_check: bool = True
@@ -105,7 +107,7 @@ class ImuMeta:
         object.__setattr__(self, "t0_ns", _whole_ns(self.t0_ns))
         object.__setattr__(self, "declination", _declination(self.declination))
         body_axes(self.axes)
-        for name in ("acc_left", "mag_left"):
+        for name in ("gyr_left", "acc_left", "mag_left"):
             object.__setattr__(self, name, _half(name, getattr(self, name)))
 
     @property

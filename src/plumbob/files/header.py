@@ -187,11 +187,12 @@ _META: Final[dict[str, Callable[[Any], Any]]] = {
     "north": _optional(_north),
     "declination": _optional(_number),
     "calibration": _optional(_text),
+    "gyr_left": _optional(_numbers),
     "acc_left": _optional(_numbers),
     "mag_left": _optional(_numbers),
     "unit_check": _truth,
 }
-_LATER: Final = ("acc_left", "mag_left")
+_LATER: Final = ("gyr_left", "acc_left", "mag_left")
 """Keys that older recordings do not have."""
 _TRACK: Final[dict[str, Callable[[Any], Any]]] = {"frame": _frame, "north": _north, "source": _text}
 

@@ -3,18 +3,20 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import _jit, check, flags
-from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import timing
 from plumbob.core.units import to_deg
+from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
 from plumbob.data.earth_field import located
 from plumbob.data.plausibility import upside_down
@@ -31,7 +33,7 @@ from plumbob.filters.offline import (
     smoother_of,
 )
 from plumbob.filters.smoother import Smoother
-from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_rotate
+from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
 from plumbob.session.reading import read
 
@@ -69,6 +71,8 @@ class Estimated(Series):
         Which noise card the filter took its parameters from.
     inferred : tuple of str
         What the reader had to infer, for the notes of a file.
+    applied : CalibrationCard or None
+        The card that was applied to the samples.
     """
 
     track: AttitudeTrack
@@ -81,6 +85,7 @@ class Estimated(Series):
     bias_beyond: str | None = None
     noise_card: str | None = None
     inferred: tuple[str, ...] = ()
+    applied: "CalibrationCard | None" = None
 
     def facts(self) -> Mapping[str, str]:
         """Recording, filter, length, and the attitude at the end."""
@@ -119,6 +124,20 @@ class Estimated(Series):
         """Write the track, with where it comes from; errors as of `plumbob.write`."""
         notes = (f"estimated from {self.name} by {self.track.source}", *self.inferred)
         write(path, self.track, notes=notes, overwrite=overwrite)
+
+    def card(self) -> "CalibrationCard":
+        """Card of the unit with the bias, scale and misalignment of its gyroscope that were found in use.
+
+        It is the card that was applied, with a new part for the gyroscope and its covariance, or a first one.
+
+        Raises
+        ------
+        ParameterError
+            If a filter ran, which finds no scale.
+        CalibrationError
+            If the samples had been calibrated before, by a card that is not here.
+        """
+        return _card_in_use(self)
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them; angles in degrees."""
@@ -243,7 +262,8 @@ def estimate(
             note(line)
 
     imu = _placed(source.imu, place, date, stage, say)
-    imu, beyond = (imu, None) if calibration is None else _calibrated(imu, calibration)
+    card = None if calibration is None else _card(calibration)
+    imu, beyond = (imu, None) if card is None else _calibrated(imu, card)
     doubt = tuple(inferred_in(source.notes))
     found = found_in(source.notes) if calibration is None else (*doubt, *findings(imu))
     found = found if beyond is None else (*found, f"temperature: {beyond}")
@@ -257,7 +277,9 @@ def estimate(
     if (contradiction := bias_beyond(made_by, track)) is not None:
         say(contradiction)
     told = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
-    return Estimated(track, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt)
+    return Estimated(
+        track, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt, card
+    )
 
 
 def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Stage) -> Stage:
@@ -312,12 +334,16 @@ def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
     return NoiseCard.of(given)
 
 
-def _calibrated(imu: ImuData, given: "CalibrationCard | str | Path") -> tuple[ImuData, str | None]:
-    """Samples with a card applied, and by how much they leave its temperatures."""
-    from plumbob.data.calibrated import apply_card, temperature_beyond
+def _card(given: "CalibrationCard | str | Path") -> "CalibrationCard":
     from plumbob.data.cards import CalibrationCard
 
-    card = CalibrationCard.of(given)
+    return CalibrationCard.of(given)
+
+
+def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, str | None]:
+    """Samples with a card applied, and by how much they leave its temperatures."""
+    from plumbob.data.calibrated import apply_card, temperature_beyond
+
     imu = apply_card(card, imu)
     return imu, temperature_beyond(card, imu)
 
@@ -346,6 +372,53 @@ def _placed(imu: ImuData, place: str | None, date: str | None, stage: Stage, say
     imu, field = located(imu, place, date=date)
     say(f"field at the place: {field.told}")
     return imu
+
+
+IN_USE: Final = "in use, by the smoother"
+"""Method of a calibration that a recording gave by the way."""
+
+
+def _card_in_use(result: Estimated) -> "CalibrationCard":
+    """Card with the gyroscope's part of a smoothed recording: `Estimated.card`."""
+    from plumbob.data.cards import CalibrationCard, TriadCalibration
+
+    found = result.filter.found if isinstance(result.filter, Smoother) else None
+    if found is None:
+        raise ParameterError(f"{result.filter.name} finds no scale and misalignment. Smooth the recording.")
+    card, meta = result.applied, result.imu.meta
+    if card is None and meta.calibration is not None:
+        raise CalibrationError(
+            f"the samples have been calibrated already, with {meta.calibration}. Give the uncalibrated recording, and "
+            "the card with calibration (--calibration)."
+        )
+    before = None if card is None else card.gyr
+    dcm_bs = np.eye(3) if card is None or card.mount is None else dcm_from_quat(card.mount.q_bs)
+    shown, unit_cov = found.learned
+    # rate = (I − M) gyr − b of calibrated rates, of the unit's own axes: one matrix and bias of the measured ones
+    own = dcm_bs.T @ (np.eye(3) - shown) @ dcm_bs
+    matrix = own if before is None else own @ before.matrix
+    change = np.linalg.inv(matrix)
+    bias = change @ dcm_bs.T @ found.sweep.bias[-1]
+    first = np.eye(3) if before is None else before.matrix
+    to_card = np.zeros((12, 12))
+    to_card[:3, :3] = change @ dcm_bs.T
+    to_card[3:, 3:] = -np.kron(dcm_bs.T, first.T @ dcm_bs.T)
+    covariance = to_card @ unit_cov @ to_card.T
+    part: dict[str, Any] = {
+        "matrix": matrix,
+        "bias": bias if before is None else before.bias + bias,
+        "covariance": 0.5 * (covariance + covariance.T),
+        "method": IN_USE,
+        "date": datetime.now(UTC).date().isoformat(),
+        "quality": None,
+        "residual_rms": None,
+        "remarks": (f"from {result.name}, {result.track.t[-1] - result.track.t[0]:.0f} s",),
+    }
+    gyr = TriadCalibration(unit_in="rad/s", unit_out="rad/s", **part) if before is None else replace(before, **part)
+    date = part["date"]
+    if card is None:
+        return CalibrationCard(meta.device, date, f"gyr: {IN_USE}", gyr=gyr, software=f"plumbob {__version__}")
+    return replace(card, gyr=gyr, date=date, software=f"plumbob {__version__}")
 
 
 def _restarts(imu: ImuData, track: AttitudeTrack) -> list[str]:

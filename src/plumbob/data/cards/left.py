@@ -14,6 +14,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.units import dps
 from plumbob.rotations import dcm_from_quat
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ SIZE: Final = _ROWS.size
 
 _LIMITS: Final = {
     # InvenSense MPU-6000 data sheet: zero-g ±50, ±50 and ±80 mg, of which the root mean square, for no axis is known to
-    # be its z; scale ±3 %, cross-axis ±2 %
+    # be its z; zero-rate ±20 °/s; scale ±3 %, cross-axis ±2 % of both
+    "gyr": (dps(20.0), 0.03, 0.02),
     "acc": (0.062 * G0, 0.03, 0.02),
     # Honeywell HMC5983 on the buoy paper's board: hard iron ±8 µT, soft iron ±12 % with a scale of ±5 %, cross ±0.2 %
     "mag": (8.0, 0.13, 0.002),
@@ -51,7 +53,7 @@ def left_by(triad: str, model: "TriadCalibration | None", mount: "Mount | None")
     Parameters
     ----------
     triad : str
-        ``"acc"`` or ``"mag"``.
+        ``"gyr"``, ``"acc"`` or ``"mag"``.
     model : TriadCalibration or None
         The card's; None: the card leaves the triad as it is.
     mount : Mount or None

@@ -203,10 +203,10 @@ def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
     return found
 
 
-def level(frames: Keyframes, p: Params, known: Floats | None = None) -> Inertial:
+def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Floats | None = None) -> Inertial:
     """Attitude whose heading counts from nothing, by the first bias that leaves the least velocity.
 
-    `known` is the bias (3,), rad/s, that the samples before showed.
+    `known` is the bias (3,), rad/s, that the samples before showed, and `unit` what the unit's card leaves (12, 12).
     """
     if known is None:
         resting, bias = first_rest(frames, p)
@@ -218,7 +218,7 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None) -> Inertial
     first = first_speed(frames, bias)
     sure = resting.any() or known is not None
     tried = (REST_BIAS,) if sure else (FIRST_BIASES[0], FIRST_BIASES[1] * p.bias_start)
-    found = [_level(frames, p, resting, tilt, bias, first, sd) for sd in tried]
+    found = [_level(frames, p, resting, tilt, bias, first, sd, unit) for sd in tried]
     # A wrong attitude takes gravity for an acceleration, and a wrong bias is unlikely: what both leave, of one model
     density = np.maximum.reduce([one.speed.density(p, resting) for one in found])
     return min(found, key=lambda one: _misfit(frames, p, one.sweep, density))
@@ -230,14 +230,15 @@ def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> floa
 
 
 def _level(
-    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, sd: float
-) -> Inertial:
+    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, sd: float,
+    unit: Floats | None,
+) -> Inertial:  # fmt: skip
     """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
     noise, start = Noise.of(p, 0.0), tilt.copy()
     for wide, matrix in ((WIDE, FIXED_MATRIX), (NARROW, FIXED_MATRIX), (NARROW, 1.0)):
         known = sd if wide == WIDE else min(sd, AGAIN_BIAS)
-        p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=known, rigid=True, matrix=matrix)
+        p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=known, rigid=True, matrix=matrix, unit=unit)
         density, last = speed.density(p, resting), matrix == 1.0
         found = sweep(frames, kind, density, unused, start, bias, p0, noise, covariance=last)
         speed = speed_of(frames, found.force[:, :2])

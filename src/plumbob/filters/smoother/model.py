@@ -115,12 +115,16 @@ def from_noise(card: "NoiseCard") -> dict[str, float]:
     return {name: value for name, value in found.items() if value > getattr(usual, name)}
 
 
+CARD_FLOOR: Final = 5e-4
+"""A scale or an angle that a card has may have changed by so much since."""
+BIAS_REPEATS: Final = dps(0.5)
+"""And a bias by this, rad/s."""
 START_SPEED: Final = 0.3
 """Standard deviation of the level velocity at a start, m/s."""
 
 
 def start_covariance(
-    p: Params, *, tilt: float, heading: float, bias: float, rigid: bool, matrix: float = 1.0
+    p: Params, *, tilt: float, heading: float, bias: float, rigid: bool, matrix: float = 1.0, unit: Floats | None = None
 ) -> Floats:
     """Covariance before the first sample, (21, 21).
 
@@ -136,6 +140,8 @@ def start_covariance(
         Nothing shows the heading, so that the scale is only known as the misalignment is.
     matrix : float
         Share of the prior of scale and misalignment, as a standard deviation.
+    unit : ndarray (12, 12), optional
+        What the unit's card leaves of bias and matrix, their covariance.
     """
     var = np.zeros(SIZE)
     var[TH : TH + 2], var[TH + 2] = tilt**2, heading**2
@@ -145,8 +151,11 @@ def start_covariance(
     var[M : M + 9] = p.gyr_misalignment**2
     if not rigid:
         var[[M, M + 4, M + 8]] = p.gyr_scale**2
-    var[M:] *= matrix**2
-    return np.diag(var)
+    found = np.diag(var)
+    if unit is not None:
+        found[M:, M:] = unit[3:, 3:] + CARD_FLOOR**2 * np.eye(9)
+    found[M:, M:] *= matrix**2
+    return found
 
 
 class Noise(NamedTuple):

@@ -1,7 +1,7 @@
 """The passes over a recording: inertial, a field that turns with the sensor, its heading, and all sensors twice."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -19,7 +19,7 @@ from plumbob.filters.smoother.field import (
 )
 from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, kinds, level, rest, speed_of
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
-from plumbob.filters.smoother.model import Noise, Params, start_covariance
+from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, M, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import dcm_from_quat, quat_multiply, quat_slerp
 
@@ -27,35 +27,47 @@ AGAIN_TILT: Final = deg(3.0)
 AGAIN_HEADING: Final = deg(30.0)
 """Standard deviations of a smoothed attitude that is taken for a start, rad."""
 PASSES: Final = 2
+CLEARER: Final = 0.5
+"""A recording has shown a parameter if its standard deviation is at most this share of what it was."""
 LONGEST_SEEN: Final = 300.0
 """A field that was seen for long counts as if for this, s, so that another one can follow it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Carry:
-    """What a stretch of a recording leaves to the next one.
+class Known:
+    """What is known before a recording, or a stretch of one, is smoothed.
 
     Attributes
     ----------
-    bias : ndarray (3,)
-        Bias of the gyroscope, rad/s.
+    unit : ndarray (12, 12) or None
+        What the unit's card leaves of bias, rad/s, and matrix of the gyroscope: their covariance.
+    bias : ndarray (3,) or None
+        Bias of the gyroscope at the end of the stretch before, rad/s.
     reference : Reference or None
-        The field of the place.
+        The field of the place in the stretches before.
     seen : float
         Weight of that, s of turning in it.
     """
 
-    bias: Floats
+    unit: Floats | None = None
+    bias: Floats | None = None
     reference: Reference | None = None
     seen: float = 0.0
 
-    @classmethod
-    def after(cls, found: "Smoothed", before: "Carry | None") -> "Carry":
-        """What is known after a stretch, of it and those before."""
-        reference = found.reference or (None if before is None else before.reference)
-        seen = 0.0 if before is None else before.seen
-        used = float(found.frames.step @ found.weight)
-        return cls(found.sweep.bias[-1], reference, min(max(seen, used), LONGEST_SEEN))
+    @property
+    def field(self) -> tuple[Reference, float] | None:
+        """The field of the place, and its weight."""
+        return None if self.reference is None else (self.reference, self.seen)
+
+    def after(self, found: "Smoothed") -> "Known":
+        """What is known after a stretch."""
+        seen = max(self.seen, float(found.frames.step @ found.weight))
+        return replace(
+            self,
+            bias=found.sweep.bias[-1],
+            reference=found.reference or self.reference,
+            seen=min(seen, LONGEST_SEEN),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +88,8 @@ class Smoothed:
         How far the field of each step was believed.
     attached : Attached or None
         Field that turns with the sensor.
+    prior : ndarray (21, 21)
+        Covariance that the last pass began with.
     rival_turn : float
         By how much the heading would be another one if the reference's rival were the field of the place, rad.
     """
@@ -86,7 +100,22 @@ class Smoothed:
     reference: Reference | None
     weight: Floats
     attached: Attached | None
+    prior: Floats
     rival_turn: float = 0.0
+
+    @property
+    def learned(self) -> tuple[Floats, Floats]:
+        """Scale and misalignment (3, 3) that the recording showed, and the covariance (12, 12) of bias and these.
+
+        What it left about as unknown as it was, stays as it was: a guess within its prior would mislead the next one.
+        """
+        cov, prior = self.sweep.unit_cov.copy(), self.prior[M:, M:]
+        blind = np.diag(cov)[3:] > (CLEARER**2) * np.diag(prior)
+        matrix = np.where(blind, 0.0, self.sweep.matrix).reshape(3, 3)
+        place = 3 + np.flatnonzero(blind)
+        cov[place, :], cov[:, place] = 0.0, 0.0
+        cov[place, place] = np.diag(prior)[place - 3]
+        return matrix, cov
 
     @property
     def heading_var(self) -> float:
@@ -95,17 +124,20 @@ class Smoothed:
         return (share * self.rival_turn) ** 2
 
 
-def smooth(frames: Keyframes, p: Params, carry: Carry | None = None) -> Smoothed:
+def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
     """Smooth a recording, or a stretch of one that others came before."""
-    inertial = level(frames, p, None if carry is None else carry.bias)
+    if known.unit is not None:
+        sd = math.sqrt(float(np.trace(known.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
+        p = p._replace(bias_start=min(p.bias_start, sd))
+    inertial = level(frames, p, known.bias, known.unit)
     if np.isfinite(frames.mag[:, 0]).any():
         own = attached_field(frames, at_samples(frames, inertial.sweep, inertial.resting))
         clean = frames.without(own.field) if own.found else frames
         field = _field_of(clean, inertial.sweep, inertial.resting) if own.found else inertial.sweep.field
-        known = None if carry is None or carry.reference is None else (carry.reference, carry.seen)
-        if (reference := reference_of(clean, p, field, inertial, own.doubtful, known)) is not None:
+        if (reference := reference_of(clean, p, field, inertial, own.doubtful, known.field)) is not None:
             return _with_field(clean, p, inertial, field, reference, own, known)
-    return Smoothed(frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None)
+    prior = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=known.unit)
+    return Smoothed(frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, prior)
 
 
 def _with_field(
@@ -115,7 +147,7 @@ def _with_field(
     field: Floats,
     reference: Reference,
     own: Attached,
-    known: tuple[Reference, float] | None,
+    known: Known,
 ) -> Smoothed:
     """All sensors, from the attitude without heading and the heading that the field gives it."""
     weight = weights(reference, p, field, own.doubtful, directed=False)
@@ -125,10 +157,10 @@ def _with_field(
     field = np.stack((*_turned(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
-    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False)
+    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False, unit=known.unit)
     for left in range(PASSES, 0, -1):
         seen = Inertial(found, resting, speed)
-        reference = reference_of(frames, p, field, seen, own.doubtful, known) or reference
+        reference = reference_of(frames, p, field, seen, own.doubtful, known.field) or reference
         weight = weights(reference, p, field, own.doubtful, directed=True)
         resting = rest(frames, p, bias[1:])
         var = heading_variance(frames, p, reference, weight)
@@ -136,7 +168,7 @@ def _with_field(
         kind, density = kinds(frames, resting), speed.density(p, resting)
         found = sweep(frames, kind, density, var, q, bias[0], p0, noise, covariance=left == 1)
         speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
-    return Smoothed(frames, found, resting, reference, weight, own, _rival_turn(reference, p, field))
+    return Smoothed(frames, found, resting, reference, weight, own, p0, _rival_turn(reference, p, field))
 
 
 def _rival_turn(reference: Reference, p: Params, field: Floats) -> float:

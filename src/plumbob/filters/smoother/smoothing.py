@@ -10,11 +10,12 @@ from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.text import Shown
 from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data.cards.left import whole_of
 from plumbob.filters.base import CommonParams
 from plumbob.filters.known import SMOOTHER
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
-from plumbob.filters.smoother.passes import Carry, Smoothed, smooth
+from plumbob.filters.smoother.passes import Known, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
 from plumbob.filters.smoother.samples import Part, Stretch, continued, part_of, stretches
 from plumbob.rotations import Frame, North, change_frame
@@ -44,6 +45,8 @@ class Smoother(Shown):
         Declination in use, use of the magnetometer.
     remarks : tuple of str
         What a reader of the last track should know: what could not be known, and when.
+    found : Smoothed or None
+        What was found of the last recording, or of its last stretch.
 
     Raises
     ------
@@ -75,6 +78,7 @@ class Smoother(Shown):
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)
         self._decided = "declination" in given
         self.remarks: tuple[str, ...] = ()
+        self.found: Smoothed | None = None
 
     @property
     def bias_prior(self) -> tuple[str, float]:
@@ -151,26 +155,32 @@ class Smoother(Shown):
         parts: list[Part] = []
         remarks: dict[str, None] = {}
         last: tuple[Part, Stretch] | None = None
-        carry: Carry | None = None
+        known = _known(data)
         headed = False
         for stretch in stretches(np.asarray(data.t), self.params.lag):
-            found = self.smooth(data[stretch.whole], carry)
+            found = self.smooth(data[stretch.whole], known)
             part = part_of(data[stretch.whole], found, self.params)
             headed = headed or found.reference is not None
             if last is not None and found.reference is None:
                 part = continued(part, stretch, *last)
             inside = stretch.inside
             parts.append(Part(part.q[inside], part.bias[inside], part.cov[inside], part.flags[inside]))
-            last, carry = (part, stretch), Carry.after(found, carry)
+            last, known = (part, stretch), known.after(found)
             remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
             if progress:
                 progress(stretch.core.stop - stretch.core.start)
-        self.remarks = tuple(remarks)
+        self.remarks, self.found = tuple(remarks), found
         return parts, headed
 
-    def smooth(self, data: ImuData, carry: Carry | None = None) -> Smoothed:
-        """What `process` makes its track of, at the keyframes; `carry` is what came before."""
+    def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed:
+        """What `process` makes its track of, at the keyframes; `known` is what came before."""
         frames = Keyframes.of(data, self.params.keyframe, mag=self.common.mag)
         if frames.t.size < 2:
             raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has {frames.t.size}.")
-        return smooth(frames, self.params, carry)
+        return smooth(frames, self.params, known or _known(data))
+
+
+def _known(data: ImuData) -> Known:
+    """What the unit's card says of its gyroscope."""
+    left = data.meta.gyr_left
+    return Known() if left is None else Known(unit=whole_of(left))

@@ -266,10 +266,14 @@ def heading_update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Flo
 def forward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], kind: NDArray[np.int64],
     missed: Floats, pushed: Floats, density: Floats, heading_var: Floats, q_start: Floats, x0: Floats, p0: Floats,
-    noise: Noise, q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, mean: Floats,
+    noise: Noise, q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, mean: Floats, p: Floats,
 ) -> None:  # fmt: skip
-    """Filter forward: attitude, state and covariance after every keyframe, and what the way back needs of each step."""
-    p, now, column = p0.copy(), x0.copy(), np.zeros(SIZE)
+    """Filter forward: attitude, state and covariance after every keyframe, and what the way back needs of each step.
+
+    `p` is left as the covariance at the end.
+    """
+    p[:] = p0
+    now, column = x0.copy(), np.zeros(SIZE)
     attitude = q_start[0].copy()
     keep(0, attitude, now, p, q, x, cov)
     for k in range(first.size - 1):
@@ -492,6 +496,8 @@ class Sweep:
         Covariance of attitude (navigation axes) and bias; empty where it was not asked for.
     matrix, acc_bias : ndarray (9,), (3,)
         Scale and misalignment of the gyroscope and bias of the accelerometer.
+    unit_cov : ndarray (12, 12)
+        Covariance of the last bias of the gyroscope and `matrix`.
     force, field : ndarray (K, 3)
         Mean specific force and field of each step in smoothed navigation axes, m/s² and µT.
     """
@@ -501,6 +507,7 @@ class Sweep:
     cov: Floats
     matrix: Floats
     acc_bias: Floats
+    unit_cov: Floats
     force: Floats
     field: Floats
 
@@ -546,11 +553,12 @@ def sweep(
     q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, KEPT, SIZE))
     gain, term = np.zeros((n, MEASURED, SIZE)), np.zeros((n, MEASURED, TERMS))
     step, mean = np.empty((n, STEP)), np.empty((n, MEANS))
+    p = np.empty((SIZE, SIZE))
     x0 = np.zeros(SIZE)
     x0[B : B + 3] = bias
     forward(
         frames.t, frames.gyr, frames.acc, frames.mag, frames.first, kind, frames.missed, frames.pushed, density,
-        heading_var, q_start, x0, p0, noise, q, x, cov, gain, term, step, mean,
+        heading_var, q_start, x0, p0, noise, q, x, cov, gain, term, step, mean, p,
     )  # fmt: skip
     q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1 if covariance else 0, 6, 6))
     backward(q, x, cov, gain, term, step, q_s, x_s, cov_s)
@@ -560,4 +568,7 @@ def sweep(
     force = quat_rotate(change, mean[:, FORCE : FORCE + 3])
     field = quat_rotate(change, mean[:, FIELD : FIELD + 3])
     field[mean[:, COUNT] == 0.0] = np.nan
-    return Sweep(q_s, x_s, cov_s, x[-1, M:].copy(), x[-1, A : A + 3].copy(), force, field)
+    unit = [*range(B, B + 3), *range(M, M + 9)]
+    unit_cov = p[np.ix_(unit, unit)]
+    unit_cov = 0.5 * (unit_cov + unit_cov.T)
+    return Sweep(q_s, x_s, cov_s, x[-1, M:].copy(), x[-1, A : A + 3].copy(), unit_cov, force, field)
