@@ -277,14 +277,14 @@ class Filter(Shown):
         init: Start | ArrayLike | str | None = None,
         meta: ImuMeta | None = None,
     ) -> None:
+        self.name = name
+        self.frame = frame = Frame.parse(frame)
+        self.module = load(name)
         if name == SMOOTHER:
             raise ParameterError(
                 "the smoother takes a whole recording and no single samples: plumbob.estimate(recording) runs it. A "
                 f"filter for a stream is {CAUSAL}."
             )
-        self.name = name
-        self.frame = frame = Frame.parse(frame)
-        self.module = load(name)
         from_card = _from_noise(name, self.module, noise)
         given = {**from_card, **({} if params is None else _mapping(params))}
         self.params, self.common = _split_params(name, self.module, given)
