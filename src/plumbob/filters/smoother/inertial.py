@@ -16,7 +16,7 @@ from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Swee
 
 WINDOW: Final = 3.0
 """The body's speed is learned over this to both sides, s."""
-LEAK: Final = 2.0
+LEAK: Final = 4.0
 """Velocity is integrated from the specific force with this memory, s, forward and backward."""
 SPEED_TIMES: Final = 6.0
 """A speed lasts for about a period of the motion: this times speed over acceleration,"""

@@ -24,12 +24,14 @@ GATED: Final = 0.1
 """A field that counts with less than this was not used."""
 DOUBTFUL: Final = deg(6.0)
 """With a larger standard deviation of the tilt, rad, the attitude is not converged."""
-LONG: Final = 1800.0
+LONG: Final = 1200.0
 """A longer recording, s, is smoothed in stretches"""
-CORE: Final = 1200.0
+CORE: Final = 600.0
 """of this, s,"""
 MARGIN: Final = 120.0
 """with so much before and behind each, s. With a lag this is how much of the past is smoothed with each part."""
+BLOCK: Final = 4096
+"""Samples whose covariance is turned at a time."""
 LEAST_CORE: Final = 0.5
 """With a lag a part is half of it long, but not shorter than this, s."""
 
@@ -107,7 +109,18 @@ def continued(part: Part, stretch: Stretch, before: Part, last: Stretch) -> Part
 def _covariance(
     q: Floats, found: Smoothed, place: NDArray[np.int64], rate: Floats, p: Params, left: tuple[Half, Half]
 ) -> Floats:
-    """Covariance of the attitude error in body axes, (N, 3, 3): the smoother's own, and what it does not estimate."""
+    """Covariance of the attitude error in body axes, (N, 3, 3), a block after the other: temporaries are larger."""
+    cov = np.empty((len(q), 3, 3))
+    for i in range(0, len(q), BLOCK):
+        block = slice(i, i + BLOCK)
+        cov[block] = _covariance_of(q[block], found, place[block], rate[block], p, left)
+    return cov
+
+
+def _covariance_of(
+    q: Floats, found: Smoothed, place: NDArray[np.int64], rate: Floats, p: Params, left: tuple[Half, Half]
+) -> Floats:
+    """The smoother's own, and what it does not estimate."""
     c_nb = dcm_from_quat(q)
     in_n = found.sweep.cov[place, :3, :3].copy()
     in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2

@@ -135,8 +135,7 @@ class Smoother(Shown):
             raise ShapeError(f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}.")
         if data.meta.declination is not None and not self._decided:
             self.common = self.common._replace(declination=data.meta.declination)
-        parts, headed = self._parts(data, progress)
-        q = np.concatenate([part.q for part in parts])
+        (q, bias, cov, words), headed = self._parts(data, progress)
         if headed and self.common.declination:
             q = turn_heading(q, self.common.declination, Frame.ENU)
         return AttitudeTrack.trusted(
@@ -144,15 +143,16 @@ class Smoother(Shown):
             q_nb=change_frame(q, to=self.frame, from_=Frame.ENU),
             frame=self.frame,
             north=self.north(headed),
-            bias_b=np.concatenate([part.bias for part in parts]),
-            cov_b=np.concatenate([part.cov for part in parts]),
-            flags=np.concatenate([part.flags for part in parts]),
+            bias_b=bias,
+            cov_b=cov,
+            flags=words,
             source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
         )
 
-    def _parts(self, data: ImuData, progress: Callable[[int], None] | None) -> tuple[list[Part], bool]:
-        """Parts of a recording one after the other, and whether a field gives their headings."""
-        parts: list[Part] = []
+    def _parts(self, data: ImuData, progress: Callable[[int], None] | None) -> tuple[Part, bool]:
+        """All parts of a recording, stretch after stretch, and whether a field gives the headings."""
+        n = len(data)
+        whole = Part(np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.uint32))
         remarks: dict[str, None] = {}
         last: tuple[Part, Stretch] | None = None
         known = _known(data)
@@ -163,14 +163,15 @@ class Smoother(Shown):
             headed = headed or found.reference is not None
             if last is not None and found.reference is None:
                 part = continued(part, stretch, *last)
-            inside = stretch.inside
-            parts.append(Part(part.q[inside], part.bias[inside], part.cov[inside], part.flags[inside]))
+            core, inside = stretch.core, stretch.inside
+            whole.q[core], whole.bias[core] = part.q[inside], part.bias[inside]
+            whole.cov[core], whole.flags[core] = part.cov[inside], part.flags[inside]
             last, known = (part, stretch), known.after(found)
             remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
             if progress:
                 progress(stretch.core.stop - stretch.core.start)
         self.remarks, self.found = tuple(remarks), found
-        return parts, headed
+        return whole, headed
 
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed:
         """What `process` makes its track of, at the keyframes; `known` is what came before."""
