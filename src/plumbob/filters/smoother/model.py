@@ -78,6 +78,10 @@ class Params(NamedTuple):
     mag_disturbance_time: Annotated[float, Spec(Quantity.TIME, "for how long such a deflection lasts", 1e-3, 6000)] = (
         60.0
     )
+    mag_direction_sd: Annotated[
+        float,
+        Spec(Quantity.ANGLE, "how far the field of the place itself is off north, counted in the covariance", 0, 2),
+    ] = deg(1.5)
     rest_rate: Annotated[float, Spec(Quantity.RATE, "at rest the rate stays within this of its mean", 1e-6, 1)] = dps(
         2.0
     )

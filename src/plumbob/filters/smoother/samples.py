@@ -124,7 +124,8 @@ def _covariance_of(
     c_nb = dcm_from_quat(q)
     in_n = found.sweep.cov[place, :3, :3].copy()
     in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2
-    in_n[:, 2, 2] += found.heading_var
+    if found.reference is not None:
+        in_n[:, 2, 2] += found.heading_var + p.mag_direction_sd**2
     cov = np.swapaxes(c_nb, 1, 2) @ in_n @ c_nb
     cov += p.latency_sd**2 * rate[:, :, np.newaxis] * rate[:, np.newaxis, :]
     if any(left[0]) or any(left[1]):
