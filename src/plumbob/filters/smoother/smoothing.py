@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plumbob.core import check
+from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.text import Shown
@@ -110,6 +111,14 @@ class Smoother(Shown):
         if not (has_mag and self.common.mag):
             return North.FREE
         return North.MAGNETIC if self.common.declination is None else North.TRUE
+
+    def warm_up(self) -> None:
+        """Compile now, so that no recording waits."""
+        t = 0.01 * np.arange(2000)
+        still, down = np.zeros((t.size, 3)), np.array([0.0, 0.0, G0])
+        turning = np.outer(np.sin(t), [0.0, 0.0, 0.5])  # so that a field is followed, and none is at rest
+        field = np.array([0.0, 20.0, -40.0])
+        Smoother(frame=self.frame).process(ImuData(t=t, gyr=turning, acc=still + down, mag=still + field))
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.
