@@ -140,11 +140,13 @@ def _with_field(
 
 
 def _rival_turn(reference: Reference, p: Params, field: Floats) -> float:
-    """Mean azimuth of the fields near the reference's rival, rad."""
+    """Mean azimuth of the fields near the reference's rival, rad; any where only samples before this stretch had it."""
     if reference.rival is None:
         return 0.0
     off2 = (np.hypot(field[:, 0], field[:, 1]) - reference.rival[0]) ** 2 + (field[:, 2] - reference.rival[1]) ** 2
     near = off2 < reference.spread(p) ** 2
+    if not near.any():
+        return math.pi
     return abs(math.atan2(float(field[near, 0].sum()), float(field[near, 1].sum())))
 
 

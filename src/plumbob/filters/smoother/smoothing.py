@@ -16,7 +16,7 @@ from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Carry, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
-from plumbob.filters.smoother.samples import Part, Stretch, continued, part_of, stretches
+from plumbob.filters.smoother.samples import Part, Stretch, continued, part_of, stretches, unknown
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -132,12 +132,9 @@ class Smoother(Shown):
         if data.meta.declination is not None and not self._decided:
             self.common = self.common._replace(declination=data.meta.declination)
         parts, headed = self._parts(data, progress)
-        q = np.concatenate([part.q for part in parts])
-        if headed and self.common.declination:
-            q = turn_heading(q, self.common.declination, Frame.ENU)
         return AttitudeTrack.trusted(
             t=data.t,
-            q_nb=change_frame(q, to=self.frame, from_=Frame.ENU),
+            q_nb=change_frame(np.concatenate([part.q for part in parts]), to=self.frame, from_=Frame.ENU),
             frame=self.frame,
             north=self.north(headed),
             bias_b=np.concatenate([part.bias for part in parts]),
@@ -154,23 +151,28 @@ class Smoother(Shown):
         carry: Carry | None = None
         headed = False
         for stretch in stretches(np.asarray(data.t), self.params.lag):
-            found = self.smooth(data[stretch.whole], carry)
-            part = part_of(data[stretch.whole], found, self.params)
-            headed = headed or found.reference is not None
-            if last is not None and found.reference is None:
-                part = continued(part, stretch, *last)
-            inside = stretch.inside
-            parts.append(Part(part.q[inside], part.bias[inside], part.cov[inside], part.flags[inside]))
-            last, carry = (part, stretch), Carry.after(found, carry)
-            remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
+            whole, inside = data[stretch.whole], stretch.inside
+            if (found := self.smooth(whole, carry)) is None:
+                q = parts[-1].q[-1] if parts else np.array([1.0, 0.0, 0.0, 0.0])
+                parts.append(unknown(whole[inside], q, np.zeros(3) if carry is None else carry.bias))
+            else:
+                part = part_of(whole, found, self.params)
+                headed = headed or found.reference is not None
+                if last is not None and found.reference is None:
+                    part = continued(part, stretch, *last)
+                last, carry = (part, stretch), Carry.after(found, carry)
+                remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
+                own = Part(*(values[inside] for values in part))
+                turn = self.common.declination if headed else None  # not before a field has shown itself
+                parts.append(own._replace(q=turn_heading(own.q, turn, Frame.ENU)) if turn else own)
             if progress:
                 progress(stretch.core.stop - stretch.core.start)
+        if carry is None:
+            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
         self.remarks = tuple(remarks)
         return parts, headed
 
-    def smooth(self, data: ImuData, carry: Carry | None = None) -> Smoothed:
-        """What `process` makes its track of, at the keyframes; `carry` is what came before."""
+    def smooth(self, data: ImuData, carry: Carry | None = None) -> Smoothed | None:
+        """What `process` makes its track of, at the keyframes; `carry` is what came before. None without rates."""
         frames = Keyframes.of(data, self.params.keyframe, mag=self.common.mag)
-        if frames.t.size < 2:
-            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has {frames.t.size}.")
-        return smooth(frames, self.params, carry)
+        return None if frames is None else smooth(frames, self.params, carry)
