@@ -1,5 +1,6 @@
 """Keyframes, the way back to samples, and stretches: nothing is lost or used twice, and a lag is kept."""
 
+import itertools
 import math
 
 import numpy as np
@@ -67,9 +68,9 @@ def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
     assert (count > 0).all()
     assert (count[frames.gap] == 1).all()  # no sample is within a gap
     step = np.diff(frames.t)
-    assert (frames.gap == [count == 1 and step[i] > longest for i, count in zip(frames.first, count, strict=False)]).all()
-    before_gap = np.append(frames.gap[1:], True)
-    assert (frames.step[~frames.gap & ~before_gap] > spacing - 2e-6).all()
+    assert (frames.gap == (count == 1) & (step[frames.first[:-1]] > longest)).all()
+    beside_gap = np.append(frames.gap[1:], True) | np.insert(frames.gap[:-1], 0, False)
+    assert (frames.step[~frames.gap & ~beside_gap] > spacing - 2e-6).all()
     at_least = np.maximum(spacing, step.max(initial=0.0, where=step <= longest))
     assert (frames.step[~frames.gap] <= spacing + at_least + 1e-9).all()
 
@@ -88,7 +89,7 @@ def test_missing_values_are_interpolated_and_counted(given_):
     assert (np.isfinite(frames.mag[:, 0]) == has["mag"][frames.rows]).all()
     dt = np.diff(frames.t, prepend=frames.t[0])
     lost = [np.where(has[name][frames.rows], 0.0, dt) for name in ("gyr", "acc")]
-    for k, (i, j) in enumerate(zip(frames.first, frames.first[1:], strict=False)):
+    for k, (i, j) in enumerate(itertools.pairwise(frames.first)):
         # by the definitions of both: standard deviations that add up over a spell
         assert frames.pushed[k] == pytest.approx((UNKNOWN_FORCE * lost[1][i + 1 : j + 1].sum()) ** 2, abs=1e-9)
         assert frames.missed[k] >= (UNKNOWN_RATE * deg(2.0) * lost[0][i + 1 : j + 1].sum()) ** 2 * (1 - 1e-6) - 1e-12
@@ -196,7 +197,7 @@ def test_stretches_cover_each_sample_once_and_reach_no_further_than_the_lag(t, l
     found = list(stretches(t, lag))
     assert found[0].core.start == 0
     assert found[-1].core.stop == t.size
-    for one, other in zip(found, found[1:], strict=False):
+    for one, other in itertools.pairwise(found):
         assert one.core.stop == other.core.start
     for one in found:
         assert 0 <= one.whole.start <= one.core.start < one.core.stop <= one.whole.stop <= t.size
