@@ -31,6 +31,7 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.core.errors import PlumbobError
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.channel import RateFilter, channel_names
+    from plumbob.filters.smoother import Smoother
     from plumbob.noise import characterise
     from plumbob.rotations import Frame
     from plumbob.session.session_toml import parse_session
@@ -38,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
 
     _jit.compiling("everything")  # which the user has asked for, and need not be told
     names, channels = filter_names(), channel_names()
-    with common.progress("compiling", len(names) + len(channels) + 3) as advance:
+    with common.progress("compiling", len(names) + len(channels) + 4) as advance:
         for name in names:
             Filter(name, frame=Frame.ENU).warm_up()
             advance(1)
@@ -47,12 +48,12 @@ def run(args: argparse.Namespace) -> int:
             advance(1)
         Stream(parse_session(SESSION, str, name="warmup")).warm_up()
         advance(1)
-        for part in (characterise, guides):
+        for part in (Smoother(frame=Frame.ENU), characterise, guides):
             part.warm_up()
             advance(1)
     if (why := _jit.why_no_cache()) is not None:
         raise PlumbobError(f"{why}, so compiled kernels are lost when this ends.")
-    many = f"{len(names)} filters, {len(channels)} filters of a rate channel"
+    many = f"{len(names)} filters, the smoother, {len(channels)} filters of a rate channel"
     ready = f"{many}, the decoder, the noise analysis and the fits are ready"
     print(f"{ready}; compiled kernels are kept in {_jit.cache_folder()}")
     return 0

@@ -279,8 +279,8 @@ class Filter(Shown):
     ) -> None:
         if name == SMOOTHER:
             raise ParameterError(
-                "the smoother takes a whole recording and no single samples: plumbob.estimate(recording) runs it. A "
-                f"filter for a stream is {CAUSAL}."
+                "the smoother needs a whole recording and cannot take single samples. Use plumbob run FILE or "
+                f"plumbob.estimate(recording); for a stream name a filter, such as {CAUSAL}."
             )
         self.name = name
         self.frame = frame = Frame.parse(frame)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from plumbob.core import check
+from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.text import Shown
@@ -106,6 +107,11 @@ class Smoother(Shown):
         if not (has_mag and self.common.mag):
             return North.FREE
         return North.MAGNETIC if self.common.declination is None else North.TRUE
+
+    def warm_up(self) -> None:
+        """Compile now, so that the first recording does not wait."""
+        gyr, acc, mag = (np.tile(still, (20, 1)) for still in ([0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]))
+        self.process(ImuData(t=0.01 * np.arange(20), gyr=gyr, acc=acc, mag=mag))
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.
