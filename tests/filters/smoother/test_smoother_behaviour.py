@@ -321,7 +321,7 @@ def test_every_frame_gives_the_same_attitude(moved, frame):
 
 
 def test_a_declination_turns_headings_and_nothing_else(moved):
-    """East positive: magnetic north lies east of true north, so that the body's true heading is larger, [Titterton]."""
+    """East positive: magnetic north lies east of true north, so that the body's true heading is larger."""
     h, magnetic = moved
     known = ImuData(t=h.t, gyr=h.gyr, acc=h.acc, mag=h.mag, meta=ImuMeta(declination=0.2, calibration="by hand"))
     for track in (

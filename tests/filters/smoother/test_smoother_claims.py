@@ -57,7 +57,7 @@ def unit(seed, p, *, speed, rest):
     ("speed", "rest"), [(0.0, ()), (0.1, ()), (0.1, ((10.0, 20.0),))], ids=["at rest", "moving", "both"]
 )
 def test_errors_fit_the_covariance_that_is_claimed(speed, rest):
-    """NEES over the units at the first sample, in the middle and at the end, [BarShalom2001] sec. 5.4.2.
+    """NEES over the units at the first sample, in the middle and at the end, [BarShalom2001] sec. 5.4.
 
     Their mean times their number is χ² of two degrees for each unit of tilt, one of heading, three of bias. The tilt
     lies within the 95 % bounds of that. Heading and bias have margins: a field's direction is taken to be off by a

@@ -111,7 +111,7 @@ class Smoother(Shown):
     def warm_up(self) -> None:
         """Compile now, so that the first recording does not wait."""
         gyr, acc, mag = (np.tile(still, (20, 1)) for still in ([0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]))
-        self.process(ImuData(t=0.01 * np.arange(20), gyr=gyr, acc=acc, mag=mag))
+        self.process(ImuData(t=np.linspace(0.0, 0.2, 20), gyr=gyr, acc=acc, mag=mag))
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.
@@ -168,7 +168,7 @@ class Smoother(Shown):
                     part = continued(part, stretch, *last)
                 last, carry = (part, stretch), Carry.after(found, carry)
                 remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
-                own = Part(*(values[inside] for values in part))
+                own = Part(part.q[inside], part.bias[inside], part.cov[inside], part.flags[inside])
                 turn = self.common.declination if headed else None  # not before a field has shown itself
                 parts.append(own._replace(q=turn_heading(own.q, turn, Frame.ENU)) if turn else own)
             if progress:
