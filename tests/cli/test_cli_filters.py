@@ -6,7 +6,7 @@ import math
 import pytest
 
 from plumbob.cli.main import main
-from plumbob.filters import filter_names, load
+from plumbob.filters import estimator_names, load
 
 
 def run(capsys, *words):
@@ -26,7 +26,7 @@ def listed(capsys):
 
 
 def test_every_filter_says_what_it_claims_and_takes(listed):
-    assert tuple(listed["filters"]) == filter_names()
+    assert tuple(listed["filters"]) == estimator_names()
     for name, entry in listed["filters"].items():
         assert set(entry) == {"summary", "needs", "references", "covariance", "noise_card", "parameters"}
         assert entry["covariance"] == hasattr(load(name), "COVARIANCE")
@@ -61,7 +61,7 @@ def test_every_default_lies_in_its_range(listed):
                 assert (row["low"] or -math.inf) <= row["default"] <= (row["high"] or math.inf), row["name"]
 
 
-@pytest.mark.parametrize("name", filter_names())
+@pytest.mark.parametrize("name", estimator_names())
 def test_one_filter_tells_when_to_choose_it_and_where_it_departs(capsys, name):
     code, out, _ = run(capsys, name)
     assert code == 0
@@ -69,7 +69,7 @@ def test_one_filter_tells_when_to_choose_it_and_where_it_departs(capsys, name):
     assert out.splitlines()[0] == f"{name}: {load(name).SUMMARY}"
     for p in load(name).Params._fields:
         assert f"    {p} " in out
-    assert sum(line.startswith(f"{other}: ") for other in filter_names() for line in out.splitlines()) == 1
+    assert sum(line.startswith(f"{other}: ") for other in estimator_names() for line in out.splitlines()) == 1
 
 
 def test_one_filter_as_json(capsys):
@@ -82,9 +82,9 @@ def test_one_filter_as_json(capsys):
 def test_the_list_is_one_block_per_filter(capsys):
     code, out, _ = run(capsys)
     assert code == 0
-    for name in filter_names():
+    for name in estimator_names():
         assert f"{name}: {load(name).SUMMARY}" in out
-    assert out.count("claims a covariance") == sum(hasattr(load(name), "COVARIANCE") for name in filter_names())
+    assert out.count("claims a covariance") == sum(hasattr(load(name), "COVARIANCE") for name in estimator_names())
     assert "When to choose it" not in out
 
 

@@ -46,11 +46,9 @@ def run(args: argparse.Namespace) -> int:
         for name in channels:
             RateFilter(name).warm_up()
             advance(1)
-        Smoother(frame=Frame.ENU).warm_up()
-        advance(1)
         Stream(parse_session(SESSION, str, name="warmup")).warm_up()
         advance(1)
-        for part in (characterise, guides):
+        for part in (Smoother(frame=Frame.ENU), characterise, guides):
             part.warm_up()
             advance(1)
     if (why := _jit.why_no_cache()) is not None:

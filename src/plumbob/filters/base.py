@@ -282,8 +282,8 @@ class Filter(Shown):
         self.module = load(name)
         if name == SMOOTHER:
             raise ParameterError(
-                "the smoother takes a whole recording and no single samples: plumbob.estimate(recording) runs it. A "
-                f"filter for a stream is {CAUSAL}."
+                "the smoother needs a whole recording and cannot take single samples. Use plumbob run FILE or "
+                f"plumbob.estimate(recording); for a stream name a filter, such as {CAUSAL}."
             )
         from_card = _from_noise(name, self.module, noise)
         given = {**from_card, **({} if params is None else _mapping(params))}

@@ -20,7 +20,9 @@ TURNING: Final = dps(20.0)
 REST_SHARE: Final = 0.8
 """All rest together counts at most so much of all turning."""
 STEEPEST: Final = 0.05
-"""A field whose level part is a smaller share than this of the reference's has no direction."""
+"""A field whose level part is a smaller share than this of the reference's has no direction,"""
+LEAST_LEVEL: Final = 0.1
+"""nor has one whose level part is smaller than this, µT."""
 MODES: Final = 400
 """Fields that are tried as a mode."""
 WIDER: Final = 1.5
@@ -119,7 +121,7 @@ def reference_of(
         w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
         best = w @ points / w.sum()
     found = Reference(float(best[0]), float(best[1]), 0.0)
-    if found.level < STEEPEST * math.hypot(*best):
+    if found.level < max(STEEPEST * math.hypot(*best), LEAST_LEVEL):
         return None
     median = float(np.nanmedian(found.off(field)[~doubtful]))
     return Reference(found.level, found.vertical, median, *_rival(points, weight, best, p))

@@ -40,6 +40,10 @@ FIXED_MATRIX: Final = 1e-2
 """Share of its prior by which scale and misalignment may move while the attitude is still far off."""
 BEYOND: Final = 3.0
 """A mean rate beyond this many standard deviations of the bias is a turn."""
+PIECE: Final = 10.0
+"""The field says whether such a piece of a recording, s, that is calm is an even turn: it then changes"""
+SIZE_KEPT: Final = 0.3
+"""by more than `mag_spread` from the first third to the last, and its size by less than this share of that."""
 MOST: Final = 2000
 """Windows that are tried as centre of a cluster."""
 
@@ -89,7 +93,24 @@ def calm(frames: Keyframes, p: Params) -> tuple[Bools, Floats]:
 
     (rate_spread, mean), (force_spread, _) = spread(rate), spread(force)
     near_gap = maximum_filter1d(frames.gap.astype(np.int8), width, mode="constant") > 0
-    return (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap, mean
+    quiet = (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap
+    return quiet & ~_turning_evenly(frames, p, quiet), mean
+
+
+def _turning_evenly(frames: Keyframes, p: Params, quiet: Bools) -> Bools:
+    """Calm steps in whose piece of the recording the field turns in the body: a gyroscope takes that for its bias."""
+    turning = np.zeros_like(quiet)
+    piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
+    seen = np.concatenate(([False], np.repeat(quiet, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
+    rows = np.flatnonzero(seen)
+    for number in np.unique(piece[quiet]):
+        low, high = frames.first[np.searchsorted(piece, number)], frames.first[np.searchsorted(piece, number, "right")]
+        own = frames.mag[rows[np.searchsorted(rows, low) : np.searchsorted(rows, high)]]
+        if (third := len(own) // 3) > 0:
+            first, last = own[:third].mean(axis=0), own[-third:].mean(axis=0)
+            change, grown = np.linalg.norm(last - first), np.linalg.norm(last) - np.linalg.norm(first)
+            turning[piece == number] = change > p.mag_spread and abs(grown) < SIZE_KEPT * change
+    return quiet & turning
 
 
 def _running_mean(values: Floats, width: int) -> Floats:

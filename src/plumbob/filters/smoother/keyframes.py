@@ -61,8 +61,8 @@ class Keyframes:
     rows: NDArray[np.int64]
 
     @classmethod
-    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self:
-        """Keyframes at least `spacing` apart, s."""
+    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:
+        """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate."""
         t, flag = np.asarray(imu.t), np.asarray(imu.flags)
         gyr = _trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
         acc = _trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
@@ -73,6 +73,8 @@ class Keyframes:
             else np.full_like(gyr, np.nan)
         )
         longest = longest_step(t)
+        if np.count_nonzero(~np.isnan(gyr[:, 0])) < 2:
+            return None
         rows = np.flatnonzero(~_holes(t, np.isnan(gyr[:, 0]), longest))
         t, gyr, acc, field = t[rows], gyr[rows], acc[rows], np.ascontiguousarray(field[rows])
         first, gap = _steps(t, spacing, longest)

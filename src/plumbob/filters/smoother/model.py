@@ -12,6 +12,12 @@ place  name        unit       meaning
 =====  ==========  =========  =======================================================================
 
 The navigation frame inside is ENU with magnetic north; results are turned to the frame that was asked for.
+
+When to choose it: for every recording that is computed afterwards. A stream needs a filter.
+
+Departures from [Bierman1973]: the measurements come from an error-state filter, whose attitude is corrected after each
+keyframe, so that λ refers to the corrected attitude; the heading is a consider update. Not an iterated smoother: the
+second pass starts from the smoothed attitude, with a wide covariance of its own.
 """
 
 from typing import TYPE_CHECKING, Annotated, Final, NamedTuple
@@ -25,7 +31,7 @@ from plumbob.core.units import Quantity, deg, dps
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
 
-SUMMARY: Final = "smoother: the whole recording at once, forward and backward; its scale, biases and field estimated"
+SUMMARY: Final = "the whole recording at once, forward and backward; its scale, biases and field estimated"
 REFERENCES: Final = ("Sola2017", "Bierman1973", "Schmidt1966")
 NEEDS: Final = ("gyr", "acc")
 BIAS_PRIOR: Final = "bias_start"

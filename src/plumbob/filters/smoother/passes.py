@@ -119,9 +119,9 @@ class Smoothed:
 
     @property
     def heading_var(self) -> float:
-        """Variance of the heading, rad², that the choice between two fields leaves."""
+        """Variance of the heading, rad², that the choice between two fields leaves: the other may be the right one."""
         share = 0.0 if self.reference is None else self.reference.rival_share
-        return (share * self.rival_turn) ** 2
+        return share * self.rival_turn**2
 
 
 def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
@@ -154,7 +154,7 @@ def _with_field(
     turn = heading_of(frames, inertial, field, weight)
     by = np.concatenate((turn[:1], turn))
     q = quat_multiply(about_up(by), inertial.sweep.q)
-    field = np.stack((*_turned(turn, field), field[:, 2]), axis=1)
+    free, field = field, np.stack((*_turned(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False, unit=known.unit)
@@ -168,16 +168,23 @@ def _with_field(
         kind, density = kinds(frames, resting), speed.density(p, resting)
         found = sweep(frames, kind, density, var, q, bias[0], p0, noise, covariance=left == 1)
         speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
-    return Smoothed(frames, found, resting, reference, weight, own, p0, _rival_turn(reference, p, field))
+    rival_turn = _rival_turn(frames, p, inertial, free, reference)
+    return Smoothed(frames, found, resting, reference, weight, own, p0, rival_turn)
 
 
-def _rival_turn(reference: Reference, p: Params, field: Floats) -> float:
-    """Mean azimuth of the fields near the reference's rival, rad."""
+def _rival_turn(frames: Keyframes, p: Params, inertial: Inertial, field: Floats, reference: Reference) -> float:
+    """Azimuth, rad, of the rival's fields where the heading is that of the reference's alone.
+
+    Any where only samples before this stretch had the rival.
+    """
     if reference.rival is None:
         return 0.0
-    off2 = (np.hypot(field[:, 0], field[:, 1]) - reference.rival[0]) ** 2 + (field[:, 2] - reference.rival[1]) ** 2
-    near = off2 < reference.spread(p) ** 2
-    return abs(math.atan2(float(field[near, 0].sum()), float(field[near, 1].sum())))
+    near = Reference(*reference.rival, 0.0).off(field) < p.mag_spread
+    if not near.any():
+        return math.pi
+    alone = weights(replace(reference, median=0.0), p, field, near, directed=False)
+    east, north = _turned(heading_of(frames, inertial, field, alone), field)
+    return abs(math.atan2(float(east[near].sum()), float(north[near].sum())))
 
 
 def _turned(by: Floats, field: Floats) -> tuple[Floats, Floats]:

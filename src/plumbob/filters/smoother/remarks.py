@@ -25,7 +25,7 @@ def remarks_of(found: Smoothed, p: Params, stretch: Stretch, t: Floats) -> list[
     told = _gaps(found, begin, end)
     if found.reference is None:
         if np.isfinite(found.frames.mag[:, 0]).any():
-            told.append("no field of the recording has a level part that gives a heading: it counts from a free zero")
+            told.append("no field of the recording gives a heading: it counts from a free zero")
         return told
     if found.attached is not None and found.attached.found:
         size = float(np.linalg.norm(found.attached.field, axis=1).max())

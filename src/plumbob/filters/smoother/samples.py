@@ -76,10 +76,9 @@ def stretches(t: Floats, lag: float | None) -> Iterator[Stretch]:
     begin = 0
     while begin < t.size:
         end = max(int(np.searchsorted(t, t[begin] + core)), begin + 1)
-        if t.size - end < 2:
-            end = t.size
         low, high = np.searchsorted(t, t[begin] - past), np.searchsorted(t, t[end - 1] + ahead, side="right")
-        yield Stretch(slice(int(low), max(int(high), end)), slice(begin, end))
+        low = min(int(low), max(begin - 1, 0))  # a sample behind a gap is not alone
+        yield Stretch(slice(low, max(int(high), end)), slice(begin, end))
         begin = end
 
 
@@ -93,6 +92,13 @@ def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
     word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
     return _everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word))
+
+
+def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
+    """A stretch in which no rate was measured: the attitude (4,) before it stays, and may be any."""
+    n = len(data)
+    lost = np.asarray(data.flags) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED | flags.HEADING_FREE)
+    return Part(np.tile(q, (n, 1)), np.tile(bias, (n, 1)), np.tile(math.pi**2 * np.eye(3), (n, 1, 1)), lost)
 
 
 def continued(part: Part, stretch: Stretch, before: Part, last: Stretch) -> Part:

@@ -18,7 +18,7 @@ from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
-from plumbob.filters.smoother.samples import Part, Stretch, continued, part_of, stretches
+from plumbob.filters.smoother.samples import Part, Stretch, continued, part_of, stretches, unknown
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -113,12 +113,9 @@ class Smoother(Shown):
         return North.MAGNETIC if self.common.declination is None else North.TRUE
 
     def warm_up(self) -> None:
-        """Compile now, so that no recording waits."""
-        t = 0.01 * np.arange(2000)
-        still, down = np.zeros((t.size, 3)), np.array([0.0, 0.0, G0])
-        turning = np.outer(np.sin(t), [0.0, 0.0, 0.5])  # so that a field is followed, and none is at rest
-        field = np.array([0.0, 20.0, -40.0])
-        Smoother(frame=self.frame).process(ImuData(t=t, gyr=turning, acc=still + down, mag=still + field))
+        """Compile now, so that the first recording does not wait."""
+        gyr, acc, mag = (np.tile(still, (20, 1)) for still in ([0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]))
+        Smoother(frame=self.frame).process(ImuData(t=np.linspace(0.0, 0.2, 20), gyr=gyr, acc=acc, mag=mag))
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.
@@ -145,8 +142,6 @@ class Smoother(Shown):
         if data.meta.declination is not None and not self._decided:
             self.common = self.common._replace(declination=data.meta.declination)
         (q, bias, cov, words), headed = self._parts(data, progress)
-        if headed and self.common.declination:
-            q = turn_heading(q, self.common.declination, Frame.ENU)
         return AttitudeTrack.trusted(
             t=data.t,
             q_nb=change_frame(q, to=self.frame, from_=Frame.ENU),
@@ -161,33 +156,39 @@ class Smoother(Shown):
     def _parts(self, data: ImuData, progress: Callable[[int], None] | None) -> tuple[Part, bool]:
         """All parts of a recording, stretch after stretch, and whether a field gives the headings."""
         n = len(data)
-        whole = Part(np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.uint32))
+        all_ = Part(np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.uint32))
+        turn = self.common.declination
         remarks: dict[str, None] = {}
         last: tuple[Part, Stretch] | None = None
         known = _known(data)
         headed = False
         for stretch in stretches(np.asarray(data.t), self.params.lag):
-            found = self.smooth(data[stretch.whole], known)
-            part = part_of(data[stretch.whole], found, self.params)
-            headed = headed or found.reference is not None
-            if last is not None and found.reference is None:
-                part = continued(part, stretch, *last)
-            core, inside = stretch.core, stretch.inside
-            whole.q[core], whole.bias[core] = part.q[inside], part.bias[inside]
-            whole.cov[core], whole.flags[core] = part.cov[inside], part.flags[inside]
-            last, known = (part, stretch), known.after(found)
-            remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
+            whole, core, inside = data[stretch.whole], stretch.core, stretch.inside
+            if (found := self.smooth(whole, known)) is None:
+                q = all_.q[core.start - 1] if core.start else np.array([1.0, 0.0, 0.0, 0.0])
+                part = unknown(whole, q, np.zeros(3) if known.bias is None else known.bias)
+            else:
+                part = part_of(whole, found, self.params)
+                headed = headed or found.reference is not None
+                if last is not None and found.reference is None:
+                    part = continued(part, stretch, *last)
+                last, known, self.found = (part, stretch), known.after(found), found
+                remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
+            # headings are true from where a field has shown itself
+            turned = turn_heading(part.q, turn, Frame.ENU) if headed and found is not None and turn else part.q
+            all_.q[core], all_.bias[core] = turned[inside], part.bias[inside]
+            all_.cov[core], all_.flags[core] = part.cov[inside], part.flags[inside]
             if progress:
-                progress(stretch.core.stop - stretch.core.start)
-        self.remarks, self.found = tuple(remarks), found
-        return whole, headed
+                progress(core.stop - core.start)
+        if last is None:
+            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
+        self.remarks = tuple(remarks)
+        return all_, headed
 
-    def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed:
-        """What `process` makes its track of, at the keyframes; `known` is what came before."""
+    def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
+        """What `process` makes its track of, at the keyframes; `known` is what came before. None without rates."""
         frames = Keyframes.of(data, self.params.keyframe, mag=self.common.mag)
-        if frames.t.size < 2:
-            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has {frames.t.size}.")
-        return smooth(frames, self.params, known or _known(data))
+        return None if frames is None else smooth(frames, self.params, known or _known(data))
 
 
 def _known(data: ImuData) -> Known:

@@ -1,0 +1,437 @@
+"""The smoother on units moved by hand and simulated, whose truth is known: what it finds, what it says, what it leaves.
+
+Bounds are a multiple of what the sensors' noise makes of a perfect estimate, or of the errors that were put in.
+"""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from plumbob import Frame, ImuData, ImuMeta, North, simulate
+from plumbob.core import flags
+from plumbob.core.units import deg, dps
+from plumbob.filters.smoother import Smoother, samples
+from plumbob.rotations import (
+    change_frame,
+    dcm_from_quat,
+    quat_angle,
+    quat_conjugate,
+    quat_from_dcm,
+    quat_from_euler_zyx,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+)
+from tests.battery.hand import CALIBRATED, by_hand, error_n, rms_deg
+
+FINE = 0.3
+"""Degrees rms: 0.02 m/s² of white noise is 0.1° in each sample, 0.3 µT on 20 µT is 0.9°, and hundreds are averaged."""
+
+
+def smoothed(imu, **params):
+    """Track and what was remarked."""
+    smoother = Smoother(frame="ENU", params=params)
+    return smoother.process(imu), " ".join(smoother.remarks)
+
+
+def heading_sd(track):
+    """Standard deviation of the heading that is claimed, rad, (N,)."""
+    up_b = quat_rotate(quat_conjugate(track.q_nb), [0.0, 0.0, 1.0])
+    return np.sqrt(np.einsum("ni,nij,nj->n", up_b, track.cov_b, up_b))
+
+
+def errors(track, h):
+    """Error in navigation axes; of a free heading without its middle."""
+    e = error_n(track.q_nb, h.q)
+    if track.north is North.FREE:
+        e[:, 2] -= np.median(e[:, 2])
+    return e
+
+
+# --- moved and at rest --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("rest", [(), ((0.0, 5.0), (20.0, 25.0))])
+def test_a_hand_s_motion_is_followed(rest, seed):
+    """From the first sample on, at rest or in motion."""
+    h = by_hand(seed=seed, rest=rest)
+    track, remarks = smoothed(h.imu())
+    e = errors(track, h)
+    assert (rms_deg(e) < FINE).all()
+    assert (rms_deg(e[:100]) < 2 * FINE).all()
+    assert remarks == ""
+    assert not (track.flags & (flags.MAG_GATED | flags.NOT_CONVERGED | flags.HEADING_FREE)).any()
+
+
+def test_rest_is_found_where_it_is():
+    """The mean of 1.5 s around a moment, and all that differs from it in 1.5 s: calm is 1.5 s from all motion."""
+    h = by_hand(rest=((0.0, 5.0), (20.0, 25.0)), seed=1)
+    resting = smoothed(h.imu())[0].flags & flags.AT_REST != 0
+    deep = np.logical_or.reduce([(h.t > a + 0.5 + 1.6) & (h.t < a + 4.5 - 1.6) for a in (0.0, 20.0)])
+    moving = ((h.t > 5.0) & (h.t < 20.0)) | (h.t > 25.0)
+    assert resting[deep].all()
+    assert not resting[moving].any()
+
+
+@pytest.mark.parametrize("bias", [0.0, 2.0])
+def test_rest_alone_gives_the_bias(bias):
+    """A minute at rest: 0.06 °/s of white noise at 100 Hz leaves 0.06/√6000 = 0.0008 °/s of the mean; six of them."""
+    h = by_hand(60.0, turn=0.0, speed=0.0)
+    off = dps(np.array([bias, -bias, 0.5 * bias]))
+    track, _ = smoothed(h.imu(gyr=h.gyr + off))
+    assert (track.flags & flags.AT_REST).all()
+    assert np.abs(track.bias_b - off).max() < dps(0.005)
+    assert (rms_deg(errors(track, h)) < FINE / 3).all()
+
+
+@pytest.mark.parametrize("bias", [0.0, 1.0])
+@pytest.mark.parametrize("rate", [1.0, 3.0, 10.0])
+def test_a_slow_even_turn_is_not_rest(rate, bias):
+    """The table of the teaching arm, which turns at a constant rate from first to last: the field shows it."""
+    h = by_hand(60.0, turn=0.0, speed=0.0)
+    turn = quat_from_rotvec(h.t[:, np.newaxis] * [0.0, 0.0, dps(rate)])
+    q, middle = quat_multiply(turn, h.q), quat_multiply(turn, h.middle)
+    mag = quat_rotate(quat_conjugate(middle), quat_rotate(h.middle, h.mag))
+    axis = quat_rotate(quat_conjugate(q), [0.0, 0.0, dps(rate)])
+    off = dps(np.array([bias, -bias, bias]))
+    track, _ = smoothed(h.imu(gyr=h.gyr + axis + off, mag=mag))
+    assert not (track.flags & flags.AT_REST).any()
+    assert (rms_deg(error_n(track.q_nb, q)) < 3 * FINE).all()
+    assert np.abs(track.bias_b - off).max() < dps(0.2)
+
+
+def test_a_slow_turn_between_rests_is_not_rest_without_a_magnetometer_either():
+    """What rests has the same rate each time; a turn of 2 °/s for 10 s has its own."""
+    h = by_hand(60.0, turn=0.0, speed=0.0)
+    angle = dps(2.0) * np.clip(h.t - 25.0, 0.0, 10.0)
+    q = quat_multiply(quat_from_rotvec(angle[:, np.newaxis] * [0.0, 0.0, 1.0]), h.q)
+    spin = quat_rotate(quat_conjugate(q), [0.0, 0.0, dps(2.0)]) * ((h.t > 25.0) & (h.t <= 35.0))[:, np.newaxis]
+    track, _ = smoothed(h.imu(gyr=h.gyr + spin, mag=None))
+    resting = track.flags & flags.AT_REST != 0
+    assert not resting[(h.t > 26.0) & (h.t < 34.0)].any()
+    assert resting[(h.t < 23.0) | (h.t > 37.0)].all()
+    assert np.degrees(np.abs(error_n(track.q_nb, q)[:, 2] - error_n(track.q_nb[:1], q[:1])[0, 2])).max() < 0.5
+
+
+@pytest.mark.parametrize("scenario", ["buoy", "rod", "slide", "sway", "tumble"])
+def test_simulated_units_are_followed(scenario):
+    """A calibrated MPU-6000 with an HMC5983, the rod without a magnetometer; the bar is a third of mekf's 1° there."""
+    sensors = "adis16355" if scenario == "rod" else "mpu6000+hmc5983"
+    run = simulate(scenario, frame=Frame.NED, sensors=sensors, unit="calibrated", seed=3, duration=60.0)
+    track = Smoother(frame=Frame.NED).process(run.imu)
+    up, true_up = (quat_rotate(quat_conjugate(q), [0.0, 0.0, 1.0]) for q in (track.q_nb, run.truth.q_nb))
+    tilt = np.arccos(np.clip((up * true_up).sum(axis=1), -1.0, 1.0))
+    assert np.degrees(np.sqrt(np.mean(tilt**2))) < 1.0 / 3.0
+    if track.north is not North.FREE:
+        assert np.degrees(np.sqrt(np.mean(quat_angle(track.q_nb, run.truth.q_nb) ** 2))) < 0.6
+
+
+# --- errors of the gyroscope --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rest", [(), ((20.0, 30.0),)])
+def test_a_bias_of_six_degrees_a_second_is_found(rest):
+    h, off = by_hand(60.0, rest=rest, seed=2), dps(np.array([6.0, -6.0, 6.0]))
+    track, _ = smoothed(h.imu(gyr=h.gyr + off))
+    assert (rms_deg(errors(track, h)) < FINE).all()
+    assert np.abs(track.bias_b - off).max() < dps(0.3)
+
+
+@pytest.mark.parametrize("scale", [1.01, 0.99])
+def test_a_scale_that_is_wrong_by_a_hundredth_is_found(scale):
+    """Without the states for it the heading would be off by 1 % of the way: 0.9 rad to and fro make 0.5°."""
+    h = by_hand(60.0, seed=2)
+    smoother = Smoother(frame="ENU")
+    track = smoother.process(h.imu(gyr=scale * h.gyr))
+    assert (rms_deg(errors(track, h)) < FINE).all()
+    found = smoother.smooth(h.imu(gyr=scale * h.gyr)).sweep.matrix.reshape(3, 3)
+    assert np.abs(found - (1.0 - 1.0 / scale) * np.eye(3)).max() < 0.004  # rate = (1 − M) gyr
+
+
+# --- gaps ---------------------------------------------------------------------------------------------------
+
+
+def test_gaps_are_named_and_passed():
+    """Five gaps of a second in motion: bias and field go through, attitude and velocity start again behind each."""
+    h = by_hand(60.0, seed=4)
+    left = np.abs((h.t + 5.0) % 10.0 - 5.0) > 0.5
+    cut = h.rows(left)
+    track, remarks = smoothed(cut.imu())
+    assert remarks.startswith("6 gaps in the samples (until 0.5") or remarks.startswith("5 gaps in the samples")
+    assert (rms_deg(errors(track, cut)) < 2 * FINE).all()
+
+
+@pytest.mark.parametrize("triad", ["gyr", "acc", "mag"])
+def test_what_is_missing_in_one_sample_of_twenty_costs_little(triad):
+    h = by_hand(60.0, seed=5)
+    values = getattr(h, triad).copy()
+    values[np.random.default_rng(0).random(h.t.size) < 0.05] = np.nan
+    track, remarks = smoothed(h.imu(**{triad: values}))
+    assert (rms_deg(errors(track, h)) < FINE).all()
+    assert remarks == ""
+
+
+def test_a_hole_of_the_gyroscope_is_as_uncertain_as_it_is_long():
+    h = by_hand(30.0, seed=6)
+    gyr, inside = h.gyr.copy(), (h.t > 12.0) & (h.t < 14.0)
+    gyr[inside] = np.nan
+    track, _ = smoothed(h.imu(gyr=gyr))
+    e = errors(track, h)
+    assert (rms_deg(e[~inside]) < 2 * FINE).all()
+    assert (track.flags[inside] & flags.GYR_HELD).all()
+    assert (track.flags[inside] & flags.NOT_CONVERGED).all()
+    off_b = h.in_body(e)[inside]
+    nees = np.einsum("ni,ni->n", off_b, np.linalg.solve(track.cov_b[inside], off_b[:, :, np.newaxis])[..., 0])
+    assert np.median(nees) < 9.0
+
+
+@pytest.mark.parametrize("where", [slice(0, 600), slice(2400, None), slice(600, 2400)])
+@pytest.mark.parametrize("lag", [None, 2.0])
+def test_without_rates_for_long_the_rest_is_still_estimated(where, lag, monkeypatch):
+    """Whole stretches without a rate: nothing is claimed of them, and those around are as they were."""
+    for name, value in (("LONG", 12.0), ("CORE", 4.0), ("MARGIN", 2.0)):
+        monkeypatch.setattr(samples, name, value)
+    h = by_hand(30.0, seed=7)
+    gyr, lost = h.gyr.copy(), np.zeros(h.t.size, dtype=bool)
+    gyr[where], lost[where] = np.nan, True
+    track, _ = smoothed(h.imu(gyr=gyr), **({} if lag is None else {"lag": lag}))
+    assert np.isfinite(track.q_nb).all()
+    assert (track.flags[lost] & flags.NOT_CONVERGED).all()
+    assert (track.flags[lost] & flags.GYR_HELD).all()
+    # beside a hole a stretch is short: what is estimated from a second of samples is doubtful, and may say so
+    far = ~np.convolve(lost, np.ones(801), mode="same").astype(bool)
+    e = errors(track, h)
+    assert (rms_deg(e[far]) < 5 * FINE).all()
+    deep = np.convolve(~lost, np.ones(1001), mode="same") == 0
+    if deep.any():
+        assert (np.trace(track.cov_b[deep], axis1=1, axis2=2) > math.pi**2).all()
+
+
+# --- fields -------------------------------------------------------------------------------------------------
+
+
+def wrong_for(h, begin, end, off_n):
+    """The recording with a field (east, north, up) added in a spell."""
+    spell = (h.t > begin) & (h.t < end)
+    return h.imu(mag=h.mag + np.where(spell[:, np.newaxis], h.in_body(np.array(off_n, dtype=float)), 0.0)), spell
+
+
+@pytest.mark.parametrize(
+    ("off", "worst"),
+    [  # 10 µT east turn a level field of 20 µT by 27° and change its size by 2.4 µT only: some of it is believed
+        ((20.0, 0.0, 0.0), 3 * FINE), ((10.0, 0.0, 0.0), 3.0), ((0.0, -25.0, 0.0), 3 * FINE),
+        ((15.0, -10.0, 20.0), 3 * FINE),
+    ],
+)  # fmt: skip
+def test_a_wrong_field_for_a_minute_is_seen_and_named(off, worst):
+    h = by_hand(180.0, seed=8, rest=((0.0, 5.0),))
+    imu, spell = wrong_for(h, 80.0, 140.0, off)
+    track, remarks = smoothed(imu)
+    e = errors(track, h)
+    assert (rms_deg(e) < [FINE, worst]).all()
+    assert (track.flags[spell] & flags.MAG_GATED != 0).mean() > 0.95
+    assert (track.flags[~spell] & flags.MAG_GATED != 0).mean() < 0.05
+    assert "the field was not that of the place (80–140 s)" in remarks
+    assert (np.abs(e[:, 2]) < 3.0 * heading_sd(track)).all()
+
+
+@pytest.mark.parametrize("off", [(0.0, -25.0, 0.0), (0.0, -40.0, 0.0), (15.0, -10.0, 20.0)])
+def test_a_wrong_first_field_does_not_decide(off):
+    """Twenty seconds, weakened, exactly reversed (of the right size and dip), and off in all."""
+    h = by_hand(100.0, seed=9)
+    imu, spell = wrong_for(h, -1.0, 20.0, off)
+    track, remarks = smoothed(imu)
+    assert (rms_deg(errors(track, h)) < 2 * FINE).all()
+    assert (track.flags[spell] & flags.MAG_GATED != 0).mean() > 0.95
+    assert "(0–20 s)" in remarks
+
+
+def test_two_fields_of_equal_weight_are_named_and_the_error_is_inside_the_claim():
+    """Nobody can know which half has the field of the place; either heading is inside of 95 %."""
+    h = by_hand(150.0, seed=10)
+    imu, _ = wrong_for(h, 75.0, 151.0, (25.0, 0.0, 10.0))
+    track, remarks = smoothed(imu)
+    assert "two fields have nearly equal weight" in remarks
+    away = math.degrees(math.atan2(25.0, 20.0))
+    assert f"the heading may be off by {away:.0f}°" in remarks or f"off by {away - 1:.0f}°" in remarks
+    first = errors(track, h)[:, 2]
+    other = first + math.radians(away)  # east of north: a body's heading is less by that, and its yaw is more
+    for error in (first, other):
+        assert (np.abs(error) < 2.0 * heading_sd(track)).mean() > 0.95
+
+
+@pytest.mark.parametrize(("begin", "end"), [(-1.0, 151.0), (40.0, 100.0)])
+def test_a_magnet_on_the_unit_is_taken_off(begin, end):
+    h, own = by_hand(150.0, seed=11), np.array([10.0, -20.0, 8.0])
+    spell = (h.t > begin) & (h.t < end)
+    track, remarks = smoothed(h.imu(mag=h.mag + np.where(spell[:, np.newaxis], own, 0.0)))
+    assert (rms_deg(errors(track, h)) < 2 * FINE).all()
+    assert f"a field of {np.linalg.norm(own):.0f} µT turned with the sensor" in remarks
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_magnet_is_invented(seed):
+    """Clean fields, and one that bends by a few µT over the room."""
+    h = by_hand(100.0, seed=seed)
+    bent = h.in_body(2.0 * np.sin(2.0 * np.pi * h.t[:, np.newaxis] / [17.0, 29.0, 37.0]))
+    for mag in (h.mag, h.mag + bent):
+        smoother = Smoother(frame="ENU")
+        found = smoother.smooth(h.imu(mag=mag))
+        assert found.attached is not None
+        assert not found.attached.found
+
+
+@pytest.mark.parametrize("rest", [(), ((0.0, 10.0), (30.0, 40.0))])
+def test_without_a_field_the_tilt_is_right_and_the_heading_free(rest):
+    h = by_hand(60.0, seed=12, rest=rest)
+    none, remarks = smoothed(h.imu(mag=None))
+    assert none.north is North.FREE
+    assert (none.flags & flags.HEADING_FREE).all()
+    assert (rms_deg(errors(none, h)) < 2 * FINE).all()
+    assert remarks == ""
+    off, _ = smoothed(h.imu(), mag=False)
+    assert (off.q_nb == none.q_nb).all()
+    steep, remarks = smoothed(h.imu(mag=h.in_body([0.0, 0.0, -48.0])))
+    assert steep.north is North.FREE
+    assert quat_angle(steep.q_nb, none.q_nb).max() < 1e-12
+    assert "no field of the recording gives a heading" in remarks
+
+
+# --- invariances --------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def moved():
+    """A recording with a magnet for a while, rest and a gap, and its track."""
+    h = by_hand(60.0, seed=13, rest=((20.0, 26.0),))
+    h = h.rows((h.t < 40.0) | (h.t > 41.0))
+    return h, Smoother(frame="ENU").process(h.imu())
+
+
+@pytest.mark.parametrize("frame", [Frame.NED, Frame.NWU])
+def test_every_frame_gives_the_same_attitude(moved, frame):
+    h, enu = moved
+    other = Smoother(frame=frame).process(h.imu())
+    assert other.frame is frame
+    assert quat_angle(change_frame(other.q_nb, to=Frame.ENU, from_=frame), enu.q_nb).max() < 1e-7
+    assert (other.cov_b == enu.cov_b).all()
+
+
+def test_a_declination_turns_headings_and_nothing_else(moved):
+    """East positive: magnetic north lies east of true north, so that the body's true heading is larger."""
+    h, magnetic = moved
+    known = ImuData(t=h.t, gyr=h.gyr, acc=h.acc, mag=h.mag, meta=ImuMeta(declination=0.2, calibration="by hand"))
+    for track in (
+        Smoother(frame="ENU", params={"declination": 0.2}).process(h.imu()),
+        Smoother(frame="ENU").process(known),
+    ):
+        assert (magnetic.north, track.north) == (North.MAGNETIC, North.TRUE)
+        expected = quat_multiply(quat_from_rotvec([0.0, 0.0, -0.2]), magnetic.q_nb)  # clockwise from above
+        assert quat_angle(track.q_nb, expected).max() < 1e-7
+        assert (track.cov_b == magnetic.cov_b).all()
+
+
+def test_another_north_turns_headings_and_leaves_the_tilt(moved):
+    """The field of the place turned by 57° about the vertical; errors of the tilt turn a steep field otherwise then."""
+    h, one = moved
+    yaw = quat_from_rotvec([0.0, 0.0, 1.0])
+    field = quat_rotate(h.middle, h.mag)
+    other = Smoother(frame="ENU").process(h.imu(mag=quat_rotate(quat_conjugate(h.middle), quat_rotate(yaw, field))))
+    away = np.degrees(np.abs(error_n(other.q_nb, quat_multiply(quat_conjugate(yaw), one.q_nb))).max(axis=0))
+    assert (away < [0.05, 0.05, 1.0]).all()
+
+
+def test_when_a_recording_was_made_does_not_matter(moved):
+    h, one = moved
+    other = Smoother(frame="ENU").process(h.imu(t=h.t + 4096.0))  # a power of two: stamps keep their digits
+    assert quat_angle(other.q_nb, one.q_nb).max() < deg(0.01)
+
+
+@pytest.mark.parametrize("axes", [(1, 2, 0), (2, 0, 1)])
+def test_how_the_axes_sit_in_the_body_does_not_matter(moved, axes):
+    h, one = moved
+    turn = np.eye(3)[list(axes)]
+    other = Smoother(frame="ENU").process(h.imu(gyr=h.gyr @ turn.T, acc=h.acc @ turn.T, mag=h.mag @ turn.T))
+    back = quat_multiply(other.q_nb, quat_from_dcm(turn))
+    assert quat_angle(back, one.q_nb).max() < deg(0.01)
+
+
+def test_upside_down_and_nose_up_are_attitudes_as_all_others():
+    for euler in itertools.product((0.0, math.pi / 2, math.pi), (0.0, math.pi / 2), (0.0, math.pi)):
+        h = by_hand(10.0, seed=14)
+        turn = quat_from_euler_zyx(np.array(euler))
+        dcm = dcm_from_quat(turn)
+        track = Smoother(frame="ENU").process(h.imu(gyr=h.gyr @ dcm, acc=h.acc @ dcm, mag=h.mag @ dcm))
+        assert quat_angle(track.q_nb, quat_multiply(h.q, turn)).max() < deg(3.0)
+
+
+@pytest.mark.parametrize("rate", [20.0, 50.0, 400.0])
+def test_the_answer_does_not_depend_on_the_rate(rate):
+    h = by_hand(40.0, rate, seed=15)
+    assert (rms_deg(errors(smoothed(h.imu())[0], h)) < FINE).all()
+
+
+def test_irregular_stamps_are_taken_as_they_are():
+    steps = np.random.default_rng(1).uniform(0.002, 0.03, 3000)
+    h = by_hand(t=np.cumsum(steps), seed=16)
+    assert (rms_deg(errors(smoothed(h.imu())[0], h)) < FINE).all()
+
+
+def test_a_latency_turns_the_attitude_ahead():
+    """By its own rate: 20 ms at the rates of the motion, up to about 3 rad/s."""
+    h = by_hand(30.0, seed=17)
+    late, usual = smoothed(h.imu(), latency=0.02)[0], smoothed(h.imu())[0]
+    turned = quat_multiply(usual.q_nb, quat_from_rotvec(0.02 * (h.gyr - usual.bias_b)))
+    assert quat_angle(late.q_nb, turned).max() < 0.02 * 0.01 * 3.0  # scale and misalignment of a hundredth
+    assert quat_angle(late.q_nb, usual.q_nb).max() > 0.01
+
+
+# --- stretches ----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def stretched(monkeypatch):
+    for name, value in (("LONG", 60.0), ("CORE", 40.0), ("MARGIN", 20.0)):
+        monkeypatch.setattr(samples, name, value)
+
+
+def test_a_long_recording_in_stretches_is_as_the_whole(stretched, monkeypatch):
+    h = by_hand(130.0, seed=18, rest=((30.0, 36.0),))
+    off = dps(np.array([1.0, -1.0, 2.0]))
+    parts, _ = smoothed(h.imu(gyr=h.gyr + off))
+    monkeypatch.setattr(samples, "LONG", 1e9)
+    whole, _ = smoothed(h.imu(gyr=h.gyr + off))
+    assert (parts.q_nb != whole.q_nb).any()
+    assert (rms_deg(errors(parts, h)) < FINE).all()
+    assert np.degrees(quat_angle(parts.q_nb, whole.q_nb)).max() < 2 * FINE
+    steps, true_steps = (quat_multiply(q[1:], quat_conjugate(q[:-1])) for q in (parts.q_nb, h.q))
+    jumps = quat_angle(steps, true_steps)
+    assert np.degrees(jumps).max() < 2 * FINE
+
+
+def test_a_free_heading_goes_on_from_stretch_to_stretch(stretched):
+    h = by_hand(130.0, seed=19)
+    track, _ = smoothed(h.imu(mag=None))
+    e = error_n(track.q_nb, h.q)[:, 2]
+    assert np.degrees(np.abs(np.diff(np.unwrap(e)))).max() < 0.2  # of 2π that each stretch could choose by itself
+    assert np.degrees(np.ptp(np.unwrap(e))) < 3.0
+
+
+def test_a_field_that_is_wrong_in_a_whole_stretch_is_not_taken_for_that_of_the_place(stretched):
+    """Turning in the field of the place has been seen for 80 s when another one comes for a stretch."""
+    h = by_hand(160.0, seed=20)
+    imu, spell = wrong_for(h, 85.0, 118.0, (20.0, 0.0, 10.0))
+    track, _ = smoothed(imu)
+    assert (track.flags[spell] & flags.MAG_GATED != 0).mean() > 0.9
+    assert (rms_deg(errors(track, h)) < 5 * FINE).all()
+
+
+def test_remarks_and_progress_count_every_sample_once(stretched):
+    h, done = by_hand(130.0, seed=21), []
+    Smoother(frame="ENU").process(h.imu(), progress=done.append)
+    assert len(done) == 4
+    assert sum(done) == h.t.size
+    assert CALIBRATED.calibration == "by hand"

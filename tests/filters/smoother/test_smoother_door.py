@@ -1,0 +1,222 @@
+"""The smoother as its users meet it: the default of estimate and run, what is refused in words, and bad input."""
+
+import json
+import warnings
+
+import numpy as np
+import pytest
+
+from plumbob import Filter, Frame, ImuData, ImuMeta, estimate, files, flags, load_session
+from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
+from plumbob.filters.smoother import Smoother
+from plumbob.rotations import quat_conjugate, quat_rotate
+from tests.battery.commandline import ok, plumbob, refused
+from tests.battery.hand import by_hand
+from tests.battery.motion import consistent
+from tests.session.live_samples import FORMAT, SESSION, reads, record, stream
+
+
+@pytest.fixture(scope="module")
+def hand():
+    return by_hand(6.0)
+
+
+@pytest.fixture(scope="module")
+def file(hand, tmp_path_factory):
+    return files.write(tmp_path_factory.mktemp("smoother") / "hand.parquet", hand.imu())
+
+
+# --- Python -------------------------------------------------------------------------------------------------
+
+
+def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
+    whole = Smoother(frame="ENU").process(hand.imu())
+    assert (estimate(hand.imu()).track.q_nb == whole.q_nb).all()
+    assert (estimate(hand.imu(), "smoother").track.q_nb == whole.q_nb).all()
+    causal = Filter("mekf", frame="ENU").process(hand.imu()).q_nb
+    assert (estimate(hand.imu(), causal=True).track.q_nb == causal).all()
+    lagged = Smoother(frame="ENU", params={"lag": 1.0}).process(hand.imu()).q_nb
+    assert (estimate(hand.imu(), lag="1s").track.q_nb == lagged).all()
+    assert (estimate(hand.imu(), lag=1.0, params={"lag": 2.0}).track.q_nb == lagged).all()  # what is nearer decides
+    assert (estimate(hand.imu(), params={"lag": "1s"}).track.q_nb == lagged).all()
+    assert (lagged != whole.q_nb).any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"filter": "mekf", "causal": True}, "Give causal alone, or filter, or lag"),
+        ({"causal": True, "lag": 1.0}, "Give causal alone, or filter, or lag"),
+        ({"filter": "vqf", "lag": 1.0}, "lag is for the smoother, but filter is vqf"),
+        ({"init": "level"}, "takes its start from the whole recording. Leave init out"),
+        ({"init": "truth"}, "takes its start from the whole recording. Leave init out"),
+        ({"lag": "5 m"}, "'m' is not a unit of time"),
+        ({"lag": 0.01}, "lag must be 0.1 to"),
+        ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'"),
+        ({"filter": "smother"}, "there is no filter 'smother'; known are .*smoother"),
+    ],
+)
+def test_what_contradicts_itself_is_refused_in_words(hand, arguments, words):
+    with pytest.raises(ParameterError, match=words):
+        estimate(hand.imu(), **arguments)
+
+
+def test_a_stream_has_no_smoother(tmp_path):
+    """Neither a Filter nor a session takes one, and each says what to do."""
+    words = "cannot take single samples. Use plumbob run FILE or .* for a stream name a filter, such as mekf"
+    with pytest.raises(ParameterError, match=words):
+        Filter("smoother", frame="ENU")
+    record(tmp_path / "sea.mcap", reads(stream()[:400]))
+    for more in ((), ("--params", "lag=2s"), ("--init", "level")):
+        line = refused("replay", tmp_path / "sea.mcap", "--filter", "smoother", *more)
+        assert "cannot take single samples" in line
+    asked = SESSION.replace('"mahony"', '"smoother"').replace('params = { kp = 0.5, gate = "0.08 g" }', "")
+    (tmp_path / "s.toml").write_text(asked, encoding="utf-8")
+    (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")
+    with pytest.raises(ParameterError, match=words):
+        load_session(tmp_path / "s.toml")
+
+
+def test_what_lacks_a_sensor_is_refused(hand):
+    with pytest.raises(ShapeError, match="smoother needs gyr, acc, but the recording has no acc"):
+        estimate(ImuData(t=hand.t, gyr=hand.gyr, meta=ImuMeta(frame=Frame.ENU)))
+    with pytest.raises(ShapeError, match="data must be an ImuData, but it is a dict"):
+        Smoother(frame="ENU").process({})
+
+
+# --- command line -------------------------------------------------------------------------------------------
+
+
+def test_run_says_how_it_smoothed(file, hand):
+    out = ok("run", file).stdout
+    assert "smoother: smoothed over the whole recording; causal: what a live system would have known" in out
+    assert "smoother (lag=1 s): smoothed with a lag of 1 s" in ok("run", file, "--lag", "1s").stdout
+    assert "mekf: each attitude from the samples before it" in ok("run", file, "--causal").stdout
+    found = json.loads(ok("run", file, "--json").stdout)
+    assert found["filter"].startswith("smoother(gyr_noise=")
+    assert "lag=off" in found["filter"]
+    assert found["samples"] == hand.t.size
+    track = Smoother(frame="ENU").process(hand.imu())
+    last = quat_rotate(quat_conjugate(track.q_nb[-1]), [0.0, 0.0, 1.0])
+    assert np.sin(np.radians(-found["last_attitude_deg"]["pitch"])) == pytest.approx(last[0], abs=1e-9)
+
+
+def test_run_refuses_two_ways_at_once(file):
+    for words in (("--causal", "--lag", "1s"), ("--filter", "vqf", "--lag", "1s"), ("--filter", "vqf", "--causal")):
+        done = plumbob("run", file, *words)
+        assert done.returncode == 2
+        assert "not allowed with argument" in done.stderr
+    assert "takes its start from the whole recording" in refused("run", file, "--init", "level")
+    assert "run takes one filter" in refused("run", file, "--filter", "smoother,vqf")
+
+
+def test_remarks_of_a_recording_are_notes_of_run(tmp_path, hand):
+    gap = files.write(tmp_path / "gap.parquet", hand.imu(t=hand.t + np.where(hand.t > 3.0, 2.0, 0.0)))
+    assert "note: a gap in the samples (until 5.0 s): the attitude starts again" in ok("run", gap).stderr
+
+
+def test_its_parameters_are_listed_with_those_of_every_filter():
+    out = ok("filters", "smoother").stdout
+    assert out.startswith("smoother: the whole recording at once")
+    assert "What the smoother estimates, and what it takes for granted." in out
+    for name in Smoother(frame="ENU").params._fields:
+        assert f"    {name}" in out
+    assert "smoother" in json.loads(ok("filters", "--json").stdout)["filters"]
+    assert "[Bierman1973]" in ok("cite", "smoother").stdout
+
+
+def test_warming_up_compiles_it_and_leaves_it_as_it_was(hand):
+    smoother = Smoother(frame="NED")
+    smoother.warm_up()
+    assert (smoother.process(hand.imu()).q_nb == Smoother(frame="NED").process(hand.imu()).q_nb).all()
+
+
+# --- bad input ----------------------------------------------------------------------------------------------
+
+GOOD, _ = consistent(600)
+UNCHECKED = ImuMeta(unit_check=False)
+NAN = np.full_like(GOOD.gyr, np.nan)
+
+
+def kept(values, rows):
+    """Values in some rows only."""
+    some = NAN.copy()
+    some[rows] = values[rows]
+    return some
+
+
+def one(values, value):
+    """Values, but for one sample."""
+    changed = values.copy()
+    changed[100] = value
+    return changed
+
+
+def stepped(step, at=300):
+    """Stamps with one step that is longer."""
+    return GOOD.t + np.where(np.arange(600) >= at, step, 0.0)
+
+
+TINY = {name: 1e-300 * getattr(GOOD, name) for name in ("gyr", "acc", "mag")}
+DAMAGED = {
+    **{f"{n} samples": {k: getattr(GOOD, k)[:n] for k in ("t", "gyr", "acc", "mag")} for n in (2, 3, 5, 10, 30)},
+    "a second": {"t": np.arange(600.0)},
+    "a minute": {"t": 60.0 * np.arange(600.0)},
+    "a nanosecond": {"t": 1e-9 * np.arange(600.0)},
+    "no field": {"mag": None},
+    "one field": {"mag": kept(GOOD.mag, [0])},
+    "last field": {"mag": kept(GOOD.mag, [599])},
+    "one force": {"acc": kept(GOOD.acc, [300])},
+    "two rates": {"gyr": kept(GOOD.gyr, [300, 301])},
+    "rates at the ends": {"gyr": kept(GOOD.gyr, [0, 599])},
+    "no rate": {"gyr": np.zeros_like(NAN)},
+    "no force": {"acc": np.zeros_like(NAN), "meta": UNCHECKED},
+    "a field of nothing": {"mag": np.zeros_like(NAN), "meta": UNCHECKED},
+    "a field of 1e-9": {"mag": 1e-9 * GOOD.mag, "meta": UNCHECKED},
+    "nearly nothing": {**TINY, "meta": UNCHECKED},
+    "a huge force": {"acc": one(GOOD.acc, 1e6)},
+    "a huge rate": {"gyr": one(GOOD.gyr, -1e9)},
+    "a huge field": {"mag": one(GOOD.mag, np.inf)},
+    "all forces large": {"acc": 1e3 * GOOD.acc, "meta": UNCHECKED},
+    "all fields large": {"mag": 1e3 * GOOD.mag, "meta": UNCHECKED},
+    "all rates large": {"gyr": 90.0 * GOOD.gyr},
+    "a gap of days": {"t": stepped(1e6)},
+    "the first sample alone": {"t": stepped(500.0, 1)},
+    "the last sample alone": {"t": stepped(500.0, 599)},
+    "noise": {
+        name: scale * np.random.default_rng(0).normal(size=NAN.shape)
+        for name, scale in (("gyr", 30.0), ("acc", 10.0), ("mag", 50.0))
+    },
+}
+FLAGGED = {"a huge force": "acc-invalid", "a huge rate": "gyr-invalid", "a huge field": "mag-invalid"}
+
+
+@pytest.mark.parametrize("params", [{}, {"lag": 2.0}], ids=["whole", "lag"])
+@pytest.mark.parametrize("case", DAMAGED)
+def test_whatever_comes_there_is_an_attitude_or_a_word(case, params):
+    """Finite everywhere, a covariance that is one, no warning; or an error of the package."""
+    imu = ImuData(**{"t": GOOD.t, "gyr": GOOD.gyr, "acc": GOOD.acc, "mag": GOOD.mag} | DAMAGED[case])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        track = Smoother(frame="ENU", params=params).process(imu)
+    assert len(track) == len(imu)
+    assert np.abs(np.linalg.norm(track.q_nb, axis=1) - 1.0).max() < 1e-9
+    assert np.isfinite(track.bias_b).all()
+    assert (track.cov_b == np.swapaxes(track.cov_b, 1, 2)).all()
+    assert np.linalg.eigvalsh(track.cov_b).min() > 0.0
+    if case in FLAGGED:
+        assert FLAGGED[case] in flags.counts(track.flags)
+
+
+@pytest.mark.parametrize("triad", ["gyr", "acc", "mag"])
+def test_a_triad_without_a_number_is_refused_at_the_door(triad):
+    with pytest.raises(ShapeError, match=f"{triad} is NaN in all 600 samples"):
+        ImuData(**{name: getattr(GOOD, name) for name in ("t", "gyr", "acc", "mag")} | {triad: NAN})
+
+
+def test_a_recording_with_less_than_two_rates_is_refused():
+    for rows in ([0], [300]):
+        with pytest.raises(ShapeError, match="smoother needs two samples with a rate"):
+            Smoother(frame="ENU").process(ImuData(t=GOOD.t, gyr=kept(GOOD.gyr, rows), acc=GOOD.acc, mag=GOOD.mag))
+    with pytest.raises(PlumbobError):
+        Smoother(frame="ENU").process(GOOD[:1])

@@ -1,0 +1,279 @@
+"""Keyframes, the way back to samples, and stretches: nothing is lost or used twice, and a lag is kept."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as nps
+
+from plumbob import ImuData
+from plumbob.core import flags
+from plumbob.core.units import deg
+from plumbob.filters.smoother import Smoother, samples
+from plumbob.filters.smoother.keyframes import LONGEST, UNKNOWN_FORCE, UNKNOWN_RATE, Keyframes, between, longest_step
+from plumbob.filters.smoother.samples import MARGIN, stretches
+from plumbob.rotations import quat_angle, quat_from_rotvec, quat_multiply
+from tests.battery.hand import by_hand
+
+EPS = np.finfo(float).eps
+
+
+@st.composite
+def stamps(draw, most=120):
+    """Times of one of several rates, with jitter, some of whose steps are gaps."""
+    n = draw(st.integers(2, most))
+    usual = draw(st.sampled_from([0.001, 0.01, 0.02, 0.2, 1.0]))
+    jitter = draw(nps.arrays(float, n - 1, elements=st.floats(0.2, 1.8)))
+    gaps = draw(nps.arrays(bool, n - 1, elements=st.sampled_from([False] * 9 + [True])))
+    return np.concatenate(([0.0], np.cumsum(usual * jitter + np.where(gaps, 50.0 * usual + 0.3, 0.0))))
+
+
+@st.composite
+def damaged(draw):
+    """Samples of any stamps, with values missing in spells of each triad; and which samples have which."""
+    t = draw(stamps())
+    has = {}
+    triads = {}
+    for name, level in (("gyr", 0.1), ("acc", 9.8), ("mag", 45.0)):
+        has[name] = np.repeat(draw(nps.arrays(bool, -(-t.size // 7), elements=st.sampled_from([True, True, False]))), 7)
+        has[name] = has[name][: t.size]
+        has[name][draw(st.integers(0, t.size - 1))] = True
+        triads[name] = np.where(has[name][:, np.newaxis], level + 0.01 * np.arange(3 * t.size).reshape(-1, 3), np.nan)
+        triads[name] /= np.maximum(np.linalg.norm(triads[name], axis=1, keepdims=True) / level, 1e-9)
+    return ImuData(t=t, **triads), has
+
+
+@given(damaged(), st.sampled_from([0.001, 0.049, 0.3]))
+def test_every_sample_with_a_rate_is_in_exactly_one_step(given_, spacing):
+    """But those in a hole of the gyroscope; a step is as long as asked, unless a gap or the end cuts it."""
+    imu, has = given_
+    frames = Keyframes.of(imu, spacing)
+    known = np.flatnonzero(has["gyr"])
+    if known.size < 2:
+        assert frames is None
+        return
+    t = np.asarray(imu.t)
+    assert set(known) <= set(frames.rows)
+    assert (frames.t == t[frames.rows]).all()
+    assert (frames.rows[0], frames.rows[-1]) == (known[0], known[-1])
+    left_out = np.setdiff1d(np.arange(t.size), frames.rows)
+    longest = longest_step(t)
+    for row in left_out[(left_out > known[0]) & (left_out < known[-1])]:
+        assert t[known[known > row][0]] - t[known[known < row][-1]] > longest
+    assert (frames.first[0], frames.first[-1]) == (0, frames.t.size - 1)
+    count = np.diff(frames.first)
+    assert (count > 0).all()
+    assert (count[frames.gap] == 1).all()  # no sample is within a gap
+    step = np.diff(frames.t)
+    assert (frames.gap == (count == 1) & (step[frames.first[:-1]] > longest)).all()
+    beside_gap = np.append(frames.gap[1:], True) | np.insert(frames.gap[:-1], 0, False)
+    assert (frames.step[~frames.gap & ~beside_gap] > spacing - 2e-6).all()
+    at_least = np.maximum(spacing, step.max(initial=0.0, where=step <= longest))
+    assert (frames.step[~frames.gap] <= spacing + at_least + 1e-9).all()
+
+
+@given(damaged())
+def test_missing_values_are_interpolated_and_counted(given_):
+    imu, has = given_
+    frames = Keyframes.of(imu, 0.049)
+    if frames is None:
+        return
+    assert np.isfinite(frames.gyr).all()
+    assert np.isfinite(frames.acc).all()
+    for name, values in (("gyr", frames.gyr), ("acc", frames.acc)):
+        kept = has[name][frames.rows]
+        assert (values[kept] == getattr(imu, name)[frames.rows][kept]).all()
+    assert (np.isfinite(frames.mag[:, 0]) == has["mag"][frames.rows]).all()
+    dt = np.diff(frames.t, prepend=frames.t[0])
+    lost = [np.where(has[name][frames.rows], 0.0, dt) for name in ("gyr", "acc")]
+    for k, (i, j) in enumerate(itertools.pairwise(frames.first)):
+        # by the definitions of both: standard deviations that add up over a spell
+        assert frames.pushed[k] == pytest.approx((UNKNOWN_FORCE * lost[1][i + 1 : j + 1].sum()) ** 2, abs=1e-9)
+        assert frames.missed[k] >= (UNKNOWN_RATE * deg(2.0) * lost[0][i + 1 : j + 1].sum()) ** 2 * (1 - 1e-6) - 1e-12
+        assert (frames.missed[k] < 1e-18) == (lost[0][i + 1 : j + 1].sum() == 0.0)
+
+
+def test_the_mean_over_a_step_is_that_of_its_samples():
+    h = by_hand(3.0, seed=1)
+    frames = Keyframes.of(h.imu(), 0.049)
+    found = frames.mean(frames.acc)
+    for k in range(frames.gap.size):
+        own = slice(frames.first[k] + 1, frames.first[k + 1] + 1)
+        assert found[k] == pytest.approx(h.acc[own].mean(axis=0), rel=1e-9)
+    field = np.arange(3.0 * frames.gap.size).reshape(-1, 3)
+    taken = frames.without(field)
+    assert (taken.mag[0] == frames.mag[0]).all()
+    k = np.searchsorted(frames.first, np.arange(1, frames.t.size)) - 1
+    assert (taken.mag[1:] == frames.mag[1:] - field[k]).all()
+
+
+@pytest.mark.parametrize("rate", [5.0, 20.0, 100.0, 400.0])
+def test_a_usual_step_is_no_gap_at_any_rate(rate):
+    """0.1 s, or three usual steps where those are longer; the package's words in `LONGEST`."""
+    h = by_hand(20.0, rate)
+    frames = Keyframes.of(h.imu(), 0.049)
+    assert not frames.gap.any()
+    assert np.median(frames.step) == pytest.approx(max(math.ceil(0.049 * rate) / rate, 1.0 / rate))
+    longest = max(LONGEST, 3.0 / rate)
+    for step, gap in ((longest * 0.99, False), (longest * 1.01, True)):
+        t = h.t.copy()
+        t[30:] += step - 1.0 / rate
+        assert Keyframes.of(h.imu(t=t), 0.049).gap.any() == gap
+
+
+@pytest.mark.parametrize(("hole", "gap"), [(8, False), (20, True)])
+def test_a_hole_of_the_gyroscope_is_a_gap_where_it_is_as_long_as_one(hole, gap):
+    h = by_hand(5.0)
+    gyr = h.gyr.copy()
+    gyr[200 : 200 + hole] = np.nan
+    frames = Keyframes.of(h.imu(gyr=gyr), 0.049)
+    assert frames.gap.any() == gap
+    assert frames.t.size == h.t.size - (hole if gap else 0)
+    assert (frames.missed > 0.0).any() != gap
+
+
+def test_clipped_and_stuck_values_are_not_used():
+    h = by_hand(3.0)
+    word = np.zeros(h.t.size, dtype=np.uint32)
+    word[100], word[150], word[200] = flags.GYR_CLIPPED, flags.ACC_STUCK, flags.MAG_CLIPPED
+    imu = ImuData(t=h.t, gyr=h.gyr, acc=h.acc, mag=h.mag, flags=word)
+    frames = Keyframes.of(imu, 0.049)
+    assert (np.flatnonzero(frames.missed), np.flatnonzero(frames.pushed)) == (
+        np.searchsorted(frames.first, 100) - 1,
+        np.searchsorted(frames.first, 150) - 1,
+    )
+    assert np.flatnonzero(np.isnan(frames.mag[:, 0])) == 200
+
+
+# --- attitudes between keyframes ----------------------------------------------------------------------------
+
+
+def free_path(h):
+    """The gyroscope's own way, by the package's rotations alone."""
+    q = np.empty((h.t.size, 4))
+    q[0] = h.q[0]
+    for i in range(1, h.t.size):
+        q[i] = quat_multiply(q[i - 1], quat_from_rotvec((h.t[i] - h.t[i - 1]) * h.gyr[i]))
+    return q
+
+
+def test_between_keyframes_the_way_is_the_gyroscope_s():
+    """Exact where the keyframes lie on it, a few ε for each of 500 products; and where they do not, it meets them."""
+    h = by_hand(5.0, seed=2)
+    frames, q = Keyframes.of(h.imu(), 0.049), free_path(h)
+    moving = np.ones(frames.gap.size, dtype=bool)
+    assert quat_angle(between(frames, moving, q[frames.first], h.gyr), q).max() < 500 * 4 * EPS
+    rng = np.random.default_rng(0)
+    off = quat_multiply(quat_from_rotvec(0.1 * rng.normal(size=(frames.first.size, 3))), q[frames.first])
+    found = between(frames, moving, off, h.gyr)
+    assert quat_angle(found[frames.first], off).max() < 500 * 4 * EPS
+    # what the gyroscope misses is spread evenly, so that no sample is further from its way than the keyframes
+    away = quat_angle(found, q)
+    worst = np.maximum(away[frames.first[:-1]], away[frames.first[1:]])
+    for k in range(frames.gap.size):
+        # a straight way between two rotations bends by their square, here 0.3²/8 at most
+        assert away[frames.first[k] : frames.first[k + 1] + 1].max() <= worst[k] + 0.3**2 / 8
+
+
+def test_at_rest_the_way_is_the_shortest():
+    h = by_hand(2.0)
+    frames = Keyframes.of(h.imu(), 0.049)
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (frames.first.size, 1))
+    q[20:] = quat_from_rotvec([0.0, 0.0, 0.2])
+    found = between(frames, np.zeros(frames.gap.size, dtype=bool), q, h.gyr)
+    inside = slice(frames.first[19], frames.first[20] + 1)
+    expected = np.linspace(0.0, 0.2, inside.stop - inside.start)
+    assert quat_angle(found[inside], [1.0, 0.0, 0.0, 0.0]) == pytest.approx(expected, abs=1e-9)
+
+
+# --- stretches ----------------------------------------------------------------------------------------------
+
+
+@given(stamps(400), st.one_of(st.none(), st.floats(0.1, 100.0)))
+def test_stretches_cover_each_sample_once_and_reach_no_further_than_the_lag(t, lag):
+    found = list(stretches(t, lag))
+    assert found[0].core.start == 0
+    assert found[-1].core.stop == t.size
+    for one, other in itertools.pairwise(found):
+        assert one.core.stop == other.core.start
+    for one in found:
+        assert 0 <= one.whole.start <= one.core.start < one.core.stop <= one.whole.stop <= t.size
+        assert t[one.core][one.inside.start - (one.core.start - one.whole.start)] == t[one.core.start]
+        assert (t[one.whole][one.inside] == t[one.core]).all()
+        if lag is not None:
+            assert t[one.whole.stop - 1] <= t[one.core.start] + lag + 1e-9 * (1.0 + t[-1])
+        assert one.whole.start < one.core.start or one.core.start == 0  # no later sample is alone
+        assert t[one.whole.start] >= t[one.core.start] - MARGIN or one.whole.start == one.core.start - 1
+
+
+def test_a_long_recording_is_cut_and_a_usual_one_is_not(monkeypatch):
+    t = np.arange(0.0, 1799.0)
+    assert [(s.whole, s.core) for s in stretches(t, None)] == [(slice(0, t.size), slice(0, t.size))]
+    t = np.arange(0.0, 3001.0)
+    assert [(s.whole, s.core) for s in stretches(t, None)] == [
+        (slice(0, 1320), slice(0, 1200)),  # 1200 s kept, 120 s before and behind: the words of `CORE` and `MARGIN`
+        (slice(1080, 2520), slice(1200, 2400)),
+        (slice(2280, 3001), slice(2400, 3001)),
+    ]
+    monkeypatch.setattr(samples, "LONG", 100.0)
+    assert len(list(stretches(t[:1001], None))) == 1
+
+
+# --- lag ----------------------------------------------------------------------------------------------------
+
+
+def with_later(h, cut, rng):
+    """The recording up to a time; behind it other values, other stamps, and some that are missing."""
+    later = h.t > cut
+    t = np.where(later, cut + 1.7 * (h.t - cut), h.t)
+    changed = {k: np.where(later[:, np.newaxis], rng.normal(size=h.gyr.shape), getattr(h, k)) for k in ("gyr", "mag")}
+    changed["mag"][later] *= 30.0
+    changed["gyr"][later & (rng.random(h.t.size) < 0.3)] = np.nan
+    acc = np.where(later[:, np.newaxis], h.acc[::-1], h.acc)
+    return h.imu(t=t, acc=acc, **changed)
+
+
+@pytest.mark.parametrize("lag", [0.1, 0.7, 2.0])
+def test_a_lag_lets_nothing_later_change_an_estimate(lag):
+    """To the bit, with declination; and what comes within the lag does change it, or the test could not fail."""
+    h = by_hand(8.0, 50.0, rest=((0.0, 1.5),), seed=5)
+    cut = 5.0
+    smoother = Smoother(frame="NED", params={"lag": lag, "declination": 0.1})
+    whole = smoother.process(h.imu())
+    other = smoother.process(with_later(h, cut, np.random.default_rng(0)))
+    cut_off = smoother.process(h.rows(h.t <= cut).imu())
+    known = h.t <= cut - lag
+    for track in (other, cut_off):
+        rows = np.flatnonzero(known)
+        for name in ("q_nb", "bias_b", "cov_b", "flags"):
+            assert (getattr(track, name)[rows] == getattr(whole, name)[rows]).all(), name
+    if lag > 0.5:
+        assert (other.q_nb[~known] != whole.q_nb[~known]).any()
+        late = ~known & (h.t < cut)
+        assert (other.q_nb[late] != whole.q_nb[late]).any()
+
+
+def test_a_field_that_comes_late_does_not_turn_what_was_before():
+    """A heading that counts from a free zero is not turned by the declination of a field that nobody has seen yet."""
+    h = by_hand(12.0, 50.0, seed=6)
+    mag = np.where(h.t[:, np.newaxis] < 8.0, np.nan, h.mag)
+    smoother = Smoother(frame="ENU", params={"lag": 1.0, "declination": 0.3})
+    late, never = smoother.process(h.imu(mag=mag)), smoother.process(h.imu(mag=None))
+    early = h.t < 6.5
+    assert (late.q_nb[early] == never.q_nb[early]).all()
+    assert (late.flags[early] & flags.HEADING_FREE).all()
+    assert not (late.flags[h.t > 11.0] & flags.HEADING_FREE).any()
+
+
+def test_a_lag_brings_the_estimate_nearer_to_that_of_the_whole():
+    """The same recording with 0.5, 2 and 8 s of lag: the difference from the smoothed one falls."""
+    h = by_hand(30.0, 50.0, seed=7)
+    whole = Smoother(frame="ENU").process(h.imu())
+    away = [
+        np.sqrt(np.mean(quat_angle(Smoother(frame="ENU", params={"lag": lag}).process(h.imu()).q_nb, whole.q_nb) ** 2))
+        for lag in (0.5, 2.0, 8.0)
+    ]
+    assert away[0] > away[1] > away[2]

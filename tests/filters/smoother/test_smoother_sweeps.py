@@ -1,0 +1,385 @@
+"""The two sweeps: each step against differences of what it linearises, and both against dense textbook forms."""
+
+import hashlib
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from plumbob import ImuData
+from plumbob.core.constants import G0
+from plumbob.filters.smoother import Params, Smoother
+from plumbob.filters.smoother.inertial import kinds
+from plumbob.filters.smoother.keyframes import Keyframes
+from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V, start_covariance
+from plumbob.filters.smoother.sweeps import (
+    AGAIN,
+    COUNT,
+    EAST,
+    FADE,
+    FIELD,
+    FORCE,
+    HEADING,
+    INVERSE,
+    KIND,
+    LIFT,
+    MEANS,
+    MEASURED,
+    MOVING,
+    RATE,
+    RESIDUAL,
+    REST_JITTER,
+    RESTING,
+    ROUGH,
+    STEP,
+    TERMS,
+    TIME,
+    TURN,
+    UNUSED,
+    back_over,
+    back_to_the_last,
+    backward,
+    forward,
+    integrate,
+    propagate_attitude,
+    propagate_velocity,
+    sweep,
+)
+from plumbob.rotations import (
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_normalize,
+    quat_rotate,
+    rotvec_from_quat,
+)
+from tests.battery.hand import by_hand
+from tests.battery.jacobians import by_differences
+from tests.battery.motion import noisy
+
+SEEDS = range(5)
+
+
+def spd(rng, n=SIZE, ridge=1.0):
+    """A covariance of no special form, well conditioned."""
+    a = rng.normal(size=(n, n)) / math.sqrt(n)
+    return a @ a.T + ridge * np.eye(n)
+
+
+# --- a step against differences of the true model -----------------------------------------------------------
+
+
+def transition(f):
+    """F of a step, as its rows: λ ← Fᵀ λ of each unit vector."""
+    rows = np.eye(SIZE)
+    for row in rows:
+        back_over(row, np.zeros((SIZE, SIZE)), f)
+    return rows
+
+
+def samples_of_a_step(rng, still):
+    """Eleven samples of 5 ms with rates to 3 rad/s, and forces; where `still`, such that nothing is accelerated."""
+    t = np.concatenate(([0.0], np.cumsum(rng.uniform(0.003, 0.007, 10))))
+    gyr, acc, mag = rng.uniform(-3.0, 3.0, (11, 3)), rng.normal(0.0, 4.0, (11, 3)), rng.normal(size=(11, 3))
+    q, x = quat_normalize(rng.normal(size=4)), np.zeros(SIZE)
+    x[B : B + 3], x[A : A + 3], x[M:] = rng.normal(0, 0.05, 3), rng.normal(0, 0.05, 3), rng.normal(0, 0.01, 9)
+    if still:
+        for i, middle in enumerate(attitudes(t, gyr, q, x)[1], start=1):
+            acc[i] = quat_rotate(quat_conjugate(middle), [0.0, 0.0, G0]) + x[A : A + 3]
+    return t, gyr, acc, mag, q, x
+
+
+def attitudes(t, gyr, q, x):
+    """Attitude behind the last sample, and in the middle of each; the true model, by the package's rotations alone."""
+    matrix, middles = np.eye(3) - x[M:].reshape(3, 3), []
+    for dt, rate in zip(np.diff(t), gyr[1:], strict=True):
+        half = quat_from_rotvec(0.5 * dt * (matrix @ rate - x[B : B + 3]))
+        middles.append(quat_multiply(q, half))
+        q = quat_multiply(middles[-1], half)
+    return q, middles
+
+
+def stepped(samples):
+    """What the kernel makes of a step: attitude, transition and means."""
+    t, gyr, acc, mag, q, x = samples
+    f, mean, after = np.empty(STEP), np.empty(MEANS), q.copy()
+    rough = integrate(0, t.size - 1, t, gyr, acc, mag, MOVING, after, x, f, mean)
+    f[FADE] = 1.0
+    return after, f, mean, rough
+
+
+def true_errors(samples):
+    """Errors behind a step as a function of those before it: attitude and level velocity, (5,)."""
+    t, gyr, acc, _, q, x = samples
+
+    def run(e):
+        change = np.zeros(SIZE)
+        change[B : B + 3], change[A:] = e[B : B + 3], e[A:]
+        end, middles = attitudes(t, gyr, quat_multiply(quat_from_rotvec(e[:3]), q), x + change)
+        force = acc[1:] - (x + change)[A : A + 3]
+        return end, e[V : V + 2] + np.diff(t) @ quat_rotate(np.array(middles), force)[:, :2]
+
+    end, velocity = run(np.zeros(SIZE))
+
+    def errors(e):
+        other, moved = run(e)
+        return np.concatenate((rotvec_from_quat(quat_multiply(other, quat_conjugate(end))), moved - velocity))
+
+    return errors
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_attitude_of_a_step_is_linearised_right(seed):
+    """θ behind a step by θ, δb and δM before it.
+
+    The right Jacobian of a turn φ about its middle is 1 − φ²/24 across it (its series to second order), and a
+    sample turns by at most √27 rad/s × 7 ms = 0.037 rad: the error is below 6e-5 of the column's size.
+    """
+    samples = samples_of_a_step(np.random.default_rng(seed), still=False)
+    after, f, _, _ = stepped(samples)
+    assert np.abs(after - attitudes(*samples[:2], *samples[4:])[0]).max() < 1e-14
+    found, expected = transition(f)[:3], by_differences(true_errors(samples), np.zeros(SIZE), step=1e-4)[:3]
+    scale = np.concatenate((np.ones(3), np.full(9, f[TIME]), np.full(9, 3.0 * f[TIME])))
+    assert np.abs((found - expected) / scale).max() < 6e-5
+    assert np.abs(expected[:, M:]).max() > 0.1 * f[TIME]  # or it could not fail
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_velocity_of_a_step_is_linearised_right(seed):
+    """δv by θ, δv and δa, where nothing accelerates; with δb and δM it changes by g T²/2, which is left to θ."""
+    samples = samples_of_a_step(np.random.default_rng(seed), still=True)
+    _, f, mean, rough = stepped(samples)
+    found, expected = transition(f)[V : V + 2], by_differences(true_errors(samples), np.zeros(SIZE), step=1e-4)[3:]
+    exact = [*range(TH, TH + 3), V, V + 1, *range(A, A + 3)]
+    assert np.abs(found[:, exact] - expected[:, exact]).max() < 1e-8
+    assert f[LIFT] == pytest.approx(G0 * f[TIME], rel=1e-12)
+    assert np.abs(mean[FORCE : FORCE + 2]).max() < 1e-12
+    assert rough < 1e-20
+    left_out = np.abs(found - expected)
+    assert left_out[:, B : B + 3].max() < 0.51 * G0 * f[TIME] ** 2
+    assert left_out[:, M:].max() < 3.0 * 0.51 * G0 * f[TIME] ** 2
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("kind", [MOVING, RESTING, AGAIN])
+def test_covariances_go_through_the_same_transition(seed, kind):
+    """P ← F P Fᵀ forward, Λ ← Fᵀ Λ F backward, with the F of the row above, to rounding."""
+    rng = np.random.default_rng(seed)
+    _, f, _, _ = stepped(samples_of_a_step(rng, still=False))
+    f[KIND], f[FADE] = kind, 0.7
+    full = transition(f)
+    back, information = np.zeros(SIZE), spd(rng)
+    expected = full.T @ information @ full
+    back_over(back, information, f)
+    assert np.abs(information - expected).max() < 1e-13
+    f[FADE] = 1.0
+    full = transition(f)
+    if kind == AGAIN:  # nothing of attitude and velocity passes, and all else does
+        kept = np.setdiff1d(np.arange(SIZE), [TH, TH + 1, TH + 2, V, V + 1])
+        assert (full[np.ix_(kept, kept)] == np.eye(kept.size)).all()
+        assert np.count_nonzero(full) == kept.size
+        return
+    p = spd(rng)
+    before = p.copy()
+    propagate_velocity(p, f)
+    if kind == MOVING:
+        propagate_attitude(p, f)
+    assert np.abs(p - full @ before @ full.T).max() < 1e-13
+
+
+# --- backward against Rauch, Tung and Striebel --------------------------------------------------------------
+
+H = np.zeros((MEASURED, SIZE))
+"""What each scalar at a keyframe measures, in the order in which it is used: velocity, heading, rates."""
+H[EAST, V] = H[EAST + 1, V + 1] = 1.0
+H[HEADING, TH + 2] = H[HEADING, BEND] = 1.0
+for i in range(3):
+    H[RATE + i, B + i] = 1.0
+ORDER = (EAST, EAST + 1, RATE, RATE + 1, RATE + 2, HEADING)
+
+
+def textbook(rng, n=40):
+    """A linear system of the smoother's form with numbers of order 1, filtered and smoothed by dense algebra.
+
+    Moving, resting and new starts by turns; every third heading is missing. What `backward` takes, and what it must
+    give: smoothed error (n + 1, 21) with its covariance, [Rauch1965].
+    """
+    step, gain, term = np.zeros((n, STEP)), np.zeros((n, MEASURED, SIZE)), np.zeros((n, MEASURED, TERMS))
+    kind = rng.choice([MOVING, MOVING, MOVING, RESTING, AGAIN], n)
+    step[:, TURN:LIFT] = rng.normal(0.0, 0.2, (n, LIFT))
+    step[:, LIFT], step[:, FADE], step[:, KIND] = rng.normal(0.0, 0.5, n), rng.uniform(0.7, 0.99, n), kind
+    start, p = spd(rng), spd(rng)
+    start[:, 3:6] = start[3:6] = start[:, 8:] = start[8:] = 0.0  # only attitude and velocity start again
+    before, after, moved, shifts = [], [p], [], []
+    for k in range(n):
+        f = transition(step[k])
+        noise = np.diag(np.r_[rng.uniform(0.01, 0.1, 9), np.zeros(12)])
+        p = f @ p @ f.T + noise + (start if kind[k] == AGAIN else 0.0)
+        before.append(p)
+        shift = np.zeros(SIZE)
+        for m in ORDER:
+            if (m == HEADING and k % 3 == 0) or (m >= RATE and kind[k] != RESTING) or (m < 2 and kind[k] == AGAIN):
+                continue
+            s = H[m] @ p @ H[m] + rng.uniform(0.5, 2.0)
+            residual, gain[k, m] = 0.05 * rng.normal(), p @ H[m] / s
+            shift, p = shift + gain[k, m] * residual, p - s * np.outer(gain[k, m], gain[k, m])
+            term[k, m, RESIDUAL], term[k, m, INVERSE] = residual, 1.0 / s
+        after.append(p)
+        moved.append(f)
+        shifts.append(shift)
+    smoothed, spread = [np.zeros(SIZE)], [p]
+    for k in range(n - 1, -1, -1):
+        c = after[k] @ moved[k].T @ np.linalg.inv(before[k])
+        smoothed.append(c @ (shifts[k] + smoothed[-1]))
+        spread.append(after[k] + c @ (spread[-1] - before[k]) @ c.T)
+    return (np.array(after), gain, term, step), np.array(smoothed[::-1]), np.array(spread[::-1])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_backward_is_rauch_tung_and_striebel_s(seed):
+    """[Rauch1965] on the same system in dense algebra, whose inverses leave 1e-12; to 1e-10 of it."""
+    rng = np.random.default_rng(seed)
+    (p, gain, term, step), smoothed, spread = textbook(rng)
+    n = len(step)
+    q, x = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)), rng.normal(size=(n + 1, SIZE))
+    q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1, 6, 6))
+    backward(q, x, np.ascontiguousarray(p[:, :KEPT]), gain, term, step, q_s, x_s, cov_s)
+    scale = np.abs(smoothed).max()
+    assert scale > 0.05
+    assert np.abs(rotvec_from_quat(q_s) - smoothed[:, :3]).max() < 1e-10 * max(scale, 1.0)
+    assert np.abs(x_s[:, 3:] - (x + smoothed)[:, 3:KEPT]).max() < 1e-10
+    assert (x_s[:, :3] == 0.0).all()
+    assert np.abs(cov_s - spread[:, :6, :6]).max() < 1e-10
+    assert np.abs(spread[0, :6, :6] - p[0, :6, :6]).max() > 0.1  # smoothing did something
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_goes_back_stays_symmetric_and_positive(seed):
+    """Λ is a covariance: symmetric, no eigenvalue below zero, but for rounding; and λ moves within it."""
+    (_, gain, term, step), _, _ = textbook(np.random.default_rng(seed))
+    lam, big, y = np.zeros(SIZE), np.zeros((SIZE, SIZE)), np.zeros(SIZE)
+    for k in range(len(step) - 1, -1, -1):
+        back_to_the_last(lam, big, y, gain[k], term[k], step[k])
+        size = np.abs(big).max()
+        assert np.abs(big - big.T).max() <= 1e-14 * size
+        assert np.linalg.eigvalsh(big).min() > -1e-13 * size
+    assert size > 0.1
+    assert np.abs(lam).max() > 0.0
+
+
+# --- forward against a dense filter -------------------------------------------------------------------------
+
+
+def recording():
+    """Six seconds: moving, at rest from 2 to 4 s, a gap of a second at 5 s, no field in every third sample."""
+    h = by_hand(6.0, rest=((2.0, 4.0),), seed=3)
+    t = np.where(h.t < 5.0, h.t, h.t + 1.0)
+    mag = np.where(np.arange(t.size)[:, np.newaxis] % 3 == 0, np.nan, h.mag)
+    return ImuData(t=t, gyr=h.gyr, acc=h.acc, mag=mag)
+
+
+def passed(frames, resting, p, noise):
+    """One call of `forward`, with all that it fills."""
+    n = frames.gap.size
+    q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, KEPT, SIZE))
+    gain, term = np.zeros((n, MEASURED, SIZE)), np.zeros((n, MEASURED, TERMS))
+    step, mean = np.empty((n, STEP)), np.empty((n, MEANS))
+    kind, density = kinds(frames, resting), np.full(n, 0.01)
+    heading = np.where(np.arange(n) % 5 == 0, 2.0 * UNUSED, 0.01)
+    start = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1))
+    forward(
+        frames.t, frames.gyr, frames.acc, frames.mag, frames.first, kind, frames.missed, frames.pushed, density,
+        heading, start, np.zeros(SIZE), p, noise, q, x, cov, gain, term, step, mean,
+    )  # fmt: skip
+    return kind, density, heading, q, x, cov, gain, term, step, mean
+
+
+def test_forward_is_the_textbook_s_filter():
+    """P after every keyframe, by dense algebra from the same steps and means, [BarShalom2001] sec. 5.2.3."""
+    frames, params = Keyframes.of(recording(), 0.049), Params()
+    noise = Noise.of(params, 0.05)
+    p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
+    at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
+    kind, density, heading, q, x, cov, gain, term, step, mean = passed(frames, at_rest, p0, noise)
+    assert {MOVING, RESTING, AGAIN} == set(kind.tolist())
+    p, used = p0, 0
+    for k in range(frames.gap.size):
+        f, dt, u = transition(step[k]), step[k, TIME], mean[k]
+        p = f @ p @ f.T
+        grown = np.zeros(SIZE)
+        grown[B : B + 3], grown[BEND] = noise.walk * dt, noise.bend * (1.0 - step[k, FADE] ** 2)
+        if kind[k] == AGAIN:
+            for i in (0, 1, 2, V, V + 1):
+                p[i, i] = p0[i, i]
+        else:
+            turned = noise.gyr * dt + noise.nonlinearity * u[ROUGH] + frames.missed[k]
+            grown[:3] = turned if kind[k] == MOVING else REST_JITTER * dt
+            rough = integrate(
+                frames.first[k], frames.first[k + 1], frames.t, frames.gyr, frames.acc, frames.mag, kind[k],
+                q[k].copy(), x[k], np.empty(STEP), np.empty(MEANS),
+            )  # fmt: skip
+            grown[V] = grown[V + 1] = noise.acc * (dt + 0.5 * rough) + frames.pushed[k]
+        p = p + np.diag(grown)
+        for m in ORDER:
+            if term[k, m, INVERSE] == 0.0:
+                continue
+            used += 1
+            var = {0: density[k] / dt, 1: density[k] / dt, HEADING: heading[k]}.get(m, noise.rest / dt)
+            if m == HEADING:  # the tilt counts as noise, [Schmidt1966]
+                east, north, up = u[FIELD : FIELD + 3]
+                var += up**2 / (east**2 + north**2) * p[TH + 1, TH + 1]
+            s = max(H[m] @ p @ H[m] + var, term[k, m, RESIDUAL] ** 2 / 9.0)
+            assert term[k, m, INVERSE] == pytest.approx(1.0 / s, rel=1e-9)
+            assert np.abs(gain[k, m] - p @ H[m] / s).max() < 1e-9 * np.abs(gain[k, m]).max()
+            p = p - np.outer(p @ H[m], H[m] @ p) / s
+        sd = np.sqrt(np.diag(p))
+        assert np.abs((cov[k + 1] - p[:KEPT]) / np.outer(sd[:KEPT], sd)).max() < 1e-9
+        assert (term[k, HEADING, INVERSE] > 0.0) == (u[COUNT] > 0.0 and k % 5 != 0)
+    assert used > 2 * np.count_nonzero(kind != AGAIN)
+
+
+def test_the_smoothed_covariance_is_one_and_no_larger_than_the_filtered():
+    """Symmetric, no eigenvalue below zero; later measurements take uncertainty away at every keyframe."""
+    frames, params = Keyframes.of(recording(), 0.049), Params()
+    p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
+    noise, n = Noise.of(params, 0.05), frames.gap.size
+    at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
+    filtered = passed(frames, at_rest, p0, noise)[5][:, :6, :6]
+    start, heading = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)), np.where(np.arange(n) % 5 == 0, 2.0 * UNUSED, 0.01)
+    kind = kinds(frames, at_rest)
+    found = sweep(frames, kind, np.full(n, 0.01), heading, start, np.zeros(3), p0, noise)
+    scale = 1.0 / np.sqrt(np.diagonal(filtered, axis1=1, axis2=2))
+    scaled, larger = (c * scale[:, :, np.newaxis] * scale[:, np.newaxis] for c in (found.cov, filtered))
+    assert (found.cov == np.swapaxes(found.cov, 1, 2)).all()
+    assert np.linalg.eigvalsh(scaled).min() > 0.0
+    assert np.linalg.eigvalsh(larger - scaled).min() > -1e-9
+    assert np.linalg.eigvalsh(scaled[0]).max() < 0.1  # the first attitude is known tenfold better from all
+
+
+def short():
+    """Two seconds without physical sense, with missing values and a gap; every kernel but the attached field's runs."""
+    imu = noisy(160, seed=4)
+    return ImuData(t=np.where(np.arange(160) < 80, imu.t, imu.t + 1.0), gyr=imu.gyr, acc=imu.acc, mag=imu.mag)
+
+
+def digest():
+    """All numbers of a track."""
+    track = Smoother(frame="ENU").process(short())
+    numbers = (track.q_nb, track.bias_b, track.cov_b, track.flags)
+    return hashlib.sha256(b"".join(values.tobytes() for values in numbers)).hexdigest()
+
+
+def test_compiled_and_plain_python_give_the_same_bits():
+    other = "0" if os.environ.get("NUMBA_DISABLE_JIT", "0") == "1" else "1"
+    code = "from tests.filters.smoother.test_smoother_sweeps import digest; print(digest())"
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code],
+        env={**os.environ, "NUMBA_DISABLE_JIT": other},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.strip() == digest()
