@@ -28,8 +28,11 @@ Way = Callable[[ImuData, Frame], AttitudeTrack]
 
 KEYS = ("total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg")
 SHARES: Final = {
-    "heading_motion": "heading, motion", "heading_rest": "at rest", "tilt_motion": "tilt, motion", "tilt_rest": "at rest",
-}  # fmt: skip
+    "heading_motion": "heading, in motion",
+    "heading_rest": "at rest",
+    "tilt_motion": "tilt, in motion",
+    "tilt_rest": "at rest",
+}
 """Coverage of a claim: shares of samples whose error is within 1.96 claimed standard deviations, and their titles."""
 RESTING: Final = dps(5.0)
 """A claim is one in motion where the mean rate of a second exceeds this, rad/s."""
@@ -238,8 +241,7 @@ class _Result(NamedTuple):
 class _Trial(NamedTuple):
     """A recording that is run."""
 
-    name: str
-    folder: str
+    file: Path
     calibration: str
     results: dict[str, _Result]
     refused: dict[str, str]
@@ -320,10 +322,9 @@ def measure_accuracy(
         judge = partial(_judged, raw=raw, reference=_scored(reference, imu, between), align=align)
         nav = navigation_frame(imu, frame, where=str(where))
         results, refused = _run(ways, imu, nav, judge, progress)
-        folder = where.parent.name
-        found.append(_Trial(where.stem, folder, calibration_told(imu.meta.calibration), results, refused))
+        found.append(_Trial(where, calibration_told(imu.meta.calibration), results, refused))
     if not found:
-        raise DecodeError("no file holds both sensor data and a reference. " + "; ".join(skipped.values()))
+        raise DecodeError("no recording is a trial: " + "; ".join(dict.fromkeys(skipped.values())))
     told = {**changes, "seed": str(seed)} if changes else {}
     return _gathered(found, list(ways), tuple(align), skipped, dict(absent or {}), told, against)
 
@@ -388,9 +389,7 @@ def _scored(reference: AttitudeTrack, imu: ImuData, between: tuple[float, float]
     return replace(reference, score=inside if reference.score is None else inside & reference.score)
 
 
-def _judged(
-    track: AttitudeTrack, *, raw: ImuData, reference: AttitudeTrack, align: Sequence[str]
-) -> _Result:
+def _judged(track: AttitudeTrack, *, raw: ImuData, reference: AttitudeTrack, align: Sequence[str]) -> _Result:
     """Errors on one trial; none where an attitude is not finite, because a mean over the others would hide it."""
     if not track.known.all():
         return _Result(track.source, dict.fromkeys(KEYS), None)
@@ -425,19 +424,21 @@ def _gathered(
     against: str | None,
 ) -> Accuracy:
     """Trials that all can take who take any of their folder."""
-    folders = {trial.folder: [other for other in found if other.folder == trial.folder] for trial in found}
+    folders: dict[str, list[_Trial]] = {}
+    for trial in found:
+        folders.setdefault(trial.file.parent.name, []).append(trial)
     kept: dict[str, _Trial] = {}
     held: dict[str, list[str]] = {}
     for folder, trials in folders.items():
         none = [name for name in names if all(name in trial.refused for trial in trials)]
         for name in none:
-            where = f" ({folder})" if len(folders) > 1 else ""
-            absent[f"{name}{where}"] = trials[0].refused[name]
+            absent[f"{name} ({folder})" if len(folders) > 1 else name] = trials[0].refused[name]
         for trial in trials:
-            key = f"{folder}/{trial.name}" if len(folders) > 1 else trial.name
+            before = f"{folder}/" if len(folders) > 1 else ""
             if why := [f"{name}: {text}" for name, text in trial.refused.items() if name not in none]:
-                skipped[key] = "; ".join(why)
+                skipped[before + trial.file.name] = "; ".join(why)
             else:
+                key = before + trial.file.stem
                 kept[key] = trial
                 held.setdefault(folder, []).append(key)
     if not kept:

@@ -4,17 +4,16 @@ Each function takes samples and returns changed ones; what is drawn comes from a
 averaged over a second, first exceeds `MOVING`.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core.check import Floats, one_of
+from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, dps, parse, split, to_dps
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.data.imu import TRIADS
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.rotations import quat_conjugate, quat_rotate
 
@@ -174,7 +173,9 @@ def _vector(text: str, quantity: Quantity) -> Floats:
     unit = split(parts[-1])[1]
     values = [parse(part if i == len(parts) - 1 else f"{part}{unit}", quantity) for i, part in enumerate(parts)]
     if len(values) not in {1, 3}:
-        raise UnitError(f"'{text}' has {len(values)} numbers, but one for each axis, as 2,-2,2dps, or one for all goes.")
+        raise UnitError(
+            f"'{text}' has {len(values)} numbers, but one for each axis, as 2,-2,2dps, or one for all goes."
+        )
     return np.broadcast_to(np.array(values), 3)
 
 
@@ -216,12 +217,9 @@ def changed(imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], 
     ShapeError
         If it cannot be made to this recording.
     """
-    for name in changes:
-        one_of("change", name, CHANGES)
-    for name in _in_order(changes):
-        imu = _CHANGES[name](imu, _Told(reference, changes[name], seed))
+    if unknown := changes.keys() - _CHANGES.keys():
+        raise ParameterError(f"there is no change '{min(unknown)}'; known are {', '.join(CHANGES)}.")
+    for name, make in _CHANGES.items():
+        if name in changes:
+            imu = make(imu, _Told(reference, changes[name], seed))
     return imu
-
-
-def _in_order(changes: Mapping[str, str]) -> Iterator[str]:
-    return (name for name in CHANGES if name in changes)

@@ -168,7 +168,7 @@ def _filled(t: Floats, values: Floats) -> Floats:
 
 
 def _bow(t: Floats, missing: Bools) -> Floats:
-    """How far a sine of unit size and of frequency `SWING` leaves a straight line over the hole of each sample, (N,)."""
+    """How far a sine of unit size, of frequency `SWING`, leaves a straight line over the hole of each sample, (N,)."""
     known = np.flatnonzero(~missing)
     if not known.size:
         return np.full(t.size, np.inf)
