@@ -93,7 +93,7 @@ def recordings(name: str) -> list[Recording]:
 def measured(name: str, stages: Sequence[Stage], peers: str = "none", **settings: Any) -> Accuracy:
     """Estimators on a set, with the alignment that it needs."""
     align = settings.pop("align", SETS[name][1])
-    if "no_mag" in (settings.get("changes") or {}):
+    if "no_mag" in (settings.get("changes") or {}) or any(stage.params.get("mag") is False for stage in stages):
         align = HEADING
     found, absent = peer_runs(peers)
     return measure_accuracy(recordings(name), stages, peers=found, absent=absent, align=align, **settings)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob import Frame, files
+from plumbob.core.errors import DecodeError
 from plumbob.core.units import deg
 from plumbob.evaluation.many import measure_accuracy, trials_in
 from plumbob.evaluation.many.accuracy import KEYS, SHARES
@@ -109,6 +110,23 @@ def test_a_trial_that_one_of_several_refuses_counts_for_none_and_is_named(folder
     found = measure_accuracy(trials_in(*folders), stages("mekf"), peers=[Picky()], align=("heading",))
     assert set(found.trials) == {"sea/buoy2", "bare/buoy3"}
     assert "compass: compass refuses it: ValueError: not this one" in found.skipped["sea/buoy1.parquet"]
+
+
+def test_one_that_has_nothing_to_score_loses_its_own_mean_alone(folders):
+    """The first seconds of a start in waves are those in which a filter says that it has not converged."""
+    found = measure_accuracy(
+        trials_in(folders[0]), stages("mekf", "tilt_compass"), between=(0.0, 0.5), against="tilt_compass"
+    )
+    assert len(found.trials) == 2
+    assert found.mean()["mekf"] == dict.fromkeys(KEYS)
+    assert found.mean()["tilt_compass"][TOTAL] > 0.0
+    assert "no sample is left to score" in found.absent["mekf (buoy1)"]
+    assert found.better()["mekf"] == (0, 0)
+
+
+def test_a_trial_of_which_nothing_can_be_scored_is_skipped(folders):
+    with pytest.raises(DecodeError, match="no sample is left to score"):
+        measure_accuracy(trials_in(folders[0]), stages("vqf"), between=(90.0, 99.0))
 
 
 def test_only_a_part_of_the_time_may_count(folders):

@@ -135,7 +135,7 @@ def test_several_changes_go_together_whatever_their_order(imu, reference):
 
 
 def test_what_cannot_be_read_or_made_is_refused(imu, reference):
-    with pytest.raises(ParameterError, match="there is no change .noise."):
+    with pytest.raises(ParameterError, match="there is no change 'noise'"):
         changed(imu, reference, {"noise": "1"})
     with pytest.raises(ParameterError, match="'15,-10,20uT:0s-20s'"):
         changed(imu, reference, {"wrong_field": "1,2,3uT:0s-2s@noon"})

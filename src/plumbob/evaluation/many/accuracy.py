@@ -57,7 +57,7 @@ class Accuracy:
     skipped : dict
         Files that are not trials, or that only some estimators can take, and why.
     absent : dict
-        Peers that could not run, estimators that take no trial of a folder, and why.
+        Peers that could not run, estimators that take no trial of a folder or leave nothing of one to score, and why.
     calibration : dict
         By trial: the card that has been applied to its sensor values, or in words that none has.
     coverage : dict
@@ -140,7 +140,7 @@ class Accuracy:
         count = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
         remarks = [count] if self.skipped else []
         remarks += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
-        remarks += [f"peer left out: {name}: {why}" for name, why in self.absent.items()]
+        remarks += [f"left out: {name}: {why}" for name, why in self.absent.items()]
         tables = [*self._paired(), *self._claimed(), *self._beside()]
         facts = [*self._calibrations(), ("aligned", ", ".join(self.align) or "nothing")]
         facts += [("changed", ", ".join(f"{name} {how}".strip() for name, how in self.changes.items()))] * bool(
@@ -231,11 +231,12 @@ def trials_in(*places: Path) -> list[Path]:
 
 
 class _Result(NamedTuple):
-    """What an estimator did with a trial."""
+    """What an estimator did with a trial, or why nothing of it can be scored."""
 
     source: str
     errors: Errors
     shares: Errors | None
+    why: str = ""
 
 
 class _Trial(NamedTuple):
@@ -393,7 +394,10 @@ def _judged(track: AttitudeTrack, *, raw: ImuData, reference: AttitudeTrack, ali
     """Errors on one trial; none where an attitude is not finite, because a mean over the others would hide it."""
     if not track.known.all():
         return _Result(track.source, dict.fromkeys(KEYS), None)
-    found = evaluate(track, reference, align=align)
+    try:
+        found = evaluate(track, reference, align=align)
+    except ShapeError as error:
+        return _Result(track.source, dict.fromkeys(KEYS), None, str(error))
     summary = found.summary()
     shares = None if track.cov_b is None else _coverage(found, np.interp(track.t, raw.t, turning(raw)))
     return _Result(track.source, {key: summary[key] for key in KEYS}, shares)
@@ -435,11 +439,15 @@ def _gathered(
             absent[f"{name} ({folder})" if len(folders) > 1 else name] = trials[0].refused[name]
         for trial in trials:
             before = f"{folder}/" if len(folders) > 1 else ""
-            if why := [f"{name}: {text}" for name, text in trial.refused.items() if name not in none]:
+            unscored = {name: result.why for name, result in trial.results.items() if result.why}
+            refused = {name: text for name, text in trial.refused.items() if name not in none}
+            if refused or len(unscored) == len(trial.results):
+                why = [f"{name}: {text}" for name, text in (refused or unscored).items()]
                 skipped[before + trial.file.name] = "; ".join(why)
             else:
                 key = before + trial.file.stem
                 kept[key] = trial
+                absent |= {f"{name} ({key})": text for name, text in unscored.items()}
                 held.setdefault(folder, []).append(key)
     if not kept:
         raise DecodeError("no trial is one that every estimator can take. " + "; ".join(skipped.values()))
