@@ -388,7 +388,7 @@ and with each parameter at half and at twice its value:
 
 def choice_text(found: Mapping[str, Any]) -> str:
     rows = []
-    for title, judged, asked in (("odd", 1, 0), ("even", 0, 1)):
+    for title, judged, asked in (("even", 1, 0), ("odd", 0, 1)):
         halves = [{n: (mean(v[asked::2]), mean(v[judged::2])) for n, v in each.items()} for each in found["sets"]]
         usual = halves[0]
 
