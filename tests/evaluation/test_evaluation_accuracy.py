@@ -82,6 +82,11 @@ def test_files_and_recordings_are_taken_as_folders_are(folders):
     assert by_path.trials == by_hand.trials == measure_accuracy(trials_in(folders[0]), stages("vqf")).trials
 
 
+def test_recordings_of_one_name_are_counted_apart(folders):
+    read = [replace(files.read(path), name="a.b") for path in trials_in(folders[0])]
+    assert set(measure_accuracy(read, stages("vqf")).trials) == {"a.b", "a.b (2)"}
+
+
 def test_differences_are_trial_by_trial(folders):
     found = measure_accuracy(trials_in(*folders), stages("mekf", "vqf"), align=("heading",), against="mekf")
     for trial, errors in found.trials.items():

@@ -66,7 +66,7 @@ def _add_accuracy(kinds: common.Adder) -> None:
 
 
 CHANGES: Final = {
-    "start": ("S", "begin so long after the motion begins, as 20s"),
+    "start": ("S", "begin this long after the motion begins, as 20s"),
     "wrong_field": (
         "F:S-S", "add a field in the reference's frame for a time, as 15,-10,20uT:0s-20s; ...@motion counts from the "
         "begin of the motion; several with ;",

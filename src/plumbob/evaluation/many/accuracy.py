@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -137,8 +138,8 @@ class Accuracy:
     def report(self) -> Report:
         """Table of the trials and their mean for each estimator, and the means beside each other."""
         parts = [Report(setting, tables=[self._own(name)]) for name, setting in self.settings.items()]
-        count = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
-        remarks = [count] if self.skipped else []
+        means = f"mean of {counted(len(self.trials), 'recording')}; {len(self.skipped)} skipped"
+        remarks = [means] if self.skipped else []
         remarks += [f"skipped {name}: {why}" for name, why in self.skipped.items()]
         remarks += [f"left out: {name}: {why}" for name, why in self.absent.items()]
         tables = [*self._paired(), *self._claimed(), *self._beside()]
@@ -242,7 +243,9 @@ class _Result(NamedTuple):
 class _Trial(NamedTuple):
     """A recording that is run."""
 
-    file: Path
+    name: str
+    file: str
+    folder: str
     calibration: str
     results: dict[str, _Result]
     refused: dict[str, str]
@@ -309,21 +312,23 @@ def measure_accuracy(
     skipped: dict[str, str] = {}
     found: list[_Trial] = []
     for file in files:
-        where = file if isinstance(file, Path) else Path(file.name)
+        place = file if isinstance(file, Path) else None
+        name, where = (file.name, file.name) if place is None else (place.stem, place.name)
         try:
             raw, reference = read_trial(file)
         except PlumbobError as error:
-            skipped[where.name] = str(error)
+            skipped[where] = str(error)
             continue
         try:
             imu = _prepared(raw, reference, changes or {}, seed, calibrated)
         except ShapeError as error:
-            skipped[where.name] = str(error)
+            skipped[where] = str(error)
             continue
         judge = partial(_judged, raw=raw, reference=_scored(reference, imu, between), align=align)
-        nav = navigation_frame(imu, frame, where=str(where))
+        nav = navigation_frame(imu, frame, where=str(place or name))
         results, refused = _run(ways, imu, nav, judge, progress)
-        found.append(_Trial(where, calibration_told(imu.meta.calibration), results, refused))
+        folder = "" if place is None else place.parent.name
+        found.append(_Trial(name, where, folder, calibration_told(imu.meta.calibration), results, refused))
     if not found:
         raise DecodeError("no recording is a trial: " + "; ".join(dict.fromkeys(skipped.values())))
     told = {**changes, "seed": str(seed)} if changes else {}
@@ -430,7 +435,7 @@ def _gathered(
     """Trials that all can take who take any of their folder."""
     folders: dict[str, list[_Trial]] = {}
     for trial in found:
-        folders.setdefault(trial.file.parent.name, []).append(trial)
+        folders.setdefault(trial.folder, []).append(trial)
     kept: dict[str, _Trial] = {}
     held: dict[str, list[str]] = {}
     for folder, trials in folders.items():
@@ -443,9 +448,9 @@ def _gathered(
             refused = {name: text for name, text in trial.refused.items() if name not in none}
             if refused or len(unscored) == len(trial.results):
                 why = [f"{name}: {text}" for name, text in (refused or unscored).items()]
-                skipped[before + trial.file.name] = "; ".join(why)
+                skipped[before + trial.file] = "; ".join(why)
             else:
-                key = before + trial.file.stem
+                key = _unused(before + trial.name, kept)
                 kept[key] = trial
                 absent |= {f"{name} ({key})": text for name, text in unscored.items()}
                 held.setdefault(folder, []).append(key)
@@ -464,6 +469,12 @@ def _gathered(
         changes,
         against,
     )
+
+
+def _unused(name: str, used: Mapping[str, object]) -> str:
+    """The name, or with a number, so that it is not one that is used."""
+    others = (f"{name} ({i})" for i in count(2))
+    return next(one for one in chain([name], others) if one not in used)
 
 
 def _mean_and_least(shares: Sequence[float | None]) -> tuple[float, float] | None:
