@@ -28,7 +28,8 @@ def test_json_has_the_peers_beside_our_filters(capsys, folder):
     code, out, _ = run(capsys, folder, "--filters", "mahony,integrate", "--peers", "vqf", "--json")
     found = json.loads(out)
     assert code == 0
-    assert set(found) == {"settings", "align", "calibration", "trials", "mean", "skipped", "absent"}
+    parts = {"settings", "align", "calibration", "trials", "mean", "skipped", "absent"}
+    assert set(found) == parts | {"changes", "folders", "coverage", "against", "differences", "better"}
     names = {"mahony", "integrate", "vqf.VQF", "vqf.BasicVQF", "vqf.offlineVQF"}
     assert set(found["settings"]) == set(found["trials"]["a"]) == set(found["mean"]) == names
     keys = {"total_rmse_deg", "heading_rmse_deg", "inclination_rmse_deg"}
@@ -48,10 +49,40 @@ def test_peers_that_are_absent_are_named_and_the_others_run(capsys, folder, monk
     monkeypatch.setitem(sys.modules, "ahrs", None)  # Python's own way to say that there is none
     code, out, _ = run(capsys, folder, "--filters", "mahony", "--peers", "ahrs")
     assert code == 0
-    assert "\n- peer left out: ahrs: " in out
+    assert "\n- left out: ahrs: " in out
 
 
 def test_an_unknown_peer_is_one_clear_line(capsys, folder):
     code, out, err = run(capsys, folder, "--filters", "mahony", "--peers", "px4")
     assert (code, out) == (1, "")
     assert "there is no peer 'px4'" in err
+
+
+def test_a_change_is_made_and_named_and_the_estimators_are_compared(capsys, folder):
+    words = (folder, "--filters", "mekf,vqf", "--against", "mekf", "--bias", "1dps", "--no-mag")
+    out = run(capsys, *words, "--align", "heading", "--calibrated")[1]
+    assert "changed     bias 1dps, no_mag, seed 1" in out
+    lines = out.splitlines()
+    head, trial, _, better = lines[
+        (at := lines.index("Total RMSE of mekf, and what others have more [°]") + 1) : at + 4
+    ]
+    assert head.split() == ["mekf", "vqf"]
+    assert better.split() == ["better", "in", "1" if trial.split()[-1].startswith("-") else "0", "of", "1"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--gaps", "five"), "gaps needs their number and length, as 5x1s"),
+        (("--wrong-field", "1,2,3uT"), "wrong_field needs field and times"),
+        (("--bias", "1,2dps"), "has 2 numbers"),
+        (("--bias", "6"), "needs a unit"),
+        (("--between", "3s"), "--between needs two times"),
+        (("--against", "vqf"), "there is no 'vqf' to compare with"),
+        (("--start", "20s"), "there is no motion in it"),
+    ],
+)
+def test_what_cannot_be_done_is_one_clear_line(capsys, folder, words, said):
+    code, out, err = run(capsys, folder, "--filters", "mahony", *words)
+    assert (code, out) == (1, "")
+    assert said in err

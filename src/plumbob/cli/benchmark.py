@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from plumbob.cli import common
 from plumbob.cli.sim import add_scenario_options, scenario_settings
@@ -36,19 +36,51 @@ def add_parser(verbs: common.Adder) -> None:
 def _add_accuracy(kinds: common.Adder) -> None:
     p = kinds.add_parser(
         "accuracy",
-        help="errors on every recording of a folder, and their mean",
-        description="Run filters, with one parameter set for all trials, on every recording of a folder that carries a "
-        "reference, and print the errors per trial and their mean. Other libraries can run on the same recordings.",
-        epilog=common.more("plumbob benchmark accuracy trials --filters mahony,vqf --peers all", "choose-a-filter.md"),
+        help="errors on every recording of some folders, and their means",
+        description="Run filters and the smoother, with one parameter set for all trials, on every recording that "
+        "carries a reference, and print the errors per trial, their means, and how far claimed uncertainties hold. "
+        "Other libraries can run on the same recordings, and all recordings can be made harder first.",
+        epilog=common.more(
+            "plumbob benchmark accuracy trials --filters smoother --peers vqf --against smoother --gaps 5x1s",
+            "accuracy.md",
+        ),
     )
-    p.add_argument("folder", type=Path, help="folder of recordings, such as BROAD trials")
+    p.add_argument("places", nargs="+", type=Path, metavar="FOLDER", help="folders of recordings, or recordings")
     add_filters(p)
     add_peers(p, "; ahrs takes a second for 5000 samples")
     common.add_noise(p)
+    p.add_argument("--against", metavar="NAME", help="compare the others with this one, trial by trial")
     p.add_argument("--align", default="", metavar="A,B", help="remove heading, mounting or time offsets first")
+    p.add_argument("--between", metavar="S,S", help="score only this time after the first sample, as 0s,10s")
+    p.add_argument(
+        "--calibrated", action="store_true", help="recordings without a card come from calibrated units: claims say so"
+    )
     common.add_frame(p, "navigation frame where a recording names none")
     common.add_json(p)
+    harder = p.add_argument_group("changes to every recording, before anything runs")
+    for name, (metavar, help_) in CHANGES.items():
+        option, flag = f"--{name.replace('_', '-')}", {"action": "store_const", "const": ""}
+        harder.add_argument(option, help=help_, **({"metavar": metavar} if metavar else flag))
+    harder.add_argument("--seed", type=int, default=1, metavar="N", help="of gaps and missing rows (default 1)")
     p.set_defaults(run=run_accuracy)
+
+
+CHANGES: Final = {
+    "start": ("S", "begin this long after the motion begins, as 20s"),
+    "wrong_field": (
+        "F:S-S", "add a field in the reference's frame for a time, as 15,-10,20uT:0s-20s; ...@motion counts from the "
+        "begin of the motion; several with ;",
+    ),
+    "hard_iron": ("F", "add a field in body axes, as 5,0,0uT"),
+    "scale": ("R", "make rates too large, as 1%%"),
+    "bias": ("R", "add a rate, on all axes or each, as 6dps or 2,-2,2dps"),
+    "no_mag": ("", "leave out the magnetometer"),
+    "gaps": ("NxS", "remove the samples of N stretches in motion, as 5x1s"),
+    "rate": ("HZ", "means of whole blocks, as 47.6Hz"),
+    "asynchronous": ("", "rates, specific forces and fields in different rows"),
+    "missing": ("R", "rows without values, as 5%%"),
+}  # fmt: skip
+"""By name, as `plumbob.evaluation.many.changed` knows them: letter of the value, help."""
 
 
 def _add_scenario(kinds: common.Adder) -> None:
@@ -80,7 +112,7 @@ def add_filters(p: argparse.ArgumentParser, *, required: bool = True) -> None:
 
 
 def add_peers(p: argparse.ArgumentParser, more: str = "") -> None:
-    help_ = f"vqf, imufusion, ahrs, all or none (default none){more}"
+    help_ = f"vqf, imufusion, ahrs, single ones as vqf.offlineVQF, all or none (default none){more}"
     p.add_argument("--peers", default="none", metavar="A,B", help=help_)
 
 
@@ -113,7 +145,8 @@ def run_accuracy(args: argparse.Namespace) -> int:
     from plumbob.cli.eval import alignments
     from plumbob.evaluation.many import measure_accuracy, peer_runs, trials_in
 
-    files = trials_in(args.folder)
+    files = trials_in(*args.places)
+    asked = {name: value for name in CHANGES if (value := getattr(args, name)) is not None}
     chosen = common.given_noise(common.stages(args.filters, args.params), args.noise)
     others, absent = peer_runs(args.peers)
     common.warn_of_compiling([stage.filter for stage in chosen])
@@ -126,9 +159,26 @@ def run_accuracy(args: argparse.Namespace) -> int:
             absent=absent,
             frame=common.frame_of(args),
             align=alignments(args.align),
+            changes=asked,
+            seed=args.seed,
+            between=_between(args.between),
+            calibrated=args.calibrated,
+            against=args.against,
             progress=advance,
         )
     return show(result, args)
+
+
+def _between(text: str | None) -> tuple[float, float] | None:
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
+
+    if text is None:
+        return None
+    begin, comma, end = text.partition(",")
+    if not comma:
+        raise ParameterError(f"--between needs two times, as 0s,10s, but got '{text}'.")
+    return parse(begin, Quantity.TIME), parse(end, Quantity.TIME)
 
 
 def run_scenario(args: argparse.Namespace) -> int:

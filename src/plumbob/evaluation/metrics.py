@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.rotations import euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
+from plumbob.rotations import dcm_from_quat, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
 
 QUANTITIES = ("total", "heading", "inclination", "yaw", "pitch", "roll")
 NEEDS_HEADING = ("total", "heading", "yaw")
@@ -154,6 +154,29 @@ def consistency(q_est: Floats, q_ref: Floats, cov_b: Floats) -> Consistency | No
         count=int(usable.size),
         unusable=int(squared.size - usable.size),
     )
+
+
+INSIDE: Final = 1.959963984540054
+"""A normal variable is within so many standard deviations of its mean with probability CONFIDENCE."""
+
+
+def inside_claim(q_est: Floats, q_ref: Floats, cov_b: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether errors lie within `INSIDE` claimed standard deviations: of the heading (N,), of two level axes (N, 2).
+
+    Parameters
+    ----------
+    q_est, q_ref : ndarray (N, 4)
+        Attitudes, known in every row, in one frame.
+    cov_b : ndarray (N, 3, 3)
+        Claimed covariance of the error as a rotation vector in body axes, rad².
+    """
+    error = error_quat(q_est, q_ref)
+    error *= np.where(error[:, :1] < 0.0, -1.0, 1.0)
+    heading = 2.0 * np.arctan2(error[:, 3], error[:, 0])
+    c_nb = dcm_from_quat(q_est)
+    variance = np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb)
+    sd = np.sqrt(np.maximum(variance, 0.0))
+    return np.abs(heading) <= INSIDE * sd[:, 2], np.abs(2.0 * error[:, 1:3]) <= INSIDE * sd[:, :2]
 
 
 def _positive_definite(p: Floats) -> NDArray[np.bool_]:

@@ -1,12 +1,15 @@
-"""Many evaluations in one table: filters on folders of recordings, or on a scenario with many seeds."""
+"""Many evaluations in one table: estimators on folders of recordings, or on a scenario with many seeds."""
 
 from plumbob.evaluation.many.accuracy import Accuracy, measure_accuracy, trials_in
 from plumbob.evaluation.many.peers import peer_runs
 from plumbob.evaluation.many.scenario import MonteCarlo, measure_scenario
+from plumbob.evaluation.many.variants import CHANGES, changed
 
 __all__ = [
+    "CHANGES",
     "Accuracy",
     "MonteCarlo",
+    "changed",
     "measure_accuracy",
     "measure_scenario",
     "peer_runs",

@@ -1,9 +1,10 @@
 """Other libraries on whole recordings, by their batch calls where they have one, with the signs that each asks for.
 
 They are imported when they are asked for. All results are attitudes to east, north and up with a heading from magnetic
-north. A library without time input runs with the median step.
+north, or from an arbitrary zero without a magnetometer. A library without time input runs with the median step.
 """
 
+import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -19,7 +20,14 @@ from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.rotations import Frame, North, change_frame, quat_from_euler_zyx, quat_multiply
 
-Made = TypeVar("Made")
+
+class Named(Protocol):
+    """What a library gives, with its name in tables."""
+
+    name: str
+
+
+Made = TypeVar("Made", bound=Named)
 
 
 def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tuple[list[Made], dict[str, str]]:
@@ -28,7 +36,7 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
     Parameters
     ----------
     names : str
-        Libraries, or all, or none.
+        Libraries, or single ones of what they give, as vqf.offlineVQF, or all, or none.
     kinds : Mapping
         By library: what is made of the imported library.
 
@@ -43,14 +51,19 @@ def made(names: str, kinds: Mapping[str, Sequence[Callable[[Any], Made]]]) -> tu
     found: list[Made] = []
     absent: dict[str, str] = {}
     for name in dict.fromkeys(wanted):
-        if name not in kinds:
+        of = re.split(r"[.(]", name)[0]
+        if of not in kinds:
             raise ParameterError(f"there is no peer '{name}'; known are {', '.join(kinds)}, all and none.")
         try:
-            library = import_module(name)
+            library = import_module(of)
         except ImportError as error:
-            absent[name] = f"{error}; pip install {name} brings it"
+            absent[name] = f"{error}; pip install {of} brings it"
             continue
-        found += [kind(library) for kind in kinds[name]]
+        each = [kind(library) for kind in kinds[of]]
+        asked = [peer for peer in each if name in {of, peer.name}]
+        if not asked:
+            raise ParameterError(f"{of} gives no '{name}', but {', '.join(peer.name for peer in each)}.")
+        found += asked
     return found, absent
 
 
@@ -68,8 +81,8 @@ class PeerRun(Protocol):
     name: str
     settings: str
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
-        """Attitudes (N, 4), body to ENU, of samples (N, 3) in rad/s, m/s² and µT, at a step in s."""
+    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        """Attitudes (N, 4), body to ENU, of samples (N, 3) in rad/s, m/s² and µT, at a step in s; mag may be absent."""
         ...
 
 
@@ -90,17 +103,18 @@ def peer_track(peer: PeerRun, imu: ImuData, *, frame: Frame) -> AttitudeTrack:
     Raises
     ------
     ShapeError
-        If a triad is absent, in one sample or in all (each library treats that in its own way, or not at all), or if
-        the library refuses the recording.
+        If the recording has no gyr or acc, if a triad is absent in some samples (each library treats that in its own
+        way, or not at all), or if the library refuses the recording.
     """
-    gyr, acc, mag = (_complete(name, getattr(imu, name)) for name in ("gyr", "acc", "mag"))
+    gyr, acc = (_complete(name, getattr(imu, name)) for name in ("gyr", "acc"))
+    mag = None if imu.mag is None else _complete("mag", imu.mag)
     try:
         q: Floats = np.asarray(peer.whole(gyr, acc, mag, float(np.median(np.diff(imu.t)))), dtype=np.float64)
     except Exception as error:  # a library may raise anything
         raise ShapeError(f"{peer.name} refuses it: {type(error).__name__}: {error}") from error
     q = np.where(np.isfinite(q).all(axis=1, keepdims=True), q, np.nan)
-    north, declination = North.MAGNETIC, imu.meta.declination
-    if declination is not None:
+    north, declination = North.FREE if mag is None else North.MAGNETIC, imu.meta.declination
+    if declination is not None and mag is not None:
         q, north = quat_multiply(quat_from_euler_zyx([-declination, 0.0, 0.0]), q), North.TRUE
     q_nb = change_frame(q, to=frame, from_=Frame.ENU)
     return AttitudeTrack(t=imu.t, q_nb=q_nb, frame=frame, north=north, source=peer.settings)
@@ -109,7 +123,7 @@ def peer_track(peer: PeerRun, imu: ImuData, *, frame: Frame) -> AttitudeTrack:
 def _complete(name: str, triad: Floats | None) -> Floats:
     """Own copy of a triad, because not every library leaves its input alone."""
     if triad is None or not np.isfinite(triad).all():
-        raise ShapeError(f"peers run where every sample has gyr, acc and mag, but {name} is absent in some or all.")
+        raise ShapeError(f"peers run where no sample lacks what others have, but {name} is absent in some or all.")
     return np.array(triad)
 
 
@@ -121,7 +135,7 @@ class _Peer:
 
 
 class _Vqf(_Peer):
-    """The compiled classes of vqf, with a magnetometer."""
+    """The compiled classes of vqf."""
 
     KIND = "VQF"
 
@@ -130,9 +144,13 @@ class _Vqf(_Peer):
         self.name = f"vqf.{self.KIND}"
         self.settings = f"{self.name}, defaults"
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
-        q: Floats = getattr(self.library, self.KIND)(step).updateBatch(gyr, acc, mag)["quat9D"]
-        return q
+    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        found = getattr(self.library, self.KIND)(step).updateBatch(gyr, acc, mag)
+        return self.best(found)
+
+    def best(self, found: Mapping[str, Floats]) -> Floats:
+        """Attitude of a result, with its heading where it has one."""
+        return found.get("quat9D", found["quat6D"])
 
 
 class _BasicVqf(_Vqf):
@@ -150,9 +168,8 @@ class _OfflineVqf(_Vqf):
         super().__init__(library)
         self.settings = f"{self.name}, defaults; not causal: uses the whole recording"
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
-        q: Floats = self.library.offlineVQF(gyr, acc, mag, step)["quat9D"]
-        return q
+    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        return self.best(self.library.offlineVQF(gyr, acc, mag, step))
 
 
 TUNED_FUSION: Final = "imufusion.Ahrs, gain 0.5, gyroscope range 2000 °/s, rejection 10° and 10°, timeout 5 s, ENU"
@@ -182,11 +199,13 @@ class _Fusion(_Peer):
     settings = "imufusion.Ahrs, defaults, ENU"
     TUNING: Mapping[str, float] = {}
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
+    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         filter_ = fusion_filter(self.library, 1.0 / step, self.TUNING)
+        take = filter_.update_no_magnetometer if mag is None else filter_.update
+        triads = (self.rates(gyr, step), acc / G0, *(() if mag is None else (mag,)))
         q = np.empty((len(gyr), 4))
-        for i, (rate, force, field) in enumerate(zip(self.rates(gyr, step), acc / G0, mag, strict=True)):
-            filter_.update(rate, force, field)
+        for i, values in enumerate(zip(*triads, strict=True)):
+            take(*values)
             q[i] = filter_.get_quaternion()
         return q
 
@@ -234,7 +253,7 @@ class _Ahrs(_Peer):
         """Return attitudes as they are."""
         return q
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
+    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         kind = getattr(self.library.filters, self.KIND)
         with self.quiet():
             return self.enu(kind(gyr=gyr, acc=acc, mag=mag, frequency=1.0 / step, **self.ARGUMENTS).Q)
@@ -269,8 +288,8 @@ class _EkfRun(_Ahrs):
         super().__init__(library)
         self.settings = "ahrs.EKF(frame=NED, magnetic_ref=median dip of the recording), started from the first sample"
 
-    def whole(self, gyr: Floats, acc: Floats, mag: Floats, step: float) -> Floats:
-        dip_deg = float(to_deg(np.median(_dip(acc, mag))))
+    def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        dip_deg = 0.0 if mag is None else float(to_deg(np.median(_dip(acc, mag))))
         with self.quiet():
             run = self.library.filters.EKF(
                 gyr=gyr, acc=-acc, mag=mag, frequency=1.0 / step, frame="NED", magnetic_ref=dip_deg

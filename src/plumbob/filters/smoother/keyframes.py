@@ -19,9 +19,11 @@ USUAL: Final = 3.0
 UNKNOWN_FORCE: Final = 5.0
 """Standard deviation of a specific force that was not measured, m/s²;"""
 UNKNOWN_RATE: Final = 0.3
-"""of a rate that was not measured, as a share of the rates around it, and"""
+"""of a rate that was not measured, as a share of the rates around it, which are taken to be"""
 LEAST_RATE: Final = deg(2.0)
-"""at least, rad/s."""
+"""at least, rad/s: both in a long hole. A straight line over a short one misses less of a motion of"""
+SWING: Final = 3.0
+"""this frequency, Hz."""
 
 Bools = NDArray[np.bool_]
 
@@ -82,8 +84,8 @@ class Keyframes:
         gyr, acc = _filled(t, gyr), _filled(t, acc)
         dt = np.diff(t, prepend=t[0])
         rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
-        missed = _per_step(first, np.where(no_rate, UNKNOWN_RATE * rates * dt, 0.0)) ** 2
-        pushed = _per_step(first, np.where(no_force, UNKNOWN_FORCE * dt, 0.0)) ** 2
+        missed = _per_step(first, np.minimum(UNKNOWN_RATE, _bow(t, no_rate)) * rates * dt) ** 2
+        pushed = _per_step(first, np.minimum(1.0, _bow(t, no_force)) * UNKNOWN_FORCE * dt) ** 2
         return cls(t, gyr, acc, field, first, gap, missed, pushed, rows)
 
     @property
@@ -165,6 +167,16 @@ def _filled(t: Floats, values: Floats) -> Floats:
     if not known.any():
         return np.zeros_like(values)
     return np.stack([np.interp(t, t[known], values[known, i]) for i in range(3)], axis=1)
+
+
+def _bow(t: Floats, missing: Bools) -> Floats:
+    """How far a sine of unit size, of frequency `SWING`, leaves a straight line over the hole of each sample, (N,)."""
+    known = np.flatnonzero(~missing)
+    if not known.size:
+        return np.full(t.size, np.inf)
+    place = np.searchsorted(known, np.arange(t.size))
+    before, after = known[np.maximum(place - 1, 0)], known[np.minimum(place, known.size - 1)]
+    return np.where(missing, (2.0 * np.pi * SWING * (t[after] - t[before])) ** 2 / 8.0, 0.0)
 
 
 def _smooth(values: Floats, count: int) -> Floats:

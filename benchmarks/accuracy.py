@@ -1,0 +1,473 @@
+"""Accuracy of the smoother, the filters and other libraries on real recordings: docs/accuracy.md and its picture.
+
+The recordings are those under PLUMBOB_DATA (broad, foreign); the page says where they come from. Each part of the page
+is measured by itself and kept in bench-out/accuracy.json, so that one of them can be measured again.
+
+    python -m benchmarks.accuracy [--parts sets,variants,ablations,choice,draws] [--draws 256]
+"""
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from plumbob.core.params import describe
+from plumbob.core.text import counted
+from plumbob.core.version import __version__
+from plumbob.evaluation.many import Accuracy, measure_accuracy, peer_runs
+from plumbob.evaluation.many.accuracy import KEYS, SHARES
+from plumbob.files import Recording, read
+from plumbob.filters.offline import Stage
+from plumbob.filters.smoother.model import Params
+from plumbob.report import Figure, Report
+
+ROOT = Path(__file__).parents[1]
+KEPT = ROOT / "bench-out" / "accuracy.json"
+PAGE = ROOT / "docs" / "accuracy.md"
+PICTURE = ROOT / "docs" / "images" / "accuracy.svg"
+
+HEADING = ("heading",)
+SETS: dict[str, tuple[str, tuple[str, ...]]] = {  # files under PLUMBOB_DATA, and what is aligned
+    "BROAD": ("broad/[0-9]*.*", ()),
+    "wand": ("foreign/tstick/*.parquet", HEADING),
+    "phones, magnets near": ("foreign/phones/*_Dist_*.parquet", HEADING),
+    "phones": ("foreign/phones/*_NoDist_*.parquet", HEADING),
+    "chain, rigid": ("foreign/chain/*_rigid_*.parquet", HEADING),
+    "chain, soft": ("foreign/chain/*_nonrigid_*.parquet", HEADING),
+    "robot arm": ("foreign/robot_arm/*.parquet", HEADING),
+}
+LATENCY = {"latency": "2.6 ms"}
+EXTRA: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {  # rows more: set, parameters, changes
+    "BROAD, latency 2.6 ms": ("BROAD", LATENCY, {}),
+    "wand, no magnetometer": ("wand", {}, {"no_mag": ""}),
+    "chain, rigid, no magnetometer": ("chain, rigid", {}, {"no_mag": ""}),
+    "chain, soft, no magnetometer": ("chain, soft", {}, {"no_mag": ""}),
+}
+OURS = ("smoother", "mekf", "vqf")
+PEERS = "vqf.VQF,vqf.offlineVQF,imufusion(readme),ahrs.Madgwick,ahrs.EKF"
+QUICK = "vqf.VQF,vqf.offlineVQF"
+RIVAL = "vqf.offlineVQF"
+FACTORS, WORST = (0.5, 2.0), 1.7
+VARIANTS: dict[str, tuple[dict[str, str], tuple[float, float] | None]] = {  # changes, time that is scored
+    "as recorded": ({}, None),
+    "begins 20 s into the motion": ({"start": "20s"}, None),
+    "… its first 10 s": ({"start": "20s"}, (0.0, 10.0)),
+    "five gaps of 1 s": ({"gaps": "5x1s"}, None),
+    "five gaps of 3 s": ({"gaps": "5x3s"}, None),
+    "field off by (15, −10, 20) µT, first 20 s": ({"wrong_field": "15,-10,20uT:0s-20s"}, None),
+    "field off by (0, −25, 0) µT, first 20 s": ({"wrong_field": "0,-25,0uT:0s-20s"}, None),
+    "+20 µT east, 60 s in motion": ({"wrong_field": "20,0,0uT:30s-90s@motion"}, None),
+    "+10 µT east, 20 s in motion": ({"wrong_field": "10,0,0uT:30s-50s@motion"}, None),
+    "hard iron of 3 µT on x": ({"hard_iron": "3,0,0uT"}, None),
+    "rates 1 % too large": ({"scale": "1%"}, None),
+    "bias of 6 °/s on each axis": ({"bias": "6dps"}, None),
+    "5 % of the rows without values": ({"missing": "5%"}, None),
+    "asynchronous stamps": ({"asynchronous": ""}, None),
+    "means at 47.6 Hz": ({"rate": "47.6Hz"}, None),
+}
+OFF: dict[str, dict[str, Any]] = {
+    "without magnetometer": {"mag": False},
+    "no accelerometer bias": {"acc_bias": 0.0},
+    "no scale and misalignment of the gyroscope": {"gyr_scale": 0.0, "gyr_misalignment": 0.0},
+    "no deflection of the field": {"mag_disturbance_sd": 0.0},
+    "no white scale noise": {"gyr_nonlinearity": 0.0},
+    "nothing is rest": {"rest_rate": "1e-6 rad/s"},
+}
+CHOICE = 64
+"""Parameter sets among which one is chosen."""
+
+
+@cache
+def recordings(name: str) -> list[Recording]:
+    """Recordings of a set, read once."""
+    data = Path(os.environ["PLUMBOB_DATA"])
+    return [read(path) for path in sorted(data.glob(SETS[name][0]))]
+
+
+def measured(name: str, stages: Sequence[Stage], peers: str = "none", **settings: Any) -> Accuracy:
+    """Estimators on a set, with the alignment that it needs."""
+    align = settings.pop("align", SETS[name][1])
+    if "no_mag" in (settings.get("changes") or {}) or any(stage.params.get("mag") is False for stage in stages):
+        align = HEADING
+    found, absent = peer_runs(peers)
+    return measure_accuracy(recordings(name), stages, peers=found, absent=absent, align=align, **settings)
+
+
+def smoother(params: Mapping[str, Any]) -> Stage:
+    return Stage("smoother", dict(params))
+
+
+def totals(name: str, params: Mapping[str, Any]) -> list[float]:
+    """Total error of the smoother on each recording of a set, degrees."""
+    trials = measured(name, [smoother(params)], calibrated=True).trials
+    return [errors["smoother"][KEYS[0]] for errors in trials.values()]
+
+
+# --- parts ----------------------------------------------------------------------------------------------------
+
+
+def sets() -> dict[str, Any]:
+    """Every estimator on every set."""
+    found = {}
+    rows = {name: (name, {}, {}) for name in SETS} | EXTRA
+    for row, (name, params, changes) in rows.items():
+        stages = [Stage(filter_, params if filter_ == "smoother" else {}) for filter_ in OURS]
+        peers = QUICK if params else PEERS
+        result = measured(name, stages, peers, changes=changes, calibrated=True, against="smoother")
+        unknown = measured(name, stages[:1], changes=changes)
+        claims = result.claims() | {"smoother, unknown calibration": unknown.claims()["smoother"]}
+        found[row] = {
+            "count": len(result.trials), "mean": result.mean(), "claims": claims, "better": result.better(),
+            "trials": result.trials, "absent": result.absent, "skipped": result.skipped,
+        }  # fmt: skip
+        log(row, result)
+    return found
+
+
+def variants() -> dict[str, Any]:
+    """The recordings of BROAD made harder."""
+    found = {}
+    for row, (changes, between) in VARIANTS.items():
+        result = measured(
+            "BROAD", [Stage(name, {}) for name in OURS], QUICK, changes=changes, between=between, calibrated=True
+        )
+        worst = max(errors["smoother"][KEYS[0]] for errors in result.trials.values())
+        found[row] = {"mean": result.mean(), "worst": worst, "claims": result.claims()["smoother"]}
+        log(row, result)
+    return found
+
+
+def ablations() -> dict[str, Any]:
+    """The smoother without a part of it, and with each parameter halved and doubled."""
+    found: dict[str, Any] = {"as it is": {name: mean(totals(name, {})) for name in SETS}, "off": {}, "changed": {}}
+    for row, params in OFF.items():
+        found["off"][row] = {name: mean(totals(name, params)) for name in SETS}
+        print(row, found["off"][row], flush=True)
+    for name in numeric():
+        value = getattr(Params(), name)
+        each = [{of: mean(totals(of, {name: factor * value})) for of in SETS} for factor in FACTORS]
+        found["changed"][name] = each
+        print(name, each, flush=True)
+    return found
+
+
+def choice() -> dict[str, Any]:
+    """Totals of each recording of all sets with the first drawn parameters; `chosen` makes the table of them."""
+    found: dict[str, Any] = {"sets": [{name: totals(name, {}) for name in SETS}]}
+    for params in drawn(CHOICE):
+        found["sets"].append({name: totals(name, params) for name in SETS})
+        print(len(found["sets"]), {name: round(mean(v), 3) for name, v in found["sets"][-1].items()}, flush=True)
+    return found
+
+
+def draws(count: int) -> dict[str, Any]:
+    """Total on BROAD with all parameters changed at once."""
+    found = []
+    for params in drawn(count):
+        found.append(mean(totals("BROAD", params)))
+        print(len(found), round(found[-1], 3), flush=True)
+    return {"totals": found}
+
+
+def numeric() -> list[str]:
+    """Parameters of the smoother that have a size."""
+    usual = Params()
+    return [p.name for p in describe(Params) if isinstance(v := getattr(usual, p.name), float) and v > 0.0]
+
+
+def drawn(count: int) -> Iterator[dict[str, float]]:
+    """Parameters times factors between a half and two, log-uniform."""
+    rng = np.random.default_rng(1)
+    usual, names = Params(), numeric()
+    for _ in range(count):
+        factors = np.exp2(rng.uniform(-1.0, 1.0, len(names)))
+        yield {name: float(getattr(usual, name) * f) for name, f in zip(names, factors, strict=True)}
+
+
+def mean(values: Sequence[float]) -> float:
+    return float(np.mean(values))
+
+
+def log(row: str, result: Accuracy) -> None:
+    means = {name: tuple(None if v is None else round(v, 3) for v in e.values()) for name, e in result.mean().items()}
+    print(row, means, result.skipped, result.absent, flush=True)
+
+
+# --- page -----------------------------------------------------------------------------------------------------
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """The page, of all parts."""
+    parts = [head(), sets_text(found["sets"]), claims_text(found["sets"]), variants_text(found["variants"])]
+    parts += [ablations_text(found["ablations"]), choice_text(found["choice"]), draws_text(found["draws"]), FOOT]
+    return "\n".join(parts)
+
+
+SOURCES = {
+    "BROAD": (
+        "15 of the 39 trials: a hand-held unit at 286 Hz, slow and fast, with and without magnetic disturbances, "
+        "optical reference; nothing is aligned, and the samples in motion count",
+        "Laidig et al. 2021, doi:10.3390/data6070072, CC BY 4.0",
+    ),
+    "wand": ("8 trials of a unit on a wand, 100 Hz, optical reference", "Szczęsna et al. 2016, RepoIMU T-stick"),
+    "phones": (
+        "34 recordings of a walking person with three phones, 100 Hz, 14 of them near magnets and iron, optical "
+        "reference; most begin in motion",
+        "Michel et al. 2017, hal-01376745, CeCILL 2.1",
+    ),
+    "chain": (
+        "five segments of a mechanical chain, one unit rigidly and one softly mounted on each, 40 Hz, optical "
+        "reference; the field of the room is bent by up to 40°",
+        "supplement of RING, Bachhuber et al. 2024",
+    ),
+    "robot arm": ("6 recordings of two units on an arm, 125 Hz, no magnetometer, encoders as reference", "OpenAXES"),
+}
+
+
+def head() -> str:
+    rows = [[name, *told] for name, told in SOURCES.items()]
+    return f"""# Accuracy on real recordings
+
+Every figure on this page was measured by `make accuracy` (`python -m benchmarks.accuracy`) with version {__version__},
+defaults, one set of parameters for all recordings. Errors are in degrees, root mean square over a recording, then
+the mean over the recordings of a set; *total / inclination*.
+
+The recordings are not in the repository. The command looks for them in the folder that `PLUMBOB_DATA` names:
+
+{table(["set", "what", "from"], rows, number="---")}
+The references of all sets but BROAD have a heading of arbitrary zero, so a constant heading is removed per recording
+and estimator. Much of the smoother was tried on these recordings while it was made; the last sections show how far its
+parameters are fitted to them.
+
+![Total error of each estimator on each set](images/accuracy.svg)
+"""
+
+
+FOOT = """## On your own recordings
+
+`plumbob benchmark accuracy` does the same with any recordings that carry a reference, and `--help` lists what can be
+changed in them first:
+
+```sh
+plumbob benchmark accuracy trials other --filters smoother,mekf --peers vqf --against smoother --align heading
+plumbob benchmark accuracy trials --filters smoother --gaps 5x1s --seed 2
+plumbob benchmark accuracy trials --filters smoother --wrong-field "20,0,0uT:30s-90s@motion" --calibrated
+```
+
+In Python the words are the same; `trials_in(Path("trials"))` gives the recordings of a folder:
+
+```python
+import plumbob as pb
+from plumbob.evaluation.many import measure_accuracy
+from plumbob.filters.offline import Stage
+
+run = pb.simulate("buoy", frame="ENU", sensors="mpu6000+hmc5983", unit="calibrated", seed=1, duration="40 s")
+sea = pb.Recording(imu=run.imu, track=run.truth, name="sea")
+found = measure_accuracy([sea], [Stage("smoother", {})], changes={"bias": "1dps"})
+print(f"{found.mean()['smoother']['inclination_rmse_deg']:.1f}°")
+```
+
+```text
+0.1°
+```
+"""
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]], number: str = "---:") -> str:
+    lines = [f"| {' | '.join(head)} |", f"| --- |{f' {number} |' * (len(head) - 1)}"]
+    return "\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]) + "\n"
+
+
+def pair(errors: Mapping[str, float | None] | None, *, best: bool = False) -> str:
+    """Total and inclination."""
+    if not errors or errors[KEYS[0]] is None:
+        return "–"
+    text = f"{errors[KEYS[0]]:.2f} / {errors[KEYS[2]]:.2f}"
+    return f"**{text}**" if best else text
+
+
+def estimators(rows: Mapping[str, Any]) -> list[str]:
+    return list(dict.fromkeys(name for row in rows.values() for name in row["mean"]))
+
+
+def compared(rows: Mapping[str, Any]) -> list[list[str]]:
+    """Rows of estimators beside each other, the least total in bold."""
+    names, cells = estimators(rows), []
+    for row, found in rows.items():
+        known = {n: e[KEYS[0]] for n, e in found["mean"].items() if e[KEYS[0]] is not None}
+        least = min(known, key=known.__getitem__)
+        cells.append([row, *(pair(found["mean"].get(name), best=name == least) for name in names)])
+    return cells
+
+
+def sets_text(rows: Mapping[str, Any]) -> str:
+    names = [f"`{name}`" if name in OURS else name for name in estimators(rows)]
+    paired = []
+    for row, found in rows.items():
+        trials = found["trials"].values()
+        ours, theirs = ([t[name] for t in trials] for name in ("smoother", RIVAL))
+        worst = max(a[KEYS[0]] - 1.5 * b[KEYS[0]] for a, b in zip(ours, theirs, strict=True))
+        tilt = mean([a[KEYS[2]] - b[KEYS[2]] for a, b in zip(ours, theirs, strict=True)])
+        lost, of = found["better"][RIVAL]
+        change = mean([a[KEYS[0]] - b[KEYS[0]] for a, b in zip(ours, theirs, strict=True)])
+        paired.append([row, f"{change:+.2f}", f"{tilt:+.2f}", f"{of - lost} of {of}", f"{worst:+.2f}"])
+    return f"""## Estimators
+
+`smoother` and vqf.offlineVQF know the whole recording, the others only what came before. imufusion is x-io Fusion with
+the settings of its README. A dash: it cannot take these recordings.
+
+{table(["", *names], compared(rows))}
+The smoother less vqf.offlineVQF, recording by recording: mean differences, in how many the smoother is better, and the
+largest of its total less 1.5 times the other's.
+
+{table(["", "total", "inclination", "better in", "worst"], paired)}"""
+
+
+def claims_text(rows: Mapping[str, Any]) -> str:
+    cells = []
+    for row, found in rows.items():
+        for name, shares in found["claims"].items():
+            if name != "mekf" or row in SETS:
+                cells.append([row, name, *("–" if s is None else f"{s[0]:.0%} ({s[1]:.0%})" for s in shares.values())])
+    return f"""## Claims
+
+Share of the samples whose error lies within 1.96 standard deviations of the claimed covariance, 95 % where a claim is
+right: of the heading, and of the tilt about two level axes; mean of the recordings, in brackets the worst one. In
+motion is where the rate of a second exceeds 5 °/s.
+
+Of a recording without a card Plumbob does not know the calibration, and adds what a data sheet allows an uncalibrated
+part: the rows *unknown calibration*, which are too wide to tell anything. The others say that the units are calibrated
+(`--calibrated`). The makers of the units of BROAD and the wand did that; of the phones, the chain and the arm nobody
+says so. A softly mounted unit moves against the segment whose attitude the reference knows: most of its tilt error is
+not the estimator's.
+
+{table(["", "", *SHARES.values()], cells)}"""
+
+
+def variants_text(rows: Mapping[str, Any]) -> str:
+    names = [f"`{name}`" if name in OURS else name for name in estimators(rows)]
+    shares = [
+        [row, f"{found['worst']:.2f}", *("–" if s is None else f"{s[0]:.0%}" for s in found["claims"].values())]
+        for row, found in rows.items()
+    ]
+    return f"""## Recordings made harder
+
+The 15 trials of BROAD, each changed in the same way; what is drawn comes from seed 1. A dash: an estimator that cannot
+take rows without values, or that says in a recording that it has not converged. vqf.VQF and vqf.offlineVQF take one
+time step for all samples, so that a gap is a jump to them.
+
+{table(["", *names], compared(rows))}
+The smoother's worst recording, total, and its claims, as above:
+
+{table(["", "worst", *SHARES.values()], shares)}"""
+
+
+def ablations_text(found: Mapping[str, Any]) -> str:
+    names = list(SETS)
+    off = [[row, *(f"{values[n]:.2f}" for n in names)] for row, values in found["off"].items()]
+    usual = ["as it is", *(f"{found['as it is'][n]:.2f}" for n in names)]
+    changed = [
+        [f"`{name}`", *(f"{half[n]:.2f}, {double[n]:.2f}" for n in names)]
+        for name, (half, double) in found["changed"].items()
+    ]
+    return f"""## What each part is worth
+
+Total error of the smoother without a part of it:
+
+{table(["", *names], [usual, *off])}
+and with each parameter at half and at twice its value:
+
+{table(["", *names], [usual, *changed])}"""
+
+
+def choice_text(found: Mapping[str, Any]) -> str:
+    rows = []
+    for title, judged, asked in (("even", 1, 0), ("odd", 0, 1)):
+        halves = [{n: (mean(v[asked::2]), mean(v[judged::2])) for n, v in each.items()} for each in found["sets"]]
+        usual = halves[0]
+
+        def score(each: Mapping[str, tuple[float, float]], base: Mapping[str, tuple[float, float]] = usual) -> float:
+            return mean([each[n][0] / base[n][0] for n in base])
+
+        best = min(halves[1:], key=score)
+        for name in SETS:
+            hindsight = min(each[name][1] for each in halves)
+            change = best[name][1] / usual[name][1] - 1.0
+            values = (usual[name][1], best[name][1], hindsight)
+            rows.append([f"{name}, {title} recordings", *(f"{v:.2f}" for v in values), f"{change:+.0%}"])
+    return f"""## Chosen on one half, judged on the other
+
+{len(found["sets"]) - 1} sets of parameters, all at once times a factor between a half and two. The set that is best on
+every second recording of all sets (mean of the ratios to the defaults) is judged on the others, and the other way
+round.
+
+{table(["", "defaults", "chosen on the other half", "best of all in hindsight", "chosen less defaults"], rows)}"""
+
+
+def draws_text(found: Mapping[str, Any]) -> str:
+    values = np.array(found["totals"])
+    low, high = np.percentile(values, (5, 95))
+    return f"""## All parameters at once
+
+{counted(values.size, "set")} of parameters, each times a factor between a half and two (log-uniform, seed 1), on BROAD:
+mean total {values.mean():.2f}, 5 to 95 %: {low:.2f} to {high:.2f}, worst {values.max():.2f} (bar: {WORST}).
+"""
+
+
+def draw_picture(rows: Mapping[str, Any]) -> None:
+    """Total errors, a row for each set and a mark for each estimator."""
+    from plumbob.report import SERIES
+
+    names = estimators(rows)
+    colours = {name: SERIES[i % len(SERIES)] for i, name in enumerate(names)}
+
+    def draw(figure: Any) -> None:
+        axes = figure.subplots()
+        figure.subplots_adjust(left=0.22, right=0.97, top=0.97, bottom=0.14)
+        for i, found in enumerate(rows.values()):
+            for name in names:
+                value = (found["mean"].get(name) or {}).get(KEYS[0])
+                if value is not None:
+                    axes.plot(value, -i, "s" if name in names[len(SERIES) :] else "o", color=colours[name], ms=4.5)
+        axes.set_yticks([-i for i in range(len(rows))], list(rows))
+        axes.set_xscale("log")
+        axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])
+        axes.minorticks_off()
+        axes.set_xlabel("total error [°]")
+
+    key = [(name, colours[name], "solid") for name in names]
+    report = Report("Accuracy", figures=[Figure("Total error of each estimator on each set", draw, key, height=3.2)])
+    report.plot(PICTURE, overwrite=True)
+
+
+def main() -> None:
+    """Measure the parts that are asked for, and write the page."""
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("--parts", default="sets,variants,ablations,choice,draws")
+    p.add_argument("--draws", type=int, default=256)
+    args = p.parse_args()
+    parts: dict[str, Callable[[], dict[str, Any]]] = {
+        "sets": sets, "variants": variants, "ablations": ablations, "choice": choice,
+        "draws": lambda: draws(args.draws),
+    }  # fmt: skip
+    kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
+    for name in filter(None, args.parts.split(",")):
+        begin = time.perf_counter()
+        kept[name] = parts[name]()
+        KEPT.parent.mkdir(exist_ok=True)
+        KEPT.write_text(json.dumps(kept, indent=1), encoding="utf-8")
+        print(f"{name}: {time.perf_counter() - begin:.0f} s", flush=True)
+    if missing := parts.keys() - kept.keys():
+        raise SystemExit(f"the page needs {', '.join(sorted(missing))} too: name them in --parts.")
+    PAGE.write_text(page(kept), encoding="utf-8")
+    draw_picture(kept["sets"])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,225 @@
+"""Recordings made harder in a stated way, to see what an estimate loses by it: the same change to every recording.
+
+Each function takes samples and returns changed ones; what is drawn comes from a seed. Motion begins where the rate,
+averaged over a second, first exceeds `MOVING`.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError, UnitError
+from plumbob.core.units import Quantity, dps, parse, split, to_dps
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.reading import default_max_gap, read_at
+from plumbob.rotations import quat_conjugate, quat_rotate
+
+SEED: Final = 1
+MOVING: Final = dps(20.0)
+"""Rate from which on a unit is in motion, rad/s."""
+MARGIN: Final = 10.0
+"""Gaps begin this long after the motion begins, and before the recording ends, s."""
+ACC_EVERY, MAG_EVERY = 2, 5
+"""Asynchronous stamps: specific forces between the rates, and every fifth row a field."""
+
+
+def turning(imu: ImuData) -> Floats:
+    """Size of the rate, averaged over a second around each sample, (N,), rad/s."""
+    size = np.linalg.norm(np.nan_to_num(imu.usable("gyr")), axis=1)
+    count = max(1, round(1.0 / float(np.median(np.diff(imu.t)))))
+    mean: Floats = np.convolve(size, np.full(count, 1.0 / count), "same")[: size.size]
+    return mean
+
+
+def motion_begins(imu: ImuData) -> float:
+    """Time at which a recording's motion begins, s.
+
+    Raises
+    ------
+    ShapeError
+        If it never moves.
+    """
+    moving = turning(imu) > MOVING
+    if not moving.any():
+        raise ShapeError(f"there is no motion in it: over no second the mean rate exceeds {to_dps(MOVING):.0f} °/s.")
+    return float(imu.t[np.argmax(moving)])
+
+
+def late_start(imu: ImuData, after: float) -> ImuData:
+    """Without all before a time after the motion begins, s."""
+    first = int(np.searchsorted(imu.t, motion_begins(imu) + after))
+    if first >= len(imu) - 1:
+        raise ShapeError(f"it ends less than {after:g} s after its motion begins.")
+    return imu[first:]
+
+
+def gaps(imu: ImuData, count: int, length: float, *, seed: int = SEED) -> ImuData:
+    """Without the samples of some stretches of one length, s, at times drawn from the motion."""
+    low, high = motion_begins(imu) + MARGIN, float(imu.t[-1]) - MARGIN
+    if not low < high:
+        raise ShapeError(f"it is too short for gaps: they lie {MARGIN:g} s from begin and end of its motion.")
+    keep = np.ones(len(imu), dtype=np.bool_)
+    for begin in np.random.default_rng(seed).uniform(low, high, count):
+        keep &= ~((imu.t > begin) & (imu.t < begin + length))
+    return _rows(imu, keep)
+
+
+def wrong_field(imu: ImuData, reference: AttitudeTrack, field: Floats, begin: float, end: float) -> ImuData:
+    """With a field (3,), µT, constant in the reference's frame, added from one time of the recording to another, s.
+
+    Where the reference is not known nothing is added.
+    """
+    rows = (imu.t >= begin) & (imu.t < end)
+    q_nb = read_at(reference, imu.t_ns[rows], max_gap=default_max_gap(reference)).q_nb
+    mag = _triad(imu, "mag").copy()
+    mag[rows] += np.nan_to_num(quat_rotate(quat_conjugate(q_nb), np.broadcast_to(field, (len(q_nb), 3))))
+    return imu.corrected(meta=imu.meta, mag=mag)
+
+
+def with_offset(imu: ImuData, name: str, offset: Floats) -> ImuData:
+    """With a constant in body axes (3,) added to a triad: a bias of the gyroscope, a hard iron."""
+    return imu.corrected(meta=imu.meta, **{name: _triad(imu, name) + offset})
+
+
+def with_scale(imu: ImuData, share: float) -> ImuData:
+    """With rates that are too large by a share."""
+    return imu.corrected(meta=imu.meta, gyr=_triad(imu, "gyr") * (1.0 + share))
+
+
+def missing(imu: ImuData, share: float, *, seed: int = SEED) -> ImuData:
+    """Without the values of a share of the rows, drawn one by one; their stamps stay."""
+    lost = np.random.default_rng(seed).random(len(imu)) < share
+    return _absent(imu, dict.fromkeys(imu.triads, lost))
+
+
+def asynchronous(imu: ImuData) -> ImuData:
+    """With rates and specific forces in alternate rows, and a field in every fifth, as of sensors with own clocks."""
+    row = np.arange(len(imu))
+    odd = row % ACC_EVERY == 1
+    lost = {"gyr": odd, "acc": ~odd, "mag": row % MAG_EVERY != 0}
+    return _absent(imu, {name: lost[name] for name in imu.triads})
+
+
+def block_means(imu: ImuData, rate: float) -> ImuData:
+    """At about a lower rate, Hz: means of whole blocks, each with the stamp of its last sample."""
+    size = round(1.0 / (rate * float(np.median(np.diff(imu.t)))))
+    if size < 2:
+        raise ShapeError(f"its own rate is too low for means at {rate:g} Hz.")
+    last = np.arange(size - 1, len(imu), size)
+    blocks = {name: _triad(imu, name)[: last.size * size].reshape(-1, size, 3).mean(axis=1) for name in imu.triads}
+    flags = np.bitwise_or.reduce(imu.flags[: last.size * size].reshape(-1, size), axis=1)
+    return ImuData(t=imu.t[last], **blocks, flags=flags, meta=imu.meta)
+
+
+def without_mag(imu: ImuData) -> ImuData:
+    """Without a magnetometer."""
+    return ImuData(t=imu.t, gyr=imu.gyr, acc=imu.acc, temp_c=imu.temp_c, flags=imu.flags, meta=imu.meta)
+
+
+def _triad(imu: ImuData, name: str) -> Floats:
+    if name not in imu.triads:
+        raise ShapeError(f"it has no {name} that could be changed, only {', '.join(imu.triads)}.")
+    return imu.usable(name)
+
+
+def _rows(imu: ImuData, keep: NDArray[np.bool_]) -> ImuData:
+    triads = {name: getattr(imu, name)[keep] for name in imu.triads}
+    temp_c = None if imu.temp_c is None else imu.temp_c[keep]
+    return ImuData(t=imu.t[keep], **triads, temp_c=temp_c, flags=imu.flags[keep], meta=imu.meta)
+
+
+def _absent(imu: ImuData, lost: Mapping[str, NDArray[np.bool_]]) -> ImuData:
+    triads = {name: np.where(rows[:, np.newaxis], np.nan, getattr(imu, name)) for name, rows in lost.items()}
+    return imu.corrected(meta=imu.meta, **triads)
+
+
+class _Told(NamedTuple):
+    """What a change is made of: the reference, what was said of it, and the seed."""
+
+    reference: AttitudeTrack
+    text: str
+    seed: int
+
+
+def _gaps(imu: ImuData, told: _Told) -> ImuData:
+    count, _, length = told.text.partition("x")
+    if not count.strip().isdigit() or not length:
+        raise ParameterError(f"gaps needs their number and length, as 5x1s, but got '{told.text}'.")
+    return gaps(imu, int(count), parse(length, Quantity.TIME), seed=told.seed)
+
+
+def _wrong_field(imu: ImuData, told: _Told) -> ImuData:
+    for part in told.text.split(";"):
+        field, _, when = part.partition(":")
+        when, _, since = when.partition("@")
+        begin, _, end = when.partition("-")
+        if not end or since.strip() not in {"", "motion"}:
+            raise ParameterError(
+                f"wrong_field needs field and times, as '15,-10,20uT:0s-20s', or '...:30s-90s@motion' where they count "
+                f"from the begin of the motion, but got '{told.text}'."
+            )
+        zero = motion_begins(imu) if since else float(imu.t[0])
+        times = (zero + parse(time, Quantity.TIME) for time in (begin, end))
+        imu = wrong_field(imu, told.reference, _vector(field, Quantity.FIELD), *times)
+    return imu
+
+
+def _vector(text: str, quantity: Quantity) -> Floats:
+    """Three numbers before one unit, as '15,-10,20uT', or one for all axes."""
+    parts = text.split(",")
+    unit = split(parts[-1])[1]
+    values = [parse(part if i == len(parts) - 1 else f"{part}{unit}", quantity) for i, part in enumerate(parts)]
+    if len(values) not in {1, 3}:
+        raise UnitError(
+            f"'{text}' has {len(values)} numbers, but one for each axis, as 2,-2,2dps, or one for all goes."
+        )
+    return np.broadcast_to(np.array(values), 3)
+
+
+_CHANGES: Final[Mapping[str, Callable[[ImuData, _Told], ImuData]]] = {
+    "start": lambda imu, told: late_start(imu, parse(told.text, Quantity.TIME)),
+    "wrong_field": _wrong_field,
+    "hard_iron": lambda imu, told: with_offset(imu, "mag", _vector(told.text, Quantity.FIELD)),
+    "scale": lambda imu, told: with_scale(imu, parse(told.text, Quantity.RATIO)),
+    "bias": lambda imu, told: with_offset(imu, "gyr", _vector(told.text, Quantity.RATE)),
+    "no_mag": lambda imu, _: without_mag(imu),
+    "gaps": _gaps,
+    "rate": lambda imu, told: block_means(imu, parse(told.text, Quantity.FREQUENCY)),
+    "asynchronous": lambda imu, _: asynchronous(imu),
+    "missing": lambda imu, told: missing(imu, parse(told.text, Quantity.RATIO), seed=told.seed),
+}
+"""By name, in the order in which they are made: first what happens to the body, then to its samples."""
+
+CHANGES: Final = tuple(_CHANGES)
+
+
+def changed(imu: ImuData, reference: AttitudeTrack, changes: Mapping[str, str], *, seed: int = SEED) -> ImuData:
+    """Samples with changes made by their names, as the command line has them.
+
+    Parameters
+    ----------
+    imu : ImuData
+        The recording.
+    reference : AttitudeTrack
+        Its truth; a wrong field is constant in its frame.
+    changes : Mapping
+        By name, of `CHANGES`: how much, text with a unit, as ``{"gaps": "5x1s"}``; empty for one that needs none.
+    seed : int
+        Of what is drawn.
+
+    Raises
+    ------
+    ParameterError, UnitError
+        If a change is not known, or cannot be read.
+    ShapeError
+        If it cannot be made to this recording.
+    """
+    if unknown := changes.keys() - _CHANGES.keys():
+        raise ParameterError(f"there is no change '{min(unknown)}'; known are {', '.join(CHANGES)}.")
+    for name, make in _CHANGES.items():
+        if name in changes:
+            imu = make(imu, _Told(reference, changes[name], seed))
+    return imu

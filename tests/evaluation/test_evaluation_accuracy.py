@@ -1,0 +1,185 @@
+"""Estimators on folders of recordings: means per folder, paired differences, claims, refusals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plumbob import Frame, files
+from plumbob.core.errors import DecodeError
+from plumbob.core.units import deg
+from plumbob.evaluation.many import measure_accuracy, trials_in
+from plumbob.evaluation.many.accuracy import KEYS, SHARES
+from plumbob.evaluation.metrics import INSIDE, inside_claim
+from plumbob.filters.offline import Stage
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.simulation import simulate
+
+TOTAL = KEYS[0]
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Two folders: two buoys, and one without a magnetometer."""
+    root = tmp_path_factory.mktemp("trials")
+    for folder, seeds in (("sea", (1, 2)), ("bare", (3,))):
+        (root / folder).mkdir()
+        for seed in seeds:
+            run = simulate(
+                "buoy",
+                frame=Frame.ENU,
+                sensors="mpu6000+hmc5983",
+                unit="calibrated",
+                seed=seed,
+                duration=40.0,
+                rate=50.0,
+            )
+            imu = run.imu if folder == "sea" else replace(run.imu, mag=None)
+            imu = replace(imu, meta=replace(imu.meta, calibration=None, acc_left=None, mag_left=None))
+            files.write(root / folder / f"buoy{seed}.parquet", files.Recording(imu=imu, track=run.truth, name="buoy"))
+    return root / "sea", root / "bare"
+
+
+class Compass:
+    """A library that needs a magnetometer, and then holds still."""
+
+    name = settings = "compass"
+
+    def whole(self, gyr, acc, mag, step):
+        if mag is None:
+            raise ValueError("it has no field")
+        return np.tile([1.0, 0.0, 0.0, 0.0], (len(gyr), 1))
+
+
+def stages(*names):
+    return [Stage(name, {}) for name in names]
+
+
+def test_means_are_over_each_folder_and_over_all(folders):
+    found = measure_accuracy(trials_in(*folders), stages("mekf", "vqf"), align=("heading",), against="mekf")
+    assert {name: len(trials) for name, trials in found.folders.items()} == {"sea": 2, "bare": 1}
+    assert set(found.trials) == {"sea/buoy1", "sea/buoy2", "bare/buoy3"}
+    each = [errors["vqf"][TOTAL] for errors in found.trials.values()]
+    assert found.mean()["vqf"][TOTAL] == pytest.approx(np.mean(each))
+    assert found.mean("sea")["vqf"][TOTAL] == pytest.approx(np.mean(each[:2]))
+    assert found.mean("bare")["vqf"][TOTAL] == each[2]
+    text = found.text()
+    assert "Mean RMSE of 2 trials, sea [°]" in text
+    assert "Mean RMSE of 3 trials [°]" in text
+
+
+def test_one_folder_is_named_as_before(folders):
+    found = measure_accuracy(trials_in(folders[0]), stages("vqf"))
+    assert set(found.skipped) == set()
+    assert set(found.trials) == {"buoy1", "buoy2"}
+    assert "mean of" not in found.text()
+
+
+def test_files_and_recordings_are_taken_as_folders_are(folders):
+    paths = trials_in(folders[0] / "buoy1.parquet", folders[0] / "buoy2.parquet")
+    read = [replace(files.read(path), name=path.stem) for path in paths]
+    by_path, by_hand = (measure_accuracy(what, stages("vqf")) for what in (paths, read))
+    assert by_path.trials == by_hand.trials == measure_accuracy(trials_in(folders[0]), stages("vqf")).trials
+
+
+def test_recordings_of_one_name_are_counted_apart(folders):
+    read = [replace(files.read(path), name="a.b") for path in trials_in(folders[0])]
+    assert set(measure_accuracy(read, stages("vqf")).trials) == {"a.b", "a.b (2)"}
+
+
+def test_differences_are_trial_by_trial(folders):
+    found = measure_accuracy(trials_in(*folders), stages("mekf", "vqf"), align=("heading",), against="mekf")
+    for trial, errors in found.trials.items():
+        assert found.differences()[trial] == {"vqf": errors["vqf"][TOTAL] - errors["mekf"][TOTAL]}
+    better, of = found.better()["vqf"]
+    assert of == 3
+    assert better == sum(row["vqf"] < 0.0 for row in found.differences().values())
+
+
+def test_an_estimator_that_takes_none_of_a_folder_is_left_out_of_it_alone(folders):
+    found = measure_accuracy(trials_in(*folders), stages("mekf"), peers=[Compass()], align=("heading",))
+    assert set(found.trials["bare/buoy3"]) == {"mekf"}
+    assert "it has no field" in found.absent["compass (bare)"]
+    assert found.mean("bare")["compass"] == found.mean()["compass"] == dict.fromkeys(KEYS)
+    assert found.mean("sea")["compass"][TOTAL] > 5.0
+
+
+def test_a_trial_that_one_of_several_refuses_counts_for_none_and_is_named(folders):
+    class Picky(Compass):
+        def whole(self, gyr, acc, mag, step):
+            if acc[0, 0] == first:
+                raise ValueError("not this one")
+            return super().whole(gyr, acc, mag, step)
+
+    first = files.read(folders[0] / "buoy1.parquet").imu.acc[0, 0]
+    found = measure_accuracy(trials_in(*folders), stages("mekf"), peers=[Picky()], align=("heading",))
+    assert set(found.trials) == {"sea/buoy2", "bare/buoy3"}
+    assert "compass: compass refuses it: ValueError: not this one" in found.skipped["sea/buoy1.parquet"]
+
+
+def test_one_that_has_nothing_to_score_loses_its_own_mean_alone(folders):
+    """The first seconds of a start in waves are those in which a filter says that it has not converged."""
+    found = measure_accuracy(
+        trials_in(folders[0]), stages("mekf", "tilt_compass"), between=(0.0, 0.5), against="tilt_compass"
+    )
+    assert len(found.trials) == 2
+    assert found.mean()["mekf"] == dict.fromkeys(KEYS)
+    assert found.mean()["tilt_compass"][TOTAL] > 0.0
+    assert "no sample is left to score" in found.absent["mekf (buoy1)"]
+    assert found.better()["mekf"] == (0, 0)
+
+
+def test_a_trial_of_which_nothing_can_be_scored_is_skipped(folders):
+    with pytest.raises(DecodeError, match="no sample is left to score"):
+        measure_accuracy(trials_in(folders[0]), stages("vqf"), between=(90.0, 99.0))
+
+
+def test_only_a_part_of_the_time_may_count(folders):
+    whole, first = (
+        measure_accuracy(trials_in(folders[0]), stages("tilt_compass"), between=time) for time in (None, (0.0, 5.0))
+    )
+    assert first.trials != whole.trials
+    read = files.read(folders[0] / "buoy1.parquet")  # tilt_compass knows nothing of other samples
+    alone = measure_accuracy([replace(read, imu=read.imu[:251], name="buoy1")], stages("tilt_compass"))
+    assert first.trials["buoy1"]["tilt_compass"][TOTAL] == pytest.approx(alone.trials["buoy1"]["tilt_compass"][TOTAL])
+
+
+def test_claims_are_judged_where_there_are_any_and_a_declared_calibration_makes_them_narrower(folders):
+    unknown, declared = (
+        measure_accuracy(trials_in(folders[0]), stages("mekf", "vqf"), calibrated=told) for told in (False, True)
+    )
+    assert set(unknown.claims()) == {"mekf"}
+    assert set(unknown.claims()["mekf"]) == set(SHARES)
+    assert unknown.trials == declared.trials
+    mean, worst = declared.claims()["mekf"]["tilt_motion"]
+    assert worst <= mean <= 1.0
+    assert unknown.claims()["mekf"]["tilt_motion"][1] >= worst
+    assert unknown.calibration["buoy1"].startswith("NONE")
+    assert declared.calibration["buoy1"] == "declared, no card"
+
+
+def test_a_covariance_that_is_right_holds_95_percent_and_one_half_as_wide_68():
+    """Errors drawn from the covariance; 67.3 % of a normal variable lie within 0.98 standard deviations."""
+    rng, n = np.random.default_rng(4), 20_000
+    q = rng.standard_normal((n, 4))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    sd_n = deg(np.array([0.3, 0.6, 2.0]))
+    truth = quat_multiply(quat_from_rotvec(sd_n * rng.standard_normal((n, 3))), q)
+    c_nb = dcm_from_quat(q)
+    cov_b = np.swapaxes(c_nb, 1, 2) @ np.diag(sd_n**2) @ c_nb
+    for factor, share in ((1.0, 0.95), (0.25, 0.6729)):
+        heading, tilt = inside_claim(q, truth, factor * cov_b)
+        assert heading.mean() == pytest.approx(share, abs=4.0 * np.sqrt(share * (1.0 - share) / n) + 1e-3)
+        assert tilt.mean(axis=0) == pytest.approx(share, abs=0.015)
+
+
+def test_an_error_at_the_limit_is_inside_and_one_beyond_is_not():
+    q = np.array([[1.0, 0.0, 0.0, 0.0]])
+    cov = np.diag(deg(1.0) ** 2 * np.ones(3))[np.newaxis]
+    for size, expected in ((0.999, True), (1.001, False)):
+        heading, tilt = inside_claim(q, quat_from_rotvec([[0.0, 0.0, size * INSIDE * deg(1.0)]]), cov)
+        assert heading.tolist() == [expected]
+        assert tilt.all()
+        heading, tilt = inside_claim(q, quat_from_rotvec([[size * INSIDE * deg(1.0), 0.0, 0.0]]), cov)
+        assert tilt.tolist() == [[expected, True]]
+        assert heading.all()
