@@ -293,6 +293,7 @@ def passed(frames, resting, p, noise):
     forward(
         frames.t, frames.gyr, frames.acc, frames.mag, frames.first, kind, frames.missed, frames.pushed, density,
         heading, start, np.zeros(SIZE), p, noise, q, x, cov, gain, term, step, mean,
+        np.empty((SIZE, SIZE)),
     )  # fmt: skip
     return kind, density, heading, q, x, cov, gain, term, step, mean
 
