@@ -60,9 +60,10 @@ def test_errors_fit_the_covariance_that_is_claimed(speed, rest):
     """NEES over the units at the first sample, in the middle and at the end, [BarShalom2001] sec. 5.4.
 
     Their mean times their number is χ² of two degrees for each unit of tilt, one of heading, three of bias. The tilt
-    lies within the bounds that nine such means keep together in 95 % of all runs (Bonferroni). Heading and bias have margins: a field's direction is taken to be off by a
-    degree at least *and* its noise widens that, and the bias has the prior of any unit; their upper bound is the
-    law's, their lower one allows for standard deviations that are twice as wide as the errors.
+    lies within the bounds that nine such means keep together in 95 % of all runs (Bonferroni). Heading and bias have
+    margins: a field's direction is taken to be off by a degree at least *and* its noise widens that, and the bias has
+    the prior of any unit; their upper bound is the law's, their lower one allows for standard deviations that are
+    twice as wide as the errors.
     """
     smoother = Smoother(frame="ENU", params=ESTIMATED)
     nees = np.zeros((UNITS, 3, 3))
