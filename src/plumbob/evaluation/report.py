@@ -190,13 +190,16 @@ def _differences(evaluations: list["Evaluation"]) -> str:
 def _comparison_table(evaluations: Mapping[str, "Evaluation"]) -> Table:
     """RMSE of each, the smallest of each column in bold."""
     rows, strong = [], []
+    aligned = any(e.settings.align for e in evaluations.values())
     for name, e in evaluations.items():
         errors = [degrees(e.stats[q].rmse) if q in e.stats else "not scored" for q in QUANTITIES]
-        rows.append([name, *errors, str(e.match.scored.sum()), ", ".join(e.settings.align) or "nothing"])
+        constants = [", ".join(e.settings.align) or "nothing"] if aligned else []
+        rows.append([name, *errors, str(e.match.scored.sum()), *constants])
     for column, q in enumerate(QUANTITIES, start=1):
         found = {i: e.stats[q].rmse for i, e in enumerate(evaluations.values()) if q in e.stats}
         strong += [(i, column) for i, rmse in found.items() if rmse == min(found.values())]
-    return Table("RMSE [°]", ["", *QUANTITIES, "samples", "aligned"], rows, (len(QUANTITIES) + 2,), strong)
+    head = ["", *QUANTITIES, "samples", *(["aligned"] if aligned else [])]
+    return Table("RMSE [°]", head, rows, (len(QUANTITIES) + 2,) if aligned else (), strong)
 
 
 def _left_out(e: "Evaluation") -> dict[str, int]:

@@ -25,7 +25,7 @@ from plumbob.core.units import Quantity, deg, dps
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
 
-SUMMARY: Final = "smoother: the whole recording at once, forward and backward; its scale, biases and field estimated"
+SUMMARY: Final = "the whole recording at once, forward and backward; its scale, biases and field estimated"
 REFERENCES: Final = ("Sola2017", "Bierman1973", "Schmidt1966")
 NEEDS: Final = ("gyr", "acc")
 BIAS_PRIOR: Final = "bias_start"
