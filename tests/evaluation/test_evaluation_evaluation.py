@@ -33,6 +33,13 @@ def test_a_track_agrees_with_itself(reference):
     assert result.notes == ()
 
 
+def test_clocks_that_hardly_overlap_are_pointed_out(track, t, reference):
+    """Of 2000 samples of an estimate that begins 15 s late, 500 lie within the reference's 20 s."""
+    late = evaluate(track(t + 15.0, reference.q_nb), reference)
+    assert any(note.startswith("1500 of 2000 samples lie outside") for note in late.notes)
+    assert not any("lie outside" in note for note in evaluate(track(t + 5.0, reference.q_nb), reference).notes)
+
+
 @pytest.mark.parametrize("frame", list(Frame))
 def test_the_reference_comes_to_the_frame_of_the_estimate(track, t, reference, tilted, frame):
     estimate = track(t, change_frame(tilted, to=frame, from_=Frame.ENU), frame=frame)

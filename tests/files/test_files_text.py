@@ -370,7 +370,7 @@ def test_a_quaternion_that_is_none_is_refused(parse):
 def test_a_last_line_without_end_is_left_out_and_said_so(parse):
     recording = parse(ROWS[:-1], PLAIN)
     assert len(recording.imu) == 2
-    assert "line 4, the last, has no line end and may be cut; it was left out" in recording.notes
+    assert "cut: line 4, the last, has no line end, and was left out: the file may be incomplete" in recording.notes
 
 
 def test_no_cut_gives_a_number_that_was_not_written(tmp_path):

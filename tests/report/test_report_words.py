@@ -14,6 +14,8 @@ from plumbob.core import flags
 from plumbob.core.units import Quantity
 from plumbob.data.cards import CalibrationCard, Mount
 from plumbob.evaluation import comparison
+from plumbob.filters import load
+from plumbob.filters.base import CommonParams
 from plumbob.noise import Compared, compare
 from plumbob.noise.fin import fin_report
 from plumbob.noise.report import NOISE
@@ -72,7 +74,8 @@ def static(hand):
 @pytest.mark.parametrize("subject", [evaluations, certificates, noise, static])
 def test_every_label_of_a_page_has_its_chinese_word(subject, hand):
     for report in subject(hand):
-        left = {label: said(label, "zh") for label in labels(report, names=("a", "b", "values", "column"))}
+        names = ("a", "b", "values", "column", *load("mekf").Params._fields, *CommonParams._fields)
+        left = {label: said(label, "zh") for label in labels(report, names=names)}
         assert not {k: v for k, v in left.items() if re.search("[A-Za-z]{2,}", re.sub(SYMBOLS, "", v))}
 
 

@@ -178,7 +178,8 @@ def unit_of(named: str, device: str | None, base: CalibrationCard | None) -> str
         )
     if not names:
         raise CalibrationError(
-            "the recording does not say which unit it is of, and a card belongs to one unit; name it with --device."
+            "the recording does not say which unit it is of, and a card belongs to one unit. Name it by device = "
+            "in the profile of a text file, or with --device."
         )
     return names.pop()
 

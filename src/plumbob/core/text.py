@@ -26,7 +26,8 @@ def visible(text: str, keep: str = "") -> str:
 
 def listed(remarks: Iterable[str]) -> list[str]:
     """Remarks, each with a dash, broken at `WIDTH`."""
-    return [line for r in remarks for line in textwrap.wrap(r, WIDTH, initial_indent="- ", subsequent_indent="  ")]
+    wrapper = textwrap.TextWrapper(WIDTH, initial_indent="- ", subsequent_indent="  ", break_on_hyphens=False)
+    return [line for remark in remarks for line in wrapper.wrap(remark)]
 
 
 def counted(count: int, noun: str, plural: str = "") -> str:

@@ -43,7 +43,8 @@ def apply_card(card: CalibrationCard, data: ImuData, *, live: bool = False) -> I
     if card.device != data.meta.device:
         raise CalibrationError(
             f"the card is for device '{card.device}', but the recording is of '{data.meta.device}'. A card "
-            "belongs to one unit: use the card of that unit, or let the recording say which unit it is of."
+            f"belongs to one unit: use the card of that unit, or name the recording's by device = '{card.device}' "
+            "in the profile of a text file."
         )
     if data.meta.calibration is not None:
         raise CalibrationError(f"the recording is already calibrated, with {data.meta.calibration}.")

@@ -378,15 +378,26 @@ _SUSPICIOUS = deg(2.0)
 _EXPLAINED = 1.0 / 3.0
 _PROBE = 20_000  # samples that suffice to suspect a constant
 _REPEATS = 0.95
+_MOSTLY = 0.5
 
 
 def remarks(evaluation: "Evaluation", policy: HeadingPolicy) -> tuple[str, ...]:
     """Remarks in the order in which things were done; none where there is nothing to say."""
-    found = [_frames(evaluation), policy.note, _repeating_motion(evaluation), _fitted(evaluation)]
+    found = [_outside(evaluation), _frames(evaluation), policy.note, _repeating_motion(evaluation), _fitted(evaluation)]
     found += [_gimbal(evaluation), _free_heading(evaluation), _uncalibrated(evaluation)]
     if policy.comparable and not evaluation.settings.align:
         found.append(_constant_part(evaluation))
     return tuple(remark for remark in found if remark)
+
+
+def _outside(e: "Evaluation") -> str:
+    beyond = e.match.counts().get(Fate.OUTSIDE, 0)
+    if beyond <= _MOSTLY * e.t.size:
+        return ""
+    return (
+        f"{beyond} of {e.t.size} samples lie outside of the reference's time: the errors mean something only if the "
+        "clocks of both agree"
+    )
 
 
 def _frames(e: "Evaluation") -> str:

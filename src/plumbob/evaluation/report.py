@@ -1,6 +1,7 @@
 """An evaluation as a report and as numbers; degrees and seconds, units in every name."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -142,9 +143,12 @@ def _facts(e: "Evaluation") -> list[tuple[str, str]]:
 
 def _tables(e: "Evaluation") -> list[Table]:
     rows = [[name, *_cells(e.stats.get(name))] for name in QUANTITIES]
+    _, params, _ = _source_parts(e.estimate)
+    listed = [tuple(one.split("=", 1)) for one in params.split(", ") if "=" in one]
     return [
         Table("Errors of the scored samples [°]", _HEAD, rows, strong=[(i, 1) for i in range(len(rows))]),
         _sample_table(e),
+        *([Table("Parameters", ["", "value"], listed, words=(1,), detail="parameters")] if listed else []),
     ]
 
 
@@ -190,13 +194,16 @@ def _differences(evaluations: list["Evaluation"]) -> str:
 def _comparison_table(evaluations: Mapping[str, "Evaluation"]) -> Table:
     """RMSE of each, the smallest of each column in bold."""
     rows, strong = [], []
+    aligned = any(e.settings.align for e in evaluations.values())
     for name, e in evaluations.items():
         errors = [degrees(e.stats[q].rmse) if q in e.stats else "not scored" for q in QUANTITIES]
-        rows.append([name, *errors, str(e.match.scored.sum()), ", ".join(e.settings.align) or "nothing"])
+        constants = [", ".join(e.settings.align) or "nothing"] if aligned else []
+        rows.append([name, *errors, str(e.match.scored.sum()), *constants])
     for column, q in enumerate(QUANTITIES, start=1):
         found = {i: e.stats[q].rmse for i, e in enumerate(evaluations.values()) if q in e.stats}
         strong += [(i, column) for i, rmse in found.items() if rmse == min(found.values())]
-    return Table("RMSE [°]", ["", *QUANTITIES, "samples", "aligned"], rows, (len(QUANTITIES) + 2,), strong)
+    head = ["", *QUANTITIES, "samples", *(["aligned"] if aligned else [])]
+    return Table("RMSE [°]", head, rows, (len(QUANTITIES) + 2,) if aligned else (), strong)
 
 
 def _left_out(e: "Evaluation") -> dict[str, int]:
@@ -210,9 +217,16 @@ def _left_out(e: "Evaluation") -> dict[str, int]:
 
 
 def _describe_track(track: AttitudeTrack) -> str:
-    """Source, frame and heading reference."""
+    """Source without its parameters, frame and heading reference."""
     heading = "free heading" if track.north is North.FREE else f"{track.north} north"
-    return f"{track.source or 'unnamed'} ({track.frame}, {heading}, {counted(len(track), 'sample')})"
+    name, _, more = _source_parts(track)
+    return f"{name + more or 'unnamed'} ({track.frame}, {heading}, {counted(len(track), 'sample')})"
+
+
+def _source_parts(track: AttitudeTrack) -> tuple[str, str, str]:
+    """Name, parameters and the rest of what a filter says of its track; of another source all is its name."""
+    found = re.match(r"(\w+)\(([^()]*)\)(.*)", track.source, re.DOTALL)
+    return (found[1], found[2], found[3]) if found else (track.source, "", "")
 
 
 def _describe_samples(e: "Evaluation") -> str:

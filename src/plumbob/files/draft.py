@@ -267,6 +267,9 @@ class _Writer:
         self._set(
             "axes", AS_MOUNTED, "body x, y, z in the axes of the sensor case; left-handed ones: own-csv.md", ask=True
         )
+        self._lines.append(
+            '# device = "unit 1"                     # name of this unit: a calibration card belongs to one'
+        )
         if unused := [self._names[i] or f"column {i + 1}" for i in self._free() if i != self._temperature]:
             self._lines.append(f"# Not used: {_one_line(', '.join(unused))}")
         self._open("header")

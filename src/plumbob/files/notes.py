@@ -91,7 +91,8 @@ TOPICS: Final = (
 """How the lines of `findings` begin."""
 
 INFERRED: Final = "inferred gaps: "
-"""How the line of `inferred` begins, which goes from file to file: samples alone do not show it again."""
+CUT: Final = "cut: "
+"""How lines of what only the reading shows begin; they go from file to file: samples alone do not show them again."""
 
 STUCK_FOR: Final = 1.0
 """A sensor that repeats its value to the bit for so long is stuck, s: noise changes the last digit before."""
@@ -121,13 +122,13 @@ def inferred(report: TimeReport) -> tuple[str, ...]:
 
 
 def inferred_in(notes: Iterable[str]) -> tuple[str, ...]:
-    """The line of `inferred` among notes, for what is made of the recording."""
-    return tuple(note for note in notes if note.startswith(INFERRED))
+    """Lines among notes that only the reading shows, for what is made of the recording."""
+    return tuple(note for note in notes if note.startswith((INFERRED, CUT)))
 
 
 def found_in(notes: Iterable[str]) -> tuple[str, ...]:
     """Findings among the notes of a recording that has been read, so that nobody looks for them twice."""
-    return tuple(note for note in notes if note.startswith((INFERRED, *TOPICS)))
+    return tuple(note for note in notes if note.startswith((INFERRED, CUT, *TOPICS)))
 
 
 def provenance(notes: Iterable[str]) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ import numpy as np
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.files.arrow import numbers_of
+from plumbob.files.notes import CUT
 from plumbob.files.profile_toml import GUIDE
 from plumbob.files.text_head import single_blanks
 
@@ -61,7 +62,7 @@ class Text:
     def notes(self) -> tuple[str, ...]:
         """What is left out."""
         what = "number has nothing after it" if self.one_line else "line has no line end"
-        return () if self.whole else (f"the last {what} and may be cut; it was left out",)
+        return () if self.whole else (f"{CUT}the last {what}, and was left out: the file may be incomplete",)
 
     def blocks(self) -> Iterator[tuple[Floats, int]]:
         """Blocks with the bytes used so far."""

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from plumbob.core.errors import DecodeError, excerpt, one_line
+from plumbob.files.notes import CUT
 from plumbob.files.profile import Layout
 
 
@@ -59,7 +60,7 @@ class Body:
         if not self.text[self.end :].strip():
             return ()
         line = self.line + self.text.count("\n", self.start)
-        return (f"line {line}, the last, has no line end and may be cut; it was left out",)
+        return (f"{CUT}line {line}, the last, has no line end, and was left out: the file may be incomplete",)
 
     def _has(self, comment: str) -> bool:
         if not comment:

@@ -58,7 +58,7 @@ CHINESE: Final[dict[str, str]] = {
     "Errors of the scored samples": "计入样本的误差", "Samples": "样本", "samples": "样本数", "share": "占比",
     "meaning": "含义", "RMSE": "均方根误差", "rmse": "均方根", "mean": "均值", "std": "标准差", "max": "最大",
     "at": "时刻", "total": "总误差", "heading": "航向", "inclination": "倾角", "yaw": "偏航", "pitch": "俯仰",
-    "roll": "横滚", "not scored": "未计入", "Error over time": "误差随时间变化",
+    "roll": "横滚", "not scored": "未计入", "Error over time": "误差随时间变化", "Parameters": "参数", "value": "值",
     "Yaw, pitch and roll over time": "偏航、俯仰、横滚随时间变化", "time": "时间", "error": "误差",
     "Cumulative distribution of the error; dots mark #, # and # %": "误差累积分布；圆点为 #、#、# %",
     "Cumulative distribution of the total error": "总误差累积分布",
