@@ -7,7 +7,7 @@ import pytest
 
 from plumbob import Filter, Frame, ImuData
 from plumbob.rotations import IDENTITY, quat_angle, quat_from_euler_zyx, quat_from_rotvec
-from plumbob.rotations.matrices import body_rate_from_euler_zyx
+from plumbob.rotations.quaternions import body_rate_from_euler_zyx
 
 
 def coning(t, half_angle, speed):

@@ -18,7 +18,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.rotations.matrices import GIMBAL_MARGIN
+from plumbob.rotations.quaternions import GIMBAL_MARGIN
 
 EPS = np.finfo(float).eps
 ROUNDING = 16 * EPS  # a dozen products of sines and cosines, there and back

@@ -1,9 +1,8 @@
 """Columns between Arrow and NumPy by their buffers: Arrow's own conversions import pandas wherever it is installed.
 
-What the pages of a Parquet file unpack to, by the headers in front of them.
-
-Arrow believes a page's own size, whatever the table of contents says of its column: 33 kB unpacked to a gigabyte.
-Headers are in Thrift's compact protocol (parquet.thrift, PageHeader; thrift-compact-protocol.md).
+`unpacked_bytes` is what the pages of a Parquet file unpack to, by the headers in front of them. Arrow believes a page's
+own size, whatever the table of contents says of its column: 33 kB unpacked to a gigabyte. Headers are in Thrift's
+compact protocol (parquet.thrift, PageHeader; thrift-compact-protocol.md).
 """
 
 import math

@@ -1,9 +1,8 @@
 """A recording as flat named columns, and back: the one list of names, units and types that files share.
 
-Dates and clock times in text, by ISO 8601: ``2024-05-01T12:30:05.120+08:00``.
-
-As loggers write it: a blank for the T, slashes for the hyphens, one digit for two, a comma in the fraction, a clock
-time without a date. The year comes first; a date that begins with the day or the month could be read in two ways.
+Times in text are dates and clock times by ISO 8601, ``2024-05-01T12:30:05.120+08:00``, as loggers write it: a blank for
+the T, slashes for the hyphens, one digit for two, a comma in the fraction, a clock time without a date. The year comes
+first; a date that begins with the day or the month could be read in two ways.
 """
 
 import re

@@ -1,6 +1,4 @@
-"""Where the numbers of a text file begin: markers, lines to skip, comments, the row of names.
-
-Rows of numbers in a text file.
+"""The head and the body of a text file: markers, lines to skip, comments and the row of names; then rows of numbers.
 
 A last line without a line end is left out and said so: a cut in its last cell (``9.81`` to ``9.8``) would read as a
 good number, so it cannot be trusted, and one sample is the cheaper loss.

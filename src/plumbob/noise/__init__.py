@@ -2,13 +2,12 @@
 
 from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
 from plumbob.noise.compare import Compared, Comparison, compare
-from plumbob.noise.curve import Curve, curve, curve_of, curves
+from plumbob.noise.curve import Curve, curve, curve_of, curves, identify
 from plumbob.noise.deviation import Averager, deviation
 from plumbob.noise.edf import ONE_SIGMA, edf, interval, skew_edf
 from plumbob.noise.every import every_adev
 from plumbob.noise.factors import KINDS, log_factors, stream_factors
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates, GaussMarkov, Mask, Sinusoid
-from plumbob.noise.identify import identify
 from plumbob.noise.stream import AllanStream, StreamResult
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS
 

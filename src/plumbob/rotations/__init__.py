@@ -13,21 +13,19 @@ from plumbob.rotations.frames import (
     in_body_axes,
     signed_axes,
 )
-from plumbob.rotations.matrices import (
+from plumbob.rotations.quaternions import (
+    IDENTITY,
     body_rate_from_euler_zyx,
     dcm_from_quat,
     euler_zyx_from_quat,
-    near_gimbal,
-    quat_from_dcm,
-    quat_from_euler_zyx,
-)
-from plumbob.rotations.quaternions import (
-    IDENTITY,
     left_jacobian,
     left_jacobian_inverse,
+    near_gimbal,
     quat_angle,
     quat_chained,
     quat_conjugate,
+    quat_from_dcm,
+    quat_from_euler_zyx,
     quat_from_rotation,
     quat_from_rotvec,
     quat_from_xyzw,

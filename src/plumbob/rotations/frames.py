@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError
-from plumbob.rotations.matrices import quat_from_dcm
-from plumbob.rotations.quaternions import quat_multiply
+from plumbob.rotations.quaternions import quat_from_dcm, quat_multiply
 
 
 class Frame(StrEnum):

@@ -14,8 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, UnitError
 from plumbob.core.units import to_deg
 from plumbob.rotations.frames import Frame, North
-from plumbob.rotations.matrices import dcm_from_quat
-from plumbob.rotations.quaternions import quat_from_rotvec, quat_multiply
+from plumbob.rotations.quaternions import dcm_from_quat, quat_from_rotvec, quat_multiply
 
 
 @dataclass(frozen=True, slots=True)

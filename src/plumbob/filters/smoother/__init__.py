@@ -13,7 +13,13 @@ whole recording, and all is repeated from the smoothed attitude until nothing de
 ``model`` has the states and parameters, ``sweeps`` the two passes; they hold the equations.
 """
 
+from typing import TYPE_CHECKING
+
 from plumbob.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from plumbob.filters.smoother.model import Params
+    from plumbob.filters.smoother.smoothing import Smoother
 
 __all__ = ["Params", "Smoother"]
 
