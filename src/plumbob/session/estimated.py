@@ -113,8 +113,8 @@ class Estimated(Series):
             return f"{name}: each attitude from the samples before it"
         lag = self.filter.params.lag
         if lag is not None:
-            return f"{name}: each attitude from the samples up to {lag:g} s after it"
-        return f"{name}: each attitude from all samples, before and after it"
+            return f"{name}: smoothed with a lag of {lag:g} s"
+        return f"{name}: smoothed over the whole recording; --causal gives what a live system would have known"
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Of the track."""

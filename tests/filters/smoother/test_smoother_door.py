@@ -89,7 +89,7 @@ def test_what_lacks_a_sensor_is_refused(hand):
 
 def test_run_says_how_it_smoothed(file, hand):
     out = ok("run", file).stdout
-    assert "smoother: smoothed over the whole recording; causal: what a live system would have known" in out
+    assert "smoother: smoothed over the whole recording; --causal gives what a live system would have known" in out
     assert "smoother (lag=1 s): smoothed with a lag of 1 s" in ok("run", file, "--lag", "1s").stdout
     assert "mekf: each attitude from the samples before it" in ok("run", file, "--causal").stdout
     found = json.loads(ok("run", file, "--json").stdout)
