@@ -131,13 +131,27 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
         p = p._replace(bias_start=min(p.bias_start, sd))
     inertial = level(frames, p, known.bias, known.unit)
     if np.isfinite(frames.mag[:, 0]).any():
-        own = attached_field(frames, at_samples(frames, inertial.sweep, inertial.resting))
+        own = attached_field(frames, _followed(frames, p, inertial, known))
         clean = frames.without(own.field) if own.found else frames
         field = _field_of(clean, inertial.sweep, inertial.resting) if own.found else inertial.sweep.field
         if (reference := reference_of(clean, p, field, inertial, own.doubtful, known.field)) is not None:
             return _with_field(clean, p, inertial, field, reference, own, known)
     prior = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=known.unit)
     return Smoothed(frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, prior)
+
+
+def _followed(frames: Keyframes, p: Params, inertial: Inertial, known: Known) -> Floats:
+    """Attitude at every sample, (N, 4), whose heading follows the field's.
+
+    An unknown vertical bias turns a field of the place in the attitude without heading, and what turns evenly in a few
+    seconds looks like a field of the sensor.
+    """
+    q = at_samples(frames, inertial.sweep, inertial.resting)
+    field, none = inertial.sweep.field, np.zeros(frames.gap.size, dtype=bool)
+    if (reference := reference_of(frames, p, field, inertial, none, known.field)) is None:
+        return q
+    turn = heading_of(frames, inertial, field, weights(reference, p, field, none, directed=False))
+    return quat_multiply(about_up(np.interp(frames.t, frames.middle, turn)), q)
 
 
 def _with_field(
