@@ -46,6 +46,8 @@ LATENCY = {"latency": "2.6 ms"}
 EXTRA: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {  # rows more: set, parameters, changes
     "BROAD, latency 2.6 ms": ("BROAD", LATENCY, {}),
     "wand, no magnetometer": ("wand", {}, {"no_mag": ""}),
+    "phones, magnets near, no magnetometer": ("phones, magnets near", {}, {"no_mag": ""}),
+    "phones, no magnetometer": ("phones", {}, {"no_mag": ""}),
     "chain, rigid, no magnetometer": ("chain, rigid", {}, {"no_mag": ""}),
     "chain, soft, no magnetometer": ("chain, soft", {}, {"no_mag": ""}),
 }
@@ -292,6 +294,10 @@ def pair(errors: Mapping[str, float | None] | None, *, best: bool = False) -> st
     return f"**{text}**" if best else text
 
 
+def signed(value: float) -> str:
+    return f"{value:+.2f}".replace("-", "−")
+
+
 def estimators(rows: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(name for row in rows.values() for name in row["mean"]))
 
@@ -316,7 +322,7 @@ def sets_text(rows: Mapping[str, Any]) -> str:
         tilt = mean([a[KEYS[2]] - b[KEYS[2]] for a, b in zip(ours, theirs, strict=True)])
         lost, of = found["better"][RIVAL]
         change = mean([a[KEYS[0]] - b[KEYS[0]] for a, b in zip(ours, theirs, strict=True)])
-        paired.append([row, f"{change:+.2f}", f"{tilt:+.2f}", f"{of - lost} of {of}", f"{worst:+.2f}"])
+        paired.append([row, signed(change), signed(tilt), f"{of - lost} of {of}", signed(worst)])
     return f"""## Estimators
 
 `smoother` and vqf.offlineVQF know the whole recording, the others only what came before. imufusion is x-io Fusion with
@@ -400,7 +406,9 @@ def choice_text(found: Mapping[str, Any]) -> str:
             hindsight = min(each[name][1] for each in halves)
             change = best[name][1] / usual[name][1] - 1.0
             values = (usual[name][1], best[name][1], hindsight)
-            rows.append([f"{name}, {title} recordings", *(f"{v:.2f}" for v in values), f"{change:+.0%}"])
+            rows.append(
+                [f"{name}, {title} recordings", *(f"{v:.2f}" for v in values), f"{change:+.0%}".replace("-", "−")]
+            )
     return f"""## Chosen on one half, judged on the other
 
 {len(found["sets"]) - 1} sets of parameters, all at once times a factor between a half and two. The set that is best on
@@ -429,7 +437,6 @@ def draw_picture(rows: Mapping[str, Any]) -> None:
 
     def draw(figure: Any) -> None:
         axes = figure.subplots()
-        figure.subplots_adjust(left=0.22, right=0.97, top=0.97, bottom=0.14)
         for i, found in enumerate(rows.values()):
             for name in names:
                 value = (found["mean"].get(name) or {}).get(KEYS[0])

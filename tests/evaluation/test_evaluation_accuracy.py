@@ -154,6 +154,8 @@ def test_claims_are_judged_where_there_are_any_and_a_declared_calibration_makes_
     mean, worst = declared.claims()["mekf"]["tilt_motion"]
     assert worst <= mean <= 1.0
     assert unknown.claims()["mekf"]["tilt_motion"][1] >= worst
+    start = measure_accuracy(trials_in(folders[0]), stages("mekf"), calibrated=True, between=(0.0, 20.0))
+    assert start.claims()["mekf"]["tilt_motion"] != (mean, worst)
     assert unknown.calibration["buoy1"].startswith("NONE")
     assert declared.calibration["buoy1"] == "declared, no card"
 

@@ -51,7 +51,7 @@ def _add_accuracy(kinds: common.Adder) -> None:
     common.add_noise(p)
     p.add_argument("--against", metavar="NAME", help="compare the others with this one, trial by trial")
     p.add_argument("--align", default="", metavar="A,B", help="remove heading, mounting or time offsets first")
-    p.add_argument("--between", metavar="S,S", help="score only this time after the first sample, as 0s,10s")
+    p.add_argument("--between", metavar="S,S", help="judge only this time after the first sample, as 0s,10s")
     p.add_argument(
         "--calibrated", action="store_true", help="recordings without a card come from calibrated units: claims say so"
     )

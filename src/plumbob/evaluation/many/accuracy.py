@@ -289,7 +289,7 @@ def measure_accuracy(
     seed : int
         Of what the changes draw.
     between : (float, float), optional
-        Score only samples that lie between these times after the first sample, s.
+        Judge only samples that lie between these times after the first sample, s.
     calibrated : bool
         Recordings that name no calibration card come from calibrated units: claims do not count what a data sheet
         allows an uncalibrated part.
@@ -324,7 +324,7 @@ def measure_accuracy(
         except ShapeError as error:
             skipped[where] = str(error)
             continue
-        judge = partial(_judged, raw=raw, reference=_scored(reference, imu, between), align=align)
+        judge = partial(_judged, raw=raw, reference=_within(reference, imu, between), align=align)
         nav = navigation_frame(imu, frame, where=str(place or name))
         results, refused = _run(ways, imu, nav, judge, progress)
         folder = "" if place is None else place.parent.name
@@ -386,13 +386,13 @@ def _run(
     return results, refused
 
 
-def _scored(reference: AttitudeTrack, imu: ImuData, between: tuple[float, float] | None) -> AttitudeTrack:
-    """Reference that counts only between two times after the first sample, s."""
+def _within(reference: AttitudeTrack, imu: ImuData, between: tuple[float, float] | None) -> AttitudeTrack:
+    """Reference that is known only between two times after the first sample, s."""
     if between is None:
         return reference
     begin, end = (float(imu.t[0]) + time for time in between)
     inside = (reference.t >= begin) & (reference.t <= end)
-    return replace(reference, score=inside if reference.score is None else inside & reference.score)
+    return reference.with_attitude(np.where(inside[:, np.newaxis], reference.q_nb, np.nan))
 
 
 def _judged(track: AttitudeTrack, *, raw: ImuData, reference: AttitudeTrack, align: Sequence[str]) -> _Result:
