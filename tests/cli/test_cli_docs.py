@@ -29,7 +29,7 @@ def test_without_a_page_all_are_listed_with_their_titles():
 def test_an_unknown_page_is_an_error_that_names_the_known(name):
     done = commandline.plumbob("docs", name)
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.startswith(f"plumbob docs: There is no page '{name}'; there are acquire, ")
+    assert done.stderr.startswith(f"plumbob docs: There is no page '{name}'; there are accuracy, acquire, ")
 
 
 def test_a_page_that_is_not_text_is_refused():
