@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.filters.smoother.keyframes import Bools, Keyframes
+from plumbob.filters.smoother.keyframes import Bools, Keyframes, sum_between
 from plumbob.rotations import dcm_from_quat
 
 WINDOW: Final = 5.0
@@ -96,12 +96,10 @@ def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
 
     def mean(values: Floats) -> Floats:
         shape = (-1, *(1,) * (values.ndim - 1))
-        total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values * seen.reshape(shape), axis=0)))
-        found: Floats = (total[high] - total[low]) / np.maximum(number, 1.0).reshape(shape)
+        found: Floats = sum_between(values * seen.reshape(shape), low, high) / np.maximum(number, 1.0).reshape(shape)
         return found
 
-    known = np.concatenate(([0.0], np.cumsum(seen)))
-    number: Floats = known[high] - known[low]
+    number = sum_between(seen.astype(float), low, high)
     turn, h, m, power = mean(c_nb), mean((c_nb @ mag[:, :, np.newaxis])[:, :, 0]), mean(mag), mean((mag**2).sum(axis=1))
     # The field of the place eliminated: (I − R̄ᵀR̄) c = m̄ − R̄ᵀ h̄
     normal = np.eye(3, dtype=np.float64) - np.swapaxes(turn, 1, 2) @ turn

@@ -116,7 +116,7 @@ def reference_of(
     if known is not None:
         points = np.concatenate(([[known[0].level, known[0].vertical]], points))
         weight = np.concatenate(([known[1]], weight))
-    best = points[mode(points, weight, max(1, len(points) // MODES), 1.0 / (1.5 * p.mag_spread) ** 2)]
+    best = _mode_of(points, weight, _sharpness(p))
     for _ in range(10):
         w = weight / (1.0 + ((points - best) ** 2).sum(axis=1) / (2.0 * p.mag_spread) ** 2) ** 2
         best = w @ points / w.sum()
@@ -132,15 +132,25 @@ def _rival(points: Floats, weight: Floats, best: Floats, p: Params) -> tuple[tup
     far = np.linalg.norm(points - best, axis=1) > APART * p.mag_spread
     if not far.any():
         return None, 0.0
-    sharpness = 1.0 / (1.5 * p.mag_spread) ** 2
-    others = points[far]
-    other = others[mode(others, weight[far], max(1, len(others) // MODES), sharpness)]
+    sharpness = _sharpness(p)
+    other = _mode_of(points[far], weight[far], sharpness)
 
     def strength(centre: Floats) -> float:
         return float(np.sum(weight / (1.0 + sharpness * ((points - centre) ** 2).sum(axis=1)) ** 2))
 
     share = strength(other) / (strength(other) + strength(best))
     return ((float(other[0]), float(other[1])), share) if share > RIVAL else (None, 0.0)
+
+
+def _sharpness(p: Params) -> float:
+    """Of the modes of the field, µT⁻²."""
+    return 1.0 / (1.5 * p.mag_spread) ** 2
+
+
+def _mode_of(points: Floats, weight: Floats, sharpness: float) -> Floats:
+    """Point (2,) near which most of the weight lies."""
+    found: Floats = points[mode(points, weight, max(1, len(points) // MODES), sharpness)]
+    return found
 
 
 @njit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, path
+from plumbob.filters.smoother.keyframes import Bools, Keyframes, mean_between, path, sum_between
 from plumbob.filters.smoother.model import FREE_HEADING, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
@@ -75,26 +75,38 @@ def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
     return np.where(frames.gap, AGAIN, np.where(resting, RESTING, MOVING))
 
 
-def calm(frames: Keyframes, p: Params) -> tuple[Bools, Floats]:
-    """Steps around which rate and force stay as they are, and the mean rate around every step, (K, 3).
+@dataclass(frozen=True, slots=True)
+class Calm:
+    """Steps around which rate and force stay as they are, (K,), and the mean rate around every step, (K, 3), rad/s."""
 
-    The window reaches to both sides; one with a gap in it is not calm.
-    """
+    quiet: Bools
+    mean: Floats
+
+    def at_bias(self, p: Params, bias: Floats) -> Bools:
+        """Steps at rest, where the bias, (3,) or (K, 3), is known."""
+        resting: Bools = self.quiet & (np.linalg.norm(self.mean - bias, axis=1) < p.rest_band)
+        return resting
+
+
+def calm(frames: Keyframes, p: Params) -> Calm:
+    """Find the calm steps: the window reaches to both sides, and one with a gap in it is not calm."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     usual = float(np.median(frames.step))
     width = max(3, round(p.rest_time / usual) | 1)
     rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
+    i = np.arange(len(rate))
+    low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(rate))
 
     def spread(values: Floats) -> tuple[Floats, Floats]:
-        mean = _running_mean(values, width)
+        mean = mean_between(values, low, high)
         up, down = (f(values, width, axis=0, mode="nearest") for f in (maximum_filter1d, minimum_filter1d))
         return np.maximum(up - mean, mean - down).max(axis=1), mean
 
     (rate_spread, mean), (force_spread, _) = spread(rate), spread(force)
     near_gap = maximum_filter1d(frames.gap.astype(np.int8), width, mode="constant") > 0
     quiet = (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap
-    return quiet & ~_turning_evenly(frames, p, quiet), mean
+    return Calm(quiet & ~_turning_evenly(frames, p, quiet), mean)
 
 
 def _turning_evenly(frames: Keyframes, p: Params, quiet: Bools) -> Bools:
@@ -113,21 +125,13 @@ def _turning_evenly(frames: Keyframes, p: Params, quiet: Bools) -> Bools:
     return quiet & turning
 
 
-def _running_mean(values: Floats, width: int) -> Floats:
-    total = np.concatenate((np.zeros((1, 3)), np.cumsum(values, axis=0)))
-    i = np.arange(len(values))
-    low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(values))
-    found: Floats = (total[high] - total[low]) / (high - low)[:, np.newaxis]
-    return found
-
-
-def first_rest(frames: Keyframes, p: Params) -> tuple[Bools, Floats]:
+def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
     """Steps at rest, and the bias that they show, before any is known.
 
     A slow even turn is as calm as rest, but its rate is its own; the rate at rest is the same bias every time. So rest
     is where the mean rate belongs to the strongest cluster of all calm ones, weighed by how likely a bias it is.
     """
-    quiet, mean = calm(frames, p)
+    quiet, mean = found.quiet, found.mean
     if not quiet.any():
         return quiet, np.zeros(3)
     from scipy.spatial import cKDTree
@@ -141,15 +145,8 @@ def first_rest(frames: Keyframes, p: Params) -> tuple[Bools, Floats]:
         bias = rates[np.linalg.norm(rates - bias, axis=1) < p.rest_band].mean(axis=0)
     if np.linalg.norm(bias) > BEYOND * p.bias_start:
         return np.zeros_like(quiet), np.zeros(3)
-    resting = quiet & (np.linalg.norm(mean - bias, axis=1) < p.rest_band)
+    resting = found.at_bias(p, bias)
     return resting, np.median(mean[resting], axis=0)
-
-
-def rest(frames: Keyframes, p: Params, bias: Floats) -> Bools:
-    """Steps at rest, where the bias (K, 3) is known."""
-    quiet, mean = calm(frames, p)
-    resting: Bools = quiet & (np.linalg.norm(mean - bias, axis=1) < p.rest_band)
-    return resting
 
 
 @njit
@@ -176,10 +173,8 @@ def speed_of(frames: Keyframes, force: Floats) -> Speed:
     low, high = np.searchsorted(middle, middle - WINDOW), np.searchsorted(middle, middle + WINDOW, side="right")
 
     def rms(values: Floats) -> Floats:
-        total = np.concatenate(([0.0], np.cumsum(0.5 * (values**2).sum(axis=1) * dt)))
-        time = np.concatenate(([0.0], np.cumsum(dt)))
-        found: Floats = np.sqrt((total[high] - total[low]) / (time[high] - time[low]))
-        return found
+        square = sum_between(0.5 * (values**2).sum(axis=1) * dt, low, high)
+        return np.sqrt(square / sum_between(dt, low, high))
 
     speed, acceleration = rms(velocity), rms(force)
     return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LONGEST))
@@ -194,8 +189,7 @@ def first_speed(frames: Keyframes, bias: Floats) -> Speed:
     force = frames.mean(quat_rotate(free, frames.acc))
     middle = frames.middle
     low, high = np.searchsorted(middle, middle - LEAK), np.searchsorted(middle, middle + LEAK, side="right")
-    total = np.concatenate((np.zeros((1, 3)), np.cumsum(force, axis=0)))
-    force = force - (total[high] - total[low]) / (high - low)[:, np.newaxis]
+    force = force - mean_between(force, low, high)
     one, other = speed_of(frames, force[:, :2]), speed_of(frames, force[:, 1:])
     return Speed(np.maximum(one.speed, other.speed), np.full(middle.size, 0.5))
 
@@ -229,10 +223,8 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Float
 
     `known` is the bias (3,), rad/s, that the samples before showed, and `unit` what the unit's card leaves (12, 12).
     """
-    if known is None:
-        resting, bias = first_rest(frames, p)
-    else:
-        resting, bias = rest(frames, p, known), known
+    seen = calm(frames, p)
+    resting, bias = first_rest(seen, p) if known is None else (seen.at_bias(p, known), known)
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)

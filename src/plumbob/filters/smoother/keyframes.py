@@ -84,8 +84,9 @@ class Keyframes:
         gyr, acc = _filled(t, gyr), _filled(t, acc)
         dt = np.diff(t, prepend=t[0])
         rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
-        missed = _per_step(first, np.minimum(UNKNOWN_RATE, _bow(t, no_rate)) * rates * dt) ** 2
-        pushed = _per_step(first, np.minimum(1.0, _bow(t, no_force)) * UNKNOWN_FORCE * dt) ** 2
+        steps = first[:-1] + 1, first[1:] + 1
+        missed = sum_between(np.minimum(UNKNOWN_RATE, _bow(t, no_rate)) * rates * dt, *steps) ** 2
+        pushed = sum_between(np.minimum(1.0, _bow(t, no_force)) * UNKNOWN_FORCE * dt, *steps) ** 2
         return cls(t, gyr, acc, field, first, gap, missed, pushed, rows)
 
     @property
@@ -110,10 +111,7 @@ class Keyframes:
 
     def mean(self, values: Floats) -> Floats:
         """Mean over the samples of each step, (K, …), of values (N, …)."""
-        total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)))
-        count = np.diff(self.first).reshape(-1, *(1,) * (values.ndim - 1))
-        found: Floats = (total[self.first[1:] + 1] - total[self.first[:-1] + 1]) / count
-        return found
+        return mean_between(values, self.first[:-1] + 1, self.first[1:] + 1)
 
     def without(self, field: Floats) -> Self:
         """Keyframes whose samples are rid of a field in body axes, (K, 3), that each step has of its own."""
@@ -184,23 +182,38 @@ def _smooth(values: Floats, count: int) -> Floats:
     return np.convolve(np.pad(values, count // 2, mode="edge"), np.full(count, 1.0 / count), mode="valid")
 
 
-def _per_step(first: NDArray[np.int64], values: Floats) -> Floats:
-    """Sum over the samples of each step."""
-    total = np.concatenate(([0.0], np.cumsum(values)))
-    return np.diff(total[first + 1])
+def sum_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:
+    """Sums (K, …) of values (N, …) from row `low` to before row `high` of each stretch."""
+    total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)))
+    found: Floats = total[high] - total[low]
+    return found
+
+
+def mean_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:
+    """Means (K, …) of values (N, …) over the same."""
+    count = (high - low).reshape(-1, *(1,) * (values.ndim - 1))
+    found: Floats = sum_between(values, low, high) / count
+    return found
+
+
+@njit
+def turned_by(q: Floats, rx: float, ry: float, rz: float) -> None:
+    """Turn an attitude by a rotation vector in body axes."""
+    e0, e1, e2, e3 = quat_exp(rx, ry, rz)
+    a0, a1, a2, a3 = quat_mul(q[0], q[1], q[2], q[3], e0, e1, e2, e3)
+    q[0], q[1], q[2], q[3] = quat_unit(a0, a1, a2, a3)
 
 
 @njit
 def path(t: Floats, gyr: Floats, q: Floats) -> None:
     """Attitude at every sample by the gyroscope alone, from the identity."""
-    a0, a1, a2, a3 = 1.0, 0.0, 0.0, 0.0
-    for i in range(t.size):
-        if i > 0:
-            dt = t[i] - t[i - 1]
-            e0, e1, e2, e3 = quat_exp(dt * gyr[i, 0], dt * gyr[i, 1], dt * gyr[i, 2])
-            a0, a1, a2, a3 = quat_mul(a0, a1, a2, a3, e0, e1, e2, e3)
-            a0, a1, a2, a3 = quat_unit(a0, a1, a2, a3)
-        q[i, 0], q[i, 1], q[i, 2], q[i, 3] = a0, a1, a2, a3
+    for k in range(4):
+        q[0, k] = 1.0 if k == 0 else 0.0
+    for i in range(1, t.size):
+        dt = t[i] - t[i - 1]
+        for k in range(4):
+            q[i, k] = q[i - 1, k]
+        turned_by(q[i], dt * gyr[i, 0], dt * gyr[i, 1], dt * gyr[i, 2])
 
 
 def between(frames: Keyframes, moving: Bools, q_k: Floats, rate: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from plumbob.filters.smoother.field import (
     reference_of,
     weights,
 )
-from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, kinds, level, rest, speed_of
+from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, calm, kinds, level, speed_of
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, M, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import Sweep, sweep
@@ -131,27 +131,46 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
         p = p._replace(bias_start=min(p.bias_start, sd))
     inertial = level(frames, p, known.bias, known.unit)
     if np.isfinite(frames.mag[:, 0]).any():
-        own = attached_field(frames, _followed(frames, p, inertial, known))
-        clean = frames.without(own.field) if own.found else frames
-        field = _field_of(clean, inertial.sweep, inertial.resting) if own.found else inertial.sweep.field
-        if (reference := reference_of(clean, p, field, inertial, own.doubtful, known.field)) is not None:
-            return _with_field(clean, p, inertial, field, reference, own, known)
+        field = inertial.sweep.field
+        headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), known)
+        own = attached_field(frames, _followed(frames, inertial, headed))
+        if own.found:
+            frames = frames.without(own.field)
+            field = _field_of(frames, inertial.sweep, inertial.resting)
+            headed = _headed(frames, p, inertial, field, own.doubtful, known)
+        if headed is not None:
+            return _with_field(frames, p, inertial, field, headed, own, known)
     prior = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=known.unit)
     return Smoothed(frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, prior)
 
 
-def _followed(frames: Keyframes, p: Params, inertial: Inertial, known: Known) -> Floats:
+class _Headed(NamedTuple):
+    """The field of the place, and the turn about the vertical that brings it north at each step, (K,), rad."""
+
+    reference: Reference
+    turn: Floats
+
+
+def _headed(
+    frames: Keyframes, p: Params, inertial: Inertial, field: Floats, doubtful: Bools, known: Known
+) -> _Headed | None:
+    """Heading of an attitude without one, by fields (K, 3) in its axes; None where no field gives any."""
+    if (reference := reference_of(frames, p, field, inertial, doubtful, known.field)) is None:
+        return None
+    weight = weights(reference, p, field, doubtful, directed=False)
+    return _Headed(reference, heading_of(frames, inertial, field, weight))
+
+
+def _followed(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Floats:
     """Attitude at every sample, (N, 4), whose heading follows the field's.
 
     An unknown vertical bias turns a field of the place in the attitude without heading, and what turns evenly in a few
     seconds looks like a field of the sensor.
     """
     q = at_samples(frames, inertial.sweep, inertial.resting)
-    field, none = inertial.sweep.field, np.zeros(frames.gap.size, dtype=bool)
-    if (reference := reference_of(frames, p, field, inertial, none, known.field)) is None:
+    if headed is None:
         return q
-    turn = heading_of(frames, inertial, field, weights(reference, p, field, none, directed=False))
-    return quat_multiply(about_up(np.interp(frames.t, frames.middle, turn)), q)
+    return quat_multiply(about_up(np.interp(frames.t, frames.middle, headed.turn)), q)
 
 
 def _with_field(
@@ -159,24 +178,24 @@ def _with_field(
     p: Params,
     inertial: Inertial,
     field: Floats,
-    reference: Reference,
+    headed: _Headed,
     own: Attached,
     known: Known,
 ) -> Smoothed:
     """All sensors, from the attitude without heading and the heading that the field gives it."""
-    weight = weights(reference, p, field, own.doubtful, directed=False)
-    turn = heading_of(frames, inertial, field, weight)
+    reference, turn = headed
     by = np.concatenate((turn[:1], turn))
     q = quat_multiply(about_up(by), inertial.sweep.q)
     free, field = field, np.stack((*_turned(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False, unit=known.unit)
+    still = calm(frames, p)
     for left in range(PASSES, 0, -1):
         seen = Inertial(found, resting, speed)
         reference = reference_of(frames, p, field, seen, own.doubtful, known.field) or reference
         weight = weights(reference, p, field, own.doubtful, directed=True)
-        resting = rest(frames, p, bias[1:])
+        resting = still.at_bias(p, bias[1:])
         var = heading_variance(frames, p, reference, weight)
         noise = Noise.of(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
@@ -221,9 +240,9 @@ def rates(frames: Keyframes, found: Sweep) -> Floats:
     return rate
 
 
-def at_samples(frames: Keyframes, found: Sweep, resting: Bools) -> Floats:
-    """Attitude at every sample, (N, 4)."""
-    return between(frames, ~resting & ~frames.gap, found.q, rates(frames, found))
+def at_samples(frames: Keyframes, found: Sweep, resting: Bools, rate: Floats | None = None) -> Floats:
+    """Attitude at every sample, (N, 4); `rate` are its `rates`, where they are at hand."""
+    return between(frames, ~resting & ~frames.gap, found.q, rates(frames, found) if rate is None else rate)
 
 
 def _field_of(frames: Keyframes, found: Sweep, resting: Bools) -> Floats:

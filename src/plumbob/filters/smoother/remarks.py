@@ -1,11 +1,11 @@
 """What a reader of a smoothed track should know: fields that were not used, were of the sensor, or leave a doubt."""
 
 import math
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
+from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
 from plumbob.filters.smoother.keyframes import Bools
@@ -57,9 +57,8 @@ def _gaps(found: Smoothed, begin: float, end: float) -> list[str]:
 
 def _spells(found: Smoothed, which: Bools, begin: float, end: float) -> str:
     """Times, s, for which something lasted, the longest few of them; empty where none did for long."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], which, [False])).astype(np.int8)))
     time = found.frames.time
-    spells = [(max(float(time[a]), begin), min(float(time[b]), end)) for a, b in list(pairwise(edges))[::2]]
+    spells = [(max(float(time[a]), begin), min(float(time[b]), end)) for a, b in check.runs(which)]
     long = sorted((s for s in spells if s[1] - s[0] >= LASTING), key=lambda s: s[0] - s[1])
     total = math.fsum(b - a for a, b in long)
     if not long:

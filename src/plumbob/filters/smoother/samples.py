@@ -85,7 +85,8 @@ def stretches(t: Floats, lag: float | None) -> Iterator[Stretch]:
 def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
     """What is known of every sample of a recording, or of a stretch of one."""
     frames = found.frames
-    q, rate = at_samples(frames, found.sweep, found.resting), rates(frames, found.sweep)
+    rate = rates(frames, found.sweep)
+    q = at_samples(frames, found.sweep, found.resting, rate)
     place = np.searchsorted(frames.first, np.arange(frames.t.size))
     cov = _covariance(q, found, place, rate, p, data.meta.left)
     if p.latency:

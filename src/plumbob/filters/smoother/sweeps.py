@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.filters.smoother.keyframes import Keyframes
+from plumbob.filters.smoother.keyframes import Keyframes, turned_by
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
 
@@ -57,14 +57,6 @@ UNUSED: Final = 1e6
 """A heading of this variance, rad², is not used."""
 REST_JITTER: Final = 1e-10
 """Variance that the attitude gains at rest, rad²/s."""
-
-
-@njit
-def turned_by(q: Floats, rx: float, ry: float, rz: float) -> None:
-    """Turn an attitude by a rotation vector in body axes."""
-    e0, e1, e2, e3 = quat_exp(rx, ry, rz)
-    a0, a1, a2, a3 = quat_mul(q[0], q[1], q[2], q[3], e0, e1, e2, e3)
-    q[0], q[1], q[2], q[3] = quat_unit(a0, a1, a2, a3)
 
 
 @njit
