@@ -4,10 +4,9 @@ They are imported when they are asked for. Each starts as its constructor leaves
 identity. A peer without time input runs with its nominal step. Whole recordings: `plumbob.evaluation.many.peers`.
 """
 
-import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any, Final
 
@@ -19,7 +18,7 @@ from benchmarks.harness.fault_scene import DIP_DEG, RATE, Row
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import to_deg
-from plumbob.evaluation.many.peers import FUSION_TUNING, TUNED_FUSION, fusion_filter, made
+from plumbob.evaluation.many.peers import FUSION_TUNING, TUNED_FUSION, fusion_filter, made, quiet
 from plumbob.rotations import Frame, change_frame, quat_conjugate
 
 STEP = 1.0 / RATE
@@ -62,12 +61,9 @@ class _Peer(ABC):
         """Rates, or steps, that are none."""
         return [Construction(f"rate {value:g}", partial(self.start, value)) for value in self.RATE_ARGUMENTS]
 
-    @contextmanager
-    def quiet(self) -> Iterator[None]:
+    def quiet(self) -> AbstractContextManager[None]:
         """Keep warnings of the library off the terminal."""
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
+        return quiet()
 
     def enu(self, q: Floats) -> Floats:
         """Return attitudes as they are."""

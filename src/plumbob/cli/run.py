@@ -44,22 +44,22 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
-    from plumbob.filters.known import CAUSAL, SMOOTHER
+    from plumbob.filters.known import chosen
     from plumbob.session.estimated import estimate
 
-    name = args.filter or (CAUSAL if args.causal else SMOOTHER)
-    chosen = common.stages(name, args.params)
-    if len(chosen) != 1:
+    stages = common.stages(chosen(args.filter, causal=args.causal), args.params)
+    if len(stages) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
+    (stage,) = stages
     inputs = (args.file, args.profile, args.calibration, args.noise)
     common.check_outputs(args, *common.with_profile(args.out), args.card, inputs=inputs)
-    common.warn_of_compiling([chosen[0].filter])
+    common.warn_of_compiling([stage.filter])
     with common.progress_bars() as bars:
         result = estimate(
             args.file,
-            chosen[0].filter,
+            stage.filter,
             lag=args.lag,
-            params=chosen[0].params,
+            params=stage.params,
             frame=args.frame,
             init=args.init,
             calibration=args.calibration,
@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
             date=args.date,
             profile=args.profile,
             note=common.note,
-            progress=lambda done, total: bars(chosen[0].filter, done, total),
+            progress=lambda done, total: bars(stage.filter, done, total),
         )
     if args.out:
         result.save(args.out, overwrite=args.force)

@@ -102,7 +102,7 @@ def comparison(
     Raises
     ------
     ShapeError
-        If there is no evaluation.
+        If no evaluation is given.
     """
     if not evaluations:
         raise ShapeError("a report needs at least one evaluation, but evaluations is empty.")

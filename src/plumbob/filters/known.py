@@ -34,6 +34,11 @@ CAUSAL = "mekf"
 """The filter for a stream, and for what a live system would have known."""
 
 
+def chosen(filter: str | None, *, causal: bool) -> str:
+    """What estimates a recording: the filter that is named, or else the smoother, or the one for a stream."""
+    return filter or (CAUSAL if causal else SMOOTHER)
+
+
 def filter_names() -> tuple[str, ...]:
     """Names that `Filter` accepts: causal filters, sample by sample."""
     return _MODULES

@@ -254,8 +254,7 @@ def runs(t: Floats, mask: NDArray[np.bool_], columns: int) -> list[tuple[float, 
 
     A stretch ends where the next sample begins, so that neighbours meet.
     """
-    edges = np.diff(np.concatenate(([0], mask.astype(np.int8), [0])))
-    start, stop = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    start, stop = np.array(check.runs(mask), dtype=np.intp).reshape(-1, 2).T
     until = np.append(t[1:], t[-1])[stop - 1]
     length = until - t[start]
     wide = length >= (t[-1] - t[0]) / columns

@@ -89,9 +89,9 @@ def _free(estimate: North, reference: North, aligned: bool) -> HeadingPolicy:
     return HeadingPolicy(comparable=False, reason=reason)
 
 
-def turn_heading(q_nb: Floats, angle: float, frame: Frame) -> Floats:
-    """Attitudes (N, 4) whose headings read `angle` rad more, clockwise seen from above."""
-    return quat_multiply(quat_from_rotvec(-angle * frame.up), q_nb)
+def turn_heading(q_nb: Floats, angle: float | Floats, frame: Frame) -> Floats:
+    """Attitudes (N, 4) whose headings read `angle`, one or (N,), rad more, clockwise seen from above."""
+    return quat_multiply(quat_from_rotvec(np.multiply.outer(-angle, frame.up)), q_nb)
 
 
 def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:

@@ -22,16 +22,9 @@ from plumbob.data.earth_field import located
 from plumbob.data.plausibility import upside_down
 from plumbob.files import Recording, findings, found_in, inferred_in, write
 from plumbob.files.notes import unsaved
-from plumbob.filters import CAUSAL, SMOOTHER, Filter, claims_covariance, filter_names
-from plumbob.filters.offline import (
-    Stage,
-    bias_beyond,
-    declination_deg,
-    filter_of,
-    navigation_frame,
-    run_stage,
-    smoother_of,
-)
+from plumbob.filters import SMOOTHER, Filter, claims_covariance, filter_names
+from plumbob.filters.known import chosen
+from plumbob.filters.offline import Stage, bias_beyond, declination_deg, estimator_of, navigation_frame, run_stage
 from plumbob.filters.smoother import Smoother
 from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
@@ -271,8 +264,14 @@ def estimate(
         say(f"{source.name}: {line}")
     count = len(imu)
     done = None if progress is None else _counted(progress, count)
-    made_by, track = _run(imu, stage, frame, source.track, done)
-    for line in made_by.remarks if isinstance(made_by, Smoother) else _restarts(imu, track):
+    made_by = estimator_of(stage, frame, imu.meta)
+    if isinstance(made_by, Smoother):
+        track = made_by.process(imu, progress=done)
+        remarks: Sequence[str] = made_by.remarks
+    else:
+        track = run_stage(imu, stage, frame=frame, reference=source.track, progress=done)
+        remarks = _restarts(imu, track)
+    for line in remarks:
         say(line)
     if (contradiction := bias_beyond(made_by, track)) is not None:
         say(contradiction)
@@ -286,34 +285,24 @@ def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Sta
     """What runs, of what was asked for."""
     if causal and (filter is not None or lag is not None):
         raise ParameterError("causal chooses the filter, and has no lag. Give causal alone, or filter, or lag.")
-    name = filter or (CAUSAL if causal else SMOOTHER)
+    name = chosen(filter, causal=causal)
     if lag is not None and name != SMOOTHER:
         raise ParameterError(f"lag is for the smoother, but filter is {name}. Leave one of them out.")
     params = asked.params if lag is None else {**asked.params, "lag": lag}
     return replace(asked, filter=name, params=params)
 
 
-def _run(
-    imu: ImuData,
-    stage: Stage,
-    frame: Frame,
-    reference: AttitudeTrack | None,
-    done: Callable[[int], None] | None,
-) -> tuple[Filter | Smoother, AttitudeTrack]:
-    """What ran, and its track."""
-    if stage.filter == SMOOTHER:
-        smoother = smoother_of(stage, frame)
-        return smoother, smoother.process(imu, progress=done)
-    track = run_stage(imu, stage, frame=frame, reference=reference, progress=done)
-    return filter_of(stage, frame, imu.meta), track
-
-
 def compiling(names: Sequence[str]) -> str | None:
     """Why the next call waits, where filters have not been compiled on this machine yet; None where they have."""
-    loops = {name: "claiming_" if name in filter_names() and claims_covariance(name) else "batch_" for name in names}
-    kernels = {name: "backward" if name == SMOOTHER else loop + name for name, loop in loops.items()}
-    cold = [name for name, kernel in kernels.items() if _jit.is_cold(kernel)]
+    cold = [name for name in names if _jit.is_cold(_kernel_of(name))]
     return _jit.compiling(", ".join(cold)) if cold else None
+
+
+def _kernel_of(name: str) -> str:
+    """Kernel that an estimator compiles last."""
+    if name == SMOOTHER:
+        return "backward"
+    return f"claiming_{name}" if name in filter_names() and claims_covariance(name) else f"batch_{name}"
 
 
 def _recording_of(given: str | Path | Recording | ImuData, profile: str | Path | None) -> tuple[str, Recording]:

@@ -38,7 +38,7 @@ SHARES: Final = {
 RESTING: Final = dps(5.0)
 """A claim is one in motion where the mean rate of a second exceeds this, rad/s."""
 ENOUGH: Final = 100
-"""Samples from which on a share is one."""
+"""A share of fewer samples than this is not given."""
 DECLARED: Final = "declared, no card"
 """Calibration of recordings that are said to be calibrated."""
 
@@ -144,9 +144,8 @@ class Accuracy:
         remarks += [f"left out: {name}: {why}" for name, why in self.absent.items()]
         tables = [*self._paired(), *self._claimed(), *self._beside()]
         facts = [*self._calibrations(), ("aligned", ", ".join(self.align) or "nothing")]
-        facts += [("changed", ", ".join(f"{name} {how}".strip() for name, how in self.changes.items()))] * bool(
-            self.changes
-        )
+        if self.changes:
+            facts.append(("changed", ", ".join(f"{name} {how}".strip() for name, how in self.changes.items())))
         return Report("Accuracy", facts=facts, parts=[*parts, Report("", tables=tables, remarks=remarks)])
 
     def text(self) -> str:

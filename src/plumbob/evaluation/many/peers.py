@@ -127,6 +127,14 @@ def _complete(name: str, triad: Floats | None) -> Floats:
     return np.array(triad)
 
 
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Keep warnings of a library off the terminal."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        yield
+
+
 class _Peer:
     """What the adapters share."""
 
@@ -242,20 +250,13 @@ class _Ahrs(_Peer):
         shown = ", ".join(f"{name}={value}" for name, value in self.ARGUMENTS.items())
         self.settings = f"{self.name}({shown or 'defaults'}), started from the first sample"
 
-    @contextmanager
-    def quiet(self) -> Iterator[None]:
-        """Keep warnings of the library off the terminal."""
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            yield
-
     def enu(self, q: Floats) -> Floats:
         """Return attitudes as they are."""
         return q
 
     def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         kind = getattr(self.library.filters, self.KIND)
-        with self.quiet():
+        with quiet():
             return self.enu(kind(gyr=gyr, acc=acc, mag=mag, frequency=1.0 / step, **self.ARGUMENTS).Q)
 
 
@@ -290,7 +291,7 @@ class _EkfRun(_Ahrs):
 
     def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
         dip_deg = 0.0 if mag is None else float(to_deg(np.median(_dip(acc, mag))))
-        with self.quiet():
+        with quiet():
             run = self.library.filters.EKF(
                 gyr=gyr, acc=-acc, mag=mag, frequency=1.0 / step, frame="NED", magnetic_ref=dip_deg
             )

@@ -19,7 +19,7 @@ from plumbob.rotations import quat_conjugate, quat_rotate
 
 SEED: Final = 1
 MOVING: Final = dps(20.0)
-"""Rate from which on a unit is in motion, rad/s."""
+"""A unit is in motion at rates above this, rad/s."""
 MARGIN: Final = 10.0
 """Gaps begin this long after the motion begins, and before the recording ends, s."""
 ACC_EVERY, MAG_EVERY = 2, 5

@@ -21,7 +21,8 @@ from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, calm, kinds,
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, M, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import Sweep, sweep
-from plumbob.rotations import dcm_from_quat, quat_multiply, quat_slerp
+from plumbob.rotations import Frame, dcm_from_quat, quat_slerp
+from plumbob.rotations.headings import turn_heading
 
 AGAIN_TILT: Final = deg(3.0)
 AGAIN_HEADING: Final = deg(30.0)
@@ -170,7 +171,7 @@ def _followed(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> 
     q = at_samples(frames, inertial.sweep, inertial.resting)
     if headed is None:
         return q
-    return quat_multiply(about_up(np.interp(frames.t, frames.middle, headed.turn)), q)
+    return turn_heading(q, -np.interp(frames.t, frames.middle, headed.turn), Frame.ENU)
 
 
 def _with_field(
@@ -185,7 +186,7 @@ def _with_field(
     """All sensors, from the attitude without heading and the heading that the field gives it."""
     reference, turn = headed
     by = np.concatenate((turn[:1], turn))
-    q = quat_multiply(about_up(by), inertial.sweep.q)
+    q = turn_heading(inertial.sweep.q, -by, Frame.ENU)
     free, field = field, np.stack((*_turned(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
@@ -224,12 +225,6 @@ def _turned(by: Floats, field: Floats) -> tuple[Floats, Floats]:
     """Level part of fields turned about the vertical."""
     c, s = np.cos(by), np.sin(by)
     return c * field[:, 0] - s * field[:, 1], s * field[:, 0] + c * field[:, 1]
-
-
-def about_up(angle: Floats) -> Floats:
-    """Turns about the vertical, (N, 4), by angles (N,), rad."""
-    zero = np.zeros_like(angle)
-    return np.stack((np.cos(0.5 * angle), zero, zero, np.sin(0.5 * angle)), axis=1)
 
 
 def rates(frames: Keyframes, found: Sweep) -> Floats:

@@ -17,8 +17,9 @@ from plumbob.data.cards.left import Half
 from plumbob.filters.settling import considered
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import Params
-from plumbob.filters.smoother.passes import Smoothed, about_up, at_samples, rates
-from plumbob.rotations import dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, quat_slerp
+from plumbob.filters.smoother.passes import Smoothed, at_samples, rates
+from plumbob.rotations import Frame, dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, quat_slerp
+from plumbob.rotations.headings import turn_heading
 
 GATED: Final = 0.1
 """A field that counts with less than this was not used."""
@@ -110,7 +111,7 @@ def continued(part: Part, stretch: Stretch, before: Part, last: Stretch) -> Part
     own, other = part.q[: high - low], before.q[low - last.whole.start : high - last.whole.start]
     turn = quat_multiply(other, quat_conjugate(own))
     angle = 2.0 * math.atan2(float((turn[:, 3] * turn[:, 0]).sum()), float((turn[:, 0] ** 2).sum()))
-    return part._replace(q=quat_multiply(about_up(np.full(len(part.q), angle)), part.q))
+    return part._replace(q=turn_heading(part.q, -angle, Frame.ENU))
 
 
 def _covariance(
