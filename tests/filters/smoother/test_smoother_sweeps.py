@@ -5,13 +5,14 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import astuple
 
 import numpy as np
 import pytest
 
 from plumbob import ImuData
 from plumbob.core.constants import G0
-from plumbob.filters.smoother import Params, Smoother
+from plumbob.filters.smoother import Params, Smoother, sweeps
 from plumbob.filters.smoother.inertial import kinds
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V, start_covariance
@@ -246,7 +247,8 @@ def test_backward_is_rauch_tung_and_striebel_s(seed):
     n = len(step)
     q, x = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1)), rng.normal(size=(n + 1, SIZE))
     q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1, 6, 6))
-    backward(q, x, np.ascontiguousarray(p[:, :KEPT]), gain, term, step, q_s, x_s, cov_s)
+    later = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    backward(q, x, np.ascontiguousarray(p[:, :KEPT]), gain, term, step, *later, q_s, x_s, cov_s)
     scale = np.abs(smoothed).max()
     assert scale > 0.05
     assert np.abs(rotvec_from_quat(q_s) - smoothed[:, :3]).max() < 1e-10 * max(scale, 1.0)
@@ -292,8 +294,7 @@ def passed(frames, resting, p, noise):
     start = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1))
     forward(
         frames.t, frames.gyr, frames.acc, frames.mag, frames.first, kind, frames.missed, frames.pushed, density,
-        heading, start, np.zeros(SIZE), p, noise, q, x, cov, gain, term, step, mean,
-        np.empty((SIZE, SIZE)),
+        heading, start, p, noise, start[0].copy(), np.zeros(SIZE), p.copy(), q, x, cov, gain, term, step, mean,
     )  # fmt: skip
     return kind, density, heading, q, x, cov, gain, term, step, mean
 
@@ -358,6 +359,25 @@ def test_the_smoothed_covariance_is_one_and_no_larger_than_the_filtered():
     assert np.linalg.eigvalsh(scaled).min() > 0.0
     assert np.linalg.eigvalsh(larger - scaled).min() > -1e-9
     assert np.linalg.eigvalsh(scaled[0]).max() < 0.1  # the first attitude is known tenfold better from all
+
+
+@pytest.mark.parametrize("block", [1, 7, 64])
+def test_a_sweep_in_blocks_is_that_in_one(block, monkeypatch):
+    """To the bit: the way forward is gone again from what it was at the start of each block."""
+    frames, params = Keyframes.of(recording(), 0.049), Params()
+    p0 = start_covariance(params, tilt=0.2, heading=0.5, bias=0.05, rigid=False)
+    n = frames.gap.size
+    at_rest = np.interp(frames.middle, [2.4, 2.5, 3.5, 3.6], [0, 1, 1, 0]) == 1.0
+    given = kinds(frames, at_rest), np.full(n, 0.01), np.where(np.arange(n) % 5 == 0, 2.0 * UNUSED, 0.01)
+    start = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1))
+
+    def swept():
+        return astuple(sweep(frames, *given, start, np.full(3, 0.01), p0, Noise.of(params, 0.05)))
+
+    assert n < sweeps.BLOCK
+    whole = swept()
+    monkeypatch.setattr(sweeps, "BLOCK", block)
+    assert all(np.array_equal(one, other, equal_nan=True) for one, other in zip(whole, swept(), strict=True))
 
 
 def short():

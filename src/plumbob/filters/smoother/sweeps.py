@@ -10,7 +10,7 @@ Sums are written out because a product of small matrices is slower than its arit
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from plumbob.filters.smoother.keyframes import Keyframes, turned_by
 from plumbob.filters.smoother.model import BEND, KEPT, SIZE, TH, A, B, M, Noise, V
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rows
 
+BLOCK: Final = 256
+"""Steps of which all is kept at a time, 3 kB each: a recording of a day would need a gigabyte."""
 MEASURED: Final = 6
 """Scalar measurements at a keyframe, at most: level velocity (2), heading, rates at rest (3)."""
 EAST: Final = 0
@@ -257,19 +259,20 @@ def heading_update(p: Floats, x: Floats, gain: Floats, term: Floats, column: Flo
 @njit
 def forward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], kind: NDArray[np.int64],
-    missed: Floats, pushed: Floats, density: Floats, heading_var: Floats, q_start: Floats, x0: Floats, p0: Floats,
-    noise: Noise, q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, mean: Floats, p: Floats,
+    missed: Floats, pushed: Floats, density: Floats, heading_var: Floats, q_start: Floats, p0: Floats, noise: Noise,
+    attitude: Floats, now: Floats, p: Floats,
+    q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, mean: Floats,
 ) -> None:  # fmt: skip
     """Filter forward: attitude, state and covariance after every keyframe, and what the way back needs of each step.
 
-    `p` is left as the covariance at the end.
+    `attitude`, `now` and `p` are those before the first step, and are left as those after the last.
     """
-    p[:] = p0
-    now, column = x0.copy(), np.zeros(SIZE)
-    attitude = q_start[0].copy()
+    column = np.zeros(SIZE)
     keep(0, attitude, now, p, q, x, cov)
     for k in range(first.size - 1):
         f, u, last = step[k], mean[k], first[k + 1]
+        for i in range(MEASURED):
+            term[k, i, INVERSE] = 0.0
         spread2 = integrate(first[k], last, t, gyr, acc, mag, kind[k], attitude, now, f, u)
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
@@ -442,16 +445,14 @@ def smooth_covariance(cov: Floats, big: Floats, product: Floats, out: Floats) ->
 
 @njit
 def backward(
-    q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, q_s: Floats, x_s: Floats, cov_s: Floats
-) -> None:
-    """Smooth: attitude, the first states, and the covariance of attitude and bias, (6, 6), at every keyframe."""
-    lam, big, y, d, product = (
-        np.zeros(SIZE),
-        np.zeros((SIZE, SIZE)),
-        np.zeros(SIZE),
-        np.zeros(KEPT),
-        np.zeros((6, SIZE)),
-    )
+    q: Floats, x: Floats, cov: Floats, gain: Floats, term: Floats, step: Floats, lam: Floats, big: Floats,
+    q_s: Floats, x_s: Floats, cov_s: Floats,
+) -> None:  # fmt: skip
+    """Smooth: attitude, the first states, and the covariance of attitude and bias, (6, 6), at every keyframe.
+
+    `lam` and `big` are λ and Λ at the last keyframe, and are left as those at the first.
+    """
+    y, d, product = np.zeros(SIZE), np.zeros(KEPT), np.zeros((6, SIZE))
     for k in range(q.shape[0] - 1, -1, -1):
         smooth_state(k, lam, q, x, cov, d, q_s, x_s)
         if cov_s.shape[0]:
@@ -514,11 +515,33 @@ class Sweep:
         return self.x[:, V : V + 2]
 
 
+class _Kept(NamedTuple):
+    """What the way back needs of a block of steps: states, covariances, gains, measurements, and the steps."""
+
+    x: Floats
+    cov: Floats
+    gain: Floats
+    term: Floats
+    step: Floats
+
+    @classmethod
+    def of(cls, n: int) -> Self:
+        """Room for n steps."""
+        shapes = (n + 1, SIZE), (n + 1, KEPT, SIZE), (n, MEASURED, SIZE), (n, MEASURED, TERMS), (n, STEP)
+        return cls(*map(np.empty, shapes))
+
+    def first(self, n: int) -> Self:
+        """The room for the first n steps."""
+        return type(self)(self.x[: n + 1], self.cov[: n + 1], self.gain[:n], self.term[:n], self.step[:n])
+
+
 def sweep(
     frames: Keyframes, kind: NDArray[np.int64], density: Floats, heading_var: Floats, q_start: Floats, bias: Floats,
     p0: Floats, noise: Noise, *, covariance: bool = True,
 ) -> Sweep:  # fmt: skip
     """Forward and backward over a recording.
+
+    What the way back needs is kept of one block of steps alone: the way forward is gone again from the start of each.
 
     Parameters
     ----------
@@ -542,18 +565,32 @@ def sweep(
         Smooth the covariance too, which takes as long as all the rest.
     """
     n = kind.size
-    q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, KEPT, SIZE))
-    gain, term = np.zeros((n, MEASURED, SIZE)), np.zeros((n, MEASURED, TERMS))
-    step, mean = np.empty((n, STEP)), np.empty((n, MEANS))
-    p = np.empty((SIZE, SIZE))
-    x0 = np.zeros(SIZE)
-    x0[B : B + 3] = bias
-    forward(
-        frames.t, frames.gyr, frames.acc, frames.mag, frames.first, kind, frames.missed, frames.pushed, density,
-        heading_var, q_start, x0, p0, noise, q, x, cov, gain, term, step, mean, p,
-    )  # fmt: skip
+    q, mean = np.empty((n + 1, 4)), np.empty((n, MEANS))
     q_s, x_s, cov_s = np.empty((n + 1, 4)), np.empty((n + 1, KEPT)), np.empty((n + 1 if covariance else 0, 6, 6))
-    backward(q, x, cov, gain, term, step, q_s, x_s, cov_s)
+    kept = _Kept.of(min(n, BLOCK))
+
+    def ahead(begin: int, attitude: Floats, now: Floats, p: Floats) -> _Kept:
+        steps, points = slice(begin, begin + BLOCK), slice(begin, begin + BLOCK + 1)
+        block = kept.first(min(BLOCK, n - begin))
+        forward(
+            frames.t, frames.gyr, frames.acc, frames.mag, frames.first[points], kind[steps], frames.missed[steps],
+            frames.pushed[steps], density[steps], heading_var[steps], q_start[points], p0, noise, attitude, now, p,
+            q[points], *block, mean[steps],
+        )  # fmt: skip
+        return block
+
+    attitude, now, p = q_start[0].copy(), np.zeros(SIZE), p0.copy()
+    now[B : B + 3] = bias
+    begins, starts = range(0, n, BLOCK), []
+    for begin in begins:
+        starts.append((attitude.copy(), now.copy(), p.copy()))
+        block = ahead(begin, attitude, now, p)
+    lam, big = np.zeros(SIZE), np.zeros((SIZE, SIZE))
+    for begin, start in zip(reversed(begins), reversed(starts), strict=True):
+        if begin != begins[-1]:
+            block = ahead(begin, *start)
+        points = slice(begin, begin + BLOCK + 1)
+        backward(q[points], *block, lam, big, q_s[points], x_s[points], cov_s[points])
     from plumbob.rotations import quat_conjugate, quat_multiply, quat_rotate
 
     change = quat_multiply(q_s[1:], quat_conjugate(q[1:]))
@@ -563,4 +600,4 @@ def sweep(
     unit = [*range(B, B + 3), *range(M, M + 9)]
     unit_cov = p[np.ix_(unit, unit)]
     unit_cov = 0.5 * (unit_cov + unit_cov.T)
-    return Sweep(q_s, x_s, cov_s, x[-1, M:].copy(), x[-1, A : A + 3].copy(), unit_cov, force, field)
+    return Sweep(q_s, x_s, cov_s, now[M:], now[A : A + 3], unit_cov, force, field)
