@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,8 +90,6 @@ class Calm:
 
 def calm(frames: Keyframes, p: Params) -> Calm:
     """Find the calm steps: the window reaches to both sides, and one with a gap in it is not calm."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
     usual = float(np.median(frames.step))
     width = max(3, round(p.rest_time / usual) | 1)
     rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
@@ -100,13 +98,19 @@ def calm(frames: Keyframes, p: Params) -> Calm:
 
     def spread(values: Floats) -> tuple[Floats, Floats]:
         mean = mean_between(values, low, high)
-        up, down = (f(values, width, axis=0, mode="nearest") for f in (maximum_filter1d, minimum_filter1d))
-        return np.maximum(up - mean, mean - down).max(axis=1), mean
+        around = _around(values, width)
+        return np.maximum(around.max(axis=2) - mean, mean - around.min(axis=2)).max(axis=1), mean
 
     (rate_spread, mean), (force_spread, _) = spread(rate), spread(force)
-    near_gap = maximum_filter1d(frames.gap.astype(np.int8), width, mode="constant") > 0
+    near_gap = _around(frames.gap, width).any(axis=1)
     quiet = (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap
     return Calm(quiet & ~_turning_evenly(frames, p, quiet), mean)
+
+
+def _around(values: NDArray[Any], width: int) -> NDArray[Any]:
+    """Values (K, …) in a window of an odd width around each, (K, …, width); at an end the last one goes on."""
+    ends = [(width // 2, width // 2)] + [(0, 0)] * (values.ndim - 1)
+    return np.lib.stride_tricks.sliding_window_view(np.pad(values, ends, mode="edge"), width, axis=0)
 
 
 def _turning_evenly(frames: Keyframes, p: Params, quiet: Bools) -> Bools:
@@ -134,11 +138,9 @@ def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
     quiet, mean = found.quiet, found.mean
     if not quiet.any():
         return quiet, np.zeros(3)
-    from scipy.spatial import cKDTree
-
     rates = mean[quiet]
     tried = rates[:: max(1, len(rates) // MOST)]
-    count = cKDTree(rates).query_ball_point(tried, p.rest_band, return_length=True)
+    count = neighbours(rates, tried, p.rest_band)
     likely = count * np.exp(-0.5 * (tried**2).sum(axis=1) / p.bias_start**2)
     bias = tried[np.argmax(likely)]
     for _ in range(3):
@@ -147,6 +149,22 @@ def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
         return np.zeros_like(quiet), np.zeros(3)
     resting = found.at_bias(p, bias)
     return resting, np.median(mean[resting], axis=0)
+
+
+@njit
+def neighbours(points: Floats, centres: Floats, within: float) -> NDArray[np.int64]:
+    """How many points (n, 3) are no further than this from each centre (m, 3)."""
+    count = np.zeros(centres.shape[0], dtype=np.int64)
+    for i in range(centres.shape[0]):
+        for j in range(points.shape[0]):
+            dx, dy, dz = (
+                points[j, 0] - centres[i, 0],
+                points[j, 1] - centres[i, 1],
+                points[j, 2] - centres[i, 2],
+            )
+            if dx * dx + dy * dy + dz * dz <= within * within:
+                count[i] += 1
+    return count
 
 
 @njit

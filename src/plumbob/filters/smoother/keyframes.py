@@ -184,7 +184,8 @@ def _smooth(values: Floats, count: int) -> Floats:
 
 def sum_between(values: Floats, low: NDArray[np.int64], high: NDArray[np.int64]) -> Floats:
     """Sums (K, …) of values (N, …) from row `low` to before row `high` of each stretch."""
-    total = np.concatenate((np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)))
+    total = np.zeros((len(values) + 1, *values.shape[1:]))
+    np.cumsum(values, axis=0, out=total[1:])
     found: Floats = total[high] - total[low]
     return found
 
