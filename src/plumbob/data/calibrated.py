@@ -72,10 +72,10 @@ def temperature_beyond(card: CalibrationCard, data: ImuData) -> str | None:
     """Say in words how far a recording's temperature leaves the span of the card's temperature terms; None if not."""
     for name in TRIADS:
         model: TriadCalibration | None = getattr(card, name)
-        if model is None or model.temp_span_c is None or data.temp_c is None or not model.bias_per_k.any():
+        if model is None or model.temp_span_c is None or not model.bias_per_k.any() or (temp_c := data.temp_c) is None:
             continue
         low, high = model.temp_span_c
-        known = data.temp_c[np.isfinite(data.temp_c)]
+        known = temp_c[np.isfinite(temp_c)]
         share = float(np.mean((known < low) | (known > high))) if known.size else 0.0
         if share > 0.0:
             return (

@@ -99,7 +99,8 @@ def located(imu: ImuData, place: str, *, date: str | None = None) -> tuple[ImuDa
         As in `earth_field_at`.
     """
     field = earth_field_at(*parse_place(place), day_of(imu.meta.t0_ns) if date is None else date)
-    return imu.corrected(meta=replace(imu.meta, declination=field.declination)), field
+    meta = replace(imu.meta, declination=field.declination)
+    return imu.each(lambda part: part.corrected(meta=meta)), field
 
 
 def day_of(t0_ns: int) -> str:

@@ -4,7 +4,7 @@ Both are frozen, hold read-only C-contiguous float64 arrays, and are validated o
 somebody could still write to are copied; to hand over large ones without a copy, set ``array.flags.writeable = False``.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from numbers import Integral, Real
 from typing import Any, Self
@@ -28,6 +28,9 @@ TRIADS = ("gyr", "acc", "mag")
 TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 UNCALIBRATED = "NONE: these sensor values are uncalibrated"
 """What stands in every output about sensor values that no calibration card has been applied to."""
+
+BLOCK = 1 << 16
+"""Samples that are looked at together where a recording is judged as a whole."""
 
 ENOUGH = 100
 """Samples from which on a recording's units are judged by its typical size."""
@@ -311,11 +314,40 @@ class ImuData(Series):
         state = {f.name: getattr(self, f.name) for f in fields(self)}
         return self._like({k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()})
 
-    def _like(self, state: dict[str, Any]) -> Self:
-        part = object.__new__(type(self))  # already validated
+    @classmethod
+    def _like(cls, state: dict[str, Any]) -> Self:
+        part = object.__new__(cls)  # already validated
         for name, value in state.items():
             object.__setattr__(part, name, value)
         return part
+
+    @classmethod
+    def joined(cls, parts: "Sequence[ImuData]") -> "ImuData":
+        """One recording of parts that follow each other, as slices of one do."""
+        first = parts[0]
+        if len(parts) == 1:
+            return first
+        state = {f.name: getattr(first, f.name) for f in fields(ImuData)}
+        whole = {
+            k: np.concatenate([getattr(p, k) for p in parts]) for k, v in state.items() if v is not None and k != "meta"
+        }
+        return ImuData._like(state | {name: check.read_only(array) for name, array in whole.items()})
+
+    def each(self, change: "Callable[[ImuData], ImuData]") -> "ImuData":
+        """Recording whose parts, cut anywhere, are those of this one after a change that judges each row by itself."""
+        return change(self)
+
+    def gathered(self, of: "Callable[[ImuData], NDArray[Any]]") -> NDArray[Any]:
+        """What a function has of each sample, (N, …), block by block: what it takes meanwhile does not grow."""
+        found, at = None, 0
+        for part in self.chunks(BLOCK):
+            values = of(part)
+            if found is None:
+                found = np.empty((len(self), *values.shape[1:]), dtype=values.dtype)
+            found[at : at + len(values)] = values
+            at += len(values)
+        assert found is not None
+        return found
 
     def chunks(self, size: int) -> Iterator[Self]:
         """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
@@ -357,10 +389,16 @@ class ImuData(Series):
         """Why triads are hardly in their units, in words: what `unit_check` refuses, where it is switched off."""
         found = []
         for name in self.triads:
-            invalid = (self.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
-            if doubt := _unit_doubt(name, getattr(self, name), invalid, self.meta.full_scale(name)):
+            if doubt := self._unit_doubt(name):
                 found.append(doubt[0])
         return tuple(found)
+
+    def _unit_doubt(self, name: str) -> tuple[str, str] | None:
+        def parts() -> Iterator[tuple[Floats, NDArray[np.bool_]]]:
+            for part in self.chunks(BLOCK):
+                yield getattr(part, name), (part.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
+
+        return _unit_doubt(name, parts, self.meta.full_scale(name))
 
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
@@ -581,14 +619,28 @@ class AttitudeTrack(Series):
         return track
 
     @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """One track of parts that follow each other, as a filter gives them."""
-        first = parts[0]
-        if len(parts) == 1:
-            return first
-        whole = {f.name: getattr(first, f.name) for f in fields(cls)}
-        arrays = [name for name, value in whole.items() if isinstance(value, np.ndarray)]
-        return cls.trusted(**whole | {name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays})
+    def joined(cls, parts: Iterable[Self], count: int) -> Self:
+        """One track of parts that follow each other, as a filter gives them; what is not an array is that of the last.
+
+        Parameters
+        ----------
+        parts : iterable of AttitudeTrack
+            The parts; none is kept.
+        count : int
+            Samples of all.
+        """
+        whole: dict[str, Any] = {}
+        at = 0
+        for part in parts:
+            for name, value in ((f.name, getattr(part, f.name)) for f in fields(cls)):
+                if not isinstance(value, np.ndarray) or len(value) == count:
+                    whole[name] = value
+                    continue
+                if not at:
+                    whole[name] = np.empty((count, *value.shape[1:]), dtype=value.dtype)
+                whole[name][at : at + len(value)] = value
+            at += len(part)
+        return cls.trusted(**whole)
 
     def with_attitude(self, q_nb: Floats, **changes: Any) -> Self:
         """Return the same track with another attitude (N, 4) and, where given, other fields."""
@@ -669,9 +721,31 @@ def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool
         what = "is NaN" if missing.all() else "has no finite number"
         raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
     found = _marks(name, triad, full_scale)
-    if unit_check and (doubt := _unit_doubt(name, triad, (found & np.uint32(invalid)) != 0, full_scale)):
+    too_big = (found & np.uint32(invalid)) != 0
+    if unit_check and (doubt := _unit_doubt(name, lambda: ((triad, too_big),), full_scale)):
         raise UnitError(". ".join(doubt))
     return found
+
+
+def norms(triad: Floats) -> Floats:
+    """Magnitude of each sample of a triad, (N,)."""
+    # An absurd value gives an infinite norm, which a median leaves out; a signalling NaN is a NaN like any other.
+    with np.errstate(over="ignore", invalid="ignore"):
+        norm: Floats = np.sqrt(np.sum(triad * triad, axis=1))
+    return norm
+
+
+def median(values: Floats) -> float:
+    """Median of the finite ones, NaN where there are none; puts the values in another order, and needs no room."""
+    finite = np.isfinite(values)
+    count = int(np.count_nonzero(finite))
+    if not count:
+        return float("nan")
+    if count < values.size:
+        values[~finite] = np.inf
+    low, high = (count - 1) // 2, count // 2
+    values.partition((low, high))
+    return float(0.5 * (values[low] + values[high]))
 
 
 def _limit(name: str, full_scale: Floats | None) -> Floats:
@@ -701,27 +775,29 @@ def _finite(triad: Floats) -> NDArray[np.bool_]:
 
 
 def _unit_doubt(
-    name: str, triad: Floats, too_big: NDArray[np.bool_], full_scale: Floats | None
+    name: str, parts: Callable[[], Iterable[tuple[Floats, NDArray[np.bool_]]]], full_scale: Floats | None
 ) -> tuple[str, str] | None:
-    """Why a triad is hardly in its unit, and what to do; None where it may well be."""
-    wrong = too_big & _finite(triad)  # infinity has no unit
-    if np.count_nonzero(wrong) > max(1, 0.01 * wrong.size):
-        i = int(np.argmax(wrong))
-        axis = int(np.argmax(np.abs(triad[i]) / _limit(name, full_scale)))
-        return (
-            f"{name}[{i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its {_bound(name, full_scale, axis)}, "
-            f"and {np.count_nonzero(wrong)} of {wrong.size} samples exceed it",
-            _ADVICE[name],
-        )
-    return None if name == "gyr" else _unusual_size(name, triad[~too_big])
+    """Why a triad is hardly in its unit, and what to do; None where it may well be. The parts have what is too big."""
+    first, size, count = "", 0, 0
+    for triad, too_big in parts():
+        wrong = too_big & _finite(triad)  # infinity has no unit
+        if not first and wrong.any():
+            i = int(np.argmax(wrong))
+            axis = int(np.argmax(np.abs(triad[i]) / _limit(name, full_scale)))
+            first = f"{name}[{size + i}, {axis}] = {triad[i, axis]:.6g} {_SI[name]}, but its " + _bound(
+                name, full_scale, axis
+            )
+        size, count = size + wrong.size, count + int(np.count_nonzero(wrong))
+    if count > max(1, 0.01 * size):
+        return f"{first}, and {count} of {size} samples exceed it", _ADVICE[name]
+    return None if name == "gyr" else _unusual_size(name, (triad[~too_big] for triad, too_big in parts()))
 
 
-def _unusual_size(name: str, possible: Floats) -> tuple[str, str] | None:
-    norm = np.sqrt(np.sum(possible * possible, axis=1))
-    norm = norm[np.isfinite(norm)]
+def _unusual_size(name: str, possible: Iterable[Floats]) -> tuple[str, str] | None:
+    norm = np.concatenate([norm[np.isfinite(norm)] for norm in map(norms, possible)])
     if norm.size < ENOUGH:
         return None
-    typical = float(np.median(norm))
+    typical = median(norm)
     low, high = (0.5 * G0, 2.5 * G0) if name == "acc" else (5.0, 2000.0)
     if low <= typical <= high:
         return None

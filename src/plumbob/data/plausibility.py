@@ -9,7 +9,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg
-from plumbob.data.imu import ENOUGH, ImuData
+from plumbob.data.imu import BLOCK, ENOUGH, ImuData, median, norms
 from plumbob.rotations import Frame
 
 LONGEST_STEP: Final = 0.5
@@ -40,7 +40,7 @@ def doubts(imu: ImuData) -> tuple[str, ...]:
     imu : ImuData
         The recording; too few samples or no gyroscope leave no doubt.
     """
-    if imu.gyr is None or len(imu) < ENOUGH:
+    if "gyr" not in imu.triads or len(imu) < ENOUGH:
         return ()
     return tuple(_steps(imu)) or _turning(imu) or _rates(imu)
 
@@ -55,16 +55,18 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
     frame : Frame
         Navigation frame of its attitudes, with whose axes those of the body agree at zero angles.
     """
-    if imu.acc is None or len(imu) < ENOUGH:
+    if "acc" not in imu.triads or len(imu) < ENOUGH:
         return ()
-    acc = imu.usable("acc")
-    norm = np.sqrt(np.sum(acc * acc, axis=1))
-    if not np.isfinite(norm).any():
-        return ()
-    usual = float(np.median(norm[np.isfinite(norm)]))
-    counts = np.abs(norm - usual) < QUIET * usual
-    upward = acc[counts, 2] * frame.up[2] / norm[counts]
-    if upward.size < ENOUGH or np.mean(upward < 0.0) < THROUGHOUT or np.median(upward) > STEEP:
+    usual = median(imu.gathered(lambda part: norms(part.usable("acc"))))
+
+    def upwards(part: ImuData) -> Floats:
+        acc = part.usable("acc")
+        norm = norms(acc)
+        counts = np.abs(norm - usual) < QUIET * usual
+        return np.asarray(acc[counts, 2] * frame.up[2] / norm[counts])
+
+    upward = np.concatenate([upwards(part) for part in imu.chunks(BLOCK)])
+    if upward.size < ENOUGH or np.mean(upward < 0.0) < THROUGHOUT or median(upward) > STEEP:
         return ()
     level = "+g" if frame.up[2] > 0.0 else "−g"
     return (
@@ -74,9 +76,10 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
 
 
 def _steps(imu: ImuData) -> Iterator[str]:
-    if imu.t.size < 2:
+    t = imu.t
+    if t.size < 2:
         return
-    usual, mean = float(np.median(np.diff(imu.t))), float(imu.t[-1] - imu.t[0]) / (imu.t.size - 1)
+    usual, mean = median(np.diff(t)), float(t[-1] - t[0]) / (t.size - 1)
     if usual >= LONGEST_STEP:
         yield (
             f"time: the usual step is {usual:.4g} s, too long to follow a gyroscope; if the times are ms or µs, "
@@ -84,7 +87,7 @@ def _steps(imu: ImuData) -> Iterator[str]:
         )
     elif mean <= SHORTEST_STEP:
         yield f"time: the mean step is {mean:.4g} s, shorter than any MEMS part's; check the unit of the times"
-    elif (told := bursts(imu.t)) is not None:
+    elif (told := bursts(t)) is not None:
         yield f"time: {told}"
 
 
@@ -96,9 +99,9 @@ def bursts(t: Floats) -> str | None:
     step = np.diff(t)
     if step.size < ENOUGH:
         return None
-    usual, span = float(np.median(step)), float(t[-1] - t[0])
+    span = float(t[-1] - t[0])
     mean = span / step.size
-    pauses = float(np.mean(step > PAUSE * mean))
+    pauses, usual = float(np.mean(step > PAUSE * mean)), median(step)
     if not (usual < BURST * mean and pauses > FEW_PAUSES):
         return None
     window = max(1.0, 20.0 / (pauses / mean))  # of twenty bursts
@@ -133,14 +136,13 @@ def _turning(imu: ImuData) -> tuple[str, ...]:
 
 
 def _rates(imu: ImuData) -> tuple[str, ...]:
-    gyr = imu.usable("gyr")
-    rates = np.sqrt(np.sum(gyr * gyr, axis=1))
-    rates = rates[np.isfinite(rates)]
-    usual = float(np.median(rates)) if rates.size >= ENOUGH else 0.0
+    rates = imu.gathered(lambda part: norms(part.usable("gyr")))
+    size = int(np.count_nonzero(np.isfinite(rates)))
+    usual = median(rates) if size >= ENOUGH else 0.0
     if usual <= USUAL_RATE:
         return ()
     return (
-        f"gyroscope: |gyr| is {usual:.3g} rad/s ({to_deg(usual):.0f} °/s) in the middle of {rates.size} samples; if "
+        f"gyroscope: |gyr| is {usual:.3g} rad/s ({to_deg(usual):.0f} °/s) in the middle of {size} samples; if "
         "the source holds °/s, convert it: units.dps(gyr), or unit = 'dps' in the profile",
     )
 
@@ -202,10 +204,13 @@ def turning(imu: ImuData) -> Turning:
     """
     nothing = Turning(float("nan"), 0.0, 0)
     size = _window(imu.t)
-    if imu.gyr is None or imu.acc is None or len(imu) < 3 * size:
+    if not {"gyr", "acc"} <= set(imu.triads) or len(imu) < 3 * size:
         return nothing
-    t = _means(imu.t[:, np.newaxis], size)[:, 0]
-    rate, acc = _means(imu.usable("gyr"), size), _means(imu.usable("acc"), size)
+    windows = [
+        (_means(part.t[:, np.newaxis], size)[:, 0], _means(part.usable("gyr"), size), _means(part.usable("acc"), size))
+        for part in imu.chunks(size * max(1, BLOCK // size))
+    ]
+    t, rate, acc = map(np.concatenate, zip(*windows, strict=True))
     norm = np.sqrt(np.sum(acc * acc, axis=1))
     if not (np.isfinite(norm).any() and np.nanmedian(norm) > 0.0):
         return nothing
@@ -223,7 +228,7 @@ def turning(imu: ImuData) -> Turning:
 
 
 def _window(t: Floats) -> int:
-    return max(1, round(WINDOW / float(np.median(np.diff(t))))) if t.size > 1 else 1
+    return max(1, round(WINDOW / median(np.diff(t)))) if t.size > 1 else 1
 
 
 def _means(values: Floats, size: int) -> Floats:

@@ -9,14 +9,15 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.acquisition.timing.report import TimeReport
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.text import Shown, counted
-from plumbob.core.time import timing
 from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
+from plumbob.data.imu import median, norms
 from plumbob.data.plausibility import doubts
 
 
@@ -156,11 +157,10 @@ def _calibration(imu: ImuData) -> Iterator[str]:
 
 
 def _field(imu: ImuData) -> Iterator[str]:
-    if imu.mag is None:
+    if "mag" not in imu.triads:
         return
-    norm = _norms(imu.mag)
     low, high = EARTH_FIELD
-    typical = float(np.median(norm)) if norm.size else float("inf")
+    typical = float(np.nan_to_num(median(imu.gathered(_mag_norms)), nan=math.inf))
     if not low <= typical <= high:
         yield (
             f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
@@ -168,18 +168,16 @@ def _field(imu: ImuData) -> Iterator[str]:
         )
 
 
-def _norms(triad: Floats) -> Floats:
-    # An absurd value gives an infinite norm, which the median leaves out; a signalling NaN is a NaN like any other.
-    with np.errstate(over="ignore", invalid="ignore"):
-        norm: Floats = np.sqrt(np.sum(triad * triad, axis=1))
-    return norm[np.isfinite(norm)]
+def _mag_norms(part: ImuData) -> Floats:
+    return np.empty(0) if part.mag is None else norms(part.mag)
 
 
 def _flagged(imu: ImuData) -> Iterator[str]:
+    words = imu.flags
     meanings = {"clipped": (_CLIPPED, "at the end of the range"), "invalid": (_INVALID, "infinite or impossible")}
     for topic, (bits, what) in meanings.items():
         for name in imu.triads:
-            count = int(np.count_nonzero(imu.flags & np.uint32(bits[name])))
+            count = int(np.count_nonzero(words & np.uint32(bits[name])))
             if count:
                 yield f"{topic}: {name} is {what} in {count} of {len(imu)} samples"
 
@@ -191,23 +189,46 @@ def _gaps(imu: ImuData) -> Iterator[str]:
 
 
 def _longest(imu: ImuData) -> float:
-    return timing(imu.t).longest
+    return int(np.diff(imu.t_ns).max()) / 1e9
 
 
 def _stuck(imu: ImuData) -> Iterator[str]:
     for name in imu.triads:
-        values = imu.usable(name)
-        known = np.flatnonzero(~np.isnan(values).any(axis=1))
-        t, values = imu.t[known], values[known]
-        starts = np.flatnonzero(np.concatenate(([True], (values[1:] != values[:-1]).any(axis=1))))[: known.size]
-        if starts.size < 2:  # it never changes: a simulation without noise, at rest
+        kind = _repeated(imu, name)
+        if np.count_nonzero(kind == _NEW) < 2:  # it never changes: a simulation without noise, at rest
             continue
-        ends = np.append(starts[1:], known.size) - 1
+        edges = np.flatnonzero(np.diff(kind[kind != _NONE] == _AGAIN, prepend=False, append=False))
+        starts, ends = edges[::2] - 1, edges[1::2] - 1
+        long = ends - starts + 1 >= STUCK_SAMPLES
+        if not long.any():
+            continue
+        known = np.flatnonzero(kind)
+        starts, ends = known[starts[long]], known[ends[long]]
+        t = imu.t
         lasting = t[ends] - t[starts]
-        lasting[ends - starts + 1 < STUCK_SAMPLES] = 0.0
         i = int(np.argmax(lasting))
         if lasting[i] >= STUCK_FOR:
-            what = "does not change" if values[starts[i]].any() else "is exactly zero"
+            start = int(starts[i])
+            what = "does not change" if imu[start : start + 1].usable(name).any() else "is exactly zero"
             count = int(np.count_nonzero(lasting >= STUCK_FOR))
             more = f", the longest of {count} such stretches" if count > 1 else ""
-            yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[starts[i]]:.6g} s{more}"
+            yield f"stuck: {name} {what} for {lasting[i]:.6g} s from t = {t[start]:.6g} s{more}"
+
+
+_NONE, _NEW, _AGAIN = 0, 1, 2
+
+
+def _repeated(imu: ImuData, name: str) -> NDArray[np.uint8]:
+    """Of each sample, whether it has no value, a new one, or again that of the one before which had any; (N,)."""
+    last = np.full((1, 3), np.nan)
+
+    def kinds(part: ImuData) -> NDArray[np.uint8]:
+        values = part.usable(name)
+        known = ~np.isnan(values).any(axis=1)
+        own = values[known]
+        kind: NDArray[np.uint8] = known.astype(np.uint8)
+        kind[known] += (own == np.concatenate((last, own[:-1]))[: len(own)]).all(axis=1)
+        last[:] = own[-1:] if len(own) else last
+        return kind
+
+    return imu.gathered(kinds)

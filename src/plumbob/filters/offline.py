@@ -1,6 +1,6 @@
 """From a recording to an attitude: calibrate and estimate in chunks, with progress."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -225,13 +225,18 @@ def run_stage(
     start = None
     if stage.init == TRUTH_WORD:
         imu, start = start_from(reference, imu, filter_of(stage, frame, imu.meta))
-    filter_ = filter_of(stage, frame, imu.meta, start=start)
-    parts = []
+    return AttitudeTrack.joined(parts_of(imu, filter_of(stage, frame, imu.meta, start=start), progress), len(imu))
+
+
+def parts_of(imu: ImuData, estimator: Filter | Smoother, progress: Progress | None = None) -> Iterator[AttitudeTrack]:
+    """Parts of the track of a recording, one after the other, as `AttitudeTrack.joined` takes them."""
+    if isinstance(estimator, Smoother):
+        yield from estimator.parts(imu, progress=progress)
+        return
     for chunk in imu.chunks(CHUNK):
-        parts.append(filter_.process(chunk, covariance=True, look=False))  # the findings have been told
+        yield estimator.process(chunk, covariance=True, look=False)  # the findings have been told
         if progress:
             progress(len(chunk))
-    return AttitudeTrack.joined(parts)
 
 
 def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter) -> tuple[ImuData, Start]:

@@ -70,7 +70,7 @@ class Collected:
     def track(self) -> AttitudeTrack | None:
         """Attitude of the whole; None where nothing was estimated."""
         tracks = [part.track for part in self.parts if part.track is not None]
-        return AttitudeTrack.joined(tracks) if tracks else None
+        return _joined(tracks) if tracks else None
 
     def imu(self, *, calibrated: bool) -> ImuData | None:
         """Samples of the whole, judged as a recording; None where there are none."""
@@ -107,7 +107,7 @@ class Tracks:
         self._tracks.append(part.track)
         self._loose += 1
         if self._loose == _LOOSE:
-            self._tracks[-_LOOSE:] = [AttitudeTrack.joined(self._tracks[-_LOOSE:])]
+            self._tracks[-_LOOSE:] = [_joined(self._tracks[-_LOOSE:])]
             self._loose = 0
 
     def on_event(self, event: Event) -> None:
@@ -118,7 +118,11 @@ class Tracks:
 
     def track(self) -> AttitudeTrack | None:
         """Attitude of the whole; None where nothing was estimated."""
-        return AttitudeTrack.joined(self._tracks) if self._tracks else None
+        return _joined(self._tracks) if self._tracks else None
+
+
+def _joined(parts: list[AttitudeTrack]) -> AttitudeTrack:
+    return AttitudeTrack.joined(parts, sum(map(len, parts)))
 
 
 def text_of(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head: bool) -> Iterator[str]:

@@ -11,7 +11,7 @@ from plumbob.core.units import to_deg
 from plumbob.filters.smoother.keyframes import Bools
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.passes import Smoothed
-from plumbob.filters.smoother.samples import GATED, Stretch
+from plumbob.filters.smoother.samples import GATED
 
 LASTING: Final = 3.0
 """A field that is wrong for less than this, s, is not named."""
@@ -19,9 +19,9 @@ MOST: Final = 5
 """Spells that are named."""
 
 
-def remarks_of(found: Smoothed, p: Params, stretch: Stretch, t: Floats) -> list[str]:
-    """Remarks on a stretch of a recording, a line each."""
-    begin, end = float(t[stretch.core.start]), float(t[stretch.core.stop - 1])
+def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
+    """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept; a line each."""
+    begin, end = float(t[0]), float(t[-1])
     told = _gaps(found, begin, end)
     if found.reference is None:
         if np.isfinite(found.frames.mag[:, 0]).any():

@@ -103,12 +103,12 @@ def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
     return Part(np.tile(q, (n, 1)), np.tile(bias, (n, 1)), np.tile(math.pi**2 * np.eye(3), (n, 1, 1)), lost)
 
 
-def continued(part: Part, stretch: Stretch, before: Part, last: Stretch) -> Part:
-    """A stretch whose heading is free, turned to the one before by what both have."""
+def continued(part: Part, stretch: Stretch, before: Floats, last: Stretch) -> Part:
+    """A stretch whose heading is free, turned to the attitudes (N, 4) of the one before by what both have."""
     low, high = stretch.whole.start, min(last.whole.stop, stretch.core.start + 1)
     if high <= low:
         return part
-    own, other = part.q[: high - low], before.q[low - last.whole.start : high - last.whole.start]
+    own, other = part.q[: high - low], before[low - last.whole.start : high - last.whole.start]
     turn = quat_multiply(other, quat_conjugate(own))
     angle = 2.0 * math.atan2(float((turn[:, 3] * turn[:, 0]).sum()), float((turn[:, 0] ** 2).sum()))
     return part._replace(q=turn_heading(part.q, -angle, Frame.ENU))

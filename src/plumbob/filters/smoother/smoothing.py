@@ -1,11 +1,12 @@
 """The smoother as a user meets it: parameters, a recording in, a track out."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from plumbob.core import check
+from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
@@ -18,7 +19,7 @@ from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
-from plumbob.filters.smoother.samples import Part, Stretch, continued, part_of, stretches, unknown
+from plumbob.filters.smoother.samples import Stretch, continued, part_of, stretches, unknown
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -135,55 +136,52 @@ class Smoother(Shown):
         ShapeError
             If a triad is missing that it needs, or a recording has fewer than two samples with a rate.
         """
+        return AttitudeTrack.joined(self.parts(data, progress=progress), len(data))
+
+    def parts(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> Iterator[AttitudeTrack]:
+        """Parts of the track that `process` gives, as they are done; what headings count from is right in the last.
+
+        Arguments and errors are those of `process`. A stretch of the recording is asked for at a time.
+        """
         check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
         missing = [name for name in NEEDS if name not in data.triads]
         if missing:
             raise ShapeError(f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}.")
         if data.meta.declination is not None and not self._decided:
             self.common = self.common._replace(declination=data.meta.declination)
-        (q, bias, cov, words), headed = self._parts(data, progress)
-        return AttitudeTrack.trusted(
-            t=data.t,
-            q_nb=change_frame(q, to=self.frame, from_=Frame.ENU),
-            frame=self.frame,
-            north=self.north(headed),
-            bias_b=bias,
-            cov_b=cov,
-            flags=words,
-            source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
-        )
-
-    def _parts(self, data: ImuData, progress: Callable[[int], None] | None) -> tuple[Part, bool]:
-        """All parts of a recording, stretch after stretch, and whether a field gives the headings."""
-        n = len(data)
-        all_ = Part(np.empty((n, 4)), np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.uint32))
         turn = self.common.declination
         remarks: dict[str, None] = {}
-        last: tuple[Part, Stretch] | None = None
-        known = _known(data)
-        headed = False
-        for stretch in stretches(np.asarray(data.t), self.params.lag):
-            whole, core, inside = data[stretch.whole], stretch.core, stretch.inside
+        last: tuple[Floats, Stretch] | None = None
+        known, q_last, headed = _known(data), np.array([1.0, 0.0, 0.0, 0.0]), False
+        for stretch in list(stretches(data.t, self.params.lag)):  # a list: the times of all are not kept
+            whole, inside = data[stretch.whole], stretch.inside
             if (found := self.smooth(whole, known)) is None:
-                q = all_.q[core.start - 1] if core.start else np.array([1.0, 0.0, 0.0, 0.0])
-                part = unknown(whole, q, np.zeros(3) if known.bias is None else known.bias)
+                part = unknown(whole, q_last, np.zeros(3) if known.bias is None else known.bias)
             else:
                 part = part_of(whole, found, self.params)
                 headed = headed or found.reference is not None
                 if last is not None and found.reference is None:
                     part = continued(part, stretch, *last)
-                last, known, self.found = (part, stretch), known.after(found), found
-                remarks |= dict.fromkeys(remarks_of(found, self.params, stretch, data.t))
+                last, known, self.found = (part.q, stretch), known.after(found), found
+                remarks |= dict.fromkeys(remarks_of(found, self.params, whole.t[inside]))
             # headings are true from where a field has shown itself
             turned = turn_heading(part.q, turn, Frame.ENU) if headed and found is not None and turn else part.q
-            all_.q[core], all_.bias[core] = turned[inside], part.bias[inside]
-            all_.cov[core], all_.flags[core] = part.cov[inside], part.flags[inside]
+            q_last = turned[inside][-1]
+            self.remarks = tuple(remarks)
             if progress:
-                progress(core.stop - core.start)
+                progress(inside.stop - inside.start)
+            yield AttitudeTrack.trusted(
+                t=whole.t[inside],
+                q_nb=change_frame(turned[inside], to=self.frame, from_=Frame.ENU),
+                frame=self.frame,
+                north=self.north(headed),
+                bias_b=part.bias[inside],
+                cov_b=part.cov[inside],
+                flags=part.flags[inside],
+                source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
+            )
         if last is None:
             raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
-        self.remarks = tuple(remarks)
-        return all_, headed
 
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
         """What `process` makes its track of, at the keyframes; `known` is what came before. None without rates."""
