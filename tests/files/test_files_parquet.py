@@ -37,14 +37,20 @@ def refused(path, match, error=DecodeError):
     assert "\n" not in str(caught.value)
 
 
+def tabled(columns, content):
+    """Table as it was read from a file with this header."""
+    sealed = content | {"crc32": parquet._checksum(content, sorted(columns.items()))}
+    return parquet._table(columns, {parquet.KEY: header.dump(sealed)})
+
+
 def forged(path, *, content=None, table=None, key=b"plumbob", seal=True):
     """A native file with another header or table and, where sealed, a checksum that fits."""
     columns = to_columns(CASES["both"])
     original = header.header_of(CASES["both"], list(columns))
     content = {**original, **(content or {})}
     content = {k: v for k, v in content.items() if v is not ...}
-    table = table if table is not None else parquet._table(columns, original)
-    crc = {"crc32": parquet._checksum(content, columns)} if seal else {}
+    table = table if table is not None else tabled(columns, original)
+    crc = {"crc32": parquet._checksum(content, sorted(columns.items()))} if seal else {}
     raw = json.dumps(content | crc)
     pq.write_table(table.replace_schema_metadata({key: raw}), path)
     return path
@@ -99,7 +105,7 @@ def test_a_flipped_bit_never_gives_other_numbers(folder):
 def test_swapped_columns_are_refused(folder):
     """The numbers of two columns change places; every page and the footer are whole."""
     columns = to_columns(CASES["both"])
-    sealed = parquet._table(columns, header.header_of(CASES["both"], list(columns)))
+    sealed = tabled(columns, header.header_of(CASES["both"], list(columns)))
     swapped = sealed.set_column(1, sealed.field(1), sealed.column(2)).set_column(2, sealed.field(2), sealed.column(1))
     pq.write_table(swapped, folder / "swapped.parquet")
     refused(folder / "swapped.parquet", "does not fit its checksum")
@@ -252,7 +258,7 @@ def test_a_number_beyond_float64_in_the_header_is_refused(folder):
 
 def whole_table():
     columns = to_columns(CASES["both"])
-    return parquet._table(columns, header.header_of(CASES["both"], list(columns)))
+    return tabled(columns, header.header_of(CASES["both"], list(columns)))
 
 
 def units_of(table):
@@ -266,7 +272,7 @@ def test_a_missing_column_is_named(folder, name):
     refused(forged(path, table=table), "not of the same names")
     columns = {k: v for k, v in to_columns(CASES["both"]).items() if k != name}
     content = header.header_of(CASES["both"], list(columns))
-    pq.write_table(parquet._table(columns, content), path)
+    pq.write_table(tabled(columns, content), path)
     refused(path, f"the columns {name} are missing")
 
 
@@ -408,7 +414,7 @@ def test_times_that_go_back_are_refused_with_the_file_named(folder):
     columns = to_columns(CASES["track"])
     columns["t_ns"] = columns["t_ns"][::-1].copy()
     path = folder / "back.parquet"
-    pq.write_table(parquet._table(columns, header.header_of(CASES["track"], list(columns))), path)
+    pq.write_table(tabled(columns, header.header_of(CASES["track"], list(columns))), path)
     refused(path, "must strictly increase", ClockError)
 
 

@@ -67,11 +67,11 @@ def run(args: argparse.Namespace) -> int:
             place=args.place,
             date=args.date,
             profile=args.profile,
+            out=args.out,
+            overwrite=args.force,
             note=common.note,
             progress=lambda done, total: bars(stage.filter, done, total),
         )
-    if args.out:
-        result.save(args.out, overwrite=args.force)
     if args.card:
         result.card().save(args.card, overwrite=args.force)
     errors = {} if result.reference is None else _errors(result.track, result.reference)
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
         named = {"file": str(args.file), "out": str(args.out) if args.out else None}
         common.print_json(named | result.summary() | ({"errors": errors} if errors else {}))
         return 0
-    print(f"{args.file}: {counted(len(result.track), 'sample')}, {result.track.t[-1] - result.track.t[0]:.3f} s")
+    print(f"{args.file}: {counted(result.outline.samples, 'sample')}, {result.outline.duration:.3f} s")
     print("\n".join([result.text(), *_error_lines(errors)]))
     if args.out:
         print(f"written      {args.out}")

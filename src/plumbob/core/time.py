@@ -75,7 +75,7 @@ def timing(t: Floats) -> Timing:
     dt_ns = np.diff(to_ns(t))
     if not dt_ns.size:
         return Timing(t.size, 0.0, float("nan"), 0.0, 0, 0.0)
-    gaps = _is_gap(dt_ns)
+    gaps = is_gap(dt_ns)
     return Timing(
         samples=t.size,
         duration=int(dt_ns.sum()) / 1e9,
@@ -89,12 +89,12 @@ def timing(t: Floats) -> Timing:
 def after_gap(t: Floats) -> NDArray[np.bool_]:
     """Mark the samples (N,) that come after a gap."""
     late = np.zeros(t.size, dtype=bool)
-    late[1:] = _is_gap(np.diff(to_ns(t)))
+    late[1:] = is_gap(np.diff(to_ns(t)))
     return late
 
 
-def _is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Decide on integers, so that rounding of t does not."""
+def is_gap(dt_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mark the steps (N,), ns, that are gaps; integers decide, so that rounding of t does not."""
     return np.asarray(dt_ns > GAP_FACTOR * np.median(dt_ns) if dt_ns.size else np.zeros(0, dtype=bool))
 
 

@@ -301,8 +301,14 @@ class ImuData(Series):
     def __setstate__(self, state: dict[str, Any]) -> None:
         _refreeze(self, state)
 
-    def __getitem__(self, rows: slice) -> Self:
+    def __getitem__(self, rows: slice) -> "ImuData":
         """Samples of a slice with step 1, with their times and flags unchanged; no copy is made."""
+        start, stop = self._bounds(rows)
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        return self._like({k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()})
+
+    def _bounds(self, rows: slice) -> tuple[int, int]:
+        """First row of a slice, and the one behind its last."""
         if not isinstance(rows, slice):
             raise ShapeError(f"a recording is cut by a slice, as in data[10:20], but not by {type(rows).__name__}.")
         start, stop, step = rows.indices(len(self))
@@ -311,8 +317,7 @@ class ImuData(Series):
             raise ShapeError(
                 f"a recording is cut by a non-empty slice of step 1, but {rows} selects {count} of {len(self)} samples."
             )
-        state = {f.name: getattr(self, f.name) for f in fields(self)}
-        return self._like({k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()})
+        return start, stop
 
     @classmethod
     def _like(cls, state: dict[str, Any]) -> Self:
@@ -349,7 +354,7 @@ class ImuData(Series):
         assert found is not None
         return found
 
-    def chunks(self, size: int) -> Iterator[Self]:
+    def chunks(self, size: int) -> "Iterator[ImuData]":
         """Cut the recording in consecutive parts of `size` samples; the last may be shorter."""
         if not isinstance(size, Integral) or size < 1:
             raise ShapeError(f"size must be a whole number from 1 on, but it is {check.said(size)}.")
@@ -389,16 +394,21 @@ class ImuData(Series):
         """Why triads are hardly in their units, in words: what `unit_check` refuses, where it is switched off."""
         found = []
         for name in self.triads:
-            if doubt := self._unit_doubt(name):
+            if doubt := _unit_doubt(name, self._too_big(name), self.meta.full_scale(name)):
                 found.append(doubt[0])
         return tuple(found)
 
-    def _unit_doubt(self, name: str) -> tuple[str, str] | None:
+    def _too_big(self, name: str) -> "_TooBig":
         def parts() -> Iterator[tuple[Floats, NDArray[np.bool_]]]:
             for part in self.chunks(BLOCK):
                 yield getattr(part, name), (part.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
 
-        return _unit_doubt(name, parts, self.meta.full_scale(name))
+        return parts
+
+    def require_possible(self) -> None:
+        """Refuse triads without a number, and values that their unit makes impossible, as `ImuData` does when made."""
+        for name in self.triads:
+            _require_possible(name, self._too_big(name), self.meta.full_scale(name), self.meta.unit_check)
 
     def corrected(self, *, meta: ImuMeta, **triads: Floats) -> Self:
         """Return the same samples with corrected values of some triads.
@@ -601,6 +611,12 @@ class AttitudeTrack(Series):
         return self.euler_zyx[:, 2]
 
     @property
+    def end(self) -> Self:
+        """The last sample, a copy."""
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        return self.trusted(**{k: v[-1:].copy() if isinstance(v, np.ndarray) else v for k, v in state.items()})
+
+    @property
     def known(self) -> NDArray[np.bool_]:
         """True where the attitude is known, (N,)."""
         return np.asarray(np.isfinite(self.q_nb).all(axis=1))
@@ -715,16 +731,23 @@ def _check_range(name: str, full_scale: float) -> None:
 
 def _judge(name: str, triad: Floats, full_scale: Floats | None, unit_check: bool) -> NDArray[np.uint32]:
     """Flags of one triad; refuses one without a number, and values that its unit makes impossible."""
-    _, _, invalid = TRIAD_FLAGS[name]
-    missing = np.asarray(np.isnan(triad).any(axis=1))
-    if not np.isfinite(triad).any():  # a unit may lack an axis, but not all of them
+    found = _marks(name, triad, full_scale)
+    too_big = (found & np.uint32(TRIAD_FLAGS[name][2])) != 0
+    _require_possible(name, lambda: ((triad, too_big),), full_scale, unit_check)
+    return found
+
+
+_TooBig = Callable[[], Iterable[tuple[Floats, NDArray[np.bool_]]]]
+"""Parts of a triad, and which of their samples are too big to be true; as often as they are asked for."""
+
+
+def _require_possible(name: str, parts: _TooBig, full_scale: Floats | None, unit_check: bool) -> None:
+    if not any(np.isfinite(triad).any() for triad, _ in parts()):  # a unit may lack an axis, but not all of them
+        missing = np.concatenate([np.isnan(triad).any(axis=1) for triad, _ in parts()])
         what = "is NaN" if missing.all() else "has no finite number"
         raise ShapeError(f"{name} {what} in all {missing.size} samples; pass {name}=None if the unit has none.")
-    found = _marks(name, triad, full_scale)
-    too_big = (found & np.uint32(invalid)) != 0
-    if unit_check and (doubt := _unit_doubt(name, lambda: ((triad, too_big),), full_scale)):
+    if unit_check and (doubt := _unit_doubt(name, parts, full_scale)):
         raise UnitError(". ".join(doubt))
-    return found
 
 
 def norms(triad: Floats) -> Floats:
@@ -774,10 +797,8 @@ def _finite(triad: Floats) -> NDArray[np.bool_]:
     return np.asarray(np.isfinite(triad).all(axis=1))
 
 
-def _unit_doubt(
-    name: str, parts: Callable[[], Iterable[tuple[Floats, NDArray[np.bool_]]]], full_scale: Floats | None
-) -> tuple[str, str] | None:
-    """Why a triad is hardly in its unit, and what to do; None where it may well be. The parts have what is too big."""
+def _unit_doubt(name: str, parts: _TooBig, full_scale: Floats | None) -> tuple[str, str] | None:
+    """Why a triad is hardly in its unit, and what to do; None where it may well be."""
     first, size, count = "", 0, 0
     for triad, too_big in parts():
         wrong = too_big & _finite(triad)  # infinity has no unit

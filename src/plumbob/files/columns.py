@@ -223,7 +223,7 @@ def require(names: Iterable[str], *, imu: bool, track: bool) -> None:
 
 def imu_from(columns: Mapping[str, NDArray[Any]], meta: ImuMeta) -> ImuData:
     """Samples from their columns."""
-    triads = {name: _joined(columns, name) for name in TRIADS}
+    triads = {name: joined(columns, name) for name in TRIADS}
     return ImuData(
         t=to_s(columns[TIME]),
         temp_c=columns.get("temp_c"),
@@ -235,13 +235,13 @@ def imu_from(columns: Mapping[str, NDArray[Any]], meta: ImuMeta) -> ImuData:
 
 def track_from(columns: Mapping[str, NDArray[Any]], frame: Frame, north: North, source: str) -> AttitudeTrack:
     """Attitude from its columns."""
-    cov = _joined(columns, "cov")
+    cov = joined(columns, "cov")
     return AttitudeTrack(
         t=to_s(columns[TIME]),
         q_nb=np.stack([columns[name] for name in GROUPS["q"]], axis=1),
         frame=frame,
         north=north,
-        bias_b=_joined(columns, "bias"),
+        bias_b=joined(columns, "bias"),
         cov_b=None if cov is None else cov.reshape(-1, 3, 3),
         flags=columns.get("track_flags"),
         score=columns.get("score"),
@@ -275,7 +275,8 @@ def _split(group: str, table: Floats) -> Columns:
     return dict(zip(GROUPS[group], np.ascontiguousarray(table.T), strict=True))
 
 
-def _joined(columns: Mapping[str, NDArray[Any]], group: str) -> Floats | None:
+def joined(columns: Mapping[str, NDArray[Any]], group: str) -> Floats | None:
+    """Table (N, …) of a group of columns; None where they are not there."""
     names = GROUPS[group]
     return np.stack([columns[name] for name in names], axis=1) if names[0] in columns else None
 

@@ -31,6 +31,8 @@ class Format:
         One line for help and documentation.
     read : callable
         Reader of a path, and of a profile where it takes one.
+    opened : callable or None
+        As `read`, but samples may stay in the file.
     takes_profile : bool
         Whether a profile describes such files.
     writers : tuple of (str, callable)
@@ -41,6 +43,7 @@ class Format:
     suffixes: tuple[str, ...]
     what: str
     read: Callable[..., Recording]
+    opened: Callable[[Path], Recording] | None = None
     takes_profile: bool = False
     writers: tuple[tuple[str, Callable[[Path, Recording, bool], None]], ...] = ()
 
@@ -60,6 +63,7 @@ FORMATS: Final = (
         suffixes=(".parquet",),
         what="native recording: every bit, units and a checksum inside",
         read=_late("parquet", "read_parquet"),
+        opened=_late("parquet", "open_parquet"),
         writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
     Format(
@@ -79,7 +83,9 @@ FORMATS: Final = (
 )
 
 
-def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None" = None) -> Recording:
+def read(
+    path: str | os.PathLike[str], *, profile: "Profile | str | Path | None" = None, whole: bool = True
+) -> Recording:
     """Read a recording; its notes also say what was found in the data (`plumbob.files.notes`).
 
     Parameters
@@ -88,6 +94,9 @@ def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None"
         The file; its suffix says the format.
     profile : Profile or path, optional
         For text files: what they do not say about themselves.
+    whole : bool
+        Whether all is to be in memory; without it, the samples of a native recording that has no attitude stay in their
+        file, and are read part by part.
 
     Raises
     ------
@@ -102,7 +111,10 @@ def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None"
     file = existing_file(path)
     if profile is not None and not kind.takes_profile:
         raise ParameterError(f"{file} describes itself ({kind.name}), so it takes no profile; leave --profile out.")
-    recording = kind.read(file, profile) if kind.takes_profile else kind.read(file)
+    if kind.takes_profile:
+        recording = kind.read(file, profile)
+    else:
+        recording = kind.read(file) if whole or kind.opened is None else kind.opened(file)
     found = () if recording.imu is None else findings(recording.imu)
     return replace(recording, notes=(*recording.notes, *found))
 

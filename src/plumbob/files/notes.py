@@ -226,7 +226,7 @@ def _repeated(imu: ImuData, name: str) -> NDArray[np.uint8]:
         values = part.usable(name)
         known = ~np.isnan(values).any(axis=1)
         own = values[known]
-        kind: NDArray[np.uint8] = known.astype(np.uint8)
+        kind = np.asarray(known, dtype=np.uint8)
         kind[known] += (own == np.concatenate((last, own[:-1]))[: len(own)]).all(axis=1)
         last[:] = own[-1:] if len(own) else last
         return kind

@@ -4,19 +4,28 @@ Parquet keeps every bit of a float, and any data-frame tool opens the file. What
 here: the reader recomputes a CRC-32 over the header and all columns, so a flipped bit is refused, not used.
 """
 
+import math
 import zlib
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from copy import copy
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
 from plumbob.core.docs import guide
 from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file, reading, replacing, require_room
+from plumbob.core.time import is_gap, to_ns, to_s
+from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.files import header
 from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes
-from plumbob.files.columns import COLUMNS, TIME, Columns, imu_from, require, to_columns, track_from
+from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, imu_from, joined, require, to_columns, track_from
 from plumbob.files.decoded import KEY as PROFILE
 from plumbob.files.decoded import read_described
 from plumbob.files.notes import Recording, read_notes
@@ -32,6 +41,14 @@ _PAGE_BYTES: Final = 64 * 1024
 # A table of contents lists 15 columns for each million rows in less than 3 kB; Arrow takes a hundred times its size.
 _CONTENTS_BYTES: Final = 1024 * 1024
 _THRIFT_ITEMS: Final = 10_000
+_BATCH: Final = 1 << 14
+"""Rows that are read at a time."""
+GROUP: Final = 1 << 16
+"""Rows of the first row groups that are written: a writer holds one. The table of contents lists all, so that after"""
+ALIKE: Final = 128
+"""groups they are twice as large, and so on until they have"""
+LARGEST: Final = 1 << 20
+"""rows."""
 
 
 def write_parquet(path: Path, recording: Recording, overwrite: bool = False) -> None:
@@ -46,20 +63,88 @@ def write_parquet(path: Path, recording: Recording, overwrite: bool = False) -> 
     DecodeError
         If the system refuses to write.
     """
+    write_parts(path, (recording,), overwrite)
+
+
+def write_parts(path: Path, parts: Iterable[Recording], overwrite: bool = False) -> None:
+    """Write recordings that follow each other as the one that they are cut from; errors as of `write_parquet`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    parts : iterable of Recording
+        Consecutive parts, none of which is kept; what the header says of all is taken from the last.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
+    """
+    with replacing(path, overwrite=overwrite, seeks=True) as temporary, closing(_Writer(temporary)) as writer:
+        for recording in parts:
+            columns = to_columns(recording)
+            said = header.header_of(recording, list(columns))
+            writer.add(columns)
+            del recording, columns  # the next one may need their room
+        writer.end(said)
+
+
+class _Writer:
+    """Columns that come in parts as row groups of a file whose sizes do not depend on the parts."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = file
+        self._waiting: Columns = {}
+        self._sums: dict[str, tuple[int, int]] = {}
+        self._groups = 0
+        self._parquet: pq.ParquetWriter | None = None
+
+    def add(self, columns: Columns) -> None:
+        """Write the row groups that these rows complete."""
+        waiting = self._waiting
+        self._waiting = {n: np.concatenate((waiting[n], v)) if waiting else v for n, v in columns.items()}
+        while self._waiting[TIME].size >= (rows := min(GROUP << self._groups // ALIKE, LARGEST)):
+            self._write({name: values[:rows] for name, values in self._waiting.items()})
+            self._waiting = {name: values[rows:].copy() for name, values in self._waiting.items()}
+
+    def end(self, content: dict[str, Any]) -> None:
+        """Write the rest, and the header of all."""
+        if self._waiting[TIME].size:
+            self._write(self._waiting)
+        crc = zlib.crc32(header.dump(content))
+        for name in sorted(self._sums):
+            crc = _crc_joined(crc, *self._sums[name])
+        assert self._parquet is not None
+        told = {KEY: header.dump(content | {_CRC: f"{crc:08x}"})}
+        schema = b64encode(self._parquet.schema.with_metadata(told).serialize())  # as Arrow tells other tools of it
+        self._parquet.add_key_value_metadata(told | {b"ARROW:schema": schema})
+
+    def close(self) -> None:
+        """Close the file, complete or not."""
+        if self._parquet is not None:
+            self._parquet.close()
+
+    def _write(self, columns: Columns) -> None:
+        table = _table(columns)
+        if self._parquet is None:
+            self._parquet = _parquet_writer(self._file, table.schema)
+        self._parquet.write_table(table)
+        self._groups += 1
+        for name, values in columns.items():
+            crc, size = self._sums.get(name, (0, 0))
+            self._sums[name] = _crc(name, values, crc), size + values.nbytes
+
+
+def _parquet_writer(file: Path, schema: "pa.Schema") -> "pq.ParquetWriter":
     import pyarrow.parquet as pq
 
-    columns = to_columns(recording)
-    table = _table(columns, header.header_of(recording, list(columns)))
-    with replacing(path, overwrite=overwrite, seeks=True) as temporary:
-        pq.write_table(
-            table,
-            temporary,
-            compression="zstd",
-            use_dictionary=False,
-            column_encoding=_encodings(columns),
-            data_page_size=_PAGE_BYTES,
-            write_statistics=False,
-        )
+    return pq.ParquetWriter(
+        file,
+        schema,
+        compression="zstd",
+        use_dictionary=False,
+        column_encoding=_encodings(schema),
+        data_page_size=_PAGE_BYTES,
+        write_statistics=False,
+    )
 
 
 def read_parquet(path: str | Path) -> Recording:
@@ -70,16 +155,28 @@ def read_parquet(path: str | Path) -> Recording:
     DecodeError
         If the file is not Parquet, cut, damaged, foreign, or of a newer version; the message is one line.
     """
+    return _read(path, whole=True)
+
+
+def open_parquet(path: str | Path) -> Recording:
+    """Read a native recording, whose samples stay in the file where no attitude is beside them; errors as above."""
+    return _read(path, whole=False)
+
+
+def _read(path: str | Path, *, whole: bool) -> Recording:
     file = existing_file(path)
     with reading(file):
         with _open(file) as parquet:
             if _is_described(parquet):
                 return read_described(parquet, file)
-            content, columns = _load(file, parquet)
+            content, columns = _load(file, parquet, whole)
         header.check_header(content)
         meta, track = content["imu"], content["track"]
-        require(columns, imu=meta is not None, track=track is not None)
-        imu = None if meta is None else imu_from(columns, header.meta_from(meta))
+        require(content["units"], imu=meta is not None, track=track is not None)
+        if meta is None:
+            imu = None
+        else:
+            imu = imu_from(columns, header.meta_from(meta)) if columns else Stored.of(file, header.meta_from(meta))
         return Recording(
             imu=imu,
             track=None if track is None else track_from(columns, *header.track_meta_from(track)),
@@ -88,28 +185,166 @@ def read_parquet(path: str | Path) -> Recording:
         )
 
 
+def _of_all(name: str) -> property:
+    """What an attribute of `ImuData` is for all samples that stay in a file."""
+
+    def read(data: "Stored") -> NDArray[Any] | None:
+        if {name, f"{name}_x"}.isdisjoint(data._names):
+            return None
+        found = data.gathered(lambda part: getattr(part, name))
+        found.flags.writeable = False
+        return found
+
+    return property(read)
+
+
+class Stored(ImuData):
+    """Samples of a native recording that stay in their file: a part is in memory while it is looked at.
+
+    Slices that follow each other are read once; what has a value of every sample is read whenever it is asked for.
+    """
+
+    _file: Path
+    _names: tuple[str, ...]
+    _rows: int
+    _late: NDArray[np.int64]
+    _change: Callable[[ImuData], ImuData]
+    _held: "_Held"
+
+    @classmethod
+    def of(cls, file: Path, meta: ImuMeta) -> Self:
+        """Samples of a file whose content has been found to be whole.
+
+        Raises
+        ------
+        ClockError, ShapeError, UnitError
+            As of `ImuData`.
+        """
+        made = object.__new__(cls)
+        with _open(file) as parquet:
+            state = {"_file": file, "_names": tuple(parquet.schema_arrow.names), "_rows": parquet.metadata.num_rows}
+        for name, value in (state | {"meta": meta, "_change": lambda part: part, "_held": _Held()}).items():
+            object.__setattr__(made, name, value)
+        check.increasing_time("t", made.t)
+        object.__setattr__(made, "_late", np.flatnonzero(is_gap(np.diff(made.t_ns))) + 1)
+        to_ns(made[made._rows - 1 :].t)
+        made.require_possible()
+        return made
+
+    def __len__(self) -> int:
+        return self._rows
+
+    @property
+    def triads(self) -> tuple[str, ...]:
+        """Names of the triads that this recording has."""
+        return tuple(name for name in TRIADS if GROUPS[name][0] in self._names)
+
+    def each(self, change: Callable[[ImuData], ImuData]) -> ImuData:
+        """Recording whose parts are those of this one after a change; see `ImuData.each`."""
+        made, own = copy(self), self._change
+        state = {"meta": change(self[:1]).meta, "_change": lambda part: change(own(part)), "_held": _Held()}
+        for name, value in state.items():
+            object.__setattr__(made, name, value)
+        return made
+
+    def __getitem__(self, rows: slice) -> ImuData:
+        start, stop = self._bounds(rows)
+        if not self._held.begin <= start:
+            self._held.restart(self._parts(start))
+        return self._held.between(start, stop)
+
+    def _parts(self, start: int) -> Iterator[tuple[int, ImuData]]:
+        """Parts from the row group on in which a row lies, with the rows that they begin with."""
+        with reading(self._file):
+            for at, columns in _batches(self._file, self._names, start):
+                words = columns["flags"].copy()
+                late = self._late[slice(*np.searchsorted(self._late, (at, at + words.size)))]
+                words[late - at] |= np.uint32(flags.GAP)
+                triads = {name: triad for name in TRIADS if (triad := joined(columns, name)) is not None}
+                part = ImuData.live(columns[TIME], triads, temp_c=columns.get("temp_c"), flags=words, meta=self.meta)
+                yield at, self._change(part)
+
+    @property
+    def t_ns(self) -> NDArray[np.int64]:
+        """Time since the start, integer ns."""
+        found = np.empty(self._rows, dtype=np.int64)
+        with reading(self._file):
+            for at, columns in _batches(self._file, (TIME,)):
+                found[at : at + columns[TIME].size] = columns[TIME]
+        return found
+
+    @property
+    def t(self) -> Floats:
+        """Time since the start, s."""
+        return to_s(self.t_ns)
+
+    gyr: Any = _of_all("gyr")
+    acc: Any = _of_all("acc")
+    mag: Any = _of_all("mag")
+    temp_c: Any = _of_all("temp_c")
+    flags: Any = _of_all("flags")
+
+
+class _Held:
+    """Parts of a recording from a row on, as they come from its reader."""
+
+    def __init__(self) -> None:
+        self.restart(iter(()))
+
+    def restart(self, parts: Iterator[tuple[int, ImuData]]) -> None:
+        """Forget what was read, and go on with these."""
+        self._parts, self._held = parts, list[tuple[int, ImuData]]()
+
+    @property
+    def begin(self) -> float:
+        """First row that is held."""
+        return self._held[0][0] if self._held else math.inf
+
+    def between(self, start: int, stop: int) -> ImuData:
+        """Samples of these rows; what lies before them is let go."""
+        end = self._held[-1][0] + len(self._held[-1][1]) if self._held else 0
+        while end < stop:
+            at, part = next(self._parts)
+            end = at + len(part)
+            self._held = [(a, p) for a, p in (*self._held, (at, part)) if a + len(p) > start]
+        inside = [(at, part) for at, part in self._held if at < stop and at + len(part) > start]
+        return ImuData.joined([part[max(start - at, 0) : stop - at] for at, part in inside])
+
+
 def _is_described(parquet: "pq.ParquetFile") -> bool:
     metadata = parquet.metadata.metadata or {}
     return KEY not in metadata and PROFILE in metadata
 
 
-def _load(file: Path, parquet: "pq.ParquetFile") -> tuple[dict[str, Any], Columns]:
+def _load(file: Path, parquet: "pq.ParquetFile", whole: bool) -> tuple[dict[str, Any], Columns]:
+    """Header and columns; no columns where they are to stay in the file and have been found to be whole."""
     content = header.load(_raw_header(parquet))
     crc = content.pop(_CRC, None)
     _check_schema(parquet, content.get("units"))
     _check_size(file, parquet)
-    columns = _columns(parquet)
-    if crc != _checksum(content, columns):
+    names = set(parquet.schema_arrow.names)
+    stays = not (whole or content.get("track")) and not names.isdisjoint(GROUPS[name][0] for name in TRIADS)
+    columns = {} if stays else _columns(parquet)
+    parts = _by_column(file, names) if stays else sorted(columns.items())
+    if crc != _checksum(content, parts):
         raise DecodeError("its content does not fit its checksum: the file is damaged; take a copy that is whole.")
     return content, columns
 
 
-def _open(file: Path) -> "pq.ParquetFile":
+def _by_column(file: Path, names: Iterable[str]) -> Iterator[tuple[str, NDArray[Any]]]:
+    for name in sorted(names):
+        for _, columns in _batches(file, (name,)):
+            yield name, columns[name]
+
+
+def _open(file: Path, **how: Any) -> "pq.ParquetFile":
     import pyarrow.parquet as pq
 
     _check_contents(file)
     try:
-        return pq.ParquetFile(file, thrift_string_size_limit=_CONTENTS_BYTES, thrift_container_size_limit=_THRIFT_ITEMS)
+        return pq.ParquetFile(
+            file, thrift_string_size_limit=_CONTENTS_BYTES, thrift_container_size_limit=_THRIFT_ITEMS, **how
+        )
     except Exception as error:  # Arrow has a dozen types for damaged input
         raise DecodeError(
             f"it is not a Parquet file, or it is cut or damaged ({_short(error)}); take a copy that is whole."
@@ -174,8 +409,28 @@ def _check_size(file: Path, parquet: "pq.ParquetFile") -> None:
 
 def _columns(parquet: "pq.ParquetFile") -> Columns:
     """Columns one after the other, so that only one of them is in memory twice."""
-    try:
+    with _sound():
         return {name: _array(name, parquet.read([name]).column(0)) for name in parquet.schema_arrow.names}
+
+
+def _batches(file: Path, names: Sequence[str], start: int = 0) -> Iterator[tuple[int, Columns]]:
+    """Rows of these columns, some at a time, from the row group on in which a row lies; and which is their first."""
+    import pyarrow as pa
+
+    with _open(file, buffer_size=_PAGE_BYTES) as parquet, _sound():
+        ends = np.cumsum([parquet.metadata.row_group(i).num_rows for i in range(parquet.num_row_groups)])
+        first = int(np.searchsorted(ends, start, side="right"))
+        at = int(ends[first - 1]) if first else 0
+        for batch in parquet.iter_batches(_BATCH, list(range(first, ends.size)), list(names)):
+            yield at, {name: _array(name, pa.chunked_array([batch.column(name)])) for name in names}
+            at += batch.num_rows
+
+
+@contextmanager
+def _sound() -> Iterator[None]:
+    """Say in one line that data are damaged."""
+    try:
+        yield
     except DecodeError:
         raise
     except Exception as error:  # as in _open
@@ -188,7 +443,7 @@ def _array(name: str, column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     return np.ascontiguousarray(numbers_of(column), dtype=COLUMNS[name].dtype)
 
 
-def _table(columns: Columns, content: dict[str, Any]) -> "pa.Table":
+def _table(columns: Columns, metadata: dict[bytes | str, bytes | str] | None = None) -> "pa.Table":
     import pyarrow as pa
 
     schema = pa.schema(
@@ -196,22 +451,47 @@ def _table(columns: Columns, content: dict[str, Any]) -> "pa.Table":
             pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: COLUMNS[name].unit.encode()})
             for name, values in columns.items()
         ],
-        metadata={KEY: header.dump(content | {_CRC: _checksum(content, columns)})},
+        metadata=metadata,
     )
     return pa.Table.from_arrays([column_of(values) for values in columns.values()], schema=schema)
 
 
-def _encodings(columns: Columns) -> dict[str, str]:
-    floats = {name: "BYTE_STREAM_SPLIT" for name, values in columns.items() if values.dtype == np.float64}
+def _encodings(schema: "pa.Schema") -> dict[str, str]:
+    floats = {field.name: "BYTE_STREAM_SPLIT" for field in schema if str(field.type) == "double"}
     return floats | {TIME: "DELTA_BINARY_PACKED"}
 
 
-def _checksum(content: dict[str, Any], columns: Columns) -> str:
+def _checksum(content: dict[str, Any], columns: Iterable[tuple[str, NDArray[Any]]]) -> str:
+    """Checksum over the header, and columns that come in the order of their names, each in one piece or several."""
     crc = zlib.crc32(header.dump(content))
-    for name in sorted(columns):
-        values = np.ascontiguousarray(columns[name], dtype=np.dtype(COLUMNS[name].dtype).newbyteorder("<"))
-        crc = zlib.crc32(values.data, crc)
+    for name, values in columns:
+        crc = _crc(name, values, crc)
     return f"{crc:08x}"
+
+
+def _crc(name: str, values: NDArray[Any], before: int) -> int:
+    little = np.ascontiguousarray(values, dtype=np.dtype(COLUMNS[name].dtype).newbyteorder("<"))
+    return zlib.crc32(little.data, before)
+
+
+def _crc_joined(first: int, second: int, size: int) -> int:
+    """CRC-32 of bytes from that of their beginning, and from that of their other `size` bytes: first · x^(8 size)."""
+    shift, power = 1 << 31, 1 << 23  # x⁰ and x⁸: the highest power is the lowest bit
+    while size:
+        if size & 1:
+            shift = _product(shift, power)
+        power, size = _product(power, power), size >> 1
+    return _product(shift, first) ^ second
+
+
+def _product(a: int, b: int) -> int:
+    """Product of two polynomials over GF(2), modulo that of CRC-32."""
+    found = 0
+    for bit in range(31, -1, -1):
+        if a >> bit & 1:
+            found ^= b
+        b = b >> 1 ^ (0xEDB88320 if b & 1 else 0)
+    return found
 
 
 def _arrow_type(dtype: str) -> str:

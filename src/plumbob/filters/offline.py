@@ -222,10 +222,16 @@ def run_stage(
     if stage.filter == SMOOTHER:
         smoothed: AttitudeTrack = smoother_of(stage, frame).process(imu, progress=progress)
         return smoothed
+    imu, filter_ = started(imu, stage, frame, reference)
+    return AttitudeTrack.joined(parts_of(imu, filter_, progress), len(imu))
+
+
+def started(imu: ImuData, stage: Stage, frame: Frame, reference: AttitudeTrack | None = None) -> tuple[ImuData, Filter]:
+    """Samples, and a filter at its start; from the first sample on whose truth is known, where it starts from that."""
     start = None
     if stage.init == TRUTH_WORD:
         imu, start = start_from(reference, imu, filter_of(stage, frame, imu.meta))
-    return AttitudeTrack.joined(parts_of(imu, filter_of(stage, frame, imu.meta, start=start), progress), len(imu))
+    return imu, filter_of(stage, frame, imu.meta, start=start)
 
 
 def parts_of(imu: ImuData, estimator: Filter | Smoother, progress: Progress | None = None) -> Iterator[AttitudeTrack]:

@@ -1,8 +1,9 @@
 """From a recording to an attitude, with what a reader should know of both: `plumbob run`, and `plumbob.estimate`."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -22,9 +23,18 @@ from plumbob.data.earth_field import located
 from plumbob.data.plausibility import upside_down
 from plumbob.files import Recording, findings, found_in, inferred_in, write
 from plumbob.files.notes import unsaved
+from plumbob.files.parquet import write_parts
 from plumbob.filters import SMOOTHER, Filter, claims_covariance, filter_names
 from plumbob.filters.known import chosen
-from plumbob.filters.offline import Stage, bias_beyond, declination_deg, estimator_of, navigation_frame, run_stage
+from plumbob.filters.offline import (
+    Stage,
+    bias_beyond,
+    declination_deg,
+    estimator_of,
+    navigation_frame,
+    parts_of,
+    started,
+)
 from plumbob.filters.smoother import Smoother
 from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
@@ -46,8 +56,10 @@ class Estimated(Series):
 
     Attributes
     ----------
-    track : AttitudeTrack
-        The attitude at every sample, with its covariance where the filter claims one.
+    attitude : AttitudeTrack or Path
+        The attitude at every sample, with its covariance where the filter claims one, or the file that has it.
+    outline : Outline
+        How long it is, its end, and its flags.
     imu : ImuData
         The samples that the filter was given, calibrated where a card was.
     filter : Filter or Smoother
@@ -68,7 +80,8 @@ class Estimated(Series):
         The card that was applied to the samples.
     """
 
-    track: AttitudeTrack
+    attitude: AttitudeTrack | Path
+    outline: "Outline"
     imu: ImuData
     filter: Filter | Smoother
     name: str
@@ -80,13 +93,22 @@ class Estimated(Series):
     inferred: tuple[str, ...] = ()
     applied: "CalibrationCard | None" = None
 
+    @property
+    def track(self) -> AttitudeTrack:
+        """The attitude at every sample; read each time that it is asked for, where it was written as it came."""
+        if isinstance(self.attitude, AttitudeTrack):
+            return self.attitude
+        track = read(self.attitude).track
+        assert track is not None
+        return track
+
     def facts(self) -> Mapping[str, str]:
         """Recording, filter, length, and the attitude at the end."""
         yaw, pitch, roll = (f"{angle:.2f}°" for angle in self._last.values())
         return {
             "recording": self.name,
             "filter": self.filter.name,
-            "samples": str(len(self.track)),
+            "samples": str(self.outline.samples),
             "at the end": f"yaw {yaw}, pitch {pitch}, roll {roll}",
         }
 
@@ -94,7 +116,11 @@ class Estimated(Series):
     def _last(self) -> dict[str, float]:
         """Yaw, pitch and roll of the last attitude, degrees."""
         return dict(
-            zip(("yaw", "pitch", "roll"), map(float, to_deg(euler_zyx_from_quat(self.track.q_nb[-1]))), strict=True)
+            zip(
+                ("yaw", "pitch", "roll"),
+                map(float, to_deg(euler_zyx_from_quat(self.outline.last.q_nb[-1]))),
+                strict=True,
+            )
         )
 
     @property
@@ -115,8 +141,8 @@ class Estimated(Series):
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
         """Write the track, with where it comes from; errors as of `plumbob.write`."""
-        notes = (f"estimated from {self.name} by {self.track.source}", *self.inferred)
-        write(path, self.track, notes=notes, overwrite=overwrite)
+        track = self.track
+        write(path, track, notes=_provenance(self.name, track, self.inferred), overwrite=overwrite)
 
     def card(self) -> "CalibrationCard":
         """Card of the unit with the bias, scale and misalignment of its gyroscope that were found in use.
@@ -134,17 +160,18 @@ class Estimated(Series):
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them; angles in degrees."""
-        track = self.track
+        outline = self.outline
+        track = outline.last
         forward = quat_rotate(track.q_nb[-1], [1.0, 0.0, 0.0])
         heading = float(to_deg(float(np.arctan2(forward @ track.frame.east, forward @ track.frame.north)))) % 360.0
         return {
             "frame": str(track.frame),
             "north": str(track.north),
             "calibration": self.imu.meta.calibration,
-            "samples": len(track),
-            "duration_s": float(track.t[-1] - track.t[0]),
+            "samples": outline.samples,
+            "duration_s": outline.duration,
             "last_attitude_deg": {"heading": heading, **self._last},
-            "flags": flags.counts(np.asarray(track.flags)),
+            "flags": {name: outline.flags[name] for _, (name, _) in flags.MEANING.items() if name in outline.flags},
             "filter": self.filter.describe(),
             "bias_beyond": self.bias_beyond,
             "declination_deg": declination_deg(self.filter, track),
@@ -174,6 +201,43 @@ class Estimated(Series):
         return "\n".join(lines)
 
 
+@dataclass(slots=True)
+class Outline:
+    """What is known of a track whose parts have come by: its length, its end, and its flags.
+
+    Attributes
+    ----------
+    samples : int
+        Number of samples.
+    begin : float
+        Time of the first, s.
+    last : AttitudeTrack
+        The last sample.
+    flags : Counter
+        How many samples carry each flag, by name.
+    """
+
+    samples: int = 0
+    begin: float = 0.0
+    last: AttitudeTrack = field(init=False)
+    flags: Counter[str] = field(default_factory=Counter)
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last, s."""
+        return float(self.last.t[-1]) - self.begin
+
+    def of(self, parts: Iterable[AttitudeTrack]) -> Iterator[AttitudeTrack]:
+        """The parts as they come."""
+        for part in parts:
+            self.begin = self.begin if self.samples else float(part.t[0])
+            self.samples += len(part)
+            self.last = part.end
+            self.flags.update(flags.counts(np.asarray(part.flags)))
+            yield part
+            del part  # the next one may need its room
+
+
 def estimate(
     recording: str | Path | Recording | ImuData,
     filter: str | None = None,
@@ -188,6 +252,8 @@ def estimate(
     place: str | None = None,
     date: str | None = None,
     profile: str | Path | None = None,
+    out: str | Path | None = None,
+    overwrite: bool = False,
     note: Note | None = None,
     progress: Progress | None = None,
 ) -> Estimated:
@@ -219,6 +285,11 @@ def estimate(
         Where and when it was recorded, ``LAT,LON[,HEIGHT]`` and ISO 8601: headings are then true.
     profile : path, optional
         What the columns of a text file mean.
+    out : path, optional
+        Where to write the track. A ``.parquet`` file is written while the attitude is estimated, and the samples of one
+        without a reference are read meanwhile, so that neither is in memory as a whole.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
     note : callable, optional
         Called with each note as soon as it is known; the result holds them too.
     progress : callable, optional
@@ -242,7 +313,9 @@ def estimate(
         If a file cannot be read.
     """
     notes: list[str] = []
-    label, source = _recording_of(recording, profile)
+    written = None if out is None else check.path("out", out)
+    native = written is not None and written.suffix.lower() == ".parquet"
+    label, source = _recording_of(recording, profile, whole=not native)
     if source.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
     stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
@@ -265,20 +338,36 @@ def estimate(
     count = len(imu)
     done = None if progress is None else _counted(progress, count)
     made_by = estimator_of(stage, frame, imu.meta)
-    if isinstance(made_by, Smoother):
-        track = made_by.process(imu, progress=done)
-        remarks: Sequence[str] = made_by.remarks
+    used, runs = started(imu, stage, frame, source.track) if isinstance(made_by, Filter) else (imu, made_by)
+    outline = Outline()
+    parts = outline.of(parts_of(used, runs, done))
+    attitude: AttitudeTrack | Path
+    if written is not None and native and source.track is None:
+        attitude = written
+        write_parts(written, (_part(source.name, part, doubt) for part in parts), overwrite)
     else:
-        track = run_stage(imu, stage, frame=frame, reference=source.track, progress=done)
-        remarks = _restarts(imu, track)
-    for line in remarks:
+        attitude = AttitudeTrack.joined(parts, len(used))
+    for line in made_by.remarks if isinstance(made_by, Smoother) else _restarts(imu, outline):
         say(line)
-    if (contradiction := bias_beyond(made_by, track)) is not None:
+    if (contradiction := bias_beyond(made_by, outline.last)) is not None:
         say(contradiction)
     told = None if stage.noise is None else f"{stage.noise.device} ({stage.noise.source})"
-    return Estimated(
-        track, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt, card
-    )
+    result = Estimated(
+        attitude, outline, imu, made_by, source.name, tuple(notes), source.track, beyond, contradiction, told, doubt,
+        card,
+    )  # fmt: skip
+    if written is not None and attitude is not written:
+        result.save(written, overwrite=overwrite)
+    return result
+
+
+def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> tuple[str, ...]:
+    return (f"estimated from {name} by {track.source}", *inferred)
+
+
+def _part(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> Recording:
+    """Part of a track as it is written, with where it comes from."""
+    return Recording(track=track, notes=_provenance(name, track, inferred))
 
 
 def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Stage) -> Stage:
@@ -305,14 +394,17 @@ def _kernel_of(name: str) -> str:
     return f"claiming_{name}" if name in filter_names() and claims_covariance(name) else f"batch_{name}"
 
 
-def _recording_of(given: str | Path | Recording | ImuData, profile: str | Path | None) -> tuple[str, Recording]:
+def _recording_of(
+    given: str | Path | Recording | ImuData, profile: str | Path | None, *, whole: bool
+) -> tuple[str, Recording]:
     """What messages call it, and the recording."""
     if isinstance(given, ImuData):
         given = unsaved(given, "the samples")
     if isinstance(given, Recording):
         return given.name, given
     file = check.path("recording", given)
-    return str(file), replace(read(file, profile=None if profile is None else Path(profile)), name=file.name)
+    found = read(file, profile=None if profile is None else Path(profile), whole=whole)
+    return str(file), replace(found, name=file.name)
 
 
 def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
@@ -333,7 +425,7 @@ def _calibrated(imu: ImuData, card: "CalibrationCard") -> tuple[ImuData, str | N
     """Samples with a card applied, and by how much they leave its temperatures."""
     from plumbob.data.calibrated import apply_card, temperature_beyond
 
-    imu = apply_card(card, imu)
+    imu = imu.each(lambda part: apply_card(card, part))
     return imu, temperature_beyond(card, imu)
 
 
@@ -401,7 +493,7 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
         "date": datetime.now(UTC).date().isoformat(),
         "quality": None,
         "residual_rms": None,
-        "remarks": (f"from {result.name}, {result.track.t[-1] - result.track.t[0]:.0f} s",),
+        "remarks": (f"from {result.name}, {result.outline.duration:.0f} s",),
     }
     gyr = TriadCalibration(unit_in="rad/s", unit_out="rad/s", **part) if before is None else replace(before, **part)
     date = part["date"]
@@ -410,9 +502,9 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
     return replace(card, gyr=gyr, date=date, software=f"plumbob {__version__}")
 
 
-def _restarts(imu: ImuData, track: AttitudeTrack) -> list[str]:
+def _restarts(imu: ImuData, outline: Outline) -> list[str]:
     """A filter that restarts all the time estimates nothing: most often time is in another unit than declared."""
-    share = float(np.mean((np.asarray(track.flags) & flags.GAP) != 0))
+    share = outline.flags[flags.MEANING[flags.GAP][0]] / outline.samples
     if share <= _OFTEN:
         return []
     return [

@@ -14,7 +14,9 @@ SUFFIX = ".mcap"
 """Of recordings of a stream."""
 
 
-def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None" = None) -> "Recording":
+def read(
+    path: str | os.PathLike[str], *, profile: "Profile | str | Path | None" = None, whole: bool = True
+) -> "Recording":
     """Read a file of any format, a recorded stream too: its samples are decoded again from their bytes.
 
     Parameters
@@ -23,6 +25,9 @@ def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None"
         The file; its suffix says the format.
     profile : Profile or path, optional
         What the columns of a text file mean; one that lies beside it is found.
+    whole : bool
+        Whether all is to be in memory; without it, the samples of a ``.parquet`` recording that has no attitude stay in
+        their file: slices and `ImuData.chunks` read them part by part.
 
     Returns
     -------
@@ -50,4 +55,4 @@ def read(path: str | os.PathLike[str], *, profile: "Profile | str | Path | None"
     if file.suffix.lower() not in known:
         listed = f"known are {', '.join([SUFFIX, *known])}; raw bytes are for 'plumbob record --from'"
         raise DecodeError(f"{file}: the suffix '{file.suffix}' is unknown; {listed}.")
-    return read_samples(file, profile=profile)
+    return read_samples(file, profile=profile, whole=whole)
