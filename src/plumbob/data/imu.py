@@ -29,7 +29,7 @@ TITLES = {"gyr": "gyroscope", "acc": "accelerometer", "mag": "magnetometer"}
 UNCALIBRATED = "NONE: these sensor values are uncalibrated"
 """What stands in every output about sensor values that no calibration card has been applied to."""
 
-BLOCK = 1 << 16
+BLOCK = 1 << 14
 """Samples that are looked at together where a recording is judged as a whole."""
 
 ENOUGH = 100
@@ -332,15 +332,21 @@ class ImuData(Series):
         first = parts[0]
         if len(parts) == 1:
             return first
+        joined = object.__new__(ImuData)
         state = {f.name: getattr(first, f.name) for f in fields(ImuData)}
-        whole = {
-            k: np.concatenate([getattr(p, k) for p in parts]) for k, v in state.items() if v is not None and k != "meta"
-        }
-        return ImuData._like(state | {name: check.read_only(array) for name, array in whole.items()})
+        for name, value in state.items():
+            if isinstance(value, np.ndarray):
+                state[name] = np.concatenate([getattr(part, name) for part in parts])
+        _refreeze(joined, state)
+        return joined
 
     def each(self, change: "Callable[[ImuData], ImuData]") -> "ImuData":
         """Recording whose parts, cut anywhere, are those of this one after a change that judges each row by itself."""
         return change(self)
+
+    def only(self, *triads: str) -> "ImuData":
+        """The same recording for who asks for these triads alone: nothing else needs to be read."""
+        return self
 
     def gathered(self, of: "Callable[[ImuData], NDArray[Any]]") -> NDArray[Any]:
         """What a function has of each sample, (N, …), block by block: what it takes meanwhile does not grow."""
@@ -400,7 +406,7 @@ class ImuData(Series):
 
     def _too_big(self, name: str) -> "_TooBig":
         def parts() -> Iterator[tuple[Floats, NDArray[np.bool_]]]:
-            for part in self.chunks(BLOCK):
+            for part in self.only(name).chunks(BLOCK):
                 yield getattr(part, name), (part.flags & np.uint32(TRIAD_FLAGS[name][2])) != 0
 
         return parts

@@ -57,6 +57,7 @@ def upside_down(imu: ImuData, frame: Frame) -> tuple[str, ...]:
     """
     if "acc" not in imu.triads or len(imu) < ENOUGH:
         return ()
+    imu = imu.only("acc")
     usual = median(imu.gathered(lambda part: norms(part.usable("acc"))))
 
     def upwards(part: ImuData) -> Floats:
@@ -136,7 +137,7 @@ def _turning(imu: ImuData) -> tuple[str, ...]:
 
 
 def _rates(imu: ImuData) -> tuple[str, ...]:
-    rates = imu.gathered(lambda part: norms(part.usable("gyr")))
+    rates = imu.only("gyr").gathered(lambda part: norms(part.usable("gyr")))
     size = int(np.count_nonzero(np.isfinite(rates)))
     usual = median(rates) if size >= ENOUGH else 0.0
     if usual <= USUAL_RATE:
@@ -208,7 +209,7 @@ def turning(imu: ImuData) -> Turning:
         return nothing
     windows = [
         (_means(part.t[:, np.newaxis], size)[:, 0], _means(part.usable("gyr"), size), _means(part.usable("acc"), size))
-        for part in imu.chunks(size * max(1, BLOCK // size))
+        for part in imu.only("gyr", "acc").chunks(size * max(1, BLOCK // size))
     ]
     t, rate, acc = map(np.concatenate, zip(*windows, strict=True))
     norm = np.sqrt(np.sum(acc * acc, axis=1))

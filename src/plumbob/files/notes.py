@@ -160,7 +160,7 @@ def _field(imu: ImuData) -> Iterator[str]:
     if "mag" not in imu.triads:
         return
     low, high = EARTH_FIELD
-    typical = float(np.nan_to_num(median(imu.gathered(_mag_norms)), nan=math.inf))
+    typical = float(np.nan_to_num(median(imu.only("mag").gathered(_mag_norms)), nan=math.inf))
     if not low <= typical <= high:
         yield (
             f"magnetic field: the median of |mag| is {typical:.4g} µT, but the Earth's field lies in {low:g} to "
@@ -231,4 +231,4 @@ def _repeated(imu: ImuData, name: str) -> NDArray[np.uint8]:
         last[:] = own[-1:] if len(own) else last
         return kind
 
-    return imu.gathered(kinds)
+    return imu.only(name).gathered(kinds)

@@ -43,10 +43,10 @@ _CONTENTS_BYTES: Final = 1024 * 1024
 _THRIFT_ITEMS: Final = 10_000
 _BATCH: Final = 1 << 14
 """Rows that are read at a time."""
-GROUP: Final = 1 << 16
+GROUP: Final = 1 << 15
 """Rows of the first row groups that are written: a writer holds one. The table of contents lists all, so that after"""
-ALIKE: Final = 128
-"""groups they are twice as large, and so on until they have"""
+ALIKE: Final = 256
+"""groups they are four times as large, and so on until they have"""
 LARGEST: Final = 1 << 20
 """rows."""
 
@@ -92,42 +92,51 @@ class _Writer:
 
     def __init__(self, file: Path) -> None:
         self._file = file
-        self._waiting: Columns = {}
+        self._room: Columns = {}
+        self._count = 0
         self._sums: dict[str, tuple[int, int]] = {}
         self._groups = 0
         self._parquet: pq.ParquetWriter | None = None
 
     def add(self, columns: Columns) -> None:
         """Write the row groups that these rows complete."""
-        waiting = self._waiting
-        self._waiting = {n: np.concatenate((waiting[n], v)) if waiting else v for n, v in columns.items()}
-        while self._waiting[TIME].size >= (rows := min(GROUP << self._groups // ALIKE, LARGEST)):
-            self._write({name: values[:rows] for name, values in self._waiting.items()})
-            self._waiting = {name: values[rows:].copy() for name, values in self._waiting.items()}
+        done = 0
+        while done < columns[TIME].size:
+            rows = min(GROUP << 2 * (self._groups // ALIKE), LARGEST)
+            if not self._count:
+                self._room = {name: np.empty(rows, dtype=values.dtype) for name, values in columns.items()}
+            count = min(rows - self._count, columns[TIME].size - done)
+            for name, values in columns.items():
+                self._room[name][self._count : self._count + count] = values[done : done + count]
+            done, self._count = done + count, self._count + count
+            if self._count == rows:
+                self._write()
 
     def end(self, content: dict[str, Any]) -> None:
         """Write the rest, and the header of all."""
-        if self._waiting[TIME].size:
-            self._write(self._waiting)
+        if self._count:
+            self._write()
         crc = zlib.crc32(header.dump(content))
         for name in sorted(self._sums):
             crc = _crc_joined(crc, *self._sums[name])
         assert self._parquet is not None
         told = {KEY: header.dump(content | {_CRC: f"{crc:08x}"})}
-        schema = b64encode(self._parquet.schema.with_metadata(told).serialize())  # as Arrow tells other tools of it
-        self._parquet.add_key_value_metadata(told | {b"ARROW:schema": schema})
+        schema = _table(self._room, told).schema.serialize()  # as Arrow tells other tools of it
+        both = told | {b"ARROW:schema": b64encode(schema)}
+        self._parquet.add_key_value_metadata({key.decode(): text.decode() for key, text in both.items()})
 
     def close(self) -> None:
         """Close the file, complete or not."""
         if self._parquet is not None:
             self._parquet.close()
 
-    def _write(self, columns: Columns) -> None:
+    def _write(self) -> None:
+        columns = {name: values[: self._count] for name, values in self._room.items()}
         table = _table(columns)
         if self._parquet is None:
             self._parquet = _parquet_writer(self._file, table.schema)
         self._parquet.write_table(table)
-        self._groups += 1
+        self._groups, self._count = self._groups + 1, 0
         for name, values in columns.items():
             crc, size = self._sums.get(name, (0, 0))
             self._sums[name] = _crc(name, values, crc), size + values.nbytes
@@ -208,7 +217,7 @@ class Stored(ImuData):
     _names: tuple[str, ...]
     _rows: int
     _late: NDArray[np.int64]
-    _change: Callable[[ImuData], ImuData]
+    _change: Callable[[ImuData], ImuData] | None
     _held: "_Held"
 
     @classmethod
@@ -223,7 +232,7 @@ class Stored(ImuData):
         made = object.__new__(cls)
         with _open(file) as parquet:
             state = {"_file": file, "_names": tuple(parquet.schema_arrow.names), "_rows": parquet.metadata.num_rows}
-        for name, value in (state | {"meta": meta, "_change": lambda part: part, "_held": _Held()}).items():
+        for name, value in (state | {"meta": meta, "_change": None, "_held": _Held()}).items():
             object.__setattr__(made, name, value)
         check.increasing_time("t", made.t)
         object.__setattr__(made, "_late", np.flatnonzero(is_gap(np.diff(made.t_ns))) + 1)
@@ -241,9 +250,20 @@ class Stored(ImuData):
 
     def each(self, change: Callable[[ImuData], ImuData]) -> ImuData:
         """Recording whose parts are those of this one after a change; see `ImuData.each`."""
-        made, own = copy(self), self._change
-        state = {"meta": change(self[:1]).meta, "_change": lambda part: change(own(part)), "_held": _Held()}
-        for name, value in state.items():
+        own = self._change
+        after = change if own is None else lambda part: change(own(part))
+        return self._with(meta=change(self[:1]).meta, _change=after)
+
+    def only(self, *triads: str) -> ImuData:
+        """Reader of these triads alone; of all where they are changed, for a change may ask for others."""
+        if self._change is not None:
+            return self
+        others = {column for name in TRIADS if name not in triads for column in GROUPS[name]}
+        return self._with(_names=tuple(name for name in self._names if name not in others))
+
+    def _with(self, **state: Any) -> Self:
+        made = copy(self)
+        for name, value in (state | {"_held": _Held()}).items():
             object.__setattr__(made, name, value)
         return made
 
@@ -251,7 +271,10 @@ class Stored(ImuData):
         start, stop = self._bounds(rows)
         if not self._held.begin <= start:
             self._held.restart(self._parts(start))
-        return self._held.between(start, stop)
+        found = self._held.between(start, stop)
+        if stop == self._rows:
+            self._held.restart(iter(()))  # who has read to the end needs the file no more
+        return found
 
     def _parts(self, start: int) -> Iterator[tuple[int, ImuData]]:
         """Parts from the row group on in which a row lies, with the rows that they begin with."""
@@ -262,7 +285,7 @@ class Stored(ImuData):
                 words[late - at] |= np.uint32(flags.GAP)
                 triads = {name: triad for name in TRIADS if (triad := joined(columns, name)) is not None}
                 part = ImuData.live(columns[TIME], triads, temp_c=columns.get("temp_c"), flags=words, meta=self.meta)
-                yield at, self._change(part)
+                yield at, part if self._change is None else self._change(part)
 
     @property
     def t_ns(self) -> NDArray[np.int64]:
@@ -306,9 +329,11 @@ class _Held:
         while end < stop:
             at, part = next(self._parts)
             end = at + len(part)
-            self._held = [(a, p) for a, p in (*self._held, (at, part)) if a + len(p) > start]
-        inside = [(at, part) for at, part in self._held if at < stop and at + len(part) > start]
-        return ImuData.joined([part[max(start - at, 0) : stop - at] for at, part in inside])
+            held = [(a, p) for a, p in (*self._held, (at, part)) if a + len(p) > start]
+            self._held = [(max(a, start), p[max(start - a, 0) :]) for a, p in held]
+        self._held = [(self._held[0][0], ImuData.joined([part for _, part in self._held]))]
+        ((at, part),) = self._held
+        return part[start - at : stop - at]
 
 
 def _is_described(parquet: "pq.ParquetFile") -> bool:
@@ -417,7 +442,7 @@ def _batches(file: Path, names: Sequence[str], start: int = 0) -> Iterator[tuple
     """Rows of these columns, some at a time, from the row group on in which a row lies; and which is their first."""
     import pyarrow as pa
 
-    with _open(file, buffer_size=_PAGE_BYTES) as parquet, _sound():
+    with _open(file, buffer_size=_PAGE_BYTES, pre_buffer=False) as parquet, _sound():
         ends = np.cumsum([parquet.metadata.row_group(i).num_rows for i in range(parquet.num_row_groups)])
         first = int(np.searchsorted(ends, start, side="right"))
         at = int(ends[first - 1]) if first else 0
@@ -443,7 +468,7 @@ def _array(name: str, column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
     return np.ascontiguousarray(numbers_of(column), dtype=COLUMNS[name].dtype)
 
 
-def _table(columns: Columns, metadata: dict[bytes | str, bytes | str] | None = None) -> "pa.Table":
+def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
     import pyarrow as pa
 
     schema = pa.schema(

@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -344,7 +345,7 @@ def estimate(
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
         attitude = written
-        write_parts(written, (_part(source.name, part, doubt) for part in parts), overwrite)
+        write_parts(written, map(partial(_part, source.name, doubt), parts), overwrite)  # a `for` would keep a part
     else:
         attitude = AttitudeTrack.joined(parts, len(used))
     for line in made_by.remarks if isinstance(made_by, Smoother) else _restarts(imu, outline):
@@ -365,7 +366,7 @@ def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> tup
     return (f"estimated from {name} by {track.source}", *inferred)
 
 
-def _part(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> Recording:
+def _part(name: str, inferred: Sequence[str], track: AttitudeTrack) -> Recording:
     """Part of a track as it is written, with where it comes from."""
     return Recording(track=track, notes=_provenance(name, track, inferred))
 
@@ -463,7 +464,7 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
     """Card with the gyroscope's part of a smoothed recording: `Estimated.card`."""
     from plumbob.data.cards import CalibrationCard, TriadCalibration
 
-    found = result.filter.found if isinstance(result.filter, Smoother) else None
+    found = result.filter.learned if isinstance(result.filter, Smoother) else None
     if found is None:
         raise ParameterError(f"{result.filter.name} finds no scale and misalignment. Smooth the recording.")
     card, meta = result.applied, result.imu.meta
@@ -474,17 +475,16 @@ def _card_in_use(result: Estimated) -> "CalibrationCard":
         )
     before = None if card is None else card.gyr
     dcm_bs = np.eye(3) if card is None or card.mount is None else dcm_from_quat(card.mount.q_bs)
-    shown, unit_cov = found.learned
     # rate = (I − M) gyr − b of calibrated rates, of the unit's own axes: one matrix and bias of the measured ones
-    own = dcm_bs.T @ (np.eye(3) - shown) @ dcm_bs
+    own = dcm_bs.T @ (np.eye(3) - found.matrix) @ dcm_bs
     matrix = own if before is None else own @ before.matrix
     change = np.linalg.inv(matrix)
-    bias = change @ dcm_bs.T @ found.sweep.bias[-1]
+    bias = change @ dcm_bs.T @ found.bias
     first = np.eye(3) if before is None else before.matrix
     to_card = np.zeros((12, 12))
     to_card[:3, :3] = change @ dcm_bs.T
     to_card[3:, 3:] = -np.kron(dcm_bs.T, first.T @ dcm_bs.T)
-    covariance = to_card @ unit_cov @ to_card.T
+    covariance = to_card @ found.cov @ to_card.T
     part: dict[str, Any] = {
         "matrix": matrix,
         "bias": bias if before is None else before.bias + bias,

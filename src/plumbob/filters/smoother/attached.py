@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, sum_between
+from plumbob.filters.smoother.keyframes import BLOCK, Bools, Keyframes, sum_between
 from plumbob.rotations import dcm_from_quat
 
 WINDOW: Final = 5.0
@@ -90,7 +90,7 @@ def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
     seen = np.isfinite(frames.mag[:, 0])
     if count < ALIKE or not seen.any():
         return None
-    c_nb, mag = dcm_from_quat(q), np.where(seen[:, np.newaxis], frames.mag, 0.0)
+    mag = np.where(seen[:, np.newaxis], frames.mag, 0.0)
     begin = frames.t[0] + STRIDE * np.arange(count)
     low, high = np.searchsorted(frames.t, begin), np.searchsorted(frames.t, begin + WINDOW)
 
@@ -100,7 +100,9 @@ def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
         return found
 
     number = sum_between(seen.astype(float), low, high)
-    turn, h, m, power = mean(c_nb), mean((c_nb @ mag[:, :, np.newaxis])[:, :, 0]), mean(mag), mean((mag**2).sum(axis=1))
+    c_nb = np.concatenate([dcm_from_quat(q[i : i + BLOCK]) for i in range(0, len(q), BLOCK)])
+    h, m, power = mean((c_nb @ mag[:, :, np.newaxis])[:, :, 0]), mean(mag), mean((mag**2).sum(axis=1))
+    turn = np.stack([mean(c_nb[:, i]) for i in range(3)], axis=1)  # row by row, which takes less room
     # The field of the place eliminated: (I − R̄ᵀR̄) c = m̄ − R̄ᵀ h̄
     normal = np.eye(3, dtype=np.float64) - np.swapaxes(turn, 1, 2) @ turn
     right = m - (np.swapaxes(turn, 1, 2) @ h[:, :, np.newaxis])[:, :, 0]

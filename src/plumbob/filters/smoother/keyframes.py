@@ -25,6 +25,9 @@ LEAST_RATE: Final = deg(2.0)
 SWING: Final = 3.0
 """this frequency, Hz."""
 
+BLOCK: Final = 4096
+"""Samples that are turned at a time where temporaries would be larger than the result."""
+
 Bools = NDArray[np.bool_]
 
 
@@ -235,12 +238,15 @@ def between(frames: Keyframes, moving: Bools, q_k: Floats, rate: Floats) -> Floa
 
     free = np.empty((frames.t.size, 4))
     step = np.repeat(np.arange(moving.size), np.diff(frames.first))  # of samples 1, 2, …
-    turning = np.concatenate(([False], moving[step]))
-    path(frames.t, np.where(turning[:, np.newaxis], rate, 0.0), free)
+    path(frames.t, np.where(np.concatenate(([False], moving[step]))[:, np.newaxis], rate, 0.0), free)
     # From the free path to the keyframes: constant in each step but for a rotation that grows evenly
     change = quat_multiply(q_k, quat_conjugate(free[frames.first]))
     grow = rotvec_from_quat(quat_multiply(change[1:], quat_conjugate(change[:-1])))
-    share = (frames.t[1:] - frames.time[step]) / frames.step[step]
-    here = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * grow[step]), change[step])
-    found: Floats = np.concatenate((q_k[:1], quat_multiply(here, free[1:])))
-    return found
+    time, length = frames.time, frames.step
+    free[0] = q_k[0]
+    for begin in range(0, step.size, BLOCK):  # temporaries are larger
+        own, k = slice(begin + 1, begin + BLOCK + 1), step[begin : begin + BLOCK]
+        share = (frames.t[own] - time[k]) / length[k]
+        here = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * grow[k]), change[k])
+        free[own] = quat_multiply(here, free[own])
+    return free

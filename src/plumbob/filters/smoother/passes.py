@@ -105,8 +105,8 @@ class Smoothed:
     rival_turn: float = 0.0
 
     @property
-    def learned(self) -> tuple[Floats, Floats]:
-        """Scale and misalignment (3, 3) that the recording showed, and the covariance (12, 12) of bias and these.
+    def learned(self) -> "Learned":
+        """What the recording showed of the gyroscope.
 
         What it left about as unknown as it was, stays as it was: a guess within its prior would mislead the next one.
         """
@@ -116,13 +116,21 @@ class Smoothed:
         place = 3 + np.flatnonzero(blind)
         cov[place, :], cov[:, place] = 0.0, 0.0
         cov[place, place] = np.diag(prior)[place - 3]
-        return matrix, cov
+        return Learned(matrix, cov, self.sweep.bias[-1].copy())
 
     @property
     def heading_var(self) -> float:
         """Variance of the heading, rad², that the choice between two fields leaves: the other may be the right one."""
         share = 0.0 if self.reference is None else self.reference.rival_share
         return share * self.rival_turn**2
+
+
+class Learned(NamedTuple):
+    """Scale and misalignment of a gyroscope (3, 3), the covariance (12, 12) of bias and these, and its last bias."""
+
+    matrix: Floats
+    cov: Floats
+    bias: Floats
 
 
 def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:

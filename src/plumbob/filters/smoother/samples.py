@@ -15,7 +15,7 @@ from plumbob.core.units import deg
 from plumbob.data import ImuData
 from plumbob.data.cards.left import Half
 from plumbob.filters.settling import considered
-from plumbob.filters.smoother.keyframes import Keyframes
+from plumbob.filters.smoother.keyframes import BLOCK, Keyframes
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.passes import Smoothed, at_samples, rates
 from plumbob.rotations import Frame, dcm_from_quat, quat_conjugate, quat_from_rotvec, quat_multiply, quat_slerp
@@ -31,8 +31,6 @@ CORE: Final = 600.0
 """of this, s,"""
 MARGIN: Final = 120.0
 """with so much before and behind each, s. With a lag this is how much of the past is smoothed with each part."""
-BLOCK: Final = 4096
-"""Samples whose covariance is turned at a time."""
 LEAST_CORE: Final = 0.5
 """With a lag a part is half of it long, but not shorter than this, s."""
 

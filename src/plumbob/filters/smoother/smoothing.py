@@ -17,7 +17,7 @@ from plumbob.filters.base import CommonParams
 from plumbob.filters.known import SMOOTHER
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
-from plumbob.filters.smoother.passes import Known, Smoothed, smooth
+from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
 from plumbob.filters.smoother.samples import Stretch, continued, part_of, stretches, unknown
 from plumbob.rotations import Frame, North, change_frame
@@ -47,8 +47,8 @@ class Smoother(Shown):
         Declination in use, use of the magnetometer.
     remarks : tuple of str
         What a reader of the last track should know: what could not be known, and when.
-    found : Smoothed or None
-        What was found of the last recording, or of its last stretch.
+    learned : Learned or None
+        What the last recording showed of the gyroscope.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class Smoother(Shown):
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)
         self._decided = "declination" in given
         self.remarks: tuple[str, ...] = ()
-        self.found: Smoothed | None = None
+        self.learned: Learned | None = None
 
     @property
     def bias_prior(self) -> tuple[str, float]:
@@ -162,15 +162,15 @@ class Smoother(Shown):
                 headed = headed or found.reference is not None
                 if last is not None and found.reference is None:
                     part = continued(part, stretch, *last)
-                last, known, self.found = (part.q, stretch), known.after(found), found
+                last, known, self.learned = (part.q, stretch), known.after(found), found.learned
                 remarks |= dict.fromkeys(remarks_of(found, self.params, whole.t[inside]))
             # headings are true from where a field has shown itself
             turned = turn_heading(part.q, turn, Frame.ENU) if headed and found is not None and turn else part.q
-            q_last = turned[inside][-1]
+            q_last = turned[inside][-1].copy()
             self.remarks = tuple(remarks)
             if progress:
                 progress(inside.stop - inside.start)
-            yield AttitudeTrack.trusted(
+            track = AttitudeTrack.trusted(
                 t=whole.t[inside],
                 q_nb=change_frame(turned[inside], to=self.frame, from_=Frame.ENU),
                 frame=self.frame,
@@ -180,6 +180,9 @@ class Smoother(Shown):
                 flags=part.flags[inside],
                 source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
             )
+            del whole, part, found, turned  # whoever takes the track, and the next stretch, may need their room
+            yield track
+            del track
         if last is None:
             raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
 
