@@ -45,7 +45,7 @@ _BATCH: Final = 1 << 14
 """Rows that are read at a time."""
 GROUP: Final = 1 << 15
 """Rows of the first row groups that are written: a writer holds one. The table of contents lists all, so that after"""
-ALIKE: Final = 256
+ALIKE: Final = 300
 """groups they are four times as large, and so on until they have"""
 LARGEST: Final = 1 << 20
 """rows."""
@@ -214,6 +214,7 @@ class Stored(ImuData):
     """
 
     _file: Path
+    _meta: ImuMeta
     _names: tuple[str, ...]
     _rows: int
     _late: NDArray[np.int64]
@@ -232,7 +233,7 @@ class Stored(ImuData):
         made = object.__new__(cls)
         with _open(file) as parquet:
             state = {"_file": file, "_names": tuple(parquet.schema_arrow.names), "_rows": parquet.metadata.num_rows}
-        for name, value in (state | {"meta": meta, "_change": None, "_held": _Held()}).items():
+        for name, value in (state | {"meta": meta, "_meta": meta, "_change": None, "_held": _Held()}).items():
             object.__setattr__(made, name, value)
         check.increasing_time("t", made.t)
         object.__setattr__(made, "_late", np.flatnonzero(is_gap(np.diff(made.t_ns))) + 1)
@@ -270,7 +271,8 @@ class Stored(ImuData):
     def __getitem__(self, rows: slice) -> ImuData:
         start, stop = self._bounds(rows)
         if not self._held.begin <= start:
-            self._held.restart(self._parts(start))
+            change, parts = self._change, self._parts(start)
+            self._held.restart(parts if change is None else ((at, change(part)) for at, part in parts))
         found = self._held.between(start, stop)
         if stop == self._rows:
             self._held.restart(iter(()))  # who has read to the end needs the file no more
@@ -284,8 +286,10 @@ class Stored(ImuData):
                 late = self._late[slice(*np.searchsorted(self._late, (at, at + words.size)))]
                 words[late - at] |= np.uint32(flags.GAP)
                 triads = {name: triad for name in TRIADS if (triad := joined(columns, name)) is not None}
-                part = ImuData.live(columns[TIME], triads, temp_c=columns.get("temp_c"), flags=words, meta=self.meta)
-                yield at, part if self._change is None else self._change(part)
+                yield (
+                    at,
+                    ImuData.live(columns[TIME], triads, temp_c=columns.get("temp_c"), flags=words, meta=self._meta),
+                )
 
     @property
     def t_ns(self) -> NDArray[np.int64]:

@@ -1,0 +1,266 @@
+"""Estimating from file to file: numbers, notes and bytes are those of the whole, nothing is half, memory is bounded."""
+
+import os
+import resource
+import subprocess
+import sys
+import zlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import plumbob
+from plumbob import CalibrationCard, ImuData, Recording
+from plumbob.core import flags
+from plumbob.core.errors import ClockError, DecodeError, UnitError
+from plumbob.data import ImuMeta
+from plumbob.data.cards import TriadCalibration
+from plumbob.files import parquet
+from plumbob.files.formats import read
+from plumbob.filters import offline
+from plumbob.filters.smoother import samples
+from tests.battery.motion import noisy
+
+CARD = CalibrationCard(
+    "unknown",
+    "2026-01-01",
+    "a test",
+    gyr=TriadCalibration(
+        unit_in="rad/s",
+        unit_out="rad/s",
+        matrix=np.eye(3) * 1.01,
+        bias=np.full(3, 1e-3),
+        g_sensitivity=np.full((3, 3), 1e-4),
+    ),
+)
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch):
+    """Stretches, chunks, blocks, batches and row groups of other sizes, so that all their borders differ."""
+    for name, value in (("LONG", 12.0), ("CORE", 6.0), ("MARGIN", 2.0)):
+        monkeypatch.setattr(samples, name, value)
+    monkeypatch.setattr(offline, "CHUNK", 700)
+    monkeypatch.setattr("plumbob.data.imu.BLOCK", 333)
+    monkeypatch.setattr("plumbob.data.plausibility.BLOCK", 333)
+    monkeypatch.setattr(parquet, "_BATCH", 150)
+    monkeypatch.setattr(parquet, "GROUP", 400)
+    monkeypatch.setattr(parquet, "ALIKE", 3)
+
+
+def sea(n=4000):
+    """Forty seconds: a gap that begins at a row group's border, one within, a stuck magnetometer, values at the end of
+    the range and impossible ones, a slow magnetometer, and flags that the source knew.
+    """
+    one = noisy(n, seed=5)
+    t = one.t.copy()
+    t[400:] += 0.7
+    t[2111:] += 3.0
+    gyr, acc, mag = one.gyr.copy(), one.acc.copy(), one.mag.copy()
+    gyr[900:904], acc[1200, 1], mag[3000:3150], mag[::3] = 40.0, np.inf, mag[3000], np.nan
+    known = np.zeros(n, dtype=np.uint32)
+    known[50] = flags.TIME_FAULT
+    return ImuData(
+        t=t, gyr=gyr, acc=acc, mag=mag, flags=known, temp_c=np.linspace(20.0, 30.0, n), meta=ImuMeta(gyr_range=40.0)
+    )
+
+
+@pytest.fixture
+def file(tmp_path):
+    return plumbob.write(tmp_path / "sea.parquet", sea())
+
+
+def numbers(track):
+    return [None if a is None else a.tobytes() for a in (track.t, track.q_nb, track.bias_b, track.cov_b, track.flags)]
+
+
+@pytest.mark.parametrize(
+    "how", [{}, {"lag": "2 s"}, {"causal": True}, {"filter": "mahony"}, {"calibration": CARD}], ids=str
+)
+def test_to_a_file_it_is_the_estimate_in_memory(file, how, tmp_path):
+    """To the bit, with the same notes and report; and the file is the one that is written of the whole."""
+    whole = plumbob.estimate(file, frame="ENU", **how)
+    done = []
+    pieces = plumbob.estimate(file, frame="ENU", out=tmp_path / "a.parquet", progress=lambda *n: done.append(n), **how)
+    assert numbers(pieces.track) == numbers(whole.track)
+    assert pieces.notes == whole.notes
+    assert pieces.summary() == whole.summary()
+    assert pieces.text() == whole.text()
+    assert (done[-1], len(done) > 4) == ((4000, 4000), True)
+    whole.save(tmp_path / "b.parquet")
+    assert (tmp_path / "a.parquet").read_bytes() == (tmp_path / "b.parquet").read_bytes()
+
+
+def test_the_card_is_that_of_the_whole(file, tmp_path):
+    whole, pieces = plumbob.estimate(file, frame="ENU"), plumbob.estimate(file, frame="ENU", out=tmp_path / "a.parquet")
+    whole.card().save(tmp_path / "a.json")
+    pieces.card().save(tmp_path / "b.json")
+    assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
+
+
+def test_findings_are_there_to_be_compared(file):
+    """What `sea` was given is found: else the comparisons above compare nothing."""
+    notes = "\n".join(plumbob.estimate(file, frame="ENU").notes)
+    for topic in ("clipped: gyr", "invalid: acc", "gaps: samples are missing before 2 of 4000", "stuck: mag"):
+        assert topic in notes
+
+
+@pytest.mark.parametrize("suffix", [".parquet", ".csv"])
+def test_what_is_in_memory_is_written_too(tmp_path, suffix):
+    imu = sea()[:1500]
+    result = plumbob.estimate(imu, "mahony", frame="ENU", out=tmp_path / f"a{suffix}")
+    again = plumbob.estimate(imu, "mahony", frame="ENU").track
+    for track in (result.track, plumbob.read(tmp_path / f"a{suffix}").track):
+        assert track.q_nb == pytest.approx(again.q_nb, abs=1e-12)  # digits of a text
+
+
+# --- nothing half -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit])
+@pytest.mark.parametrize("lies", [False, True], ids=["new", "replaced"])
+def test_an_interrupted_estimate_leaves_nothing(file, tmp_path, error, lies):
+    """As SIGINT and SIGTERM come, while half is written: what lay there is as it was."""
+    out = tmp_path / "a.parquet"
+    if lies:
+        out.write_bytes(b"old")
+
+    def stop(done, total):
+        if done > total // 2:
+            raise error
+
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(error):
+        plumbob.estimate(file, frame="ENU", out=out, overwrite=True, progress=stop)
+    assert sorted(tmp_path.iterdir()) == before
+    assert not lies or out.read_bytes() == b"old"
+
+
+def test_a_full_disk_leaves_nothing(file, tmp_path):
+    before = sorted(tmp_path.iterdir())
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))  # the track has some 400 kB
+    try:
+        with pytest.raises(DecodeError, match=r"a\.parquet cannot be written: .*Nothing was changed there"):
+            plumbob.estimate(file, "mekf", frame="ENU", out=tmp_path / "a.parquet")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_file_that_lies_there_is_not_replaced(file):
+    before = file.read_bytes()
+    with pytest.raises(plumbob.errors.ParameterError, match="exists already"):
+        plumbob.estimate(file, "mahony", frame="ENU", out=file)
+    assert file.read_bytes() == before
+
+
+# --- samples that stay in their file ------------------------------------------------------------------------
+
+
+def held(imu):
+    values = (imu.t, imu.gyr, imu.acc, imu.mag, imu.temp_c, imu.flags)
+    return [None if a is None else a.tobytes() for a in values], imu.meta, imu.triads, len(imu)
+
+
+def test_samples_that_stay_are_those_that_are_read(file):
+    whole, stays = read(file), read(file, whole=False)
+    assert isinstance(stays.imu, parquet.Stored)
+    assert held(stays.imu) == held(whole.imu)
+    assert stays.notes == whole.notes
+    rng = np.random.default_rng(1)
+    for _ in range(30):  # forward and back
+        low, high = np.sort(rng.choice(4001, 2, replace=False))
+        assert held(stays.imu[low:high]) == held(whole.imu[low:high])
+
+
+def test_an_attitude_beside_the_samples_brings_both_to_memory(tmp_path):
+    imu = sea()[:900]
+    both = Recording(imu=imu, track=plumbob.estimate(imu, "mahony", frame="ENU").track)
+    plumbob.write(tmp_path / "a.parquet", both)
+    assert type(read(tmp_path / "a.parquet", whole=False).imu) is ImuData
+    result = plumbob.estimate(tmp_path / "a.parquet", frame="ENU", out=tmp_path / "b.parquet")
+    assert numbers(plumbob.read(tmp_path / "b.parquet").track) == numbers(result.track)
+
+
+def damaged(file, imu, change):
+    """The file with other columns, and a checksum that fits them."""
+    columns = parquet.to_columns(Recording(imu=imu))
+    change(columns)
+    writer = parquet._Writer(file)
+    writer.add(columns)
+    writer.end(parquet.header.header_of(Recording(imu=imu), list(columns)))
+    writer.close()
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        (lambda c: c["t_ns"].__setitem__(1700, c["t_ns"][1699]), ClockError),
+        (lambda c: c["acc_x"].__imul__(50.0), UnitError),
+        (lambda c: c["gyr_y"].__setitem__(slice(None), 1e4), UnitError),
+        (lambda c: [c[f"mag_{i}"].__setitem__(slice(None), np.nan) for i in "xyz"], plumbob.errors.ShapeError),
+    ],
+    ids=["time", "acc", "gyr", "mag"],
+)
+def test_the_whole_is_refused_in_the_same_words(file, change, error):
+    damaged(file, replace(sea(), meta=ImuMeta()), change)
+    said = []
+    for whole in (True, False):
+        with pytest.raises(error) as caught:
+            read(file, whole=whole)
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+
+
+def test_a_damaged_file_is_refused_before_anything_is_estimated(file, tmp_path):
+    raw = bytearray(file.read_bytes())
+    raw[len(raw) // 3] ^= 16
+    file.write_bytes(raw)
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(DecodeError, match=r"sea\.parquet: .*take a copy that is whole"):
+        plumbob.estimate(file, frame="ENU", out=tmp_path / "a.parquet")
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@given(st.binary(max_size=300), st.binary(max_size=300))
+def test_checksums_of_parts_give_that_of_the_whole(one, other):
+    assert parquet._crc_joined(zlib.crc32(one), zlib.crc32(other), len(other)) == zlib.crc32(one + other)
+
+
+# --- memory -------------------------------------------------------------------------------------------------
+
+PEAK = """
+import resource, sys
+from plumbob.cli.main import main
+assert main(sys.argv[1:]) == 0
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+"""
+
+
+def repeated(path, times, n=360_000):
+    """An hour at 100 Hz, again and again."""
+    one = noisy(n, seed=2)
+    plumbob.files.parquet.write_parts(
+        path, (Recording(imu=replace(one, t=one.t + 0.01 * n * k)) for k in range(times)), overwrite=True
+    )
+
+
+@pytest.mark.long(reason="six hours at 100 Hz are smoothed, 90 s")
+def test_memory_does_not_grow_with_the_recording(tmp_path, monkeypatch):
+    """Two hours and four; the whole, and its track, would take 90 MB an hour. A first call compiles the kernels."""
+    monkeypatch.undo()
+    peak = []
+    for hours in (1, 2, 4):
+        repeated(tmp_path / "long.parquet", hours)
+        words = ["run", tmp_path / "long.parquet", "--frame", "ENU", "--out", tmp_path / "track.parquet", "--force"]
+        done = subprocess.run(
+            [sys.executable, "-c", PEAK, *map(str, words)], capture_output=True, text=True, check=True, env=os.environ
+        )
+        peak.append(float(done.stdout.splitlines()[-1]))
+        assert len(plumbob.read(tmp_path / "track.parquet").track) == hours * 360_000
+    assert peak[2] < peak[1] + 15.0
+    assert peak[2] < 350.0
