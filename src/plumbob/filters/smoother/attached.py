@@ -100,7 +100,9 @@ def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
         return found
 
     number = sum_between(seen.astype(float), low, high)
-    c_nb = np.concatenate([dcm_from_quat(q[i : i + BLOCK]) for i in range(0, len(q), BLOCK)])
+    c_nb = np.empty((len(q), 3, 3))
+    for i in range(0, len(q), BLOCK):
+        c_nb[i : i + BLOCK] = dcm_from_quat(q[i : i + BLOCK])
     h, m, power = mean((c_nb @ mag[:, :, np.newaxis])[:, :, 0]), mean(mag), mean((mag**2).sum(axis=1))
     turn = np.stack([mean(c_nb[:, i]) for i in range(3)], axis=1)  # row by row, which takes less room
     # The field of the place eliminated: (I − R̄ᵀR̄) c = m̄ − R̄ᵀ h̄
