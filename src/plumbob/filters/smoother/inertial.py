@@ -153,7 +153,7 @@ def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
 
 @njit
 def neighbours(points: Floats, centres: Floats, within: float) -> NDArray[np.int64]:
-    """How many points (n, 3) are no further than this from each centre (m, 3)."""
+    """How many points (n, 3) lie within a distance of each centre (m, 3)."""
     count = np.zeros(centres.shape[0], dtype=np.int64)
     for i in range(centres.shape[0]):
         for j in range(points.shape[0]):
