@@ -142,7 +142,7 @@ def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
     """Steps at rest, and the bias that they show, before any is known.
 
     A slow even turn is as calm as rest, but its rate is its own; the rate at rest is the same bias every time. So rest
-    is where the mean rate belongs to the strongest cluster of all calm ones, weighed by how likely it is no turn.
+    is where the mean rate belongs to the strongest cluster of all calm ones, weighed by how unlikely a turn is.
     """
     quiet, mean = found.quiet, found.mean
     if not quiet.any():
