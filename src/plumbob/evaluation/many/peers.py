@@ -262,6 +262,7 @@ class Ahrs(Peer):
         self.settings = f"{self.name}({shown or 'defaults'}), {self.START}"
 
     def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        """Attitudes (N, 4), body to ENU, of samples in rad/s, m/s² and µT at a step in s."""
         kind = getattr(self.library.filters, self.KIND)
         with quiet():
             return self.enu(kind(gyr=gyr, acc=acc, mag=mag, frequency=1.0 / step, **self.ARGUMENTS).Q)
