@@ -9,7 +9,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from plumbob.cli import common, line
+from plumbob.cli import common
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibrate import Calibrated, Kind
@@ -162,7 +162,7 @@ def add_live(p: argparse.ArgumentParser) -> None:
     live.add_argument(
         "--live", action="store_true", help="INPUT is a session file (TOML); or give --port, --from, --iio"
     )
-    line.add_line(live)
+    common.add_line(live)
     live.add_argument("--raw", type=Path, metavar="MCAP", help="recording of the capture, raw bytes and samples")
 
 
@@ -277,7 +277,7 @@ def _session(args: argparse.Namespace) -> "Session":
     from plumbob.session.session_toml import session_of
 
     named = args.device if args.file is None else None
-    session = session_of(args.file, capture=args.start, device=named, **line.line_of(args))
+    session = session_of(args.file, capture=args.start, device=named, **common.line_of(args))
     record = None if args.raw is None else replace(session.record or RecordSpec(""), path=str(args.raw))
     device = session.meta.device
     if device == session.form.name:

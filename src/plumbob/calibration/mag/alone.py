@@ -13,35 +13,42 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.ellipsoid.autocorrelation import LONG, alike_in
-from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit, Shape, fit_norm, linearised, radius_of, scaled
-from plumbob.calibration.ellipsoid.shape_choice import SPARE, choose, fit_shape
-from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.arguments import (
-    WEAKEST,
-    finite_rows,
-    forces,
-    require_dip,
-    require_strength,
-    require_tilt_range,
-    unequal,
-    wrong_field,
+from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+    SPARE,
+    NormFit,
+    Shape,
+    choose,
+    fit_norm,
+    fit_shape,
+    linearised,
+    radius_of,
+    scaled,
 )
+from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness_in
 from plumbob.calibration.mag.outcome import (
     DIP,
     EVEN,
     MOST_OUTLIERS,
     STEEL,
+    WEAKEST,
     Doubt,
     calibration_of,
     dip_of,
+    finite_rows,
+    forces,
     heading_told,
     outliers,
     own_scale,
+    require_dip,
+    require_strength,
+    require_tilt_range,
     set_aside,
+    unequal,
     uneven,
     uneven_told,
     where_known,
+    wrong_field,
 )
 from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, names_of
 from plumbob.core.check import Floats

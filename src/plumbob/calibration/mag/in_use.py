@@ -6,16 +6,6 @@ import numpy as np
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size_of
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.arguments import (
-    require_dip,
-    require_gain_sd,
-    require_strength,
-    require_tilt_range,
-    stuck,
-    unequal,
-    with_rates,
-    wrong_field,
-)
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.mag.in_use_fit import FEWEST_WINDOWS, LENGTH, InUseFit, fit_in_use
 from plumbob.calibration.mag.outcome import (
@@ -26,9 +16,17 @@ from plumbob.calibration.mag.outcome import (
     dip_of,
     outliers,
     own_scale,
+    require_dip,
+    require_gain_sd,
+    require_strength,
+    require_tilt_range,
     set_aside,
+    stuck,
     uncertain,
+    unequal,
     where_known,
+    with_rates,
+    wrong_field,
 )
 from plumbob.calibration.mag.with_acc import turn_of
 from plumbob.calibration.mag.with_gyr import GAIN_SD

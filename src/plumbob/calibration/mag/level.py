@@ -16,16 +16,21 @@ from numpy.typing import NDArray
 from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
-from plumbob.calibration.mag.arguments import STRONGEST, finite_rows, forces, require_dip, require_strength, unequal
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.mag.outcome import (
     DIP,
     STEEL,
+    STRONGEST,
     Doubt,
     calibration_of,
+    finite_rows,
+    forces,
     outliers,
+    require_dip,
+    require_strength,
     set_aside,
     uncertain,
+    unequal,
     uneven_told,
     where_known,
 )
