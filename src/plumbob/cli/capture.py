@@ -352,10 +352,18 @@ def add_options(
         add_live(p)
 
 
-def calibrated(
-    args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **options: Any
+def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **converted: Any) -> int:
+    """Calibrate what the options name, from a file or live, and finish; what else is read is among `inputs`."""
+    from plumbob.calibration.calibrate import options_of
+
+    return _finish(
+        args, _calibrated(args, kind, inputs, {n: getattr(args, n, None) for n in options_of(kind)} | converted)
+    )
+
+
+def _calibrated(
+    args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...], options: dict[str, Any]
 ) -> "Calibrated":
-    """Calibrate what the options name, from a file or live; what else is read is among `inputs`."""
     from plumbob.calibration.calibrate import KINDS, calibrate
     from plumbob.data.cards import CalibrationCard
 
@@ -392,7 +400,7 @@ def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | Non
     return found
 
 
-def finish(args: argparse.Namespace, found: "Calibrated") -> int:
+def _finish(args: argparse.Namespace, found: "Calibrated") -> int:
     """Print what was found, and write the card."""
     if args.out is not None:
         found.save(args.out, overwrite=args.force or completes(args))
