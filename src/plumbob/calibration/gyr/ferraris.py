@@ -28,6 +28,7 @@ from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_o
 from plumbob.calibration.gyr.drift import chen2013
 from plumbob.calibration.gyr.plausible import (
     UNCALIBRATED,
+    Rates,
     beyond_bias,
     inverse_covariance,
     new_bias_covariance,
@@ -170,40 +171,18 @@ def _missing(found: Mapping[str, slice]) -> list[Reason]:
     return reasons
 
 
-def fit_trackball(
-    t: Floats,
-    gyr: Floats,
-    *,
-    acc: Floats | None,
-    temp_c: Floats | None,
-    mag: Floats | None = None,
-    clipped: NDArray[np.bool_] | None = None,
-) -> Fitted:
+def fit_trackball(rates: Rates) -> Fitted:
     """Bias at rest with the paper's coefficients of temperature and specific force.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Measured rates, rad/s.
-    acc : ndarray (N, 3) or None
-        Specific force, m/s²; needed. A card's g-sensitivity acts on the calibrated one.
-    temp_c : ndarray (N,) or None
-        Temperature, °C; needed.
-    mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which distinguishes constant turning from rest.
-    clipped : ndarray (N,) of bool, optional
-        Samples at the end of the gyroscope's range.
 
     Raises
     ------
     CaptureRefusedError
         not-still, clipping, implausible.
     CalibrationError
-        If acc or temp_c is missing.
+        If specific force or temperature is missing.
     """
-    where, turned = rest(t, gyr, acc, clipped, mag)
+    gyr, acc, temp_c = rates.gyr, rates.acc, rates.temp_c
+    where, turned = rest(rates)
     still = np.concatenate([np.arange(one.start, one.stop) for one in where])
     drift = chen2013().at_rest(
         gyr[still], None if temp_c is None else temp_c[still], None if acc is None else acc[still]
@@ -229,7 +208,7 @@ def fit_trackball(
         "unit's may have another size or sign, and then the card makes it worse than none away from "
         "the temperature of the capture. 'plumbob calibrate temperature' measures them. Its grade is poor for that.",
         *turned,
-        *unseen_turn(acc, mag, where),
+        *unseen_turn(rates, where),
     )
     return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), told)
 
