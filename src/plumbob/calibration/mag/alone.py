@@ -40,9 +40,7 @@ from plumbob.calibration.mag.outcome import (
     heading_told,
     outliers,
     own_scale,
-    require_dip,
-    require_strength,
-    require_tilt_range,
+    require_figures,
     set_aside,
     unequal,
     uneven,
@@ -241,7 +239,8 @@ def fit_mag(
     ParameterError
         If another argument is outside its range.
     """
-    _require_figures(shape, strength, dip, tilt_range)
+    _require_shape(shape)
+    require_figures(strength=strength, dip=dip, tilt_range=tilt_range)
     mag = finite_rows("mag", mag)
     acc = None if acc is None else forces(acc, len(mag))
     least = (shape or Shape.ELLIPSOID).value + SPARE
@@ -293,13 +292,10 @@ def _change(mag: Floats) -> float:
     return math.sqrt(float(np.sum(np.var(mag, axis=0))))
 
 
-def _require_figures(shape: Shape | None, strength: float | None, dip: float | None, tilt_range: float) -> None:
+def _require_shape(shape: Shape | None) -> None:
     if shape is not None and not isinstance(shape, Shape):
         known = ", ".join(str(each) for each in Shape)
         raise ParameterError(f"shape must be one of {known}, or None to have it chosen, but it is {shape!r}.")
-    require_strength(strength)
-    require_dip(dip)
-    require_tilt_range(tilt_range)
 
 
 def _constant(mag: Floats) -> Reason | None:

@@ -16,10 +16,7 @@ from plumbob.calibration.mag.outcome import (
     dip_of,
     outliers,
     own_scale,
-    require_dip,
-    require_gain_sd,
-    require_strength,
-    require_tilt_range,
+    require_figures,
     set_aside,
     stuck,
     uncertain,
@@ -90,10 +87,7 @@ def fit_mag_in_use(
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_dip(dip)
-    require_gain_sd(gyr_gain_sd)
-    require_tilt_range(tilt_range)
+    require_figures(strength=strength, dip=dip, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
     seen = mag[np.isfinite(mag).all(axis=1)]
     refuse([dead] if len(seen) and (dead := stuck(seen)) is not None else [])

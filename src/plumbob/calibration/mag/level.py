@@ -26,8 +26,7 @@ from plumbob.calibration.mag.outcome import (
     finite_rows,
     forces,
     outliers,
-    require_dip,
-    require_strength,
+    require_figures,
     set_aside,
     uncertain,
     unequal,
@@ -212,8 +211,7 @@ def fit_mag_level(
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_dip(dip)
+    require_figures(strength=strength, dip=dip)
     _require_axis(upright)
     mag = finite_rows("mag", mag)
     acc = None if acc is None else forces(acc, len(mag))

@@ -39,35 +39,25 @@ def forces(value: ArrayLike, count: int) -> Floats:
     return acc
 
 
-def require_strength(strength: float | None) -> None:
-    """Refuse a strength of the field, µT, that is not above zero; None passes."""
+def require_figures(
+    *, strength: float | None = None, dip: float | None = None, gyr_gain_sd: float = 0.0, tilt_range: float = 0.0
+) -> None:
+    """Refuse a field, a gyroscope's gain or a largest inclination that cannot be; arguments as of the fits."""
     if strength is not None and not 0.0 < strength < math.inf:
         raise ParameterError(
             f"strength must be above 0 µT, but it is {strength:g} µT; leave it out where it is not known."
         )
-
-
-def require_dip(dip: float | None) -> None:
-    """Refuse a dip, rad, of a vertical field or beyond; None passes."""
     if dip is not None and not abs(dip) < math.pi / 2.0:
         raise ParameterError(
             f"dip must lie between -π/2 and π/2 rad, but it is {dip:g} rad; turn degrees into radians first."
         )
-
-
-def require_tilt_range(tilt_range: float) -> None:
-    """Refuse a largest inclination, rad, that is not from level to upright."""
-    if not 0.0 <= tilt_range <= math.pi / 2.0:
-        raise ParameterError(
-            f"tilt_range must be from 0 to π/2 rad, but it is {tilt_range:g} rad; turn degrees into radians first."
-        )
-
-
-def require_gain_sd(gyr_gain_sd: float) -> None:
-    """Refuse a standard deviation of a gyroscope's gain outside 0 to 1, as a share of the gain."""
     if not 0.0 <= gyr_gain_sd <= 1.0:
         raise ParameterError(
             f"gyr_gain_sd must be from 0 to 1, a share of the gain, but it is {gyr_gain_sd:g}; divide percents by 100."
+        )
+    if not 0.0 <= tilt_range <= math.pi / 2.0:
+        raise ParameterError(
+            f"tilt_range must be from 0 to π/2 rad, but it is {tilt_range:g} rad; turn degrees into radians first."
         )
 
 

@@ -32,8 +32,7 @@ from plumbob.calibration.mag.outcome import (
     forces,
     outliers,
     own_scale,
-    require_strength,
-    require_tilt_range,
+    require_figures,
     set_aside,
     thinned,
     uncertain,
@@ -348,8 +347,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_tilt_range(tilt_range)
+    require_figures(strength=strength, tilt_range=tilt_range)
     mag = finite_rows("mag", mag)
     acc = forces(acc, len(mag))
     if len(mag) < FEWEST:

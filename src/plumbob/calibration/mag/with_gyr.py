@@ -28,9 +28,7 @@ from plumbob.calibration.mag.outcome import (
     calibration_of,
     outliers,
     own_scale,
-    require_gain_sd,
-    require_strength,
-    require_tilt_range,
+    require_figures,
     set_aside,
     thinned,
     uncertain,
@@ -437,9 +435,7 @@ def fit_mag_gyr(
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_gain_sd(gyr_gain_sd)
-    require_tilt_range(tilt_range)
+    require_figures(strength=strength, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))
