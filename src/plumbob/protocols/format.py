@@ -243,20 +243,6 @@ class Format:
             raise ParameterError(f"{self.name} has no message '{name}'; known are {', '.join(self._names())}.")
         return found[0]
 
-    def register(self, key: str | int) -> Register:
-        """Register by its name or address.
-
-        Raises
-        ------
-        ParameterError
-            If there is none.
-        """
-        found = [r for r in self.registers if key in (r.name, r.address)]
-        if not found:
-            known = ", ".join(r.name for r in self.registers) or "none"
-            raise ParameterError(f"{self.name} has no register {key!r}; known are {known}.")
-        return found[0]
-
     def bind(self, chosen: Mapping[str, str] | None = None) -> "Format":
         """Return the format with every option settled, so that it can decode.
 
