@@ -104,11 +104,6 @@ class Message:
     fields: tuple[Field, ...]
     title: str = ""
 
-    @property
-    def constants(self) -> tuple[Field, ...]:
-        """Fields by which the message is known."""
-        return tuple(f for f in self.fields if f.role == "constant")
-
     def of_role(self, role: str) -> Field | None:
         """First field of a role, such as the frame counter."""
         return next((f for f in self.fields if f.role == role), None)
