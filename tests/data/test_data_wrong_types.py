@@ -34,6 +34,8 @@ DOORS = {
     "ImuMeta": (ImuMeta, {"rate_nominal": 1.0, "gyr_range": 1.0, "t0_ns": 0, "axes": "x y z", "frame": None,
                           "north": None, "declination": None}),
     "ImuData": (ImuData, {"t": [0.0, 1.0], "gyr": TWO, "acc": None, "temp_c": None, "flags": None, "meta": ImuMeta()}),
+    "from_streams": (ImuData.from_streams, {"t": [0.0, 1.0], "gyr": TWO, "t_mag": [0.0, 1.0], "mag": TWO,
+                                            "meta": None}),
     "chunks": (lambda size: list(IMU.chunks(size)), {"size": 3}),
     "usable": (IMU.usable, {"name": "gyr"}),
     "AttitudeTrack": (plumbob.AttitudeTrack, {"t": [0.0], "q_nb": [[1.0, 0.0, 0.0, 0.0]], "frame": Frame.NED,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0, IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
-from plumbob.core.errors import ShapeError, UnitError
+from plumbob.core.errors import ClockError, ShapeError, UnitError
 from plumbob.core.series import Series
 from plumbob.core.time import after_gap, to_ns, to_s
 from plumbob.core.units import to_deg
@@ -385,6 +385,56 @@ class ImuData(Series):
             absent, _, invalid = TRIAD_FLAGS[name]
             found[np.isnan(state[name]).any(axis=1) & (self.flags & np.uint32(invalid) == 0)] |= absent
         return self._like(state | {"flags": check.read_only(found)})
+
+    @classmethod
+    def from_streams(
+        cls,
+        t: Floats,
+        *,
+        gyr: Floats | None = None,
+        acc: Floats | None = None,
+        t_mag: Floats,
+        mag: Floats,
+        meta: ImuMeta | None = None,
+    ) -> Self:
+        """Join a magnetometer that has its own time stamps: each of its samples goes to the next inertial sample.
+
+        Later, not nearest, because a live filter has a magnetic sample only once it has arrived. Where two fall on one
+        inertial sample, the last wins; those after the last inertial sample are left out. Times are compared to the
+        nanosecond.
+
+        Parameters
+        ----------
+        t : array_like (N,)
+            Inertial time, s.
+        gyr, acc : array_like (N, 3), optional
+            Rates, rad/s, and specific force, m/s².
+        t_mag : array_like (M,)
+            Magnetometer time on the same clock, s.
+        mag : array_like (M, 3)
+            Flux density, µT.
+        meta : ImuMeta, optional
+            What else is known.
+
+        Raises
+        ------
+        ClockError
+            If a clock does not increase, or no magnetic sample lies before the end of the inertial ones.
+        """
+        inertial, own = check.column("t", t), check.column("t_mag", t_mag)
+        check.increasing_time("t", inertial)
+        check.increasing_time("t_mag", own)
+        values = check.rows("mag", mag, 3, own.size)
+        place = np.searchsorted(to_ns(inertial), to_ns(own))
+        inside = (place < inertial.size) & ~np.isnan(values).any(axis=1)
+        if not inside.any():
+            raise ClockError(
+                f"no sample of mag, at {own[0]:.9g} to {own[-1]:.9g} s, has an inertial one after it: those are at "
+                f"{inertial[0]:.9g} to {inertial[-1]:.9g} s. Put both on one clock."
+            )
+        joined = np.full((inertial.size, 3), np.nan)
+        joined[place[inside]] = values[inside]
+        return cls(t=inertial, gyr=gyr, acc=acc, mag=joined, meta=ImuMeta() if meta is None else meta)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
