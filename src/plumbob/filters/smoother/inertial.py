@@ -122,7 +122,7 @@ def calm(frames: Keyframes, p: Params) -> Calm:
 
 
 def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bools]:
-    """Calm steps in whose piece of the recording the field turns in the body, as a bias never does; and stands still."""
+    """Calm steps in whose piece of the record the field turns in the body, as a bias never does; and stands still."""
     turning, still = np.zeros_like(quiet), np.zeros_like(quiet)
     piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
     seen = np.concatenate(([False], np.repeat(quiet, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
@@ -243,7 +243,7 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Float
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
     first = first_speed(frames, bias)
-    sure = resting.any() or known is not None
+    sure = bool(resting.any()) or known is not None
     tried = (REST_BIAS,) if sure else (FIRST_BIASES[0], FIRST_BIASES[1] * p.bias_start)
     found = [_level(frames, p, resting, tilt, bias, first, sd, unit, sure=sure) for sd in tried]
     # A wrong attitude takes gravity for an acceleration, and a wrong bias is unlikely: what both leave, of one model
