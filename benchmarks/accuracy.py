@@ -430,10 +430,10 @@ mean total {values.mean():.2f}, 5 to 95 %: {low:.2f} to {high:.2f}, worst {value
 
 def draw_picture(rows: Mapping[str, Any]) -> None:
     """Total errors, a row for each set and a mark for each estimator."""
-    from plumbob.report import SERIES
+    from plumbob.report import INK, SERIES
 
     names = estimators(rows)
-    colours = {name: SERIES[i % len(SERIES)] for i, name in enumerate(names)}
+    colours = dict(zip(names, (*SERIES, INK), strict=True))
 
     def draw(figure: Any) -> None:
         axes = figure.subplots()
@@ -441,7 +441,7 @@ def draw_picture(rows: Mapping[str, Any]) -> None:
             for name in names:
                 value = (found["mean"].get(name) or {}).get(KEYS[0])
                 if value is not None:
-                    axes.plot(value, -i, "s" if name in names[len(SERIES) :] else "o", color=colours[name], ms=4.5)
+                    axes.plot(value, -i, "o", color=colours[name], ms=4.5)
         axes.set_yticks([-i for i in range(len(rows))], list(rows))
         axes.set_xscale("log")
         axes.set_xticks([0.5, 1, 2, 5, 10, 20, 50], ["0.5", "1", "2", "5", "10", "20", "50"])

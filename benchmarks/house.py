@@ -278,7 +278,10 @@ def unreachable(house: House) -> Figure:
 
 def _doors(house: House, words: Mapping[str, set[Unit]]) -> Iterator[Unit]:
     yield from (("plumbob.__main__", ""), ("plumbob.cli.main", "main"))
-    pages = "".join(path.read_text("utf-8") for path in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")))
+    written = (
+        path for path in (ROOT / "docs").glob("*.md") if path.name != "equations.md"
+    )  # which is made of the code
+    pages = "".join(path.read_text("utf-8") for path in (ROOT / "README.md", *written))
     documented = set(re.findall(r"\w+", " ".join(re.findall(r"```.*?```|`[^`]+`", pages, re.DOTALL))))
     for face in (one for one in house.values() if one.is_face):
         offered = set(face.offers) if face.name == "plumbob" else documented & set(face.offers)

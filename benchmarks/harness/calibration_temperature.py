@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.harness.bar import Bar
 from benchmarks.harness.section import Section
 from plumbob.calibration.gyr.drift import chen2013
+from plumbob.calibration.gyr.plausible import Rates
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.check import Floats
 from plumbob.core.units import dps, to_dps
@@ -91,7 +92,7 @@ def _one(seed: int, flicker: float, duration: float, cycles: int) -> tuple[float
         temp_c=constant(middle) + sinusoid(float(half), cycles / duration, -0.5 * np.pi),
     ).imu
     assert imu.gyr is not None and imu.temp_c is not None
-    fit = fit_temperature(imu.t, imu.gyr + _curve(imu.temp_c, slopes), imu.temp_c).calibration
+    fit = fit_temperature(Rates(imu.t, imu.gyr + _curve(imu.temp_c, slopes), temp_c=imu.temp_c)).calibration
     grid = np.linspace(*SPAN, 41)
     true = _curve(grid, slopes)
     told = temperature_drift(fit, grid) - temperature_drift(fit, np.array([SPAN[0]]))

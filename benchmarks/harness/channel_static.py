@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.harness.channel_records import RATIOS, STEP, at_rest, scalar_filter
 from plumbob.core.check import Floats
 from plumbob.core.units import dps, to_dps
-from plumbob.filters.channel_scalar import steady_gain, variance_ratio
+from plumbob.filters.channel_scalar import steady_gain
 from plumbob.noise import deviation, edf
 
 SAMPLES = 1000
@@ -147,7 +147,7 @@ def _row(q_over_r: float, ratio: Floats) -> AtRest:
     return AtRest(
         q_over_r=q_over_r,
         gain=gain,
-        theory=variance_ratio(gain),
+        theory=gain / (2.0 - gain),  # Σ K² (1 − K)²ⁱ
         white=float(ratio[0]),
         variance=float(ratio[1]),
         adev=_roots(ratio[_SHORT]),

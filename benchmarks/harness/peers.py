@@ -18,6 +18,7 @@ from benchmarks.harness.fault_scene import DIP_DEG, RATE, Row
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import to_deg
+from plumbob.evaluation.many import peers as whole
 from plumbob.evaluation.many.peers import FUSION_TUNING, TUNED_FUSION, fusion_filter, made, quiet
 from plumbob.rotations import Frame, change_frame, quat_conjugate
 
@@ -35,7 +36,7 @@ def peers(names: str) -> tuple[list[Contender], dict[str, str]]:
     return made(names, _LIBRARIES)
 
 
-class _Peer(ABC):
+class _Peer(whole.Peer, ABC):
     """What the adapters share.
 
     Attributes
@@ -50,9 +51,6 @@ class _Peer(ABC):
     words: Mapping[int, str] = {}
     RATE_ARGUMENTS: tuple[float, ...] = (0.0, -RATE, float("nan"), float("inf"))
 
-    def __init__(self, library: Any) -> None:
-        self.library = library
-
     @abstractmethod
     def start(self, rate: float = RATE) -> Running:
         """Make a fresh one."""
@@ -64,10 +62,6 @@ class _Peer(ABC):
     def quiet(self) -> AbstractContextManager[None]:
         """Keep warnings of the library off the terminal."""
         return quiet()
-
-    def enu(self, q: Floats) -> Floats:
-        """Return attitudes as they are."""
-        return q
 
 
 class _Clock:
@@ -212,32 +206,19 @@ class _RunningEkf(_RunningAhrs):
         self._q = self._filter.update(self._q, gyr, acc, mag, dt=dt)
 
 
-class Ahrs(_Peer):
+class Ahrs(whole.Ahrs, _Peer):
     """One class of ahrs."""
 
-    KIND = "Mahony"
+    START = "streamed from the identity"
     RUNNING = _RunningAhrs
-    ARGUMENTS: Mapping[str, Any] = {}
-
-    def __init__(self, library: Any) -> None:
-        super().__init__(library)
-        self.name = f"ahrs.{self.KIND}"
-        shown = ", ".join(f"{name}={value}" for name, value in self.ARGUMENTS.items())
-        self.settings = f"{self.name}({shown or 'defaults'}), streamed from the identity"
 
     def start(self, rate: float = RATE) -> Running:
         """Make a fresh one, at a rate in Hz."""
         return self.RUNNING(getattr(self.library.filters, self.KIND)(frequency=rate, **self.ARGUMENTS))
 
 
-class Madgwick(Ahrs):
+class Madgwick(whole.Madgwick, Ahrs):
     """The gradient descent of the 2010 report."""
-
-    KIND = "Madgwick"
-
-    def enu(self, q: Floats) -> Floats:
-        """Attitudes to a frame whose x axis is north and whose z axis is up."""
-        return change_frame(q, to=Frame.ENU, from_=Frame.NWU)
 
 
 class _Ekf(Ahrs):

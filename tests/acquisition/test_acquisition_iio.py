@@ -13,6 +13,7 @@ from plumbob.acquisition import IioPollSource, IioSource
 from plumbob.acquisition.iio import IioDevice, list_devices, refusal
 from plumbob.acquisition.transport import Received
 from plumbob.core.errors import LineError, ParameterError
+from tests.acquisition.iio_scans import taken_apart
 
 SCALE = 87266e-9  # rad/s a count: Linux, drivers/iio/gyro/adxrs290.c
 
@@ -89,7 +90,7 @@ def test_scans_arrive_whole_and_say_what_they_mean(machine, gyro, collect):
         got = collect(source, lambda got: len(got.data) == len(sent), got)
         os.close(writer)
     assert all(len(item.data) % 16 == 0 for item in got if isinstance(item, Received))
-    t_ns, columns = source.layout.decode(got.data)
+    t_ns, columns = taken_apart(source.layout, got.data)
     assert t_ns.tolist() == [1000 * i for i in range(1000)]
     assert np.allclose(columns["gyr_y"], -SCALE * np.arange(1000), rtol=1e-15)
     assert np.allclose(columns["temp_c"], 0.1 * (np.arange(1000) % 100))
@@ -306,7 +307,7 @@ def test_polling_reads_each_channel_at_the_rate(machine, clock):
         (folder / "in_anglvel_z_raw").write_text("160\n")
         second = source.read(1)[0]
     assert (opened.kind, first.t_ns - start, second.t_ns - start) == ("opened", 0, 4_000_000)
-    t_ns, columns = source.layout.decode(first.data + second.data)
+    t_ns, columns = taken_apart(source.layout, first.data + second.data)
     assert t_ns is None
     assert np.rad2deg(columns["gyr_z"]) == pytest.approx([-2.0, 2.0], rel=1e-4)
     assert columns["temp_c0"] == pytest.approx([25.0, 25.0])
@@ -317,7 +318,7 @@ def test_a_sign_that_the_kernel_forgot_is_given_back(machine, gyro, clock):
     (gyro / "in_anglvel_x_raw").write_text("45537\n")
     with machine.polled("adxrs290", clock, channels=["anglvel_x"]) as source:
         source.read(1)
-        _, columns = source.layout.decode(source.read(1)[0].data)
+        _, columns = taken_apart(source.layout, source.read(1)[0].data)
     assert columns["gyr_x"] == pytest.approx([-19999 * SCALE])
 
 

@@ -4,10 +4,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob.acquisition import BUOY, Schedule, Task
+from plumbob.acquisition import Schedule, Task
 from plumbob.core.errors import ParameterError
 
 MS = 1_000_000
+BUOY = (Task("tick", MS), Task("sample", 3 * MS), Task("fuse", 10 * MS), Task("store", 50 * MS))
+"""Scheduler of the drifting buoy, [Yu2018]."""
 
 
 def test_the_buoys_periods():

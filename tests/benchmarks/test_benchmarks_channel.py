@@ -24,7 +24,7 @@ from benchmarks.harness.channel_static import LONG_TAUS, TAUS, WALK, degrees_of_
 from benchmarks.harness.channel_turntable import SLOPE, SPIN_UP
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg, dps
-from plumbob.filters.channel_scalar import ramp_lag, steady_gain, variance_ratio
+from plumbob.filters.channel_scalar import ramp_lag, steady_gain
 from plumbob.noise import deviation
 from tests.battery.commandline import call
 
@@ -85,7 +85,8 @@ def test_white_noise_falls_as_theory_says(result):
     """Six seeds of three channels of 1e5 samples hold 6·3·1e5·K/2 independent values: 900 for the slowest, 4.7 %."""
     for one, ratio in zip(result.static.filters, RATIOS, strict=True):
         values = 0.5 * one.gain * len(SEEDS) * 3 * 95_000
-        assert one.theory == variance_ratio(steady_gain(ratio))
+        k = steady_gain(ratio)
+        assert one.theory == k / (2.0 - k)  # Σ K² (1 − K)²ⁱ
         assert one.white == pytest.approx(one.theory, rel=4.0 * math.sqrt(2.0 / values))
 
 

@@ -11,8 +11,8 @@ from plumbob.calibration.ellipsoid.ellipsoid_fit import (
     fit_norm,
     fit_quadric,
     linearised,
+    start_of,
 )
-from plumbob.calibration.ellipsoid.shape_choice import start_of
 from tests.calibration.capture_samples import (
     FIELD_N,
     any_attitudes,

@@ -5,17 +5,18 @@ import pytest
 
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.hand import fit_hand, flat_tops
+from plumbob.calibration.gyr.plausible import Rates
 from plumbob.core.units import dps
 from tests.calibration.gyro_sessions import hand
 
 
 def fit(session):
-    return fit_hand(session.t, session.gyr, session.acc, acc_calibrated=True)
+    return fit_hand(Rates(session.t, session.gyr, session.acc, acc_calibrated=True))
 
 
 def refusal(t, gyr, acc):
     with pytest.raises(CaptureRefusedError) as refused:
-        fit_hand(t, gyr, acc, acc_calibrated=True)
+        fit_hand(Rates(t, gyr, acc, acc_calibrated=True))
     return refused.value.reasons[0]
 
 
@@ -52,7 +53,7 @@ def test_flat_tops_that_no_range_declares_are_left_out():
     session = hand(1)
     fastest = np.abs(session.gyr).max()
     limit = 0.8 * fastest
-    result = fit_hand(session.t, np.clip(session.gyr, -limit, limit), session.acc, acc_calibrated=True)
+    result = fit_hand(Rates(session.t, np.clip(session.gyr, -limit, limit), session.acc, acc_calibrated=True))
     assert any("does not declare" in remark for remark in result.remarks)
     found = result.calibration
     assert (np.abs(found.matrix - session.matrix) <= 5.0 * found.matrix_sd).all()

@@ -6,6 +6,7 @@ import pytest
 from plumbob.calibration.gyr.hand import fit_hand
 from plumbob.calibration.gyr.motion_fit import FEWEST_RATES as FEWEST
 from plumbob.calibration.gyr.motion_fit import coupling_at_rest
+from plumbob.calibration.gyr.plausible import Rates
 from plumbob.core.constants import G0
 from plumbob.core.units import dps, g
 from tests.calibration.gyro_sessions import hand
@@ -52,7 +53,7 @@ def test_few_poses_and_poses_of_one_kind_tell_nothing():
 @pytest.mark.parametrize("calibrated", [True, False])
 def test_hand_motion_finds_it_with_a_calibrated_accelerometer_only(calibrated):
     session = hand(5)
-    fit = fit_hand(session.t, session.gyr + session.acc @ G.T, session.acc, acc_calibrated=calibrated)
+    fit = fit_hand(Rates(session.t, session.gyr + session.acc @ G.T, session.acc, acc_calibrated=calibrated))
     made = fit.calibration
     if not calibrated:
         assert not made.g_sensitivity.any()

@@ -5,13 +5,14 @@ import pytest
 
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.hand import fit_hand
+from plumbob.calibration.gyr.plausible import Rates
 from plumbob.core.constants import G0
 from plumbob.core.units import dps
 from tests.calibration.gyro_sessions import hand
 
 
 def fit(session, **options):
-    return fit_hand(session.t, session.gyr, session.acc, **({"acc_calibrated": True} | options))
+    return fit_hand(Rates(session.t, session.gyr, session.acc, **({"acc_calibrated": True} | options)))
 
 
 def kinds(refused):

@@ -6,7 +6,7 @@ import pytest
 from plumbob.calibration.fit import CaptureRefusedError
 from plumbob.calibration.gyr.ferraris import fit_trackball
 from plumbob.calibration.gyr.hand import fit_hand
-from plumbob.calibration.gyr.plausible import UNSEEN
+from plumbob.calibration.gyr.plausible import UNSEEN, Rates
 from plumbob.calibration.gyr.rest import fit_rest
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.constants import G0
@@ -31,7 +31,7 @@ def turntable(speed, seconds=30.0, seed=0):
 
 def refusal(fit, *args, **options):
     with pytest.raises(CaptureRefusedError) as refused:
-        fit(*args, **options)
+        fit(Rates(*args, **options))
     return refused.value.reasons[0]
 
 
@@ -47,18 +47,18 @@ def test_a_field_that_turns_is_no_rest(speed):
 
 def test_a_field_that_rests_is_rest_and_nothing_is_left_to_say():
     t, gyr, acc, mag = turntable(0.0)
-    assert UNSEEN not in fit_rest(t, gyr, acc=acc, mag=mag).remarks
-    assert UNSEEN in fit_rest(t, gyr, acc=acc).remarks
-    assert UNSEEN in fit_rest(t, gyr, acc=acc, mag=np.full_like(mag, np.nan)).remarks
+    assert UNSEEN not in fit_rest(Rates(t, gyr, acc=acc, mag=mag)).remarks
+    assert UNSEEN in fit_rest(Rates(t, gyr, acc=acc)).remarks
+    assert UNSEEN in fit_rest(Rates(t, gyr, acc=acc, mag=np.full_like(mag, np.nan))).remarks
     tilted = acc.copy()
     tilted[t > 15.0] = acc[t > 15.0][:, [2, 0, 1]]
-    assert UNSEEN not in fit_rest(t, gyr, acc=tilted).remarks
+    assert UNSEEN not in fit_rest(Rates(t, gyr, acc=tilted)).remarks
 
 
 def test_noise_of_the_field_is_no_turn():
     t, gyr, acc, mag = turntable(0.0)
     coarse = mag + 10.0 * np.random.default_rng(1).standard_normal(mag.shape)  # 7° in a part, at 5 sd 35°
-    assert fit_rest(t, gyr, acc=acc, mag=coarse).calibration.bias == pytest.approx(BIAS, abs=dps(0.02))
+    assert fit_rest(Rates(t, gyr, acc=acc, mag=coarse)).calibration.bias == pytest.approx(BIAS, abs=dps(0.02))
 
 
 def test_a_stretch_that_turned_is_left_out():
@@ -66,7 +66,7 @@ def test_a_stretch_that_turned_is_left_out():
     later, turning = t >= 31.0, turntable(0.8, 60.0)  # within what passes for the bias from block to block
     gyr[later], mag[later] = turning[1][later], turning[3][later]
     gyr[(t >= 30.0) & later.__invert__()] += dps(20.0)
-    found = fit_rest(t, gyr, acc=acc, mag=mag)
+    found = fit_rest(Rates(t, gyr, acc=acc, mag=mag))
     assert any("in which the field turned" in remark for remark in found.remarks)
     assert found.calibration.bias == pytest.approx(BIAS, abs=dps(0.02))
 
@@ -87,11 +87,11 @@ def test_a_soak_that_turns_is_refused(speed):
     gyr, temp_c = dps(np.array([0.0, 0.0, speed])) + dps(0.02) * noise[0], np.linspace(20.0, 40.0, n)
     angle = dps(speed) * t
     mag = np.stack((25.0 * np.cos(angle), -25.0 * np.sin(angle), np.full(n, 43.3)), axis=1) + 0.5 * noise[1]
-    assert refusal(fit_temperature, t, gyr, temp_c, mag=mag).kind == "not-still"
+    assert refusal(fit_temperature, t, gyr, temp_c=temp_c, mag=mag).kind == "not-still"
     if speed > 40.0:
-        assert refusal(fit_temperature, t, gyr, temp_c).kind == "implausible"
+        assert refusal(fit_temperature, t, gyr, temp_c=temp_c).kind == "implausible"
     else:
-        assert UNSEEN in fit_temperature(t, gyr, temp_c).remarks
+        assert UNSEEN in fit_temperature(Rates(t, gyr, temp_c=temp_c)).remarks
 
 
 @pytest.mark.parametrize("value", [0.0, 0.01])
@@ -102,7 +102,7 @@ def test_a_dead_axis_is_named(value):
     for reason in (
         refusal(fit_hand, session.t, gyr, session.acc, acc_calibrated=True),
         refusal(fit_rest, session.t[:1000], gyr[:1000]),
-        refusal(fit_temperature, session.t, gyr, np.linspace(20.0, 40.0, session.t.size)),
+        refusal(fit_temperature, session.t, gyr, temp_c=np.linspace(20.0, 40.0, session.t.size)),
     ):
         assert reason.kind == "implausible" and "about x" in reason.text
 
@@ -118,13 +118,13 @@ def test_an_axis_that_dies_after_the_rest_is_named():
 def test_a_short_rest_is_fair_at_best_and_says_so():
     t, gyr, acc, _ = turntable(0.0)
     quiet = BIAS + 0.01 * (gyr - gyr.mean(axis=0))
-    assert fit_rest(t, quiet, acc=acc).calibration.quality.grade == "good"
-    short = fit_rest(t[:500], quiet[:500], acc=acc[:500])
+    assert fit_rest(Rates(t, quiet, acc=acc)).calibration.quality.grade == "good"
+    short = fit_rest(Rates(t[:500], quiet[:500], acc=acc[:500]))
     assert short.calibration.quality.grade == "fair"
     assert any("do not show how the bias wanders" in remark for remark in short.remarks)
 
 
 def test_the_preset_is_poor_for_it_was_assumed():
     t, gyr, acc, _ = turntable(0.0)
-    found = fit_trackball(t, gyr, acc=acc, temp_c=np.full(t.size, 25.0))
+    found = fit_trackball(Rates(t, gyr, acc=acc, temp_c=np.full(t.size, 25.0)))
     assert found.calibration.quality.grade == "poor"

@@ -62,7 +62,6 @@ def test_samples_that_do_not_match_or_are_not_finite_are_refused(way, samples, t
         (("alone", "acc", "gyr"), {"tilt_range": 45.0}, "it is 45 rad; turn degrees into radians"),
         (("alone", "acc", "gyr"), {"tilt_range": -0.1}, "tilt_range must be from 0"),
         (("alone",), {"shape": "sphere"}, "Shape.SPHERE.* but it is 'sphere'"),
-        (("level",), {"upright": 3}, "upright must be 0, 1 or 2.* but it is 3"),
         (("gyr",), {"gyr_gain_sd": 2.0}, "divide percents by 100"),
     ],
 )

@@ -9,7 +9,7 @@ from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import dps
-from plumbob.evaluation.many.accuracy import read_trial
+from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import dcm_from_quat, quat_chained, quat_conjugate, quat_multiply
 from tests.calibration.mag_scene import (
     DIP,

@@ -13,7 +13,7 @@ from plumbob.calibration.mag.windows import SEGMENT
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD
 from plumbob.core._jit import jit_disabled
 from plumbob.core.units import dps
-from plumbob.evaluation.many.accuracy import read_trial
+from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate
 from tests.calibration.mag_scene import (
     DIP,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from plumbob.calibration.fit import CaptureRefusedError
-from plumbob.calibration.gyr.plausible import UNCALIBRATED
+from plumbob.calibration.gyr.plausible import UNCALIBRATED, Rates
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.core.units import dps, to_dps
 from plumbob.data.calibrated import temperature_drift
@@ -38,7 +38,7 @@ def soak(seed, degree=1, *, walk=0.0, hours=1.0, rate=4.0, cycle=True, hysteresi
 def test_the_degree_is_the_one_that_is_there(degree):
     for seed in range(8):  # a power too many once in a thousand
         t, gyr, temp_c, slopes, _ = soak(seed, degree)
-        found = fit_temperature(t, gyr, temp_c).calibration
+        found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
         assert found.bias_per_k.shape == (degree, 3)
         left = temperature_drift(found, np.linspace(25.0, 45.0, 21)) - curve(np.linspace(25.0, 45.0, 21), slopes)
         assert to_dps(np.abs(left).max()) <= 0.005
@@ -48,7 +48,7 @@ def test_standard_deviations_hold_for_a_bias_that_wanders():
     z = []
     for seed in range(16):
         t, gyr, temp_c, slopes, _ = soak(seed, 1, walk=WALK, cycle=False)
-        found = fit_temperature(t, gyr, temp_c).calibration
+        found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
         if len(found.bias_per_k) == 1:
             z.append((found.bias_per_k - slopes) / found.bias_per_k_sd)
     assert len(z) >= 15  # a power too many once in a hundred; plain least squares finds one in most of them
@@ -58,11 +58,11 @@ def test_standard_deviations_hold_for_a_bias_that_wanders():
 
 def test_the_bias_is_that_at_the_reference_temperature():
     t, gyr, temp_c, _, bias = soak(1, 2)
-    found = fit_temperature(t, gyr, temp_c).calibration
+    found = fit_temperature(Rates(t, gyr, temp_c=temp_c)).calibration
     assert found.temp_ref_c == 25.0
     assert found.temp_span_c == (temp_c.min(), temp_c.max())
     assert (np.abs(found.bias - bias) <= 4.0 * found.bias_sd).all()
-    warm = fit_temperature(t, gyr, temp_c + 30.0).calibration
+    warm = fit_temperature(Rates(t, gyr, temp_c=temp_c + 30.0)).calibration
     assert warm.temp_ref_c == pytest.approx(65.0)  # the middle of a span that does not hold 25 °C
 
 
@@ -70,7 +70,7 @@ def test_what_the_card_has_already_is_kept():
     t, gyr, temp_c, _, bias = soak(2)
     coupling, acc = dps(0.1) * np.eye(3), np.tile([0.0, 0.0, 9.8], (t.size, 1))
     known = replace(UNCALIBRATED, matrix=1.02 * np.eye(3), g_sensitivity=coupling, bias=np.ones(3))
-    found = fit_temperature(t, gyr + acc @ coupling.T, temp_c, acc=acc, known=known).calibration
+    found = fit_temperature(Rates(t, gyr + acc @ coupling.T, temp_c=temp_c, acc=acc, known=known)).calibration
     assert (found.matrix == known.matrix).all() and (found.g_sensitivity == coupling).all()
     assert (np.abs(found.bias - bias) <= 4.0 * found.bias_sd).all()
 
@@ -78,22 +78,22 @@ def test_what_the_card_has_already_is_kept():
 def test_hysteresis_is_told_and_only_where_it_is():
     for seed in range(8):
         t, gyr, temp_c, *_ = soak(seed, 1, hysteresis=dps(0.02))
-        assert "hysteresis" in fit_temperature(t, gyr, temp_c).remarks[-1]
+        assert "hysteresis" in fit_temperature(Rates(t, gyr, temp_c=temp_c)).remarks[-1]
         t, gyr, temp_c, *_ = soak(seed, 1, walk=WALK)
-        assert not any("hysteresis" in remark for remark in fit_temperature(t, gyr, temp_c).remarks)
+        assert not any("hysteresis" in remark for remark in fit_temperature(Rates(t, gyr, temp_c=temp_c)).remarks)
 
 
 def test_a_knock_is_cut_out():
     t, gyr, temp_c, slopes, _ = soak(3)
     knocked = gyr.copy()
     knocked[5000:5040] += dps(30.0) * np.random.default_rng(1).standard_normal((40, 3))
-    found = fit_temperature(t, knocked, temp_c).calibration
+    found = fit_temperature(Rates(t, knocked, temp_c=temp_c)).calibration
     assert (np.abs(found.bias_per_k - slopes) <= 5.0 * found.bias_per_k_sd).all()
 
 
-def kind_of(*args, **options):
+def kind_of(t, gyr, temp_c, **options):
     with pytest.raises(CaptureRefusedError) as refused:
-        fit_temperature(*args, **options)
+        fit_temperature(Rates(t, gyr, temp_c=temp_c, **options))
     return refused.value.reasons[0].kind
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plumbob.calibration.mag.turning import LEAST_SLOPE, agreement, turn
+from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement, turn
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.calibration.mag_scene import field, rates, trajectory, unit_of
 

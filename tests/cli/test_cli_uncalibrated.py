@@ -210,7 +210,7 @@ class TestLine:
         assert UNCALIBRATED in files.read(out).track.source
 
     def test_the_status_on_a_terminal(self, made, told, tmp_path, monkeypatch, capsys):
-        from plumbob.cli import line
+        from plumbob.cli import common
 
         class Terminal(io_module.StringIO):
             def isatty(self):
@@ -218,7 +218,7 @@ class TestLine:
 
         for words, bare in (((), True), (("--calibration", made / "card.json"), False)):
             screen = Terminal()
-            monkeypatch.setattr(line.sys, "stderr", screen)
+            monkeypatch.setattr(common.sys, "stderr", screen)
             self.record(made, told, tmp_path, *words)
             assert "samples" in screen.getvalue()
             assert ("samples UNCALIBRATED" in screen.getvalue()) is bare

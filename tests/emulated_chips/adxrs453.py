@@ -7,7 +7,7 @@ from plumbob.core.errors import ShapeError
 from plumbob.protocols import catalog
 from plumbob.protocols.encode import encode
 from tests.emulated_chips.bank import Bank, Held
-from tests.emulated_chips.registers import register_bytes
+from tests.emulated_chips.registers import register_bytes, register_of
 from tests.emulated_chips.words_adxrs453 import Fault
 
 START_NS: Final = 100_000_000
@@ -107,7 +107,7 @@ class Adxrs453:
         return self._encoded("read", data=int.from_bytes(self._word(address & ~1), "big"))
 
     def _word(self, address: int) -> bytes:
-        name = self.form.register(address).name
+        name = register_of(self.form, address).name
         if name == "RATE":
             return register_bytes(self.form, name, min(max(self._values["gyr.z"], -self._most), self._most))
         if name == "TEM":

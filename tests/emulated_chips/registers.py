@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.protocols.field import Field
-from plumbob.protocols.format import Format
+from plumbob.protocols.format import Format, Register
 from plumbob.protocols.unpack import counts_for, counts_of, put, values_of
 
 Ints = NDArray[np.int64]
@@ -54,8 +54,16 @@ def register_bytes(form: Format, key: str | int, value: float) -> bytes:
     return row.tobytes()
 
 
+def register_of(form: Format, key: str | int) -> Register:
+    """Register by its name or address."""
+    found = [r for r in form.registers if key in (r.name, r.address)]
+    if not found:
+        raise ParameterError(f"{form.name} has no register {key!r}.")
+    return found[0]
+
+
 def _word(form: Format, key: str | int) -> Field:
-    register = form.bind().register(key)
+    register = register_of(form.bind(), key)
     if register.word is None:
         raise ParameterError(f"register {register.name} of {form.name} makes no number: {register.meaning}.")
     return register.word
@@ -143,6 +151,6 @@ def paired(form: Format, asked: Ints, words: Ints) -> Answers:
 
 def _readings(form: Format, name: str, place: Ints, reply: Ints) -> Readings:
     words = reply[place]
-    word = form.register(name).word
+    word = register_of(form, name).word
     values = words if word is None else register_values(form, name, words.astype(">u2").tobytes())
     return Readings(place, words, values)

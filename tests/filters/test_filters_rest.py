@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.core.constants import G0
 from plumbob.core.units import dps
-from plumbob.filters.rest import REST_SIZE, TAU, at_rest, mean_rate
+from plumbob.filters.settling import REST_SIZE, TAU, at_rest, mean_rate
 
 AT = 2
 AFTER = 1.5

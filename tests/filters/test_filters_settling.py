@@ -9,6 +9,8 @@ from plumbob import Filter, Frame, ImuData
 from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.filters.settling import LONGEST, REST_TURN, SIZE_BAND, STEADY, STEADY_FOR, UPRIGHT_FOR, trial_time
+from plumbob.filters.start import upright
+from plumbob.rotations import quat_angle, quat_rotate
 
 
 def level(seconds=10.0, *, rate=100.0, turning=0.5, force=(0.0, 0.0, G0)):
@@ -122,3 +124,23 @@ def test_a_filter_that_corrects_is_flagged_no_longer_than_a_time():
 
 def test_the_longest_trial_is_by_what_a_filter_can_forget():
     assert (trial_time(("acc",)), trial_time(("gyr", "acc")), trial_time(("gyr",))) == (0.0, LONGEST, math.inf)
+
+
+@pytest.mark.parametrize("up", [1.0, -1.0])
+@pytest.mark.parametrize("angle", [0.0, 1e-8, 1.0, math.pi / 2.0, 3.0, math.pi - 1e-8, math.pi])
+def test_upright_is_the_shortest_turn(up, angle):
+    """The turn is as large as the angle between the vector and up; upside down it is a half turn about x."""
+    e = up * np.array([math.sin(angle) * 0.6, math.sin(angle) * 0.8, math.cos(angle)])
+    if angle == math.pi:
+        e = np.array([0.0, 0.0, -up])
+        assert upright(up, *e) == (0.0, 1.0, 0.0, 0.0)
+    q = np.array(upright(up, *e))
+    np.testing.assert_allclose(quat_rotate(q, e), [0.0, 0.0, up], rtol=0.0, atol=1e-15)  # a few roundings
+    assert quat_angle(q, [1.0, 0.0, 0.0, 0.0]) == pytest.approx(angle, abs=1e-15)
+    assert q[3] == 0.0
+
+
+def test_a_unit_that_is_upside_down_though_level_was_said_is_turned_up():
+    data = ImuData(t=np.arange(1000) / 100.0, gyr=np.zeros((1000, 3)), acc=np.tile([0.0, 0.0, -G0], (1000, 1)))
+    q = Filter("vqf", frame=Frame.ENU, init="level").process(data).q_nb[-1]
+    np.testing.assert_allclose(quat_rotate(q, [0.0, 0.0, -1.0]), [0.0, 0.0, 1.0], rtol=0.0, atol=1e-9)

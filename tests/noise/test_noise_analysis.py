@@ -10,9 +10,8 @@ from plumbob.core import _jit
 from plumbob.core.errors import ParameterError, ShapeError, UnitError
 from plumbob.core.units import Quantity, unit
 from plumbob.noise import analyse, compare, curve, edf
-from plumbob.noise.bands import find_mask, lines, mask_first_order
+from plumbob.noise.bands import find_mask, least_squares, lines, mask_first_order
 from plumbob.noise.findings import Coefficient, GaussMarkov, Mask, Sinusoid
-from plumbob.noise.least_squares import least_squares
 from plumbob.noise.spectrum import Spectrum, edges, find_sinusoids, ramp_coefficients
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, allan_transfer, variance
 

@@ -7,7 +7,7 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.noise import deviation, identify
-from plumbob.noise.edf import log_variance
+from plumbob.noise.curve import log_variance
 from plumbob.noise.factors import SHAPES
 
 N = np.unique(np.round(np.geomspace(1, 10_000, 65)).astype(int))

@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import nnls
 from scipy.signal import lfilter
 
-from plumbob.noise import analysis, least_squares, likelihood
+from plumbob.noise import analysis, bands, likelihood
 from plumbob.noise.findings import Coefficient
 from plumbob.noise.likelihood import evaluate, point
 from plumbob.noise.spectrum import LETTERS, densities, edges, markov_bins, markov_density, ramp_coefficients, spectrum
@@ -169,7 +169,7 @@ def test_least_squares_without_negatives_are_those_of_an_active_set():
     for _ in range(20):
         columns, wanted = rng.uniform(size=(40, 5)), rng.standard_normal(40)
         expected = nnls(columns, wanted)[0]
-        assert np.abs(least_squares._not_negative(columns, wanted) - expected).max() <= 4000 * EPS
+        assert np.abs(bands._not_negative(columns, wanted) - expected).max() <= 4000 * EPS
 
 
 def evaluated(s, logs):

@@ -8,10 +8,22 @@ import pytest
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import Quantity
-from plumbob.noise.static.artefacts import Runs, Spikes, clipped, find_step, held, interleaved, shaking
+from plumbob.noise.static.artefacts import (
+    Runs,
+    Spikes,
+    Stillness,
+    bend_energies,
+    clipped,
+    find_step,
+    held,
+    interleaved,
+    joined,
+    longest_gap,
+    median_of_three,
+    shaking,
+)
 from plumbob.noise.static.judge import FEWEST_SAMPLES, StaticCheck, judge
 from plumbob.noise.static.report import bridged
-from plumbob.noise.static.stillness import Stillness, bend_energies, joined, longest_gap, median_of_three
 from plumbob.simulation.errors import flicker, random_walk
 
 COUNT, DT = 6000, 0.01

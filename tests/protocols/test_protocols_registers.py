@@ -83,7 +83,7 @@ def test_every_count_of_every_register_survives(name):
 
 def test_a_register_that_is_none_says_so():
     form = catalog.load("adxrs453")
-    with pytest.raises(ParameterError, match="no register 'TEMP'; known are RATE, TEM"):
+    with pytest.raises(ParameterError, match="no register 'TEMP'"):
         register_values(form, "TEMP", b"\0\0")
     with pytest.raises(DecodeError, match="has 2 bytes, but 3 came"):
         register_values(form, "TEM", b"\0\0\0")

@@ -1,4 +1,4 @@
-"""Exponential, logarithm and Jacobians, against exact rational arithmetic, differences and each other."""
+"""Exponential and logarithm, against exact rational arithmetic, differences and each other."""
 
 import math
 from fractions import Fraction
@@ -7,16 +7,10 @@ import numpy as np
 import pytest
 
 from plumbob.rotations import (
-    dcm_from_quat,
     kernels,
-    left_jacobian,
-    left_jacobian_inverse,
     quat_angle,
     quat_from_rotvec,
-    quat_multiply,
     quaternions,
-    right_jacobian,
-    right_jacobian_inverse,
     rotvec_from_quat,
     skew,
 )
@@ -71,57 +65,13 @@ def test_logarithm_is_right_to_the_last_bits(angle):
     assert ulps(rotvec_from_quat(q)[0], exact) <= 3
 
 
-@pytest.mark.parametrize("angle", ANGLES)
-def test_jacobian_terms_are_right_to_the_last_bits(angle):
-    a, b = quaternions._jacobian_terms(np.array([angle, 0.0, 0.0]))
-    half = sin_series(Fraction(angle) / 2)  # (1 − cos x)/x² = sin²(x/2)/x² · 2 = (sin(x/2)/(x/2))²/2
-    assert ulps(a.item(), half * half / 2) <= 3
-    assert ulps(b.item(), sin_series(angle, k0=2)) <= 4  # (x − sin x)/x³ = Σ (−1)^k x^2k/(2k + 3)!
-
-
-def _cotangent(angle):
-    """(1 − x/2 cot(x/2))/x²: the term of the inverse Jacobian, read off its entry for an axis along x."""
-    return (1.0 - right_jacobian_inverse(np.array([angle, 0.0, 0.0]))[1, 1]) / angle**2
-
-
-@pytest.mark.parametrize("angle", [a for a in ANGLES if a > 0.9])
-def test_inverse_jacobian_term_is_right_to_the_last_bits(angle):
-    half = Fraction(angle) / 2
-    exact = (1 - cos_series(half) / sin_series(half)) / Fraction(angle) ** 2
-    # 1 − (1 − c x²) leaves EPS/2 of 1, that is EPS/2/(c x²) of c, for which c ≥ 1/12; the cotangent likewise.
-    assert ulps(_cotangent(angle), exact) <= 3 * (1 + 12 / angle**2)
-
-
-def bernoulli(count):
-    """Bernoulli numbers by their recursion: Σ_k C(m + 1, k) B_k = 0."""
-    b = [Fraction(1)]
-    for m in range(1, count):
-        b.append(-sum(math.comb(m + 1, k) * b[k] for k in range(m)) / (m + 1))
-    return b
-
-
-def test_series_coefficients_derived_anew():
-    numbers = bernoulli(26)
-    expected = [float(abs(numbers[2 * k + 2]) / math.factorial(2 * k + 2)) for k in range(len(quaternions._COTANGENT))]
-    assert list(quaternions._COTANGENT) == expected  # x/2 cot(x/2) = 1 − Σ |B_2k| x^2k/(2k)!, Abramowitz-Stegun 4.3.70
-    assert list(quaternions._THIRD) == [float(Fraction((-1) ** k, math.factorial(2 * k + 3))) for k in range(9)]
-
-
-@pytest.mark.parametrize("coefficients", [quaternions._THIRD, quaternions._COTANGENT])
-def test_series_are_long_enough(coefficients):
-    """At their far end, 1 rad, the first term left out does not reach half a rounding of the sum."""
-    ratio = abs(coefficients[-1] / coefficients[-2])  # falls from term to term
-    assert abs(coefficients[-1]) * ratio < 0.25 * EPS * coefficients[0]
-
-
 @pytest.mark.parametrize("at", [SWITCH, 1.0])
 def test_no_jump_at_a_switch(at):
     """Neighbouring angles on the two sides of a switch give the same to rounding."""
     axis = np.array([0.48, -0.6, 0.64])
     below, above = at * (1 - 1e-15) * axis, at * (1 + 1e-15) * axis
     assert np.linalg.norm(below) < at <= np.linalg.norm(above)
-    for call in (quat_from_rotvec, right_jacobian, left_jacobian, right_jacobian_inverse, left_jacobian_inverse):
-        assert np.abs(call(below) - call(above)).max() <= 2e-15 + 4 * EPS, call
+    assert np.abs(quat_from_rotvec(below) - quat_from_rotvec(above)).max() <= 2e-15 + 4 * EPS
 
 
 def test_bijection_with_quaternions(rotvec):
@@ -163,43 +113,6 @@ def test_rotation_vectors_beyond_pi_are_welcome():
     r = np.array([0.3, -0.2, 0.5])
     more = r * (1 + 2 * np.pi / np.linalg.norm(r))
     np.testing.assert_allclose(quat_from_rotvec(more), -quat_from_rotvec(r), atol=8 * EPS)
-
-
-H = EPS ** (1 / 3)  # best step of a central difference
-DIFFERENCE = 8 * (H**2 + EPS / H)  # its truncation and its rounding
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_jacobians_against_differences(rotvec, side):
-    """[Sola2018] (143), (145)."""
-    q = quat_from_rotvec(rotvec)
-    inverse = q * [1, -1, -1, -1]
-    columns = []
-    for d in H * np.eye(3):
-        turns = []
-        for sign in (1, -1):
-            turned = quat_from_rotvec(rotvec + sign * d)
-            apart = quat_multiply(inverse, turned) if side == "right" else quat_multiply(turned, inverse)
-            turns.append(rotvec_from_quat(apart))
-        columns.append((turns[0] - turns[1]) / (2 * H))
-    jacobian = right_jacobian(rotvec) if side == "right" else left_jacobian(rotvec)
-    assert jacobian.shape == (*rotvec.shape, 3)
-    assert np.abs(np.stack(columns, axis=-1) - jacobian).max(initial=0) <= DIFFERENCE
-
-
-def test_jacobians_and_their_inverses(rotvec):
-    """[Sola2018] (143) to (146)."""
-    for jacobian, inverse in ((right_jacobian, right_jacobian_inverse), (left_jacobian, left_jacobian_inverse)):
-        # Entries up to π/2, a dozen roundings each.
-        assert np.abs(jacobian(rotvec) @ inverse(rotvec) - np.eye(3)).max(initial=0) <= 16 * EPS
-
-
-def test_jacobians_rebuild_the_rotation(rotvec):
-    c = dcm_from_quat(quat_from_rotvec(rotvec))
-    # Entries of the factors up to π: a dozen roundings.
-    assert np.abs(np.eye(3) + skew(rotvec) @ left_jacobian(rotvec) - c).max(initial=0) <= 32 * EPS
-    assert np.abs(left_jacobian(rotvec) @ right_jacobian_inverse(rotvec) - c).max(initial=0) <= 32 * EPS
-    assert np.array_equal(left_jacobian(rotvec), np.swapaxes(right_jacobian(rotvec), -1, -2))
 
 
 def test_skew_is_the_vector_product():

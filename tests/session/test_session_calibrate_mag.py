@@ -15,7 +15,7 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards import UNITS, CalibrationCard, TriadCalibration
-from plumbob.evaluation.many.accuracy import read_trial
+from plumbob.evaluation.many.trials import read_trial
 from plumbob.rotations import dcm_from_quat, quat_from_rotvec
 from tests.calibration.mag_scene import (
     STRENGTH,

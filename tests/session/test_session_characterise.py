@@ -9,8 +9,8 @@ from plumbob import Frame, NoiseCard, files, simulate
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import to_si
 from plumbob.noise import KINDS, Averager, deviation
-from plumbob.noise import characterise as module
-from plumbob.noise.characterise import characterise, comparisons, deviations
+from plumbob.noise import allan as module
+from plumbob.noise.allan import characterise, comparisons, deviations
 from plumbob.noise.static_record import check_static, load_static
 
 

@@ -26,6 +26,7 @@ from plumbob.session.sinks import Collected
 from plumbob.session.source_toml import iio_format
 from plumbob.session.sources import open_source
 from plumbob.session.stream import Stream
+from tests.acquisition.iio_scans import taken_apart
 
 ESTIMATE = '[estimate]\nfilter = "mahony"\nparams = { kp = 0.5 }\n'
 
@@ -269,9 +270,9 @@ def layouts(draw):
 
 @given(layouts(), st.binary(min_size=400, max_size=400))
 def test_the_format_says_what_the_layout_says(layout, noise):
-    """Two programs for the same bytes: the scan decoder of `acquire`, and the one of `sensors` from a format."""
+    """Two programs for the same bytes: the decoder of the format, and one for scans alone."""
     data = noise[: len(noise) // layout.size * layout.size]
-    t_ns, columns = IioLayout.from_json(layout.to_json()).decode(data)
+    t_ns, columns = taken_apart(IioLayout.from_json(layout.to_json()), data)
     frames, counts = decode(data, iio_format(layout))
     found = frames["any"].columns
     assert counts.junk == 0

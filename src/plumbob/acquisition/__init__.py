@@ -17,7 +17,7 @@ from plumbob.core.lazy import lazily
 if TYPE_CHECKING:
     from plumbob.acquisition.iio import IioPollSource, IioSource
     from plumbob.acquisition.iio_layout import IioChannel, IioLayout
-    from plumbob.acquisition.polled import BUOY, Schedule, Task
+    from plumbob.acquisition.polled import Schedule, Task
     from plumbob.acquisition.serial_line import SerialSource
     from plumbob.acquisition.sockets import TcpSource, UdpSource
     from plumbob.acquisition.spi_bus import SpiBus, SpiSource
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazily(
     __name__,
     {
-        "BUOY": "polled",
         "BackOff": "transport",
         "IioChannel": "iio_layout",
         "IioLayout": "iio_layout",
@@ -43,7 +42,6 @@ __getattr__, __dir__ = lazily(
 )
 
 __all__ = [
-    "BUOY",
     "BackOff",
     "IioChannel",
     "IioLayout",

@@ -1,4 +1,4 @@
-"""What one scan of a Linux IIO buffer holds, and its numbers in the units used inside.
+"""What one scan of a Linux IIO buffer holds, and in which units.
 
 Sources: Linux, Documentation/ABI/testing/sysfs-bus-iio (types, units, mount matrix); drivers/iio/industrialio-buffer.c
 (order, alignment and padding of a scan).
@@ -13,16 +13,9 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import Any, Final, Self
 
-from plumbob.core.errors import DecodeError, ParameterError, ShapeError, UnitError
-from plumbob.core.units import Unit, unit
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    Column = NDArray[np.float64]
+from plumbob.core.errors import DecodeError, ParameterError, UnitError
 
 _TYPE: Final = re.compile(r"(le|be):([su])(\d+)/(\d+)(?:X(\d+))?(?:>>(\d+))?")
 
@@ -124,13 +117,8 @@ class IioChannel:
         return _KINDS[kind][0] + rest
 
     @property
-    def unit(self) -> Unit:
-        """IIO's unit."""
-        return unit(self.unit_name)
-
-    @property
     def unit_name(self) -> str:
-        """Its name."""
+        """Name of IIO's unit."""
         return iio_unit(self.name)
 
 
@@ -256,47 +244,6 @@ class IioLayout:
         except (ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError) as error:
             raise DecodeError(f"This is not a layout of IIO scans, or it is damaged: {error!r}.") from error
 
-    def decode(self, data: bytes) -> "tuple[NDArray[np.int64] | None, dict[str, Column]]":
-        """Take whole scans apart.
-
-        Parameters
-        ----------
-        data : bytes
-            N scans.
-
-        Returns
-        -------
-        t_ns : ndarray (N,) of int64, or None
-            The kernel's time stamps, ns, on the clock that the device was set to.
-        columns : dict of str to ndarray (N,)
-            Such as ``gyr_x``, rad/s, ``acc_x``, m/s², ``mag_x``, µT, in the board's axes, and ``temp_c``, °C.
-
-        Raises
-        ------
-        ShapeError
-            If the bytes are not whole scans.
-        """
-        import numpy as np
-
-        places, size = self._places()
-        if len(data) % size:
-            raise ShapeError(f"{self.device}: {len(data)} bytes are not a whole number of scans of {size} bytes.")
-        table = np.frombuffer(data, np.uint8).reshape(-1, size)
-        t_ns: NDArray[np.int64] | None = None
-        columns: dict[str, Column] = {}
-        for channel, at in zip(self.channels, places, strict=True):
-            raw = _raw(channel.type, table[:, at : at + channel.type.size])
-            if channel.name == TIMESTAMP:
-                t_ns = raw
-            else:
-                u = channel.unit
-                columns[channel.column] = (
-                    raw.astype(np.float64) + channel.offset
-                ) * channel.scale * u.factor + u.offset
-        for triad, matrix in self.mounts.items():
-            _mount(columns, triad, matrix, self._axes(triad))
-        return t_ns, columns
-
     def _places(self) -> tuple[list[int], int]:
         places, end, largest = [], 0, 1
         for channel in self.channels:
@@ -315,20 +262,6 @@ def _aligned(at: int, size: int) -> int:
     return -(-at // size) * size
 
 
-def _raw(kind: IioType, table: "NDArray[np.uint8]") -> "NDArray[np.int64]":
-    """Numbers (N,), or (N, repeat), as the driver counts them."""
-    import numpy as np
-
-    words = np.ascontiguousarray(table).view(f"{kind.order}u{kind.storage // 8}").astype(np.uint64)
-    if kind.repeat == 1:
-        words = words[:, 0]
-    counts = ((words >> np.uint64(kind.shift)) & np.uint64(2**kind.bits - 1)).view(np.int64)
-    if kind.signed and kind.bits < 64:
-        sign = np.int64(1 << (kind.bits - 1))
-        counts = (counts ^ sign) - sign
-    return counts
-
-
 def _rows(matrix: Matrix, axes: Sequence[int]) -> list[int]:
     """Axes of the board that the chip's `axes` are enough for."""
     return [i for i in range(3) if all(matrix[i][j] == 0.0 for j in range(3) if j not in axes)]
@@ -340,9 +273,3 @@ def _check_mount(device: str, triad: str, matrix: Matrix, axes: list[int]) -> No
             f"{device}: the mount matrix of {triad} mixes axes that are not all enabled "
             f"({', '.join(_AXES[j] for j in axes)} are); choose all of them."
         )
-
-
-def _mount(columns: "dict[str, Column]", triad: str, matrix: Matrix, axes: list[int]) -> None:
-    chip = {j: columns.pop(f"{triad}_{_AXES[j]}") for j in axes}
-    for i in _rows(matrix, axes) if axes else ():
-        columns[f"{triad}_{_AXES[i]}"] = sum((matrix[i][j] * chip[j] for j in axes), start=0.0 * chip[axes[0]])

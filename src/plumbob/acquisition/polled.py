@@ -4,7 +4,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Self
 
 from plumbob.acquisition.transport import BackOff, Event, NoLine, Opened, Received
 from plumbob.core.errors import LineError, ParameterError
@@ -24,15 +24,6 @@ class Task:
 
     name: str
     period_ns: int
-
-
-BUOY: Final = (
-    Task("tick", 1_000_000),
-    Task("sample", 3_000_000),
-    Task("fuse", 10_000_000),
-    Task("store", 50_000_000),
-)
-"""Scheduler of the drifting buoy, [Yu2018]: 1 ms tick, 3 ms sampling, 10 ms fusion, 50 ms storage and output."""
 
 
 class Schedule:

@@ -14,7 +14,7 @@ from plumbob.calibration.fit import CaptureRefusedError, Fitted
 from plumbob.calibration.gyr.ferraris import find_parts, fit_ferraris, fit_trackball
 from plumbob.calibration.gyr.hand import fit_hand
 from plumbob.calibration.gyr.motion_fit import find_motions
-from plumbob.calibration.gyr.plausible import UNCALIBRATED
+from plumbob.calibration.gyr.plausible import UNCALIBRATED, Rates
 from plumbob.calibration.gyr.rest import fit_rest
 from plumbob.calibration.gyr.temperature import fit_temperature
 from plumbob.calibration.static_periods import stills
@@ -28,30 +28,12 @@ from plumbob.data.cards import TriadCalibration
 
 def gyro_at_rest(capture: Capture) -> dict[str, Fitted]:
     """Bias of the gyroscope from what of the capture is at rest."""
-    imu = capture.imu
-    clipped, known = _clipped(capture, flags.GYR_CLIPPED), _known(capture)
-    fit = fit_rest(
-        imu.t, _gyr(capture), acc=imu.acc, mag=_mag(capture), temp_c=imu.temp_c, clipped=clipped, known=known
-    )
-    return {"gyr": fit}
+    return {"gyr": fit_rest(_rates(capture))}
 
 
 def gyro_by_hand(capture: Capture) -> dict[str, Fitted]:
     """Bias and matrix of the gyroscope from hand motion between poses at rest."""
-    imu = capture.imu
-    if imu.acc is None:
-        raise CalibrationError("hand motion calibrates a gyroscope against the accelerometer, and there is no acc.")
-    fit = fit_hand(
-        imu.t,
-        _gyr(capture),
-        imu.acc,
-        acc_calibrated=capture.base is not None and capture.base.acc is not None,
-        mag=_mag(capture),
-        temp_c=imu.temp_c,
-        clipped=_clipped(capture, flags.GYR_CLIPPED),
-        known=_known(capture),
-    )
-    return {"gyr": fit}
+    return {"gyr": fit_hand(_rates(capture))}
 
 
 def gyro_by_choice(capture: Capture) -> dict[str, Fitted]:
@@ -82,19 +64,12 @@ def ferraris_session(capture: Capture, parts: Mapping[str, slice] | None, *, ang
 
 def gyro_of_trackball(capture: Capture) -> dict[str, Fitted]:
     """Bias at rest with the coefficients that the trackball paper takes for every part."""
-    imu, clipped = capture.imu, _clipped(capture, flags.GYR_CLIPPED)
-    fit = fit_trackball(imu.t, _gyr(capture), acc=imu.acc, mag=_mag(capture), temp_c=imu.temp_c, clipped=clipped)
-    return {"gyr": fit}
+    return {"gyr": fit_trackball(_rates(capture))}
 
 
 def gyro_over_temperature(capture: Capture) -> dict[str, Fitted]:
     """Polynomial of the gyroscope's bias from a soak at rest."""
-    imu = capture.imu
-    clipped, known = _clipped(capture, flags.GYR_CLIPPED), _known(capture)
-    fit = fit_temperature(
-        imu.t, _gyr(capture), imu.temp_c, acc=imu.acc, mag=_mag(capture), clipped=clipped, known=known
-    )
-    return {"gyr": fit}
+    return {"gyr": fit_temperature(_rates(capture))}
 
 
 def _has_motions(capture: Capture) -> bool:
@@ -111,8 +86,18 @@ def _gyr(capture: Capture) -> Floats:
     return capture.imu.gyr
 
 
-def _mag(capture: Capture) -> Floats | None:
-    return None if capture.imu.mag is None else capture.imu.usable("mag")
+def _rates(capture: Capture) -> Rates:
+    imu = capture.imu
+    return Rates(
+        imu.t,
+        _gyr(capture),
+        acc=imu.acc,
+        mag=None if imu.mag is None else imu.usable("mag"),
+        temp_c=imu.temp_c,
+        clipped=_clipped(capture, flags.GYR_CLIPPED),
+        known=_known(capture),
+        acc_calibrated=capture.base is not None and capture.base.acc is not None,
+    )
 
 
 def _known(capture: Capture) -> TriadCalibration:

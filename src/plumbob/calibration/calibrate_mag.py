@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from plumbob.calibration.ellipsoid.ellipsoid_fit import Shape
 from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.alone import fit_mag, unturned
-from plumbob.calibration.mag.arguments import WEAKEST, stuck
+from plumbob.calibration.mag.axes import LEAST_SLOPE, agreement
 from plumbob.calibration.mag.in_use import fit_mag_in_use
 from plumbob.calibration.mag.level import fit_mag_level
-from plumbob.calibration.mag.turning import LEAST_SLOPE, agreement
+from plumbob.calibration.mag.outcome import WEAKEST, stuck
 from plumbob.calibration.mag.with_acc import FEWEST, fit_mag_acc
 from plumbob.calibration.mag.with_gyr import GAIN_SD, SHEET_GAIN_SD, fit_mag_gyr
 from plumbob.calibration.mag_checks import require_field_turns, told_by_others, without_gain, wrong_axes

@@ -13,7 +13,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, FrameError, ParameterError
 from plumbob.core.units import deg, to_deg
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.evaluation.associate import associate
+from plumbob.evaluation.align import associate
 from plumbob.files import Recording
 from plumbob.rotations import Frame, change_frame, quat_from_rotvec, quat_multiply, rotvec_from_quat
 from plumbob.rotations.headings import heading_policy
@@ -77,7 +77,7 @@ def mount_by_reference(estimate: AttitudeTrack, reference: AttitudeTrack) -> Mou
     FrameError
         If their headings do not count from the same north.
     PlumbobError
-        As `plumbob.evaluation.associate.associate` and `plumbob.calibration.mount.mount_from_attitudes`.
+        As `plumbob.evaluation.align.associate` and `plumbob.calibration.mount.mount_from_attitudes`.
     """
     policy = heading_policy(estimate.north, reference.north, aligned=False, declination=None)
     if not policy.comparable:

@@ -9,8 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.calibration.fit import Fitted, Reason, refuse
-from plumbob.calibration.mag import turning
-from plumbob.calibration.mag.axes import FEWEST_DIRECTIONS, SPAN, Suspect, arrangements, suspects, wander
+from plumbob.calibration.mag.axes import (
+    FEWEST_DIRECTIONS,
+    LEAST_SLOPE,
+    SPAN,
+    Agreement,
+    Suspect,
+    agreement,
+    arrangements,
+    suspects,
+    turn,
+    wander,
+)
 from plumbob.calibration.mag.outcome import DIP, dip_of
 from plumbob.calibration.mag.with_acc import FEWEST, rotation_in, turn_of
 from plumbob.calibration.predicted import heading_apart, heading_sd
@@ -333,11 +343,11 @@ def without_gain(imu: ImuData, fit: Fitted, steady: NDArray[np.bool_], dip: floa
 
 def require_field_turns(imu: ImuData, mag: Floats) -> None:
     """Refuse a field (N, 3), calibrated or not, that turns against the gyroscope."""
-    _require_sense(turning.agreement(imu.t, mag, imu.usable("gyr")))
+    _require_sense(agreement(imu.t, mag, imu.usable("gyr")))
 
 
-def _require_sense(found: turning.Agreement | None) -> None:
-    if found is not None and found.slope < turning.LEAST_SLOPE:
+def _require_sense(found: Agreement | None) -> None:
+    if found is not None and found.slope < LEAST_SLOPE:
         what = (
             "the field turns against the gyroscope: an axis of the magnetometer is swapped or has the wrong sign; "
             f"it changes by {found.slope:.2f} of what the rates say, and 1 is right."
@@ -359,16 +369,16 @@ def _require_alignment(turned: float) -> None:
 def _by_gyroscope(imu: ImuData, field: Floats, helper: str) -> tuple[str, ...]:
     """How a calibrated field follows the rates, in figures; one that does not is refused."""
     gyr = imu.usable("gyr")
-    found = turning.agreement(imu.t, field, gyr)
+    found = agreement(imu.t, field, gyr)
     _require_sense(found)
-    rotation = turning.turn(imu.t, field, gyr)
-    turn = None if rotation is None else turn_of(rotation)
-    if helper == "acc" and turn is not None:
-        _require_alignment(turn)
+    rotation = turn(imu.t, field, gyr)
+    apart = None if rotation is None else turn_of(rotation)
+    if helper == "acc" and apart is not None:
+        _require_alignment(apart)
     angle = wander(imu.t, field, gyr)
     if found is None or angle is None:
         return ()
-    turned = "" if turn is None else f", turned by {to_deg(turn):.1f}° against them,"
+    turned = "" if apart is None else f", turned by {to_deg(apart):.1f}° against them,"
     told = (
         f"the calibrated field turns at {found.slope:.2f} of the rates{turned} and keeps its direction in space within "
         f"{to_deg(angle):.1f}° (rms) over {SPAN:.0f} s."

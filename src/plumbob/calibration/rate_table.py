@@ -41,7 +41,7 @@ class Matched(NamedTuple):
     found: NDArray[np.bool_]
 
 
-def plateaus(t: Floats, gyr: Floats, *, least: float = LEAST) -> list[slice]:
+def plateaus(t: Floats, gyr: Floats) -> list[slice]:
     """Stretches of constant rate, in order; a slow drift away from it ends one.
 
     Blocks of a quarter of a second are compared by their means. The first and the last block of a stretch are left out,
@@ -53,8 +53,6 @@ def plateaus(t: Floats, gyr: Floats, *, least: float = LEAST) -> list[slice]:
         Time, s.
     gyr : ndarray (N, 3)
         Rates, rad/s; a row with NaN is in no stretch.
-    least : float
-        Shortest stretch, s.
     """
     step = float(np.median(np.diff(t))) if t.size > 1 else BLOCK
     size = max(_FEWEST, round(BLOCK / step))
@@ -68,7 +66,7 @@ def plateaus(t: Floats, gyr: Floats, *, least: float = LEAST) -> list[slice]:
     with np.errstate(invalid="ignore"):
         joined = np.abs(np.diff(mean, axis=0)).max(axis=1) <= np.fmin(limit[1:], limit[:-1])
     runs = np.split(np.arange(count), np.flatnonzero(~joined) + 1)
-    need = max(1, round(least / (size * step)))
+    need = max(1, round(LEAST / (size * step)))
     inner = (_constant(run, mean, limit)[1:-1] for run in runs if run.size >= need + 2)
     return [slice(int(run[0]) * size, int(run[-1] + 1) * size) for run in inner if run.size >= need]
 

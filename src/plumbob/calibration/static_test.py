@@ -139,7 +139,6 @@ def static_test(
     *,
     align: Collection[str] = (),
     declination: float | None = None,
-    least: float = 1.0,
 ) -> StaticTest:
     """Compare what accelerometer and magnetometer say at rest with a reference, before and after a calibration.
 
@@ -155,8 +154,6 @@ def static_test(
         Constants to find and remove, as in `plumbob.evaluation.evaluate`; by default none.
     declination : float, optional
         Of the place, rad, where one heading is true and the other magnetic.
-    least : float
-        Shortest rest, s.
 
     Raises
     ------
@@ -167,7 +164,7 @@ def static_test(
     FrameError, ParameterError, ShapeError
         As in `plumbob.evaluation.evaluate`.
     """
-    rests = stills(imu.t, imu.usable("acc"), None if imu.gyr is None else imu.usable("gyr"), least=least)
+    rests = stills(imu.t, imu.usable("acc"), None if imu.gyr is None else imu.usable("gyr"))
     spans = np.array([(imu.t[rest.start], imu.t[rest.stop - 1]) for rest in rests]).reshape(-1, 2)
     means = [_mean_attitude(reference, *span) for span in spans]
     known = [i for i, mean in enumerate(means) if mean is not None]

@@ -230,8 +230,7 @@ def _write(args: argparse.Namespace, noise: "Noise") -> None:
 
 
 def _deviation_alone(args: argparse.Namespace) -> int:
-    from plumbob.noise.allan import open_static
-    from plumbob.noise.characterise import deviations
+    from plumbob.noise.allan import deviations, open_static
     from plumbob.noise.report import curve_numbers, curves_report
 
     with common.progress_bars() as bars:
@@ -247,8 +246,7 @@ def _deviation_alone(args: argparse.Namespace) -> int:
 
 def _compare(args: argparse.Namespace) -> int:
     from plumbob.core.version import __version__
-    from plumbob.noise.allan import open_static
-    from plumbob.noise.characterise import comparisons
+    from plumbob.noise.allan import comparisons, open_static
     from plumbob.noise.report import comparison, comparison_numbers
 
     with common.progress_bars() as bars:

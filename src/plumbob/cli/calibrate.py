@@ -1,6 +1,7 @@
 """plumbob calibrate: from a capture to a calibration card, or to the reason why there is none."""
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ if TYPE_CHECKING:
     from plumbob.files import Recording
 
 KINDS: tuple[str, ...] = ("hand", "mag", "accel", "gyro", "table", "temperature", "mount", "statictest")
-"""What can be calibrated: `add_` declares it, and `find_` does it."""
+"""What can be calibrated: `add_` declares it."""
 
 LIVE = (
     "--live follows a KIND that has a guide: mag, accel or gyro, as in "
@@ -82,21 +83,7 @@ def add_accel(kinds: common.Adder) -> None:
     )
     p.add_argument("--moving", action="store_true", help="turned slowly without rests, beside a gyroscope")
     capture.add_gravity(p)
-    p.set_defaults(find=find_accel)
-
-
-def find_accel(args: argparse.Namespace) -> int:
-    """Do it."""
-    found = capture.calibrated(
-        args,
-        "accel",
-        shape=args.shape,
-        moving=args.moving,
-        gravity=args.gravity,
-        latitude=args.latitude,
-        height=args.height,
-    )
-    return capture.finish(args, found)
+    p.set_defaults(find=partial(capture.find, kind="accel"))
 
 
 GYRO = """\
@@ -139,14 +126,12 @@ def find_gyro(args: argparse.Namespace) -> int:
     """Do it."""
     _refuse_idle(args)
     if args.method != "ferraris":
-        return capture.finish(args, capture.calibrated(args, "gyro", method=args.method, preset=args.preset))
+        return capture.find(args, "gyro")
     from plumbob.files.text import read_labels
 
     labels = None if args.part_column is None else read_labels(args.file, args.part_column, args.profile)
     angle = args.angle or "360 deg"
-    return capture.finish(
-        args, capture.calibrated(args, "ferraris", (args.parts,), parts=args.parts, labels=labels, angle=angle)
-    )
+    return capture.find(args, "ferraris", (args.parts,), labels=labels, angle=angle)
 
 
 def _refuse_idle(args: argparse.Namespace) -> None:
@@ -191,22 +176,7 @@ def add_hand(kinds: common.Adder) -> None:
     capture.add_options(p)
     capture.add_gravity(p)
     capture.add_field(p)
-    p.set_defaults(find=find_hand)
-
-
-def find_hand(args: argparse.Namespace) -> int:
-    """Do it."""
-    found = capture.calibrated(
-        args,
-        "hand",
-        gravity=args.gravity,
-        latitude=args.latitude,
-        height=args.height,
-        strength=args.strength,
-        place=args.place,
-        force=args.force,
-    )
-    return capture.finish(args, found)
+    p.set_defaults(find=partial(capture.find, kind="hand"))
 
 
 def add_mag(kinds: common.Adder) -> None:
@@ -223,7 +193,7 @@ def add_mag(kinds: common.Adder) -> None:
     )
     capture.add_options(p, guide="mag")
     p.add_argument(
-        "--with", dest="helper", default="auto", metavar="none|acc|gyr|auto", help="sensors that help (default auto)"
+        "--with", dest="with_", default="auto", metavar="none|acc|gyr|auto", help="sensors that help (default auto)"
     )
     p.add_argument(
         "--shape",
@@ -248,18 +218,7 @@ def find_mag(args: argparse.Namespace) -> int:
 
     if args.in_use and args.live:
         raise ParameterError("--in-use takes a recording of a unit at work and does not go with --live; record first.")
-    found = capture.calibrated(
-        args,
-        "mag",
-        with_=args.helper,
-        shape=args.shape,
-        strength=args.strength,
-        place=args.place,
-        tilt=args.tilt,
-        in_use=args.in_use,
-        force=args.force,
-    )
-    return capture.finish(args, found)
+    return capture.find(args, "mag")
 
 
 def add_mount(kinds: common.Adder) -> None:
@@ -291,18 +250,7 @@ def add_mount(kinds: common.Adder) -> None:
 def find_mount(args: argparse.Namespace) -> int:
     """Do it."""
     level, raised = (None if text is None else _span(text) for text in (args.level, args.raised))
-    found = capture.calibrated(
-        args,
-        "mount",
-        (args.reference, args.estimate),
-        frame=args.frame,
-        level=level,
-        raised=raised,
-        level_only=args.level_only,
-        estimate=args.estimate,
-        reference=args.reference,
-    )
-    return capture.finish(args, found)
+    return capture.find(args, "mount", (args.reference, args.estimate), level=level, raised=raised)
 
 
 def _span(text: str) -> tuple[float, float]:
@@ -406,17 +354,7 @@ def add_table(kinds: common.Adder) -> None:
 def find_table(args: argparse.Namespace) -> int:
     """Do it."""
     rates = None if args.rates is None else _rates(args.rates)
-    found = capture.calibrated(
-        args,
-        "table",
-        (args.plan,),
-        rates=rates,
-        plan=args.plan,
-        model=args.model,
-        mounting=args.mounting,
-        latitude=args.latitude,
-    )
-    return capture.finish(args, found)
+    return capture.find(args, "table", (args.plan,), rates=rates)
 
 
 def _rates(text: str) -> list[float]:
@@ -448,9 +386,4 @@ def add_temperature(kinds: common.Adder) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     capture.add_options(p, file="recording at rest over changing temperature")
-    p.set_defaults(find=find_temperature)
-
-
-def find_temperature(args: argparse.Namespace) -> int:
-    """Do it."""
-    return capture.finish(args, capture.calibrated(args, "temperature"))
+    p.set_defaults(find=partial(capture.find, kind="temperature"))

@@ -9,7 +9,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from plumbob.cli import common, line
+from plumbob.cli import common
 
 if TYPE_CHECKING:
     from plumbob.calibration.calibrate import Calibrated, Kind
@@ -162,7 +162,7 @@ def add_live(p: argparse.ArgumentParser) -> None:
     live.add_argument(
         "--live", action="store_true", help="INPUT is a session file (TOML); or give --port, --from, --iio"
     )
-    line.add_line(live)
+    common.add_line(live)
     live.add_argument("--raw", type=Path, metavar="MCAP", help="recording of the capture, raw bytes and samples")
 
 
@@ -277,7 +277,7 @@ def _session(args: argparse.Namespace) -> "Session":
     from plumbob.session.session_toml import session_of
 
     named = args.device if args.file is None else None
-    session = session_of(args.file, capture=args.start, device=named, **line.line_of(args))
+    session = session_of(args.file, capture=args.start, device=named, **common.line_of(args))
     record = None if args.raw is None else replace(session.record or RecordSpec(""), path=str(args.raw))
     device = session.meta.device
     if device == session.form.name:
@@ -352,10 +352,18 @@ def add_options(
         add_live(p)
 
 
-def calibrated(
-    args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **options: Any
+def find(args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...] = (), **converted: Any) -> int:
+    """Calibrate what the options name, from a file or live, and finish; what else is read is among `inputs`."""
+    from plumbob.calibration.calibrate import options_of
+
+    return _finish(
+        args, _calibrated(args, kind, inputs, {n: getattr(args, n, None) for n in options_of(kind)} | converted)
+    )
+
+
+def _calibrated(
+    args: argparse.Namespace, kind: str, inputs: tuple[Path | None, ...], options: dict[str, Any]
 ) -> "Calibrated":
-    """Calibrate what the options name, from a file or live; what else is read is among `inputs`."""
     from plumbob.calibration.calibrate import KINDS, calibrate
     from plumbob.data.cards import CalibrationCard
 
@@ -392,7 +400,7 @@ def _capture(args: argparse.Namespace, how: "Kind", base: "CalibrationCard | Non
     return found
 
 
-def finish(args: argparse.Namespace, found: "Calibrated") -> int:
+def _finish(args: argparse.Namespace, found: "Calibrated") -> int:
     """Print what was found, and write the card."""
     if args.out is not None:
         found.save(args.out, overwrite=args.force or completes(args))

@@ -4,7 +4,7 @@ import argparse
 from contextlib import ExitStack, closing
 from pathlib import Path
 
-from plumbob.cli import common, line
+from plumbob.cli import common
 
 LOSSY = 3
 
@@ -26,9 +26,9 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port, --from or --iio")
     p.add_argument("--from", dest="capture", metavar="FILE", help="raw bytes in a file, as a logger keeps them")
-    line.add_line(p)
+    common.add_line(p)
     p.add_argument("--device", metavar="ID", help="name of this unit, to which its calibration card belongs")
-    line.add_estimate(p)
+    common.add_estimate(p)
     common.add_place(p)
     p.add_argument("--out", metavar="MCAP", help="recording to write; {utc} in its name is the time of the start")
     p.add_argument(
@@ -48,13 +48,13 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.core.errors import DecodeError
     from plumbob.session.live import record
 
-    status, stop = line.Status(quiet=args.json), Stop()
+    status, stop = common.Status(quiet=args.json), Stop()
     with closing(status), ExitStack() as stack:
         result = record(
             args.session,
             capture=args.capture,
-            **line.line_of(args),
-            **line.estimate_of(args),
+            **common.line_of(args),
+            **common.estimate_of(args),
             device=args.device,
             place=args.place,
             date=args.date,

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from plumbob.cli import common, line
+from plumbob.cli import common
 
 DIFFERENT = 3
 
@@ -20,7 +20,7 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("recording", type=Path, help="recording made by 'plumbob record' (.mcap)")
     p.add_argument("--session", type=Path, metavar="TOML", help="session to use instead of the recording's own")
-    line.add_estimate(p)
+    common.add_estimate(p)
     p.add_argument(
         "--unit", metavar="NAME|N", help="another unit of the same frames, as one of the six of the rig 'arm'"
     )
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
     result = replay(
         args.recording,
         session=args.session,
-        **line.estimate_of(args),
+        **common.estimate_of(args),
         unit=args.unit,
         speed=args.speed,
         check=args.check,

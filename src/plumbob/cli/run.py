@@ -44,13 +44,15 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
-    from plumbob.filters.known import chosen
+    from plumbob.filters.known import SMOOTHER, chosen
     from plumbob.session.estimated import estimate
 
     stages = common.stages(chosen(args.filter, causal=args.causal), args.params)
     if len(stages) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     (stage,) = stages
+    if args.card and stage.filter != SMOOTHER:
+        raise ParameterError(f"--card is for the smoother, but the filter is {stage.filter}. Leave one of them out.")
     inputs = (args.file, args.profile, args.calibration, args.noise)
     common.check_outputs(args, *common.with_profile(args.out), args.card, inputs=inputs)
     common.warn_of_compiling([stage.filter])

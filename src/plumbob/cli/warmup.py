@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.channel import RateFilter, channel_names
     from plumbob.filters.smoother import Smoother
-    from plumbob.noise import characterise
+    from plumbob.noise import allan
     from plumbob.rotations import Frame
     from plumbob.session.session_toml import parse_session
     from plumbob.session.stream import Stream
@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
             advance(1)
         Stream(parse_session(SESSION, str, name="warmup")).warm_up()
         advance(1)
-        for part in (Smoother(frame=Frame.ENU), characterise, guides):
+        for part in (Smoother(frame=Frame.ENU), allan, guides):
             part.warm_up()
             advance(1)
     if (why := _jit.why_no_cache()) is not None:

@@ -1,7 +1,6 @@
 """Evaluation: what an attitude is worth against a reference, with every decision on record."""
 
-from plumbob.evaluation.align import Alignment, TimeOffset, find_time_offset
-from plumbob.evaluation.associate import Fate, Match, associate
+from plumbob.evaluation.align import Alignment, Fate, Match, TimeOffset, associate, find_time_offset
 from plumbob.evaluation.evaluation import Evaluation, Settings, evaluate
 from plumbob.evaluation.metrics import GIMBAL_GUARD, QUANTITIES, Consistency, Stats, attitude_errors
 from plumbob.evaluation.report import comparison

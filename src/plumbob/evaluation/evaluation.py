@@ -22,12 +22,16 @@ from plumbob.evaluation import report
 from plumbob.evaluation.align import (
     ALIGNMENTS,
     Alignment,
+    Fate,
+    Mask,
+    Match,
+    associate,
     find_heading,
     find_mounting,
     find_mounting_and_heading,
     find_time_offset,
+    not_converged,
 )
-from plumbob.evaluation.associate import Fate, Mask, Match, associate, not_converged
 from plumbob.evaluation.metrics import (
     GIMBAL_GUARD,
     NEEDS_HEADING,

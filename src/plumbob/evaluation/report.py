@@ -16,7 +16,7 @@ from plumbob.core.text import counted
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack
-from plumbob.evaluation.associate import Fate
+from plumbob.evaluation.align import Fate
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
 from plumbob.report import SERIES, SHADE, SOFT, Figure, Report, Table
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle

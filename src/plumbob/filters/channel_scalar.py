@@ -102,12 +102,6 @@ def steady_gain(ratio: float) -> float:
     return p / (1.0 + p)
 
 
-def variance_ratio(gain: float) -> float:
-    """Variance of white noise after the settled filter over that before: Σ K² (1 − K)²ⁱ = K / (2 − K)."""
-    _require_gain(gain)
-    return gain / (2.0 - gain)
-
-
 def ramp_lag(gain: float, slope: float, dt: float) -> float:
     """How far the settled filter stays behind a rate that grows by `slope` per second: slope Δt (1 − K) / K.
 

@@ -59,7 +59,7 @@ from plumbob.filters.input_checks import (
 )
 from plumbob.filters.integrate import turn
 from plumbob.filters.layout import BIAS, COUNT, HEADED, LEVEL, NORTH_X, NORTH_Y, OWN, OWN_C, STAGE, UP, Q
-from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_speed
+from plumbob.filters.settling import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_speed
 from plumbob.filters.start import angle_to, has_heading, initialise, upright
 from plumbob.rotations.kernels import Vec, cross, quat_exp, quat_mul, quat_unit, rotate, rows
 

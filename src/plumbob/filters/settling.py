@@ -25,10 +25,15 @@ frame, and the heading of a field of level part H along n and vertical part h_z 
 a wrong horizon takes some of the vertical field for level.
 
 Departures from [Schmidt1966]: J is that of the settled filter, instead of one that is carried along with its gains.
+
+Is the unit at rest? Then the mean of the gyroscope is its bias.
+
+Rate and specific force are smoothed over half a second; rest is when both stay near their smooth selves for a while and
+the rate is small enough to be a bias, [Laidig2023] section on rest detection.
 """
 
 import math
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -36,12 +41,80 @@ from plumbob.core import flags
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.units import deg
+from plumbob.core.params import Spec
+from plumbob.core.units import Quantity, deg
 from plumbob.data.cards.left import Half, whole_of
 from plumbob.filters.input_checks import HOLD, off_gravity, usable
-from plumbob.filters.layout import TRIAL, TRIAL_TIME, UP, Q
+from plumbob.filters.layout import TRIAL, TRIAL_TIME, UP, Q, kept_weights, smooth
 from plumbob.rotations import dcm_from_quat
-from plumbob.rotations.kernels import rotate
+from plumbob.rotations.kernels import Vec, rotate
+
+RestRate = Annotated[float, Spec(Quantity.RATE, "at rest, the rate stays this near to its mean", 0, 10)]
+RestForce = Annotated[
+    float, Spec(Quantity.ACCELERATION, "at rest, the specific force stays this near to its mean", 0, 100)
+]
+RestAfter = Annotated[float, Spec(Quantity.TIME, "stillness after which rest begins", 0, 600)]
+
+TAU = 0.5
+"""Smoothing time, s."""
+REST_SIZE = 18  # y and w of three rates and three specific forces; weights and their step; time at rest
+_FORCE, _WEIGHTS, _STEP, _STILL = 6, 12, 16, 17
+
+
+@njit
+def _channel(x: Floats, place: int, p: float, q: float, r: float, s: float, v: float) -> float:
+    y, w = smooth(p, q, r, s, x[place], x[place + 1], v)
+    x[place], x[place + 1] = y, w
+    return v - y
+
+
+@njit
+def _triad(x: Floats, place: int, p: float, q: float, r: float, s: float, vx: float, vy: float, vz: float) -> float:
+    """Smooth a vector; returns the square of its distance from its smooth self."""
+    ex = _channel(x, place, p, q, r, s, vx)
+    ey = _channel(x, place + 2, p, q, r, s, vy)
+    ez = _channel(x, place + 4, p, q, r, s, vz)
+    return ex * ex + ey * ey + ez * ez
+
+
+@njit
+def at_rest(
+    x: Floats, at: int, dt: float, rate_limit: float, force_limit: float, bias_limit: float, after: float,
+    gx: float, gy: float, gz: float, ax: float, ay: float, az: float,
+) -> bool:  # fmt: skip
+    """Take one sample, and say whether both triads have been still for longer than `after`, s.
+
+    A sample without a rate or a specific force ends the rest.
+    """
+    if math.isnan(ax) or math.isnan(gx) or dt == 0.0:
+        x[at + _STILL] = 0.0
+        return False
+    if x[at + _STEP] == 0.0:
+        x[at], x[at + 2], x[at + 4] = gx, gy, gz
+        x[at + _FORCE], x[at + _FORCE + 2], x[at + _FORCE + 4] = ax, ay, az
+    p, q, r, s = kept_weights(x, at + _WEIGHTS, dt, TAU)
+    rate2 = _triad(x, at, p, q, r, s, gx, gy, gz)
+    force2 = _triad(x, at + _FORCE, p, q, r, s, ax, ay, az)
+    small = abs(x[at]) <= bias_limit and abs(x[at + 2]) <= bias_limit and abs(x[at + 4]) <= bias_limit
+    if rate2 < rate_limit * rate_limit and force2 < force_limit * force_limit and small:  # [Laidig2023]
+        x[at + _STILL] += dt
+    else:
+        x[at + _STILL] = 0.0
+    return bool(x[at + _STILL] >= after)
+
+
+@njit
+def mean_rate(x: Floats, at: int) -> Vec:
+    """Smoothed rate, rad/s."""
+    return x[at], x[at + 2], x[at + 4]
+
+
+@njit
+def mean_speed(x: Floats, at: int) -> float:
+    """Size of the smoothed rate, rad/s."""
+    wx, wy, wz = mean_rate(x, at)
+    return math.sqrt(wx * wx + wy * wy + wz * wz)
+
 
 _STEEPEST = 0.05
 """A field whose level part is less than this of it, is taken to have that: at a magnetic pole nothing is linear."""
@@ -116,7 +189,7 @@ STEADY: Final = 0.02 * G0, 0.02
 STEADY_BAND: Final = 0.1 * G0, 0.35
 """off by no more than an uncalibrated part may be at rest: 0.1 g in size, 20 °/s on each axis (MPU-6000 data sheet)."""
 
-_ON, _LOOKED, _AGE, _ELAPSED, _UPRIGHT, _FORCE, _STEADY, _FIRST = 0, 1, 2, 3, 4, 5, 8, 9  # places from TRIAL
+_ON, _LOOKED, _AGE, _ELAPSED, _UPRIGHT, _MEAN_FORCE, _STEADY, _FIRST = 0, 1, 2, 3, 4, 5, 8, 9  # places from TRIAL
 TRIAL_SIZE: Final = 15
 _UNUSED: Final = flags.ACC_STUCK | flags.ACC_CLIPPED
 
@@ -142,7 +215,7 @@ def average(c: Floats, x: Floats, ax: float, ay: float, az: float) -> bool:
     fx, fy, fz = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], ax, ay, az)
     age = x[TRIAL + _AGE]
     gain = age / (age + MEAN_TAU) if x[TRIAL + _LOOKED] > 0.0 else 1.0
-    at = TRIAL + _FORCE
+    at = TRIAL + _MEAN_FORCE
     x[at] += gain * (fx - x[at])
     x[at + 1] += gain * (fy - x[at + 1])
     x[at + 2] += gain * (fz - x[at + 2])

@@ -56,9 +56,16 @@ def angle_to(hx: float, hy: float, nx: float, ny: float) -> float:
 @njit
 def upright(up: float, ex: float, ey: float, ez: float) -> Quat:
     """Shortest turn that brings the unit vector e up, which is +z or −z as `up` says."""
-    w = math.sqrt(max(0.5 * (up * ez + 1.0), 1e-12))
-    half = 0.5 * up / w
-    return w, half * ey, -half * ex, 0.0
+    if up * ez >= 0.0:
+        w = math.sqrt(0.5 * (up * ez + 1.0))
+        half = 0.5 * up / w
+        return w, half * ey, -half * ex, 0.0
+    across = math.hypot(ex, ey)
+    if across == 0.0:  # upside down: every half turn is the shortest, and this one is about x
+        return 0.0, 1.0, 0.0, 0.0
+    v = math.sqrt(0.5 * (1.0 - up * ez))
+    s = up * v / across
+    return 0.5 * across / v, s * ey, -s * ex, 0.0
 
 
 @njit

@@ -66,7 +66,7 @@ from plumbob.filters.layout import (
     kept_weights,
     smooth,
 )
-from plumbob.filters.rest import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_rate, mean_speed
+from plumbob.filters.settling import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_rate, mean_speed
 from plumbob.filters.start import angle_to, has_heading, initialise, upright
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate
 

@@ -2,11 +2,9 @@
 
 from plumbob.noise.analysis import Averages, analyse, analyse_averages, with_curve
 from plumbob.noise.compare import Compared, Comparison, compare
-from plumbob.noise.curve import Curve, curve, curve_of, curves, identify
-from plumbob.noise.deviation import Averager, deviation
-from plumbob.noise.edf import ONE_SIGMA, edf, interval, skew_edf
+from plumbob.noise.curve import ONE_SIGMA, Curve, curve, curve_of, curves, edf, identify, interval, skew_edf
 from plumbob.noise.every import every_adev
-from plumbob.noise.factors import KINDS, log_factors, stream_factors
+from plumbob.noise.factors import KINDS, Averager, deviation, log_factors, stream_factors
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates, GaussMarkov, Mask, Sinusoid
 from plumbob.noise.stream import AllanStream, StreamResult
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS

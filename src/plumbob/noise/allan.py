@@ -1,26 +1,251 @@
-"""From a static record to the figures of a data sheet: `plumbob allan`, in Python and on the command line."""
+"""From a static record to the figures of a data sheet: `plumbob allan`, in Python and on the command line.
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+The analysis goes channel by channel, in memory or in one pass over a larger file.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core import check
-from plumbob.core.errors import ShapeError
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import Quantity, given
 from plumbob.core.version import __version__
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.files import Recording
 from plumbob.files.notes import unsaved
-from plumbob.noise.characterise import Taus, characterise
-from plumbob.noise.findings import Analysis
-from plumbob.noise.static import StaticReport
-from plumbob.noise.static_record import StaticRecord, check_static, load_static, static_of, static_of_numbers
+from plumbob.noise import (
+    KINDS,
+    AllanStream,
+    Analysis,
+    Averager,
+    Averages,
+    Compared,
+    Curve,
+    Deviation,
+    analyse,
+    analyse_averages,
+    compare,
+    curve_of,
+    curves,
+    deviation,
+    every_adev,
+    log_factors,
+    stream_factors,
+    with_curve,
+)
+from plumbob.noise.factors import Factors, kind_of
+from plumbob.noise.static import StaticCheck, StaticReport, bridged, judge
+from plumbob.noise.static_record import Channels, StaticRecord, check_static, load_static, static_of, static_of_numbers
 from plumbob.report import Report, Reported
+
+IN_MEMORY: Final = 1 << 24
+"""Bytes of a file of bare numbers up to which it is read whole."""
+
+Taus = Sequence[float] | Literal["all"] | None
+"""Averaging times, s; every one that the record allows; or evenly spaced in their logarithm."""
+
+_Done = Callable[[int], None]
+
+_WORKERS = 2
+_ROUNDED = 0.01  # of an averaging time: more is another one
+
+
+def characterise(
+    record: StaticRecord, report: StaticReport, *, taus: Taus = None, progress: _Done | None = None
+) -> list[Analysis]:
+    """Analyse every channel of a record.
+
+    Parameters
+    ----------
+    record : StaticRecord
+        Channels, as `load_static` opens them.
+    report : StaticReport
+        What `check_static` found; a sensor that it refuses is left out, what it skips is bridged by its neighbours,
+        and its warnings stand in the notes.
+    taus : sequence of float, "all" or None
+        Averaging times of the curve. The coefficients are found on log-spaced ones all the same.
+    progress : callable, optional
+        Is given the bytes that are done, for files larger than memory.
+
+    Raises
+    ------
+    ShapeError
+        If no sensor of the record is static, or parts of a file that is larger than memory would have to be skipped.
+    ParameterError
+        If an averaging time does not fit the record, or every one is asked of a file that is larger than memory.
+    """
+    found: list[Analysis] = []
+    for group in _sound(record, report):
+        if isinstance(group.source, np.ndarray) or record.size <= IN_MEMORY or taus == "all":
+            found += _in_memory(group, report, taus)
+        elif group.names[0] in report.skipped:
+            told = next(f for f in report.warnings if f.kind == "disturbed" and f.concerns(group.names[0]))
+            raise ShapeError(
+                f"{record.path} is analysed as it is read, so that nothing can be skipped: {told} Choose a still "
+                "stretch with --from and --to."
+            )
+        else:
+            found += _streamed(group, record.size, taus, progress)
+    return [_with_findings(analysis, report) for analysis in found]
+
+
+def deviations(record: StaticRecord, report: StaticReport, kind: str, *, taus: Taus = None) -> list[Deviation]:
+    """Only the deviation of each channel, of any kind in `plumbob.noise.KINDS`; otherwise as `characterise`."""
+    found: list[Deviation] = []
+    for group in _sound(record, report):
+        samples = _samples(group, report)
+        n = None if taus is None else _factors(taus, group.dt, samples.shape[0], kind)
+        of = curves(samples, group.dt, n, kind=kind)
+        found += [Deviation(name, group.quantity, curve) for name, curve in zip(group.names, of, strict=True)]
+    return found
+
+
+def comparisons(
+    before: tuple[StaticRecord, StaticReport], after: tuple[StaticRecord, StaticReport], *, taus: Taus = None
+) -> list[Compared]:
+    """Compare the channels of two records, which must be the same at the same rate.
+
+    Raises
+    ------
+    ShapeError
+        If a record is not static, or they have other channels or rates.
+    """
+    first, second = (_sound(record, report) for record, report in (before, after))
+    found = []
+    alone = all([len(g.names) for g in groups] == [1] for groups in (first, second))  # whatever the files are called
+    if not alone and [g.names for g in first] != [g.names for g in second]:
+        raise ShapeError(
+            f"before has {_channels(first)}, but after has {_channels(second)}; compare the same channels."
+        )
+    for one, other in zip(first, second, strict=True):
+        if abs(one.dt / other.dt - 1.0) > _ROUNDED or one.quantity is not other.quantity:
+            raise ShapeError(
+                f"before is {one.quantity.name.lower()} at {1.0 / one.dt:.6g} Hz, but after is "
+                f"{other.quantity.name.lower()} at {1.0 / other.dt:.6g} Hz; compare like with like."
+            )
+        x, y = _samples(one, before[1]), _samples(other, after[1])
+        n = None if taus is None else _factors(taus, one.dt, min(x.shape[0], y.shape[0]))
+        found += [
+            Compared(name, one.quantity, compare(x[:, i], y[:, i], one.dt, n=n)) for i, name in enumerate(one.names)
+        ]
+    return found
+
+
+def warm_up() -> None:
+    """Compile every kernel of an analysis: check, all deviations, every averaging factor, likelihood, and streams."""
+    samples = np.random.default_rng(0).standard_normal((4096, 1))
+    still = StaticCheck(("x",), 1.0)
+    still.add(samples)
+    judge(still)
+    for kind in KINDS:
+        deviation(samples, [2], kind)
+    every_adev(samples[:, 0])
+    analyse(samples[:, 0], 1.0)
+    stream = AllanStream([1, 2], channels=1)
+    stream.feed(samples)
+    stream.result()
+
+
+def _channels(groups: Sequence[Channels]) -> str:
+    return ", ".join(name for group in groups for name in group.names) or "none"
+
+
+def _sound(record: StaticRecord, report: StaticReport) -> list[Channels]:
+    """Sensors that the report does not refuse; an error where it refuses all."""
+    report.require(*(group.names for group in record.groups))
+    return [group for group in record.groups if not report.refused(*group.names)]
+
+
+def _samples(group: Channels, report: StaticReport) -> Floats:
+    """Samples of a sensor, with their neighbours in place of what is skipped."""
+    parts = report.skipped.get(group.names[0], ())
+    return bridged(group.read(), group.dt, group.start, list(parts)) if parts else group.read()
+
+
+def _in_memory(group: Channels, report: StaticReport, taus: Taus) -> Iterable[Analysis]:
+    samples = _samples(group, report)
+
+    def one(channel: int) -> Analysis:
+        column = np.ascontiguousarray(samples[:, channel])
+        found = analyse(column, group.dt, name=group.names[channel], quantity=group.quantity)
+        return found if taus is None else with_curve(found, _asked(column, group.dt, taus))
+
+    with ThreadPoolExecutor(_WORKERS) as pool:
+        return list(pool.map(one, range(samples.shape[1])))
+
+
+def _asked(samples: Floats, dt: float, taus: Sequence[float] | Literal["all"]) -> Curve:
+    if taus == "all":
+        dev = every_adev(samples)
+        return curve_of(dev, np.arange(1, dev.size + 1), samples.size, dt)
+    return curves(samples[:, np.newaxis], dt, _factors(taus, dt, samples.size))[0]
+
+
+def _streamed(group: Channels, size: int, taus: Taus, progress: _Done | None) -> list[Analysis]:
+    grid = log_factors(size)  # a number is a byte or more
+    asked = None if taus is None else stream_factors(_factors(taus, group.dt, size))
+    allan = AllanStream(stream_factors(grid if asked is None else np.union1d(grid, asked)), channels=len(group.names))
+    averager = Averager(len(group.names))
+    for block in group.blocks(progress):
+        allan.feed(block)
+        averager.feed(block)
+    found, values = allan.result(), averager.values()
+    whole = [curve_of(dev, found.n, found.count, group.dt) for dev in found.dev.T]
+    analyses = [
+        analyse_averages(
+            Averages(np.ascontiguousarray(values[:, i]), averager.averaged),
+            whole[i],
+            mean=float(found.mean[i]),
+            sd=float(found.sd[i]),
+            name=name,
+            quantity=group.quantity,
+        )
+        for i, name in enumerate(group.names)
+    ]
+    if asked is None:
+        return analyses
+    if asked[-1] > found.n[-1]:
+        raise _too_long(float(asked[-1] * group.dt), group.dt, found.count)
+    return [replace(a, curve=a.curve.at(asked)) for a in analyses]  # whose intervals the model has given
+
+
+def _factors(taus: Sequence[float] | Literal["all"], dt: float, count: int, kind: str = "oadev") -> Factors:
+    """Averaging factors of averaging times, refusing those that are no multiple of the sampling time."""
+    longest = kind_of(kind).longest(count)
+    if taus == "all":
+        return np.arange(1, longest + 1)
+    times = np.asarray(taus, dtype=np.float64)
+    n = np.rint(times / dt)
+    for tau, factor in zip(times.tolist(), n.tolist(), strict=True):
+        if not factor >= 1.0 or abs(factor * dt / tau - 1.0) > _ROUNDED:
+            nearest = max(factor, 1.0) * dt
+            raise ParameterError(
+                f"τ = {tau:g} s is not a multiple of the sampling time {dt:.6g} s; the nearest is {nearest:.6g} s."
+            )
+        if factor > longest:
+            raise _too_long(tau, dt, count, kind)
+    return np.unique(n).astype(np.int64)
+
+
+def _too_long(tau: float, dt: float, count: int, kind: str = "oadev") -> ParameterError:
+    return ParameterError(
+        f"τ = {tau:g} s is too long: for {kind}, a record of {count * dt:.6g} s has "
+        f"{kind_of(kind).longest(count) * dt:.6g} s at most."
+    )
+
+
+def _with_findings(analysis: Analysis, report: StaticReport) -> Analysis:
+    warnings = tuple(w.text for w in report.warnings if w.concerns(analysis.name))
+    return replace(analysis, step=report.steps.get(analysis.name, 0.0), notes=(*warnings, *analysis.notes))
+
 
 Note = Callable[[str], None]
 Progress = Callable[[str, int, int], None]

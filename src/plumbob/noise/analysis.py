@@ -13,11 +13,9 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, UnitError
 from plumbob.core.units import Quantity
-from plumbob.noise.bands import LeftOut, leave_out, lines, mask_first_order
-from plumbob.noise.curve import Curve, curve, with_noise
-from plumbob.noise.edf import interval, skew_edf
+from plumbob.noise.bands import LeftOut, least_squares, leave_out, lines, mask_first_order
+from plumbob.noise.curve import Curve, curve, interval, skew_edf, with_noise
 from plumbob.noise.findings import Analysis, Band, Candidate, Coefficient, Estimates, GaussMarkov, Mask
-from plumbob.noise.least_squares import least_squares
 from plumbob.noise.likelihood import (
     Fit,
     coefficients,

@@ -28,8 +28,7 @@ from numpy.typing import ArrayLike
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.noise.deviation import running_sums
-from plumbob.noise.factors import Factors
+from plumbob.noise.factors import Factors, running_sums
 from plumbob.noise.kernels import add_triangles, second_squares, sum_accurately
 
 ACCURACY: Final = 1e-12

@@ -104,11 +104,6 @@ class Message:
     fields: tuple[Field, ...]
     title: str = ""
 
-    @property
-    def constants(self) -> tuple[Field, ...]:
-        """Fields by which the message is known."""
-        return tuple(f for f in self.fields if f.role == "constant")
-
     def of_role(self, role: str) -> Field | None:
         """First field of a role, such as the frame counter."""
         return next((f for f in self.fields if f.role == role), None)
@@ -241,20 +236,6 @@ class Format:
         found = [m for m in self.messages if name in ("", m.name)]
         if not found:
             raise ParameterError(f"{self.name} has no message '{name}'; known are {', '.join(self._names())}.")
-        return found[0]
-
-    def register(self, key: str | int) -> Register:
-        """Register by its name or address.
-
-        Raises
-        ------
-        ParameterError
-            If there is none.
-        """
-        found = [r for r in self.registers if key in (r.name, r.address)]
-        if not found:
-            known = ", ".join(r.name for r in self.registers) or "none"
-            raise ParameterError(f"{self.name} has no register {key!r}; known are {known}.")
         return found[0]
 
     def bind(self, chosen: Mapping[str, str] | None = None) -> "Format":

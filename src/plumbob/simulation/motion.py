@@ -32,7 +32,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.simulation.signals import Signal, Sinusoids, constant, quintic
+from plumbob.simulation.signals import Signal, constant, quintic
 
 _UPSIDE_DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x: forward-left-up to forward-right-down and back
 
@@ -336,11 +336,6 @@ class Sea:
     omega: Floats
     phasor: Phasors
     direction: Floats
-
-    @property
-    def elevation(self) -> Sinusoids:
-        """Height of the surface over its mean, m."""
-        return Sinusoids.from_phasors(self.omega, self.phasor)
 
     @property
     def displacement_ned(self) -> Phasors:

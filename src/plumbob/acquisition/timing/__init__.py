@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from plumbob.acquisition.timing.counter import CountedTime
     from plumbob.acquisition.timing.report import Delays, Stamps, TimeReport
     from plumbob.acquisition.timing.spec import Counter, TimeSpec
-    from plumbob.acquisition.timing.timebase import HostFit, HostReport, TimeBase
+    from plumbob.acquisition.timing.timebase import TimeBase
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -16,8 +16,6 @@ __getattr__, __dir__ = lazily(
         "CountedTime": "counter",
         "Counter": "spec",
         "Delays": "report",
-        "HostFit": "timebase",
-        "HostReport": "timebase",
         "Stamps": "report",
         "TimeBase": "timebase",
         "TimeReport": "report",
@@ -29,8 +27,6 @@ __all__ = [
     "CountedTime",
     "Counter",
     "Delays",
-    "HostFit",
-    "HostReport",
     "Stamps",
     "TimeBase",
     "TimeReport",

@@ -17,15 +17,16 @@ import numpy as np
 
 from plumbob.calibration.ellipsoid.autocorrelation import alike_in
 from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+    SPARE,
     Ellipsoid,
     NormFit,
     Shape,
+    choose,
     fit_norm,
     linearised,
     radius_of,
     scaled,
 )
-from plumbob.calibration.ellipsoid.shape_choice import SPARE, choose
 from plumbob.calibration.fit import TILT, CaptureRefusedError, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.predicted import REGIONS, TILT_RANGE, filled, names_of, tilt_sd
 from plumbob.core import check

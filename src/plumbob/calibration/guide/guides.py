@@ -8,11 +8,30 @@ from numpy.typing import NDArray
 
 from plumbob.acquisition.transport import Event, Stop
 from plumbob.calibration.ellipsoid.autocorrelation import alike_in
-from plumbob.calibration.ellipsoid.ellipsoid_fit import Ellipsoid, NormFit, Shape, fit_norm, radius_of, scaled
-from plumbob.calibration.ellipsoid.shape_choice import SPARE, fit_shape, start_of
+from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+    SPARE,
+    Ellipsoid,
+    NormFit,
+    Shape,
+    fit_norm,
+    fit_shape,
+    radius_of,
+    scaled,
+    start_of,
+)
 from plumbob.calibration.fit import HEADING, TILT, grade_of
-from plumbob.calibration.guide.guide import ENOUGH, Guide, Progress, RestGuide, Seen, Turn, nearest, pose_words, turn_to
-from plumbob.calibration.guide.stream_blocks import Block
+from plumbob.calibration.guide.guide import (
+    ENOUGH,
+    Block,
+    Guide,
+    Progress,
+    RestGuide,
+    Seen,
+    Turn,
+    nearest,
+    pose_words,
+    turn_to,
+)
 from plumbob.calibration.mag.field_gradient import one_axis, unevenness_in
 from plumbob.calibration.mag.outcome import DIP
 from plumbob.calibration.predicted import NAMES, REGIONS, filled, heading_sd, region_of, tilt_sd

@@ -28,6 +28,7 @@ from plumbob.calibration.fit import BLOCKS, SCALE, TILT, Fitted, Reason, grade_o
 from plumbob.calibration.gyr.drift import chen2013
 from plumbob.calibration.gyr.plausible import (
     UNCALIBRATED,
+    Rates,
     beyond_bias,
     inverse_covariance,
     new_bias_covariance,
@@ -170,40 +171,18 @@ def _missing(found: Mapping[str, slice]) -> list[Reason]:
     return reasons
 
 
-def fit_trackball(
-    t: Floats,
-    gyr: Floats,
-    *,
-    acc: Floats | None,
-    temp_c: Floats | None,
-    mag: Floats | None = None,
-    clipped: NDArray[np.bool_] | None = None,
-) -> Fitted:
+def fit_trackball(rates: Rates) -> Fitted:
     """Bias at rest with the paper's coefficients of temperature and specific force.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Measured rates, rad/s.
-    acc : ndarray (N, 3) or None
-        Specific force, m/s²; needed. A card's g-sensitivity acts on the calibrated one.
-    temp_c : ndarray (N,) or None
-        Temperature, °C; needed.
-    mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which distinguishes constant turning from rest.
-    clipped : ndarray (N,) of bool, optional
-        Samples at the end of the gyroscope's range.
 
     Raises
     ------
     CaptureRefusedError
         not-still, clipping, implausible.
     CalibrationError
-        If acc or temp_c is missing.
+        If specific force or temperature is missing.
     """
-    where, turned = rest(t, gyr, acc, clipped, mag)
+    gyr, acc, temp_c = rates.gyr, rates.acc, rates.temp_c
+    where, turned = rest(rates)
     still = np.concatenate([np.arange(one.start, one.stop) for one in where])
     drift = chen2013().at_rest(
         gyr[still], None if temp_c is None else temp_c[still], None if acc is None else acc[still]
@@ -229,7 +208,7 @@ def fit_trackball(
         "unit's may have another size or sign, and then the card makes it worse than none away from "
         "the temperature of the capture. 'plumbob calibrate temperature' measures them. Its grade is poor for that.",
         *turned,
-        *unseen_turn(acc, mag, where),
+        *unseen_turn(rates, where),
     )
     return Fitted(calibration, means, means, np.ones(len(where), dtype=bool), told)
 
@@ -248,8 +227,6 @@ def fit_ferraris(
     parts: Mapping[str, slice],
     *,
     angle: float = 2.0 * np.pi,
-    angle_sd: float = ANGLE_SD,
-    gravity: float = G0,
     clipped: NDArray[np.bool_] | None = None,
 ) -> dict[str, Fitted]:
     """Accelerometer and gyroscope from a Ferraris session.
@@ -264,10 +241,6 @@ def fit_ferraris(
         Where `FACES` and `TURNS` lie.
     angle : float
         Size of each turn, rad.
-    angle_sd : float
-        Standard deviation of that, rad.
-    gravity : float
-        Local gravity, m/s².
     clipped : ndarray (N,) of bool, optional
         Samples at the end of the range of either triad.
 
@@ -286,9 +259,9 @@ def fit_ferraris(
     require_parts(parts)
     force, rate = check.rows("acc", acc, 3, t.size), check.rows("gyr", gyr, 3, t.size)
     refuse(_unfit(force, rate, parts, clipped))
-    session = _Session(t, force, rate, parts, gravity)
+    session = _Session(t, force, rate, parts)
     accelerometer, placing = _accelerometer(session)
-    return {"acc": accelerometer, "gyr": _gyroscope(session, accelerometer.calibration, placing, angle, angle_sd)}
+    return {"acc": accelerometer, "gyr": _gyroscope(session, accelerometer.calibration, placing, angle)}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -297,7 +270,6 @@ class _Session:
     acc: Floats
     gyr: Floats
     parts: Mapping[str, slice]
-    gravity: float
 
     def faces(self, values: Floats) -> tuple[Floats, Floats, Floats]:
         """Mean readings, a column for each axis up and each axis down, and how well one is known (3,)."""
@@ -342,21 +314,21 @@ def _moved(acc: Floats, gyr: Floats) -> bool:
 def _accelerometer(session: _Session) -> tuple[Fitted, float]:
     """Fit of the accelerometer, and the standard deviation of a face's direction, rad."""
     up, down, noise = session.faces(session.acc)
-    forward = (up - down) / (2.0 * session.gravity)  # [Ferraris1995]: K R
+    forward = (up - down) / (2.0 * G0)  # [Ferraris1995]: K R
     both = (up + down) / 2.0
     bias = np.diag(both).copy()  # [Ferraris1995]
     refuse(_implausible(forward))
     matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
     across = (both - bias[:, np.newaxis])[~np.eye(3, dtype=bool)]
-    placing = float(np.sqrt(2.0 * np.mean(across**2))) / session.gravity  # either position is off by so much
-    variance = np.full((3, 3), 0.5 * placing**2) + noise[:, np.newaxis] ** 2 / (2.0 * session.gravity**2)
-    np.fill_diagonal(variance, noise**2 / (2.0 * session.gravity**2) + 0.5 * placing**4)  # 1 − cos of the placing
+    placing = float(np.sqrt(2.0 * np.mean(across**2))) / G0  # either position is off by so much
+    variance = np.full((3, 3), 0.5 * placing**2) + noise[:, np.newaxis] ** 2 / (2.0 * G0**2)
+    np.fill_diagonal(variance, noise**2 / (2.0 * G0**2) + 0.5 * placing**4)  # 1 − cos of the placing
     covariance = np.zeros((12, 12))
-    covariance[:3, :3] = np.diag(0.5 * noise**2 + 0.5 * (session.gravity * placing**2) ** 2)
+    covariance[:3, :3] = np.diag(0.5 * noise**2 + 0.5 * (G0 * placing**2) ** 2)
     covariance[3:, 3:] = inverse_covariance(np.diag(variance.ravel()), matrix)
     measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
-    left = np.linalg.norm((measured - bias) @ matrix.T, axis=1) - session.gravity
-    tilt = tilt_sd(matrix, covariance, size=session.gravity)
+    left = np.linalg.norm((measured - bias) @ matrix.T, axis=1) - G0
+    tilt = tilt_sd(matrix, covariance, size=G0)
     calibration = TriadCalibration(
         matrix,
         bias,
@@ -364,7 +336,7 @@ def _accelerometer(session: _Session) -> tuple[Fitted, float]:
         UNITS["acc"],
         covariance=covariance,
         residual_rms=float(np.sqrt(np.mean(left**2))),
-        reference=session.gravity,
+        reference=G0,
         method="acc by a Ferraris session, 6 positions",
         quality=Quality(grade=grade_of(tilt, TILT) or "poor", samples=6, tilt_sd=tilt, tilt_range=TILT_RANGE),
     )
@@ -375,27 +347,25 @@ def _accelerometer(session: _Session) -> tuple[Fitted, float]:
     return Fitted(calibration, measured, left, np.ones(6, dtype=bool), (told,)), placing
 
 
-def _gyroscope(
-    session: _Session, accelerometer: TriadCalibration, placing: float, angle: float, angle_sd: float
-) -> Fitted:
+def _gyroscope(session: _Session, accelerometer: TriadCalibration, placing: float, angle: float) -> Fitted:
     up, down, noise = session.faces(session.gyr)
     bias = np.concatenate([session.gyr[session.parts[face]] for face in FACES]).mean(axis=0)
-    coupling = (up - down) / (2.0 * session.gravity)
+    coupling = (up - down) / (2.0 * G0)
     turned = np.stack([_turned(session, name, accelerometer, bias, coupling) for name in TURNS], axis=1)
     signs = np.sign(np.diag(turned))
     forward = turned * signs / angle  # [Ferraris1995]: K R
     refuse(_unturned(forward, angle))
     matrix = np.asarray(np.linalg.inv(forward), dtype=np.float64)
     measured = np.stack((up.T, down.T), axis=1).reshape(6, 3)
-    tilts = np.repeat(np.eye(3), 2, axis=0) * np.tile([session.gravity, -session.gravity], 3)[:, np.newaxis]
+    tilts = np.repeat(np.eye(3), 2, axis=0) * np.tile([G0, -G0], 3)[:, np.newaxis]
     left = measured - bias - tilts @ coupling.T
     face_sd = np.maximum(noise, np.sqrt(np.sum(left**2, axis=0) / 2.0))  # 6 faces less 4 parameters for each axis
-    bias_sd, coupling_sd = face_sd / np.sqrt(6.0), face_sd / (np.sqrt(2.0) * session.gravity)
+    bias_sd, coupling_sd = face_sd / np.sqrt(6.0), face_sd / (np.sqrt(2.0) * G0)
     seconds = np.array([_seconds(session, name) for name in TURNS])
     held = float(np.mean([_seconds(session, face) for face in FACES]))
     drift = noise[:, np.newaxis] ** 2 * held * seconds + np.outer(bias_sd**2, seconds**2)  # of an integral
     variance = drift / angle**2 + placing**2
-    np.fill_diagonal(variance, np.diag(drift) / angle**2 + (angle_sd / angle) ** 2)
+    np.fill_diagonal(variance, np.diag(drift) / angle**2 + (ANGLE_SD / angle) ** 2)
     covariance = np.zeros((12, 12))
     covariance[:3, :3] = np.diag(bias_sd**2)
     covariance[3:, 3:] = inverse_covariance(np.diag(variance.ravel()), matrix)
@@ -413,8 +383,8 @@ def _gyroscope(
         quality=Quality(grade=grade_of(scale_sd, SCALE) or "poor", samples=9, scale_sd=scale_sd),
     )
     told = (
-        f"Each turn is taken to be {to_deg(angle):g}° to {to_deg(angle_sd):g}° (standard deviation, assumed): that "
-        f"makes {100.0 * angle_sd / angle:.2g} % of the scale factors.",
+        f"Each turn is taken to be {to_deg(angle):g}° to {to_deg(ANGLE_SD):g}° (standard deviation, assumed): that "
+        f"makes {100.0 * ANGLE_SD / angle:.2g} % of the scale factors.",
         f"The bias repeats to {to_dps(float(face_sd.max())):.2g} °/s from face to face.",
     )
     return Fitted(calibration, measured, left, np.ones(6, dtype=bool), told)

@@ -26,11 +26,12 @@ from plumbob.calibration.gyr.motion_fit import (
     fit_motions,
     typical_miss,
 )
-from plumbob.calibration.gyr.plausible import UNCALIBRATED, beyond_bias, dead_axes, without_known
+from plumbob.calibration.gyr.plausible import Rates, beyond_bias, dead_axes, without_known
 from plumbob.calibration.gyr.rest import bias_of, rest
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.errors import CalibrationError
 from plumbob.core.text import counted, p_value
 from plumbob.core.units import dps, to_deg, to_dps
 from plumbob.data.cards import Quality, TriadCalibration
@@ -106,57 +107,36 @@ _ADVICE = (
 )
 
 
-def fit_hand(
-    t: Floats,
-    gyr: Floats,
-    acc: Floats,
-    *,
-    acc_calibrated: bool,
-    mag: Floats | None = None,
-    temp_c: Floats | None = None,
-    clipped: NDArray[np.bool_] | None = None,
-    known: TriadCalibration = UNCALIBRATED,
-) -> Fitted:
+def fit_hand(rates: Rates) -> Fitted:
     """Bias and matrix of a gyroscope from hand motion.
 
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Measured rates, rad/s.
-    acc : ndarray (N, 3)
-        Specific force, m/s², calibrated: its errors of scale and axes become the gyroscope's.
-    acc_calibrated : bool
-        Whether it is; only for a remark.
-    mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which distinguishes constant turning from rest.
-    temp_c : ndarray (N,), optional
-        Temperature, °C.
-    clipped : ndarray (N,) of bool, optional
-        Samples at the end of the gyroscope's range; a motion with one is left out, and so is one whose rates have a
-        flat top that no range declares.
-    known : TriadCalibration
-        Calibration so far; its polynomial is kept, and its g-sensitivity where it has one. Else the poses tell it,
-        where the accelerometer is calibrated.
+    Errors of scale and axes of the specific force become the gyroscope's. A motion with a clipped sample is left out,
+    and so is one whose rates have a flat top that no range declares. Of the calibration so far the polynomial is kept,
+    and the g-sensitivity where it has one; else the poses tell it, where the accelerometer is calibrated.
 
     Raises
     ------
     CaptureRefusedError
         not-still, no-motion, too-few, clipping, wrong-gravity, ill-conditioned, implausible.
+    CalibrationError
+        If there is no specific force.
     """
-    rates, force = check.rows("gyr", gyr, 3, t.size), check.rows("acc", acc, 3, t.size)
-    where, told = rest(t, rates, force, clipped, mag)
-    left = without_known(rates, known, temp_c=temp_c, acc=force)
+    if rates.acc is None:
+        raise CalibrationError("hand motion calibrates a gyroscope against the accelerometer, and there is no acc.")
+    t, clipped, known, acc_calibrated = rates.t, rates.clipped, rates.known, rates.acc_calibrated
+    gyr, force = check.rows("gyr", rates.gyr, 3, t.size), check.rows("acc", rates.acc, 3, t.size)
+    rates = rates._replace(gyr=gyr, acc=force)
+    where, told = rest(rates)
+    left = without_known(rates)
     coupling = _coupling(left, force, where, known) if acc_calibrated else None
     if coupling is not None:
         left = left - force @ coupling.matrix.T
         known = replace(known, g_sensitivity=coupling.matrix, g_sensitivity_sd=coupling.sd)
     bias, spread, _ = bias_of([left[one] for one in where])
     refuse(beyond_bias(bias))
-    between = [rates[first.stop : second.start] for first, second in pairwise(where)]
+    between = [gyr[first.stop : second.start] for first, second in pairwise(where)]
     refuse(dead_axes(*(rate for rate in between if len(rate) >= SHORTEST)))
-    flat = flat_tops(rates, where)
+    flat = flat_tops(gyr, where)
     motions, spoilt = find_motions(t, left, force, where, flat if clipped is None else flat | clipped)
     refuse(_unfit(motions, spoilt, force, where))
     fit = fit_motions(motions, bias, spread)

@@ -5,9 +5,10 @@ magnetometer sees it, calibrated or not, for the field turns against the unit.
 """
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.calibration.fit import Reason
 from plumbob.core.check import Floats
@@ -20,34 +21,56 @@ UNCALIBRATED: Final = TriadCalibration(np.eye(3), np.zeros(3), UNITS["gyr"], UNI
 """A gyroscope of which nothing is known but its data sheet."""
 
 
-def without_known(gyr: Floats, known: TriadCalibration, *, temp_c: Floats | None, acc: Floats | None) -> Floats:
-    """Rates less what temperature and specific force are known to add, (N, 3); the bias stays.
+class Rates(NamedTuple):
+    """Measured rates, and what was measured beside them.
 
-    Parameters
+    Attributes
     ----------
+    t : ndarray (N,)
+        Time, s.
     gyr : ndarray (N, 3)
         Measured rates, rad/s.
+    acc : ndarray (N, 3), optional
+        Specific force, m/s², which helps to detect rest; calibrated, as a card's g-sensitivity acts on.
+    mag : ndarray (N, 3), optional
+        Flux density, calibrated or not, which distinguishes constant turning from rest.
+    temp_c : ndarray (N,), optional
+        Temperature, °C.
+    clipped : ndarray (N,) of bool, optional
+        Samples at the end of the gyroscope's range.
     known : TriadCalibration
         Calibration so far.
-    temp_c : ndarray (N,) or None
-        Temperature, °C; needed where `known` has a polynomial.
-    acc : ndarray (N, 3) or None
-        Calibrated specific force, m/s²; needed where `known` has a g-sensitivity.
+    acc_calibrated : bool
+        Whether the specific force is calibrated.
+    """
+
+    t: Floats
+    gyr: Floats
+    acc: Floats | None = None
+    mag: Floats | None = None
+    temp_c: Floats | None = None
+    clipped: NDArray[np.bool_] | None = None
+    known: TriadCalibration = UNCALIBRATED
+    acc_calibrated: bool = False
+
+
+def without_known(rates: Rates) -> Floats:
+    """Rates less what temperature and specific force are known to add, (N, 3); the bias stays.
 
     Raises
     ------
     CalibrationError
-        If one that is needed is missing.
+        If temperature or specific force is needed and missing.
     """
-    left = gyr
+    left, known = rates.gyr, rates.known
     if known.bias_per_k.any():
-        if temp_c is None:
+        if rates.temp_c is None:
             raise CalibrationError("the card so far corrects the gyroscope for temperature; record temp_c too.")
-        left = left - temperature_drift(known, temp_c)
+        left = left - temperature_drift(known, rates.temp_c)
     if known.g_sensitivity.any():
-        if acc is None:
+        if rates.acc is None:
             raise CalibrationError("the card so far corrects the gyroscope for specific force; record acc too.")
-        left = left - acc @ known.g_sensitivity.T
+        left = left - rates.acc @ known.g_sensitivity.T
     return left
 
 
@@ -143,8 +166,9 @@ def turned(turns: Floats) -> Reason:
     return Reason("not-still", text, "Lay the unit on something that does not turn, away from moving iron.")
 
 
-def unseen_turn(acc: Floats | None, mag: Floats | None, where: Sequence[slice]) -> tuple[str, ...]:
+def unseen_turn(rates: Rates, where: Sequence[slice]) -> tuple[str, ...]:
     """Remark where neither the field nor the tilts of the stretches could tell a turn about the vertical."""
+    acc, mag = rates.acc, rates.mag
     if mag is not None and any(np.isfinite(mag[one]).all(axis=1).any() for one in where):
         return ()
     if acc is not None:

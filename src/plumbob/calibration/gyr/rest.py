@@ -4,11 +4,10 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, mean_and_sd, refuse
 from plumbob.calibration.gyr.plausible import (
-    UNCALIBRATED,
+    Rates,
     beyond_bias,
     dead_axes,
     field_turns,
@@ -32,48 +31,23 @@ LONG: Final = 20.0
 """Shortest time at rest whose bias can be good, s: a shorter one sees the noise and not how the bias wanders."""
 
 
-def fit_rest(
-    t: Floats,
-    gyr: Floats,
-    *,
-    acc: Floats | None = None,
-    mag: Floats | None = None,
-    temp_c: Floats | None = None,
-    clipped: NDArray[np.bool_] | None = None,
-    known: TriadCalibration = UNCALIBRATED,
-) -> Fitted:
-    """Bias at rest.
+def fit_rest(rates: Rates) -> Fitted:
+    """Bias at rest; matrix, polynomial and g-sensitivity of the calibration so far are kept.
 
     Its standard deviation is the larger of two: what the noise within all stretches leaves of their mean, and, from
     three stretches on, what the scatter of their means does, in which slow drift and g-sensitivity show.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Measured rates, rad/s.
-    acc : ndarray (N, 3), optional
-        Specific force, m/s², which helps to detect rest.
-    mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which distinguishes constant turning from rest.
-    temp_c : ndarray (N,), optional
-        Temperature, °C.
-    clipped : ndarray (N,) of bool, optional
-        Samples at the end of the gyroscope's range.
-    known : TriadCalibration
-        Calibration so far; its matrix, polynomial and g-sensitivity are kept.
 
     Raises
     ------
     CaptureRefusedError
         not-still, clipping, implausible.
     CalibrationError
-        If `known` needs a temperature or a specific force that is missing.
+        If the calibration so far needs a temperature or a specific force that is missing.
     """
-    rates = check.rows("gyr", gyr, 3, t.size)
-    where, told = rest(t, rates, acc, clipped, mag)
-    left = without_known(rates, known, temp_c=temp_c, acc=acc)
+    t, known = rates.t, rates.known
+    rates = rates._replace(gyr=check.rows("gyr", rates.gyr, 3, t.size))
+    where, told = rest(rates)
+    left = without_known(rates)
     bias, spread, means = bias_of([left[one] for one in where])
     refuse(beyond_bias(bias))
     seconds = sum(float(t[one.stop - 1] - t[one.start]) for one in where)
@@ -82,21 +56,20 @@ def fit_rest(
         bias=bias,
         covariance=new_bias_covariance(known, np.diag(spread**2)),
         residual_rms=float(np.sqrt(np.mean((means - bias) ** 2))),
-        temp_ref_c=_temperature(known, temp_c, where),
+        temp_ref_c=_temperature(known, rates.temp_c, where),
         method=f"gyr at rest, {seconds:.0f} s in {counted(len(where), 'stretch', 'stretches')}",
         quality=Quality(grade=_grade(spread, seconds), samples=sum(one.stop - one.start for one in where)),
     )
-    remarks = (*_remarks(calibration, spread, seconds), *told, *unseen_turn(acc, mag, where))
+    remarks = (*_remarks(calibration, spread, seconds), *told, *unseen_turn(rates, where))
     return Fitted(calibration, means, means - bias, np.ones(len(where), dtype=bool), remarks)
 
 
-def rest(
-    t: Floats, gyr: Floats, acc: Floats | None, clipped: NDArray[np.bool_] | None, mag: Floats | None = None
-) -> tuple[list[slice], tuple[str, ...]]:
-    """Stretches at rest, and what to say of them, or a refusal; arguments as in `fit_rest`."""
+def rest(rates: Rates) -> tuple[list[slice], tuple[str, ...]]:
+    """Stretches at rest, and what to say of them, or a refusal."""
+    t, gyr, clipped = rates.t, rates.gyr, rates.clipped
     refuse(dead_axes(gyr))
-    force = np.zeros_like(gyr) if acc is None else acc  # an accelerometer that says nothing against rest
-    where, told = _unturned(t, mag, stills(t, force, gyr))
+    force = np.zeros_like(gyr) if rates.acc is None else rates.acc  # an accelerometer that says nothing against rest
+    where, told = _unturned(t, rates.mag, stills(t, force, gyr))
     seconds = sum(float(t[one.stop - 1] - t[one.start]) for one in where)
     reasons = []
     if clipped is not None and any(clipped[one].any() for one in where):

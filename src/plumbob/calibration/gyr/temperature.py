@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from plumbob.calibration.fit import RATE, Fitted, Reason, grade_of, refuse
 from plumbob.calibration.gyr.plausible import (
-    UNCALIBRATED,
+    Rates,
     beyond_bias,
     dead_axes,
     field_turns,
@@ -67,57 +67,32 @@ USUAL: Final = 25.0
 """Temperature at which data sheets state a bias, °C."""
 
 
-def fit_temperature(
-    t: Floats,
-    gyr: Floats,
-    temp_c: Floats | None,
-    *,
-    acc: Floats | None = None,
-    mag: Floats | None = None,
-    clipped: NDArray[np.bool_] | None = None,
-    known: TriadCalibration = UNCALIBRATED,
-) -> Fitted:
-    """Polynomial of the bias over temperature, of degree 1 to 3.
-
-    Parameters
-    ----------
-    t : ndarray (N,)
-        Time, s.
-    gyr : ndarray (N, 3)
-        Measured rates at rest, rad/s.
-    temp_c : ndarray (N,) or None
-        Temperature, °C.
-    acc : ndarray (N, 3), optional
-        Specific force, m/s², which helps to detect rest.
-    mag : ndarray (N, 3), optional
-        Flux density, calibrated or not, which distinguishes constant turning from rest.
-    clipped : ndarray (N,) of bool, optional
-        Samples at the end of the gyroscope's range.
-    known : TriadCalibration
-        Calibration so far; its matrix and g-sensitivity are kept.
+def fit_temperature(rates: Rates) -> Fitted:
+    """Polynomial of the bias over temperature, of degree 1 to 3; matrix and g-sensitivity known so far are kept.
 
     Raises
     ------
     CaptureRefusedError
         no-temperature, too-few, clipping, not-still, implausible.
     CalibrationError
-        If `known` has a g-sensitivity and there is no `acc`.
+        If the calibration so far has a g-sensitivity and there is no specific force.
     """
-    rates = check.rows("gyr", gyr, 3, t.size)
-    temperature = np.full(t.size, np.nan) if temp_c is None else check.column("temp_c", temp_c, t.size)
-    refuse([*dead_axes(rates), *_unfit(t, rates, temperature, clipped)])
+    t, known, mag = rates.t, rates.known, rates.mag
+    gyr = check.rows("gyr", rates.gyr, 3, t.size)
+    temperature = np.full(t.size, np.nan) if rates.temp_c is None else check.column("temp_c", rates.temp_c, t.size)
+    refuse([*dead_axes(gyr), *_unfit(t, gyr, temperature, rates.clipped)])
     reference = _reference(temperature)
     steady = replace(known, bias_per_k=np.zeros((1, 3)))
-    left = without_known(rates, steady, temp_c=None, acc=acc)
+    left = without_known(rates._replace(gyr=gyr, known=steady))
     drift = _powers(temperature, reference) @ _rough(_blocks(t, left, temperature, reference))
-    rest = _at_rest(t, left - drift, acc)
+    rest = _at_rest(t, left - drift, rates.acc)
     refuse(_restless(rest))
     refuse([] if mag is None else _turning(t, mag))
     blocks = _blocks(t, np.where(rest[:, np.newaxis], left, np.nan), temperature, reference)
     fit = _choose(blocks)
     refuse(beyond_bias(fit.bias))
     found = _fitted(fit, blocks, temperature, known, float(t[-1] - t[0]))
-    return replace(found, remarks=(*unseen_turn(None, mag, [slice(0, t.size)]), *found.remarks))
+    return replace(found, remarks=(*unseen_turn(rates._replace(acc=None), [slice(0, t.size)]), *found.remarks))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

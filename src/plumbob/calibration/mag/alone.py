@@ -13,35 +13,40 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.ellipsoid.autocorrelation import LONG, alike_in
-from plumbob.calibration.ellipsoid.ellipsoid_fit import NormFit, Shape, fit_norm, linearised, radius_of, scaled
-from plumbob.calibration.ellipsoid.shape_choice import SPARE, choose, fit_shape
-from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.arguments import (
-    WEAKEST,
-    finite_rows,
-    forces,
-    require_dip,
-    require_strength,
-    require_tilt_range,
-    unequal,
-    wrong_field,
+from plumbob.calibration.ellipsoid.ellipsoid_fit import (
+    SPARE,
+    NormFit,
+    Shape,
+    choose,
+    fit_norm,
+    fit_shape,
+    linearised,
+    radius_of,
+    scaled,
 )
+from plumbob.calibration.fit import HEADING, CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.field_gradient import Unevenness, one_axis, unevenness_in
 from plumbob.calibration.mag.outcome import (
     DIP,
     EVEN,
     MOST_OUTLIERS,
     STEEL,
+    WEAKEST,
     Doubt,
     calibration_of,
     dip_of,
+    finite_rows,
+    forces,
     heading_told,
     outliers,
     own_scale,
+    require_figures,
     set_aside,
+    unequal,
     uneven,
     uneven_told,
     where_known,
+    wrong_field,
 )
 from plumbob.calibration.predicted import NAMES, TILT_RANGE, filled, heading_apart, heading_sd, names_of
 from plumbob.core.check import Floats
@@ -234,7 +239,8 @@ def fit_mag(
     ParameterError
         If another argument is outside its range.
     """
-    _require_figures(shape, strength, dip, tilt_range)
+    _require_shape(shape)
+    require_figures(strength=strength, dip=dip, tilt_range=tilt_range)
     mag = finite_rows("mag", mag)
     acc = None if acc is None else forces(acc, len(mag))
     least = (shape or Shape.ELLIPSOID).value + SPARE
@@ -286,13 +292,10 @@ def _change(mag: Floats) -> float:
     return math.sqrt(float(np.sum(np.var(mag, axis=0))))
 
 
-def _require_figures(shape: Shape | None, strength: float | None, dip: float | None, tilt_range: float) -> None:
+def _require_shape(shape: Shape | None) -> None:
     if shape is not None and not isinstance(shape, Shape):
         known = ", ".join(str(each) for each in Shape)
         raise ParameterError(f"shape must be one of {known}, or None to have it chosen, but it is {shape!r}.")
-    require_strength(strength)
-    require_dip(dip)
-    require_tilt_range(tilt_range)
 
 
 def _constant(mag: Floats) -> Reason | None:

@@ -6,16 +6,6 @@ import numpy as np
 
 from plumbob.calibration.ellipsoid.ellipsoid_fit import to_size_of
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
-from plumbob.calibration.mag.arguments import (
-    require_dip,
-    require_gain_sd,
-    require_strength,
-    require_tilt_range,
-    stuck,
-    unequal,
-    with_rates,
-    wrong_field,
-)
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.mag.in_use_fit import FEWEST_WINDOWS, LENGTH, InUseFit, fit_in_use
 from plumbob.calibration.mag.outcome import (
@@ -26,9 +16,14 @@ from plumbob.calibration.mag.outcome import (
     dip_of,
     outliers,
     own_scale,
+    require_figures,
     set_aside,
+    stuck,
     uncertain,
+    unequal,
     where_known,
+    with_rates,
+    wrong_field,
 )
 from plumbob.calibration.mag.with_acc import turn_of
 from plumbob.calibration.mag.with_gyr import GAIN_SD
@@ -92,10 +87,7 @@ def fit_mag_in_use(
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_dip(dip)
-    require_gain_sd(gyr_gain_sd)
-    require_tilt_range(tilt_range)
+    require_figures(strength=strength, dip=dip, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
     seen = mag[np.isfinite(mag).all(axis=1)]
     refuse([dead] if len(seen) and (dead := stuck(seen)) is not None else [])

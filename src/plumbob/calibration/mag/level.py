@@ -16,22 +16,25 @@ from numpy.typing import NDArray
 from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
-from plumbob.calibration.mag.arguments import STRONGEST, finite_rows, forces, require_dip, require_strength, unequal
 from plumbob.calibration.mag.field_gradient import Unevenness
 from plumbob.calibration.mag.outcome import (
     DIP,
     STEEL,
+    STRONGEST,
     Doubt,
     calibration_of,
+    finite_rows,
+    forces,
     outliers,
+    require_figures,
     set_aside,
     uncertain,
+    unequal,
     uneven_told,
     where_known,
 )
 from plumbob.calibration.predicted import heading_sd
 from plumbob.core.check import Floats
-from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg, to_deg
 
 PARAMETERS: Final = 5
@@ -179,7 +182,6 @@ def fit_mag_level(
     mag: Floats,
     *,
     acc: Floats | None = None,
-    upright: int | None = None,
     strength: float | None = None,
     dip: float | None = None,
 ) -> Fitted:
@@ -190,10 +192,8 @@ def fit_mag_level(
     mag : ndarray (N, 3)
         Measured field, µT, in order of time; finite.
     acc : ndarray (N, 3), optional
-        Specific force at the same instants, m/s², finite: it shows which axis is upright, and whether the unit was
-        level.
-    upright : {0, 1, 2}, optional
-        The upright axis; without it and `acc`, the one along which the field changed least.
+        Specific force at the same instants, m/s², finite: it shows which axis is upright, else the one
+        along which the field changed least, and whether the unit was level.
     strength, dip : float, optional
         Strength of the field at the place, µT, and its dip, rad: both together give the level field. Without them, the
         sensor's own scale is kept on average.
@@ -207,14 +207,12 @@ def fit_mag_level(
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_dip(dip)
-    _require_axis(upright)
+    require_figures(strength=strength, dip=dip)
     mag = finite_rows("mag", mag)
     acc = None if acc is None else forces(acc, len(mag))
     if len(mag) < _FEWEST:
         refuse([Reason("too-few", f"{len(mag)} samples, but {_FEWEST} are needed.", _ADVICE)])
-    axis = _upright(mag, acc) if upright is None else upright
+    axis = _upright(mag, acc)
     level = [i for i in range(3) if i != axis]
     fit = fit_ellipse(mag[:, level])
     if fit is None:
@@ -248,13 +246,6 @@ def fit_mag_level(
     return Fitted(
         calibration, mag, fit.residuals, fit.used, (*_remarks(fit, axis, radius, wanted), *uneven_told(doubt))
     )
-
-
-def _require_axis(upright: int | None) -> None:
-    if upright not in {None, 0, 1, 2}:
-        raise ParameterError(
-            f"upright must be 0, 1 or 2, for x, y or z, or None to have it found, but it is {upright}."
-        )
 
 
 def _upright(mag: Floats, acc: Floats | None) -> int:

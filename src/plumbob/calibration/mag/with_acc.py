@@ -24,25 +24,22 @@ from plumbob.calibration.ellipsoid.autocorrelation import alike
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, Shape, radius_of, to_size
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, inverse_of, refuse
 from plumbob.calibration.mag.alone import fit_mag
-from plumbob.calibration.mag.arguments import (
-    finite_rows,
-    forces,
-    require_strength,
-    require_tilt_range,
-    unequal,
-    wrong_field,
-)
 from plumbob.calibration.mag.field_gradient import unevenness
 from plumbob.calibration.mag.outcome import (
     Doubt,
     calibration_of,
+    finite_rows,
+    forces,
     outliers,
     own_scale,
+    require_figures,
     set_aside,
     thinned,
     uncertain,
+    unequal,
     uneven_told,
     where_known,
+    wrong_field,
 )
 from plumbob.calibration.predicted import TILT_RANGE, heading_sd
 from plumbob.core.check import Floats
@@ -350,8 +347,7 @@ def fit_mag_acc(mag: Floats, acc: Floats, *, strength: float | None = None, tilt
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_tilt_range(tilt_range)
+    require_figures(strength=strength, tilt_range=tilt_range)
     mag = finite_rows("mag", mag)
     acc = forces(acc, len(mag))
     if len(mag) < FEWEST:

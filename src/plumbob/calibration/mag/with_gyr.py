@@ -20,14 +20,6 @@ from plumbob.calibration.ellipsoid.autocorrelation import Alike, memory_of_each
 from plumbob.calibration.ellipsoid.ellipsoid_fit import CAUCHY, FALSE_ALARM, MAD, to_size_of
 from plumbob.calibration.fit import CaptureRefusedError, Fitted, Reason, refuse
 from plumbob.calibration.mag.alone import unturned
-from plumbob.calibration.mag.arguments import (
-    require_gain_sd,
-    require_strength,
-    require_tilt_range,
-    unequal,
-    with_rates,
-    wrong_field,
-)
 from plumbob.calibration.mag.field_gradient import PATCH, Unevenness, unevenness
 from plumbob.calibration.mag.outcome import (
     DIP,
@@ -36,11 +28,15 @@ from plumbob.calibration.mag.outcome import (
     calibration_of,
     outliers,
     own_scale,
+    require_figures,
     set_aside,
     thinned,
     uncertain,
+    unequal,
     uneven_told,
     where_known,
+    with_rates,
+    wrong_field,
 )
 from plumbob.calibration.mag.windows import by_error, inverse_of, leaning, tightness
 from plumbob.calibration.mag.with_acc import turn_of
@@ -439,9 +435,7 @@ def fit_mag_gyr(
     ParameterError
         If another argument is outside its range.
     """
-    require_strength(strength)
-    require_gain_sd(gyr_gain_sd)
-    require_tilt_range(tilt_range)
+    require_figures(strength=strength, gyr_gain_sd=gyr_gain_sd, tilt_range=tilt_range)
     t, mag, gyr, acc = with_rates(t, mag, gyr, acc)
     present = np.flatnonzero(np.isfinite(mag).all(axis=1))
     stride = max(1, -(-len(present) // _SOME))

@@ -135,14 +135,18 @@ def quiet() -> Iterator[None]:
         yield
 
 
-class _Peer:
-    """What the adapters share."""
+class Peer:
+    """What the adapters share, those of the benchmark of faults too."""
 
     def __init__(self, library: Any) -> None:
         self.library = library
 
+    def enu(self, q: Floats) -> Floats:
+        """Return attitudes as they are."""
+        return q
 
-class _Vqf(_Peer):
+
+class _Vqf(Peer):
     """The compiled classes of vqf."""
 
     KIND = "VQF"
@@ -200,7 +204,7 @@ def fusion_filter(library: Any, rate: float, tuning: Mapping[str, float]) -> Any
     return filter_
 
 
-class _Fusion(_Peer):
+class _Fusion(Peer):
     """x-io Fusion with its default settings."""
 
     name = "imufusion(default)"
@@ -238,29 +242,33 @@ class _FusionReadme(_Fusion):
         return np.array([bias.update(rate) for rate in to_deg(gyr)])
 
 
-class _Ahrs(_Peer):
-    """One class of ahrs."""
+class Ahrs(Peer):
+    """One class of ahrs.
+
+    Attributes
+    ----------
+    KIND, ARGUMENTS, START : str, Mapping, str
+        Its name, what its constructor is given, and what it starts from, in words.
+    """
 
     KIND = "Mahony"
     ARGUMENTS: Mapping[str, Any] = {}
+    START = "started from the first sample"
 
     def __init__(self, library: Any) -> None:
         super().__init__(library)
         self.name = f"ahrs.{self.KIND}"
         shown = ", ".join(f"{name}={value}" for name, value in self.ARGUMENTS.items())
-        self.settings = f"{self.name}({shown or 'defaults'}), started from the first sample"
-
-    def enu(self, q: Floats) -> Floats:
-        """Return attitudes as they are."""
-        return q
+        self.settings = f"{self.name}({shown or 'defaults'}), {self.START}"
 
     def whole(self, gyr: Floats, acc: Floats, mag: Floats | None, step: float) -> Floats:
+        """Attitudes (N, 4), body to ENU, of samples in rad/s, m/s² and µT at a step in s."""
         kind = getattr(self.library.filters, self.KIND)
         with quiet():
             return self.enu(kind(gyr=gyr, acc=acc, mag=mag, frequency=1.0 / step, **self.ARGUMENTS).Q)
 
 
-class _BuoyMahony(_Ahrs):
+class _BuoyMahony(Ahrs):
     """With the gains of the buoy paper, which it shares with our own."""
 
     ARGUMENTS: Mapping[str, Any] = {"k_P": 0.5, "k_I": 0.03}
@@ -270,7 +278,7 @@ class _BuoyMahony(_Ahrs):
         self.name += "(buoy paper)"
 
 
-class _Madgwick(_Ahrs):
+class Madgwick(Ahrs):
     """The gradient descent of the 2010 report."""
 
     KIND = "Madgwick"
@@ -280,7 +288,7 @@ class _Madgwick(_Ahrs):
         return change_frame(q, to=Frame.ENU, from_=Frame.NWU)
 
 
-class _EkfRun(_Ahrs):
+class _EkfRun(Ahrs):
     """In NED, where it wants the direction of gravity, and with the dip of the field of the recording."""
 
     KIND = "EKF"
@@ -307,5 +315,5 @@ def _dip(acc: Floats, mag: Floats) -> Floats:
 _RUNS: Final[Mapping[str, Sequence[Any]]] = {
     "vqf": (_Vqf, _BasicVqf, _OfflineVqf),
     "imufusion": (_Fusion, _FusionReadme),
-    "ahrs": (_Madgwick, _Ahrs, _BuoyMahony, _EkfRun),
+    "ahrs": (Madgwick, Ahrs, _BuoyMahony, _EkfRun),
 }

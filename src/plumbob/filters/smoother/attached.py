@@ -1,12 +1,12 @@
-"""A field that turns with the sensor: a magnet or iron fixed to it, for a part of the recording.
+"""A field that turns with the sensor: the unit's own hard iron, or a magnet on it for a part of the recording.
 
 In a few seconds of turning the field of the place and one of the sensor come apart, ``m = Rᵀ h + c``, six unknowns and
-no heading needed. What windows say alike is a candidate; the cheapest way through the windows with these, and with
-none, is taken, where a change costs.
+no heading needed. What nearly all windows say together is the unit's own. Of the rest, what some windows say alike is a
+candidate; the cheapest way through the windows with these, and with none, is taken, where a change costs.
 """
 
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ LEAST_NOISE: Final = 0.3
 CLEAR: Final = 1.5
 """A window says something if each axis of its field is known to this, µT; two alike are this near."""
 LEAST: Final = 5.0
-"""Smaller fields than this, µT, are left to the calibration: a bent field of the place looks like one."""
+"""Smaller fields than this, µT, are left to the calibration: an uneven field of the place looks like one."""
 ALIKE: Final = 2
 """Windows that must say the same."""
 CANDIDATES: Final = 8
@@ -41,19 +41,46 @@ DEAREST_SIZE: Final = 20.0
 """at most at this cost."""
 DOUBT: Final = 4.0
 """A difference that decides."""
+AGREED: Final = 0.8
+"""The unit has a field of its own if the windows agree so well, as the mean of weights from 0 to 1:"""
+OUTLIER: Final = 12.0
+"""a window off by so many variances counts with a quarter."""
+KNOWN: Final = 0.5
+"""Each axis of it is then known to this, µT."""
+MEDIAN_OF_THREE: Final = 2.366
+"""Median of χ² with three degrees of freedom."""
 
 
 @dataclass(frozen=True, slots=True)
 class Attached:
-    """Field that turns with the sensor, µT, body axes (K, 3), zero where there is none; and where nobody can tell."""
+    """Fields that turn with the sensor, µT, body axes.
+
+    Attributes
+    ----------
+    field : ndarray (K, 3)
+        All of it, at each step.
+    doubtful : ndarray (K,) of bool
+        Steps where nobody can tell.
+    iron : ndarray (3,)
+        What belongs to the unit itself, and was taken off.
+    left : ndarray (3,)
+        What may belong to it and was not taken off: an uneven field of the place looks like it.
+    """
 
     field: Floats
     doubtful: Bools
+    iron: Floats
+    left: Floats
 
     @property
     def found(self) -> bool:
         """Whether there is one."""
         return bool(self.field.any())
+
+    @property
+    def magnet(self) -> Floats:
+        """What was on the unit for a part of the recording, (K, 3)."""
+        return np.asarray(self.field - self.iron)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,25 +94,60 @@ class _Windows:
     strong: Bools
     weak: Bools
 
+    def without(self, field: Floats) -> Self:
+        """The same without a field, (3,) or (n, 3), that turns with the sensor."""
+        return replace(self, own=self.own - field, mean=self.mean - field)
+
 
 def attached_field(frames: Keyframes, q: Floats) -> Attached:
     """Field that turns with the sensor, with attitudes (N, 4) of the samples, of any heading that drifts slowly."""
-    none = Attached(np.zeros((frames.gap.size, 3)), np.zeros(frames.gap.size, dtype=bool))
+    steps = frames.gap.size
     windows = _windows(frames, q)
     if windows is None:
-        return none
+        return Attached(np.zeros((steps, 3)), np.zeros(steps, dtype=bool), np.zeros(3), np.zeros(3))
+    iron, left = _of_unit(windows)
+    windows = windows.without(iron)
     candidates = _candidates(windows)
     if len(candidates) == 1:
-        return none
+        return Attached(np.tile(iron, (steps, 1)), np.zeros(steps, dtype=bool), iron, left)
     off_size = ((np.linalg.norm(windows.mean[:, np.newaxis] - candidates, axis=2) - windows.size) / SIZE_SD) ** 2
     path = _cheapest(_costs(windows, candidates, off_size))
+    if not (iron.any() or left.any()):  # the magnet may have hidden it
+        iron, left = _of_unit(windows.without(candidates[path]))
     place = np.round((frames.middle - frames.t[0] - 0.5 * WINDOW) / STRIDE).astype(int)
     step = np.clip(place, 0, len(path) - 1)
-    return Attached(candidates[path][step], _doubtful(windows, path, off_size)[step])
+    return Attached(iron + candidates[path][step], _doubtful(windows, path, off_size)[step], iron, left)
+
+
+def _of_unit(windows: _Windows) -> tuple[Floats, Floats]:
+    """Field of the unit itself, (3,), by all windows together: what to take off and what to leave."""
+    good = windows.strong | windows.weak
+    own, info = windows.own[good], windows.info[good]
+    told = np.einsum("nij,nj->ni", info, own)
+    start = own[windows.strong[good]]
+    iron = np.median(start, axis=0) if len(start) > ALIKE else np.linalg.solve(info.sum(axis=0), told.sum(axis=0))
+    for _ in range(20):
+        off = own - iron
+        off2 = np.einsum("ni,nij,nj->n", off, info, off)
+        scale = max(1.0, float(np.median(off2)) / MEDIAN_OF_THREE)
+        weight = 1.0 / (1.0 + off2 / (OUTLIER * scale)) ** 2
+        known = np.einsum("n,nij->ij", weight, info)
+        iron = np.linalg.solve(known, weight @ told)
+    if np.linalg.eigvalsh(known)[0] < scale / KNOWN**2 or weight.mean() < AGREED or not _sized(windows, iron):
+        return np.zeros(3), np.zeros(3)
+    return (iron, np.zeros(3)) if np.linalg.norm(iron) > LEAST else (np.zeros(3), iron)
+
+
+def _sized(windows: _Windows, iron: Floats) -> bool:
+    """Whether nearly all windows without turning have the size of the place once a field of the unit is taken off."""
+    if not windows.weak.any() or not windows.size:
+        return True
+    off = (np.linalg.norm(windows.mean[windows.weak] - iron, axis=1) - windows.size) / SIZE_SD
+    return bool((off**2 < DOUBT).mean() > AGREED)
 
 
 def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
-    """Least squares in every window; None where none says anything."""
+    """Least squares in every window; None where all together say nothing."""
     count = int((frames.t[-1] - frames.t[0] - WINDOW) // STRIDE) + 1
     seen = np.isfinite(frames.mag[:, 0])
     if count < ALIKE or not seen.any():
@@ -114,10 +176,11 @@ def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
     good = number > 10.0
     info = np.where(good, INDEPENDENT / np.maximum(left, LEAST_NOISE**2), 0.0)[:, np.newaxis, np.newaxis] * normal
     strong = good & (np.linalg.eigvalsh(info)[:, 0] > 1.0 / CLEAR**2)
-    if not strong.any():
+    if np.linalg.eigvalsh(info.sum(axis=0))[0] < 1.0 / CLEAR**2:
         return None
-    of_place = h - (turn @ own[:, :, np.newaxis])[:, :, 0]
-    return _Windows(own, info, m, float(np.median(np.linalg.norm(of_place[strong], axis=1))), strong, good & ~strong)
+    of_place = np.linalg.norm(h - (turn @ own[:, :, np.newaxis])[:, :, 0], axis=1)
+    size = float(np.median(of_place[strong])) if strong.any() else 0.0
+    return _Windows(own, info, m, size, strong, good & ~strong)
 
 
 def _candidates(windows: _Windows) -> Floats:

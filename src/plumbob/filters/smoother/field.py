@@ -190,8 +190,8 @@ def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight:
 PATCH: Final = 30.0
 """The rate of the drift is sought in stretches of this, s, whose phases are their own;"""
 PATCHES: Final = 20
-MOST_DRIFT: Final = dps(10.0)
-DRIFT_SD: Final = 3.0
+MOST_DRIFT: Final = dps(30.0)
+DRIFT_SD: Final = 4.0
 LEAST_DRIFT: Final = dps(0.1)
 """where it may be more than this, rad/s, up to so many standard deviations."""
 DRIFTS: Final = dps(0.3)
@@ -215,7 +215,7 @@ def heading_of(frames: Keyframes, found: Inertial, field: Floats, weight: Floats
     """
     time, dt = frames.time[1:], frames.step
     azimuth = np.where(weight > 0.0, np.arctan2(field[:, 0], field[:, 1]), 0.0)
-    drift = _drift(frames, azimuth, weight, _drift_sd(found))
+    drift = _drift(frames, azimuth, weight, found.drift_sd)
     base = drift * (time - time[0])
     turned = azimuth - base
     part = (time - time[0]) / max(time[-1] - time[0], 1e-9)
@@ -249,14 +249,6 @@ def bias_of_drift(frames: Keyframes, found: Inertial, turn: Floats) -> Floats:
     known = np.asarray(np.linalg.inv(found.sweep.cov[dt.size // 2, 3:, 3:]))
     normal = known + (vertical * trust[:, np.newaxis]).T @ vertical
     return np.asarray(np.linalg.solve(normal, -vertical.T @ (trust * rate)), dtype=np.float64)
-
-
-def _drift_sd(found: Inertial) -> float:
-    """Standard deviation of the rate about the vertical, rad/s."""
-    from plumbob.rotations import dcm_from_quat
-
-    vertical = dcm_from_quat(found.sweep.q)[:, 2, :]
-    return math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, found.sweep.cov[:, 3:, 3:], vertical))))
 
 
 def _drift(frames: Keyframes, azimuth: Floats, weight: Floats, sd: float) -> float:

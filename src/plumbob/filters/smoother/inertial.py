@@ -63,11 +63,16 @@ class Speed:
 
 @dataclass(frozen=True, slots=True)
 class Inertial:
-    """Attitude without a field, whose heading drifts: the pass, where it rested, and how fast the body moved."""
+    """Attitude without a field, whose heading drifts: the pass, where it rested, and how fast the body moved.
+
+    `drift_sd` is the standard deviation of its bias about the vertical, rad/s. Motion does not show it: the level
+    velocity of a body swings with its tilt, and both together look like a turn.
+    """
 
     sweep: Sweep
     resting: Bools
     speed: Speed
+    drift_sd: float = 0.0
 
 
 def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
@@ -77,10 +82,15 @@ def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
 
 @dataclass(frozen=True, slots=True)
 class Calm:
-    """Steps around which rate and force stay as they are, (K,), and the mean rate around every step, (K, 3), rad/s."""
+    """Steps around which rate and force stay as they are, (K,), and the mean rate around every step, (K, 3), rad/s.
+
+    `turn` is how much of that may be an even turn, (K,), rad/s: only what lies along gravity, which any other turn
+    would move, and nothing where a field stood still.
+    """
 
     quiet: Bools
     mean: Floats
+    turn: Floats
 
     def at_bias(self, p: Params, bias: Floats) -> Bools:
         """Steps at rest, where the bias, (3,) or (K, 3), is known."""
@@ -101,10 +111,12 @@ def calm(frames: Keyframes, p: Params) -> Calm:
         around = _around(values, width)
         return np.maximum(around.max(axis=2) - mean, mean - around.min(axis=2)).max(axis=1), mean
 
-    (rate_spread, mean), (force_spread, _) = spread(rate), spread(force)
+    (rate_spread, mean), (force_spread, up) = spread(rate), spread(force)
     near_gap = _around(frames.gap, width).any(axis=1)
     quiet = (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap
-    return Calm(quiet & ~_turning_evenly(frames, p, quiet), mean)
+    turning, still = _turned_field(frames, p, quiet)
+    along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
+    return Calm(quiet & ~turning, mean, np.where(still, 0.0, along))
 
 
 def _around(values: NDArray[Any], width: int) -> NDArray[Any]:
@@ -113,9 +125,9 @@ def _around(values: NDArray[Any], width: int) -> NDArray[Any]:
     return np.lib.stride_tricks.sliding_window_view(np.pad(values, ends, mode="edge"), width, axis=0)
 
 
-def _turning_evenly(frames: Keyframes, p: Params, quiet: Bools) -> Bools:
-    """Calm steps in whose piece of the recording the field turns in the body: a gyroscope takes that for its bias."""
-    turning = np.zeros_like(quiet)
+def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bools]:
+    """Calm steps in whose piece of the record the field turns in the body, as a bias never does; and stands still."""
+    turning, still = np.zeros_like(quiet), np.zeros_like(quiet)
     piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
     seen = np.concatenate(([False], np.repeat(quiet, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
     rows = np.flatnonzero(seen)
@@ -126,28 +138,30 @@ def _turning_evenly(frames: Keyframes, p: Params, quiet: Bools) -> Bools:
             first, last = own[:third].mean(axis=0), own[-third:].mean(axis=0)
             change, grown = np.linalg.norm(last - first), np.linalg.norm(last) - np.linalg.norm(first)
             turning[piece == number] = change > p.mag_spread and abs(grown) < SIZE_KEPT * change
-    return quiet & turning
+            still[piece == number] = change <= p.mag_spread
+    return quiet & turning, quiet & still
 
 
 def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
     """Steps at rest, and the bias that they show, before any is known.
 
     A slow even turn is as calm as rest, but its rate is its own; the rate at rest is the same bias every time. So rest
-    is where the mean rate belongs to the strongest cluster of all calm ones, weighed by how likely a bias it is.
+    is where the mean rate belongs to the strongest cluster of all calm ones, weighed by how unlikely a turn is.
     """
     quiet, mean = found.quiet, found.mean
     if not quiet.any():
         return quiet, np.zeros(3)
     rates = mean[quiet]
-    tried = rates[:: max(1, len(rates) // MOST)]
+    stride = max(1, len(rates) // MOST)
+    tried = rates[::stride]
     count = neighbours(rates, tried, p.rest_band)
-    likely = count * np.exp(-0.5 * (tried**2).sum(axis=1) / p.bias_start**2)
+    likely = count * np.exp(-0.5 * (found.turn[quiet][::stride] / p.bias_start) ** 2)
     bias = tried[np.argmax(likely)]
     for _ in range(3):
         bias = rates[np.linalg.norm(rates - bias, axis=1) < p.rest_band].mean(axis=0)
-    if np.linalg.norm(bias) > BEYOND * p.bias_start:
-        return np.zeros_like(quiet), np.zeros(3)
     resting = found.at_bias(p, bias)
+    if abs(np.median(found.turn[resting])) > BEYOND * p.bias_start:
+        return np.zeros_like(quiet), np.zeros(3)
     return resting, np.median(mean[resting], axis=0)
 
 
@@ -247,9 +261,9 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Float
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
     first = first_speed(frames, bias)
-    sure = resting.any() or known is not None
+    sure = bool(resting.any()) or known is not None
     tried = (REST_BIAS,) if sure else (FIRST_BIASES[0], FIRST_BIASES[1] * p.bias_start)
-    found = [_level(frames, p, resting, tilt, bias, first, sd, unit) for sd in tried]
+    found = [_level(frames, p, resting, tilt, bias, first, sd, unit, sure=sure) for sd in tried]
     # A wrong attitude takes gravity for an acceleration, and a wrong bias is unlikely: what both leave, of one model
     density = np.maximum.reduce([one.speed.density(p, resting) for one in found])
     return min(found, key=lambda one: _misfit(frames, p, one.sweep, density))
@@ -262,7 +276,7 @@ def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> floa
 
 def _level(
     frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, sd: float,
-    unit: Floats | None,
+    unit: Floats | None, *, sure: bool,
 ) -> Inertial:  # fmt: skip
     """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
@@ -274,4 +288,11 @@ def _level(
         found = sweep(frames, kind, density, unused, start, bias, p0, noise, covariance=last)
         speed = speed_of(frames, found.force[:, :2])
         start[frames.starts], bias = found.q[frames.starts], found.bias[0]
-    return Inertial(found, resting, speed)
+    return Inertial(found, resting, speed, _drift_sd(found) if sure else p.bias_start)
+
+
+def _drift_sd(found: Sweep) -> float:
+    from plumbob.rotations import dcm_from_quat
+
+    vertical = dcm_from_quat(found.q)[:, 2, :]
+    return math.sqrt(float(np.median(np.einsum("ki,kij,kj->k", vertical, found.cov[:, 3:, 3:], vertical))))

@@ -30,6 +30,8 @@ AGAIN_HEADING: Final = deg(30.0)
 PASSES: Final = 2
 CLEARER: Final = 0.5
 """A recording has shown a parameter if its standard deviation is at most this share of what it was."""
+UNEVEN: Final = 1.0
+"""A field of the unit is known to this, µT: an uneven field of the place looks like one."""
 LONGEST_SEEN: Final = 300.0
 """A field that was seen for long counts as if for this, s, so that another one can follow it."""
 
@@ -93,6 +95,8 @@ class Smoothed:
         Covariance that the last pass began with.
     rival_turn : float
         By how much the heading would be another one if the reference's rival were the field of the place, rad.
+    iron_turn : float
+        And by how much, if a small field that seems to turn with the unit were taken off.
     """
 
     frames: Keyframes
@@ -103,6 +107,7 @@ class Smoothed:
     attached: Attached | None
     prior: Floats
     rival_turn: float = 0.0
+    iron_turn: float = 0.0
 
     @property
     def learned(self) -> "Learned":
@@ -120,9 +125,9 @@ class Smoothed:
 
     @property
     def heading_var(self) -> float:
-        """Variance of the heading, rad², that the choice between two fields leaves: the other may be the right one."""
+        """Variance of the heading, rad², by what may be otherwise: the field of the place, and one of the unit."""
         share = 0.0 if self.reference is None else self.reference.rival_share
-        return share * self.rival_turn**2
+        return share * self.rival_turn**2 + self.iron_turn**2
 
 
 class Learned(NamedTuple):
@@ -148,7 +153,8 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
             field = _field_of(frames, inertial.sweep, inertial.resting)
             headed = _headed(frames, p, inertial, field, own.doubtful, known)
         if headed is not None:
-            return _with_field(frames, p, inertial, field, headed, own, known)
+            found = _with_field(frames, p, inertial, field, headed, own, known)
+            return replace(found, iron_turn=_iron_turn(frames, p, inertial, headed, own, known))
     prior = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=known.unit)
     return Smoothed(frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, prior)
 
@@ -212,6 +218,20 @@ def _with_field(
         speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
     return Smoothed(frames, found, resting, reference, weight, own, p0, rival_turn)
+
+
+def _iron_turn(frames: Keyframes, p: Params, inertial: Inertial, headed: _Headed, own: Attached, known: Known) -> float:
+    """Root mean square, rad, by which the heading changes if a small field of the unit is taken off."""
+    if own.iron.any():
+        return UNEVEN / headed.reference.level
+    if not own.left.any():
+        return 0.0
+    freed = frames.without(np.tile(own.left, (frames.gap.size, 1)))
+    field = _field_of(freed, inertial.sweep, inertial.resting)
+    if (other := _headed(freed, p, inertial, field, own.doubtful, known)) is None:
+        return 0.0
+    change = 2.0 * np.sin(0.5 * (other.turn - headed.turn))
+    return math.sqrt(float(np.mean(change**2)))
 
 
 def _rival_turn(frames: Keyframes, p: Params, inertial: Inertial, field: Floats, reference: Reference) -> float:

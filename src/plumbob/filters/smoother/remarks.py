@@ -17,6 +17,8 @@ LASTING: Final = 3.0
 """A field that is wrong for less than this, s, is not named."""
 MOST: Final = 5
 """Spells that are named."""
+TOLD: Final = 1.5
+"""Smaller fields of the unit, µT, are not named."""
 
 
 def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
@@ -27,9 +29,11 @@ def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
         if np.isfinite(found.frames.mag[:, 0]).any():
             told.append("no field of the recording gives a heading: it counts from a free zero")
         return told
+    told += _of_unit(found)
     if found.attached is not None and found.attached.found:
-        size = float(np.linalg.norm(found.attached.field, axis=1).max())
-        when = _spells(found, np.asarray(found.attached.field.any(axis=1)), begin, end)
+        magnet = found.attached.magnet
+        size = float(np.linalg.norm(magnet, axis=1).max())
+        when = _spells(found, np.asarray(magnet.any(axis=1)), begin, end)
         if when:
             told.append(f"a field of {size:.0f} µT turned with the sensor ({when}); it was taken off")
     if when := _spells(found, (found.weight < GATED) & np.isfinite(found.sweep.field[:, 0]), begin, end):
@@ -42,6 +46,20 @@ def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
             f"{to_deg(found.rival_turn):.0f}°, which its standard deviation counts"
         )
     return told
+
+
+def _of_unit(found: Smoothed) -> list[str]:
+    """A field of the unit itself, taken off or not."""
+    if found.attached is None:
+        return []
+    if size := float(np.linalg.norm(found.attached.iron)):
+        return [f"the unit has a field of {size:.1f} µT of its own; it was taken off: calibrate the magnetometer"]
+    if (size := float(np.linalg.norm(found.attached.left))) < TOLD:
+        return []
+    return [
+        f"a field of {size:.1f} µT seems to turn with the unit, or that of the place is uneven; it was not taken off: "
+        f"the heading may be off by {to_deg(found.iron_turn):.0f}°, which its standard deviation counts"
+    ]
 
 
 def _gaps(found: Smoothed, begin: float, end: float) -> list[str]:

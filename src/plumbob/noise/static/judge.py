@@ -16,9 +16,21 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.units import Quantity, deg, dps
-from plumbob.noise.static.artefacts import Runs, Spikes, clipped, find_step, held, interleaved, shaking
+from plumbob.noise.static.artefacts import (
+    Parts,
+    Runs,
+    Spikes,
+    Stillness,
+    between,
+    clipped,
+    find_step,
+    held,
+    interleaved,
+    joined,
+    longest_gap,
+    shaking,
+)
 from plumbob.noise.static.report import LONGEST, MARGIN, MOST, MOST_ASKED, Finding, StaticReport, jumped, total, widened
-from plumbob.noise.static.stillness import Parts, Stillness, between, joined, longest_gap
 
 FEWEST_SAMPLES: Final = 1000
 """From here on averages over 1 to 100 samples, two decades of time, are known to 20 % (13 degrees of freedom of white

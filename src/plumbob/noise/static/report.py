@@ -17,7 +17,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
-from plumbob.noise.static.stillness import Parts, joined
+from plumbob.noise.static.artefacts import Parts, joined
 
 
 @dataclass(frozen=True, slots=True)
