@@ -26,9 +26,11 @@ RUNNERS = {
     # the kernels as plain Python: what no other gate compares with the compiled ones
     "plain Python": (*PYTEST, "-q", "tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py"),
 }
+# The smoother's recordings take hours as plain Python; its sweeps, which are what is compiled, take a minute.
+SMOOTHED = [f"--ignore=tests/filters/smoother/test_smoother_{name}.py" for name in ("behaviour", "claims", "door")]
 LONG = {
     "long tests": (*PYTEST, "-m", "long or hypothesis", "--hypothesis-profile", "long"),
-    "plain Python": (*PYTEST, "-q", "tests/filters", "tests/rotations", "tests/noise", "tests/protocols",
+    "plain Python": (*PYTEST, "-q", "tests/filters", *SMOOTHED, "tests/rotations", "tests/noise", "tests/protocols",
                      "tests/calibration/test_calibration_ellipsoid_fit.py",
                      "tests/calibration/test_calibration_autocorrelation.py"),
 }  # fmt: skip
