@@ -461,12 +461,12 @@ def test_a_free_heading_goes_on_from_stretch_to_stretch(stretched):
 def test_a_field_that_is_wrong_for_most_of_a_stretch_is_not_taken_for_that_of_the_place(stretched):
     """The third stretch sees 60 to 140 s, and another field for more than half of that; without what was before, 20°.
 
-    What is wrong for most of a stretch widens what is believed of a field, so that it still pulls a little.
+    What is wrong for most of a stretch widens what is believed of a field, so that it still pulls, by less than half.
     """
     h = by_hand(200.0, seed=20)
     imu, spell = wrong_for(h, 77.0, 118.0, (20.0, 0.0, 10.0))
     e = errors(smoothed(imu)[0], h)
-    assert (rms_deg(e[spell]) < [FINE, 8.0]).all()
+    assert (rms_deg(e[spell]) < [FINE, 10.0]).all()
     assert (rms_deg(e[~spell]) < 5 * FINE).all()
 
 

@@ -297,12 +297,12 @@ def test_a_field_that_comes_late_does_not_turn_what_was_before():
 
 
 @pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
-def test_a_lag_brings_the_estimate_nearer_to_that_of_the_whole():
-    """The same recording with 0.5, 2 and 8 s of lag: the difference from the smoothed one falls."""
-    h = by_hand(30.0, 50.0, seed=7)
-    whole = Smoother(frame="ENU").process(h.imu())
-    away = [
-        np.sqrt(np.mean(quat_angle(Smoother(frame="ENU", params={"lag": lag}).process(h.imu()).q_nb, whole.q_nb) ** 2))
-        for lag in (0.5, 2.0, 8.0)
+@pytest.mark.parametrize("seed", [7, 8, 9])
+def test_a_lag_brings_the_estimate_nearer_to_the_truth(seed):
+    """The same recording with 2 s of lag, with 8 s and with all of it: the error falls, in each recording."""
+    h = by_hand(30.0, 50.0, seed=seed)
+    off = [
+        np.sqrt(np.mean(quat_angle(Smoother(frame="ENU", params=params).process(h.imu()).q_nb, h.q) ** 2))
+        for params in ({"lag": 2.0}, {"lag": 8.0}, {})
     ]
-    assert away[0] > away[1] > away[2]
+    assert off[0] > off[1] > off[2]

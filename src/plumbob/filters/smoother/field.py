@@ -28,7 +28,7 @@ MODES: Final = 400
 WIDER: Final = 1.5
 """A field may differ from the reference by this many medians of what they do, or `mag_spread`."""
 USUAL_SHARE: Final = 0.8
-LEAST_NOISE: Final = 0.4
+LEAST_NOISE: Final = 0.2
 """White noise of the field is this share of its median deviation; never less than that of `mag_noise`."""
 LEAST_BEND: Final = deg(1.0)
 APART: Final = 3.0
@@ -181,7 +181,9 @@ def weights(reference: Reference, p: Params, field: Floats, doubtful: Bools, *, 
 
 def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight: Floats) -> Floats:
     """Variance of the heading that the mean field of each step shows, rad²; beyond `UNUSED` where none does."""
-    white = p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
+    # The few seconds that a lag sees of a disturbance are no measure of it.
+    least = LEAST_NOISE if p.lag is None else 1.0
+    white = p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, least), 1.0)
     with np.errstate(divide="ignore"):
         var = (white / reference.level) ** 2 / frames.step / weight
     return np.where(weight > IGNORED, var, 2.0 * UNUSED)

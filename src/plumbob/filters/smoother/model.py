@@ -74,7 +74,7 @@ class Params(NamedTuple):
     speed: Annotated[float, Spec(Quantity.SPEED, "least level speed that is expected; more is learned", 1e-3, 1e3)] = (
         0.05
     )
-    mag_noise: Annotated[float, Spec(Quantity.FIELD, "white noise of the field in motion, µT/√Hz", 1e-4, 100)] = 1.0
+    mag_noise: Annotated[float, Spec(Quantity.FIELD, "white noise of the field in motion, µT/√Hz", 1e-4, 100)] = 2.0
     mag_spread: Annotated[
         float, Spec(Quantity.FIELD, "a field this far from its reference counts with a quarter, at least", 1e-2, 100)
     ] = 2.0
