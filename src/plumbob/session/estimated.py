@@ -316,36 +316,29 @@ def estimate(
     notes: list[str] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
-    label, source = _recording_of(recording, profile, whole=not native)
-    if source.imu is None:
-        raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
+    label, source, imu = _recording_of(recording, profile, whole=not native)
     stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
-    asked = None if frame is None else Frame.parse(frame)
-    frame = navigation_frame(source.imu, asked, where=label)
+    frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
     def say(line: str) -> None:
         notes.append(line)
         if note is not None:
             note(line)
 
-    imu = _placed(source.imu, place, date, stage, say)
+    imu = _placed(imu, place, date, stage, say)
     card = None if calibration is None else _card(calibration)
     imu, beyond = (imu, None) if card is None else _calibrated(imu, card)
     doubt = tuple(inferred_in(source.notes))
-    found = found_in(source.notes) if calibration is None else (*doubt, *findings(imu))
-    found = found if beyond is None else (*found, f"temperature: {beyond}")
-    for line in (*found, *upside_down(imu, frame)):
+    for line in _found(source, imu, frame, card, beyond):
         say(f"{source.name}: {line}")
-    count = len(imu)
-    done = None if progress is None else _counted(progress, count)
+    done = None if progress is None else _counted(progress, len(imu))
     made_by = estimator_of(stage, frame, imu.meta)
     used, runs = started(imu, stage, frame, source.track) if isinstance(made_by, Filter) else (imu, made_by)
     outline = Outline()
     parts = outline.of(parts_of(used, runs, done))
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
-        attitude = written
-        write_parts(written, map(partial(_part, source.name, doubt), parts), overwrite)  # a `for` would keep a part
+        attitude = _streamed(written, parts, source.name, doubt, overwrite)
     else:
         attitude = AttitudeTrack.joined(parts, len(used))
     for line in made_by.remarks if isinstance(made_by, Smoother) else _restarts(imu, outline):
@@ -360,6 +353,22 @@ def estimate(
     if written is not None and attitude is not written:
         result.save(written, overwrite=overwrite)
     return result
+
+
+def _found(
+    source: Recording, imu: ImuData, frame: Frame, card: "CalibrationCard | None", beyond: str | None
+) -> Iterator[str]:
+    """What is known of the samples before anything is estimated."""
+    yield from found_in(source.notes) if card is None else (*inferred_in(source.notes), *findings(imu))
+    if beyond is not None:
+        yield f"temperature: {beyond}"
+    yield from upside_down(imu, frame)
+
+
+def _streamed(file: Path, parts: Iterator[AttitudeTrack], name: str, inferred: Sequence[str], overwrite: bool) -> Path:
+    """The file, written part by part."""
+    write_parts(file, map(partial(_part, name, inferred), parts), overwrite)  # a `for` would keep a part
+    return file
 
 
 def _provenance(name: str, track: AttitudeTrack, inferred: Sequence[str]) -> tuple[str, ...]:
@@ -397,15 +406,19 @@ def _kernel_of(name: str) -> str:
 
 def _recording_of(
     given: str | Path | Recording | ImuData, profile: str | Path | None, *, whole: bool
-) -> tuple[str, Recording]:
-    """What messages call it, and the recording."""
+) -> tuple[str, Recording, ImuData]:
+    """What messages call it, the recording, and its samples."""
     if isinstance(given, ImuData):
         given = unsaved(given, "the samples")
     if isinstance(given, Recording):
-        return given.name, given
-    file = check.path("recording", given)
-    found = read(file, profile=None if profile is None else Path(profile), whole=whole)
-    return str(file), replace(found, name=file.name)
+        label, found = given.name, given
+    else:
+        file = check.path("recording", given)
+        found = read(file, profile=None if profile is None else Path(profile), whole=whole)
+        label, found = str(file), replace(found, name=file.name)
+    if found.imu is None:
+        raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")
+    return label, found, found.imu
 
 
 def _noise(given: "NoiseCard | str | Path | None") -> "NoiseCard | None":
