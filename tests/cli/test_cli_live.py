@@ -105,19 +105,29 @@ def test_other_verbs_take_a_recording(recorded):
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.usefixtures("hang_up_ends")
 def test_interrupted_recording_ends_whole(tmp_path, how):
     with rig(tmp_path) as link:
-        words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap"]
-        with subprocess.Popen([*PLUMBOB, *words], cwd=tmp_path,
-                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:  # fmt: skip
+        out = _interrupted(tmp_path, link, how)
+    assert "NONE: these sensor values are uncalibrated" in out
+    plumbob("verify", "a.mcap", cwd=tmp_path)
+
+
+def _interrupted(folder, link, how):
+    """What `record` prints that gets a signal after 2000 samples."""
+    words = ["record", "--port", str(link), "--format", "buoy", "--out", "a.mcap"]
+    with subprocess.Popen([*PLUMBOB, *words], cwd=folder,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as child:  # fmt: skip
+        try:
             deadline = time.monotonic() + TIMEOUT
-            while not _holds(tmp_path / "a.mcap", 2000) and time.monotonic() < deadline:
+            while not _holds(folder / "a.mcap", 2000) and time.monotonic() < deadline:
                 time.sleep(0.05)
             os.kill(child.pid, how)
             out, _ = child.communicate(timeout=TIMEOUT)
-            assert child.returncode == 0
-    assert "NONE: these sensor values are uncalibrated" in out
-    plumbob("verify", "a.mcap", cwd=tmp_path)
+        finally:
+            child.kill()
+    assert child.returncode == 0
+    return out
 
 
 def test_a_recording_outlives_those_who_read_its_notes(tmp_path):
@@ -215,6 +225,7 @@ def test_signals_say_stop_and_are_given_back():
     assert signal.getsignal(signal.SIGTERM) is before
 
 
+@pytest.mark.usefixtures("hang_up_ends")
 def test_a_lost_terminal_says_stop_unless_it_is_to_be_survived():
     stop = Stop()
     with common.stopped_by_signals(stop):

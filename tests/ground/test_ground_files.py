@@ -192,6 +192,7 @@ with replacing_all(Path(sys.argv[1]), Path(sys.argv[2])) as (one, other):
 """
 
 
+@pytest.mark.usefixtures("hang_up_ends")
 @pytest.mark.parametrize(
     ("number", "name"), [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")]
 )
