@@ -51,7 +51,7 @@ def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
         ({"init": "level"}, "takes its start from the whole recording. Leave init out"),
         ({"init": "truth"}, "takes its start from the whole recording. Leave init out"),
         ({"lag": "5 m"}, "'m' is not a unit of time"),
-        ({"lag": 0.01}, "lag must be 0.1 to"),
+        ({"lag": -0.01}, "lag must be 0 to"),
         ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'"),
         ({"filter": "smother"}, "there is no filter 'smother'; known are .*smoother"),
     ],

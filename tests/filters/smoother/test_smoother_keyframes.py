@@ -263,7 +263,7 @@ def with_later(h, cut, rng):
 
 
 @pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
-@pytest.mark.parametrize("lag", [0.1, 0.7, 2.0])
+@pytest.mark.parametrize("lag", [0.0, 0.1, 0.7, 2.0])
 def test_a_lag_lets_nothing_later_change_an_estimate(lag):
     """To the bit, with declination; and what comes within the lag does change it, or the test could not fail."""
     h = by_hand(8.0, 50.0, rest=((0.0, 1.5),), seed=5)

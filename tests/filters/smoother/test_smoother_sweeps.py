@@ -372,7 +372,8 @@ def test_a_sweep_in_blocks_is_that_in_one(block, monkeypatch):
     start = np.tile([1.0, 0.0, 0.0, 0.0], (n + 1, 1))
 
     def swept():
-        return astuple(sweep(frames, *given, start, np.full(3, 0.01), p0, Noise.of(params, 0.05)))
+        *arrays, last = astuple(sweep(frames, *given, start, np.full(3, 0.01), p0, Noise.of(params, 0.05)))
+        return *arrays, *last
 
     assert n < sweeps.BLOCK
     whole = swept()

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -18,7 +18,9 @@ from plumbob.filters.smoother.sweeps import UNUSED
 TURNING: Final = dps(20.0)
 """A field that is seen while the unit turns so fast counts in full for the reference: a magnet nearby would show."""
 REST_SHARE: Final = 0.8
-"""All rest together counts at most so much of all turning."""
+"""All rest together counts at most so much of all turning,"""
+LEAST_TURNING: Final = 1.0
+"""once there is so much of it, s."""
 STEEPEST: Final = 0.05
 """A field whose level part is a smaller share than this of the reference's has no direction,"""
 LEAST_LEVEL: Final = 0.1
@@ -26,10 +28,14 @@ LEAST_LEVEL: Final = 0.1
 MODES: Final = 400
 """Fields that are tried as a mode."""
 WIDER: Final = 1.5
-"""A field may differ from the reference by this many medians of what they do, or `mag_spread`."""
+"""A field may differ from the reference by this many medians of what they do, or `mag_spread`,"""
+WIDEST: Final = 0.2
+"""but not by more than this share of the field: what is farther off is another one."""
 USUAL_SHARE: Final = 0.8
 LEAST_NOISE: Final = 0.2
 """White noise of the field is this share of its median deviation; never less than that of `mag_noise`."""
+UNTOLD: Final = 2.0
+"""With a lag it is that of `mag_noise`, without any so many times that."""
 LEAST_BEND: Final = deg(1.0)
 APART: Final = 3.0
 """Two fields are two if they are so many `mag_spread` apart;"""
@@ -61,6 +67,15 @@ class Reference:
     rival: tuple[float, float] | None = None
     rival_share: float = 0.0
 
+    @property
+    def size(self) -> float:
+        """Size of the field, µT."""
+        return math.hypot(self.level, self.vertical)
+
+    def apart(self, other: Self) -> float:
+        """How far another reference lies from this one, µT."""
+        return math.hypot(self.level - other.level, self.vertical - other.vertical)
+
     def off(self, field: Floats) -> Floats:
         """How far fields (K, 3) in navigation axes are off in size and dip, µT, whatever their direction."""
         found: Floats = np.hypot(np.hypot(field[:, 0], field[:, 1]) - self.level, field[:, 2] - self.vertical)
@@ -68,7 +83,7 @@ class Reference:
 
     def spread(self, p: Params) -> float:
         """Deviation at which a field counts with a quarter, µT."""
-        return max(p.mag_spread, WIDER * self.median)
+        return max(p.mag_spread, min(WIDER * self.median, WIDEST * self.size))
 
     def bend(self, p: Params) -> float:
         """Standard deviation of the direction of a field that is right in size and dip, rad."""
@@ -102,12 +117,7 @@ def reference_of(
         None where no field has a level part.
     """
     level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
-    rate = np.linalg.norm(frames.mean(frames.gyr) - seen.sweep.bias[1:], axis=1)
-    turning = np.where(seen.resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
-    resting = np.where(seen.resting, frames.step, 0.0)
-    all_turning, all_rest = float(turning.sum()), float(resting.sum())
-    if all_turning > 1.0 and all_rest > 0.0:
-        resting *= min(1.0, REST_SHARE * all_turning / all_rest)
+    turning, resting = times_seen(frames, seen.resting, seen.sweep.bias[1:])
     weight = turning + resting
     usable = np.isfinite(level) & ~doubtful & (weight > 0.0)
     if not usable.any():
@@ -125,6 +135,23 @@ def reference_of(
         return None
     median = float(np.nanmedian(found.off(field)[~doubtful]))
     return Reference(found.level, found.vertical, median, *_rival(points, weight, best, p))
+
+
+def times_seen(frames: Keyframes, resting: Bools, bias: Floats) -> tuple[Floats, Floats]:
+    """For how long the field of each step counts, s, as one in which the unit turns, and as one at rest: (K,) each."""
+    rate = np.linalg.norm(frames.mean(frames.gyr) - bias, axis=1)
+    turning = np.where(resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
+    at_rest = np.where(resting, frames.step, 0.0)
+    all_turning, all_rest = float(turning.sum()), float(at_rest.sum())
+    if all_turning > LEAST_TURNING and all_rest > 0.0:
+        at_rest *= min(1.0, REST_SHARE * all_turning / all_rest)
+    return turning, at_rest
+
+
+def share_of_rest(frames: Keyframes, seen: Inertial) -> Floats:
+    """How much of each step counts for the heading, (K,): all that is seen at rest is one view of the field."""
+    _, at_rest = times_seen(frames, seen.resting, seen.sweep.bias[1:])
+    return np.where(seen.resting, at_rest / frames.step, 1.0)
 
 
 def _rival(points: Floats, weight: Floats, best: Floats, p: Params) -> tuple[tuple[float, float] | None, float]:
@@ -179,13 +206,18 @@ def weights(reference: Reference, p: Params, field: Floats, doubtful: Bools, *, 
     return np.where(usable, 1.0 / (1.0 + off2 / reference.spread(p) ** 2) ** 2, 0.0)
 
 
+def white_noise(p: Params, reference: Reference) -> float:
+    """White noise of the field, µT/√Hz, by how far the fields of the recording are off."""
+    if p.lag is None:
+        return p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
+    # The few seconds that a lag sees of a disturbance are no measure of it, and without one nothing later tells it.
+    return p.mag_noise * (1.0 if p.lag > 0.0 else UNTOLD)
+
+
 def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight: Floats) -> Floats:
     """Variance of the heading that the mean field of each step shows, rad²; beyond `UNUSED` where none does."""
-    # The few seconds that a lag sees of a disturbance are no measure of it.
-    least = LEAST_NOISE if p.lag is None else 1.0
-    white = p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, least), 1.0)
     with np.errstate(divide="ignore"):
-        var = (white / reference.level) ** 2 / frames.step / weight
+        var = white_noise(p, reference) ** 2 / reference.level**2 / frames.step / weight
     return np.where(weight > IGNORED, var, 2.0 * UNUSED)
 
 

@@ -30,8 +30,9 @@ WIDE: Final = deg(15.0)
 """its standard deviation, rad,"""
 NARROW: Final = deg(5.0)
 """and that of a smoothed one that is taken for a start."""
-FIRST_BIASES: Final = dps(0.5), 1.0
-"""Standard deviations of the first bias, rad/s, and as a share of its prior, that are tried where nothing rests:"""
+FIRST_BIASES: Final = dps(0.1), dps(0.5), 1.0
+"""Standard deviations of the first bias, rad/s, the last as a share of its prior, that are tried where nothing rests:
+many gyroscopes come nearly without one, and a few seconds of motion can be explained by any;"""
 REST_BIAS: Final = dps(0.3)
 """at rest it is known to this."""
 AGAIN_BIAS: Final = dps(1.0)
@@ -40,10 +41,15 @@ FIXED_MATRIX: Final = 1e-2
 """Share of its prior by which scale and misalignment may move while the attitude is still far off."""
 BEYOND: Final = 3.0
 """A mean rate beyond this many standard deviations of the bias is a turn."""
+REST_PER_SD: Final = 3.0
+"""where each of them takes so much rest, s: a calm second or two may be a turn."""
 PIECE: Final = 10.0
 """The field says whether such a piece of a recording, s, that is calm is an even turn: it then changes"""
 SIZE_KEPT: Final = 0.3
-"""by more than `mag_spread` from the first third to the last, and its size by less than this share of that."""
+"""by more than `mag_spread` from its first part to the last, and its size by less than this share of that."""
+PARTS: Final = 6
+"""It does so evenly: of the means of these parts none is farther from the next than this share of all these ways."""
+EVEN: Final = 0.5
 MOST: Final = 2000
 """Windows that are tried as centre of a cluster."""
 
@@ -100,28 +106,41 @@ class Calm:
 
 def calm(frames: Keyframes, p: Params) -> Calm:
     """Find the calm steps: the window reaches to both sides, and one with a gap in it is not calm."""
-    usual = float(np.median(frames.step))
-    width = max(3, round(p.rest_time / usual) | 1)
-    rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
-    i = np.arange(len(rate))
-    low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(rate))
-
-    def spread(values: Floats) -> tuple[Floats, Floats]:
-        mean = mean_between(values, low, high)
-        around = _around(values, width)
-        return np.maximum(around.max(axis=2) - mean, mean - around.min(axis=2)).max(axis=1), mean
-
-    (rate_spread, mean), (force_spread, up) = spread(rate), spread(force)
-    near_gap = _around(frames.gap, width).any(axis=1)
-    quiet = (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap
+    quiet, mean, up = _quiet(frames, p, 0.5)
     turning, still = _turned_field(frames, p, quiet)
     along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
     return Calm(quiet & ~turning, mean, np.where(still, 0.0, along))
 
 
-def _around(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """Values (K, …) in a window of an odd width around each, (K, …, width); at an end the last one goes on."""
-    ends = [(width // 2, width // 2)] + [(0, 0)] * (values.ndim - 1)
+def calm_so_far(frames: Keyframes, p: Params) -> Calm:
+    """Find the calm steps by nothing that comes later: the window ends with each step, and is whole."""
+    quiet, mean, _ = _quiet(frames, p, 1.0)
+    whole = frames.time[1:] - frames.time[0] >= p.rest_time
+    return Calm(quiet & whole, mean, np.zeros(quiet.size))
+
+
+def _quiet(frames: Keyframes, p: Params, before: float) -> tuple[Bools, Floats, Floats]:
+    """Steps that lie in a calm window, and mean rate and force in it; this share of the window lies before the step."""
+    usual = float(np.median(frames.step))
+    width = max(3, round(p.rest_time / usual) | 1)
+    ahead = width - 1 - round(before * (width - 1))
+    rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
+    i = np.arange(len(rate))
+    low, high = np.maximum(i + ahead - width + 1, 0), np.minimum(i + ahead + 1, len(rate))
+
+    def spread(values: Floats) -> tuple[Floats, Floats]:
+        mean = mean_between(values, low, high)
+        around = _around(values, width, ahead)
+        return np.maximum(around.max(axis=2) - mean, mean - around.min(axis=2)).max(axis=1), mean
+
+    (rate_spread, mean), (force_spread, up) = spread(rate), spread(force)
+    near_gap = _around(frames.gap, width, ahead).any(axis=1)
+    return (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap, mean, up
+
+
+def _around(values: NDArray[Any], width: int, ahead: int) -> NDArray[Any]:
+    """Values (K, …) in a window around each, so many of them ahead, (K, …, width); at an end the last one goes on."""
+    ends = [(width - 1 - ahead, ahead)] + [(0, 0)] * (values.ndim - 1)
     return np.lib.stride_tricks.sliding_window_view(np.pad(values, ends, mode="edge"), width, axis=0)
 
 
@@ -134,15 +153,17 @@ def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bo
     for number in np.unique(piece[quiet]):
         low, high = frames.first[np.searchsorted(piece, number)], frames.first[np.searchsorted(piece, number, "right")]
         own = frames.mag[rows[np.searchsorted(rows, low) : np.searchsorted(rows, high)]]
-        if (third := len(own) // 3) > 0:
-            first, last = own[:third].mean(axis=0), own[-third:].mean(axis=0)
-            change, grown = np.linalg.norm(last - first), np.linalg.norm(last) - np.linalg.norm(first)
-            turning[piece == number] = change > p.mag_spread and abs(grown) < SIZE_KEPT * change
+        if (part := len(own) // PARTS) > 0:
+            means = own[: PARTS * part].reshape(PARTS, part, 3).mean(axis=1)
+            change, grown = np.linalg.norm(means[-1] - means[0]), np.linalg.norm(means[-1]) - np.linalg.norm(means[0])
+            ways = np.linalg.norm(np.diff(means, axis=0), axis=1)
+            as_a_turn = abs(grown) < SIZE_KEPT * change and ways.max() < EVEN * ways.sum()
+            turning[piece == number] = change > p.mag_spread and as_a_turn
             still[piece == number] = change <= p.mag_spread
     return quiet & turning, quiet & still
 
 
-def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
+def first_rest(found: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
     """Steps at rest, and the bias that they show, before any is known.
 
     A slow even turn is as calm as rest, but its rate is its own; the rate at rest is the same bias every time. So rest
@@ -160,7 +181,8 @@ def first_rest(found: Calm, p: Params) -> tuple[Bools, Floats]:
     for _ in range(3):
         bias = rates[np.linalg.norm(rates - bias, axis=1) < p.rest_band].mean(axis=0)
     resting = found.at_bias(p, bias)
-    if abs(np.median(found.turn[resting])) > BEYOND * p.bias_start:
+    most = min(BEYOND, float(step[resting].sum()) / REST_PER_SD)
+    if abs(np.median(found.turn[resting])) > most * p.bias_start:
         return np.zeros_like(quiet), np.zeros(3)
     return resting, np.median(mean[resting], axis=0)
 
@@ -256,17 +278,18 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Float
     `known` is the bias (3,), rad/s, that the samples before showed, and `unit` what the unit's card leaves (12, 12).
     """
     seen = calm(frames, p)
-    resting, bias = first_rest(seen, p) if known is None else (seen.at_bias(p, known), known)
+    resting, bias = first_rest(seen, p, frames.step) if known is None else (seen.at_bias(p, known), known)
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
     first = first_speed(frames, bias)
     sure = bool(resting.any()) or known is not None
-    tried = (REST_BIAS,) if sure else (FIRST_BIASES[0], FIRST_BIASES[1] * p.bias_start)
+    tried = (REST_BIAS,) if sure else (*FIRST_BIASES[:-1], FIRST_BIASES[-1] * p.bias_start)
     found = [_level(frames, p, resting, tilt, bias, first, sd, unit, sure=sure) for sd in tried]
     # A wrong attitude takes gravity for an acceleration, and a wrong bias is unlikely: what both leave, of one model
     density = np.maximum.reduce([one.speed.density(p, resting) for one in found])
-    return min(found, key=lambda one: _misfit(frames, p, one.sweep, density))
+    spread = 6.0 * np.log(np.array(tried) / tried[0])  # a wide prior explains everything, and each of it less: −2 log p
+    return found[int(np.argmin([_misfit(frames, p, one.sweep, density) for one in found] + spread))]
 
 
 def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> float:

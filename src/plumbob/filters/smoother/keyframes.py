@@ -66,8 +66,11 @@ class Keyframes:
     rows: NDArray[np.int64]
 
     @classmethod
-    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:
-        """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate."""
+    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True, ahead: bool = True) -> Self | None:
+        """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate.
+
+        What a sample lacks is interpolated, or, where nothing may be known `ahead` of it, as it was before.
+        """
         t, flag = np.asarray(imu.t), np.asarray(imu.flags)
         gyr = _trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
         acc = _trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
@@ -84,7 +87,8 @@ class Keyframes:
         t, gyr, acc, field = t[rows], gyr[rows], acc[rows], np.ascontiguousarray(field[rows])
         first, gap = _steps(t, spacing, longest)
         no_rate, no_force = np.isnan(gyr[:, 0]), np.isnan(acc[:, 0])
-        gyr, acc = _filled(t, gyr), _filled(t, acc)
+        fill = _filled if ahead else _held
+        gyr, acc = fill(t, gyr), fill(t, acc)
         dt = np.diff(t, prepend=t[0])
         rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
         steps = first[:-1] + 1, first[1:] + 1
@@ -115,6 +119,15 @@ class Keyframes:
     def mean(self, values: Floats) -> Floats:
         """Mean over the samples of each step, (K, …), of values (N, …)."""
         return mean_between(values, self.first[:-1] + 1, self.first[1:] + 1)
+
+    def part(self, steps: slice) -> Self:
+        """Some of the steps, one after the other."""
+        first = self.first[steps.start : steps.stop + 1]
+        rows = slice(int(first[0]), int(first[-1]) + 1)
+        return type(self)(
+            self.t[rows], self.gyr[rows], self.acc[rows], self.mag[rows], first - first[0], self.gap[steps],
+            self.missed[steps], self.pushed[steps], self.rows[rows],
+        )  # fmt: skip
 
     def without(self, field: Floats) -> Self:
         """Keyframes whose samples are rid of a field in body axes, (K, 3), that each step has of its own."""
@@ -168,6 +181,15 @@ def _filled(t: Floats, values: Floats) -> Floats:
     if not known.any():
         return np.zeros_like(values)
     return np.stack([np.interp(t, t[known], values[known, i]) for i in range(3)], axis=1)
+
+
+def _held(t: Floats, values: Floats) -> Floats:
+    """Values, each of the last sample that has one; zero before the first."""
+    known = ~np.isnan(values[:, 0])
+    if known.all():
+        return np.ascontiguousarray(values)
+    last = np.maximum.accumulate(np.where(known, np.arange(t.size), -1))
+    return np.where((last >= 0)[:, np.newaxis], values[np.maximum(last, 0)], 0.0)
 
 
 def _bow(t: Floats, missing: Bools) -> Floats:

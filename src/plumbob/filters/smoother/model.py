@@ -105,7 +105,7 @@ class Params(NamedTuple):
     latency_sd: Annotated[float, Spec(Quantity.TIME, "uncertainty of that, counted in the covariance", 0, 1)] = 0.0025
     lag: Annotated[
         float | None,
-        Spec(Quantity.TIME, "a sample knows nothing that comes later than this after it; off: all", 0.1, 1e6),
+        Spec(Quantity.TIME, "a sample knows nothing that comes later than this after it; off: all", 0, 1e6),
     ] = None
     keyframe: Annotated[float, Spec(Quantity.TIME, "time between two corrections", 1e-3, 1)] = 0.049
 

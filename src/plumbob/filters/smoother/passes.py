@@ -15,6 +15,7 @@ from plumbob.filters.smoother.field import (
     heading_of,
     heading_variance,
     reference_of,
+    share_of_rest,
     weights,
 )
 from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, calm, kinds, level, speed_of
@@ -173,7 +174,7 @@ def _headed(
     if (reference := reference_of(frames, p, field, inertial, doubtful, known.field)) is None:
         return None
     weight = weights(reference, p, field, doubtful, directed=False)
-    return _Headed(reference, heading_of(frames, inertial, field, weight))
+    return _Headed(reference, heading_of(frames, inertial, field, weight * share_of_rest(frames, inertial)))
 
 
 def _followed(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Floats:

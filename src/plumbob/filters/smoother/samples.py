@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,23 @@ class Part(NamedTuple):
     bias: Floats
     cov: Floats
     flags: NDArray[np.uint32]
+
+    def rows(self, which: slice) -> Self:
+        """Of some of the samples."""
+        return type(self)(self.q[which], self.bias[which], self.cov[which], self.flags[which])
+
+    def put(self, which: slice, other: Self) -> None:
+        """Write what is known of some of the samples."""
+        self.q[which], self.bias[which], self.cov[which], self.flags[which] = other
+
+
+class Piece(NamedTuple):
+    """Samples one after the other: rows of the recording, the first one with a heading, and whether there are rates."""
+
+    rows: slice
+    part: Part
+    headed: int
+    rated: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +108,7 @@ def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
     if p.latency:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
     word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
-    return _everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word))
+    return everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word))
 
 
 def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
@@ -119,16 +136,13 @@ def _covariance(
     cov = np.empty((len(q), 3, 3))
     for i in range(0, len(q), BLOCK):
         block = slice(i, i + BLOCK)
-        cov[block] = _covariance_of(q[block], found, place[block], rate[block], p, left)
+        cov[block] = covariance_of(q[block], found.sweep.cov[place[block], :3, :3], found, rate[block], p, left)
     return cov
 
 
-def _covariance_of(
-    q: Floats, found: Smoothed, place: NDArray[np.int64], rate: Floats, p: Params, left: tuple[Half, Half]
-) -> Floats:
-    """The smoother's own, and what it does not estimate."""
-    c_nb = dcm_from_quat(q)
-    in_n = found.sweep.cov[place, :3, :3].copy()
+def covariance_of(q: Floats, in_n: Floats, found: Smoothed, rate: Floats, p: Params, left: tuple[Half, Half]) -> Floats:
+    """Covariance of the attitude error in body axes, of one in navigation axes (N, 3, 3), and what is not estimated."""
+    c_nb, in_n = dcm_from_quat(q), in_n.copy()
     in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2
     if found.reference is not None:
         in_n[:, 2, 2] += found.heading_var + p.mag_direction_sd**2
@@ -155,7 +169,7 @@ def _flags(found: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
     return word.astype(np.uint32)
 
 
-def _everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
+def everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
     """The same at all samples, those in holes too: the shortest way between, as uncertain as it is long."""
     n, rows = len(data), frames.rows
     if rows.size == n:

@@ -19,7 +19,7 @@ from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
-from plumbob.filters.smoother.samples import Stretch, continued, part_of, stretches, unknown
+from plumbob.filters.smoother.samples import Piece, Stretch, continued, part_of, stretches, unknown
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -149,42 +149,61 @@ class Smoother(Shown):
             raise ShapeError(f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}.")
         if data.meta.declination is not None and not self._decided:
             self.common = self.common._replace(declination=data.meta.declination)
-        turn = self.common.declination
+        turn, rated, headed = self.common.declination, False, False
+        self.remarks = ()
+        for piece in self._live(data) if self.params.lag == 0.0 else self._stretches(data):
+            part, t, rated = piece.part, data.t[piece.rows], rated or piece.rated
+            begin, headed = 0 if headed else piece.headed, headed or piece.headed < len(t)
+            turned = part.q
+            if turn and headed:  # headings are true from where a field has shown itself
+                turned = np.concatenate((turned[:begin], turn_heading(turned[begin:], turn, Frame.ENU)))
+            if progress:
+                progress(len(t))
+            track = AttitudeTrack.trusted(
+                t=t,
+                q_nb=change_frame(turned, to=self.frame, from_=Frame.ENU),
+                frame=self.frame,
+                north=self.north(headed),
+                bias_b=part.bias,
+                cov_b=part.cov,
+                flags=part.flags,
+                source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
+            )
+            del piece, part, turned  # whoever takes the track, and the next stretch, may need their room
+            yield track
+            del track
+        if not rated:
+            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
+
+    def _stretches(self, data: ImuData) -> Iterator[Piece]:
+        """Stretches that overlap, each smoothed by itself."""
         remarks: dict[str, None] = {}
         last: tuple[Floats, Stretch] | None = None
-        known, q_last, headed = _known(data), np.array([1.0, 0.0, 0.0, 0.0]), False
+        known, q_last = _known(data), np.array([1.0, 0.0, 0.0, 0.0])
         for stretch in list(stretches(data.t, self.params.lag)):  # a list: the times of all are not kept
             whole, inside = data[stretch.whole], stretch.inside
-            if (found := self.smooth(whole, known)) is None:
+            found = self.smooth(whole, known)
+            if found is None:
                 part = unknown(whole, q_last, np.zeros(3) if known.bias is None else known.bias)
             else:
                 part = part_of(whole, found, self.params)
-                headed = headed or found.reference is not None
                 if last is not None and found.reference is None:
                     part = continued(part, stretch, *last)
                 last, known, self.learned = (part.q, stretch), known.after(found), found.learned
                 remarks |= dict.fromkeys(remarks_of(found, self.params, whole.t[inside]))
-            # headings are true from where a field has shown itself
-            turned = turn_heading(part.q, turn, Frame.ENU) if headed and found is not None and turn else part.q
-            q_last = turned[inside][-1].copy()
-            self.remarks = tuple(remarks)
-            if progress:
-                progress(inside.stop - inside.start)
-            track = AttitudeTrack.trusted(
-                t=whole.t[inside],
-                q_nb=change_frame(turned[inside], to=self.frame, from_=Frame.ENU),
-                frame=self.frame,
-                north=self.north(headed),
-                bias_b=part.bias[inside],
-                cov_b=part.cov[inside],
-                flags=part.flags[inside],
-                source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
-            )
-            del whole, part, found, turned  # whoever takes the track, and the next stretch, may need their room
-            yield track
-            del track
-        if last is None:
-            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
+            q_last, self.remarks = part.q[inside][-1].copy(), tuple(remarks)
+            headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
+            pieces = [Piece(stretch.core, part.rows(inside), headed, found is not None)]
+            del whole, part, found  # whoever takes the piece may need their room
+            yield pieces.pop()
+
+    def _live(self, data: ImuData) -> Iterator[Piece]:
+        """Stretches one after the other, nothing of which knows what comes later."""
+        from plumbob.filters.smoother.live import live_parts
+
+        for piece, found in live_parts(data, self.params, _known(data), mag=self.common.mag):
+            self.learned = self.learned if found is None else found.learned
+            yield piece
 
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
         """What `process` makes its track of, at the keyframes; `known` is what came before. None without rates."""

@@ -70,6 +70,13 @@ def corrected_by(q: Floats, rx: float, ry: float, rz: float) -> None:
 
 
 @njit
+def correct(attitude: Floats, now: Floats) -> None:
+    """Take the error of the attitude into it."""
+    corrected_by(attitude, now[TH], now[TH + 1], now[TH + 2])
+    now[TH], now[TH + 1], now[TH + 2] = 0.0, 0.0, 0.0
+
+
+@njit
 def corrected_rate(x: Floats, gx: float, gy: float, gz: float) -> tuple[float, float, float]:
     """Rate without bias, scale and misalignment."""
     return (
@@ -186,6 +193,27 @@ def start_again(p: Floats, p0: Floats, x: Floats) -> None:
 
 
 @njit
+def predict(
+    p: Floats, now: Floats, f: Floats, mean: Floats, spread2: float, missed: float, pushed: float, noise: Noise
+) -> None:
+    """State and covariance over a step that was followed, moving or at rest."""
+    dt = f[TIME]
+    now[V] += mean[FORCE]
+    now[V + 1] += mean[FORCE + 1]
+    propagate_velocity(p, f)
+    if f[KIND] == MOVING:
+        propagate_attitude(p, f)
+        wander = noise.gyr * dt + noise.nonlinearity * mean[ROUGH] + missed
+    else:
+        wander = REST_JITTER * dt
+    shake = noise.acc * (dt + 0.5 * spread2) + pushed
+    for i in range(3):
+        p[TH + i, TH + i] += wander
+    p[V, V] += shake
+    p[V + 1, V + 1] += shake
+
+
+@njit
 def fade(p: Floats, x: Floats, by: float, var: float) -> None:
     """Let the deflection of the field go back to none: first-order Gauss–Markov."""
     for j in range(SIZE):
@@ -282,19 +310,7 @@ def forward(
             u[COUNT] = 0.0
             start_again(p, p0, now)
         else:
-            now[V] += u[FORCE]
-            now[V + 1] += u[FORCE + 1]
-            propagate_velocity(p, f)
-            if kind[k] == MOVING:
-                propagate_attitude(p, f)
-            wander = (
-                noise.gyr * dt + noise.nonlinearity * u[ROUGH] + missed[k] if kind[k] == MOVING else REST_JITTER * dt
-            )
-            shake = noise.acc * (dt + 0.5 * spread2) + pushed[k]
-            for i in range(3):
-                p[TH + i, TH + i] += wander
-            p[V, V] += shake
-            p[V + 1, V + 1] += shake
+            predict(p, now, f, u, spread2, missed[k], pushed[k], noise)
         for i in range(3):
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
@@ -306,8 +322,7 @@ def forward(
             heading_update(p, now, gain[k], term[k], column, u, heading_var[k])
         for i in range(3):
             u[FORCE + i] /= dt
-        corrected_by(attitude, now[TH], now[TH + 1], now[TH + 2])
-        now[TH], now[TH + 1], now[TH + 2] = 0.0, 0.0, 0.0
+        correct(attitude, now)
         keep(k + 1, attitude, now, p, q, x, cov)
 
 
@@ -475,6 +490,14 @@ def back_to_the_last(lam: Floats, big: Floats, y: Floats, gain: Floats, term: Fl
     back_over(lam, big, f)
 
 
+class Last(NamedTuple):
+    """Attitude (4,), state (21,) and covariance (21, 21) at a keyframe, by what came before it."""
+
+    attitude: Floats
+    state: Floats
+    cov: Floats
+
+
 @dataclass(frozen=True, slots=True)
 class Sweep:
     """What a pass forward and backward found.
@@ -493,6 +516,8 @@ class Sweep:
         Covariance of the last bias of the gyroscope and `matrix`.
     force, field : ndarray (K, 3)
         Mean specific force and field of each step in smoothed navigation axes, m/s² and µT.
+    last : Last
+        What the pass forward knew at the last keyframe, from where another one can go on.
     """
 
     q: Floats
@@ -503,6 +528,7 @@ class Sweep:
     unit_cov: Floats
     force: Floats
     field: Floats
+    last: Last
 
     @property
     def bias(self) -> Floats:
@@ -585,6 +611,7 @@ def sweep(
     for begin in begins:
         starts.append((attitude.copy(), now.copy(), p.copy()))
         block = ahead(begin, attitude, now, p)
+    last = Last(attitude.copy(), now.copy(), 0.5 * (p + p.T))
     lam, big = np.zeros(SIZE), np.zeros((SIZE, SIZE))
     for begin, start in zip(reversed(begins), reversed(starts), strict=True):
         if begin != begins[-1]:
@@ -600,4 +627,4 @@ def sweep(
     unit = [*range(B, B + 3), *range(M, M + 9)]
     unit_cov = p[np.ix_(unit, unit)]
     unit_cov = 0.5 * (unit_cov + unit_cov.T)
-    return Sweep(q_s, x_s, cov_s, now[M:], now[A : A + 3], unit_cov, force, field)
+    return Sweep(q_s, x_s, cov_s, now[M:], now[A : A + 3], unit_cov, force, field, last)
