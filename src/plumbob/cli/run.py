@@ -24,7 +24,11 @@ def add_parser(verbs: common.Adder) -> None:
     which = p.add_mutually_exclusive_group()
     which.add_argument("--filter", metavar="NAME", help="one of 'plumbob filters'; default: smoother")
     which.add_argument("--causal", action="store_true", help="the filter that a stream uses by default")
-    which.add_argument("--lag", metavar="T", help="smooth with a fixed lag, as 5s: nothing later is used")
+    which.add_argument(
+        "--lag",
+        metavar="T",
+        help="smooth with a fixed lag, as 5s: nothing later is used; 0s: nothing later than each sample",
+    )
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
     common.add_init(p)

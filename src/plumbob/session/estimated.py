@@ -132,6 +132,8 @@ class Estimated(Series):
         if not isinstance(self.filter, Smoother):
             return f"{name}: each attitude from the samples before it"
         lag = self.filter.params.lag
+        if lag == 0.0:
+            return f"{name}: the past smoothed now and then, and a filter on from there; nothing later is used"
         if lag is not None:
             return f"{name}: smoothed with a lag of {lag:g} s"
         return f"{name}: smoothed over the whole recording; --causal gives what a live system would have known"
@@ -270,7 +272,8 @@ def estimate(
     causal : bool
         Use the filter that a stream uses by default: each attitude knows only what came before it.
     lag : float or str, optional
-        Smooth with a fixed lag, s: each attitude knows nothing that comes later than this after it.
+        Smooth with a fixed lag, s: each attitude knows nothing that comes later than this after it. With a lag of
+        zero it knows only what came before: the past is smoothed now and then, and a filter goes on from there.
     params : mapping, optional
         Its parameters: numbers in SI, or text with a unit, as ``{"gate": "0.08 g"}``.
     frame : Frame or str, optional

@@ -36,6 +36,7 @@ from plumbob.filters.smoother.inertial import (
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, M, Noise, Params, V
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
+from plumbob.filters.smoother.remarks import remarks_so_far
 from plumbob.filters.smoother.samples import (
     CORE,
     DOUBTFUL,
@@ -305,14 +306,16 @@ def turning_time(frames: Keyframes, bias: Floats | float, resting: Bools) -> Flo
     return np.where(resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
 
 
-def live_parts(data: ImuData, p: Params, known: Known, *, mag: bool) -> Iterator[tuple[Piece, Smoothed | None]]:
-    """What is known of each sample of a recording by nothing that comes after it, and the last look at the past."""
+def live_parts(
+    data: ImuData, p: Params, known: Known, *, mag: bool
+) -> Iterator[tuple[Piece, Smoothed | None, list[str]]]:
+    """What is known of each sample of a recording by nothing that comes after it, the last look, and remarks."""
     t, proven, begin = np.asarray(data.t), Proven(), 0
     q_last = np.array([1.0, 0.0, 0.0, 0.0])
     while begin < t.size:
         low, end = (int(i) for i in np.searchsorted(t, (t[begin] - MARGIN, t[begin] + CORE)))
         whole, core = data[low:end], slice(begin - low, end - low)
-        frames, found = Keyframes.of(whole, p.keyframe, mag=mag, ahead=False), None
+        frames, found, told = Keyframes.of(whole, p.keyframe, mag=mag, ahead=False), None, list[str]()
         if frames is None:
             part = unknown(whole, q_last, np.zeros(3))
         else:
@@ -320,11 +323,12 @@ def live_parts(data: ImuData, p: Params, known: Known, *, mag: bool) -> Iterator
             way.go(int(np.searchsorted(frames.time, t[begin], side="right")) - 1 if begin else 0)
             found = None if way.running is None else way.running.found
             part = everywhere(whole, frames, way.part(whole))
+            told = remarks_so_far(frames, t[begin:end], part.flags[core])
         own = part.rows(core)
         free = (own.flags & flags.HEADING_FREE) != 0
         piece = Piece(slice(begin, end), own, len(free) if free.all() else int(np.argmin(free)), frames is not None)
         q_last, begin = piece.part.q[-1].copy(), end
-        yield piece, found
+        yield piece, found, told
 
 
 class _Way:

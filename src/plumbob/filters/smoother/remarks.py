@@ -4,11 +4,12 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plumbob.core import check
+from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
-from plumbob.filters.smoother.keyframes import Bools
+from plumbob.filters.smoother.keyframes import Bools, Keyframes
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.passes import Smoothed
 from plumbob.filters.smoother.samples import GATED
@@ -21,23 +22,41 @@ TOLD: Final = 1.5
 """Smaller fields of the unit, µT, are not named."""
 
 
+FREE: Final = "no field of the recording gives a heading: it counts from a free zero"
+WRONG: Final = "the field was not that of the place ({}); the heading there is the gyroscope's"
+
+
+def remarks_so_far(frames: Keyframes, t: Floats, word: NDArray[np.uint32]) -> list[str]:
+    """Remarks on samples (N,) of which each knows only what came before, by their flags; a line each."""
+    told = _gaps(frames, float(t[0]), float(t[-1]))
+    if not np.isfinite(frames.mag[:, 0]).any():
+        return told
+    if ((word & flags.HEADING_FREE) != 0).all():
+        return [*told, FREE]
+    gated = (word[1:] & flags.MAG_GATED) != 0
+    if when := _spells(t, gated, float(t[0]), float(t[-1])):
+        told.append(WRONG.format(when))
+    return told
+
+
 def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
     """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept; a line each."""
     begin, end = float(t[0]), float(t[-1])
-    told = _gaps(found, begin, end)
+    told = _gaps(found.frames, begin, end)
     if found.reference is None:
         if np.isfinite(found.frames.mag[:, 0]).any():
-            told.append("no field of the recording gives a heading: it counts from a free zero")
+            told.append(FREE)
         return told
     told += _of_unit(found)
     if found.attached is not None and found.attached.found:
         magnet = found.attached.magnet
         size = float(np.linalg.norm(magnet, axis=1).max())
-        when = _spells(found, np.asarray(magnet.any(axis=1)), begin, end)
+        when = _spells(found.frames.time, np.asarray(magnet.any(axis=1)), begin, end)
         if when:
             told.append(f"a field of {size:.0f} µT turned with the sensor ({when}); it was taken off")
-    if when := _spells(found, (found.weight < GATED) & np.isfinite(found.sweep.field[:, 0]), begin, end):
-        told.append(f"the field was not that of the place ({when}); the heading there is the gyroscope's")
+    gated = (found.weight < GATED) & np.isfinite(found.sweep.field[:, 0])
+    if when := _spells(found.frames.time, gated, begin, end):
+        told.append(WRONG.format(when))
     if found.reference.rival is not None:
         level, up = found.reference.rival
         told.append(
@@ -62,8 +81,8 @@ def _of_unit(found: Smoothed) -> list[str]:
     ]
 
 
-def _gaps(found: Smoothed, begin: float, end: float) -> list[str]:
-    time = found.frames.time[1:][found.frames.gap]
+def _gaps(frames: Keyframes, begin: float, end: float) -> list[str]:
+    time = frames.time[1:][frames.gap]
     inside = time[(time >= begin) & (time <= end)]
     if not inside.size:
         return []
@@ -73,9 +92,8 @@ def _gaps(found: Smoothed, begin: float, end: float) -> list[str]:
     ]
 
 
-def _spells(found: Smoothed, which: Bools, begin: float, end: float) -> str:
+def _spells(time: Floats, which: Bools, begin: float, end: float) -> str:
     """Times, s, for which something lasted, the longest few of them; empty where none did for long."""
-    time = found.frames.time
     spells = [(max(float(time[a]), begin), min(float(time[b]), end)) for a, b in check.runs(which)]
     long = sorted((s for s in spells if s[1] - s[0] >= LASTING), key=lambda s: s[0] - s[1])
     total = math.fsum(b - a for a, b in long)

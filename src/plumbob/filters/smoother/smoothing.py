@@ -201,8 +201,11 @@ class Smoother(Shown):
         """Stretches one after the other, nothing of which knows what comes later."""
         from plumbob.filters.smoother.live import live_parts
 
-        for piece, found in live_parts(data, self.params, _known(data), mag=self.common.mag):
+        remarks: dict[str, None] = {}
+        for piece, found, told in live_parts(data, self.params, _known(data), mag=self.common.mag):
             self.learned = self.learned if found is None else found.learned
+            remarks |= dict.fromkeys(told)
+            self.remarks = tuple(remarks)
             yield piece
 
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:

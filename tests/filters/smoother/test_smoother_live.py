@@ -1,0 +1,269 @@
+"""Without a lag: right from the first seconds on, and what a few samples cannot tell is decided by all of them.
+
+That nothing later changes an estimate is in test_smoother_keyframes, with the other lags.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from plumbob import ImuData, estimate
+from plumbob.core import flags
+from plumbob.core._jit import jit_disabled
+from plumbob.core.errors import ShapeError
+from plumbob.core.units import deg, dps
+from plumbob.filters.smoother import Smoother, inertial, live
+from plumbob.filters.smoother.field import Reference, share_of_rest, weights
+from plumbob.filters.smoother.inertial import calm, calm_so_far, first_rest
+from plumbob.filters.smoother.keyframes import Keyframes
+from plumbob.filters.smoother.model import SIZE, Params
+from plumbob.filters.smoother.sweeps import COUNT, FIELD, FORCE, MEANS, Last
+from plumbob.rotations import quat_angle, quat_conjugate, quat_from_rotvec, quat_rotate
+from tests.battery.hand import by_hand, error_n, rms_deg
+
+slow = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
+
+NOT_CONVERGED = np.uint32(flags.NOT_CONVERGED)
+
+
+def followed(imu, **params):
+    """Track without a lag, and what was remarked."""
+    smoother = Smoother(frame="ENU", params={"lag": 0.0, **params})
+    return smoother.process(imu), " ".join(smoother.remarks)
+
+
+def converged(track):
+    return (track.flags & NOT_CONVERGED) == 0
+
+
+@slow
+@pytest.mark.parametrize("rest", [(), ((0.0, 5.0),)], ids=["moved", "rested"])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_hand_s_motion_is_followed_from_the_first_second_on(rest, seed):
+    """And within what is claimed: 95 % of the samples inside 1.96 standard deviations would be 3.84 of each axis."""
+    h = by_hand(seed=seed, rest=rest)
+    track, _ = followed(h.imu())
+    sure = converged(track)
+    assert sure[h.t > 1.0].all()
+    assert not sure[h.t < live.SOONEST].any()  # nothing has been looked at yet
+    e = error_n(track.q_nb, h.q)
+    assert rms_deg(e[h.t > 1.0]).max() < 3.0
+    assert rms_deg(e[h.t > 10.0]).max() < 1.0
+    body = np.einsum("nij,nj->ni", np.linalg.inv(np.linalg.cholesky(track.cov_b)), _body(track, e))
+    assert np.mean(np.abs(body[h.t > 1.0]) < 1.96) > 0.9
+
+
+def _body(track, e):
+    return quat_rotate(quat_conjugate(track.q_nb), e)
+
+
+@slow
+def test_it_says_what_it_is_and_is_one_call():
+    h = by_hand(20.0)
+    result = estimate(h.imu(), lag="0 s")
+    assert result.told.startswith("smoother (lag=0 s): the past smoothed now and then, and a filter on from there")
+    assert (result.track.q_nb == followed(h.imu())[0].q_nb).all()
+    assert result.filter.learned is not None  # a card can be made of it
+
+
+@slow
+def test_a_gap_makes_any_attitude_possible_until_the_motion_behind_it_shows_it():
+    """The bias and the field of the place are kept: behind the gap nothing else is learned anew."""
+    h = by_hand(40.0, rest=((0.0, 5.0),), seed=1)
+    keep = (h.t < 20.0) | (h.t > 22.0)
+    track, told = followed(h.rows(keep).imu())
+    t, sure = h.t[keep], converged(track)
+    assert not sure[(t > 22.0) & (t < 22.0 + live.SOONEST - 0.05)].any()
+    assert sure[t > 25.0].all()
+    assert rms_deg(error_n(track.q_nb, h.q[keep])[t > 25.0]).max() < 1.0
+    assert "a gap in the samples (until 22.0 s)" in told
+    bias = track.bias_b[(t > 22.0) & (t < 24.0)]
+    assert np.abs(bias - track.bias_b[np.searchsorted(t, 19.9)]).max() < dps(0.1)
+
+
+@slow
+def test_a_heading_without_a_field_goes_on_over_looks_stretches_and_gaps(monkeypatch):
+    """It counts from a free zero, which no look at the past and no stretch may move: the rates explain each step."""
+    monkeypatch.setattr(live, "CORE", 12.0)
+    monkeypatch.setattr(live, "MARGIN", 8.0)
+    h = by_hand(40.0, rest=((0.0, 4.0),), seed=2)
+    track, _ = followed(h.imu(mag=None))
+    sure = h.t > 1.0
+    assert (track.flags[sure] & np.uint32(flags.HEADING_FREE)).all()
+    change = quat_angle(track.q_nb[:-1], track.q_nb[1:])
+    turned = np.linalg.norm(h.gyr[1:], axis=1) * np.diff(h.t)
+    assert np.abs(change - turned)[sure[1:]].max() < deg(1.5)  # what the tilt was off by in the second before, at most
+    heading = error_n(track.q_nb, h.q)[:, 2]
+    assert np.ptp(heading[h.t > 2.0]) < deg(3.0)
+
+
+@slow
+def test_a_field_that_begins_wrong_is_given_up_once_the_unit_turns_in_the_right_one():
+    """The first one was seen at rest alone, which proves nothing."""
+    h = by_hand(60.0, rest=((0.0, 12.0),), seed=3)
+    wrong = h.mag + np.where(h.t[:, np.newaxis] < 14.0, 1.0, 0.0) * _in_body(h, [20.0, -15.0, 10.0])
+    track, told = followed(h.imu(mag=wrong))
+    heading = np.degrees(np.abs(error_n(track.q_nb, h.q)[:, 2]))
+    assert heading[(h.t > 5.0) & (h.t < 12.0)].min() > 20.0  # nothing could have shown it
+    assert heading[h.t > 30.0].max() < 5.0
+    assert "the field was not that of the place" in told
+
+
+def _in_body(h, field):
+    return quat_rotate(quat_conjugate(h.q), np.broadcast_to(field, (len(h.q), 3)))
+
+
+@slow
+def test_missing_values_are_held_and_not_looked_for_ahead():
+    h = by_hand(20.0, seed=4)
+    lost = np.random.default_rng(0).random(h.t.size) < 0.05
+    gyr, acc = (np.where(lost[:, np.newaxis], np.nan, of) for of in (h.gyr, h.acc))
+    frames = Keyframes.of(h.imu(gyr=gyr, acc=acc), 0.049, ahead=False)
+    rows = np.flatnonzero(lost[frames.rows])
+    rows = rows[rows > 0]
+    assert rows.size > 50
+    assert (frames.gyr[rows] == frames.gyr[rows - 1]).all()
+    assert (frames.acc[rows] == frames.acc[rows - 1]).all()
+    track, _ = followed(h.imu(gyr=gyr, acc=acc))
+    assert track.known.all()
+    assert rms_deg(error_n(track.q_nb, h.q)[h.t > 5.0]).max() < 1.5
+
+
+@slow
+def test_a_recording_shorter_than_the_first_look_claims_nothing_and_one_rate_is_an_error():
+    h = by_hand(0.2)
+    track, _ = followed(h.imu())
+    assert len(track) == h.t.size
+    assert not converged(track).any()
+    assert track.known.all()
+    gyr = np.where(np.arange(h.t.size)[:, np.newaxis] < 1, h.gyr, np.nan)
+    with pytest.raises(ShapeError, match="needs two samples with a rate"):
+        followed(h.imu(gyr=gyr))
+
+
+@slow
+def test_the_stretch_that_a_day_is_cut_into_does_not_show(monkeypatch):
+    h = by_hand(50.0, rest=((0.0, 5.0),), seed=5)
+    whole, _ = followed(h.imu())
+    monkeypatch.setattr(live, "CORE", 15.0)
+    parts = list(Smoother(frame="ENU", params={"lag": 0.0}).parts(h.imu()))
+    assert len(parts) == 4
+    q = np.concatenate([part.q_nb for part in parts])
+    assert np.degrees(quat_angle(q, whole.q_nb)[h.t > 1.0]).max() < 1.0
+
+
+# --- the pieces ---------------------------------------------------------------------------------------------
+
+
+def test_a_field_weighs_what_it_weighs_in_a_smoothed_recording():
+    """The same formula, step by step and for all at once."""
+    p, reference = Params(), Reference(20.0, -40.0, 1.0)
+    rng = np.random.default_rng(0)
+    fields = np.array([0.0, 20.0, -40.0]) + rng.normal(0.0, [8.0, 8.0, 4.0], (200, 3))
+    expected = weights(reference, p, fields, np.zeros(200, dtype=bool), directed=True)
+    mean = np.zeros(MEANS)
+    mean[COUNT] = 5.0
+    for field, weight in zip(fields, expected, strict=True):
+        mean[FIELD : FIELD + 3] = field
+        assert live.field_weight(mean, live.Field.of(reference, p)) == pytest.approx(weight, rel=1e-12)
+    mean[COUNT] = 0.0
+    assert live.field_weight(mean, live.Field.of(reference, p)) == 0.0
+    assert live.field_weight(mean, live.Field.of(None, p)) == 0.0
+
+
+def test_the_speed_of_a_swing_is_learned():
+    """Of a cos(ωt) the speed is a/ω, here on one of two axes; it lasts about a period, 6 σ_v / σ_a = 6/ω."""
+    dt, omega, force = 0.05, 2.0 * math.pi * 1.0, 3.0
+    learned, mean = np.zeros(live.LEARNED), np.zeros(MEANS)
+    densities = []
+    for k in range(2000):
+        mean[FORCE] = dt * force * math.cos(omega * k * dt)
+        densities.append(live.velocity_density(learned, mean, dt, 0.05))
+    speed2 = 0.25 * (force / omega) ** 2  # mean of ½ v²
+    assert np.mean(densities[-200:]) == pytest.approx(2.0 * 6.0 / omega * speed2, rel=0.1)
+    quiet = live.velocity_density(np.zeros(live.LEARNED), np.zeros(MEANS), dt, 0.05)
+    assert quiet == pytest.approx(2.0 * inertial.SHORTEST * 0.05**2)
+
+
+def test_what_proves_a_field_is_turning_in_it():
+    p = Params()
+    place = live.Proven(Reference(20.0, -40.0, 1.0), turning=30.0, rest=100.0)
+    assert place.known(None, turned=0.0).seen == pytest.approx(2.0 * 130.0)  # nothing turns: all that was seen
+    assert place.known(None, turned=5.0).seen == pytest.approx(2.0 * (30.0 + 24.0 - 10.0))
+    young = live.Proven(Reference(20.0, -40.0, 1.0), turning=2.0, rest=100.0)
+    assert young.known(None, turned=5.0).seen == 0.0
+    assert p.mag_spread * 3.0 < Reference(20.0, -40.0, 1.0).apart(Reference(27.0, -40.0, 1.0))
+
+
+def test_a_heading_from_elsewhere_turns_all_that_lies_in_the_level():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(SIZE, SIZE))
+    last = Last(quat_from_rotvec(np.array([0.1, -0.2, 0.3])), rng.normal(size=SIZE), root @ root.T)
+    there = live._turned(last, 0.7)
+    assert live._heading_between(last.attitude, there.attitude) == pytest.approx(0.7)
+    back = live._turned(there, -0.7)
+    for one, other in zip(last, back, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)
+    assert there.cov[2, 2] == pytest.approx(last.cov[2, 2])
+    assert np.trace(there.cov[:2, :2]) == pytest.approx(np.trace(last.cov[:2, :2]))
+    assert math.hypot(*there.state[6:8]) == pytest.approx(math.hypot(*last.state[6:8]))
+
+
+def test_a_calm_window_that_ends_now_is_calm_later_than_one_around_now():
+    h = by_hand(20.0, rest=((5.0, 10.0),), seed=6)
+    frames, p = Keyframes.of(h.imu(), 0.049), Params()
+    around, so_far = calm(frames, p).quiet, calm_so_far(frames, p).quiet
+    begin, end = (frames.time[np.flatnonzero(around)[i] + 1] for i in (0, -1))
+    assert frames.time[np.flatnonzero(so_far)[0] + 1] == pytest.approx(begin + 0.5 * p.rest_time, abs=0.11)
+    assert frames.time[np.flatnonzero(so_far)[-1] + 1] == pytest.approx(end + 0.5 * p.rest_time, abs=0.11)
+
+
+def still(seconds, rate_z, field):
+    """A unit whose gyroscope shows an even rate about the vertical, and a field (N, 3) over time, or none."""
+    t = np.arange(0.0, seconds, 0.01)
+    rng = np.random.default_rng(7)
+    gyr = np.array([0.0, 0.0, rate_z]) + rng.normal(0.0, dps(0.05), (t.size, 3))
+    acc = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 0.02, (t.size, 3))
+    mag = None if field is None else field(t) + rng.normal(0.0, 0.2, (t.size, 3))
+    return Keyframes.of(ImuData(t=t, gyr=gyr, acc=acc, mag=mag), 0.049)
+
+
+def place(t, turned=0.0):
+    return np.stack((20.0 * np.sin(turned + 0.0 * t), 20.0 * np.cos(turned + 0.0 * t), -40.0 + 0.0 * t), axis=1)
+
+
+def test_a_field_that_jumps_at_rest_is_no_turn_and_one_that_goes_round_evenly_is():
+    """9 °/s, or a magnet that is put beside the unit and turns its field by as much as that in ten seconds."""
+    rate = dps(9.0)
+    p = Params()
+    even = still(10.0, rate, lambda t: place(t, rate * t))
+    jump = still(10.0, 0.0, lambda t: np.where(t[:, np.newaxis] < 6.0, place(t), place(t, 10.0 * rate)))
+    assert not calm(even, p).quiet.any()
+    assert calm(jump, p).quiet.mean() > 0.8
+
+
+@pytest.mark.parametrize(("seconds", "found"), [(3.0, False), (12.0, True)])
+def test_a_calm_second_with_a_large_rate_about_gravity_is_a_turn_and_a_long_one_a_bias(seconds, found):
+    """8 °/s is 1.6 of the bias's standard deviations, each of which takes 3 s of rest where no field tells."""
+    frames, p = still(seconds, dps(8.0), None), Params()
+    resting, bias = first_rest(calm(frames, p), p, frames.step)
+    assert resting.any() == found
+    assert bias[2] == pytest.approx(dps(8.0) if found else 0.0, abs=dps(0.05))
+
+
+@slow
+def test_all_rest_counts_no_more_than_most_of_the_turning():
+    h = by_hand(60.0, rest=((0.0, 40.0),), seed=8)
+    frames, p = Keyframes.of(h.imu(), 0.049), Params()
+    seen = inertial.level(frames, p)
+    share = share_of_rest(frames, seen)
+    assert (share[~seen.resting] == 1.0).all()
+    turning = live.turning_time(frames, seen.sweep.bias[1:], seen.resting).sum()
+    assert (share * frames.step)[seen.resting].sum() == pytest.approx(0.8 * turning)
+
+
+def test_a_field_far_off_is_another_one_however_far_all_are_off():
+    """A reference that half of the fields miss by their own size is believed no wider than a fifth of it."""
+    assert Reference(30.0, -40.0, 60.0).spread(Params()) == pytest.approx(10.0)
+    assert Reference(30.0, -40.0, 2.0).spread(Params()) == pytest.approx(3.0)
