@@ -3,7 +3,7 @@
 The recordings are those under PLUMBOB_DATA (broad, foreign); the page says where they come from. Each part of the page
 is measured by itself and kept in bench-out/accuracy.json, so that one of them can be measured again.
 
-    python -m benchmarks.accuracy [--parts sets,variants,ablations,choice,draws] [--draws 256]
+    python -m benchmarks.accuracy [--parts sets,variants,live,ablations,choice,draws] [--draws 256]
 """
 
 import argparse
@@ -51,6 +51,10 @@ EXTRA: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {  # rows more: s
     "chain, rigid, no magnetometer": ("chain, rigid", {}, {"no_mag": ""}),
     "chain, soft, no magnetometer": ("chain, soft", {}, {"no_mag": ""}),
 }
+ALL = {name: (name, dict[str, str](), dict[str, str]()) for name in SETS} | EXTRA
+NO_LAG = {"lag": "0 s"}
+CAUSAL = ("mekf", "vqf", "vqf.VQF")
+NOTHING: dict[str, float | None] = dict.fromkeys(KEYS)
 OURS = ("smoother", "mekf", "vqf")
 PEERS = "vqf.VQF,vqf.offlineVQF,imufusion(readme),ahrs.Madgwick,ahrs.EKF"
 QUICK = "vqf.VQF,vqf.offlineVQF"
@@ -117,8 +121,7 @@ def totals(name: str, params: Mapping[str, Any]) -> list[float]:
 def sets() -> dict[str, Any]:
     """Every estimator on every set."""
     found = {}
-    rows = {name: (name, {}, {}) for name in SETS} | EXTRA
-    for row, (name, params, changes) in rows.items():
+    for row, (name, params, changes) in ALL.items():
         stages = [Stage(filter_, params if filter_ == "smoother" else {}) for filter_ in OURS]
         peers = QUICK if params else PEERS
         result = measured(name, stages, peers, changes=changes, calibrated=True, against="smoother")
@@ -141,6 +144,20 @@ def variants() -> dict[str, Any]:
         )
         worst = max(errors["smoother"][KEYS[0]] for errors in result.trials.values())
         found[row] = {"mean": result.mean(), "worst": worst, "claims": result.claims()["smoother"]}
+        log(row, result)
+    return found
+
+
+def live() -> dict[str, Any]:
+    """The smoother without a lag, on every set and on the recordings made harder."""
+    cases = [(row, name, {**params, **NO_LAG}, {"changes": changes}) for row, (name, params, changes) in ALL.items()]
+    cases += [(f"BROAD, {row}", "BROAD", NO_LAG, {"changes": changes, "between": between})
+              for row, (changes, between) in VARIANTS.items() if changes]  # fmt: skip
+    found = {}
+    for row, name, params, settings in cases:
+        result = measured(name, [smoother(params)], calibrated=True, **settings)
+        worst = max(errors["smoother"][KEYS[0]] for errors in result.trials.values())
+        found[row] = {"mean": result.mean()["smoother"], "worst": worst, "claims": result.claims()["smoother"]}
         log(row, result)
     return found
 
@@ -207,6 +224,7 @@ def log(row: str, result: Accuracy) -> None:
 def page(found: Mapping[str, Any]) -> str:
     """The page, of all parts."""
     parts = [head(), sets_text(found["sets"]), claims_text(found["sets"]), variants_text(found["variants"])]
+    parts.append(live_text(found))
     parts += [ablations_text(found["ablations"]), choice_text(found["choice"]), draws_text(found["draws"]), FOOT]
     return "\n".join(parts)
 
@@ -374,6 +392,28 @@ The smoother's worst recording, total, and its claims, as above:
 {table(["", "worst", *SHARES.values()], shares)}"""
 
 
+def live_text(found: Mapping[str, Any]) -> str:
+    others = {row: of["mean"] for row, of in found["sets"].items()}
+    others |= {f"BROAD, {row}": of["mean"] for row, of in found["variants"].items()}
+    rows = {row: {"mean": {"`smoother`, no lag": of["mean"]} | {n: others[row].get(n) or NOTHING for n in CAUSAL}}
+            for row, of in found["live"].items()}  # fmt: skip
+    shares = [
+        [row, f"{of['worst']:.2f}", *("–" if s is None else f"{s[0]:.0%} ({s[1]:.0%})" for s in of["claims"].values())]
+        for row, of in found["live"].items()
+    ]
+    return f"""## Without a lag
+
+`lag = 0 s` (`plumbob run --lag 0s`): the smoother over the past two minutes, now and then, and a filter that goes on
+from there on the same models; nothing that comes later is used, [to the bit](estimator.md#without-a-lag). Beside it
+what else knows only what came before. Samples that an estimator says are not converged are not scored: without a lag
+the first 0.3 s, and after a gap as long as the tilt is known worse than to 6° or the heading than to 20°.
+
+{table(["", *estimators(rows)], compared(rows))}
+Its worst recording, total, and its claims, as above:
+
+{table(["", "worst", *SHARES.values()], shares)}"""
+
+
 def ablations_text(found: Mapping[str, Any]) -> str:
     names = list(SETS)
     off = [[row, *(f"{values[n]:.2f}" for n in names)] for row, values in found["off"].items()]
@@ -456,11 +496,11 @@ def draw_picture(rows: Mapping[str, Any]) -> None:
 def main() -> None:
     """Measure the parts that are asked for, and write the page."""
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--parts", default="sets,variants,ablations,choice,draws")
+    p.add_argument("--parts", default="sets,variants,live,ablations,choice,draws")
     p.add_argument("--draws", type=int, default=256)
     args = p.parse_args()
     parts: dict[str, Callable[[], dict[str, Any]]] = {
-        "sets": sets, "variants": variants, "ablations": ablations, "choice": choice,
+        "sets": sets, "variants": variants, "live": live, "ablations": ablations, "choice": choice,
         "draws": lambda: draws(args.draws),
     }  # fmt: skip
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
