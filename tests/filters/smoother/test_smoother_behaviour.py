@@ -487,3 +487,11 @@ def test_a_vertical_bias_is_no_field_of_the_sensor():
     assert attached is not None
     assert not attached.found
     assert evaluate(estimate(sea.imu).track, sea.truth).summary()["heading_rmse_deg"] < 0.5
+
+
+def test_a_large_bias_that_no_rest_shows_is_not_hidden_by_a_likelier_small_one():
+    """A fin's gyroscope with a bias of 26 °/s: the velocity that a prior of 0.1 °/s leaves outweighs it."""
+    run = simulate("fin", frame="NED", sensors="mpu6000+hmc5983", rate="100Hz", unit="random", seed=1, duration="60 s")
+    track = estimate(run.imu).track
+    assert np.linalg.norm(track.bias_b[-1]) == pytest.approx(dps(26.4), abs=dps(1.0))
+    assert evaluate(track, run.truth).summary()["total_rmse_deg"] < 10.0  # an uncalibrated field; 91° by the small bias

@@ -210,7 +210,7 @@ def white_noise(p: Params, reference: Reference) -> float:
     """White noise of the field, µT/√Hz, by how far the fields of the recording are off."""
     if p.lag is None:
         return p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
-    # The few seconds that a lag sees of a disturbance are no measure of it, and without one nothing later tells it.
+    # The few seconds that a lag sees of a disturbance are no measure of it, and without one nothing later shows it.
     return p.mag_noise * (1.0 if p.lag > 0.0 else UNTOLD)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -30,9 +31,9 @@ WIDE: Final = deg(15.0)
 """its standard deviation, rad,"""
 NARROW: Final = deg(5.0)
 """and that of a smoothed one that is taken for a start."""
-FIRST_BIASES: Final = dps(0.1), dps(0.5), 1.0
-"""Standard deviations of the first bias, rad/s, the last as a share of its prior, that are tried where nothing rests:
-many gyroscopes come nearly without one, and a few seconds of motion can be explained by any;"""
+FIRST_BIASES: Final = 1.0, dps(0.5), dps(0.1)
+"""Standard deviations of the first bias, the first as a share of its prior, the others in rad/s, that are tried in turn
+where nothing rests: many gyroscopes come nearly without one, and a few seconds of motion can be explained by any;"""
 REST_BIAS: Final = dps(0.3)
 """at rest it is known to this."""
 AGAIN_BIAS: Final = dps(1.0)
@@ -182,7 +183,8 @@ def first_rest(found: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
         bias = rates[np.linalg.norm(rates - bias, axis=1) < p.rest_band].mean(axis=0)
     resting = found.at_bias(p, bias)
     most = min(BEYOND, float(step[resting].sum()) / REST_PER_SD)
-    if abs(np.median(found.turn[resting])) > most * p.bias_start:
+    shown = float(step[resting & (found.turn == 0.0)].sum())  # by a field that stood still
+    if shown < p.rest_time and abs(np.median(found.turn[resting])) > most * p.bias_start:
         return np.zeros_like(quiet), np.zeros(3)
     return resting, np.median(mean[resting], axis=0)
 
@@ -284,12 +286,20 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Float
         tilt[start] = first_tilt(frames, start, bias)
     first = first_speed(frames, bias)
     sure = bool(resting.any()) or known is not None
-    tried = (REST_BIAS,) if sure else (*FIRST_BIASES[:-1], FIRST_BIASES[-1] * p.bias_start)
-    found = [_level(frames, p, resting, tilt, bias, first, sd, unit, sure=sure) for sd in tried]
-    # A wrong attitude takes gravity for an acceleration, and a wrong bias is unlikely: what both leave, of one model
-    density = np.maximum.reduce([one.speed.density(p, resting) for one in found])
-    spread = 6.0 * np.log(np.array(tried) / tried[0])  # a wide prior explains everything, and each of it less: −2 log p
-    return found[int(np.argmin([_misfit(frames, p, one.sweep, density) for one in found] + spread))]
+    of = partial(_level, frames, p, resting, tilt, bias, first, unit=unit, sure=sure)
+    if sure:
+        return of(REST_BIAS)
+    wide, *narrower = FIRST_BIASES[0] * p.bias_start, *FIRST_BIASES[1:]
+    found = of(wide)
+    for sd in narrower:
+        other = of(sd)
+        # A wrong attitude takes gravity for an acceleration, a wrong bias is unlikely: what both leave, of one model
+        density = np.maximum(found.speed.density(p, resting), other.speed.density(p, resting))
+        spared = 6.0 * math.log(wide / sd)  # a wide prior explains everything, and each of it less: −2 log p
+        if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, found.sweep, density) + spared:
+            break
+        found, wide = other, sd
+    return found
 
 
 def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> float:
@@ -298,8 +308,8 @@ def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> floa
 
 
 def _level(
-    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, sd: float,
-    unit: Floats | None, *, sure: bool,
+    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, sd: float, *,
+    unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
     """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)

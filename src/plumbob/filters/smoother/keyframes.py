@@ -184,12 +184,20 @@ def _filled(t: Floats, values: Floats) -> Floats:
 
 
 def _held(t: Floats, values: Floats) -> Floats:
-    """Values, each of the last sample that has one; zero before the first."""
-    known = ~np.isnan(values[:, 0])
-    if known.all():
+    """Values, each of the last sample that has one; zero before the first.
+
+    The next one that is known makes up for it: with it the integral is that of straight lines.
+    """
+    missing = np.isnan(values[:, 0])
+    if not missing.any():
         return np.ascontiguousarray(values)
-    last = np.maximum.accumulate(np.where(known, np.arange(t.size), -1))
-    return np.where((last >= 0)[:, np.newaxis], values[np.maximum(last, 0)], 0.0)
+    known, dt = np.flatnonzero(~missing), np.diff(t, prepend=t[0])[:, np.newaxis]
+    last = np.maximum.accumulate(np.where(missing, -1, np.arange(t.size)))
+    held = np.where((last >= 0)[:, np.newaxis], values[np.maximum(last, 0)], 0.0)
+    late = np.where((missing & (last >= 0))[:, np.newaxis], (_filled(t, values) - held) * dt, 0.0)
+    owed = sum_between(late, np.concatenate(([0], known[:-1] + 1)), known)
+    held[known] += owed / np.where(dt[known] > 0.0, dt[known], np.inf)
+    return held
 
 
 def _bow(t: Floats, missing: Bools) -> Floats:

@@ -1,7 +1,7 @@
 """Without a lag: the past is smoothed now and then, and a filter goes on from where that ends, on the same models.
 
 What a few samples cannot tell (the first tilt, a bias that no rest shows, which of two fields belongs to the place) is
-decided by all of the past together, each time anew, and so no rule has to be right at once. In between nothing is
+decided by all of the past together, each time again, and so no rule has to be right at once. In between nothing is
 decided: the filter takes rest, speed and the weight of each field from what came before. The past is smoothed soon
 after a start or a gap, then ever more seldom, and at once when the fields of a turning unit contradict the one of the
 place. That one is proven by the time in which the unit turned in it: another must be seen for longer.
@@ -278,7 +278,7 @@ class Proven:
     rest: float = 0.0
 
     def known(self, unit: Floats | None, turned: float) -> Known:
-        """What a look at the past takes for known, in which the unit turned for so long, s."""
+        """What a look at the past takes for known, in which the unit turned for this time, s."""
         if turned < LEAST_TURNING:
             seen = self.turning + self.rest
         else:
@@ -286,7 +286,7 @@ class Proven:
         return Known(unit=unit, reference=self.reference, seen=(PROVEN - 1.0) * seen)
 
     def see(self, frames: Keyframes, found: Smoothed, p: Params) -> None:
-        """Take what a look at the past found; another field is proven anew."""
+        """Take what a look at the past found; another field must be proven again."""
         reference, before = found.reference, self.reference
         if reference is None:
             return
