@@ -294,16 +294,18 @@ class Stored(ImuData):
     @property
     def t_ns(self) -> NDArray[np.int64]:
         """Time since the start, integer ns."""
-        found = np.empty(self._rows, dtype=np.int64)
-        with reading(self._file):
-            for at, columns in _batches(self._file, (TIME,)):
-                found[at : at + columns[TIME].size] = columns[TIME]
-        return found
+        return self._times(np.empty(self._rows, dtype=np.int64))
 
     @property
     def t(self) -> Floats:
         """Time since the start, s."""
-        return to_s(self.t_ns)
+        return self._times(np.empty(self._rows), to_s)
+
+    def _times(self, found: Any, of: Callable[[NDArray[np.int64]], NDArray[Any]] = np.asarray) -> Any:
+        with reading(self._file):
+            for at, columns in _batches(self._file, (TIME,)):
+                found[at : at + columns[TIME].size] = of(columns[TIME])
+        return found
 
     gyr: Any = _of_all("gyr")
     acc: Any = _of_all("acc")

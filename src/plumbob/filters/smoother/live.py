@@ -326,7 +326,7 @@ def live_parts(
             told = remarks_so_far(frames, t[begin:end], part.flags[core])
         own = part.rows(core)
         free = (own.flags & flags.HEADING_FREE) != 0
-        piece = Piece(slice(begin, end), own, len(free) if free.all() else int(np.argmin(free)), frames is not None)
+        piece = Piece(whole.t[core], own, len(free) if free.all() else int(np.argmin(free)), frames is not None)
         q_last, begin = piece.part.q[-1].copy(), end
         yield piece, found, told
 

@@ -53,9 +53,9 @@ class Part(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """Samples one after the other: rows of the recording, the first one with a heading, and whether there are rates."""
+    """Samples one after the other: their times, s, the first one with a heading, and whether there are rates."""
 
-    rows: slice
+    t: Floats
     part: Part
     headed: int
     rated: bool

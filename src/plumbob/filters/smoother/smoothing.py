@@ -152,7 +152,7 @@ class Smoother(Shown):
         turn, rated, headed = self.common.declination, False, False
         self.remarks = ()
         for piece in self._live(data) if self.params.lag == 0.0 else self._stretches(data):
-            part, t, rated = piece.part, data.t[piece.rows], rated or piece.rated
+            part, t, rated = piece.part, piece.t, rated or piece.rated
             begin, headed = 0 if headed else piece.headed, headed or piece.headed < len(t)
             turned = part.q
             if turn and headed:  # headings are true from where a field has shown itself
@@ -193,7 +193,7 @@ class Smoother(Shown):
                 remarks |= dict.fromkeys(remarks_of(found, self.params, whole.t[inside]))
             q_last, self.remarks = part.q[inside][-1].copy(), tuple(remarks)
             headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
-            pieces = [Piece(stretch.core, part.rows(inside), headed, found is not None)]
+            pieces = [Piece(whole.t[inside], part.rows(inside), headed, found is not None)]
             del whole, part, found  # whoever takes the piece may need their room
             yield pieces.pop()
 
