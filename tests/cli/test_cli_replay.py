@@ -176,8 +176,7 @@ def test_what_is_not_known_or_did_not_happen_is_not_told(changes, word):
     assert not [line for line in report_lines(run_report(**changes), "level") if line.startswith(word)]
 
 
-def test_the_attitude_of_a_part_is_its_last_one():
+def test_the_attitude_of_a_track_is_its_last_one():
     q = quat_from_euler_zyx(np.radians([[1.0, 2.0, 3.0], [-40.0, 25.0, 170.0]]))
-    part = SimpleNamespace(track=SimpleNamespace(q_nb=q, frame=Frame.NED))
-    assert attitude_of(part) == "roll 170.00°, pitch 25.00°, yaw -40.00°"
-    assert attitude_of(SimpleNamespace(track=None)) == attitude_of(None) == ""
+    assert attitude_of(SimpleNamespace(q_nb=q, frame=Frame.NED)) == "roll 170.00°, pitch 25.00°, yaw -40.00°"
+    assert attitude_of(None) == ""

@@ -50,8 +50,9 @@ def line_of(args: argparse.Namespace) -> dict[str, Any]:
 def add_estimate(p: argparse.ArgumentParser) -> None:
     """Options of the estimate."""
     p.add_argument("--filter", metavar="NAME", help="estimate with this filter; see 'plumbob filters'")
+    p.add_argument("--lag", metavar="TIME", help="smooth with a fixed lag, as 5s: attitudes come that much later")
     p.add_argument("--params", metavar="P", help=PARAMS_HELP)
-    add_frame(p, "navigation frame; needed with --filter")
+    add_frame(p, "navigation frame; needed with --filter or --lag")
     add_calibration(p, "calibration card to apply")
     add_noise(p)
     add_init(p)
@@ -61,7 +62,7 @@ def estimate_of(args: argparse.Namespace) -> dict[str, Any]:
     """What the options of `add_estimate` say, as `plumbob.record` and `plumbob.replay` take it."""
     from plumbob.core.errors import ParameterError
 
-    given = {name: getattr(args, name) for name in ("filter", "frame", "calibration", "noise", "init")}
+    given = {name: getattr(args, name) for name in ("filter", "lag", "frame", "calibration", "noise", "init")}
     if args.filter is None:
         return given | {"params": dict(pairs(args.params))}
     chosen = stages(args.filter, args.params)
@@ -86,7 +87,7 @@ class Status:
         self._next = t + 1.0
         bare = "" if watch.stream.session.card else " UNCALIBRATED"
         junk = watch.stream.decoder.counts.junk
-        told = attitude_of(watch.last)
+        told = attitude_of(watch.track)
         self._draw(f"\r{t:9.1f} s  {watch.samples} samples{bare}  {junk} junk bytes  {told}\033[K")
 
     def note(self, text: str) -> None:

@@ -294,18 +294,23 @@ class Stored(ImuData):
     @property
     def t_ns(self) -> NDArray[np.int64]:
         """Time since the start, integer ns."""
-        return self._times(np.empty(self._rows, dtype=np.int64))
+        found = np.empty(self._rows, dtype=np.int64)
+        for rows, part in self._times():
+            found[rows] = part
+        return found
 
     @property
     def t(self) -> Floats:
         """Time since the start, s."""
-        return self._times(np.empty(self._rows), to_s)
+        found = np.empty(self._rows)
+        for rows, part in self._times():
+            found[rows] = to_s(part)
+        return found
 
-    def _times(self, found: Any, of: Callable[[NDArray[np.int64]], NDArray[Any]] = np.asarray) -> Any:
+    def _times(self) -> Iterator[tuple[slice, NDArray[np.int64]]]:
         with reading(self._file):
             for at, columns in _batches(self._file, (TIME,)):
-                found[at : at + columns[TIME].size] = of(columns[TIME])
-        return found
+                yield slice(at, at + columns[TIME].size), columns[TIME]
 
     gyr: Any = _of_all("gyr")
     acc: Any = _of_all("acc")

@@ -283,7 +283,7 @@ class Filter(Shown):
         if name == SMOOTHER:
             raise ParameterError(
                 "the smoother needs a whole recording and cannot take single samples. Use plumbob run FILE or "
-                f"plumbob.estimate(recording); for a stream name a filter, such as {CAUSAL}."
+                f"plumbob.estimate(recording); a stream takes it with a lag, or a filter, such as {CAUSAL}."
             )
         from_card = _from_noise(name, self.module, noise)
         given = {**from_card, **({} if params is None else _mapping(params))}

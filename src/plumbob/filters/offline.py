@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.filters import SMOOTHER, Filter, Start, takes_noise
-from plumbob.filters.smoother import Smoother
+from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import heading_policy, turn_heading
@@ -48,6 +48,8 @@ def bias_beyond(filter_: Filter | Smoother, track: AttitudeTrack) -> str | None:
         f"(1 sd) that {filter_.name} assumes: calibrate the gyroscope (plumbob calibrate gyro), or set {name}."
     )
 
+
+_Smoother = TypeVar("_Smoother", bound=Smoother)
 
 CHUNK = 1 << 16
 """Samples handed to a filter at a time; the result does not depend on it."""
@@ -147,8 +149,8 @@ def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start:
     return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, init=start or init, meta=meta)
 
 
-def smoother_of(stage: Stage, frame: Frame) -> Smoother:
-    """Smoother of a stage.
+def smoother_of(stage: Stage, frame: Frame, kind: type[_Smoother] = Smoother) -> _Smoother:  # type: ignore[assignment]
+    """Smoother of a stage, of a recording or on a stream.
 
     Raises
     ------
@@ -159,12 +161,34 @@ def smoother_of(stage: Stage, frame: Frame) -> Smoother:
         raise ParameterError(
             "the smoother takes its start from the whole recording. Leave init out, or name a filter that runs forward."
         )
-    return Smoother(frame=frame, params=stage.params, noise=stage.noise)
+    return kind(frame=frame, params=stage.params, noise=stage.noise)
+
+
+def lagged(
+    filter: str | None, lag: float | str | None, params: Mapping[str, Any] | None
+) -> tuple[str | None, Mapping[str, Any] | None]:
+    """Filter and parameters as they were asked for: with a lag it is the smoother, which has it as a parameter.
+
+    Raises
+    ------
+    ParameterError
+        If another filter was named.
+    """
+    if lag is None:
+        return filter, params
+    if filter not in (None, SMOOTHER):
+        raise ParameterError(f"lag is for the smoother, but filter is {filter}. Leave one of them out.")
+    return SMOOTHER, {**(params or {}), "lag": lag}
 
 
 def estimator_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Filter | Smoother:
     """Filter or smoother of a stage."""
     return smoother_of(stage, frame) if stage.filter == SMOOTHER else filter_of(stage, frame, meta)
+
+
+def follower_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Filter | FixedLag:
+    """What estimates a stream: a filter, or the smoother with a lag."""
+    return smoother_of(stage, frame, FixedLag) if stage.filter == SMOOTHER else filter_of(stage, frame, meta)
 
 
 def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":

@@ -32,6 +32,7 @@ from plumbob.filters.offline import (
     bias_beyond,
     declination_deg,
     estimator_of,
+    lagged,
     navigation_frame,
     parts_of,
     started,
@@ -387,11 +388,8 @@ def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Sta
     """What runs, of what was asked for."""
     if causal and (filter is not None or lag is not None):
         raise ParameterError("causal chooses the filter, and has no lag. Give causal alone, or filter, or lag.")
-    name = chosen(filter, causal=causal)
-    if lag is not None and name != SMOOTHER:
-        raise ParameterError(f"lag is for the smoother, but filter is {name}. Leave one of them out.")
-    params = asked.params if lag is None else {**asked.params, "lag": lag}
-    return replace(asked, filter=name, params=params)
+    named, params = lagged(filter, lag, asked.params)
+    return replace(asked, filter=chosen(named, causal=causal), params=params or {})
 
 
 def compiling(names: Sequence[str]) -> str | None:

@@ -119,11 +119,10 @@ class RecordingSink:
         """Keep what the line made of it. A row's time in the file is the read's; the sample's own stands in the row."""
         if not self._imu:
             return
-        stamps = part.t_ns.tolist()
-        for row in rows.imu_rows(stamps, part.sensed):
+        for row in rows.imu_rows(part.t_ns.tolist(), part.sensed):
             self.recorder.write(self._imu, now_ns, row)
         if self._attitude and part.track is not None:
-            for row in rows.attitude_rows(stamps, part.track):
+            for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
                 self.recorder.write(self._attitude, now_ns, row)
 
     def tick(self, now_ns: int) -> list[Event]:

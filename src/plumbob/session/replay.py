@@ -16,7 +16,7 @@ from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.earth_field import day_of
 from plumbob.files import Recording, inferred
 from plumbob.files.mcap import Log, open_log
-from plumbob.filters.offline import Stage
+from plumbob.filters.offline import Stage, lagged
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame
 from plumbob.session import rows
@@ -110,6 +110,7 @@ def replay(
     *,
     session: Session | str | Path | None = None,
     filter: str | None = None,
+    lag: float | str | None = None,
     params: Mapping[str, Any] | None = None,
     frame: Frame | str | None = None,
     calibration: CalibrationCard | str | Path | None = None,
@@ -131,7 +132,7 @@ def replay(
         Made by `plumbob record` (``.mcap``).
     session : Session or path, optional
         Instead of the recording's own.
-    filter, params, frame, calibration, noise, init : optional
+    filter, lag, params, frame, calibration, noise, init : optional
         What to estimate with instead of the session's, as in `plumbob.estimate`.
     unit : str, optional
         Another unit of the same frames.
@@ -164,7 +165,7 @@ def replay(
     log, own = (recording, None) if isinstance(recording, Log) else open_recording(recording)
     chosen = _session(log, own, session)
     chosen = _changed(chosen, unit, calibration)
-    chosen = _estimated(chosen, filter, params, frame, noise, init)
+    chosen = _estimated(chosen, *lagged(filter, lag, params), frame, noise, init)
     if opened is not None:
         opened(chosen)
     stream, found, tracks = Stream(chosen), Collected(), Tracks()
@@ -295,7 +296,7 @@ class Check:
     def on_part(self, part: Part) -> None:
         """Compare its attitudes with the next ones of the recording."""
         if part.track is not None:
-            for row in rows.attitude_rows(part.t_ns.tolist(), part.track):
+            for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
                 self._take(row)
 
     def on_event(self, event: Event) -> None:

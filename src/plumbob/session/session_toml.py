@@ -21,7 +21,7 @@ from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.filters import CommonParams, load
-from plumbob.filters.offline import Stage, filter_of
+from plumbob.filters.offline import Stage, follower_of, lagged
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.protocols.decode import ranges_of, unit_of
 from plumbob.protocols.find import find_format
@@ -306,7 +306,7 @@ def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage 
     stage = Stage(asked["filter"], asked.get("params", {}), noise=noise, init=asked.get("init"))
     if stage.init == TRUTH_WORD and "reference" not in found:
         raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
-    filter_of(stage, frame)  # refuses what it cannot take, before the start
+    follower_of(stage, frame)  # refuses what it cannot take, before the start
     return stage
 
 
@@ -326,6 +326,7 @@ def session_of(
     place: str | None = None,
     date: str | None = None,
     filter: str | None = None,
+    lag: float | str | None = None,
     params: Mapping[str, Any] | None = None,
     calibration: CalibrationCard | str | Path | None = None,
     noise: NoiseCard | str | Path | None = None,
@@ -355,8 +356,8 @@ def session_of(
         Navigation frame.
     place, date : str, optional
         As in `plumbob.estimate`.
-    filter, params, calibration, noise, init : optional
-        As in `plumbob.estimate`; nothing is estimated without `filter`.
+    filter, lag, params, calibration, noise, init : optional
+        As in `plumbob.estimate`; nothing is estimated without `filter` or `lag`.
 
     Raises
     ------
@@ -367,7 +368,7 @@ def session_of(
     """
     cards = {"calibration": calibration, "noise": noise}
     imu = {"device": device, "frame": frame and str(frame), "place": place, "date": date}
-    tables: dict[str, Mapping[str, Any]] = _estimate_table(filter, params, init, noise)
+    tables: dict[str, Mapping[str, Any]] = _estimate_table(*lagged(filter, lag, params), init, noise)
     if calibration is not None:
         tables["calibration"] = {"card": _name_of("calibration", calibration)}
     if known := {key: value for key, value in imu.items() if value}:

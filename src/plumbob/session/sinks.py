@@ -12,6 +12,7 @@ from plumbob.acquisition.transport import Event
 from plumbob.core.errors import ParameterError
 from plumbob.core.flags import names
 from plumbob.core.text import visible
+from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.rotations import North, euler_zyx_from_quat
@@ -173,7 +174,7 @@ class TextSink:
         track = part.track
         if track is None:
             return
-        due = [i for i, t_ns in enumerate(part.imu.t_ns.tolist()) if self._schedule.due(t_ns)]
+        due = [i for i, t_ns in enumerate(to_ns(track.t).tolist()) if self._schedule.due(t_ns)]
         if not due:
             return
         first = self._file is None

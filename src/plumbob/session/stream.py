@@ -20,9 +20,11 @@ from plumbob.acquisition.transport import Event, Received
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.filters import Filter
-from plumbob.filters.offline import calibrated, filter_of, start_at
+from plumbob.filters.offline import calibrated, filter_of, follower_of, start_at
+from plumbob.filters.smoother import FixedLag
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.protocols.decode import Decoder, Frames, temperature_of, triads_of, unit_of
 from plumbob.protocols.field import Field
@@ -55,7 +57,10 @@ class Part:
     imu : ImuData
         The same, calibrated where there is a card.
     track : AttitudeTrack or None
-        Attitude, where something estimates one.
+        Attitude, where something estimates one: of these samples, or with a lag of earlier ones. At the end of the
+        stream it may come without samples.
+    track_ns : ndarray (M,) of int64
+        Times of the attitudes, as those of the samples.
     """
 
     t_ns: NDArray[np.int64]
@@ -63,6 +68,7 @@ class Part:
     sensed: ImuData
     imu: ImuData
     track: AttitudeTrack | None
+    track_ns: NDArray[np.int64]
 
 
 class Stream:
@@ -90,6 +96,7 @@ class Stream:
         self._earlier: list[TimeReport] = []
         self._again = False
         self._last_ns: int | None = None
+        self._newest: Part | None = None
         self._shift_ns = 0
         self._begin()
 
@@ -100,7 +107,7 @@ class Stream:
         self._began_ns: int | None = None
         self._latest_ns = 0
         self._temp_c = math.nan
-        self.filter = _filter(self.session)
+        self.filter = _estimator(self.session)
         self._started = False
 
     def feed(self, item: Received | Event) -> Part | None:
@@ -109,6 +116,7 @@ class Stream:
             return self._through(self.decoder.feed(item.data, item.t_ns))
         done = self._through(self.decoder.finish()) if item.kind in (*BROKEN, STARTED_AGAIN) else None
         if item.kind == STARTED_AGAIN:
+            done = self._with_rest(done)
             if self.time.report().frames:
                 self._earlier.append(self.time.report())
             self._begin()
@@ -120,7 +128,26 @@ class Stream:
 
     def finish(self) -> Part | None:
         """Say that the stream has ended, and return what was pending."""
-        return self._through(self.decoder.finish())
+        return self._with_rest(self._through(self.decoder.finish()))
+
+    def _with_rest(self, part: Part | None) -> Part | None:
+        """What is pending where no sample of this start will come any more: attitudes that were waiting for some."""
+        rest = self.filter.finish() if isinstance(self.filter, FixedLag) else None
+        if rest is None or self._newest is None:
+            return part
+        if part is None:
+            newest, no_time = self._newest, np.zeros(0, dtype=np.int64)
+            frames = _only(newest.frames, np.zeros(newest.t_ns.size, dtype=bool))
+            sensed = self._sensed(frames, no_time, no_time.astype(np.uint32))
+            part = Part(no_time, frames, sensed, calibrated(sensed, self.session.card, live=True), None, no_time)
+        known = [track for track in (part.track, rest) if track is not None]
+        track = AttitudeTrack.joined(known, sum(map(len, known)))
+        return replace(part, track=track, track_ns=self._track_ns(track))
+
+    def _track_ns(self, track: AttitudeTrack) -> NDArray[np.int64]:
+        assert self._t0 is not None
+        found: NDArray[np.int64] = to_ns(track.t) + self._t0
+        return found
 
     def warm_up(self) -> None:
         """Compile every kernel now, so that the first sample need not wait; the line itself is not touched."""
@@ -132,6 +159,8 @@ class Stream:
         other = Stream(self.session)
         other.feed(Received(0, rows.tobytes()))
         other.finish()
+        if isinstance(self.filter, FixedLag):
+            self.filter.warm_up()
 
     def report(self) -> dict[str, Any]:
         """What became of every byte and of time, for JSON."""
@@ -175,14 +204,21 @@ class Stream:
         imu = calibrated(sensed, self.session.card, live=True)
         if not self._started:
             self._start(frames, imu)
-        track = None if self.filter is None else self.filter.process(imu, look=False)
-        return Part(t_ns, frames, sensed, imu, track)
+        self._newest = Part(t_ns, frames, sensed, imu, *self._estimate(t_ns, imu))
+        return self._newest
+
+    def _estimate(self, t_ns: NDArray[np.int64], imu: ImuData) -> tuple[AttitudeTrack | None, NDArray[np.int64]]:
+        """Attitudes that these samples complete, and their times."""
+        if isinstance(self.filter, FixedLag):
+            ready = self.filter.take(imu)
+            return ready, t_ns[:0] if ready is None else self._track_ns(ready)
+        return (None, t_ns[:0]) if self.filter is None else (self.filter.process(imu, look=False), t_ns)
 
     def _start(self, frames: Frames, imu: ImuData) -> None:
         """Start the filter from the reference's attitude in the first frame, where the session asks for it."""
         self._started = True
         session = self.session
-        if self.filter is None or session.stage is None or session.reference is None:
+        if not isinstance(self.filter, Filter) or session.stage is None or session.reference is None:
             return
         angles = np.array([frames.columns[name][0] for name in reference_names(session.reference)])
         if session.stage.init == TRUTH_WORD and np.isfinite(angles).all():
@@ -232,7 +268,7 @@ class Stream:
             found = found.copy()
             for i in np.flatnonzero(np.isnan(found)).tolist():
                 found[i] = found[i - 1] if i else self._temp_c
-        self._temp_c = float(found[-1])
+        self._temp_c = float(found[-1]) if found.size else self._temp_c
         return found
 
     def _turned(self, values: Floats) -> Floats:
@@ -280,12 +316,12 @@ def _tick_ns(device: Field) -> Fraction:
     return abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))
 
 
-def _filter(session: Session) -> Filter | None:
+def _estimator(session: Session) -> Filter | FixedLag | None:
     if session.stage is None:
         return None
     if session.frame is None:
         raise ParameterError("a session that estimates needs a frame.")
-    return filter_of(session.stage, session.frame, session.meta)
+    return follower_of(session.stage, session.frame, session.meta)
 
 
 def _only(frames: Frames, rows: NDArray[np.bool_]) -> Frames:

@@ -7,7 +7,7 @@ from typing import Any, Final
 from plumbob.acquisition.transport import Event
 from plumbob.core.text import Shown, counted
 from plumbob.core.units import to_deg
-from plumbob.data import calibration_told
+from plumbob.data import AttitudeTrack, calibration_told
 from plumbob.data.calibrated import temperature_beyond
 from plumbob.files import inferred
 from plumbob.filters.offline import bias_beyond, declination_deg
@@ -51,7 +51,9 @@ class Watch:
     samples : int
         Samples so far.
     last : Part or None
-        The newest part.
+        The newest part that has samples.
+    track : AttitudeTrack or None
+        The newest attitudes.
     temperature_beyond, bias_beyond : str or None
         By how much the samples leave the card's temperatures, and the estimated bias its prior, in words.
     """
@@ -68,28 +70,30 @@ class Watch:
         self._note, self._events, self._progress = note or _nowhere, events, progress or _nowhere
         self.samples = 0
         self.last: Part | None = None
+        self.track: AttitudeTrack | None = None
         self.temperature_beyond: str | None = None
         self.bias_beyond: str | None = None
         self._doubted = False
 
     def on_part(self, part: Part) -> None:
         """Count, and say once each that the temperature leaves the span of the card, and the bias its prior."""
-        self.samples += part.t_ns.size
-        self.last = part
-        card, filter_ = self.stream.session.card, self.stream.filter
-        at = f"at {float(part.imu.t[0]):.1f} s"
-        if card is not None and self.temperature_beyond is None:
-            self.temperature_beyond = temperature_beyond(card, part.imu)
-            self._say(at, self.temperature_beyond)
-        settled = float(part.imu.t[-1]) >= SETTLED
-        if filter_ is not None and part.track is not None and settled and self.bias_beyond is None:
-            self.bias_beyond = bias_beyond(filter_, part.track)
-            self._say(at, self.bias_beyond)
+        card, filter_, track = self.stream.session.card, self.stream.filter, part.track
+        if part.t_ns.size:
+            self.samples += part.t_ns.size
+            self.last = part
+            if card is not None and self.temperature_beyond is None:
+                self.temperature_beyond = temperature_beyond(card, part.imu)
+                self._say(float(part.imu.t[0]), self.temperature_beyond)
+        if track is not None:
+            self.track = track
+            if filter_ is not None and float(track.t[-1]) >= SETTLED and self.bias_beyond is None:
+                self.bias_beyond = bias_beyond(filter_, track)
+                self._say(float(track.t[0]), self.bias_beyond)
         self._progress(self)
 
-    def _say(self, at: str, what: str | None) -> None:
+    def _say(self, t: float, what: str | None) -> None:
         if what is not None:
-            self._note(f"{at}: {what}")
+            self._note(f"at {t:.1f} s: {what}")
 
     def look(self) -> None:
         """Say once that bytes come and none of them is a frame, while there is time to do something about it."""
@@ -140,7 +144,7 @@ class Ran(Shown):
         report = self.summary()
         found = {"session": report["session"], "device": report["device"], "samples": str(self.samples)}
         found |= {"filter": report["filter"].partition("(")[0]} if report["filter"] else {}
-        return found | ({"at the end": last} if (last := attitude_of(self.watch.last)) else {})
+        return found | ({"at the end": last} if (last := attitude_of(self.watch.track)) else {})
 
     def summary(self) -> dict[str, Any]:
         """All numbers, as JSON can hold them."""
@@ -148,7 +152,7 @@ class Ran(Shown):
 
     def text(self) -> str:
         """What a reader wants to know first, a line each."""
-        return "\n".join(report_lines(self.summary(), attitude_of(self.watch.last)))
+        return "\n".join(report_lines(self.summary(), attitude_of(self.watch.track)))
 
 
 def nothing_of(stream: Stream) -> str:
@@ -180,11 +184,11 @@ def _look_at(counts: Counts) -> str:
     return f"{told} 'plumbob decode' tries other formats on a file of raw bytes."
 
 
-def attitude_of(part: Part | None) -> str:
-    """Last attitude of a part in words; empty where there is none."""
-    if part is None or part.track is None:
+def attitude_of(track: AttitudeTrack | None) -> str:
+    """Last attitude of a track in words; empty where there is none."""
+    if track is None:
         return ""
-    yaw, pitch, roll = to_deg(euler_zyx_from_quat(part.track.q_nb[-1]))
+    yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[-1]))
     return f"roll {roll:.2f}°, pitch {pitch:.2f}°, yaw {yaw:.2f}°"
 
 
@@ -193,7 +197,7 @@ def report_of(watch: Watch) -> dict[str, Any]:
     stream, last = watch.stream, watch.last
     session = stream.session
     by_kernel = session.source is not None and session.source.kind in KERNEL
-    track = None if last is None else last.track
+    track = watch.track
     return {
         "session": session.name,
         "format": session.form.name,

@@ -1,6 +1,7 @@
 """The smoother as its users meet it: the default of estimate and run, what is refused in words, and bad input."""
 
 import json
+import re
 import warnings
 
 import numpy as np
@@ -61,15 +62,18 @@ def test_what_contradicts_itself_is_refused_in_words(hand, arguments, words):
         estimate(hand.imu(), **arguments)
 
 
-def test_a_stream_has_no_smoother(tmp_path):
-    """Neither a Filter nor a session takes one, and each says what to do."""
-    words = "cannot take single samples. Use plumbob run FILE or .* for a stream name a filter, such as mekf"
-    with pytest.raises(ParameterError, match=words):
+def test_a_stream_has_no_smoother_without_a_lag(tmp_path):
+    """Nor is it a Filter; each says what to do."""
+    with pytest.raises(ParameterError, match="cannot take single samples. Use plumbob run FILE or .* with a lag"):
         Filter("smoother", frame="ENU")
     record(tmp_path / "sea.mcap", reads(stream()[:400]))
-    for more in ((), ("--params", "lag=2s"), ("--init", "level")):
-        line = refused("replay", tmp_path / "sea.mcap", "--filter", "smoother", *more)
-        assert "cannot take single samples" in line
+    words = "on a stream the smoother needs a lag above zero, .* Give lag, as 5s, or name a filter, such as mekf"
+    for more in (("--filter", "smoother"), ("--lag", "0s"), ("--filter", "smoother", "--params", "lag=off")):
+        assert re.search(words, refused("replay", tmp_path / "sea.mcap", *more))
+    line = refused("replay", tmp_path / "sea.mcap", "--lag", "2s", "--init", "level")
+    assert "takes its start from the whole recording. Leave init out" in line
+    line = refused("replay", tmp_path / "sea.mcap", "--lag", "2s", "--filter", "vqf")
+    assert "lag is for the smoother, but filter is vqf" in line
     asked = SESSION.replace('"mahony"', '"smoother"').replace('params = { kp = 0.5, gate = "0.08 g" }', "")
     (tmp_path / "s.toml").write_text(asked, encoding="utf-8")
     (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")

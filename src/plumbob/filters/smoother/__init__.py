@@ -19,11 +19,11 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.filters.smoother.model import Params
-    from plumbob.filters.smoother.smoothing import Smoother
+    from plumbob.filters.smoother.smoothing import FixedLag, Smoother
 
-__all__ = ["Params", "Smoother"]
+__all__ = ["FixedLag", "Params", "Smoother"]
 
 __getattr__, __dir__ = lazily(
     __name__,
-    {"Params": "model", "Smoother": "smoothing"},
+    {"FixedLag": "smoothing", "Params": "model", "Smoother": "smoothing"},
 )

@@ -73,8 +73,13 @@ class Stretch:
         """The core among the smoothed ones."""
         return slice(self.core.start - self.whole.start, self.core.stop - self.whole.start)
 
+    def moved(self, by: int) -> "Stretch":
+        """The same samples where so many more come before them."""
+        whole, core = (slice(rows.start + by, rows.stop + by) for rows in (self.whole, self.core))
+        return Stretch(whole, core)
 
-def stretches(t: Floats, lag: float | None) -> Iterator[Stretch]:
+
+def stretches(t: Floats, lag: float | None, begin: int = 0) -> Iterator[Stretch]:
     """Stretches of a recording whose cores cover it, each sample once.
 
     Parameters
@@ -83,13 +88,14 @@ def stretches(t: Floats, lag: float | None) -> Iterator[Stretch]:
         Time, s.
     lag : float or None
         No sample may know what comes more than this after it, s; None: each may know all.
+    begin : int
+        The sample that the first core begins with.
     """
     if lag is None:
         core, past, ahead = (CORE, MARGIN, MARGIN) if t[-1] - t[0] > LONG else (math.inf, 0.0, 0.0)
     else:
         core = max(0.5 * lag, min(lag, LEAST_CORE))
         past, ahead = MARGIN, lag - core
-    begin = 0
     while begin < t.size:
         end = max(int(np.searchsorted(t, t[begin] + core)), begin + 1)
         low, high = np.searchsorted(t, t[begin] - past), np.searchsorted(t, t[end - 1] + ahead, side="right")

@@ -1,5 +1,6 @@
-"""The smoother as a user meets it: parameters, a recording in, a track out."""
+"""The smoother as a user meets it: parameters, a recording or a stream in, a track out."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -11,15 +12,15 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.text import Shown
-from plumbob.data import AttitudeTrack, ImuData, calibration_told
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.left import whole_of
 from plumbob.filters.base import CommonParams
-from plumbob.filters.known import SMOOTHER
+from plumbob.filters.known import CAUSAL, SMOOTHER
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
-from plumbob.filters.smoother.samples import Piece, Stretch, continued, part_of, stretches, unknown
+from plumbob.filters.smoother.samples import MARGIN, Piece, Stretch, continued, part_of, stretches, unknown
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -143,66 +144,40 @@ class Smoother(Shown):
 
         Arguments and errors are those of `process`. A stretch of the recording is asked for at a time.
         """
+        self._begin(data)
+        lag, tracks = self.params.lag, _Tracks(self, data.meta)
+        for piece in self._live(data) if lag == 0.0 else self._stretches(data):
+            if progress:
+                progress(len(piece.t))
+            track = tracks.of(piece)
+            del piece  # whoever takes the track, and the next stretch, may need its room
+            yield track
+            del track
+        if not tracks.rated:
+            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
+
+    def _begin(self, data: ImuData) -> None:
+        """Refuse what cannot be smoothed, and take over what the recording, or the first of a stream, knows."""
         check.kind("data", data, ImuData, hint="Of a Recording take its .imu.")
         missing = [name for name in NEEDS if name not in data.triads]
         if missing:
             raise ShapeError(f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}.")
         if data.meta.declination is not None and not self._decided:
             self.common = self.common._replace(declination=data.meta.declination)
-        turn, rated, headed = self.common.declination, False, False
         self.remarks = ()
-        for piece in self._live(data) if self.params.lag == 0.0 else self._stretches(data):
-            part, t, rated = piece.part, piece.t, rated or piece.rated
-            begin, headed = 0 if headed else piece.headed, headed or piece.headed < len(t)
-            turned = part.q
-            if turn and headed:  # headings are true from where a field has shown itself
-                turned = np.concatenate((turned[:begin], turn_heading(turned[begin:], turn, Frame.ENU)))
-            if progress:
-                progress(len(t))
-            track = AttitudeTrack.trusted(
-                t=t,
-                q_nb=change_frame(turned, to=self.frame, from_=Frame.ENU),
-                frame=self.frame,
-                north=self.north(headed),
-                bias_b=part.bias,
-                cov_b=part.cov,
-                flags=part.flags,
-                source=f"{self.describe()}; calibration {calibration_told(data.meta.calibration)}",
-            )
-            del piece, part, turned  # whoever takes the track, and the next stretch, may need their room
-            yield track
-            del track
-        if not rated:
-            raise ShapeError(f"{SMOOTHER} needs two samples with a rate, but the recording has fewer.")
 
     def _stretches(self, data: ImuData) -> Iterator[Piece]:
         """Stretches that overlap, each smoothed by itself."""
-        remarks: dict[str, None] = {}
-        last: tuple[Floats, Stretch] | None = None
-        known, q_last = _known(data), np.array([1.0, 0.0, 0.0, 0.0])
+        along = Along(self, data.meta)
         for stretch in list(stretches(data.t, self.params.lag)):  # a list: the times of all are not kept
-            whole, inside = data[stretch.whole], stretch.inside
-            found = self.smooth(whole, known)
-            if found is None:
-                part = unknown(whole, q_last, np.zeros(3) if known.bias is None else known.bias)
-            else:
-                part = part_of(whole, found, self.params)
-                if last is not None and found.reference is None:
-                    part = continued(part, stretch, *last)
-                last, known, self.learned = (part.q, stretch), known.after(found), found.learned
-                remarks |= dict.fromkeys(remarks_of(found, self.params, whole.t[inside]))
-            q_last, self.remarks = part.q[inside][-1].copy(), tuple(remarks)
-            headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
-            pieces = [Piece(whole.t[inside], part.rows(inside), headed, found is not None)]
-            del whole, part, found  # whoever takes the piece may need their room
-            yield pieces.pop()
+            yield along.piece(data[stretch.whole], stretch)
 
     def _live(self, data: ImuData) -> Iterator[Piece]:
         """Stretches one after the other, nothing of which knows what comes later."""
         from plumbob.filters.smoother.live import live_parts
 
         remarks: dict[str, None] = {}
-        for piece, found, told in live_parts(data, self.params, _known(data), mag=self.common.mag):
+        for piece, found, told in live_parts(data, self.params, _known(data.meta), mag=self.common.mag):
             self.learned = self.learned if found is None else found.learned
             remarks |= dict.fromkeys(told)
             self.remarks = tuple(remarks)
@@ -211,10 +186,147 @@ class Smoother(Shown):
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
         """What `process` makes its track of, at the keyframes; `known` is what came before. None without rates."""
         frames = Keyframes.of(data, self.params.keyframe, mag=self.common.mag)
-        return None if frames is None else smooth(frames, self.params, known or _known(data))
+        return None if frames is None else smooth(frames, self.params, known or _known(data.meta))
 
 
-def _known(data: ImuData) -> Known:
+def _known(meta: ImuMeta) -> Known:
     """What the unit's card says of its gyroscope."""
-    left = data.meta.gyr_left
+    left = meta.gyr_left
     return Known() if left is None else Known(unit=whole_of(left))
+
+
+class Along:
+    """Stretches one after the other: each leaves its bias and the field of the place to the next.
+
+    Parameters
+    ----------
+    smoother : Smoother
+        Gets the remarks, and what is learned of the gyroscope.
+    meta : ImuMeta
+        Of the samples.
+    """
+
+    def __init__(self, smoother: Smoother, meta: ImuMeta) -> None:
+        self._smoother = smoother
+        self._known = _known(meta)
+        self._attitude = np.array([1.0, 0.0, 0.0, 0.0])
+        self._last: tuple[Floats, Stretch] | None = None
+        self._remarks: dict[str, None] = {}
+
+    def piece(self, whole: ImuData, stretch: Stretch) -> Piece:
+        """Core of a stretch, of whose samples `whole` are all."""
+        smoother, inside = self._smoother, stretch.inside
+        found = smoother.smooth(whole, self._known)
+        if found is None:
+            part = unknown(whole, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias)
+        else:
+            part = part_of(whole, found, smoother.params)
+            if self._last is not None and found.reference is None:
+                part = continued(part, stretch, *self._last)
+            self._last, self._known, smoother.learned = (part.q, stretch), self._known.after(found), found.learned
+            self._remarks |= dict.fromkeys(remarks_of(found, smoother.params, whole.t[inside]))
+        self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
+        headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
+        return Piece(whole.t[inside], part.rows(inside), headed, found is not None)
+
+
+class _Tracks:
+    """Pieces one after the other as tracks in the frame that was asked for.
+
+    Attributes
+    ----------
+    rated : bool
+        Whether any piece had rates.
+    """
+
+    def __init__(self, smoother: Smoother, meta: ImuMeta) -> None:
+        self._smoother = smoother
+        self._source = f"{smoother.describe()}; calibration {calibration_told(meta.calibration)}"
+        self._headed = self.rated = False
+
+    def of(self, piece: Piece) -> AttitudeTrack:
+        """Track of a piece; headings are true from where a field has shown itself."""
+        smoother, part, t = self._smoother, piece.part, piece.t
+        self.rated |= piece.rated
+        begin, self._headed = 0 if self._headed else piece.headed, self._headed or piece.headed < len(t)
+        turned, turn = part.q, smoother.common.declination
+        if turn and self._headed:
+            turned = np.concatenate((turned[:begin], turn_heading(turned[begin:], turn, Frame.ENU)))
+        return AttitudeTrack.trusted(
+            t=t,
+            q_nb=change_frame(turned, to=smoother.frame, from_=Frame.ENU),
+            frame=smoother.frame,
+            north=smoother.north(self._headed),
+            bias_b=part.bias,
+            cov_b=part.cov,
+            flags=part.flags,
+            source=self._source,
+        )
+
+
+class FixedLag(Smoother):
+    """The smoother on a stream: parts in, attitudes out as soon as nothing that may still come can change them.
+
+    They come as much later as the parameter ``lag`` says, and are those of `Smoother` with that lag, to the bit,
+    however the stream is cut. Arguments and attributes are those of `Smoother`.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is not known, or there is no lag.
+    """
+
+    def __init__(
+        self, *, frame: Frame | str, params: Mapping[str, Any] | None = None, noise: "NoiseCard | None" = None
+    ) -> None:
+        super().__init__(frame=frame, params=params, noise=noise)
+        if not self.params.lag:
+            raise ParameterError(
+                "on a stream the smoother needs a lag above zero, by which attitudes come later than their samples. "
+                f"Give lag, as 5s, or name a filter, such as {CAUSAL}."
+            )
+        self._lag = self.params.lag
+        self._restart()
+
+    def _restart(self) -> None:
+        self._held: list[ImuData] = []  # the samples that are still needed;
+        self._first = self._next = 0  # rows of the stream: of the first of them, and of the first without an attitude
+        self._due = -math.inf  # time behind which nothing counts for that one
+        self._along: Along | None = None
+
+    def take(self, data: ImuData) -> AttitudeTrack | None:
+        """Take the next samples, and return the attitudes that are ready; None where there are none.
+
+        Raises
+        ------
+        ShapeError
+            If a triad is missing that it needs.
+        """
+        if self._along is None:
+            self._begin(data)
+            self._along, self._tracks = Along(self, data.meta), _Tracks(self, data.meta)
+        self._held.append(data)
+        return self._ready(ended=False) if data.t[-1] > self._due else None
+
+    def finish(self) -> AttitudeTrack | None:
+        """Say that the stream has ended, and return the attitudes that are left; None where there are none."""
+        found = self._ready(ended=True) if self._held else None
+        self._restart()
+        return found
+
+    def _ready(self, *, ended: bool) -> AttitudeTrack | None:
+        """Attitudes of all stretches for which nothing that comes counts any more."""
+        assert self._along is not None
+        data, found, self._due = ImuData.joined(self._held), list[AttitudeTrack](), -math.inf
+        t, first = data.t, self._first
+        for stretch in stretches(t, self._lag, self._next - first):
+            self._due = float(t[stretch.core.start]) + self._lag
+            if not (ended or t[-1] > self._due):
+                break
+            found.append(self._tracks.of(self._along.piece(data[stretch.whole], stretch.moved(first))))
+            self._next, self._due = first + stretch.core.stop, -math.inf
+        place = self._next - first
+        past = int(np.searchsorted(t, t[min(place, len(t) - 1)] - MARGIN))
+        keep = max(min(past, place - 1), 0)
+        self._held, self._first = [data[keep:]], first + keep
+        return AttitudeTrack.joined(found, sum(map(len, found))) if found else None
