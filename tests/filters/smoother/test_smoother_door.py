@@ -64,7 +64,7 @@ def test_what_contradicts_itself_is_refused_in_words(hand, arguments, words):
 
 def test_a_stream_has_no_smoother_without_a_lag(tmp_path):
     """Nor is it a Filter; each says what to do."""
-    with pytest.raises(ParameterError, match="cannot take single samples. Use plumbob run FILE or .* with a lag"):
+    with pytest.raises(ParameterError, match=r"cannot take single samples\. Use plumbob run FILE or .* with a lag"):
         Filter("smoother", frame="ENU")
     record(tmp_path / "sea.mcap", reads(stream()[:400]))
     words = "on a stream the smoother needs a lag above zero, .* Give lag, as 5s, or name a filter, such as mekf"
