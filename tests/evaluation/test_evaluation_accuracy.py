@@ -185,3 +185,15 @@ def test_an_error_at_the_limit_is_inside_and_one_beyond_is_not():
         heading, tilt = inside_claim(q, quat_from_rotvec([[size * INSIDE * deg(1.0), 0.0, 0.0]]), cov)
         assert tilt.tolist() == [[expected, True]]
         assert heading.all()
+
+
+def test_a_free_heading_is_claimed_from_where_it_starts():
+    """170° off throughout is its zero; what it turns from there, also across ±180°, is its error."""
+    off = deg(np.array([170.0, 171.5, 169.0, 190.5, 170.0]))
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (off.size, 1))
+    truth = quat_from_rotvec(np.stack((0.0 * off, 0.0 * off, -off), axis=1))
+    cov = np.tile(np.diag(deg(1.0) ** 2 * np.ones(3)), (off.size, 1, 1))
+    heading, tilt = inside_claim(q, truth, cov, free=True)
+    assert heading.tolist() == [True, True, True, False, True]
+    assert not inside_claim(q, truth, cov)[0].any()
+    assert tilt.all()

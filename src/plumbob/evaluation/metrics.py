@@ -160,7 +160,9 @@ INSIDE: Final = 1.959963984540054
 """A normal variable is within so many standard deviations of its mean with probability CONFIDENCE."""
 
 
-def inside_claim(q_est: Floats, q_ref: Floats, cov_b: Floats) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def inside_claim(
+    q_est: Floats, q_ref: Floats, cov_b: Floats, *, free: bool = False
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether errors lie within `INSIDE` claimed standard deviations: of the heading (N,), of two level axes (N, 2).
 
     Parameters
@@ -169,10 +171,13 @@ def inside_claim(q_est: Floats, q_ref: Floats, cov_b: Floats) -> tuple[NDArray[n
         Attitudes, known in every row, in one frame.
     cov_b : ndarray (N, 3, 3)
         Claimed covariance of the error as a rotation vector in body axes, rad².
+    free : bool
+        Headings count from a free zero, that of the first sample: what is claimed is how they change from there.
     """
     error = error_quat(q_est, q_ref)
     error *= np.where(error[:, :1] < 0.0, -1.0, 1.0)
     heading = 2.0 * np.arctan2(error[:, 3], error[:, 0])
+    heading = wrap(heading - heading[:1]) if free else heading
     c_nb = dcm_from_quat(q_est)
     variance = np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb)
     sd = np.sqrt(np.maximum(variance, 0.0))

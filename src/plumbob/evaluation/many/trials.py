@@ -21,7 +21,7 @@ from plumbob.evaluation.many.variants import SEED, changed, turning
 from plumbob.evaluation.metrics import inside_claim
 from plumbob.files import Recording
 from plumbob.filters.offline import Stage, navigation_frame, run_stage
-from plumbob.rotations import Frame
+from plumbob.rotations import Frame, North
 
 Way = Callable[[ImuData, Frame], AttitudeTrack]
 
@@ -242,7 +242,8 @@ def _coverage(found: Evaluation, rate: Floats) -> Errors:
     track, match = found.estimate, found.match
     assert track.cov_b is not None
     known = np.isin(match.fate, (Fate.SCORED, Fate.MASKED))
-    heading, tilt = inside_claim(track.q_nb[known], match.q_ref[known], track.cov_b[known])
+    free = track.north is North.FREE
+    heading, tilt = inside_claim(track.q_nb[known], match.q_ref[known], track.cov_b[known], free=free)
     shares: Errors = {}
     for name, inside in (("heading", heading), ("tilt", tilt)):
         judged = name == "tilt" or "heading" in found.stats
