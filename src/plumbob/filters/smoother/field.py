@@ -10,7 +10,7 @@ import numpy as np
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother.inertial import Inertial
+from plumbob.filters.smoother.inertial import PIECE, Inertial
 from plumbob.filters.smoother.keyframes import Bools, Keyframes
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.sweeps import UNUSED
@@ -212,6 +212,22 @@ def white_noise(p: Params, reference: Reference) -> float:
         return p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
     # The few seconds that a lag sees of a disturbance are no measure of it, and without one nothing later shows it.
     return p.mag_noise * (1.0 if p.lag > 0.0 else UNTOLD)
+
+
+def scatter_of(frames: Keyframes, p: Params, reference: Reference, field: Floats, weight: Floats) -> float:
+    """By how much the direction of fields (K, 3) that count scatters beyond what the deflection allows, rad.
+
+    Of means over `PIECE`: what is faster is noise. A field that bends from place to place by so much says no more of
+    the heading, however long it is seen.
+    """
+    piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
+    trust = weight * frames.step
+    phasor = np.where(trust > 0.0, trust * np.exp(1j * np.arctan2(field[:, 0], field[:, 1])), 0.0)
+    east, north, seen = (np.bincount(piece, of) for of in (phasor.imag, phasor.real, trust))
+    if not seen.any():
+        return 0.0
+    square = float(np.average(np.arctan2(east, north) ** 2, weights=seen))
+    return math.sqrt(max(square - reference.bend(p) ** 2, 0.0))
 
 
 def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight: Floats) -> Floats:

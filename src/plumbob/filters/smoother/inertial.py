@@ -1,7 +1,7 @@
 """What gyroscope and accelerometer say alone: when the unit rests, how fast it moves, its attitude but for heading."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -12,7 +12,7 @@ from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, mean_between, path, sum_between
-from plumbob.filters.smoother.model import FREE_HEADING, Noise, Params, start_covariance
+from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
 WINDOW: Final = 3.0
@@ -72,14 +72,16 @@ class Speed:
 class Inertial:
     """Attitude without a field, whose heading drifts: the pass, where it rested, and how fast the body moved.
 
-    `drift_sd` is the standard deviation of its bias about the vertical, rad/s. Motion does not show it: the level
-    velocity of a body swings with its tilt, and both together look like a turn.
+    `drift_sd` is the standard deviation of its bias about the vertical, rad/s, before a field shows it. Motion does
+    not: the level velocity of a body swings with its tilt, and both together look like a turn. So `bias_sd` is that of
+    a bias that no rest showed, rad/s; zero where one did.
     """
 
     sweep: Sweep
     resting: Bools
     speed: Speed
     drift_sd: float = 0.0
+    bias_sd: float = 0.0
 
 
 def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
@@ -274,13 +276,16 @@ def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
     return found
 
 
-def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Floats | None = None) -> Inertial:
+def level(
+    frames: Keyframes, p: Params, known: tuple[Floats, float] | None = None, unit: Floats | None = None
+) -> Inertial:
     """Attitude whose heading counts from nothing, by the first bias that leaves the least velocity.
 
-    `known` is the bias (3,), rad/s, that the samples before showed, and `unit` what the unit's card leaves (12, 12).
+    `known` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
+    unit's card leaves (12, 12).
     """
     seen = calm(frames, p)
-    resting, bias = first_rest(seen, p, frames.step) if known is None else (seen.at_bias(p, known), known)
+    resting, bias = first_rest(seen, p, frames.step) if known is None else (seen.at_bias(p, known[0]), known[0])
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
@@ -288,7 +293,7 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Float
     sure = bool(resting.any()) or known is not None
     of = partial(_level, frames, p, resting, tilt, bias, first, unit=unit, sure=sure)
     if sure:
-        return of(REST_BIAS)
+        return replace(of(REST_BIAS), bias_sd=0.0 if known is None or resting.any() else known[1])
     wide, *narrower = FIRST_BIASES[0] * p.bias_start, *FIRST_BIASES[1:]
     found = of(wide)
     for sd in narrower:
@@ -299,7 +304,7 @@ def level(frames: Keyframes, p: Params, known: Floats | None = None, unit: Float
         if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, found.sweep, density) + spared:
             break
         found, wide = other, sd
-    return found
+    return replace(found, bias_sd=max(wide, BIAS_REPEATS))
 
 
 def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> float:

@@ -15,6 +15,7 @@ from plumbob.filters.smoother.field import (
     heading_of,
     heading_variance,
     reference_of,
+    scatter_of,
     share_of_rest,
     weights,
 )
@@ -45,8 +46,8 @@ class Known:
     ----------
     unit : ndarray (12, 12) or None
         What the unit's card leaves of bias, rad/s, and matrix of the gyroscope: their covariance.
-    bias : ndarray (3,) or None
-        Bias of the gyroscope at the end of the stretch before, rad/s.
+    bias : (ndarray (3,), float) or None
+        Bias of the gyroscope at the end of the stretch before, rad/s, and what no rest showed of it.
     reference : Reference or None
         The field of the place in the stretches before.
     seen : float
@@ -54,7 +55,7 @@ class Known:
     """
 
     unit: Floats | None = None
-    bias: Floats | None = None
+    bias: tuple[Floats, float] | None = None
     reference: Reference | None = None
     seen: float = 0.0
 
@@ -68,7 +69,7 @@ class Known:
         seen = max(self.seen, float(found.frames.step @ found.weight))
         return replace(
             self,
-            bias=found.sweep.bias[-1],
+            bias=(found.sweep.bias[-1], found.bias_sd),
             reference=found.reference or self.reference,
             seen=min(seen, LONGEST_SEEN),
         )
@@ -98,6 +99,10 @@ class Smoothed:
         By how much the heading would be another one if the reference's rival were the field of the place, rad.
     iron_turn : float
         And by how much, if a small field that seems to turn with the unit were taken off.
+    scatter : float
+        By how much the direction of the field scatters beyond what was expected of it, rad.
+    bias_sd : float
+        Standard deviation of a bias about the vertical that neither rest nor field showed, rad/s.
     """
 
     frames: Keyframes
@@ -109,6 +114,8 @@ class Smoothed:
     prior: Floats
     rival_turn: float = 0.0
     iron_turn: float = 0.0
+    scatter: float = 0.0
+    bias_sd: float = 0.0
 
     @property
     def learned(self) -> "Learned":
@@ -128,7 +135,7 @@ class Smoothed:
     def heading_var(self) -> float:
         """Variance of the heading, rad², by what may be otherwise: the field of the place, and one of the unit."""
         share = 0.0 if self.reference is None else self.reference.rival_share
-        return share * self.rival_turn**2 + self.iron_turn**2
+        return share * self.rival_turn**2 + self.iron_turn**2 + self.scatter**2
 
 
 class Learned(NamedTuple):
@@ -157,7 +164,8 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
             found = _with_field(frames, p, inertial, field, headed, own, known)
             return replace(found, iron_turn=_iron_turn(frames, p, inertial, headed, own, known))
     prior = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=known.unit)
-    return Smoothed(frames, inertial.sweep, inertial.resting, None, np.zeros(frames.gap.size), None, prior)
+    unused = np.zeros(frames.gap.size)
+    return Smoothed(frames, inertial.sweep, inertial.resting, None, unused, None, prior, bias_sd=inertial.bias_sd)
 
 
 class _Headed(NamedTuple):
@@ -218,7 +226,10 @@ def _with_field(
         found = sweep(frames, kind, density, var, q, bias[0], p0, noise, covariance=left == 1)
         speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
-    return Smoothed(frames, found, resting, reference, weight, own, p0, rival_turn)
+    scatter = scatter_of(frames, p, reference, found.field, weight)
+    return Smoothed(
+        frames, found, resting, reference, weight, own, p0, rival_turn, scatter=scatter, bias_sd=inertial.bias_sd
+    )
 
 
 def _iron_turn(frames: Keyframes, p: Params, inertial: Inertial, headed: _Headed, own: Attached, known: Known) -> float:

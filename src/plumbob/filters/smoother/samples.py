@@ -12,8 +12,8 @@ from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
-from plumbob.data import ImuData
-from plumbob.data.cards.left import Half
+from plumbob.data import ImuData, ImuMeta
+from plumbob.data.cards.left import Half, uncalibrated, whole_of
 from plumbob.filters.settling import considered
 from plumbob.filters.smoother.keyframes import BLOCK, Keyframes
 from plumbob.filters.smoother.model import Params
@@ -111,10 +111,47 @@ def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
     q = at_samples(frames, found.sweep, found.resting, rate)
     place = np.searchsorted(frames.first, np.arange(frames.t.size))
     cov = _covariance(q, found, place, rate, p, data.meta.left)
+    if found.reference is None:
+        cov = widened(q, cov, free_heading_variance(frames.t, q, rate, found.bias_sd, unseen_scale(data.meta, p)))
     if p.latency:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
     word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
     return everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word))
+
+
+def free_heading_variance(t: Floats, q: Floats, rate: Floats, bias_sd: float, scale: Floats) -> Floats:
+    """Variance of a heading without a field by what nothing shows of the gyroscope, rad², (N,).
+
+    Errors of its scale and axes, of variances (3, 3), turn the heading by their shares of what the unit has turned
+    about the vertical; a bias does so with time.
+    """
+    step, up = np.diff(t, prepend=t[0])[:, np.newaxis], vertical_in_body(q)
+    variance: Floats = (bias_sd * (t - t[0])) ** 2
+    for axis in range(3):
+        variance += np.cumsum(up[:, axis, np.newaxis] * rate * step, axis=0) ** 2 @ scale[axis]
+    return variance
+
+
+def unseen_scale(meta: ImuMeta, p: Params) -> Floats:
+    """Variances (3, 3) of scale and misalignment that count for a free heading beside those that are estimated."""
+    if meta.gyr_left is not None:  # the prior of the filter
+        return np.zeros((3, 3))
+    if meta.calibration is None:
+        return np.diag(whole_of(uncalibrated("gyr")))[3:].reshape(3, 3)
+    return np.diag(np.full(3, max(p.gyr_scale**2 - p.gyr_misalignment**2, 0.0)))
+
+
+def vertical_in_body(q: Floats) -> Floats:
+    """The vertical in body axes, (N, 3)."""
+    up: Floats = dcm_from_quat(q)[:, 2, :]
+    return up
+
+
+def widened(q: Floats, cov: Floats, variance: Floats) -> Floats:
+    """Covariance (N, 3, 3) in body axes with a variance (N,) of the heading in addition."""
+    up = vertical_in_body(q)
+    found: Floats = cov + variance[:, np.newaxis, np.newaxis] * up[:, :, np.newaxis] * up[:, np.newaxis, :]
+    return found
 
 
 def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:

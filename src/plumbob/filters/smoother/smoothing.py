@@ -218,7 +218,7 @@ class Along:
         smoother, inside = self._smoother, stretch.inside
         found = smoother.smooth(whole, self._known)
         if found is None:
-            part = unknown(whole, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias)
+            part = unknown(whole, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0])
         else:
             part = part_of(whole, found, smoother.params)
             if self._last is not None and found.reference is None:
