@@ -1,6 +1,7 @@
 """What the smoother claims: errors over many units whose noise is that of the model, against its covariance."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,15 +9,24 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from plumbob import ImuData, NoiseCard
+from plumbob.core import flags
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import deg
 from plumbob.data.cards import TriadNoise
 from plumbob.data.cards.left import uncalibrated
 from plumbob.data.imu import ImuMeta
-from plumbob.filters.smoother import Params, Smoother
+from plumbob.filters.smoother import Params, Smoother, samples
 from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE
-from plumbob.rotations import dcm_from_quat
+from plumbob.filters.smoother.model import BIAS_REPEATS
+from plumbob.rotations import (
+    dcm_from_quat,
+    quat_conjugate,
+    quat_from_euler_zyx,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+)
 from tests.battery.hand import CALIBRATED, by_hand, error_n
 
 UNITS, RATE, SECONDS = 40, 100.0, 40.0
@@ -125,6 +135,94 @@ def test_a_free_heading_claims_its_drift_and_nothing_of_its_zero():
 
 
 # --- parameters ---------------------------------------------------------------------------------------------
+
+
+def heading_sd(track):
+    up = dcm_from_quat(track.q_nb)[:, 2, :]
+    return np.sqrt(np.einsum("ni,nij,nj->n", up, track.cov_b, up))
+
+
+@pytest.mark.parametrize(
+    ("rest", "calibrated", "axis", "rate"),
+    [
+        ((), True, 0, BIAS_REPEATS),
+        (((0.0, 5.0),), True, 0, 0.0),
+        (((0.0, 5.0),), True, 1, 0.0),
+        (((0.0, 5.0),), False, 1, 0.0),
+    ],
+    ids=["bias", "rested", "turned", "turned, uncalibrated"],
+)
+def test_a_free_heading_claims_a_bias_that_no_rest_showed_and_the_scale_by_what_was_turned(
+    rest, calibrated, axis, rate
+):
+    """σ² = (σ_b t)² + Σ σ_E² (∫ up ω dt)²; a unit that swings about level axes turns nothing about the vertical."""
+    t = np.arange(6000) / 100.0
+    moving = t > 5.0 if rest else t >= 0.0
+    turn = np.where(moving, 0.4, 0.0) if axis else np.zeros_like(t)
+    angles = np.stack((np.cumsum(turn) / 100.0, 0.3 * np.sin(2.0 * t) * moving, 0.3 * np.cos(1.7 * t) * moving), axis=1)
+    q = quat_from_euler_zyx(angles)
+    gyr = np.zeros((t.size, 3))
+    gyr[1:] = 100.0 * rotvec_from_quat(quat_multiply(quat_conjugate(q[:-1]), q[1:]))
+    rng = np.random.default_rng(1)
+    acc = quat_rotate(quat_conjugate(q), [0.0, 0.0, G0]) + 0.03 * rng.normal(size=(t.size, 3))
+    meta = CALIBRATED if calibrated else ImuMeta()
+    imu = ImuData(t=t, gyr=gyr + deg(0.1) * rng.normal(size=(t.size, 3)), acc=acc, meta=meta)
+    track = Smoother(frame="ENU").process(imu)
+    up = dcm_from_quat(q)[:, 2, :]
+    ways = np.cumsum(up[:, :, np.newaxis] * gyr[:, np.newaxis, :] / 100.0, axis=0)[-1]
+    scale, cross = (0.03, 0.02) if not calibrated else (math.sqrt(3.0) * math.sqrt(0.008**2 - 0.002**2), 0.0)
+    shares = (np.full((3, 3), cross) + np.diag(np.full(3, scale - cross))) ** 2 / 3.0  # uniform: limit² / 3
+    expected = math.sqrt((rate * t[-1]) ** 2 + float((shares * ways**2).sum()))
+    claimed = heading_sd(track)
+    assert claimed[0] < deg(0.1)
+    assert claimed[-1] == pytest.approx(math.hypot(expected, heading_sd_of_filter(imu)), rel=0.05)
+
+
+def heading_sd_of_filter(imu):
+    """At the end, of the sweep alone."""
+    found = Smoother(frame="ENU").smooth(imu)
+    return math.sqrt(found.sweep.cov[-1, 2, 2])
+
+
+def test_a_free_heading_stays_uncertain_from_stretch_to_stretch(monkeypatch):
+    for name, value in (("LONG", 20.0), ("CORE", 10.0), ("MARGIN", 5.0)):
+        monkeypatch.setattr(samples, name, value)
+    h = by_hand(60.0, 50.0, seed=3)
+    sd = heading_sd(Smoother(frame="ENU").process(h.imu(mag=None)))
+    assert (np.diff(sd[::500]) > 0.0).all()
+    assert sd[-1] > BIAS_REPEATS * 60.0 / math.sqrt(6.0)  # six stretches, as if each had a bias of its own
+
+
+def test_a_field_whose_direction_scatters_says_less_of_the_heading():
+    """Its size stays, so that it is believed; at each place it points elsewhere, by 10° rms beyond what is allowed."""
+    h = by_hand(120.0, 50.0, seed=4)
+    rng = np.random.default_rng(5)
+    place = np.repeat(rng.permutation(np.linspace(-1.0, 1.0, 8)), 750)
+    azimuth = deg(17.0) * place
+    field_n = np.stack((20.0 * np.sin(azimuth), 20.0 * np.cos(azimuth), np.full(h.t.size, -43.0)), axis=1)
+    mag = h.in_body(field_n) + 0.3 * rng.normal(size=(h.t.size, 3))
+    even, uneven = (Smoother(frame="ENU").smooth(h.imu(mag=m)) for m in (h.mag, mag))
+    assert even.scatter == 0.0
+    seen = np.degrees(math.hypot(uneven.scatter, uneven.reference.bend(Params())))
+    assert 4.0 < seen < 17.0 / math.sqrt(3.0) + 1.0  # the heading follows the field as far as the gyroscope lets it
+    track = Smoother(frame="ENU").process(h.imu(mag=mag))
+    inside = np.abs(error_n(track.q_nb, h.q)[:, 2]) < 1.96 * heading_sd(track)
+    assert inside.mean() > 0.9
+
+
+@pytest.mark.parametrize("force", [0.0, 3.0], ids=["free fall", "3 g of a centrifuge"])
+def test_where_no_gravity_shows_any_attitude_is_possible_and_named(force):
+    """In navigation axes the mean force is not gravity: nothing says where down is."""
+    h = by_hand(60.0, 50.0, seed=6)
+    gone = (h.t >= 20.0) & (h.t < 40.0)
+    acc = np.where(gone[:, np.newaxis], h.in_body(np.tile([force * G0, 0.0, 0.0], (h.t.size, 1))), h.acc)
+    smoother = Smoother(frame="ENU")
+    track = smoother.process(h.imu(acc=acc, meta=replace(CALIBRATED, unit_check=False)))
+    assert "no gravity shows in the specific force (20–40 s)" in " ".join(smoother.remarks)
+    lost = (track.flags & np.uint32(flags.NOT_CONVERGED)) != 0
+    assert lost[(h.t > 20.2) & (h.t < 39.8)].all()
+    assert not lost[(h.t < 19.8) | (h.t > 40.2)].any()
+    assert np.sqrt(np.trace(track.cov_b[1500], axis1=0, axis2=1)) > 3.0
 
 
 def test_a_noise_card_makes_the_noise_larger_and_never_smaller():

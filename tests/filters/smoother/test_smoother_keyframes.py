@@ -297,12 +297,14 @@ def test_a_field_that_comes_late_does_not_turn_what_was_before():
 
 
 @pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
-@pytest.mark.parametrize("seed", [7, 8, 9])
-def test_a_lag_brings_the_estimate_nearer_to_the_truth(seed):
-    """The same recording with 2 s of lag, with 8 s and with all of it: the error falls, in each recording."""
-    h = by_hand(30.0, 50.0, seed=seed)
+def test_a_lag_brings_the_estimate_nearer_to_the_truth():
+    """The same recordings with 2 s of lag, with 8 s and with all of it: the error falls by half and more each time.
+
+    Of a single one it may be by luck that the 8 s are as good as all of it.
+    """
+    hands = [by_hand(30.0, 50.0, seed=seed) for seed in (7, 8, 9)]
     off = [
-        np.sqrt(np.mean(quat_angle(Smoother(frame="ENU", params=params).process(h.imu()).q_nb, h.q) ** 2))
+        np.mean([quat_angle(Smoother(frame="ENU", params=params).process(h.imu()).q_nb, h.q) ** 2 for h in hands])
         for params in ({"lag": 2.0}, {"lag": 8.0}, {})
     ]
-    assert off[0] > off[1] > off[2]
+    assert off[0] > 2.0 * off[1] > 4.0 * off[2]

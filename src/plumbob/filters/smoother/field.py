@@ -240,6 +240,8 @@ def heading_variance(frames: Keyframes, p: Params, reference: Reference, weight:
 PATCH: Final = 30.0
 """The rate of the drift is sought in stretches of this, s, whose phases are their own;"""
 PATCHES: Final = 20
+SHORT: Final = 0.25
+"""Phasors of so many seconds are taken together: the largest drift turns them by 7.5° meanwhile."""
 MOST_DRIFT: Final = dps(30.0)
 DRIFT_SD: Final = 4.0
 LEAST_DRIFT: Final = dps(0.1)
@@ -312,9 +314,14 @@ def _drift(frames: Keyframes, azimuth: Floats, weight: Floats, sd: float) -> flo
     limit = min(DRIFT_SD * sd, MOST_DRIFT)
     rates = np.arange(-limit, limit, min(dps(0.05) * PATCH / min(PATCH, max(length, 1.0)), dps(0.5)))
     strength = np.zeros(rates.size)
+    phasor = weight * frames.step * np.exp(1j * azimuth)
     for low, high in pairwise(edges):
-        phasor = (weight * frames.step)[low:high] * np.exp(1j * azimuth[low:high])
-        strength += np.abs(np.exp(-1j * np.outer(rates, time[low:high] - time[low])) @ phasor)
+        if low == high:
+            continue
+        since = time[low:high] - time[low]
+        first = np.flatnonzero(np.diff(since // SHORT, prepend=-1.0))
+        middle = np.add.reduceat(since, first) / np.diff(first, append=high - low)
+        strength += np.abs(np.exp(-1j * np.outer(rates, middle)) @ np.add.reduceat(phasor[low:high], first))
     return float(rates[np.argmax(strength)])
 
 

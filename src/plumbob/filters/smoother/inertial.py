@@ -3,13 +3,14 @@
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, mean_between, path, sum_between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, Noise, Params, start_covariance
@@ -53,6 +54,8 @@ PARTS: Final = 6
 EVEN: Final = 0.5
 MOST: Final = 2000
 """Windows that are tried as centre of a cluster."""
+NOT_GRAVITY: Final = 0.5 * G0
+"""Over a `PIECE` the mean specific force differs by less than this from gravity, m/s², also where peaks are cut off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,20 @@ class Speed:
         """Spectral density of the level velocity, taken for white, m²/s."""
         moving = 2.0 * self.lasts * np.maximum(self.speed, p.speed) ** 2
         return np.where(resting, 2.0 * SHORTEST * REST_SPEED**2, moving)
+
+
+def without_gravity(frames: Keyframes, force: Floats) -> Bools:
+    """Steps in whose piece of the record the mean force (K, 3) in navigation axes is not gravity.
+
+    Over ten seconds a level speed that is bounded leaves nothing else: free fall, a centrifuge, a wrong attitude.
+    """
+    piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
+    dt = np.where(frames.gap, 0.0, frames.step)
+    length = np.bincount(piece, dt)
+    total = np.stack([np.bincount(piece, dt * force[:, i]) for i in range(3)], axis=1)
+    off = np.linalg.norm(total / np.maximum(length, 1e-9)[:, np.newaxis] - [0.0, 0.0, G0], axis=1)
+    found: Bools = ((off > NOT_GRAVITY) & (length > 0.5 * PIECE))[piece]
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,19 +149,24 @@ def _quiet(frames: Keyframes, p: Params, before: float) -> tuple[Bools, Floats, 
     low, high = np.maximum(i + ahead - width + 1, 0), np.minimum(i + ahead + 1, len(rate))
 
     def spread(values: Floats) -> tuple[Floats, Floats]:
-        mean = mean_between(values, low, high)
-        around = _around(values, width, ahead)
-        return np.maximum(around.max(axis=2) - mean, mean - around.min(axis=2)).max(axis=1), mean
+        mean, found = mean_between(values, low, high), np.empty(len(values))
+        farthest(values, mean, low, high, found)
+        return found, mean
 
     (rate_spread, mean), (force_spread, up) = spread(rate), spread(force)
-    near_gap = _around(frames.gap, width, ahead).any(axis=1)
+    near_gap = sum_between(frames.gap.astype(np.float64), low, high) > 0.0
     return (rate_spread < p.rest_rate) & (force_spread < p.rest_force) & ~near_gap, mean, up
 
 
-def _around(values: NDArray[Any], width: int, ahead: int) -> NDArray[Any]:
-    """Values (K, …) in a window around each, so many of them ahead, (K, …, width); at an end the last one goes on."""
-    ends = [(width - 1 - ahead, ahead)] + [(0, 0)] * (values.ndim - 1)
-    return np.lib.stride_tricks.sliding_window_view(np.pad(values, ends, mode="edge"), width, axis=0)
+@njit
+def farthest(values: Floats, mean: Floats, low: NDArray[np.int64], high: NDArray[np.int64], out: Floats) -> None:
+    """How far values (K, 3) of a window around each, from row `low` to before row `high`, are from its mean, (K,)."""
+    for k in range(out.size):
+        most = 0.0
+        for i in range(low[k], high[k]):
+            for axis in range(3):
+                most = max(most, abs(values[i, axis] - mean[k, axis]))
+        out[k] = most
 
 
 def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bools]:

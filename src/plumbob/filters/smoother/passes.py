@@ -19,7 +19,7 @@ from plumbob.filters.smoother.field import (
     share_of_rest,
     weights,
 )
-from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, calm, kinds, level, speed_of
+from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, calm, kinds, level, speed_of, without_gravity
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, M, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import Sweep, sweep
@@ -130,6 +130,11 @@ class Smoothed:
         cov[place, :], cov[:, place] = 0.0, 0.0
         cov[place, place] = np.diag(prior)[place - 3]
         return Learned(matrix, cov, self.sweep.bias[-1].copy())
+
+    @property
+    def weightless(self) -> Bools:
+        """Steps in which no gravity shows, so that the attitude may be any, (K,)."""
+        return without_gravity(self.frames, self.sweep.force)
 
     @property
     def heading_var(self) -> float:

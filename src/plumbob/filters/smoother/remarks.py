@@ -23,6 +23,7 @@ TOLD: Final = 1.5
 
 
 FREE: Final = "no field of the recording gives a heading: it counts from a free zero"
+WEIGHTLESS: Final = "no gravity shows in the specific force ({}): the attitude there may be any"
 WRONG: Final = "the field was not that of the place ({}); the heading there is the gyroscope's"
 
 
@@ -43,6 +44,8 @@ def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
     """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept; a line each."""
     begin, end = float(t[0]), float(t[-1])
     told = _gaps(found.frames, begin, end)
+    if when := _spells(found.frames.time, found.weightless, begin, end):
+        told.append(WEIGHTLESS.format(when))
     if found.reference is None:
         if np.isfinite(found.frames.mag[:, 0]).any():
             told.append(FREE)

@@ -113,9 +113,12 @@ def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
     cov = _covariance(q, found, place, rate, p, data.meta.left)
     if found.reference is None:
         cov = widened(q, cov, free_heading_variance(frames.t, q, rate, found.bias_sd, unseen_scale(data.meta, p)))
+    lost = found.weightless[np.maximum(place - 1, 0)]
+    cov[lost] += math.pi**2 * np.eye(3)
     if p.latency:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
     word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
+    word[lost] |= np.uint32(flags.NOT_CONVERGED)
     return everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word))
 
 
@@ -147,10 +150,16 @@ def vertical_in_body(q: Floats) -> Floats:
     return up
 
 
+def heading_variance_at(part: Part, row: int) -> float:
+    """Variance of the heading at a sample, rad²."""
+    up = vertical_in_body(part.q[row : row + 1])[0]
+    return float(up @ part.cov[row] @ up)
+
+
 def widened(q: Floats, cov: Floats, variance: Floats) -> Floats:
     """Covariance (N, 3, 3) in body axes with a variance (N,) of the heading in addition."""
     up = vertical_in_body(q)
-    found: Floats = cov + variance[:, np.newaxis, np.newaxis] * up[:, :, np.newaxis] * up[:, np.newaxis, :]
+    found: Floats = cov + variance[:, np.newaxis, np.newaxis] * (up[:, :, np.newaxis] * up[:, np.newaxis, :])
     return found
 
 

@@ -20,7 +20,18 @@ from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of
-from plumbob.filters.smoother.samples import MARGIN, Piece, Stretch, continued, part_of, stretches, unknown
+from plumbob.filters.smoother.samples import (
+    MARGIN,
+    Part,
+    Piece,
+    Stretch,
+    continued,
+    heading_variance_at,
+    part_of,
+    stretches,
+    unknown,
+    widened,
+)
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -211,6 +222,7 @@ class Along:
         self._known = _known(meta)
         self._attitude = np.array([1.0, 0.0, 0.0, 0.0])
         self._last: tuple[Floats, Stretch] | None = None
+        self._free_variance = 0.0  # of a heading without a field, where the next core begins, rad²
         self._remarks: dict[str, None] = {}
 
     def piece(self, whole: ImuData, stretch: Stretch) -> Piece:
@@ -223,11 +235,17 @@ class Along:
             part = part_of(whole, found, smoother.params)
             if self._last is not None and found.reference is None:
                 part = continued(part, stretch, *self._last)
+                part = part._replace(cov=widened(part.q, part.cov, self._before(part, inside.start)))
+            self._free_variance = heading_variance_at(part, inside.stop - 1) if found.reference is None else 0.0
             self._last, self._known, smoother.learned = (part.q, stretch), self._known.after(found), found.learned
             self._remarks |= dict.fromkeys(remarks_of(found, smoother.params, whole.t[inside]))
         self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
         headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
         return Piece(whole.t[inside], part.rows(inside), headed, found is not None)
+
+    def _before(self, part: Part, begin: int) -> Floats:
+        """What a free heading was uncertain by before the core that begins at a sample, rad², beyond what it now is."""
+        return np.full(len(part.q), max(self._free_variance - heading_variance_at(part, begin), 0.0))
 
 
 class _Tracks:
