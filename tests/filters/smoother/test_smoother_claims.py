@@ -17,7 +17,8 @@ from plumbob.data.cards import TriadNoise
 from plumbob.data.cards.left import uncalibrated
 from plumbob.data.imu import ImuMeta
 from plumbob.filters.smoother import Params, Smoother, samples
-from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE
+from plumbob.filters.smoother.field import LEAST_BEND, LEAST_NOISE, Reference, scatter_of
+from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_REPEATS
 from plumbob.rotations import (
     dcm_from_quat,
@@ -27,7 +28,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from tests.battery.hand import CALIBRATED, by_hand, error_n
+from tests.battery.hand import CALIBRATED, by_hand, error_n, rms_deg
 
 UNITS, RATE, SECONDS = 40, 100.0, 40.0
 ESTIMATED = {"acc_offset": 0.0, "latency_sd": 0.0, "mag_direction_sd": 0.0}
@@ -193,36 +194,48 @@ def test_a_free_heading_stays_uncertain_from_stretch_to_stretch(monkeypatch):
     assert sd[-1] > BIAS_REPEATS * 60.0 / math.sqrt(6.0)  # six stretches, as if each had a bias of its own
 
 
-def test_a_field_whose_direction_scatters_says_less_of_the_heading():
-    """Its size stays, so that it is believed; at each place it points elsewhere, by 10° rms beyond what is allowed."""
-    h = by_hand(120.0, 50.0, seed=4)
-    rng = np.random.default_rng(5)
-    place = np.repeat(rng.permutation(np.linspace(-1.0, 1.0, 8)), 750)
-    azimuth = deg(17.0) * place
-    field_n = np.stack((20.0 * np.sin(azimuth), 20.0 * np.cos(azimuth), np.full(h.t.size, -43.0)), axis=1)
-    mag = h.in_body(field_n) + 0.3 * rng.normal(size=(h.t.size, 3))
-    even, uneven = (Smoother(frame="ENU").smooth(h.imu(mag=m)) for m in (h.mag, mag))
-    assert even.scatter == 0.0
-    assert deg(1.0) < uneven.scatter < deg(17.0) / math.sqrt(3.0)  # as far as the gyroscope holds the heading
-    track = Smoother(frame="ENU").process(h.imu(mag=mag))
-    inside = np.abs(error_n(track.q_nb, h.q)[:, 2]) < 1.96 * heading_sd(track)
-    assert inside.mean() > 0.9
+def test_a_direction_that_scatters_beyond_what_is_allowed_counts():
+    """Of means over ten seconds: √(mean square of their azimuths − what the deflection allows)."""
+    h = by_hand(80.0, 50.0, seed=4)
+    frames, p = Keyframes.of(h.imu(), 0.049), Params()
+    reference = Reference(20.0, -43.0, 1.1)
+    azimuth = deg(np.array([12.0, -8.0, 3.0, 0.0, -15.0, 9.0, 5.0, -6.0]))[(frames.middle // 10.0).astype(int)]
+    swing = deg(30.0) * np.sin(2.0 * np.pi * frames.middle)  # faster: it does not count
+    field = np.stack((20.0 * np.sin(azimuth + swing), 20.0 * np.cos(azimuth + swing), -43.0 + 0.0 * azimuth), axis=1)
+    weight = np.where(frames.middle < 70.0, 1.0, 0.0)  # nor does a field that is not used
+    found = scatter_of(frames, p, reference, field, weight)
+    seen = np.mean(azimuth[weight > 0.0] ** 2)
+    assert found == pytest.approx(math.sqrt(seen - reference.bend(p) ** 2), rel=0.02)
+    assert scatter_of(frames, p, reference, np.tile([0.0, 20.0, -43.0], (len(field), 1)), weight) == 0.0
+    assert scatter_of(frames, p, reference, field, 0.0 * weight) == 0.0
 
 
-@pytest.mark.parametrize("force", [0.0, 3.0], ids=["free fall", "3 g of a centrifuge"])
-def test_where_no_gravity_shows_any_attitude_is_possible_and_named(force):
-    """In navigation axes the mean force is not gravity: nothing says where down is."""
+def test_where_no_gravity_shows_any_attitude_is_possible_and_named():
+    """Free fall for 20 s; behind it gravity shows the attitude again."""
     h = by_hand(60.0, 50.0, seed=6)
     gone = (h.t >= 20.0) & (h.t < 40.0)
-    acc = np.where(gone[:, np.newaxis], h.in_body(np.tile([force * G0, 0.0, 0.0], (h.t.size, 1))), h.acc)
+    imu = h.imu(acc=np.where(gone[:, np.newaxis], 0.01, h.acc))
     smoother = Smoother(frame="ENU")
-    imu = ImuData(t=h.t, gyr=h.gyr, acc=acc, mag=h.mag, meta=replace(CALIBRATED, unit_check=False))
     track = smoother.process(imu)
     assert "no gravity shows in the specific force (20–40 s)" in " ".join(smoother.remarks)
     lost = (track.flags & np.uint32(flags.NOT_CONVERGED)) != 0
     assert lost[(h.t > 20.2) & (h.t < 39.8)].all()
     assert not lost[(h.t < 19.8) | (h.t > 40.2)].any()
-    assert np.sqrt(np.trace(track.cov_b[1500], axis1=0, axis2=1)) > 3.0
+    assert np.sqrt(np.trace(track.cov_b[1500])) > 3.0
+    assert rms_deg(error_n(track.q_nb, h.q)[h.t > 41.0]).max() < 1.0
+
+
+@pytest.mark.parametrize("force", [0.0, 3.0], ids=["free fall", "a centrifuge of 3 g"])
+def test_a_recording_without_gravity_claims_nothing(force):
+    h = by_hand(40.0, 50.0, seed=7)
+    acc = h.in_body(np.tile([force * G0, 0.0, 0.0], (h.t.size, 1))) + 0.01
+    imu = ImuData(t=h.t, gyr=h.gyr, acc=acc, mag=h.mag, meta=replace(CALIBRATED, unit_check=False))
+    smoother = Smoother(frame="ENU")
+    track = smoother.process(imu)
+    if force:  # a level force that lasts is taken for gravity: only its size tells
+        assert np.degrees(np.abs(error_n(track.q_nb, h.q)[:, :2])).max() > 60.0
+    assert "no gravity shows in the specific force (0–40 s)" in " ".join(smoother.remarks)
+    assert ((track.flags & np.uint32(flags.NOT_CONVERGED)) != 0).all()
 
 
 def test_a_noise_card_makes_the_noise_larger_and_never_smaller():
