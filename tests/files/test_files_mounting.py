@@ -6,11 +6,13 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from plumbob import ImuData, estimate
 from plumbob.core.constants import G0
-from plumbob.core.errors import ClockError, DecodeError, FrameError
+from plumbob.core.errors import ClockError, DecodeError, FrameError, UnitError
 from plumbob.files import parse_profile, read, text_table
 from plumbob.files.columns import StampError, stamps_ns
-from plumbob.rotations import quat_conjugate, quat_from_euler_zyx, quat_rotate
+from plumbob.rotations import quat_angle, quat_conjugate, quat_from_euler_zyx, quat_rotate
+from tests.battery.hand import FIELD_ENU, by_hand
 
 HEAD = 'separator = ","\n[header]\nnames = true\n'
 GYR = '[gyr]\ncolumns = ["gx", "gy", "gz"]\nunit = "rad/s"\n'
@@ -218,3 +220,21 @@ def test_a_device_that_is_left_handed_throughout(parse, hand, own):
     imu = parse("gx,gy,gz,ax,ay,az\n" + table, profile).imu
     assert imu.gyr.tolist() == body.tolist()
     assert imu.acc == pytest.approx(body * G0, rel=1e-15)
+
+
+@pytest.mark.parametrize("size", [0.6, 1.0])
+def test_a_field_relative_to_that_of_the_place_is_said_and_changes_no_attitude(parse, size):
+    """Shares of the local field: 50 µT stand for 1, and the attitude is that of the field in µT."""
+    h = by_hand(20.0, 50.0, rest=((0.0, 5.0),), seed=1)
+    shares = size * h.mag / np.linalg.norm(FIELD_ENU)
+    cells = np.column_stack((h.t, h.gyr, h.acc, shares)).tolist()
+    text = "t,gx,gy,gz,ax,ay,az,mx,my,mz\n" + "".join(",".join(map(repr, row)) + "\n" for row in cells)
+    acc = '[acc]\ncolumns = ["ax", "ay", "az"]\nunit = "m/s2"\nsign = "specific-force"\n'
+    mag = '[mag]\ncolumns = ["mx", "my", "mz"]\nunit = "relative"\n'
+    found = parse(text, HEAD + '[time]\ncolumn = "t"\nunit = "s"\n' + GYR + acc + mag)
+    assert "mag is relative to the field of the place, which is taken for 50 µT" in found.notes
+    np.testing.assert_allclose(found.imu.mag, 50.0 * shares, rtol=1e-12)
+    plain, relative = (estimate(imu, frame="ENU").track for imu in (h.imu(), found.imu))
+    assert np.degrees(quat_angle(plain.q_nb, relative.q_nb)).max() < 0.3
+    with pytest.raises(UnitError, match="if 1 is the field of the place, 'relative'"):
+        ImuData(t=h.t, gyr=h.gyr, acc=h.acc, mag=shares)

@@ -38,6 +38,7 @@ DEFINITIONS = {
     "T": 1e6,
     "gauss": 1e-4 * 1e6,
     "mgauss": 1e-4 * 1e6 * 1e-3,
+    "relative": 50.0,  # what stands for the field of the place, docs/file-formats.md
     "degC": 1.0,
     "mdegC": 1e-3,
     "K": 1.0,

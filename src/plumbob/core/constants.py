@@ -5,6 +5,9 @@ from typing import Final
 G0: Final = 9.80665
 """Standard acceleration of free fall, m/s² (3rd CGPM 1901; ISO 80000-3)."""
 
+NOMINAL_FIELD: Final = 50.0
+"""Size of the Earth's field that stands for an unknown one, µT: it is 22 to 67 (World Magnetic Model 2025)."""
+
 EARTH_RATE: Final = 7.292115e-5
 """Rotation rate of the Earth, rad/s (WGS 84, NGA.STND.0036)."""
 

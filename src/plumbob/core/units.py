@@ -11,7 +11,7 @@ from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
-from plumbob.core.constants import G0
+from plumbob.core.constants import G0, NOMINAL_FIELD
 from plumbob.core.errors import UnitError
 
 if TYPE_CHECKING:  # the command line asks for units before it needs arrays
@@ -107,6 +107,7 @@ UNITS: dict[str, Unit] = {
     "T": Unit(Quantity.FIELD, 1e6),
     "gauss": Unit(Quantity.FIELD, 1e2),
     "mgauss": Unit(Quantity.FIELD, 1e-1),
+    "relative": Unit(Quantity.FIELD, NOMINAL_FIELD),  # of the field of the place, whose size nobody said
     "degC": Unit(Quantity.TEMPERATURE, 1.0),
     "mdegC": Unit(Quantity.TEMPERATURE, 1e-3),
     "K": Unit(Quantity.TEMPERATURE, 1.0, -273.15),

@@ -848,7 +848,7 @@ _ADVICE = {
     "acc": "If the source holds g, convert it: units.g(acc), or unit = 'g' in its profile; for a centrifuge or a drop "
     "set unit_check=False.",
     "mag": "If the source holds gauss or nT, convert it: units.gauss(mag) or units.to_si(mag, 'nT'), or unit = 'gauss' "
-    "in its profile.",
+    "in its profile; if 1 is the field of the place, 'relative'.",
 }
 
 

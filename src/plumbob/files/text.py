@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import flags, units
 from plumbob.core.check import Floats
+from plumbob.core.constants import NOMINAL_FIELD
 from plumbob.core.errors import DecodeError, excerpt
 from plumbob.core.files import existing_file, reading, sidecars, text_of
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -232,6 +233,8 @@ def _changes(profile: Profile, t0_ns: int) -> tuple[str, ...]:
             notes.append(f"{name}: the case's x, y, z are its '{group.axes}', as the profile says")
     if any(group.gravity for group in profile.triads.values()):
         notes.append("acc was negated: the profile says that it points down at rest, as gravity does")
+    if "mag" in profile.triads and profile.triads["mag"].unit == "relative":
+        notes.append(f"mag is relative to the field of the place, which is taken for {NOMINAL_FIELD:g} µT")
     if profile.turn is not None:
         notes.append(f"body axes are '{profile.turn}' of the sensor case, as the profile says")
     return tuple(notes)
