@@ -90,10 +90,22 @@ def test_what_waits_when_a_recorder_starts_again_is_given_before():
     np.testing.assert_array_equal(track.q_nb[:first], alone.q_nb)
 
 
-@pytest.mark.parametrize("params", [{"lag": None}, {"lag": "0 s"}], ids=["none", "zero"])
-def test_a_stream_needs_a_lag(params):
-    with pytest.raises(ParameterError, match="needs a lag above zero"):
-        Stream(lagged(**params))
+def test_a_stream_needs_a_lag():
+    with pytest.raises(ParameterError, match=r"needs a lag, .* or 0s"):
+        Stream(lagged(lag=None))
+
+
+def test_without_a_lag_attitudes_come_with_their_samples_and_are_replayed_to_the_bit(tmp_path):
+    chosen = lagged(lag="0 s")
+    kept = RecordingSink(chosen, RecordSpec(str(tmp_path / "a.mcap"), reserve=0), offset=lambda: 0)
+    _, live = through(reads(stream()), chosen, recording=kept)
+    for part in live.parts:
+        np.testing.assert_array_equal(part.track_ns, part.t_ns)
+    _, other = through(reads(stream(), seed=3), chosen)
+    np.testing.assert_array_equal(live.track().q_nb, other.track().q_nb)  # however it was read
+    assert replay(tmp_path / "a.mcap", session=chosen, check=True).comparison.equal
+    batch = run_stage(live.imu(calibrated=True), chosen.stage, frame=chosen.frame)
+    np.testing.assert_array_equal(live.track().q_nb, batch.q_nb)
 
 
 def test_a_stream_that_ends_at_once_has_attitudes_that_claim_nothing():

@@ -13,11 +13,11 @@ from plumbob.core import flags
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import deg, dps
-from plumbob.filters.smoother import Smoother, inertial, live
+from plumbob.filters.smoother import FixedLag, Smoother, arriving, inertial, live
 from plumbob.filters.smoother.field import Reference, share_of_rest, weights
-from plumbob.filters.smoother.inertial import calm, calm_so_far, first_rest
+from plumbob.filters.smoother.inertial import calm, first_rest
 from plumbob.filters.smoother.keyframes import Keyframes
-from plumbob.filters.smoother.model import SIZE, Params
+from plumbob.filters.smoother.model import BIAS_REPEATS, SIZE, Params
 from plumbob.filters.smoother.sweeps import COUNT, FIELD, FORCE, MEANS, Last
 from plumbob.rotations import quat_angle, quat_conjugate, quat_from_rotvec, quat_rotate
 from tests.battery.hand import by_hand, error_n, rms_deg
@@ -83,9 +83,8 @@ def test_a_gap_makes_any_attitude_possible_until_the_motion_behind_it_shows_it()
 
 
 @slow
-def test_a_heading_without_a_field_goes_on_over_looks_stretches_and_gaps(monkeypatch):
-    """It counts from a free zero, which no look at the past and no stretch may move: the rates explain each step."""
-    monkeypatch.setattr(live, "CORE", 12.0)
+def test_a_heading_without_a_field_goes_on_over_looks_and_gaps(monkeypatch):
+    """It counts from a free zero, which no look at the past may move: the rates explain each step."""
     monkeypatch.setattr(live, "MARGIN", 8.0)
     h = by_hand(40.0, rest=((0.0, 4.0),), seed=2)
     track, _ = followed(h.imu(mag=None))
@@ -114,23 +113,69 @@ def _in_body(h, field):
     return quat_rotate(quat_conjugate(h.q), np.broadcast_to(field, (len(h.q), 3)))
 
 
+def arrived(imu, size=1000):
+    """Samples and steps of a stream in parts."""
+    stream = arriving.Arriving(Params(), mag=True)
+    kept = np.concatenate([stream.take(part) for part in imu.chunks(size)])
+    return stream, kept
+
+
 @slow
-def test_missing_values_are_held_and_made_up_for_by_the_next_ones():
+@pytest.mark.parametrize("size", [1, 1000])
+def test_missing_values_are_held_and_made_up_for_by_the_next_ones(size):
     h = by_hand(20.0, seed=4)
     lost = np.random.default_rng(0).random(h.t.size) < 0.05
     gyr, acc = (np.where(lost[:, np.newaxis], np.nan, of) for of in (h.gyr, h.acc))
-    ahead, held = (Keyframes.of(h.imu(gyr=gyr, acc=acc), 0.049, ahead=yes) for yes in (True, False))
-    gone = lost[held.rows]
+    imu = h.imu(gyr=gyr, acc=acc)
+    stream, kept = arrived(imu, size)
+    assert kept.all()
+    ahead, held = Keyframes.of(imu, 0.049), stream.frames(slice(0, stream.steps))
+    gone, n = lost[: held.t.size], held.t.size
     assert gone.sum() > 50
     for name in ("gyr", "acc"):
-        one, other = (np.cumsum(getattr(of, name)[1:] * np.diff(of.t)[:, np.newaxis], axis=0) for of in (ahead, held))
+        one, other = (
+            np.cumsum(getattr(of, name)[1:n] * np.diff(of.t[:n])[:, np.newaxis], axis=0) for of in (ahead, held)
+        )
         assert np.abs(one - other)[gone[1:]].max() > 1e-4  # behind where the lines go
         np.testing.assert_allclose(
             one[~gone[1:]], other[~gone[1:]], rtol=0, atol=1e-12
         )  # and caught up by the next one
-    track, _ = followed(h.imu(gyr=gyr, acc=acc))
+    np.testing.assert_array_equal(held.time, ahead.time[: stream.steps + 1])
+    assert (held.missed > 0.0).sum() > 50
+    track, _ = followed(imu)
     assert track.known.all()
     assert rms_deg(error_n(track.q_nb, h.q)[h.t > 5.0]).max() < 1.5
+
+
+@slow
+def test_a_hole_of_the_gyroscope_is_a_gap_and_what_lies_in_it_is_not_kept():
+    """Held for as long as a step may last, 0.1 s; then the attitude stays, and may be any."""
+    h = by_hand(20.0, rest=((0.0, 4.0),), seed=5)
+    gyr = np.where(((h.t > 9.995) & (h.t < 10.495))[:, np.newaxis], np.nan, h.gyr)
+    stream, kept = arrived(h.imu(gyr=gyr))
+    gone = h.t[~kept]
+    assert (gone[0], gone[-1]) == (pytest.approx(10.1), pytest.approx(10.49))
+    gaps = np.flatnonzero(stream.gaps(slice(0, stream.steps)))
+    assert [stream.time(int(k) + 1) for k in gaps] == [pytest.approx(10.5)]
+    track, told = followed(h.imu(gyr=gyr))
+    word = track.flags[~kept]
+    assert (word & np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED) == flags.GYR_HELD | flags.NOT_CONVERGED).all()
+    assert (track.q_nb[~kept] == track.q_nb[~kept][0]).all()
+    assert np.trace(track.cov_b[~kept][0]) > math.pi**2
+    assert "a gap in the samples (until 10.5 s)" in told
+
+
+@slow
+def test_what_is_not_needed_is_let_go(monkeypatch):
+    monkeypatch.setattr(live, "MARGIN", 3.0)
+    h = by_hand(60.0, 50.0, seed=6)
+    follower = live.Live(Params(lag=0.0), h.imu().meta, mag=True)
+    held = []
+    for part in h.imu().chunks(10):
+        follower.take(part)
+        held.append(follower._arriving.samples - follower._arriving._t.begin)
+    assert max(held[len(held) // 2 :]) < 2 * 50.0 * (3.0 + 2.0 * live.LATE) + 20
+    assert follower._arriving._t._rows.shape[0] < 1000
 
 
 @slow
@@ -146,14 +191,35 @@ def test_a_recording_shorter_than_the_first_look_claims_nothing_and_one_rate_is_
 
 
 @slow
-def test_the_stretch_that_a_day_is_cut_into_does_not_show(monkeypatch):
-    h = by_hand(50.0, rest=((0.0, 5.0),), seed=5)
-    whole, _ = followed(h.imu())
-    monkeypatch.setattr(live, "CORE", 15.0)
-    parts = list(Smoother(frame="ENU", params={"lag": 0.0}).parts(h.imu()))
-    assert len(parts) == 4
-    q = np.concatenate([part.q_nb for part in parts])
-    assert np.degrees(quat_angle(q, whole.q_nb)[h.t > 1.0]).max() < 1.0
+@pytest.mark.parametrize("mag", [True, False], ids=["field", "no field"])
+@pytest.mark.parametrize("size", [1, 7, 1000])
+def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, size, mag):
+    """In parts of any size, with gaps, holes and missing values, and with looks that a thread takes meanwhile."""
+    monkeypatch.setattr(live, "SHORT", 1.0)
+    monkeypatch.setattr(live, "MARGIN", 8.0)
+    h = by_hand(30.0, rest=((0.0, 3.0),), seed=5)
+    lost = (np.random.default_rng(1).random(h.t.size) < 0.02) | ((h.t > 20.0) & (h.t < 20.4))
+    keep = (h.t < 12.0) | (h.t > 13.0)
+    imu = h.imu(gyr=np.where(lost[:, np.newaxis], np.nan, h.gyr))
+    imu = ImuData(t=imu.t[keep], gyr=imu.gyr[keep], acc=imu.acc[keep], mag=imu.mag[keep], meta=imu.meta)
+    params = {"lag": 0.0, "mag": mag, "latency": 0.003}
+    whole, stream = Smoother(frame="NED", params=params).process(imu), FixedLag(frame="NED", params=params)
+    parts = [stream.take(part) for part in imu.chunks(size)]
+    assert stream.finish() is None
+    for name in ("t", "q_nb", "bias_b", "cov_b", "flags"):
+        np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name))
+
+
+@slow
+def test_a_free_heading_is_as_uncertain_as_what_nothing_shows_of_the_gyroscope():
+    h = by_hand(60.0, seed=6)  # nothing rests
+    track, _ = followed(h.imu(mag=None))
+    up = quat_rotate(quat_conjugate(track.q_nb), [0.0, 0.0, 1.0])
+    sd = np.sqrt(np.einsum("ni,nij,nj->n", up, track.cov_b, up))
+    late = h.t > 20.0
+    assert (sd[late] > BIAS_REPEATS * h.t[late]).all()
+    turned = error_n(track.q_nb, h.q)[:, 2]
+    assert (np.abs(turned - turned[100])[late] < 1.96 * sd[late]).all()
 
 
 # --- the pieces ---------------------------------------------------------------------------------------------
@@ -216,10 +282,14 @@ def test_a_heading_from_elsewhere_turns_all_that_lies_in_the_level():
 def test_a_calm_window_that_ends_now_is_calm_later_than_one_around_now():
     h = by_hand(20.0, rest=((5.0, 10.0),), seed=6)
     frames, p = Keyframes.of(h.imu(), 0.049), Params()
-    around, so_far = calm(frames, p).quiet, calm_so_far(frames, p).quiet
+    stream, _ = arrived(h.imu())
+    around, (so_far, mean) = calm(frames, p).quiet, stream.quiet(slice(0, stream.steps))
     begin, end = (frames.time[np.flatnonzero(around)[i] + 1] for i in (0, -1))
-    assert frames.time[np.flatnonzero(so_far)[0] + 1] == pytest.approx(begin + 0.5 * p.rest_time, abs=0.11)
-    assert frames.time[np.flatnonzero(so_far)[-1] + 1] == pytest.approx(end + 0.5 * p.rest_time, abs=0.11)
+    assert stream.time(np.flatnonzero(so_far)[0] + 1) == pytest.approx(begin + 0.5 * p.rest_time, abs=0.11)
+    assert stream.time(np.flatnonzero(so_far)[-1] + 1) == pytest.approx(end + 0.5 * p.rest_time, abs=0.11)
+    last = np.flatnonzero(so_far)[-1]
+    window = (h.t > stream.time(last + 1) - p.rest_time) & (h.t <= stream.time(last + 1))
+    np.testing.assert_allclose(mean[last], h.gyr[window].mean(axis=0), atol=deg(0.1))
 
 
 def still(seconds, rate_z, field):

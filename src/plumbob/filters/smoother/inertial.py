@@ -126,24 +126,17 @@ class Calm:
 
 def calm(frames: Keyframes, p: Params) -> Calm:
     """Find the calm steps: the window reaches to both sides, and one with a gap in it is not calm."""
-    quiet, mean, up = _quiet(frames, p, 0.5)
+    quiet, mean, up = _quiet(frames, p)
     turning, still = _turned_field(frames, p, quiet)
     along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
     return Calm(quiet & ~turning, mean, np.where(still, 0.0, along))
 
 
-def calm_so_far(frames: Keyframes, p: Params) -> Calm:
-    """Find the calm steps by nothing that comes later: the window ends with each step, and is whole."""
-    quiet, mean, _ = _quiet(frames, p, 1.0)
-    whole = frames.time[1:] - frames.time[0] >= p.rest_time
-    return Calm(quiet & whole, mean, np.zeros(quiet.size))
-
-
-def _quiet(frames: Keyframes, p: Params, before: float) -> tuple[Bools, Floats, Floats]:
-    """Steps that lie in a calm window, and mean rate and force in it; this share of the window lies before the step."""
+def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
+    """Steps around which a window is calm, and mean rate and force in it."""
     usual = float(np.median(frames.step))
     width = max(3, round(p.rest_time / usual) | 1)
-    ahead = width - 1 - round(before * (width - 1))
+    ahead = width // 2
     rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
     i = np.arange(len(rate))
     low, high = np.maximum(i + ahead - width + 1, 0), np.minimum(i + ahead + 1, len(rate))

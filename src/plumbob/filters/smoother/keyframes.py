@@ -66,17 +66,14 @@ class Keyframes:
     rows: NDArray[np.int64]
 
     @classmethod
-    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True, ahead: bool = True) -> Self | None:
-        """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate.
-
-        What a sample lacks is interpolated, or, where nothing may be known `ahead` of it, as it was before.
-        """
+    def of(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:
+        """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate."""
         t, flag = np.asarray(imu.t), np.asarray(imu.flags)
-        gyr = _trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
-        acc = _trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
+        gyr = trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
+        acc = trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
         has_mag = mag and "mag" in imu.triads
         field = (
-            _trusted(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
+            trusted(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
             if has_mag
             else np.full_like(gyr, np.nan)
         )
@@ -87,8 +84,7 @@ class Keyframes:
         t, gyr, acc, field = t[rows], gyr[rows], acc[rows], np.ascontiguousarray(field[rows])
         first, gap = _steps(t, spacing, longest)
         no_rate, no_force = np.isnan(gyr[:, 0]), np.isnan(acc[:, 0])
-        fill = _filled if ahead else _held
-        gyr, acc = fill(t, gyr), fill(t, acc)
+        gyr, acc = _filled(t, gyr), _filled(t, acc)
         dt = np.diff(t, prepend=t[0])
         rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
         steps = first[:-1] + 1, first[1:] + 1
@@ -142,7 +138,7 @@ def longest_step(t: Floats) -> float:
     return max(LONGEST, USUAL * float(np.median(np.diff(t)))) if t.size > 1 else LONGEST
 
 
-def _trusted(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:
+def trusted(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:
     """Values, NaN where one is missing or a flag says that it is not what it was."""
     bad = ((flag & bits) != 0) | ~np.isfinite(values).all(axis=1)
     return np.where(bad[:, np.newaxis], np.nan, values) if bad.any() else np.ascontiguousarray(values)
@@ -181,23 +177,6 @@ def _filled(t: Floats, values: Floats) -> Floats:
     if not known.any():
         return np.zeros_like(values)
     return np.stack([np.interp(t, t[known], values[known, i]) for i in range(3)], axis=1)
-
-
-def _held(t: Floats, values: Floats) -> Floats:
-    """Values, each of the last sample that has one; zero before the first.
-
-    The next one that is known makes up for it: with it the integral is that of straight lines.
-    """
-    missing = np.isnan(values[:, 0])
-    if not missing.any():
-        return np.ascontiguousarray(values)
-    known, dt = np.flatnonzero(~missing), np.diff(t, prepend=t[0])[:, np.newaxis]
-    last = np.maximum.accumulate(np.where(missing, -1, np.arange(t.size)))
-    held = np.where((last >= 0)[:, np.newaxis], values[np.maximum(last, 0)], 0.0)
-    late = np.where((missing & (last >= 0))[:, np.newaxis], (_filled(t, values) - held) * dt, 0.0)
-    owed = sum_between(late, np.concatenate(([0], known[:-1] + 1)), known)
-    held[known] += owed / np.where(dt[known] > 0.0, dt[known], np.inf)
-    return held
 
 
 def _bow(t: Floats, missing: Bools) -> Floats:

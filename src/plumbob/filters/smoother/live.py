@@ -8,8 +8,10 @@ place. That one is proven by the time in which the unit turned in it: another mu
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,8 +21,9 @@ from plumbob.core import flags
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.data import ImuData
-from plumbob.data.cards.left import Half
+from plumbob.data import ImuData, ImuMeta
+from plumbob.data.cards.left import whole_of
+from plumbob.filters.smoother.arriving import Arriving
 from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, STEEPEST, TURNING, Reference, white_noise
 from plumbob.filters.smoother.inertial import (
     LEAK,
@@ -29,24 +32,20 @@ from plumbob.filters.smoother.inertial import (
     SHORTEST,
     SPEED_TIMES,
     WINDOW,
-    Calm,
-    calm_so_far,
     speed_of,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, M, Noise, Params, V
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
-from plumbob.filters.smoother.remarks import remarks_so_far
 from plumbob.filters.smoother.samples import (
-    CORE,
     DOUBTFUL,
     GATED,
     MARGIN,
     Part,
-    Piece,
     covariance_of,
-    everywhere,
-    unknown,
+    unseen_scale,
+    vertical_in_body,
+    widened,
 )
 from plumbob.filters.smoother.sweeps import (
     AGAIN,
@@ -57,6 +56,7 @@ from plumbob.filters.smoother.sweeps import (
     MEANS,
     MEASURED,
     MOVING,
+    RAW,
     RESTING,
     STEP,
     TERMS,
@@ -91,7 +91,15 @@ ANY_ATTITUDE: Final = 10.0
 UNCERTAIN_HEADING: Final = deg(20.0)
 """With a larger standard deviation of a heading that a field gives, rad, the attitude is not converged."""
 BLOCK: Final = 1.0
-"""The filter goes on for so long at a time, s."""
+"""Whether the fields contradict the one of the place is asked so often, s."""
+LATE: Final = 0.5
+"""What a look has found is handed over so much later, s,"""
+SHORT: Final = 5.0
+"""unless the past is shorter than this, s."""
+ANYTHING: Final = math.pi**2 * np.eye(3)
+"""Covariance of an attitude of which nothing is known, rad²."""
+SEEN_LESS: Final = GATED
+"""A field that counts with less than this speaks against the one of the place."""
 
 SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
 FORCE2: Final = 1
@@ -150,12 +158,13 @@ def field_weight(mean: Floats, field: Field) -> float:
 def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
     around: Floats, missed: Floats, pushed: Floats, noise: Noise, field: Field, rest_band: float, least_speed: float,
-    attitude: Floats, now: Floats, p: Floats, learned: Floats,
+    attitude: Floats, now: Floats, p: Floats, learned: Floats, against: Floats,
     q: Floats, x: Floats, cov: Floats, kind: NDArray[np.int64], weight: Floats,
 ) -> None:  # fmt: skip
     """Filter on over some keyframes: attitude, state and covariance of the attitude at each, and what each step was.
 
-    `attitude`, `now`, `p` and `learned` are those before the first step, and are left as those after the last.
+    `attitude`, `now`, `p` and `learned` are those before the first step, and are left as those after the last;
+    `against` is the time for which the unit turned in other fields than that of the place.
     """
     column, gain, term = np.zeros(SIZE), np.zeros((MEASURED, SIZE)), np.zeros((MEASURED, TERMS))
     f, mean = np.zeros(STEP), np.zeros(MEANS)
@@ -190,8 +199,19 @@ def onward(
             if weight[k] > 0.0:
                 var = field.white2 / (field.level * field.level * dt * weight[k])
                 heading_update(p, now, gain, term, column, mean, var)
+            if kind[k] == MOVING and weight[k] < SEEN_LESS and field.level > 0.0:
+                against[0] += turned_for(mean, now, dt)
         correct(attitude, now)
         write(k + 1, attitude, now, p, q, x, cov)
+
+
+@njit
+def turned_for(mean: Floats, now: Floats, dt: float) -> float:
+    """For how long a step counts as one in which the unit turns, s; as `turning_time` has it."""
+    rate2 = 0.0
+    for i in range(3):
+        rate2 += (mean[RAW + i] / dt - now[B + i]) ** 2
+    return min(math.sqrt(rate2) / TURNING, 1.0) * dt
 
 
 @njit
@@ -208,8 +228,7 @@ def write(k: int, attitude: Floats, now: Floats, p: Floats, q: Floats, x: Floats
 
 @njit
 def between_keyframes(
-    t: Floats, gyr: Floats, first: NDArray[np.int64], early: Bools, q_k: Floats, x: Floats, kind: NDArray[np.int64],
-    q: Floats,
+    t: Floats, gyr: Floats, first: NDArray[np.int64], early: Bools, gap: Bools, q_k: Floats, x: Floats, q: Floats,
 ) -> None:  # fmt: skip
     """Attitude at every sample, from the keyframe before it by the gyroscope.
 
@@ -223,7 +242,7 @@ def between_keyframes(
                 q[first[k], i] = now[i]
         last = first[k + 1] if k < first.size - 1 else first[k]
         for s in range(first[k] + 1, last + 1):
-            if kind[k] == MOVING:
+            if not gap[k]:
                 dt = t[s] - t[s - 1]
                 wx, wy, wz = corrected_rate(x[k], gyr[s, 0], gyr[s, 1], gyr[s, 2])
                 turned_by(now, dt * wx, dt * wy, dt * wz)
@@ -253,7 +272,7 @@ class Running:
         Time of that look, s.
     kind, weight : int, float
         Of the last step.
-    against : float
+    against : ndarray (1,)
         For how long since the look the unit turned in other fields, s.
     """
 
@@ -266,7 +285,7 @@ class Running:
     since: float
     kind: int
     weight: float
-    against: float = 0.0
+    against: Floats
 
 
 @dataclass(slots=True)
@@ -306,133 +325,302 @@ def turning_time(frames: Keyframes, bias: Floats | float, resting: Bools) -> Flo
     return np.where(resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
 
 
-def live_parts(
-    data: ImuData, p: Params, known: Known, *, mag: bool
-) -> Iterator[tuple[Piece, Smoothed | None, list[str]]]:
-    """What is known of each sample of a recording by nothing that comes after it, the last look, and remarks."""
-    t, proven, begin = np.asarray(data.t), Proven(), 0
-    q_last = np.array([1.0, 0.0, 0.0, 0.0])
-    while begin < t.size:
-        low, end = (int(i) for i in np.searchsorted(t, (t[begin] - MARGIN, t[begin] + CORE)))
-        whole, core = data[low:end], slice(begin - low, end - low)
-        frames, found, told = Keyframes.of(whole, p.keyframe, mag=mag, ahead=False), None, list[str]()
-        if frames is None:
-            part = unknown(whole, q_last, np.zeros(3))
-        else:
-            way = _Way(frames, p, known.unit, proven, q_last, data.meta.left)
-            way.go(int(np.searchsorted(frames.time, t[begin], side="right")) - 1 if begin else 0)
-            found = None if way.running is None else way.running.found
-            part = everywhere(whole, frames, way.part(whole))
-            told = remarks_so_far(frames, t[begin:end], part.flags[core])
-        own = part.rows(core)
-        free = (own.flags & flags.HEADING_FREE) != 0
-        piece = Piece(whole.t[core], own, len(free) if free.all() else int(np.argmin(free)), frames is not None)
-        q_last, begin = piece.part.q[-1].copy(), end
-        yield piece, found, told
+class Room(NamedTuple):
+    """What is known at some keyframes, and of the steps between: see `onward`."""
+
+    q: Floats
+    x: Floats
+    cov: Floats
+    kind: NDArray[np.int64]
+    weight: Floats
+
+    @classmethod
+    def of(cls, n: int) -> "Room":
+        """For n steps."""
+        return cls(
+            np.empty((n + 1, 4)),
+            np.empty((n + 1, SIZE)),
+            np.empty((n + 1, 3, 3)),
+            np.empty(n, dtype=np.int64),
+            np.empty(n),
+        )
 
 
-class _Way:
-    """The way over the keyframes of a stretch, and what is known of its samples."""
+class Look(NamedTuple):
+    """A look at the past: the step at which it began, the time at which it is handed over, and what it finds."""
 
-    def __init__(
-        self, frames: Keyframes, p: Params, unit: Floats | None, proven: Proven, q: Floats, left: tuple[Half, Half]
-    ) -> None:
-        n = frames.t.size
-        self.left = left
-        self.frames, self.p, self.unit, self.proven = frames, p, unit, proven
-        self.calm: Calm = calm_so_far(frames, p)
-        self.running: Running | None = None
-        self.anchor: tuple[int, Floats] | None = None
-        self.rate = np.zeros((n, 3))
-        lost = np.full(n, flags.NOT_CONVERGED | flags.HEADING_FREE, dtype=np.uint32)
-        self.known = Part(np.tile(q, (n, 1)), np.zeros((n, 3)), np.tile(math.pi**2 * np.eye(3), (n, 1, 1)), lost)
+    step: int
+    due: float
+    found: Callable[[], Smoothed]
+    anchor: tuple[int, Floats] | None
 
-    def go(self, k: int) -> None:
-        """From a keyframe to the last one."""
-        time, gap = self.frames.time, self.frames.gap
-        pause, due = SOONEST, time[k] + (SOONEST if k == 0 else 0.0)
-        if k:
-            self.anchor = (k, self.known.q[self.frames.first[k]].copy())
-        while k < gap.size:
-            if time[k] >= due - 1e-9 or self.contradicted(time[k]):
-                pause = min(pause * GROWS, EVERY)
-                due = time[k] + pause
-                self.look(k)
-            until = due if self.running is None else min(due, time[k] + BLOCK)
-            end = min(max(int(np.searchsorted(time, until, side="right")) - 1, k + 1), gap.size)
-            holes = np.flatnonzero(gap[k:end])
-            end = end if not holes.size else k + int(holes[0]) + 1
-            self.on(k, end)
-            k = end
-            if gap[k - 1]:
-                pause, due = SOONEST, time[k] + SOONEST
-                if self.running is not None:
-                    self.anchor = (k, self.running.last.attitude.copy())
 
-    def contradicted(self, now: float) -> bool:
-        """Whether the unit has turned for long in fields that are not the one of the place."""
-        running = self.running
-        return running is not None and running.against > AGAINST and now - running.since > LEAST_PAUSE
+class Live:
+    """Follows a stream: samples in, and what nothing but they and those before them say of each.
 
-    def look(self, k: int) -> None:
-        """Smooth the past, and go on from there."""
-        time, p = self.frames.time, self.p
-        past = slice(int(np.searchsorted(time, time[k] - MARGIN)), k)
+    A look at a long past takes a while. It is handed over `LATE` after it began, by the time of the samples, whatever
+    the computer does meanwhile: the same samples give the same bits.
+
+    Parameters
+    ----------
+    p : Params
+        Parameters.
+    meta : ImuMeta
+        Of the samples.
+    mag : bool
+        Use the magnetometer.
+    background : bool
+        Look at the past in a thread of its own, so that the stream does not wait for it.
+
+    Attributes
+    ----------
+    gaps : list of float
+        Ends of the gaps so far, s.
+    rated : bool
+        Whether two samples had a rate.
+    """
+
+    def __init__(self, p: Params, meta: ImuMeta, *, mag: bool, background: bool = False) -> None:
+        self.p, self._left, self._scale = p, meta.left, unseen_scale(meta, p)
+        self._unit = None if meta.gyr_left is None else whole_of(meta.gyr_left)
+        self._arriving, self._proven = Arriving(p, mag=mag), Proven()
+        self._thread = ThreadPoolExecutor(1, "plumbob-look") if background else None
+        self._running: Running | None = None
+        self._look: Look | None = None
+        self._anchor: tuple[int, Floats] | None = None
+        self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
+        self._begin, self._end, self._ways = math.nan, math.nan, np.zeros((3, 3))
+        lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
+        self._last = Part(np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), ANYTHING[np.newaxis], lost)
+        self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
+        self.gaps: list[float] = []
+
+    @property
+    def found(self) -> Smoothed | None:
+        """What the last look found."""
+        return None if self._running is None else self._running.found
+
+    @property
+    def rated(self) -> bool:
+        """Whether two samples had a rate."""
+        return self._arriving.rated
+
+    def close(self) -> None:
+        """End the thread."""
+        if self._thread is not None:
+            self._thread.shutdown()
+
+    def take(self, data: ImuData) -> Part:
+        """What is known of each of the next samples."""
+        arriving = self._arriving
+        self._base = arriving.samples
+        kept = arriving.take(data)
+        n = arriving.samples - self._base
+        self._out = self._last.rows(np.zeros(n, dtype=np.int64))
+        self._rate, self._bias_sd = np.zeros((n, 3)), np.zeros(n)
+        if n:
+            if not self._base:
+                self._due = arriving.time(0) + SOONEST
+            self._follow()
+            self._widen()
+            arriving.before(arriving.from_(arriving.time(self._step) - MARGIN - 2.0 * LATE))
+        return self._everywhere(data, kept)
+
+    def _everywhere(self, data: ImuData, kept: Bools) -> Part:
+        """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
+        both = self._last.followed_by(self._out)
+        part = both.rows(np.cumsum(kept))
+        part.cov[~kept] += ANYTHING
+        word = part.flags | np.asarray(data.flags)
+        lost = (word & ~np.uint32(flags.AT_REST)) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED)
+        self._last = both.rows(slice(len(both.q) - 1, None))
+        return part._replace(flags=np.where(kept, word, lost).astype(np.uint32))
+
+    def _follow(self) -> None:
+        """Go over the steps that are complete, and to the last sample."""
+        arriving = self._arriving
+        while True:
+            k = self._step
+            if self._looked(k, arriving.time(k)):
+                self._write_keyframe(k)
+            if k == arriving.steps:
+                break
+            until = min(self._due, self._check, math.inf if self._look is None else self._look.due)
+            end = min(max(arriving.from_(until - 1e-9), k + 1), arriving.steps)
+            holes = np.flatnonzero(arriving.gaps(slice(k, end)))
+            end = k + int(holes[0]) + 1 if holes.size else end
+            if self._running is not None:
+                self._on(self._running, k, end)
+            self._step = end
+            if holes.size:
+                self._behind_gap(end)
+        if self._running is not None:
+            self._beyond(self._running, k)
+
+    def _looked(self, k: int, now: float) -> bool:
+        """Look at the past where it is time; whether the filter has another state since."""
+        changed = False
+        if self._look is not None and now >= self._look.due - 1e-9:
+            changed = self._hand_over(k)
+        against, running = False, self._running
+        if now >= self._check - 1e-9:
+            self._check = now + BLOCK
+            against = running is not None and running.against[0] > AGAINST and now - running.since > LEAST_PAUSE
+        if self._look is None and (now >= self._due - 1e-9 or against):
+            self._pause = min(self._pause * GROWS, EVERY)
+            self._due = now + self._pause
+            self._look = self._begun(k, now)
+            if self._look is not None and self._look.due <= now:
+                changed = self._hand_over(k)
+        return changed
+
+    def _begun(self, k: int, now: float) -> Look | None:
+        """A look at the past that begins now; None where that is too short."""
+        arriving = self._arriving
+        past = slice(arriving.from_(now - MARGIN), k)
         if past.stop - past.start < 3:
-            return
-        frames = self.frames.part(past)
-        turned = float(turning_time(frames, 0.0, self.calm.quiet[past]).sum())
-        found = smooth(frames, p, self.proven.known(self.unit, turned))
-        self.proven.see(frames, found, p)
+            return None
+        frames = arriving.frames(past)
+        turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
+        look, anchor = partial(smooth, frames, self.p, self._proven.known(self._unit, turned)), self._anchor
+        if anchor is not None and anchor[0] < past.start and self._running is not None:
+            anchor = (k, self._running.last.attitude.copy())
+        if now - arriving.time(past.start) < SHORT:
+            return Look(k, now, look, anchor)
+        return Look(k, now + LATE, look if self._thread is None else self._thread.submit(look).result, anchor)
+
+    def _hand_over(self, k: int) -> bool:
+        """Go on from what the look has found, over the steps that came since it began."""
+        assert self._look is not None
+        look, self._look = self._look, None
+        found = look.found()
+        self._proven.see(found.frames, found, self.p)
+        self._running = running = self._from(found, look)
+        if k > look.step:
+            self._steps(running, look.step, k)
+        self._anchor = (k, running.last.attitude.copy())
+        if self._check == math.inf:
+            self._check = self._arriving.time(k) + BLOCK
+        return True
+
+    def _from(self, found: Smoothed, look: Look) -> Running:
+        """The filter at the end of a look at the past."""
+        p, frames = self.p, found.frames
         last, force = found.sweep.last, np.where(frames.gap[:, np.newaxis], 0.0, found.sweep.force[:, :2])
-        if found.reference is None and self.anchor is not None:
-            place, attitude = self.anchor
-            by = _heading_between(found.sweep.q[max(place - past.start, 0)], attitude)
+        if found.reference is None and look.anchor is not None:
+            place, attitude = look.anchor
+            by = _heading_between(found.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
             last, force = _turned(last, by), force @ _level_turn(by).T
-        self.anchor = (k, last.attitude.copy())
-        back = time[k] - frames.time[1:]
+        back = frames.time[-1] - frames.time[1:]
         velocity = (force * (frames.step * np.exp(-back / LEAK))[:, np.newaxis]).sum(axis=0)
         force2 = float(np.mean(0.5 * (force[back < WINDOW] ** 2).sum(axis=1)))
         learned = np.array([speed_of(frames, force).speed[-1] ** 2, force2, *velocity])
         iron = np.zeros(3) if found.attached is None else found.attached.field[-1]
         bend = 0.0 if found.reference is None else found.reference.bend(p)
-        self.running = Running(
-            last, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), time[k],
-            RESTING if found.resting[-1] else MOVING, float(found.weight[-1]),
+        return Running(
+            last, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
+            RESTING if found.resting[-1] else MOVING, float(found.weight[-1]), np.zeros(1),
         )  # fmt: skip
 
-    def on(self, k: int, end: int) -> None:
-        """Filter on from a keyframe to another one."""
-        running = self.running
-        if running is None:
-            return
-        frames, p, n = self.frames.part(slice(k, end)), self.p, end - k
-        q, x, cov = np.empty((n + 1, 4)), np.empty((n + 1, SIZE)), np.empty((n + 1, 3, 3))
-        kind, weight = np.empty(n, dtype=np.int64), np.empty(n)
+    def _behind_gap(self, k: int) -> None:
+        """Look soon at what comes behind a gap."""
+        now = self._arriving.time(k)
+        self.gaps.append(now)
+        self._pause, self._due = SOONEST, now + SOONEST
+        if self._running is not None:
+            self._anchor = (k, self._running.last.attitude.copy())
+
+    def _steps(self, running: Running, k: int, end: int) -> tuple[Keyframes, Room]:
+        """Follow some steps."""
+        steps = slice(k, end)
+        frames, room = self._arriving.frames(steps), Room.of(end - k)
         onward(
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
-            self.calm.quiet[k:end], self.calm.mean[k:end], frames.missed, frames.pushed, running.noise, running.field,
-            p.rest_band, p.speed, *running.last, running.learned, q, x, cov, kind, weight,
+            *self._arriving.quiet(steps), frames.missed, frames.pushed, running.noise, running.field, self.p.rest_band,
+            self.p.speed, *running.last, running.learned, running.against, room.q, room.x, room.cov, room.kind,
+            room.weight,
         )  # fmt: skip
-        early = frames.step < p.keyframe - 1e-6
-        fine = np.empty((frames.t.size, 4))
-        between_keyframes(frames.t, frames.gyr, frames.first, early, q, x, kind, fine)
-        place = np.searchsorted(frames.first, np.arange(frames.t.size), side="right") - 1
-        place[frames.first[1:][early]] -= 1
-        bias, matrix = x[place, B : B + 3], x[place, M:].reshape(-1, 3, 3)
-        rate = frames.gyr - bias - np.einsum("nij,nj->ni", matrix, frames.gyr)
-        found, kinds = running.found, np.concatenate(([running.kind], kind))
-        weights = np.concatenate(([running.weight], weight))
-        running.kind, running.weight = int(kind[-1]), float(weight[-1])
-        word = self._flags(found, kinds[place], weights[place], cov[place])
-        known = Part(fine, bias, covariance_of(fine, cov[place], found, rate, p, self.left), word)
-        skip = int(k > 0 and self.frames.time[k] - self.frames.time[k - 1] < p.keyframe - 1e-6)
-        rows = slice(int(self.frames.first[k]) + skip, int(self.frames.first[end]) + 1)
-        self.rate[rows] = rate[skip:]
-        self.known.put(rows, known.rows(slice(skip, None)))
-        if found.reference is not None:
-            others = turning_time(frames, x[1:, B : B + 3], kind != MOVING) @ (weight < GATED)
-            running.against += float(others)
+        running.kind, running.weight = int(room.kind[-1]), float(room.weight[-1])
+        return frames, room
+
+    def _on(self, running: Running, k: int, end: int) -> None:
+        """Follow some steps, and write what is known of their samples."""
+        kind, weight = running.kind, running.weight
+        frames, room = self._steps(running, k, end)
+        early, n = frames.step < self.p.keyframe - 1e-6, frames.t.size
+        q = np.empty((n, 4))
+        between_keyframes(frames.t, frames.gyr, frames.first, early, frames.gap, room.q, room.x, q)
+        place = np.searchsorted(frames.first, np.arange(1, n), side="right") - 1
+        place[frames.first[1:][early] - 1] -= 1
+        kinds, weights = np.concatenate(([kind], room.kind)), np.concatenate(([weight], room.weight))
+        first = self._arriving.first(k) + 1
+        self._put(first, q[1:], room.x[place], room.cov[place], frames.gyr[1:], kinds[place], weights[place])
+
+    def _write_keyframe(self, k: int) -> None:
+        """What is known at a keyframe whose state a look has changed."""
+        arriving, running = self._arriving, self._running
+        if running is None or (k and arriving.time(k) - arriving.time(k - 1) < self.p.keyframe - 1e-6):
+            return
+        first = arriving.first(k)
+        _, gyr = arriving.rows(slice(first, first + 1))
+        self._put(first, running.last.attitude[np.newaxis], *self._now(running, 1), gyr, *self._step_now(running, 1))
+
+    def _beyond(self, running: Running, k: int) -> None:
+        """What is known of the samples behind the last keyframe: the gyroscope goes on."""
+        first = self._arriving.first(k)
+        t, gyr = self._arriving.rows(slice(first, self._arriving.samples))
+        if (n := t.size - 1) == 0:
+            return
+        x, cov = self._now(running, n)
+        q, ends, no = np.empty((n + 1, 4)), np.array([0, n]), np.zeros(1, dtype=bool)
+        between_keyframes(t, gyr, ends, ~no, no, np.tile(running.last.attitude, (2, 1)), np.tile(x[:1], (2, 1)), q)
+        self._put(first + 1, q[1:], x, cov, gyr[1:], *self._step_now(running, n))
+
+    @staticmethod
+    def _now(running: Running, n: int) -> tuple[Floats, Floats]:
+        """State and covariance of the attitude, n times."""
+        return np.tile(running.last.state, (n, 1)), np.tile(running.last.cov[TH : TH + 3, TH : TH + 3], (n, 1, 1))
+
+    @staticmethod
+    def _step_now(running: Running, n: int) -> tuple[NDArray[np.int64], Floats]:
+        """Kind and weight of the last step, n times."""
+        return np.full(n, running.kind), np.full(n, running.weight)
+
+    def _put(
+        self, first: int, q: Floats, x: Floats, cov: Floats, gyr: Floats, kind: NDArray[np.int64], weight: Floats
+    ) -> None:
+        """Write what is known of the samples from one on, as far as they are new."""
+        assert self._running is not None
+        skip = max(self._base - first, 0)
+        if skip >= len(q):
+            return
+        q, x, cov, gyr = (of[skip:] for of in (q, x, cov, gyr))
+        kind, weight = kind[skip:], weight[skip:]
+        rows = slice(first + skip - self._base, first + skip - self._base + len(q))
+        found, bias, matrix = self._running.found, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
+        rate = gyr - bias - np.einsum("nij,nj->ni", matrix, gyr)
+        known = covariance_of(q, cov, found, rate, self.p, self._left)
+        word = self._flags(found, kind, weight, cov)
+        self._rate[rows], self._bias_sd[rows] = rate, found.bias_sd
+        if self.p.latency:
+            q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
+        self._out.put(rows, Part(q, bias, known, word))
+
+    def _widen(self) -> None:
+        """Count in a heading without a field what nothing shows of the gyroscope: see `free_heading_variance`."""
+        t, _ = self._arriving.rows(slice(self._base, self._arriving.samples))
+        if math.isnan(self._begin):
+            self._begin = self._end = float(t[0])
+        part, step = self._out, np.diff(t, prepend=self._end)[:, np.newaxis]
+        up, variance = vertical_in_body(part.q), (self._bias_sd * (t - self._begin)) ** 2
+        for axis in range(3):
+            ways = np.concatenate((self._ways[axis : axis + 1], up[:, axis, np.newaxis] * self._rate * step))
+            np.cumsum(ways, axis=0, out=ways)
+            self._ways[axis] = ways[-1]
+            variance += ways[1:] ** 2 @ self._scale[axis]
+        self._end = float(t[-1])
+        free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
+        self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
 
     @staticmethod
     def _flags(found: Smoothed, kind: NDArray[np.int64], weight: Floats, cov: Floats) -> NDArray[np.uint32]:
@@ -445,13 +633,6 @@ class _Way:
             word |= np.where(weight < GATED, flags.MAG_GATED, 0)
             lost |= cov[:, 2, 2] + found.heading_var > UNCERTAIN_HEADING**2
         return (word | np.where(lost, flags.NOT_CONVERGED, 0)).astype(np.uint32)
-
-    def part(self, data: ImuData) -> Part:
-        """What is known of the samples."""
-        q = self.known.q
-        if self.p.latency:
-            q = quat_multiply(q, quat_from_rotvec(self.p.latency * self.rate))
-        return self.known._replace(q=q, flags=np.asarray(data.flags)[self.frames.rows] | self.known.flags)
 
 
 def _heading_between(q: Floats, other: Floats) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
-from plumbob.filters.smoother.keyframes import Bools, Keyframes
+from plumbob.filters.smoother.keyframes import Bools
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.passes import Smoothed
 from plumbob.filters.smoother.samples import GATED
@@ -27,10 +27,13 @@ WEIGHTLESS: Final = "no gravity shows in the specific force ({}): the attitude t
 WRONG: Final = "the field was not that of the place ({}); the heading there is the gyroscope's"
 
 
-def remarks_so_far(frames: Keyframes, t: Floats, word: NDArray[np.uint32]) -> list[str]:
-    """Remarks on samples (N,) of which each knows only what came before, by their flags; a line each."""
-    told = _gaps(frames, float(t[0]), float(t[-1]))
-    if not np.isfinite(frames.mag[:, 0]).any():
+def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bool) -> list[str]:
+    """Remarks on samples (N,) of which each knows only what came before, by their flags; a line each.
+
+    `gaps` are the ends of the gaps before them, s, and `mag` says whether there is a field at all.
+    """
+    told = _gaps(gaps, float(t[0]), float(t[-1]))
+    if not mag:
         return told
     if ((word & flags.HEADING_FREE) != 0).all():
         return [*told, FREE]
@@ -43,7 +46,7 @@ def remarks_so_far(frames: Keyframes, t: Floats, word: NDArray[np.uint32]) -> li
 def remarks_of(found: Smoothed, p: Params, t: Floats) -> list[str]:
     """Remarks on a stretch of a recording, with the times (N,) at which its attitude is kept; a line each."""
     begin, end = float(t[0]), float(t[-1])
-    told = _gaps(found.frames, begin, end)
+    told = _gaps(found.frames.time[1:][found.frames.gap], begin, end)
     if when := _spells(found.frames.time, found.weightless, begin, end):
         told.append(WEIGHTLESS.format(when))
     if found.reference is None:
@@ -84,8 +87,7 @@ def _of_unit(found: Smoothed) -> list[str]:
     ]
 
 
-def _gaps(frames: Keyframes, begin: float, end: float) -> list[str]:
-    time = frames.time[1:][frames.gap]
+def _gaps(time: Floats, begin: float, end: float) -> list[str]:
     inside = time[(time >= begin) & (time <= end)]
     if not inside.size:
         return []

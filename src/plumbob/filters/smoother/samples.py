@@ -43,9 +43,16 @@ class Part(NamedTuple):
     cov: Floats
     flags: NDArray[np.uint32]
 
-    def rows(self, which: slice) -> Self:
+    def rows(self, which: slice | NDArray[np.intp]) -> Self:
         """Of some of the samples."""
         return type(self)(self.q[which], self.bias[which], self.cov[which], self.flags[which])
+
+    def followed_by(self, other: Self) -> Self:
+        """Of these samples, and of others behind them."""
+        return type(self)(
+            np.concatenate((self.q, other.q)), np.concatenate((self.bias, other.bias)),
+            np.concatenate((self.cov, other.cov)), np.concatenate((self.flags, other.flags)),
+        )  # fmt: skip
 
     def put(self, which: slice, other: Self) -> None:
         """Write what is known of some of the samples."""

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
-from plumbob.core import check
+from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
@@ -19,8 +20,9 @@ from plumbob.filters.known import CAUSAL, SMOOTHER
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
-from plumbob.filters.smoother.remarks import remarks_of
+from plumbob.filters.smoother.remarks import remarks_of, remarks_so_far
 from plumbob.filters.smoother.samples import (
+    CORE,
     MARGIN,
     Part,
     Piece,
@@ -37,6 +39,7 @@ from plumbob.rotations.headings import turn_heading
 
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
+    from plumbob.filters.smoother.live import Live
 
 
 class Smoother(Shown):
@@ -127,8 +130,10 @@ class Smoother(Shown):
 
     def warm_up(self) -> None:
         """Compile now, so that the first recording does not wait."""
-        gyr, acc, mag = (np.tile(still, (20, 1)) for still in ([0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]))
-        Smoother(frame=self.frame).process(ImuData(t=np.linspace(0.0, 0.2, 20), gyr=gyr, acc=acc, mag=mag))
+        gyr, acc, mag = (np.tile(still, (50, 1)) for still in ([0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]))
+        for lag in ("off", "0 s"):
+            one = Smoother(frame=self.frame, params={"lag": lag})
+            one.process(ImuData(t=np.linspace(0.0, 1.0, 50), gyr=gyr, acc=acc, mag=mag))
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.
@@ -184,14 +189,21 @@ class Smoother(Shown):
             yield along.piece(data[stretch.whole], stretch)
 
     def _live(self, data: ImuData) -> Iterator[Piece]:
-        """Stretches one after the other, nothing of which knows what comes later."""
-        from plumbob.filters.smoother.live import live_parts
+        """Parts one after the other, nothing of which knows what comes later."""
+        from plumbob.filters.smoother.live import Live
 
-        remarks: dict[str, None] = {}
-        for piece, found, told in live_parts(data, self.params, _known(data.meta), mag=self.common.mag):
-            self.learned = self.learned if found is None else found.learned
-            remarks |= dict.fromkeys(told)
-            self.remarks = tuple(remarks)
+        live, remarks = Live(self.params, data.meta, mag=self.common.mag), dict[str, None]()
+        t, word, seen = list[Floats](), list[NDArray[np.uint32]](), False
+        for part in data.chunks(AT_ONCE):
+            piece = _followed(live, part)
+            t.append(piece.t)
+            word.append(piece.part.flags)
+            seen |= self.common.mag and part.mag is not None and bool(np.isfinite(part.mag[:, 0]).any())
+            if t[-1][-1] - t[0][0] > CORE or sum(map(len, t)) + AT_ONCE > len(data):
+                told = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=seen)
+                remarks |= dict.fromkeys(told)
+                t, word, self.remarks = [], [], tuple(remarks)
+            self.learned = self.learned if live.found is None else live.found.learned
             yield piece
 
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
@@ -204,6 +216,17 @@ def _known(meta: ImuMeta) -> Known:
     """What the unit's card says of its gyroscope."""
     left = meta.gyr_left
     return Known() if left is None else Known(unit=whole_of(left))
+
+
+AT_ONCE: Final = 4096
+"""Samples that are followed at a time; the result does not depend on it."""
+
+
+def _followed(live: "Live", data: ImuData) -> Piece:
+    """The next samples of a stream that is followed without a lag."""
+    part = live.take(data)
+    free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
+    return Piece(np.asarray(data.t), part, len(free) if free.all() else int(np.argmin(free)), live.rated)
 
 
 class Along:
@@ -285,8 +308,8 @@ class _Tracks:
 class FixedLag(Smoother):
     """The smoother on a stream: parts in, attitudes out as soon as nothing that may still come can change them.
 
-    They come as much later as the parameter ``lag`` says, and are those of `Smoother` with that lag, to the bit,
-    however the stream is cut. Arguments and attributes are those of `Smoother`.
+    They come as much later as the parameter ``lag`` says, at once where it is zero, and are those of `Smoother` with
+    that lag, to the bit, however the stream is cut. Arguments and attributes are those of `Smoother`.
 
     Raises
     ------
@@ -298,9 +321,9 @@ class FixedLag(Smoother):
         self, *, frame: Frame | str, params: Mapping[str, Any] | None = None, noise: "NoiseCard | None" = None
     ) -> None:
         super().__init__(frame=frame, params=params, noise=noise)
-        if not self.params.lag:
+        if self.params.lag is None:
             raise ParameterError(
-                "on a stream the smoother needs a lag above zero, by which attitudes come later than their samples. "
+                "on a stream the smoother needs a lag, by which attitudes come later than their samples, or 0s. "
                 f"Give lag, as 5s, or name a filter, such as {CAUSAL}."
             )
         self._lag = self.params.lag
@@ -311,6 +334,7 @@ class FixedLag(Smoother):
         self._first = self._next = 0  # rows of the stream: of the first of them, and of the first without an attitude
         self._due = -math.inf  # time behind which nothing counts for that one
         self._along: Along | None = None
+        self._follower: Live | None = None
 
     def take(self, data: ImuData) -> AttitudeTrack | None:
         """Take the next samples, and return the attitudes that are ready; None where there are none.
@@ -323,12 +347,23 @@ class FixedLag(Smoother):
         if self._along is None:
             self._begin(data)
             self._along, self._tracks = Along(self, data.meta), _Tracks(self, data.meta)
+        if self._lag == 0.0:
+            return self._tracks.of(_followed(self._following(data.meta), data))
         self._held.append(data)
         return self._ready(ended=False) if data.t[-1] > self._due else None
+
+    def _following(self, meta: ImuMeta) -> "Live":
+        from plumbob.filters.smoother.live import Live
+
+        if self._follower is None:
+            self._follower = Live(self.params, meta, mag=self.common.mag, background=True)
+        return self._follower
 
     def finish(self) -> AttitudeTrack | None:
         """Say that the stream has ended, and return the attitudes that are left; None where there are none."""
         found = self._ready(ended=True) if self._held else None
+        if self._follower is not None:
+            self._follower.close()
         self._restart()
         return found
 

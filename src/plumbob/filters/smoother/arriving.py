@@ -1,0 +1,336 @@
+"""Samples as they arrive: missing values held, steps cut, calm found, by nothing that comes later.
+
+However a stream is cut into parts, its steps are the same to the bit, since samples are taken one after the other.
+"""
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import flags
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.data import ImuData
+from plumbob.filters.smoother.inertial import farthest
+from plumbob.filters.smoother.keyframes import (
+    LEAST_RATE,
+    LONGEST,
+    SWING,
+    UNKNOWN_FORCE,
+    UNKNOWN_RATE,
+    USUAL,
+    Bools,
+    Keyframes,
+    trusted,
+)
+from plumbob.filters.smoother.model import Params
+
+RECENT: Final = 31
+"""Steps of whose lengths the median is the usual one."""
+MEAN_OF: Final = 15.0
+"""Samples over which the size of the rates is averaged."""
+
+LAST: Final = 0  # time of the last sample that was kept, s; NaN before the first
+KEY: Final = 1  # and of the last keyframe
+ARRIVED: Final = 2  # and of the last sample that arrived
+RATES: Final = 3  # mean size of the rates, rad/s
+MISSED: Final = 4  # what interpolated rates and forces add to the step, rad and m/s
+PUSHED: Final = 5
+COUNT: Final = 6  # lengths of steps that are known
+GYR: Final = 7  # of each triad: its last value, 3, its time, and what is owed of it, s²; then the other
+ACC: Final = 12
+TIME, OWED = 3, 4
+KNOWN: Final = 17  # samples with a rate
+PLACES: Final = 18
+_SWINGS: Final = (2.0 * math.pi * SWING) ** 2 / 8.0
+
+
+@njit
+def usual_step(state: Floats, recent: Floats) -> float:
+    """Median length of the last steps, s."""
+    n = min(int(state[COUNT]), RECENT)
+    return float(np.median(recent[:n])) if n else 0.0
+
+
+@njit
+def hold(state: Floats, at: int, t: float, dt: float, values: Floats, broken: bool, out: Floats) -> float:
+    """Value of a triad, or that of the last sample that has one; returns for how long none was known, s.
+
+    The next one that is known makes up for it, so that the integral is that of straight lines; not behind a gap.
+    """
+    since = t - state[at + TIME] if not math.isnan(state[at + TIME]) else math.inf
+    if math.isnan(values[0]):
+        for i in range(3):
+            out[i] = state[at + i]
+        state[at + OWED] += since * dt if since < math.inf else 0.0
+        return since
+    owed = state[at + OWED] / (since * dt) if since < math.inf and dt > 0.0 and not broken else 0.0
+    for i in range(3):
+        out[i] = values[i] + owed * (values[i] - state[at + i])
+        state[at + i] = values[i]
+    state[at + TIME], state[at + OWED] = t, 0.0
+    return 0.0
+
+
+@njit
+def close(state: Floats, end: int, gap: bool, k: int, last: NDArray[np.int64], gaps: Bools, variance: Floats) -> int:
+    """End the step at a sample."""
+    last[k], gaps[k] = end, gap
+    variance[k, 0], variance[k, 1] = state[MISSED] ** 2, state[PUSHED] ** 2
+    state[MISSED], state[PUSHED] = 0.0, 0.0
+    return k + 1
+
+
+@njit
+def arrive(
+    state: Floats, recent: Floats, t: Floats, gyr: Floats, acc: Floats, spacing: float, begin: int, kept: Bools,
+    gyr_out: Floats, acc_out: Floats, last: NDArray[np.int64], gaps: Bools, variance: Floats,
+) -> int:  # fmt: skip
+    """Take samples one after the other; returns how many steps they end.
+
+    Samples are counted from `begin`, those that are kept. What ends each step, whether it is a gap, and the variances
+    that missing values add, are written from the front of the last three.
+    """
+    n, steps = begin, 0
+    for i in range(t.size):
+        usual = usual_step(state, recent)
+        longest = max(LONGEST, USUAL * usual)
+        if not math.isnan(state[ARRIVED]):
+            recent[int(state[COUNT]) % RECENT] = t[i] - state[ARRIVED]
+            state[COUNT] += 1.0
+        state[ARRIVED] = t[i]
+        state[KNOWN] += 0.0 if math.isnan(gyr[i, 0]) else 1.0
+        known, first = not math.isnan(gyr[i, 0]), math.isnan(state[LAST])
+        hole = not first and t[i] - state[GYR + TIME] > longest
+        kept[i] = known or not (first or hole)
+        if not kept[i]:
+            continue
+        dt = 0.0 if first else t[i] - state[LAST]
+        gap = not first and (dt > longest or (known and hole))
+        if gap and state[LAST] > state[KEY]:
+            steps = close(state, n - 1, False, steps, last, gaps, variance)
+        without_rate = hold(state, GYR, t[i], dt, gyr[i], gap, gyr_out[n - begin])
+        without_force = hold(state, ACC, t[i], dt, acc[i], gap, acc_out[n - begin])
+        size = 0.0
+        for axis in range(3):
+            size = max(size, abs(gyr_out[n - begin, axis]))
+        state[RATES] = size if first else state[RATES] + (size - state[RATES]) / MEAN_OF
+        if gap:
+            state[MISSED], state[PUSHED] = 0.0, 0.0
+            steps = close(state, n, True, steps, last, gaps, variance)
+        elif not first:
+            if without_rate > 0.0:
+                share = min(UNKNOWN_RATE, _SWINGS * (without_rate + dt) ** 2)
+                state[MISSED] += share * max(state[RATES], LEAST_RATE) * dt
+            if without_force > 0.0:
+                state[PUSHED] += min(1.0, _SWINGS * (without_force + dt) ** 2) * UNKNOWN_FORCE * dt
+            if t[i] - state[KEY] >= spacing - 1e-6:
+                steps = close(state, n, False, steps, last, gaps, variance)
+                state[KEY] = t[i]
+        if first or gap:
+            state[KEY] = t[i]
+        state[LAST] = t[i]
+        n += 1
+    return steps
+
+
+@njit
+def calm_from(
+    first: int, time: Floats, gap: Bools, rate: Floats, force: Floats, p_time: float, p_rate: float, p_force: float,
+    around: Floats, quiet: Bools,
+) -> None:  # fmt: skip
+    """Whether the window that ends with each step, from the first of them, is calm and whole; the mean rate in it."""
+    low, spread = np.empty(2, dtype=np.int64), np.empty(1)
+    for k in range(first, gap.size):
+        quiet[k - first] = calm_at(k, time, gap, rate, force, p_time, p_rate, p_force, around, low, spread)
+
+
+@njit
+def calm_at(
+    k: int, time: Floats, gap: Bools, rate: Floats, force: Floats, p_time: float, p_rate: float, p_force: float,
+    around: Floats, low: NDArray[np.int64], spread: Floats,
+) -> bool:  # fmt: skip
+    """Whether the window that ends with step k is calm and whole; the mean rate in it is written."""
+    begin = k
+    while begin > 0 and time[k + 1] - time[begin - 1] <= p_time and not gap[begin]:
+        begin -= 1
+    count = k + 1 - begin
+    mean = np.zeros((1, 3))
+    for axis in range(3):
+        total, pull = 0.0, 0.0
+        for i in range(begin, k + 1):
+            total += rate[i, axis]
+            pull += force[i, axis]
+        around[k, axis] = total / count
+        mean[0, axis] = pull / count
+    low[0], low[1] = begin, k + 1
+    farthest(rate, around[k : k + 1], low[:1], low[1:], spread)
+    shaken = spread[0] >= p_rate
+    farthest(force, mean, low[:1], low[1:], spread)
+    whole = time[k + 1] - time[begin] >= p_time - (time[k + 1] - time[k])
+    return whole and not gap[begin] and not shaken and spread[0] < p_force
+
+
+class Rolling:
+    """Rows that are added behind and let go before, counted from the first that there ever was."""
+
+    def __init__(self, like: NDArray[Any]) -> None:
+        self._rows, self.begin, self.end = like[:0].copy(), 0, 0
+
+    def add(self, rows: NDArray[Any]) -> None:
+        """Add rows behind."""
+        held = self.end - self.begin
+        if held + len(rows) > len(self._rows):
+            room = np.empty((2 * (held + len(rows)), *rows.shape[1:]), dtype=self._rows.dtype)
+            room[:held] = self._rows[:held]
+            self._rows = room
+        self._rows[held : held + len(rows)] = rows
+        self.end += len(rows)
+
+    def before(self, row: int) -> None:
+        """Let go what lies before a row."""
+        self._rows = self._rows[row - self.begin : self.end - self.begin].copy()
+        self.begin = row
+
+    def __getitem__(self, which: slice) -> NDArray[Any]:
+        return self._rows[which.start - self.begin : which.stop - self.begin]
+
+
+class Arriving:
+    """A stream's samples without holes, and the steps that they complete; rows are counted from the first ever."""
+
+    def __init__(self, p: Params, *, mag: bool) -> None:
+        self._p, self._mag = p, mag
+        self._state, self._recent = np.zeros(PLACES), np.zeros(RECENT)
+        self._state[[LAST, KEY, ARRIVED, GYR + TIME, ACC + TIME]] = np.nan
+        none, flag, place = np.zeros((0, 3)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
+        self._t, self._gyr, self._acc, self._field = Rolling(none[:, 0]), *(Rolling(none) for _ in range(3))
+        self._last, self._gap, self._variance = Rolling(place), Rolling(flag), Rolling(none[:, :2])
+        self._time, self._rate, self._force = Rolling(none[:, 0]), Rolling(none), Rolling(none)
+        self._quiet, self._around = Rolling(flag), Rolling(none)
+
+    @property
+    def samples(self) -> int:
+        """Samples that were kept, of all that came."""
+        return self._t.end
+
+    @property
+    def rated(self) -> bool:
+        """Whether two samples had a rate."""
+        return bool(self._state[KNOWN] > 1.0)
+
+    @property
+    def steps(self) -> int:
+        """Steps that are complete."""
+        return self._gap.end
+
+    def take(self, imu: ImuData) -> Bools:
+        """Take the next samples; says which of them are kept: not those in a hole of the gyroscope."""
+        t, word = np.ascontiguousarray(imu.t), np.asarray(imu.flags)
+        gyr = trusted(imu.usable("gyr"), word, flags.GYR_CLIPPED | flags.GYR_STUCK)
+        acc = trusted(imu.usable("acc"), word, flags.ACC_CLIPPED | flags.ACC_STUCK)
+        n, begin = t.size, self.samples
+        kept, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
+        last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
+        steps = arrive(
+            self._state,
+            self._recent,
+            t,
+            gyr,
+            acc,
+            self._p.keyframe,
+            begin,
+            kept,
+            filled[0],
+            filled[1],
+            last,
+            gap,
+            variance,
+        )
+        count = int(np.count_nonzero(kept))
+        self._t.add(t[kept])
+        self._gyr.add(filled[0, :count])
+        self._acc.add(filled[1, :count])
+        has_mag = self._mag and "mag" in imu.triads
+        field = (
+            trusted(imu.usable("mag"), word, flags.MAG_CLIPPED | flags.MAG_STUCK)
+            if has_mag
+            else np.full((n, 3), np.nan)
+        )
+        self._field.add(field[kept])
+        if not begin and count:
+            self._last.add(np.zeros(1, dtype=np.int64))
+            self._time.add(t[kept][:1])
+        self._add_steps(last[:steps], gap[:steps], variance[:steps])
+        return kept
+
+    def _add_steps(self, last: NDArray[np.int64], gap: Bools, variance: Floats) -> None:
+        if not last.size:
+            return
+        old, p = self.steps, self._p
+        self._last.add(last)
+        self._gap.add(gap)
+        self._variance.add(variance)
+        self._time.add(self._t[int(last[0]) : int(last[-1]) + 1][last - last[0]])
+        first = self._last[old : self.steps + 1]
+        for k in range(last.size):  # a step's mean does not depend on how many came with it
+            rows = slice(int(first[k]) + 1, int(first[k + 1]) + 1)
+            self._rate.add(self._gyr[rows].mean(axis=0)[np.newaxis])
+            self._force.add(self._acc[rows].mean(axis=0)[np.newaxis])
+        begin = self._gap.begin
+        quiet, steps = np.empty(last.size, dtype=bool), slice(begin, self.steps)
+        self._around.add(np.empty((last.size, 3)))
+        calm_from(
+            old - begin, self._time[begin : self.steps + 1], self._gap[steps], self._rate[steps], self._force[steps],
+            p.rest_time, p.rest_rate, p.rest_force, self._around[steps], quiet,
+        )  # fmt: skip
+        self._quiet.add(quiet)
+
+    def before(self, step: int) -> None:
+        """Let go what lies before a step, once that is half of what is held."""
+        if step - self._gap.begin <= (self.steps - self._gap.begin) // 2:
+            return
+        sample = self.first(step)
+        self._last.before(step)
+        for rows in (self._t, self._gyr, self._acc, self._field):
+            rows.before(sample)
+        for rows in (self._gap, self._variance, self._time, self._rate, self._force, self._quiet, self._around):
+            rows.before(step)
+
+    def time(self, step: int) -> float:
+        """Time at which a step begins, s, or the one before it ends."""
+        return float(self._time[step : step + 1][0])
+
+    def from_(self, time: float) -> int:
+        """First step that begins at a time or later, of those that are held."""
+        held = self._time[self._time.begin : self._time.end]
+        return self._time.begin + int(np.searchsorted(held, time))
+
+    def first(self, step: int) -> int:
+        """Sample with which a step begins."""
+        return int(self._last[step : step + 1][0])
+
+    def gaps(self, steps: slice) -> Bools:
+        """Which steps are gaps."""
+        return self._gap[steps]
+
+    def quiet(self, steps: slice) -> tuple[Bools, Floats]:
+        """Which steps end a calm window, and the mean rates in them."""
+        return self._quiet[steps], self._around[steps]
+
+    def rows(self, rows: slice) -> tuple[Floats, Floats]:
+        """Times and rates of samples."""
+        return self._t[rows], self._gyr[rows]
+
+    def frames(self, steps: slice) -> Keyframes:
+        """Samples and steps, as the smoother takes them."""
+        first = self._last[steps.start : steps.stop + 1]
+        rows = slice(int(first[0]), int(first[-1]) + 1)
+        variance = self._variance[steps]
+        return Keyframes(
+            self._t[rows], self._gyr[rows], self._acc[rows], self._field[rows], first - first[0], self._gap[steps],
+            np.ascontiguousarray(variance[:, 0]), np.ascontiguousarray(variance[:, 1]),
+            np.arange(rows.start, rows.stop),
+        )  # fmt: skip
