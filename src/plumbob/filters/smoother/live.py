@@ -78,9 +78,9 @@ SOONEST: Final = 0.25
 GROWS: Final = 1.5
 EVERY: Final = 10.0
 """up to this, s."""
-LEAST_PAUSE: Final = 2.0
+LEAST_PAUSE: Final = 1.0
 """And at once, but not sooner than this, s,"""
-AGAINST: Final = 2.0
+AGAINST: Final = 1.0
 """when the unit has turned for so long, s, in fields that are not the one of the place."""
 PROVEN: Final = 3.0
 """The field of the place counts for so many times the time in which the unit turned in it,"""
@@ -90,7 +90,7 @@ ANY_ATTITUDE: Final = 10.0
 """Variance that a gap adds to the attitude, rad²."""
 UNCERTAIN_HEADING: Final = deg(20.0)
 """With a larger standard deviation of a heading that a field gives, rad, the attitude is not converged."""
-BLOCK: Final = 1.0
+BLOCK: Final = 0.5
 """Whether the fields contradict the one of the place is asked so often, s."""
 LATE: Final = 0.5
 """What a look has found is handed over so much later, s,"""
@@ -98,8 +98,6 @@ SHORT: Final = 5.0
 """unless the past is shorter than this, s."""
 ANYTHING: Final = math.pi**2 * np.eye(3)
 """Covariance of an attitude of which nothing is known, rad²."""
-SEEN_LESS: Final = GATED
-"""A field that counts with less than this speaks against the one of the place."""
 
 SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
 FORCE2: Final = 1
@@ -199,7 +197,7 @@ def onward(
             if weight[k] > 0.0:
                 var = field.white2 / (field.level * field.level * dt * weight[k])
                 heading_update(p, now, gain, term, column, mean, var)
-            if kind[k] == MOVING and weight[k] < SEEN_LESS and field.level > 0.0:
+            if kind[k] == MOVING and weight[k] < GATED and field.level > 0.0:
                 against[0] += turned_for(mean, now, dt)
         correct(attitude, now)
         write(k + 1, attitude, now, p, q, x, cov)
