@@ -45,6 +45,8 @@ SETS: dict[str, tuple[str, tuple[str, ...]]] = {  # files under PLUMBOB_DATA, an
 LATENCY = {"latency": "2.6 ms"}
 EXTRA: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {  # rows more: set, parameters, changes
     "BROAD, latency 2.6 ms": ("BROAD", LATENCY, {}),
+    "BROAD, lag 5 s": ("BROAD", {"lag": "5 s"}, {}),
+    "BROAD, lag 30 s": ("BROAD", {"lag": "30 s"}, {}),
     "wand, no magnetometer": ("wand", {}, {"no_mag": ""}),
     "phones, magnets near, no magnetometer": ("phones, magnets near", {}, {"no_mag": ""}),
     "phones, no magnetometer": ("phones", {}, {"no_mag": ""}),
@@ -363,7 +365,8 @@ def claims_text(rows: Mapping[str, Any]) -> str:
 
 Share of the samples whose error lies within 1.96 standard deviations of the claimed covariance, 95 % where a claim is
 right: of the heading, and of the tilt about two level axes; mean of the recordings, in brackets the worst one. In
-motion is where the rate of a second exceeds 5 °/s.
+motion is where the rate of a second exceeds 5 °/s. Where headings count from a free zero, what is claimed is how they
+change from the first sample on.
 
 Of a recording without a card Plumbob does not know the calibration, and adds what a data sheet allows an uncalibrated
 part: the rows *unknown calibration*, which are too wide to tell anything. The others say that the units are calibrated
