@@ -7,6 +7,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
+from plumbob.core import flags
 from plumbob.core.errors import ClockError, FrameError, ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.rotations import Frame, North, assert_same, quat_from_rotvec
@@ -95,6 +96,7 @@ OPTIONAL = {
     "cov_b": np.tile(np.eye(3), (N, 1, 1)),
     "flags": np.arange(N),
     "score": np.arange(N) % 2 == 0,
+    "mag_weight": np.linspace(0.0, 1.0, N),
 }
 
 
@@ -131,3 +133,13 @@ def test_relabelled_and_replaced():
     assert np.array_equal(replace(track, north=North.FREE).q_nb, track.q_nb)
     with pytest.raises(FrameError):
         assert_same(track, Frame.ENU, "XYZ", because="test")
+
+
+def test_the_distance_to_a_gap_is_to_the_nearer_of_its_ends():
+    t = np.array([0.0, 1.0, 2.0, 7.0, 8.0, 9.0, 20.0])
+    word = np.zeros(t.size, dtype=np.uint32)
+    word[[3, 6]] = flags.GAP  # behind 2 s, and behind 9 s
+    track = AttitudeTrack(t=t, q_nb=np.tile([1.0, 0.0, 0.0, 0.0], (t.size, 1)), frame="NED", north="free", flags=word)
+    assert track.gap_distance.tolist() == [2.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0]
+    assert np.isinf(AttitudeTrack(t=t, q_nb=track.q_nb, frame="NED", north="free").gap_distance).all()
+    assert np.isinf(AttitudeTrack(t=t, q_nb=track.q_nb, frame="NED", north="free", flags=0 * word).gap_distance).all()

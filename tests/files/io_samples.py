@@ -58,6 +58,7 @@ def make_track(rows: int = ROWS, *, full: bool = True) -> AttitudeTrack:
         cov_b=rng.normal(size=(rows, 3, 3)) * 1e-6,
         flags=rng.integers(0, 2**32, rows).astype(np.uint32),
         score=rng.random(rows) < 0.5,
+        mag_weight=np.where(rng.random(rows) < 0.3, np.nan, rng.random(rows)),
     )
 
 

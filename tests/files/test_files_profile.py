@@ -84,6 +84,7 @@ of = "case"
 source = "turntable"
 score = 15
 flags = 16
+mag_weight = 29
 [reference.bias]
 columns = [17, 18, 19]
 unit = "deg/h"
@@ -123,7 +124,7 @@ def test_every_key_is_understood():
     assert meta.declination == pytest.approx(math.radians(-3.5), rel=1e-15)
     assert (meta.rate_nominal, meta.t0_ns, meta.unit_check) == (100.0, 5, False)
     assert profile.turn == "y -x z"
-    assert len(profile.used) == 29
+    assert len(profile.used) == 30
 
 
 def test_three_ranges_are_of_the_columns_and_the_meta_has_them_by_body_axis():

@@ -513,6 +513,8 @@ class AttitudeTrack(Series):
         Flags, from `plumbob.core.flags`.
     score : array_like (N,) of bool, optional
         Which samples count in an evaluation (a data set's movement mask); all where None.
+    mag_weight : array_like (N,), optional
+        How far the field was believed at each sample, 0 to 1; NaN where there was none to believe.
     source : str
         Where it comes from: filter and parameters, or reference system.
 
@@ -534,6 +536,7 @@ class AttitudeTrack(Series):
     cov_b: Floats | None = None
     flags: NDArray[np.uint32] | None = None
     score: NDArray[np.bool_] | None = None
+    mag_weight: Floats | None = None
     source: str = ""
 
     def __post_init__(self) -> None:
@@ -561,6 +564,8 @@ class AttitudeTrack(Series):
             self._set("flags", check.bits("flags", self.flags, t.size))
         if self.score is not None:
             self._set("score", check.mask("score", self.score, t.size))
+        if self.mag_weight is not None:
+            self._set("mag_weight", check.column("mag_weight", self.mag_weight, t.size))
 
     def _set(self, name: str, array: NDArray[Any]) -> None:
         object.__setattr__(self, name, check.read_only(array))
@@ -573,7 +578,7 @@ class AttitudeTrack(Series):
 
     def facts(self) -> Mapping[str, str]:
         """What it is, in words: samples, frame, what headings count from, what else it has, and its source."""
-        more = [name for name in ("bias_b", "cov_b", "flags", "score") if getattr(self, name) is not None]
+        more = [name for name in ("bias_b", "cov_b", "flags", "score", "mag_weight") if getattr(self, name) is not None]
         return {
             "samples": _extent(self.t),
             "known": str(int(np.count_nonzero(self.known))),
@@ -600,6 +605,19 @@ class AttitudeTrack(Series):
         the attitude is not known. `units.to_deg` gives degrees, for a person to read.
         """
         return euler_zyx_from_quat(self.q_nb)
+
+    @property
+    def gap_distance(self) -> Floats:
+        """Time to the nearest gap, s, (N,), to the sample before or behind it; infinite where there is none."""
+        found = np.full(self.t.size, np.inf)
+        if self.flags is None:
+            return found
+        behind = np.flatnonzero(self.flags & np.uint32(flags.GAP))
+        edges = self.t[np.unique(np.concatenate((behind, behind[behind > 0] - 1)))]
+        if edges.size:
+            after = np.minimum(np.searchsorted(edges, self.t), edges.size - 1)
+            found = np.minimum(np.abs(self.t - edges[after]), np.abs(self.t - edges[np.maximum(after - 1, 0)]))
+        return found
 
     @property
     def yaw(self) -> Floats:

@@ -174,6 +174,7 @@ COLUMNS: Final[dict[str, Column]] = {
     **{name: Column("rad2") for name in GROUPS["cov"]},
     "track_flags": Column("1", "uint32"),
     "score": Column("1", "bool"),
+    "mag_weight": Column("1"),
 }
 
 
@@ -245,6 +246,7 @@ def track_from(columns: Mapping[str, NDArray[Any]], frame: Frame, north: North, 
         cov_b=None if cov is None else cov.reshape(-1, 3, 3),
         flags=columns.get("track_flags"),
         score=columns.get("score"),
+        mag_weight=columns.get("mag_weight"),
         source=source,
     )
 
@@ -268,6 +270,8 @@ def _track_columns(track: AttitudeTrack) -> Columns:
         columns["track_flags"] = track.flags
     if track.score is not None:
         columns["score"] = track.score
+    if track.mag_weight is not None:
+        columns["mag_weight"] = track.mag_weight
     return columns
 
 

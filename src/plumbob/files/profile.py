@@ -154,8 +154,8 @@ class ReferenceSource:
         Whose attitude it is, ``"body"`` or ``"case"``; needed only where the body axes are remapped.
     source : str
         Where it comes from.
-    score, flags : int, str or None
-        Columns with the samples that count (1 or 0) and with flags.
+    score, flags, mag_weight : int, str or None
+        Columns with the samples that count (1 or 0), with flags, and with how far the field was believed.
     bias : GroupSource or None
         Columns of the gyroscope bias.
     covariance : GroupSource or None
@@ -171,13 +171,14 @@ class ReferenceSource:
     source: str = ""
     score: ColumnRef | None = None
     flags: ColumnRef | None = None
+    mag_weight: ColumnRef | None = None
     bias: GroupSource | None = None
     covariance: GroupSource | None = None
 
     @property
     def used(self) -> tuple[ColumnRef, ...]:
         """Every column that it uses."""
-        single = [ref for ref in (self.score, self.flags) if ref is not None]
+        single = [ref for ref in (self.score, self.flags, self.mag_weight) if ref is not None]
         groups = [group.columns for group in (self.bias, self.covariance) if group is not None]
         return (*self.columns, *single, *(ref for group in groups for ref in group))
 

@@ -394,6 +394,7 @@ _REFERENCE: Final[dict[str, Parse]] = {
     "source": schema.text,
     "score": _column,
     "flags": _column,
+    "mag_weight": _column,
     "bias": _group(Quantity.RATE, {}),
     "covariance": _covariance,
 }

@@ -160,6 +160,7 @@ def _track(source: ReferenceSource, table: Table, t: Floats, turn: str | None) -
         cov_b=None if source.covariance is None else _covariance(source.covariance, table, turn),
         flags=_optional(table, source.flags),  # type: ignore[arg-type]
         score=_optional(table, source.score),  # type: ignore[arg-type]
+        mag_weight=_optional(table, source.mag_weight),
         source=source.source,
     )
 

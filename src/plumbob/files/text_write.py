@@ -137,6 +137,8 @@ def _reference(track: AttitudeTrack) -> Iterator[str]:
         yield 'flags = "track_flags"'
     if track.score is not None:
         yield 'score = "score"'
+    if track.mag_weight is not None:
+        yield 'mag_weight = "mag_weight"'
     if track.bias_b is not None:
         yield from ("", "[reference.bias]", _listed("columns", "bias"), f'unit = "{UNITS["gyr"]}"')
     if track.cov_b is not None:

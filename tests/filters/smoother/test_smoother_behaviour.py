@@ -495,3 +495,15 @@ def test_a_large_bias_that_no_rest_shows_is_not_hidden_by_a_likelier_small_one()
     track = estimate(run.imu).track
     assert np.linalg.norm(track.bias_b[-1]) == pytest.approx(dps(26.4), abs=dps(1.0))
     assert evaluate(track, run.truth).summary()["total_rmse_deg"] < 10.0  # an uncalibrated field; 91° by the small bias
+
+
+@pytest.mark.parametrize("params", [{}, {"lag": 0.0}], ids=["whole", "no lag"])
+def test_how_far_each_field_was_believed_is_in_the_track(params):
+    """Nearly nothing of one that is 20 µT off, and most of the right one; unknown without any."""
+    h = by_hand(60.0, rest=((0.0, 5.0),), seed=3)
+    wrong = (h.t > 30.0) & (h.t < 40.0)
+    mag = h.mag + np.where(wrong[:, np.newaxis], h.in_body(np.tile([20.0, 0.0, 0.0], (h.t.size, 1))), 0.0)
+    track = Smoother(frame="ENU", params=params).process(h.imu(mag=mag))
+    assert track.mag_weight[(h.t > 31.0) & (h.t < 39.0)].max() < 0.1
+    assert np.median(track.mag_weight[(h.t > 10.0) & (h.t < 29.0)]) > 0.8
+    assert np.isnan(Smoother(frame="ENU", params=params).process(h.imu(mag=None)).mag_weight).all()

@@ -389,7 +389,9 @@ class Live:
         self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
         self._begin, self._end, self._ways = math.nan, math.nan, np.zeros((3, 3))
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
-        self._last = Part(np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), ANYTHING[np.newaxis], lost)
+        self._last = Part(
+            np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan)
+        )
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
         self.gaps: list[float] = []
 
@@ -602,7 +604,8 @@ class Live:
         self._rate[rows], self._bias_sd[rows] = rate, found.bias_sd
         if self.p.latency:
             q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
-        self._out.put(rows, Part(q, bias, known, word))
+        weight = weight if found.reference is not None else np.full(len(q), np.nan)
+        self._out.put(rows, Part(q, bias, known, word, weight))
 
     def _widen(self) -> None:
         """Count in a heading without a field what nothing shows of the gyroscope: see `free_heading_variance`."""

@@ -36,27 +36,33 @@ LEAST_CORE: Final = 0.5
 
 
 class Part(NamedTuple):
-    """Of each sample: attitude to ENU (N, 4), bias (N, 3), rad/s, covariance in body axes (N, 3, 3), flags (N,)."""
+    """Of each sample: attitude to ENU (N, 4), bias (N, 3), rad/s, covariance in body axes (N, 3, 3), flags (N,).
+
+    `weight`, (N,), is how far the field was believed, NaN where there was none.
+    """
 
     q: Floats
     bias: Floats
     cov: Floats
     flags: NDArray[np.uint32]
+    weight: Floats
 
     def rows(self, which: slice | NDArray[np.intp]) -> Self:
         """Of some of the samples."""
-        return type(self)(self.q[which], self.bias[which], self.cov[which], self.flags[which])
+        return type(self)(*(of[which] for of in self))  # type: ignore[arg-type]
 
     def followed_by(self, other: Self) -> Self:
         """Of these samples, and of others behind them."""
         return type(self)(
             np.concatenate((self.q, other.q)), np.concatenate((self.bias, other.bias)),
             np.concatenate((self.cov, other.cov)), np.concatenate((self.flags, other.flags)),
+            np.concatenate((self.weight, other.weight)),
         )  # fmt: skip
 
     def put(self, which: slice, other: Self) -> None:
         """Write what is known of some of the samples."""
-        self.q[which], self.bias[which], self.cov[which], self.flags[which] = other
+        for own, values in zip(self, other, strict=True):
+            own[which] = values  # type: ignore[index]
 
 
 class Piece(NamedTuple):
@@ -126,7 +132,9 @@ def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
     word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
     word[lost] |= np.uint32(flags.NOT_CONVERGED)
-    return everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word))
+    none = found.reference is None
+    weight = np.full(len(q), np.nan) if none else found.weight[np.maximum(place - 1, 0)]
+    return everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word, weight))
 
 
 def free_heading_variance(t: Floats, q: Floats, rate: Floats, bias_sd: float, scale: Floats) -> Floats:
@@ -174,7 +182,8 @@ def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
     """A stretch in which no rate was measured: the attitude (4,) before it stays, and may be any."""
     n = len(data)
     lost = np.asarray(data.flags) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED | flags.HEADING_FREE)
-    return Part(np.tile(q, (n, 1)), np.tile(bias, (n, 1)), np.tile(math.pi**2 * np.eye(3), (n, 1, 1)), lost)
+    any_attitude = np.tile(math.pi**2 * np.eye(3), (n, 1, 1))
+    return Part(np.tile(q, (n, 1)), np.tile(bias, (n, 1)), any_attitude, lost, np.full(n, np.nan))
 
 
 def continued(part: Part, stretch: Stretch, before: Floats, last: Stretch) -> Part:
@@ -250,4 +259,5 @@ def everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
         part.bias[before],
         part.cov[before] + wide[:, np.newaxis, np.newaxis] * np.eye(3),
         np.where(held, lost, words).astype(np.uint32),
+        part.weight[before],
     )

@@ -301,6 +301,7 @@ class _Tracks:
             bias_b=part.bias,
             cov_b=part.cov,
             flags=part.flags,
+            mag_weight=part.weight,
             source=self._source,
         )
 
