@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from plumbob import ImuData, estimate
+from plumbob import ImuData, ImuMeta, estimate
 from plumbob.core import flags
 from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ShapeError
@@ -195,9 +195,10 @@ def test_a_recording_shorter_than_the_first_look_claims_nothing_and_one_rate_is_
 
 
 @slow
+@pytest.mark.parametrize("calibrated", [True, False], ids=["calibrated", "uncalibrated"])
 @pytest.mark.parametrize("mag", [True, False], ids=["field", "no field"])
 @pytest.mark.parametrize("size", [1, 7, 1000])
-def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, size, mag):
+def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, size, mag, calibrated):
     """In parts of any size, with gaps, holes and missing values, and with looks that a thread takes meanwhile."""
     monkeypatch.setattr(live, "SHORT", 1.0)
     monkeypatch.setattr(live, "MARGIN", 8.0)
@@ -205,12 +206,13 @@ def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, size, mag):
     lost = (np.random.default_rng(1).random(h.t.size) < 0.02) | ((h.t > 20.0) & (h.t < 20.4))
     keep = (h.t < 12.0) | (h.t > 13.0)
     imu = h.imu(gyr=np.where(lost[:, np.newaxis], np.nan, h.gyr))
-    imu = ImuData(t=imu.t[keep], gyr=imu.gyr[keep], acc=imu.acc[keep], mag=imu.mag[keep], meta=imu.meta)
+    meta = imu.meta if calibrated else ImuMeta()
+    imu = ImuData(t=imu.t[keep], gyr=imu.gyr[keep], acc=imu.acc[keep], mag=imu.mag[keep], meta=meta)
     params = {"lag": 0.0, "mag": mag, "latency": 0.003}
     whole, stream = Smoother(frame="NED", params=params).process(imu), FixedLag(frame="NED", params=params)
     parts = [stream.take(part) for part in imu.chunks(size)]
     assert stream.finish() is None
-    for name in ("t", "q_nb", "bias_b", "cov_b", "flags"):
+    for name in ("t", "q_nb", "bias_b", "cov_b", "flags", "mag_weight"):
         np.testing.assert_array_equal(np.concatenate([getattr(p, name) for p in parts]), getattr(whole, name))
 
 

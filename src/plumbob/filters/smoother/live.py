@@ -618,7 +618,8 @@ class Live:
             ways = np.concatenate((self._ways[axis : axis + 1], up[:, axis, np.newaxis] * self._rate * step))
             np.cumsum(ways, axis=0, out=ways)
             self._ways[axis] = ways[-1]
-            variance += ways[1:] ** 2 @ self._scale[axis]
+            for i in range(3):  # a product of matrices would round by how many rows there are
+                variance += ways[1:, i] ** 2 * self._scale[axis, i]
         self._end = float(t[-1])
         free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
         self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
