@@ -78,9 +78,9 @@ SOONEST: Final = 0.25
 GROWS: Final = 1.5
 EVERY: Final = 10.0
 """up to this, s."""
-LEAST_PAUSE: Final = 1.0
+LEAST_PAUSE: Final = 2.0
 """And at once, but not sooner than this, s,"""
-AGAINST: Final = 1.0
+AGAINST: Final = 2.0
 """when the unit has turned for so long, s, in fields that are not the one of the place."""
 PROVEN: Final = 3.0
 """The field of the place counts for so many times the time in which the unit turned in it,"""
@@ -90,7 +90,7 @@ ANY_ATTITUDE: Final = 10.0
 """Variance that a gap adds to the attitude, rad²."""
 UNCERTAIN_HEADING: Final = deg(20.0)
 """With a larger standard deviation of a heading that a field gives, rad, the attitude is not converged."""
-BLOCK: Final = 0.5
+BLOCK: Final = 1.0
 """Whether the fields contradict the one of the place is asked so often, s."""
 LATE: Final = 0.5
 """What a look has found is handed over so much later, s,"""
