@@ -109,7 +109,7 @@ def test_a_field_that_begins_wrong_is_given_up_once_the_unit_turns_in_the_right_
     assert heading[h.t > 38.0].max() < 1.0
     up = quat_rotate(quat_conjugate(track.q_nb), [0.0, 0.0, 1.0])
     sd = np.degrees(np.sqrt(np.einsum("ni,nij,nj->n", up, track.cov_b, up)))
-    assert (heading < 1.96 * sd)[h.t > 19.0].all()  # since a look has seen two
+    assert (heading < 1.96 * sd)[h.t > 20.0].all()  # since a look has seen two
     assert "the field was not that of the place" in told
 
 
