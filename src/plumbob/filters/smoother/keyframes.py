@@ -87,9 +87,9 @@ class Keyframes:
         gyr, acc = _filled(t, gyr), _filled(t, acc)
         dt = np.diff(t, prepend=t[0])
         rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
-        steps = first[:-1] + 1, first[1:] + 1
-        missed = sum_between(np.minimum(UNKNOWN_RATE, _bow(t, no_rate)) * rates * dt, *steps) ** 2
-        pushed = sum_between(np.minimum(1.0, _bow(t, no_force)) * UNKNOWN_FORCE * dt, *steps) ** 2
+        # each step by itself: in a difference of running sums a short hole would vanish beside a long one
+        missed = np.add.reduceat(np.minimum(UNKNOWN_RATE, _bow(t, no_rate)) * rates * dt, first[:-1] + 1) ** 2
+        pushed = np.add.reduceat(np.minimum(1.0, _bow(t, no_force)) * UNKNOWN_FORCE * dt, first[:-1] + 1) ** 2
         return cls(t, gyr, acc, field, first, gap, missed, pushed, rows)
 
     @property
