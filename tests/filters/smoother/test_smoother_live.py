@@ -228,6 +228,19 @@ def test_a_free_heading_is_as_uncertain_as_what_nothing_shows_of_the_gyroscope()
     assert (np.abs(turned - turned[100])[late] < 1.96 * sd[late]).all()
 
 
+@slow
+def test_what_is_remarked_at_the_end_does_not_depend_on_the_parts(monkeypatch):
+    """A field that is wrong for the last ten seconds, in parts after which few samples are left."""
+    h = by_hand(60.0, seed=8)
+    wrong = h.mag + np.where(h.t[:, np.newaxis] > 50.0, 1.0, 0.0) * _in_body(h, [0.0, 25.0, 25.0])
+    told = []
+    for size in (10_000, 2500):
+        monkeypatch.setattr("plumbob.filters.smoother.smoothing.AT_ONCE", size)
+        told.append(followed(h.imu(mag=wrong))[1])
+    assert told[0] == told[1]
+    assert "the field was not that of the place (50–60 s)" in told[0]
+
+
 # --- the pieces ---------------------------------------------------------------------------------------------
 
 

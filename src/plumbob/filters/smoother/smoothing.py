@@ -193,13 +193,14 @@ class Smoother(Shown):
         from plumbob.filters.smoother.live import Live
 
         live, remarks = Live(self.params, data.meta, mag=self.common.mag), dict[str, None]()
-        t, word, seen = list[Floats](), list[NDArray[np.uint32]](), False
+        t, word, seen, left = list[Floats](), list[NDArray[np.uint32]](), False, len(data)
         for part in data.chunks(AT_ONCE):
             piece = _followed(live, part)
             t.append(piece.t)
             word.append(piece.part.flags)
             seen |= self.common.mag and part.mag is not None and bool(np.isfinite(part.mag[:, 0]).any())
-            if t[-1][-1] - t[0][0] > CORE or sum(map(len, t)) + AT_ONCE > len(data):
+            left -= len(part)
+            if t[-1][-1] - t[0][0] > CORE or not left:
                 told = remarks_so_far(np.array(live.gaps), np.concatenate(t), np.concatenate(word), mag=seen)
                 remarks |= dict.fromkeys(told)
                 t, word, self.remarks = [], [], tuple(remarks)
