@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import flags
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.data import ImuData
@@ -95,8 +94,9 @@ def arrive(
     """
     n, steps = begin, 0
     for i in range(t.size):
-        usual = usual_step(state, recent)
-        longest = max(LONGEST, USUAL * usual)
+        longest = LONGEST
+        if t[i] - state[LAST] > LONGEST or t[i] - state[GYR + TIME] > LONGEST:  # else no usual step makes it a gap
+            longest = max(LONGEST, USUAL * usual_step(state, recent))
         if not math.isnan(state[ARRIVED]):
             recent[int(state[COUNT]) % RECENT] = t[i] - state[ARRIVED]
             state[COUNT] += 1.0
@@ -228,37 +228,18 @@ class Arriving:
 
     def take(self, imu: ImuData) -> Bools:
         """Take the next samples; says which of them are kept: not those in a hole of the gyroscope."""
-        t, word = np.ascontiguousarray(imu.t), np.asarray(imu.flags)
-        gyr = trusted(imu.usable("gyr"), word, flags.GYR_CLIPPED | flags.GYR_STUCK)
-        acc = trusted(imu.usable("acc"), word, flags.ACC_CLIPPED | flags.ACC_STUCK)
+        t, (gyr, acc, field) = np.ascontiguousarray(imu.t), trusted(imu, mag=self._mag)
         n, begin = t.size, self.samples
         kept, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
         last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
         steps = arrive(
-            self._state,
-            self._recent,
-            t,
-            gyr,
-            acc,
-            self._p.keyframe,
-            begin,
-            kept,
-            filled[0],
-            filled[1],
-            last,
-            gap,
+            self._state, self._recent, t, gyr, acc, self._p.keyframe, begin, kept, filled[0], filled[1], last, gap,
             variance,
-        )
+        )  # fmt: skip
         count = int(np.count_nonzero(kept))
         self._t.add(t[kept])
         self._gyr.add(filled[0, :count])
         self._acc.add(filled[1, :count])
-        has_mag = self._mag and "mag" in imu.triads
-        field = (
-            trusted(imu.usable("mag"), word, flags.MAG_CLIPPED | flags.MAG_STUCK)
-            if has_mag
-            else np.full((n, 3), np.nan)
-        )
         self._field.add(field[kept])
         if not begin and count:
             self._last.add(np.zeros(1, dtype=np.int64))

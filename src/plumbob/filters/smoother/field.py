@@ -137,10 +137,15 @@ def reference_of(
     return Reference(found.level, found.vertical, median, *_rival(points, weight, best, p))
 
 
+def turning_time(frames: Keyframes, bias: Floats | float, resting: Bools) -> Floats:
+    """For how long the field of each step counts as one in which the unit turns, (K,), s."""
+    rate = np.linalg.norm(frames.mean(frames.gyr) - bias, axis=1)
+    return np.where(resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
+
+
 def times_seen(frames: Keyframes, resting: Bools, bias: Floats) -> tuple[Floats, Floats]:
     """For how long the field of each step counts, s, as one in which the unit turns, and as one at rest: (K,) each."""
-    rate = np.linalg.norm(frames.mean(frames.gyr) - bias, axis=1)
-    turning = np.where(resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
+    turning = turning_time(frames, bias, resting)
     at_rest = np.where(resting, frames.step, 0.0)
     all_turning, all_rest = float(turning.sum()), float(at_rest.sum())
     if all_turning > LEAST_TURNING and all_rest > 0.0:
@@ -210,7 +215,7 @@ def white_noise(p: Params, reference: Reference) -> float:
     """White noise of the field, µT/√Hz, by how far the fields of the recording are off."""
     if p.lag is None:
         return p.mag_noise * min(max(USUAL_SHARE * reference.median / p.mag_noise, LEAST_NOISE), 1.0)
-    # The few seconds that a lag sees of a disturbance are no measure of it, and without one nothing later shows it.
+    # A lag sees a few seconds of a disturbance, which do not show how large it is; without one nothing later shows it.
     return p.mag_noise * (1.0 if p.lag > 0.0 else UNTOLD)
 
 
@@ -220,7 +225,7 @@ def scatter_of(frames: Keyframes, p: Params, reference: Reference, field: Floats
     Of means over `PIECE`: what is faster is noise. A field that bends from place to place by so much says no more of
     the heading, however long it is seen.
     """
-    piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
+    piece = frames.pieces(PIECE)
     trust = weight * frames.step
     phasor = np.where(trust > 0.0, trust * np.exp(1j * np.arctan2(field[:, 0], field[:, 1])), 0.0)
     east, north, seen = (np.bincount(piece, of) for of in (phasor.imag, phasor.real, trust))

@@ -76,7 +76,7 @@ def without_gravity(frames: Keyframes, force: Floats) -> Bools:
 
     Over ten seconds a level speed that is bounded leaves nothing else: free fall, a centrifuge, a wrong attitude.
     """
-    piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
+    piece = frames.pieces(PIECE)
     dt = np.where(frames.gap, 0.0, frames.step)
     length = np.bincount(piece, dt)
     total = np.stack([np.bincount(piece, dt * force[:, i]) for i in range(3)], axis=1)
@@ -136,10 +136,9 @@ def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
     """Steps around which a window is calm, and mean rate and force in it."""
     usual = float(np.median(frames.step))
     width = max(3, round(p.rest_time / usual) | 1)
-    ahead = width // 2
     rate, force = frames.mean(frames.gyr), frames.mean(frames.acc)
     i = np.arange(len(rate))
-    low, high = np.maximum(i + ahead - width + 1, 0), np.minimum(i + ahead + 1, len(rate))
+    low, high = np.maximum(i - width // 2, 0), np.minimum(i + width // 2 + 1, len(rate))
 
     def spread(values: Floats) -> tuple[Floats, Floats]:
         mean, found = mean_between(values, low, high), np.empty(len(values))
@@ -165,7 +164,7 @@ def farthest(values: Floats, mean: Floats, low: NDArray[np.int64], high: NDArray
 def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bools]:
     """Calm steps in whose piece of the record the field turns in the body, as a bias never does; and stands still."""
     turning, still = np.zeros_like(quiet), np.zeros_like(quiet)
-    piece = ((frames.middle - frames.t[0]) // PIECE).astype(int)
+    piece = frames.pieces(PIECE)
     seen = np.concatenate(([False], np.repeat(quiet, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
     rows = np.flatnonzero(seen)
     for number in np.unique(piece[quiet]):

@@ -68,15 +68,7 @@ class Keyframes:
     @classmethod
     def of(cls, imu: ImuData, spacing: float, *, mag: bool = True) -> Self | None:
         """Keyframes at least `spacing` apart, s; None where fewer than two samples have a rate."""
-        t, flag = np.asarray(imu.t), np.asarray(imu.flags)
-        gyr = trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
-        acc = trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
-        has_mag = mag and "mag" in imu.triads
-        field = (
-            trusted(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
-            if has_mag
-            else np.full_like(gyr, np.nan)
-        )
+        t, (gyr, acc, field) = np.asarray(imu.t), trusted(imu, mag=mag)
         longest = longest_step(t)
         if np.count_nonzero(~np.isnan(gyr[:, 0])) < 2:
             return None
@@ -116,14 +108,10 @@ class Keyframes:
         """Mean over the samples of each step, (K, …), of values (N, …)."""
         return mean_between(values, self.first[:-1] + 1, self.first[1:] + 1)
 
-    def part(self, steps: slice) -> Self:
-        """Some of the steps, one after the other."""
-        first = self.first[steps.start : steps.stop + 1]
-        rows = slice(int(first[0]), int(first[-1]) + 1)
-        return type(self)(
-            self.t[rows], self.gyr[rows], self.acc[rows], self.mag[rows], first - first[0], self.gap[steps],
-            self.missed[steps], self.pushed[steps], self.rows[rows],
-        )  # fmt: skip
+    def pieces(self, length: float) -> NDArray[np.intp]:
+        """Number of the piece of the record, each so long, s, in which each step lies, (K,)."""
+        found: NDArray[np.intp] = ((self.middle - self.t[0]) // length).astype(np.intp)
+        return found
 
     def without(self, field: Floats) -> Self:
         """Keyframes whose samples are rid of a field in body axes, (K, 3), that each step has of its own."""
@@ -138,7 +126,17 @@ def longest_step(t: Floats) -> float:
     return max(LONGEST, USUAL * float(np.median(np.diff(t)))) if t.size > 1 else LONGEST
 
 
-def trusted(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:
+def trusted(imu: ImuData, *, mag: bool) -> tuple[Floats, Floats, Floats]:
+    """Rate, force and field of the samples, (N, 3) each, NaN where one is missing or is not what it was."""
+    flag = np.asarray(imu.flags)
+    gyr = _trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
+    acc = _trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
+    if not mag or "mag" not in imu.triads:
+        return gyr, acc, np.full_like(gyr, np.nan)
+    return gyr, acc, _trusted(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
+
+
+def _trusted(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:
     """Values, NaN where one is missing or a flag says that it is not what it was."""
     bad = ((flag & bits) != 0) | ~np.isfinite(values).all(axis=1)
     return np.where(bad[:, np.newaxis], np.nan, values) if bad.any() else np.ascontiguousarray(values)

@@ -24,7 +24,16 @@ from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards.left import whole_of
 from plumbob.filters.smoother.arriving import Arriving
-from plumbob.filters.smoother.field import APART, LEAST_TURNING, REST_SHARE, STEEPEST, TURNING, Reference, white_noise
+from plumbob.filters.smoother.field import (
+    APART,
+    LEAST_TURNING,
+    REST_SHARE,
+    STEEPEST,
+    TURNING,
+    Reference,
+    turning_time,
+    white_noise,
+)
 from plumbob.filters.smoother.inertial import (
     LEAK,
     LONGEST,
@@ -38,13 +47,13 @@ from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, M, Noise, Params, V
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
 from plumbob.filters.smoother.samples import (
+    ANYTHING,
     DOUBTFUL,
     GATED,
     MARGIN,
+    FreeHeading,
     Part,
     covariance_of,
-    unseen_scale,
-    vertical_in_body,
     widened,
 )
 from plumbob.filters.smoother.sweeps import (
@@ -67,6 +76,7 @@ from plumbob.filters.smoother.sweeps import (
     fade,
     heading_update,
     integrate,
+    keep,
     predict,
     zero_rate_update,
     zero_velocity_update,
@@ -96,8 +106,6 @@ LATE: Final = 0.5
 """What a look has found is handed over so much later, s,"""
 SHORT: Final = 5.0
 """unless the past is shorter than this, s."""
-ANYTHING: Final = math.pi**2 * np.eye(3)
-"""Covariance of an attitude of which nothing is known, rad²."""
 
 SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
 FORCE2: Final = 1
@@ -166,7 +174,7 @@ def onward(
     """
     column, gain, term = np.zeros(SIZE), np.zeros((MEASURED, SIZE)), np.zeros((MEASURED, TERMS))
     f, mean = np.zeros(STEP), np.zeros(MEANS)
-    write(0, attitude, now, p, q, x, cov)
+    keep(0, attitude, now, p, q, x, cov)
     for k in range(first.size - 1):
         off2 = 0.0
         for i in range(3):
@@ -200,7 +208,7 @@ def onward(
             if kind[k] == MOVING and weight[k] < GATED and field.level > 0.0:
                 against[0] += turned_for(mean, now, dt)
         correct(attitude, now)
-        write(k + 1, attitude, now, p, q, x, cov)
+        keep(k + 1, attitude, now, p, q, x, cov)
 
 
 @njit
@@ -210,18 +218,6 @@ def turned_for(mean: Floats, now: Floats, dt: float) -> float:
     for i in range(3):
         rate2 += (mean[RAW + i] / dt - now[B + i]) ** 2
     return min(math.sqrt(rate2) / TURNING, 1.0) * dt
-
-
-@njit
-def write(k: int, attitude: Floats, now: Floats, p: Floats, q: Floats, x: Floats, cov: Floats) -> None:
-    """Write down what is known at a keyframe."""
-    for i in range(4):
-        q[k, i] = attitude[i]
-    for i in range(SIZE):
-        x[k, i] = now[i]
-    for i in range(3):
-        for j in range(3):
-            cov[k, i, j] = p[TH + i, TH + j]
 
 
 @njit
@@ -317,12 +313,6 @@ class Proven:
         self.reference = reference
 
 
-def turning_time(frames: Keyframes, bias: Floats | float, resting: Bools) -> Floats:
-    """For how long the field of each step counts as one in which the unit turns, (K,), s."""
-    rate = np.linalg.norm(frames.mean(frames.gyr) - bias, axis=1)
-    return np.where(resting, 0.0, np.minimum(rate / TURNING, 1.0) * frames.step)
-
-
 class Room(NamedTuple):
     """What is known at some keyframes, and of the steps between: see `onward`."""
 
@@ -379,7 +369,7 @@ class Live:
     """
 
     def __init__(self, p: Params, meta: ImuMeta, *, mag: bool, background: bool = False) -> None:
-        self.p, self._left, self._scale = p, meta.left, unseen_scale(meta, p)
+        self.p, self._left, self._drift = p, meta.left, FreeHeading(meta, p)
         self._unit = None if meta.gyr_left is None else whole_of(meta.gyr_left)
         self._arriving, self._proven = Arriving(p, mag=mag), Proven()
         self._thread = ThreadPoolExecutor(1, "plumbob-look") if background else None
@@ -387,7 +377,6 @@ class Live:
         self._look: Look | None = None
         self._anchor: tuple[int, Floats] | None = None
         self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
-        self._begin, self._end, self._ways = math.nan, math.nan, np.zeros((3, 3))
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
         self._last = Part(
             np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan)
@@ -608,21 +597,13 @@ class Live:
         self._out.put(rows, Part(q, bias, known, word, weight))
 
     def _widen(self) -> None:
-        """Count in a heading without a field what nothing shows of the gyroscope: see `free_heading_variance`."""
+        """Count in a heading without a field what nothing shows of the gyroscope."""
         t, _ = self._arriving.rows(slice(self._base, self._arriving.samples))
-        if math.isnan(self._begin):
-            self._begin = self._end = float(t[0])
-        part, step = self._out, np.diff(t, prepend=self._end)[:, np.newaxis]
-        up, variance = vertical_in_body(part.q), (self._bias_sd * (t - self._begin)) ** 2
-        for axis in range(3):
-            ways = np.concatenate((self._ways[axis : axis + 1], up[:, axis, np.newaxis] * self._rate * step))
-            np.cumsum(ways, axis=0, out=ways)
-            self._ways[axis] = ways[-1]
-            for i in range(3):  # a product of matrices would round by how many rows there are
-                variance += ways[1:, i] ** 2 * self._scale[axis, i]
-        self._end = float(t[-1])
+        part = self._out
+        variance = self._drift.variance(t, part.q, self._rate, self._bias_sd)
         free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
-        self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
+        if free.any():
+            self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
 
     @staticmethod
     def _flags(found: Smoothed, kind: NDArray[np.int64], weight: Floats, cov: Floats) -> NDArray[np.uint32]:

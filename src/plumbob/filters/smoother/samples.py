@@ -25,6 +25,8 @@ GATED: Final = 0.1
 """A field that counts with less than this was not used."""
 DOUBTFUL: Final = deg(6.0)
 """With a larger standard deviation of the tilt, rad, the attitude is not converged."""
+ANYTHING: Final = math.pi**2 * np.eye(3)
+"""Covariance of an attitude of which nothing is known, rad²."""
 LONG: Final = 1200.0
 """A longer recording, s, is smoothed in stretches"""
 CORE: Final = 600.0
@@ -125,29 +127,43 @@ def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
     place = np.searchsorted(frames.first, np.arange(frames.t.size))
     cov = _covariance(q, found, place, rate, p, data.meta.left)
     if found.reference is None:
-        cov = widened(q, cov, free_heading_variance(frames.t, q, rate, found.bias_sd, unseen_scale(data.meta, p)))
+        cov = widened(q, cov, FreeHeading(data.meta, p).variance(frames.t, q, rate, found.bias_sd))
     lost = found.weightless[np.maximum(place - 1, 0)]
-    cov[lost] += math.pi**2 * np.eye(3)
+    cov[lost] += ANYTHING
     if p.latency:
         q = quat_multiply(q, quat_from_rotvec(p.latency * rate))
     word = np.asarray(data.flags)[frames.rows] | _flags(found, place)
     word[lost] |= np.uint32(flags.NOT_CONVERGED)
     none = found.reference is None
     weight = np.full(len(q), np.nan) if none else found.weight[np.maximum(place - 1, 0)]
-    return everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word, weight))
+    return _everywhere(data, frames, Part(q, found.sweep.bias[place], cov, word, weight))
 
 
-def free_heading_variance(t: Floats, q: Floats, rate: Floats, bias_sd: float, scale: Floats) -> Floats:
-    """Variance of a heading without a field by what nothing shows of the gyroscope, rad², (N,).
+class FreeHeading:
+    """What nothing shows of the gyroscope, in a heading without a field: it counts from the first sample on.
 
-    Errors of its scale and axes, of variances (3, 3), turn the heading by their shares of what the unit has turned
-    about the vertical; a bias does so with time.
+    Errors of scale and axes turn the heading by their shares of what the unit has turned about the vertical; a bias
+    does so with time.
     """
-    step, up = np.diff(t, prepend=t[0])[:, np.newaxis], vertical_in_body(q)
-    variance: Floats = (bias_sd * (t - t[0])) ** 2
-    for axis in range(3):
-        variance += np.cumsum(up[:, axis, np.newaxis] * rate * step, axis=0) ** 2 @ scale[axis]
-    return variance
+
+    def __init__(self, meta: ImuMeta, p: Params) -> None:
+        self._scale = unseen_scale(meta, p)
+        self._begin, self._end, self._ways = math.nan, math.nan, np.zeros((3, 3))
+
+    def variance(self, t: Floats, q: Floats, rate: Floats, bias_sd: Floats | float) -> Floats:
+        """Variance of the heading at the next samples, rad², (N,), at which the bias is known to `bias_sd`, rad/s."""
+        if math.isnan(self._begin):
+            self._begin = self._end = float(t[0])
+        step, up = np.diff(t, prepend=self._end)[:, np.newaxis], vertical_in_body(q)
+        variance: Floats = (bias_sd * (t - self._begin)) ** 2
+        for axis in range(3):
+            ways = np.concatenate((self._ways[axis : axis + 1], up[:, axis, np.newaxis] * rate * step))
+            np.cumsum(ways, axis=0, out=ways)
+            self._ways[axis] = ways[-1]
+            for i in range(3):  # a product of matrices would round by how many rows there are
+                variance += ways[1:, i] ** 2 * self._scale[axis, i]
+        self._end = float(t[-1])
+        return variance
 
 
 def unseen_scale(meta: ImuMeta, p: Params) -> Floats:
@@ -182,8 +198,7 @@ def unknown(data: ImuData, q: Floats, bias: Floats) -> Part:
     """A stretch in which no rate was measured: the attitude (4,) before it stays, and may be any."""
     n = len(data)
     lost = np.asarray(data.flags) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED | flags.HEADING_FREE)
-    any_attitude = np.tile(math.pi**2 * np.eye(3), (n, 1, 1))
-    return Part(np.tile(q, (n, 1)), np.tile(bias, (n, 1)), any_attitude, lost, np.full(n, np.nan))
+    return Part(np.tile(q, (n, 1)), np.tile(bias, (n, 1)), np.tile(ANYTHING, (n, 1, 1)), lost, np.full(n, np.nan))
 
 
 def continued(part: Part, stretch: Stretch, before: Floats, last: Stretch) -> Part:
@@ -237,7 +252,7 @@ def _flags(found: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
     return word.astype(np.uint32)
 
 
-def everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
+def _everywhere(data: ImuData, frames: Keyframes, part: Part) -> Part:
     """The same at all samples, those in holes too: the shortest way between, as uncertain as it is long."""
     n, rows = len(data), frames.rows
     if rows.size == n:

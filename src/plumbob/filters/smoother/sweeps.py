@@ -328,13 +328,13 @@ def forward(
 
 @njit
 def keep(k: int, attitude: Floats, now: Floats, p: Floats, q: Floats, x: Floats, cov: Floats) -> None:
-    """Write down what is known at a keyframe."""
+    """Write down what is known at a keyframe; of the covariance as many of the first states as there is room for."""
     for i in range(4):
         q[k, i] = attitude[i]
     for i in range(SIZE):
         x[k, i] = now[i]
-    for i in range(KEPT):
-        for j in range(SIZE):
+    for i in range(cov.shape[1]):
+        for j in range(cov.shape[2]):
             cov[k, i, j] = p[i, j]
 
 
