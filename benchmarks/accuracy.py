@@ -144,8 +144,7 @@ def variants() -> dict[str, Any]:
         result = measured(
             "BROAD", [Stage(name, {}) for name in OURS], QUICK, changes=changes, between=between, calibrated=True
         )
-        worst = max(errors["smoother"][KEYS[0]] for errors in result.trials.values())
-        found[row] = {"mean": result.mean(), "worst": worst, "claims": result.claims()["smoother"]}
+        found[row] = outcome(result) | {"mean": result.mean()}
         log(row, result)
     return found
 
@@ -159,10 +158,15 @@ def live() -> dict[str, Any]:
     found = {}
     for row, name, params, settings in cases:
         result = measured(name, [smoother(params)], calibrated=True, **settings)
-        worst = max(errors["smoother"][KEYS[0]] for errors in result.trials.values())
-        found[row] = {"mean": result.mean()["smoother"], "worst": worst, "claims": result.claims()["smoother"]}
+        found[row] = outcome(result) | {"mean": result.mean()["smoother"]}
         log(row, result)
     return found
+
+
+def outcome(result: Accuracy) -> dict[str, Any]:
+    """Worst total error of the smoother, and its claims."""
+    worst = max(errors["smoother"][KEYS[0]] for errors in result.trials.values())
+    return {"worst": worst, "claims": result.claims()["smoother"]}
 
 
 def ablations() -> dict[str, Any]:
@@ -356,12 +360,16 @@ largest of its total less 1.5 times the other's.
 {table(["", "total", "inclination", "better in", "worst"], paired)}"""
 
 
+def mean_and_worst(share: Sequence[float] | None) -> str:
+    return "–" if share is None else f"{share[0]:.0%} ({share[1]:.0%})"
+
+
 def claims_text(rows: Mapping[str, Any]) -> str:
     cells = []
     for row, found in rows.items():
         for name, shares in found["claims"].items():
             if name != "mekf" or row in SETS:
-                cells.append([row, name, *("–" if s is None else f"{s[0]:.0%} ({s[1]:.0%})" for s in shares.values())])
+                cells.append([row, name, *map(mean_and_worst, shares.values())])
     return f"""## Claims
 
 Share of the samples whose error lies within 1.96 standard deviations of the claimed covariance, 95 % where a claim is
@@ -402,8 +410,7 @@ def live_text(found: Mapping[str, Any]) -> str:
     rows = {row: {"mean": {"`smoother`, no lag": of["mean"]} | {n: others[row].get(n) or NOTHING for n in CAUSAL}}
             for row, of in found["live"].items()}  # fmt: skip
     shares = [
-        [row, f"{of['worst']:.2f}", *("–" if s is None else f"{s[0]:.0%} ({s[1]:.0%})" for s in of["claims"].values())]
-        for row, of in found["live"].items()
+        [row, f"{of['worst']:.2f}", *map(mean_and_worst, of["claims"].values())] for row, of in found["live"].items()
     ]
     return f"""## Without a lag
 

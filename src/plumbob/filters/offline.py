@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -48,8 +48,6 @@ def bias_beyond(filter_: Filter | Smoother, track: AttitudeTrack) -> str | None:
         f"(1 sd) that {filter_.name} assumes: calibrate the gyroscope (plumbob calibrate gyro), or set {name}."
     )
 
-
-_Smoother = TypeVar("_Smoother", bound=Smoother)
 
 CHUNK = 1 << 16
 """Samples handed to a filter at a time; the result does not depend on it."""
@@ -149,8 +147,13 @@ def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start:
     return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, init=start or init, meta=meta)
 
 
-def smoother_of(stage: Stage, frame: Frame, kind: type[_Smoother] = Smoother) -> _Smoother:  # type: ignore[assignment]
-    """Smoother of a stage, of a recording or on a stream.
+def smoother_of(stage: Stage, frame: Frame) -> Smoother:
+    """Smoother of a stage; errors as of `_smoothing`."""
+    return Smoother(**_smoothing(stage, frame))
+
+
+def _smoothing(stage: Stage, frame: Frame) -> dict[str, Any]:
+    """Arguments of the smoother of a stage, of a recording or on a stream.
 
     Raises
     ------
@@ -161,7 +164,7 @@ def smoother_of(stage: Stage, frame: Frame, kind: type[_Smoother] = Smoother) ->
         raise ParameterError(
             "the smoother takes its start from the whole recording. Leave init out, or name a filter that runs forward."
         )
-    return kind(frame=frame, params=stage.params, noise=stage.noise)
+    return {"frame": frame, "params": stage.params, "noise": stage.noise}
 
 
 def lagged(
@@ -188,7 +191,7 @@ def estimator_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Fil
 
 def follower_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Filter | FixedLag:
     """What estimates a stream: a filter, or the smoother with a lag."""
-    return smoother_of(stage, frame, FixedLag) if stage.filter == SMOOTHER else filter_of(stage, frame, meta)
+    return FixedLag(**_smoothing(stage, frame)) if stage.filter == SMOOTHER else filter_of(stage, frame, meta)
 
 
 def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":

@@ -316,7 +316,7 @@ class FixedLag(Smoother):
     Raises
     ------
     ParameterError
-        If a parameter is not known, or there is no lag.
+        If a parameter is not known, or lag is missing.
     """
 
     def __init__(
@@ -335,6 +335,7 @@ class FixedLag(Smoother):
         self._held: list[ImuData] = []  # the samples that are still needed;
         self._first = self._next = 0  # rows of the stream: of the first of them, and of the first without an attitude
         self._due = -math.inf  # time behind which nothing counts for that one
+        self._tracks: _Tracks | None = None
         self._along: Along | None = None
         self._follower: Live | None = None
 
@@ -346,20 +347,23 @@ class FixedLag(Smoother):
         ShapeError
             If a triad is missing that it needs.
         """
-        if self._along is None:
-            self._begin(data)
-            self._along, self._tracks = Along(self, data.meta), _Tracks(self, data.meta)
-        if self._lag == 0.0:
-            return self._tracks.of(_followed(self._following(data.meta), data))
+        tracks = self._tracks or self._started(data)
+        if self._follower is not None:
+            return tracks.of(_followed(self._follower, data))
         self._held.append(data)
         return self._ready(ended=False) if data.t[-1] > self._due else None
 
-    def _following(self, meta: ImuMeta) -> "Live":
-        from plumbob.filters.smoother.live import Live
+    def _started(self, data: ImuData) -> "_Tracks":
+        """What the first samples of a stream begin."""
+        self._begin(data)
+        self._tracks = _Tracks(self, data.meta)
+        if self._lag == 0.0:
+            from plumbob.filters.smoother.live import Live
 
-        if self._follower is None:
-            self._follower = Live(self.params, meta, mag=self.common.mag, background=True)
-        return self._follower
+            self._follower = Live(self.params, data.meta, mag=self.common.mag, background=True)
+        else:
+            self._along = Along(self, data.meta)
+        return self._tracks
 
     def finish(self) -> AttitudeTrack | None:
         """Say that the stream has ended, and return the attitudes that are left; None where there are none."""
@@ -372,6 +376,7 @@ class FixedLag(Smoother):
     def _ready(self, *, ended: bool) -> AttitudeTrack | None:
         """Attitudes of all stretches for which nothing that comes counts any more."""
         assert self._along is not None
+        assert self._tracks is not None
         data, found, self._due = ImuData.joined(self._held), list[AttitudeTrack](), -math.inf
         t, first = data.t, self._first
         for stretch in stretches(t, self._lag, self._next - first):
