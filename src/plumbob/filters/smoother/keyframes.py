@@ -109,7 +109,7 @@ class Keyframes:
         return mean_between(values, self.first[:-1] + 1, self.first[1:] + 1)
 
     def pieces(self, length: float) -> NDArray[np.intp]:
-        """Number of the piece of the record, each so long, s, in which each step lies, (K,)."""
+        """Number of the piece of the record, each of this length, s, in which each step lies, (K,)."""
         found: NDArray[np.intp] = ((self.middle - self.t[0]) // length).astype(np.intp)
         return found
 
