@@ -5,8 +5,9 @@ no heading needed. What nearly all windows say together is the unit's own. Of th
 candidate; the cheapest way through the windows with these, and with none, is taken, where a change costs.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,13 @@ LEAST: Final = 5.0
 """Smaller fields than this, µT, are left to the calibration: an uneven field of the place looks like one."""
 ALIKE: Final = 2
 """Windows that must say the same."""
+SHORTEST: Final = 1.0
+"""A recording too short for that is one window, of at least this, s. It says something alone, if each axis is known"""
+ALONE: Final = 2.5
+"""to this, µT, the field is beyond so many standard deviations,"""
+SURE: Final = 6.0
+EXPLAINED: Final = 6.0
+"""and without it so many times the power would be left."""
 CANDIDATES: Final = 8
 CHANGE: Final = 30.0
 """Cost of a change, as a sum of squared standard deviations;"""
@@ -94,25 +102,55 @@ class _Windows:
     strong: Bools
     weak: Bools
 
+    @classmethod
+    def of(cls, frames: Keyframes, attitudes: Sequence[Floats]) -> Self | None:
+        """Least squares in every window, with that of the attitudes that explains its field best.
+
+        None where all together say nothing.
+        """
+        length = float(frames.t[-1] - frames.t[0])
+        count = int((length - WINDOW) // STRIDE) + 1
+        seen = np.isfinite(frames.mag[:, 0])
+        if length < SHORTEST or not seen.any():
+            return None
+        long = count >= ALIKE
+        begin = frames.t[0] + STRIDE * np.arange(count if long else 1)
+        low = np.searchsorted(frames.t, begin)
+        high = np.searchsorted(frames.t, begin + (WINDOW if long else length), side="left" if long else "right")
+        fits = [_fit(frames, q, seen, low, high) for q in attitudes]
+        best = np.argmin([fit.left for fit in fits], axis=0), np.arange(low.size)
+        fit = _Fit(*(np.stack(of)[best] for of in zip(*fits, strict=True)))
+        independent = INDEPENDENT * min(1.0, length / WINDOW)
+        good = fit.count > 10.0
+        info = (np.where(good, independent / np.maximum(fit.left, LEAST_NOISE**2), 0.0))[:, None, None] * fit.normal
+        if not long and not _alone(fit, info):
+            return None
+        strong = good & (np.linalg.eigvalsh(info)[:, 0] > 1.0 / (CLEAR if long else ALONE) ** 2)
+        if long and np.linalg.eigvalsh(info.sum(axis=0))[0] < 1.0 / CLEAR**2:
+            return None
+        size = float(np.median(fit.size[strong])) if strong.any() else 0.0
+        return cls(fit.own, info, fit.mean, size, strong, good & ~strong)
+
     def without(self, field: Floats) -> Self:
         """The same without a field, (3,) or (n, 3), that turns with the sensor."""
         return replace(self, own=self.own - field, mean=self.mean - field)
 
 
-def attached_field(frames: Keyframes, q: Floats) -> Attached:
-    """Field that turns with the sensor, with attitudes (N, 4) of the samples, of any heading that drifts slowly."""
+def attached_field(frames: Keyframes, *attitudes: Floats) -> Attached:
+    """Field that turns with the sensor, by attitudes (N, 4) of the samples, each of any heading that drifts slowly."""
     steps = frames.gap.size
-    windows = _windows(frames, q)
+    windows = _Windows.of(frames, attitudes)
     if windows is None:
         return Attached(np.zeros((steps, 3)), np.zeros(steps, dtype=bool), np.zeros(3), np.zeros(3))
-    iron, left = _of_unit(windows)
+    alone = len(windows.own) < ALIKE
+    iron, left = (np.zeros(3), np.zeros(3)) if alone else _of_unit(windows)
     windows = windows.without(iron)
     candidates = _candidates(windows)
     if len(candidates) == 1:
         return Attached(np.tile(iron, (steps, 1)), np.zeros(steps, dtype=bool), iron, left)
     off_size = ((np.linalg.norm(windows.mean[:, np.newaxis] - candidates, axis=2) - windows.size) / SIZE_SD) ** 2
     path = _cheapest(_costs(windows, candidates, off_size))
-    if not (iron.any() or left.any()):  # the magnet may have hidden it
+    if not (alone or iron.any() or left.any()):  # the magnet may have hidden it
         iron, left = _of_unit(windows.without(candidates[path]))
     place = np.round((frames.middle - frames.t[0] - 0.5 * WINDOW) / STRIDE).astype(int)
     step = np.clip(place, 0, len(path) - 1)
@@ -146,15 +184,25 @@ def _sized(windows: _Windows, iron: Floats) -> bool:
     return bool((off**2 < DOUBT).mean() > AGREED)
 
 
-def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
-    """Least squares in every window; None where all together say nothing."""
-    count = int((frames.t[-1] - frames.t[0] - WINDOW) // STRIDE) + 1
-    seen = np.isfinite(frames.mag[:, 0])
-    if count < ALIKE or not seen.any():
-        return None
+class _Fit(NamedTuple):
+    """Least squares of each window, with one attitude.
+
+    Its own field (n, 3), that of the place eliminated from its normal equations (n, 3, 3), the mean field (n, 3), the
+    size of the place's, the power of the field about its mean and what is left of it, each axis, and its samples, (n,).
+    """
+
+    own: Floats
+    normal: Floats
+    mean: Floats
+    size: Floats
+    power: Floats
+    left: Floats
+    count: Floats
+
+
+def _fit(frames: Keyframes, q: Floats, seen: Bools, low: NDArray[np.int64], high: NDArray[np.int64]) -> _Fit:
+    """Fit fields of the place and of the sensor in windows, from a row to before another one."""
     mag = np.where(seen[:, np.newaxis], frames.mag, 0.0)
-    begin = frames.t[0] + STRIDE * np.arange(count)
-    low, high = np.searchsorted(frames.t, begin), np.searchsorted(frames.t, begin + WINDOW)
 
     def mean(values: Floats) -> Floats:
         shape = (-1, *(1,) * (values.ndim - 1))
@@ -172,27 +220,29 @@ def _windows(frames: Keyframes, q: Floats) -> _Windows | None:
     right = m - (np.swapaxes(turn, 1, 2) @ h[:, :, np.newaxis])[:, :, 0]
     solved = np.linalg.solve(normal + 1e-6 * np.eye(3), right[:, :, np.newaxis])
     own = np.asarray(solved[:, :, 0], dtype=np.float64)
-    left = np.maximum(power - (h**2).sum(axis=1) - (own * right).sum(axis=1), 0.0) / 3.0
-    good = number > 10.0
-    info = np.where(good, INDEPENDENT / np.maximum(left, LEAST_NOISE**2), 0.0)[:, np.newaxis, np.newaxis] * normal
-    strong = good & (np.linalg.eigvalsh(info)[:, 0] > 1.0 / CLEAR**2)
-    if np.linalg.eigvalsh(info.sum(axis=0))[0] < 1.0 / CLEAR**2:
-        return None
-    of_place = np.linalg.norm(h - (turn @ own[:, :, np.newaxis])[:, :, 0], axis=1)
-    size = float(np.median(of_place[strong])) if strong.any() else 0.0
-    return _Windows(own, info, m, size, strong, good & ~strong)
+    power = np.maximum(power - (h**2).sum(axis=1), 0.0)
+    left = np.maximum(power - (own * right).sum(axis=1), 0.0)
+    size = np.linalg.norm(h - (turn @ own[:, :, np.newaxis])[:, :, 0], axis=1)
+    return _Fit(own, normal, m, size, power / 3.0, left / 3.0, number)
+
+
+def _alone(fit: _Fit, info: Floats) -> bool:
+    """Whether one short window says by itself that a field turns with the sensor."""
+    own = fit.own[0]
+    clear = np.linalg.eigvalsh(info[0])[0] > 1.0 / ALONE**2 and own @ info[0] @ own > SURE**2
+    return bool(clear and fit.left[0] * EXPLAINED < fit.power[0])
 
 
 def _candidates(windows: _Windows) -> Floats:
     """No field, and those that several windows say alike, (m, 3)."""
     found: list[Floats] = [np.zeros(3)]
-    left = windows.strong.copy()
+    left, alike = windows.strong.copy(), min(ALIKE, len(windows.own))
     while left.any() and len(found) < CANDIDATES:
         own = windows.own[left]
         near = np.linalg.norm(own[:, np.newaxis] - own, axis=2) < CLEAR
         group = near[np.argmax(near.sum(axis=1))]
         field = own[group].mean(axis=0)
-        if group.sum() >= ALIKE and np.linalg.norm(field) > LEAST:
+        if group.sum() >= alike and np.linalg.norm(field) > LEAST:
             found.append(field)
         left[np.flatnonzero(left)[group]] = False
     return np.array(found)

@@ -1,7 +1,7 @@
 """What the magnetometer says: the reference field, how far each field is to be believed, and the heading."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, Self
 
@@ -29,6 +29,8 @@ MODES: Final = 400
 """Fields that are tried as a mode."""
 WIDER: Final = 1.5
 """A field may differ from the reference by this many medians of what they do, or `mag_spread`,"""
+WIDER_SOON: Final = 2.0
+"""with a lag by so many of those that are near it: a disturbance may last for most of what is known by now;"""
 WIDEST: Final = 0.2
 """but not by more than this share of the field: what is farther off is another one."""
 USUAL_SHARE: Final = 0.8
@@ -83,7 +85,8 @@ class Reference:
 
     def spread(self, p: Params) -> float:
         """Deviation at which a field counts with a quarter, µT."""
-        return max(p.mag_spread, min(WIDER * self.median, WIDEST * self.size))
+        wider = WIDER if p.lag is None else WIDER_SOON
+        return max(p.mag_spread, min(wider * self.median, WIDEST * self.size))
 
     def bend(self, p: Params) -> float:
         """Standard deviation of the direction of a field that is right in size and dip, rad."""
@@ -133,8 +136,19 @@ def reference_of(
     found = Reference(float(best[0]), float(best[1]), 0.0)
     if found.level < max(STEEPEST * math.hypot(*best), LEAST_LEVEL):
         return None
-    median = float(np.nanmedian(found.off(field)[~doubtful]))
-    return Reference(found.level, found.vertical, median, *_rival(points, weight, best, p))
+    off = found.off(field)[~doubtful]
+    off = off[np.isfinite(off)]
+    found = replace(found, median=float(np.median(off)))
+    if p.lag is not None:
+        found = replace(found, median=middle_of(off, 1.0 / (1.0 + (off / found.spread(p)) ** 2) ** 2))
+    return Reference(found.level, found.vertical, found.median, *_rival(points, weight, best, p))
+
+
+def middle_of(values: Floats, weight: Floats) -> float:
+    """Median (K,) by weight."""
+    order = np.argsort(values)
+    share = np.cumsum(weight[order])
+    return float(values[order][np.searchsorted(share, 0.5 * share[-1])])
 
 
 def turning_time(frames: Keyframes, bias: Floats | float, resting: Bools) -> Floats:

@@ -318,7 +318,8 @@ def level(
         if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, found.sweep, density) + spared:
             break
         found, wide = other, sd
-    return replace(found, bias_sd=max(wide, BIAS_REPEATS))
+    wide = max(wide, BIAS_REPEATS)
+    return replace(found, drift_sd=wide, bias_sd=wide)
 
 
 def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> float:

@@ -1,6 +1,7 @@
 """The passes over a recording: inertial, a field that turns with the sensor, its heading, and all sensors twice."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -160,7 +161,7 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
         headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), known)
-        own = attached_field(frames, _followed(frames, inertial, headed))
+        own = attached_field(frames, *_followed(frames, inertial, headed))
         if own.found:
             frames = frames.without(own.field)
             field = _field_of(frames, inertial.sweep, inertial.resting)
@@ -190,16 +191,16 @@ def _headed(
     return _Headed(reference, heading_of(frames, inertial, field, weight * share_of_rest(frames, inertial)))
 
 
-def _followed(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Floats:
-    """Attitude at every sample, (N, 4), whose heading follows the field's.
+def _followed(frames: Keyframes, inertial: Inertial, headed: _Headed | None) -> Iterator[Floats]:
+    """Attitudes at every sample, (N, 4): the one without heading, and the same with a heading that follows the field.
 
-    An unknown vertical bias turns a field of the place in the attitude without heading, and what turns evenly in a few
-    seconds looks like a field of the sensor.
+    An unknown vertical bias turns a field of the place in the first, and what turns evenly in a few seconds looks like
+    a field of the sensor; and the second follows a field of the sensor.
     """
     q = at_samples(frames, inertial.sweep, inertial.resting)
-    if headed is None:
-        return q
-    return turn_heading(q, -np.interp(frames.t, frames.middle, headed.turn), Frame.ENU)
+    yield q
+    if headed is not None:
+        yield turn_heading(q, -np.interp(frames.t, frames.middle, headed.turn), Frame.ENU)
 
 
 def _with_field(
@@ -218,7 +219,8 @@ def _with_field(
     free, field = field, np.stack((*_turned(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
-    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=AGAIN_BIAS, rigid=False, unit=known.unit)
+    again = min(AGAIN_BIAS, inertial.bias_sd) if inertial.bias_sd else AGAIN_BIAS
+    p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=again, rigid=False, unit=known.unit)
     still = calm(frames, p)
     for left in range(PASSES, 0, -1):
         seen = Inertial(found, resting, speed)
