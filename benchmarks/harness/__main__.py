@@ -121,7 +121,7 @@ def _add_decoders(kinds: common.Adder) -> None:
 
 def run_faults(args: argparse.Namespace) -> int:
     """Do it under faults."""
-    from benchmarks.harness.contender import OurFilter
+    from benchmarks.harness.contender import contender_of
     from benchmarks.harness.fault_cases import ARGUMENTS, listing
     from benchmarks.harness.faults import measure_faults
     from benchmarks.harness.peers import peers
@@ -135,7 +135,7 @@ def run_faults(args: argparse.Namespace) -> int:
     chosen = common.stages(args.filters, args.params)
     cases, wanted = _cases(args.cases)
     others, absent = peers(args.peers)
-    contenders = [*map(OurFilter, chosen), *others]
+    contenders = [*map(contender_of, chosen), *others]
     common.warn_of_compiling([stage.filter for stage in chosen])
     with common.progress(f"{len(cases)} cases, {len(contenders)} contenders", len(cases) * len(contenders)) as advance:
         result = measure_faults(
