@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.harness.battery import ApiVerdict, child, run_battery
 from benchmarks.harness.contender import OurFilter, contender_of
-from benchmarks.harness.fault_cases import CASES, choose
+from benchmarks.harness.fault_cases import CASES, GROUPS, choose
 from benchmarks.harness.fault_scene import USUAL, record
 from benchmarks.harness.faults import listen, measure_faults
 from benchmarks.harness.peers import peers
@@ -24,7 +24,7 @@ def ours(name, **params):
 
 
 def measured(contender, *names):
-    return measure_faults([contender], choose(names), arguments=False).verdicts[contender.name]
+    return measure_faults([contender], choose(names, CASES, GROUPS), arguments=False).verdicts[contender.name]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def some():
         "gap_60s",
         "start_clean",
     ]
-    return measure_faults([ours("integrate"), ours("mahony")], choose(names), arguments=False)
+    return measure_faults([ours("integrate"), ours("mahony")], choose(names, CASES, GROUPS), arguments=False)
 
 
 @pytest.mark.parametrize("name", ["integrate", "mahony"])
