@@ -5,7 +5,8 @@ Run: python -m benchmarks.harness faults|channel|calibration|rooms|decoders [opt
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,7 +51,10 @@ def _add_faults(kinds: common.Adder) -> None:
     )
     add_filters(p, required=False)
     add_peers(p)
-    p.add_argument("--cases", default="", metavar="A,B", help="cases or groups, F1 to F9 (default all)")
+    p.add_argument(
+        "--battery", choices=("first", "second"), default="first", help="which set of faults (default first)"
+    )
+    p.add_argument("--cases", default="", metavar="A,B", help="cases or groups, F1 to F9 or S1 to S9 (default all)")
     p.add_argument("--list", action="store_true", help="list the cases with what they inject")
     common.add_json(p)
     p.set_defaults(run=run_faults)
@@ -121,35 +125,38 @@ def _add_decoders(kinds: common.Adder) -> None:
 
 def run_faults(args: argparse.Namespace) -> int:
     """Do it under faults."""
-    from benchmarks.harness.contender import OurFilter
-    from benchmarks.harness.fault_cases import ARGUMENTS, listing
+    from benchmarks.harness import fault_cases, second_cases
+    from benchmarks.harness.contender import contender_of
     from benchmarks.harness.faults import measure_faults
     from benchmarks.harness.peers import peers
+    from benchmarks.harness.second import measure_second
     from plumbob.core.errors import ParameterError
 
+    battery = second_cases if args.battery == "second" else fault_cases
     if args.list:
-        print(listing())
+        print(fault_cases.listing(battery.CASES, battery.GROUPS))
         return 0
     if args.filters is None:
         raise ParameterError("--filters is missing; 'plumbob filters' shows what there is, --list shows the cases.")
     chosen = common.stages(args.filters, args.params)
-    cases, wanted = _cases(args.cases)
+    wanted = [name.strip() for name in args.cases.split(",") if name.strip()]
     others, absent = peers(args.peers)
-    contenders = [*map(OurFilter, chosen), *others]
+    contenders = [*map(contender_of, chosen), *others]
     common.warn_of_compiling([stage.filter for stage in chosen])
-    with common.progress(f"{len(cases)} cases, {len(contenders)} contenders", len(cases) * len(contenders)) as advance:
-        result = measure_faults(
-            contenders, cases, arguments=ARGUMENTS in wanted or not wanted, absent=absent, progress=advance
-        )
-    return show(result, args)
 
+    def told(cases: "Sequence[Case]") -> AbstractContextManager[Callable[[int], None]]:
+        runs = len(cases) * len(contenders)
+        return common.progress(f"{len(cases)} cases, {len(contenders)} contenders", runs)
 
-def _cases(names: str) -> "tuple[list[Case], list[str]]":
-    """Cases that a comma list names, all where it is empty, and the names."""
-    from benchmarks.harness.fault_cases import CASES, choose
-
-    wanted = [name.strip() for name in names.split(",") if name.strip()]
-    return (choose(wanted) if wanted else list(CASES)), wanted
+    if args.battery == "second":
+        second = fault_cases.choose(wanted or list(second_cases.GROUPS), second_cases.CASES, second_cases.GROUPS)
+        with told(second) as advance:
+            return show(measure_second(contenders, second, absent=absent, progress=advance), args)
+    groups = fault_cases.GROUPS
+    first = fault_cases.choose(wanted or list(groups), fault_cases.CASES, groups)
+    arguments = fault_cases.ARGUMENTS in wanted or not wanted
+    with told(first) as advance:
+        return show(measure_faults(contenders, first, arguments=arguments, absent=absent, progress=advance), args)
 
 
 def run_channel(args: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from benchmarks.harness.contender import Construction, Contender, Running
+from benchmarks.harness.contender import Construction, Contender, Running, is_clear
 from benchmarks.harness.fault_scene import USUAL, Row, record
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -144,11 +144,6 @@ def run_battery(contender: Contender) -> Battery:
         objects = {f"sample: {case.name}": _try_object(contender, case) for case in API_CASES}
         built = {f"construct: {c.name}": _try_construction(contender, c) for c in contender.constructions()}
     return Battery(objects | built)
-
-
-def is_clear(error: Exception) -> bool:
-    """True for an error of the kind that says a value or a type is wrong, with a text."""
-    return isinstance(error, ValueError | TypeError) and bool(str(error).strip())
 
 
 def _try_object(contender: Contender, case: ApiCase) -> ApiVerdict:

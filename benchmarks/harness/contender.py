@@ -5,20 +5,53 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from benchmarks.harness.fault_scene import FRAME, RATE, Row
+from benchmarks.harness.fault_scene import FRAME, RATE, Row, Stream
+from plumbob.acquisition.timing import Counter, TimeBase, TimeSpec
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.params import Parameter, describe
+from plumbob.data import ImuData, ImuMeta
 from plumbob.data.sample import ImuSample
-from plumbob.filters import CommonParams, Filter, load
+from plumbob.filters import SMOOTHER, CommonParams, Filter, load
 from plumbob.filters.offline import Stage
+from plumbob.filters.smoother import FixedLag
 
 STEP_NS = round(1e9 / RATE)
+
+ALARMS: Final = (
+    flags.NOT_CONVERGED | flags.INCONSISTENT | flags.HEADING_FREE | flags.GAP | flags.TIME_FAULT
+    | flags.GYR_HELD | flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GYR_STUCK | flags.ACC_STUCK | flags.MAG_STUCK
+)  # fmt: skip
+"""Flags that a user takes for a warning about the attitude.
+
+Gates are none: a sensor that was not used says that the others were right. Neither is a value that is absent.
+"""
+
+
+class Answer(NamedTuple):
+    """What a contender answers to a stream, sample by sample.
+
+    Attributes
+    ----------
+    q_nb : ndarray (N, 4)
+        Attitudes in ENU, of norm 1 or NaN.
+    words : ndarray (N,)
+        Flags, in the bits that the contender names.
+    cov_b : ndarray (N, 3, 3) or None
+        What it claims of the error in body axes, rad²; None where it claims nothing.
+    errors : dict
+        Each exception as text, and whether all of its kind were clear.
+    """
+
+    q_nb: Floats
+    words: NDArray[np.int64]
+    cov_b: Floats | None
+    errors: dict[str, bool]
 
 
 class Running(Protocol):
@@ -69,6 +102,8 @@ class Contender(Protocol):
         Whether it is given the time.
     words : Mapping
         Name of each flag bit.
+    alarms : int
+        Flag bits that warn of the attitude.
     none_is_absent : bool
         Whether None as accelerometer means that there is no value.
     can_kill : bool
@@ -79,11 +114,20 @@ class Contender(Protocol):
     settings: str
     timed: bool
     words: Mapping[int, str]
+    alarms: int
     none_is_absent: bool
     can_kill: bool
 
     def start(self) -> Running:
         """Make a fresh one."""
+        ...
+
+    def fed(self, stream: Stream) -> Answer:
+        """Answer to a stream that comes sample by sample."""
+        ...
+
+    def answer(self, stream: Stream) -> Answer:
+        """Answer to a whole stream, with what is claimed."""
         ...
 
     def constructions(self) -> list[Construction]:
@@ -97,6 +141,28 @@ class Contender(Protocol):
     def quiet(self) -> AbstractContextManager[Any]:
         """Keep warnings of the library off the terminal."""
         ...
+
+
+def is_clear(error: Exception) -> bool:
+    """True for an error of the kind that says a value or a type is wrong, with a text."""
+    return isinstance(error, ValueError | TypeError) and bool(str(error).strip())
+
+
+def one_by_one(contender: Contender, stream: Stream) -> Answer:
+    """Feed a stream sample by sample; after an exception the last attitude stays, and the next sample is fed."""
+    running = contender.start()
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (stream.t.size, 1))
+    words = np.zeros(stream.t.size, dtype=np.int64)
+    errors: dict[str, bool] = {}
+    with contender.quiet():
+        for i, row in enumerate(stream.rows()):
+            try:
+                words[i] = running.take(row)
+                q[i] = running.attitude()
+            except Exception as error:
+                q[i] = q[i - 1]
+                errors[f"{type(error).__name__}: {error}"] = is_clear(error)
+        return Answer(contender.enu(unit(q)), words, None, errors)
 
 
 class RunningFilter:
@@ -126,21 +192,36 @@ class OurFilter:
     """A filter of this package with its parameters."""
 
     timed = True
+    alarms = ALARMS
     none_is_absent = True
     can_kill = False
 
     def __init__(self, stage: Stage) -> None:
         self.stage = stage
         self.name = stage.name
-        self.settings = Filter(stage.filter, frame=FRAME, params=stage.params).describe()
+        self.settings = self._filter(stage.params).describe()
         self.words: Mapping[int, str] = {bit: name for bit, (name, _) in flags.MEANING.items()}
 
-    def start(self) -> RunningFilter:
+    def start(self) -> Running:
         """Make a fresh one."""
         return self._with(self.stage.params)
 
-    def _with(self, params: Mapping[str, Any], **arguments: Any) -> RunningFilter:
-        return RunningFilter(Filter(self.stage.filter, **{"frame": FRAME, "params": params, **arguments}))
+    def _filter(self, params: Mapping[str, Any], **arguments: Any) -> Any:
+        return Filter(self.stage.filter, **{"frame": FRAME, "params": params, **arguments})
+
+    def _with(self, params: Mapping[str, Any], **arguments: Any) -> Running:
+        return RunningFilter(self._filter(params, **arguments))
+
+    def fed(self, stream: Stream) -> Answer:
+        """Answer to a stream that comes sample by sample."""
+        return one_by_one(self, stream)
+
+    def answer(self, stream: Stream) -> Answer:
+        """Answer to a whole stream, with what is claimed; the same bits."""
+        rows, t_ns = np.arange(stream.t.size), np.round(stream.t * 1e9).astype(np.int64)
+        track = self._filter(self.stage.params).process(part_of(stream, rows, t_ns), covariance=True, look=False)
+        assert track.flags is not None
+        return Answer(track.q_nb, track.flags.astype(np.int64), track.cov_b, {})
 
     def constructions(self) -> list[Construction]:
         """Every parameter with NaN, infinity, −1 and text, a wrong name, no frame, starts that are not attitudes."""
@@ -169,6 +250,86 @@ class OurFilter:
     def quiet(self) -> AbstractContextManager[Any]:
         """Hide nothing."""
         return nullcontext()
+
+
+def part_of(
+    stream: Stream, rows: NDArray[np.int64], t_ns: NDArray[np.int64], told: NDArray[np.uint32] | int = 0
+) -> ImuData:
+    """Rows of a stream at given times, with flags that their times have; the unit is a calibrated one."""
+    mag = np.where(stream.has_mag[:, np.newaxis], stream.mag, np.nan)[rows]
+    triads = {"gyr": stream.gyr[rows], "acc": stream.acc[rows], "mag": mag}
+    known = np.array([row[4] for row in stream.rows()], dtype=np.uint32)[rows]
+    return ImuData.live(t_ns, triads, flags=known | np.uint32(told), meta=ImuMeta(calibration="the scene's"))
+
+
+class RunningSmoother:
+    """The smoother on a stream without a lag, fed sample by sample with times that increase."""
+
+    def __init__(self, smoother: FixedLag) -> None:
+        self._smoother = smoother
+        self._q, self._t_ns = np.array([1.0, 0.0, 0.0, 0.0]), -STEP_NS
+
+    def take(self, row: Row) -> int:
+        """Take a sample and return its flags; its attitude is there at once."""
+        t_ns, gyr, acc, mag, known = row
+        values = ImuSample(t_ns, gyr, acc, mag, flags=known).values[np.newaxis]
+        self._t_ns = t_ns
+        triads = {"gyr": values[:, 0:3], "acc": values[:, 3:6], "mag": values[:, 6:9]}
+        word = np.array([known], dtype=np.uint32)
+        track = self._smoother.take(ImuData.live(np.array([t_ns]), triads, flags=word, meta=ImuMeta()))
+        assert track is not None
+        assert track.flags is not None
+        self._q = track.q_nb[0]
+        return int(track.flags[0])
+
+    def give(self, gyr: Floats, acc: Any, mag: Floats | None) -> None:
+        """Take the next regular sample, with any object as accelerometer."""
+        self.take((self._t_ns + STEP_NS, gyr, acc, mag, 0))
+
+    def attitude(self) -> Floats:
+        """Attitude now, (4,)."""
+        return self._q
+
+
+class OurSmoother(OurFilter):
+    """The smoother on a stream without a lag."""
+
+    def _filter(self, params: Mapping[str, Any], **arguments: Any) -> FixedLag:
+        return FixedLag(**{"frame": FRAME, "params": {"lag": "0 s", **params}, **arguments})
+
+    def _with(self, params: Mapping[str, Any], **arguments: Any) -> Running:
+        return RunningSmoother(self._filter(params, **arguments))
+
+    def fed(self, stream: Stream) -> Answer:
+        """Answer to a stream, which does not depend on how it is cut."""
+        return self.answer(stream)
+
+    def answer(self, stream: Stream) -> Answer:
+        """Answer to a stream whose stamps a session has judged, which knows when each sample arrived.
+
+        One whose time cannot be used is dropped, and the attitude stays.
+        """
+        used = np.isfinite(stream.t)
+        stamps = np.round(stream.t[used] * 1e9).astype(np.int64)
+        arrived = np.round(stream.newest[used] / RATE * 1e9).astype(np.int64)
+        base = TimeBase(TimeSpec(clock=Counter(64, 1), rate=RATE))
+        found = base.stamp(arrived, np.arange(stamps.size), clock=stamps)
+        good = (found.flags & np.uint32(flags.TIME_FAULT)) == 0
+        used[used] = good
+        smoother = self._filter(self.stage.params)
+        part = part_of(stream, np.flatnonzero(used), found.t_ns[good] - found.t_ns[0], found.flags[good])
+        track = smoother.take(part)
+        smoother.finish()
+        assert track is not None
+        assert track.flags is not None
+        place = np.maximum(np.cumsum(used) - 1, 0)
+        words = np.where(used, track.flags[place], track.flags[place] | flags.TIME_FAULT).astype(np.int64)
+        return Answer(track.q_nb[place], words, None if track.cov_b is None else track.cov_b[place], {})
+
+
+def contender_of(stage: Stage) -> OurFilter:
+    """Contender of a stage: a filter, or the smoother without a lag."""
+    return OurSmoother(stage) if stage.filter == SMOOTHER else OurFilter(stage)
 
 
 def unit(q: Floats) -> Floats:

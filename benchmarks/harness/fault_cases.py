@@ -6,10 +6,10 @@ Where not said otherwise a fault concerns all three axes and begins at 30 s.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -67,6 +67,8 @@ class Case:
         Samples of the run before editing.
     stamps : bool
         Only the time stamps are wrong: a contender without time input cannot notice.
+    unseen : str
+        Why no filter can see it; empty where one can.
     """
 
     name: str
@@ -78,6 +80,7 @@ class Case:
     motion: Motion = USUAL
     length: int = LENGTH
     stamps: bool = False
+    unseen: str = ""
 
     @property
     def judged_from(self) -> float:
@@ -97,8 +100,11 @@ class Case:
         return stream
 
 
-def choose(names: Sequence[str]) -> list[Case]:
-    """Cases by name or group, in their usual order.
+AnyCase = TypeVar("AnyCase", bound=Case)
+
+
+def choose(names: Sequence[str], cases: Sequence[AnyCase], groups: Mapping[str, str]) -> list[AnyCase]:
+    """Cases of a battery by name or group, in their usual order.
 
     Raises
     ------
@@ -106,12 +112,23 @@ def choose(names: Sequence[str]) -> list[Case]:
         If there is no such case or group.
     """
     for name in names:
-        if name not in GROUPS and all(case.name != name for case in CASES):
+        if name not in groups and all(case.name != name for case in cases):
             raise ParameterError(
-                f"there is no case or group '{name}'; groups are {', '.join(GROUPS)}, and "
+                f"there is no case or group '{name}'; groups are {', '.join(groups)}, and "
                 "'python -m benchmarks.harness faults --list' shows the cases."
             )
-    return [case for case in CASES if case.name in names or case.group in names]
+    return [case for case in cases if case.name in names or case.group in names]
+
+
+def listing(cases: Sequence[Case], groups: Mapping[str, str]) -> str:
+    """All cases of a battery with what they inject, and why it cannot be seen, by group."""
+    wide = max(25, *(len(case.name) for case in cases))
+    lines = []
+    for group, title in groups.items():
+        lines.append(f"{group}: {title}")
+        for case in (one for one in cases if one.group == group):
+            lines.append(f"    {case.name:{wide}} {case.what}" + (f"; unseen: {case.unseen}" if case.unseen else ""))
+    return "\n".join(lines)
 
 
 def _spinning_up(t: Floats) -> Floats:
@@ -249,12 +266,3 @@ _STARTS: Final = [
 ]  # fmt: skip
 
 CASES: Final[tuple[Case, ...]] = (*_SIGNALS, *_STARTS)
-
-
-def listing() -> str:
-    """All cases with what they inject, by group."""
-    lines = []
-    for group, title in GROUPS.items():
-        lines.append(f"{group}: {title}")
-        lines += [f"    {case.name:25} {case.what}" for case in CASES if case.group == group]
-    return "\n".join(lines)

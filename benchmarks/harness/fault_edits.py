@@ -6,7 +6,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from benchmarks.harness.fault_scene import GRAVITY_N, RATE, Stream, clip
+from benchmarks.harness.fault_scene import FIELD_N, GRAVITY_N, RATE, Stream, clip
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.rotations import quat_from_rotvec, quat_rotate
 
 Edit = Callable[[Stream, slice], None]
 
@@ -34,12 +37,12 @@ def put_axis(triad: str, value: float) -> Edit:
     return edit
 
 
-def scale(triad: str, factor: float) -> Edit:
-    """Multiply, up to the end of the range."""
+def scale(triad: str, factor: ArrayLike) -> Edit:
+    """Multiply by one number or one for each axis, up to the end of the range."""
 
     def edit(stream: Stream, rows: slice) -> None:
         values = getattr(stream, triad)
-        values[rows] = clip(triad, factor * values[rows])
+        values[rows] = clip(triad, np.asarray(factor) * values[rows])
 
     return edit
 
@@ -66,6 +69,102 @@ def add_n(triad: str, vector_n: ArrayLike) -> Edit:
 def free_fall(stream: Stream, rows: slice) -> None:
     """Take gravity's reaction away, and leave the noise."""
     stream.acc[rows] -= stream.seen(rows, GRAVITY_N)
+
+
+def turn_field(rate: float) -> Edit:
+    """Turn the field about the vertical, from the fault on, rad/s."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        angle = rate * (stream.t[rows] - stream.t[rows.start])
+        turned = quat_rotate(quat_from_rotvec(np.outer(angle, GRAVITY_N / G0)), FIELD_N)
+        stream.mag[rows] += stream.seen(rows, turned - FIELD_N)
+
+    return edit
+
+
+def grow(triad: str, vector_b: ArrayLike, seconds: float) -> Edit:
+    """Add a vector in body axes that grows from nothing within some seconds, and stays."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        values = getattr(stream, triad)
+        values[rows] = clip(triad, values[rows] + np.outer(_since(stream, rows, seconds), np.asarray(vector_b)))
+
+    return edit
+
+
+def fade(triad: str, axes: ArrayLike, seconds: float) -> Edit:
+    """Let axes, one for each of the three that is to, go to zero within some seconds, and stay there."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        getattr(stream, triad)[rows] *= 1.0 - np.outer(_since(stream, rows, seconds), np.asarray(axes))
+
+    return edit
+
+
+def _since(stream: Stream, rows: slice, seconds: float) -> Floats:
+    """Time since the fault began in units of some seconds, up to 1."""
+    return np.asarray(np.minimum((stream.t[rows] - stream.t[rows.start]) / seconds, 1.0))
+
+
+def stick(triad: str, dither: float = 0.0) -> Edit:
+    """Repeat the last value of z before the fault, and let one bit of this size flicker."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        values = getattr(stream, triad)
+        bits = np.random.default_rng(0).integers(0, 2, values[rows].shape[0])
+        values[rows, 2] = values[rows.start - 1, 2] + dither * bits
+
+    return edit
+
+
+def swap(triad: str) -> Edit:
+    """Exchange x and y."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        values = getattr(stream, triad)
+        values[rows] = values[rows][:, [1, 0, 2]]
+
+    return edit
+
+
+def late(triad: str, count: int) -> Edit:
+    """Say what was some samples ago."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        values = getattr(stream, triad)
+        values[rows] = values[rows.start - count : rows.stop - count].copy()
+
+    return edit
+
+
+def saturate(triad: str, end: float) -> Edit:
+    """Cut off at an end that no flag knows of."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        values = getattr(stream, triad)
+        values[rows] = np.clip(values[rows], -end, end)
+
+    return edit
+
+
+def wrap_around(triad: str, end: float) -> Edit:
+    """Go on at the other end of the range, as an integer does that has no more bits."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        values = getattr(stream, triad)
+        values[rows] = np.mod(values[rows] + end, 2.0 * end) - end
+
+    return edit
+
+
+def shocks(size: float) -> Edit:
+    """Push along x for two samples in each second, up to the end of the range."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        for first in range(rows.start, rows.stop, round(RATE)):
+            add("acc", [size, 0.0, 0.0])(stream, slice(first, first + 2))
+
+    return edit
 
 
 def stuck(*triads: str) -> Edit:
@@ -125,6 +224,18 @@ def shift_stamps(seconds: float) -> Edit:
     return edit
 
 
+def slow_clock(factor: float) -> Edit:
+    """Let the clock run slower by a factor; behind the fault it is right again, but for what it has lost."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        begin = stream.t[rows.start]
+        lost = (1.0 - factor) * (stream.t[rows] - begin)
+        stream.t[rows] -= lost
+        stream.t[rows.stop :] -= lost[-1]
+
+    return edit
+
+
 def lose_stamps(stream: Stream, rows: slice) -> None:
     """Make stamps NaN."""
     stream.t[rows] = np.nan
@@ -139,6 +250,41 @@ def jitter(stream: Stream, rows: slice) -> None:
 def lose(stream: Stream, rows: slice) -> None:
     """Drop the samples."""
     stream.take(np.delete(np.arange(stream.t.size), rows))
+
+
+def thin(count: int) -> Edit:
+    """Keep one sample of so many."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        index = np.arange(stream.t.size)
+        inside = (index >= rows.start) & (index < rows.stop)
+        stream.take(index[~inside | ((index - rows.start) % count == 0)])
+
+    return edit
+
+
+def behind_gap(count: int, then: Edit) -> Edit:
+    """Drop the first samples of the fault, and damage the others."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        first = rows.start + count
+        then(stream, slice(first, rows.stop))
+        lose(stream, slice(rows.start, first))
+
+    return edit
+
+
+def again(count: int) -> Edit:
+    """Send each second a block of so many samples twice, with the same stamps."""
+
+    def edit(stream: Stream, rows: slice) -> None:
+        index = np.arange(stream.t.size)
+        starts = range(rows.start, rows.stop, round(RATE))
+        blocks = [index[first : first + count] for first in starts]
+        ends = np.repeat([first + count for first in starts], count)
+        stream.take(np.insert(index, ends, np.concatenate(blocks)))
+
+    return edit
 
 
 def duplicate(stream: Stream, rows: slice) -> None:

@@ -1,8 +1,8 @@
 """The scene of the faults benchmark: a tumbling unit, what its sensors say, and the stream that reaches a filter.
 
-ENU, 100 Hz, a fixed point: 5 s at rest, then smooth turns of ±100 to ±150 °/s about three axes. The gyroscope says its
-mean rate since the sample before, as one that integrates between its samples does. The noise is the same in every
-stream, with a fault and without.
+ENU, 100 Hz: 5 s at rest, then smooth turns of ±100 to ±150 °/s about three axes at a fixed point, or another motion.
+The gyroscope says its mean rate since the sample before, as one that integrates between its samples does. The noise is
+the same in every stream, with a fault and without.
 """
 
 import functools
@@ -30,6 +30,9 @@ from plumbob.rotations import (
 from plumbob.rotations.kernels import quat_mul
 from plumbob.simulation.signals import earth_field
 
+Three = tuple[float, float, float]
+OfTime = Callable[[Floats], Floats]
+
 RATE: Final = 100.0
 """Samples per second."""
 LENGTH: Final = 9000
@@ -46,8 +49,9 @@ GRAVITY_N: Final[Floats] = G0 * FRAME.up
 _SD = {"gyr": dps(0.1), "acc": 0.03, "mag": 0.3}  # white, per sample and axis
 _BIAS = dps(0.1)  # on every axis of the gyroscope
 _FINE = 16  # steps of the truth in one of the samples, a power of two
-_AMPLITUDE = dps(np.array([100.0, 125.0, 150.0]))
-_FREQUENCY = 0.2 * np.sqrt([2.0, 3.0, 5.0])  # Hz; no two have a common period
+AMPLITUDE: Final[Three] = (dps(100.0), dps(125.0), dps(150.0))
+FREQUENCY: Final[Three] = (0.2 * math.sqrt(2.0), 0.2 * math.sqrt(3.0), 0.2 * math.sqrt(5.0))
+"""Of the usual turns, rad/s and Hz; no two have a common period."""
 _RISE = 1.0  # s from rest to full amplitude
 _CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
 
@@ -61,9 +65,16 @@ def smooth_step(t: Floats, begin: float, end: float) -> Floats:
     return np.asarray(0.5 - 0.5 * np.cos(np.pi * fraction))
 
 
+def swings(t: Floats, amplitude: Three, frequency: Three) -> Floats:
+    """Sines of three frequencies, Hz, at times (N,), s, that begin smoothly at 5 s: (N, 3)."""
+    since = t - 5.0
+    waves = np.sin(2.0 * np.pi * np.array(frequency) * since[:, np.newaxis])
+    return np.asarray(np.array(amplitude) * smooth_step(since, 0.0, _RISE)[:, np.newaxis] * waves)
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """How the unit turns.
+    """How the unit turns and moves.
 
     Attributes
     ----------
@@ -71,16 +82,21 @@ class Motion:
         Yaw, pitch and roll at t = 0, rad.
     extra : callable or None
         Rate in body axes, rad/s, (N, 3), at times (N,), s, on top of the usual one.
+    amplitude, frequency : tuple of float
+        Of the usual turns about the body's axes, rad/s and Hz.
+    push : callable or None
+        Acceleration in the navigation frame, m/s², (N, 3), at times (N,), s; None: a fixed point.
     """
 
-    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    extra: Callable[[Floats], Floats] | None = None
+    start: Three = (0.0, 0.0, 0.0)
+    extra: OfTime | None = None
+    amplitude: Three = AMPLITUDE
+    frequency: Three = FREQUENCY
+    push: OfTime | None = None
 
     def rates(self, t: Floats) -> Floats:
         """Rate in body axes at times (N,), s: (N, 3), rad/s."""
-        since = t - 5.0
-        waves = np.sin(2.0 * np.pi * _FREQUENCY * since[:, np.newaxis])
-        usual: Floats = _AMPLITUDE * smooth_step(since, 0.0, _RISE)[:, np.newaxis] * waves
+        usual = swings(t, self.amplitude, self.frequency)
         return usual if self.extra is None else usual + self.extra(t)
 
 
@@ -177,7 +193,7 @@ def record(motion: Motion, length: int = LENGTH) -> Stream:
     inverse = quat_conjugate(truth[:length])
     exact = {
         "gyr": rates[:length] + _BIAS,
-        "acc": quat_rotate(inverse, GRAVITY_N),
+        "acc": quat_rotate(inverse, GRAVITY_N if motion.push is None else GRAVITY_N + motion.push(t)),
         "mag": quat_rotate(inverse, FIELD_N),
     }
     said = {name: clip(name, values + _noise(name)[:length]) for name, values in exact.items()}

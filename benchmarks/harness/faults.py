@@ -8,8 +8,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.harness.battery import ApiVerdict, Battery, is_clear, run_battery
-from benchmarks.harness.contender import Contender, unit
+from benchmarks.harness.battery import ApiVerdict, Battery, run_battery
+from benchmarks.harness.contender import Contender
 from benchmarks.harness.fault_cases import Case
 from benchmarks.harness.fault_scene import LONGEST, RATE, USUAL, Stream, record
 from benchmarks.harness.verdict import COUNTED, PASS, STRICT, Judgement, Trace, Verdict, judge
@@ -32,21 +32,9 @@ class Heard:
 
 
 def listen(contender: Contender, stream: Stream) -> Heard:
-    """Feed a stream sample by sample; after an exception the last attitude stays, and the next sample is fed."""
-    running = contender.start()
-    q = np.tile([1.0, 0.0, 0.0, 0.0], (stream.t.size, 1))
-    words = np.zeros(stream.t.size, dtype=np.int64)
-    errors: dict[str, bool] = {}
-    with contender.quiet():
-        for i, row in enumerate(stream.rows()):
-            try:
-                words[i] = running.take(row)
-                q[i] = running.attitude()
-            except Exception as error:
-                q[i] = q[i - 1]
-                errors[f"{type(error).__name__}: {error}"] = is_clear(error)
-        q_nb = contender.enu(unit(q))
-        error_deg = to_deg(quat_angle(stream.truth[stream.newest], q_nb))
+    """Feed a stream sample by sample."""
+    q_nb, words, _, errors = contender.fed(stream)
+    error_deg = to_deg(quat_angle(stream.truth[stream.newest], q_nb))
     return Heard(error_deg, words, tuple(errors), all(errors.values()))
 
 
@@ -156,7 +144,7 @@ class Faults:
             [case.name, *(self.verdicts[name][case.name].cell() for name in names)]
             for case in self.cases
         ]  # fmt: skip
-        return _table(["fault", *names], rows) + _LEGEND
+        return table(["fault", *names], rows) + _LEGEND
 
     def _argument_table(self) -> str:
         if not self.batteries:
@@ -167,13 +155,13 @@ class Faults:
             [label, *(str(self.batteries[name].verdicts.get(label, "–")) for name in names)]
             for label in labels
         ]  # fmt: skip
-        return _table(["argument", *names], rows) + "\n"
+        return table(["argument", *names], rows) + "\n"
 
     def _score_table(self) -> str:
         head = ["score", "clean rms", "cases", *COUNTED,
                 "pass", "strict", "arguments", *(str(v) for v in ApiVerdict if not v.good)]  # fmt: skip
         rows = [self._score_row(name) for name in self.settings]
-        return _table(head, rows) + "\n\n" + "\n".join(self.settings.values())
+        return table(head, rows) + "\n\n" + "\n".join(self.settings.values())
 
     def _score_row(self, name: str) -> list[str]:
         score = self.score(name)
@@ -184,8 +172,8 @@ class Faults:
             f"{self.clean_rms_deg[name]:.3f}°",
             str(score.cases),
             *(str(count) for count in score.counts.values()),
-            _percent(score.passed),
-            _percent(score.strict),
+            percent(score.passed),
+            percent(score.strict),
             f"{battery.good}/{len(battery.verdicts)}" if battery else "–",
             *bad,
         ]
@@ -199,11 +187,13 @@ run has not; start_clean is not compared and does not count
 """
 
 
-def _percent(share: float | None) -> str:
+def percent(share: float | None) -> str:
+    """Share in whole percent."""
     return "–" if share is None else f"{share:.0f} %"
 
 
-def _table(head: list[str], rows: list[list[str]]) -> str:
+def table(head: list[str], rows: list[list[str]]) -> str:
+    """Columns below their names, the first one to the left."""
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(len(head))]
     lines = []
     for first, *cells in (head, *rows):

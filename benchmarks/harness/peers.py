@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from benchmarks.harness.contender import Construction, Contender, Running
-from benchmarks.harness.fault_scene import DIP_DEG, RATE, Row
+from benchmarks.harness.contender import Answer, Construction, Contender, Running, one_by_one
+from benchmarks.harness.fault_scene import DIP_DEG, RATE, Row, Stream
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import to_deg
@@ -45,15 +45,24 @@ class _Peer(whole.Peer, ABC):
         What its constructor is given in the battery of impossible rates; steps for those that take a step.
     """
 
+    name: str
+    settings: str
     timed = True
     none_is_absent = False
     can_kill = False
     words: Mapping[int, str] = {}
+    alarms = 0
     RATE_ARGUMENTS: tuple[float, ...] = (0.0, -RATE, float("nan"), float("inf"))
 
     @abstractmethod
     def start(self, rate: float = RATE) -> Running:
         """Make a fresh one."""
+
+    def fed(self, stream: Stream) -> Answer:
+        """Answer to a stream, sample by sample."""
+        return one_by_one(self, stream)
+
+    answer = fed
 
     def constructions(self) -> list[Construction]:
         """Rates, or steps, that are none."""
@@ -103,6 +112,7 @@ class Vqf(_Peer):
     timed = False
     can_kill = True
     words: Mapping[int, str] = {1: "magDistDetected"}
+    alarms = 1  # all that it can say
     RATE_ARGUMENTS = (0.0, -STEP, float("nan"), float("inf"))
     KIND = "VQF"
 
@@ -156,6 +166,7 @@ class Fusion(_Peer):
         1: "startup", 2: "overrange_recovery", 4: "acceleration_recovery", 8: "magnetic_recovery",
         16: "accelerometer_ignored", 32: "magnetometer_ignored",
     }  # fmt: skip
+    alarms = 1 | 2 | 4 | 8  # not what it ignores: see ALARMS of our filters
 
     def start(self, rate: float = RATE) -> Running:
         """Make a fresh one, at a rate in Hz."""

@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks.harness.__main__ import main
 from benchmarks.harness.fault_cases import CASES
+from benchmarks.harness.second_cases import CASES as SECOND
 
 
 def run(capsys, *words):
@@ -49,6 +50,36 @@ def test_list_needs_no_filter(capsys):
     code, out, _ = run(capsys, "--list")
     assert code == 0
     assert all(case.name in out and case.what in out for case in CASES)
+    code, out, _ = run(capsys, "--battery", "second", "--list")
+    assert code == 0
+    assert all(case.name in out and case.what in out and case.unseen in out for case in SECOND)
+
+
+def test_json_of_the_second_battery_has_every_key(capsys):
+    words = ("--battery", "second", "--filters", "mekf,integrate", "--cases", "field_east_1s_none,S3", "--json")
+    code, out, _ = run(capsys, *words)
+    result = json.loads(out)
+    assert code == 0
+    assert set(result) == {"settings", "score", "cases", "absent"}
+    assert len(result["cases"]) == 10
+    case = result["cases"]["field_east_1s_none"]
+    assert set(case) == {"group", "what", "unseen", "results"}
+    assert set(case["results"]) == {"mekf", "integrate"}
+    keys = {"by_flags", "by_flags_or_claims", "peak_deg", "end_deg", "off_s", "silent_by_flags_s", "silent_s"}
+    assert set(case["results"]["mekf"]) == keys | {"error_in_sd"}
+    assert case["results"]["integrate"]["error_in_sd"] is None
+    score = result["score"]["mekf"]
+    assert set(score) == {"cases", "by_flags", "by_flags_or_claims", "bars"}
+    assert sum(score["by_flags"].values()) == sum(score["by_flags_or_claims"].values()) == score["cases"] == 10
+    assert [len(result["score"][name]["bars"]) for name in ("mekf", "integrate")] == [4, 3]  # the last is of claims
+
+
+def test_tables_of_the_second_battery(capsys):
+    words = ("--battery", "second", "--filters", "integrate", "--cases", "turn_1dps_60s,turn_1dps_60s_no_mag")
+    code, out, _ = run(capsys, *words)
+    assert code == 0
+    assert [line.split()[0] for line in out.splitlines()[:3]] == ["fault", "turn_1dps_60s", "turn_1dps_60s_no_mag?"]
+    assert "silent and wrong at the end [%]" in out
 
 
 @pytest.mark.parametrize(
@@ -58,6 +89,7 @@ def test_list_needs_no_filter(capsys):
         (["--filters", "magic"], "there is no filter 'magic'"),
         (["--filters", "mahony", "--peers", "px4"], "there is no peer 'px4'"),
         (["--filters", "mahony", "--params", "kq=1"], "mahony has no parameter 'kq'"),
+        (["--filters", "mahony", "--battery", "second", "--cases", "F1"], "there is no case or group 'F1'"),
         ([], "--filters is missing"),
     ],
 )

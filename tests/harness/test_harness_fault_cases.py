@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.harness.fault_cases import CASES, GROUPS, choose, listing
 from benchmarks.harness.fault_scene import FIELD_N, GRAVITY_N, RANGES, USUAL, Motion, record, truth_of
+from benchmarks.harness.second_cases import CASES as SECOND
 from plumbob.core import flags
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import to_dps
@@ -68,17 +69,18 @@ def test_every_case_of_both_tables_is_there_once():
     assert sum(not case.counted for case in CASES) == 1
     assert sum(case.stamps for case in CASES) == 5
     assert {case.group for case in CASES} | {"F9"} == set(GROUPS)
-    assert all(case.name in listing() and case.what in listing() for case in CASES)
+    assert all(case.name in listing(CASES, GROUPS) and case.what in listing(CASES, GROUPS) for case in CASES)
 
 
 def test_cases_are_chosen_by_name_or_group():
-    assert [case.name for case in choose(["gap_60s", "F6", "gap_60s"])] == ["gyro_bias_step_5dps", "gap_60s"]
-    assert choose(["F9"]) == []
+    chosen = choose(["gap_60s", "F6", "gap_60s"], CASES, GROUPS)
+    assert [case.name for case in chosen] == ["gyro_bias_step_5dps", "gap_60s"]
+    assert choose(["F9"], CASES, GROUPS) == []
     with pytest.raises(ParameterError, match="there is no case or group 'gap_9s'; groups are F1"):
-        choose(["gap_9s"])
+        choose(["gap_9s"], CASES, GROUPS)
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", (*CASES, *SECOND), ids=lambda case: case.name)
 def test_outside_the_fault_the_stream_is_the_clean_one(case):
     """The same noise too; a case of its own motion is compared with that motion."""
     damaged, clean = case.stream(), record(case.motion, case.length)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from benchmarks.harness.battery import ApiVerdict, child, run_battery
-from benchmarks.harness.contender import OurFilter
-from benchmarks.harness.fault_cases import CASES, choose
+from benchmarks.harness.contender import OurFilter, contender_of
+from benchmarks.harness.fault_cases import CASES, GROUPS, choose
 from benchmarks.harness.fault_scene import USUAL, record
 from benchmarks.harness.faults import listen, measure_faults
 from benchmarks.harness.peers import peers
@@ -24,7 +24,7 @@ def ours(name, **params):
 
 
 def measured(contender, *names):
-    return measure_faults([contender], choose(names), arguments=False).verdicts[contender.name]
+    return measure_faults([contender], choose(names, CASES, GROUPS), arguments=False).verdicts[contender.name]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def some():
         "gap_60s",
         "start_clean",
     ]
-    return measure_faults([ours("integrate"), ours("mahony")], choose(names), arguments=False)
+    return measure_faults([ours("integrate"), ours("mahony")], choose(names, CASES, GROUPS), arguments=False)
 
 
 @pytest.mark.parametrize("name", ["integrate", "mahony"])
@@ -91,6 +91,16 @@ def test_clean_errors_have_the_size_of_the_bias(some):
 def test_parameters_reach_the_filter():
     without = measured(ours("mahony", mag=False), "huge1e30_mag_1")["huge1e30_mag_1"]
     assert without.peak_deg == 0.0
+
+
+def test_the_smoother_takes_part_without_a_lag():
+    smoother = contender_of(Stage("smoother", {}))
+    found = measured(smoother, "nan_gyr_1", "dt_nan_1", "dt_clock_jump_1e6s", "reordered_pairs_1s")
+    assert {one.verdict for one in found.values()} <= {Verdict.OK, Verdict.FLAGGED}
+    assert "gyr-absent" in found["nan_gyr_1"].flags
+    assert "time-fault" in found["dt_nan_1"].flags
+    assert "gap" in found["dt_clock_jump_1e6s"].flags
+    assert "time-fault" in found["reordered_pairs_1s"].flags
 
 
 def test_text_names_every_case_and_contender(some):
