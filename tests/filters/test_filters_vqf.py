@@ -11,6 +11,7 @@ from plumbob.core._jit import jit_disabled
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.filters import vqf
+from plumbob.filters.input_checks import UNKNOWN_CHANGE
 from plumbob.filters.layout import BIAS
 from plumbob.filters.vqf import FORGET, FORGET_RATE, REJECT_SLOW, Params
 from plumbob.rotations import (
@@ -259,6 +260,63 @@ class TestBias:
         assert not found[:3000].any()
         assert found[3000:4500].any()
         assert np.abs(track.bias_b[-1] - jump[-1]).max() < dps(1.0)
+
+
+class TestMissing:
+    def test_angles_add_up_while_the_rate_is_missing_and_their_squares_after(self):
+        x, c = np.zeros(Filter("vqf", frame=Frame.ENU)._x.size), np.zeros(20)
+        c[vqf.TAU_ACC] = 3.0
+        for missed in (0.01, 0.02, 0.0, 0.04, 0.0):
+            assert not vqf.miss(x, missed)
+        assert x[vqf.MISSED] == 0.0
+        assert x[vqf.MISSED2] == pytest.approx(0.03**2 + 0.04**2, rel=1e-12)
+        vqf.make_up(c, x, 3.0)
+        assert x[vqf.MISSED2] == pytest.approx(0.05**2 * math.exp(-2.0), rel=1e-12)
+        assert vqf.miss(x, deg(3.0))
+
+    def test_rows_without_values_do_not_start_it_again(self):
+        """5 % of the rows: of one, 20 rad/s² · (10 ms)² = 0.1° is missed, of 15 in 3 s 0.4°; all of them are 35°.
+
+        Of two rows in turn 0.3° is missed, of three 0.7°, so that 3° take five in turn: once in 3 million.
+        """
+        data, q = consistent(6000)
+        lost = np.random.default_rng(0).random(6000) < 0.05
+        lost[:10] = False
+        assert np.degrees(UNKNOWN_CHANGE * 0.01**2) * lost.sum() > 30.0
+        damaged = {name: np.where(lost[:, np.newaxis], np.nan, getattr(data, name)) for name in ("gyr", "acc", "mag")}
+        start = {"frame": Frame.ENU, "init": q[0]}
+        track = Filter("vqf", **start).process(ImuData(t=data.t, **damaged))
+        assert not (track.flags & flags.NOT_CONVERGED).any()
+        whole = Filter("vqf", **start).process(data)
+        assert np.degrees(quat_angle(track.q_nb, whole.q_nb)).max() < 4 * 0.4
+
+    @pytest.mark.parametrize(("rows", "again"), [(4, False), (8, True)])
+    def test_a_longer_hole_does(self, rows, again):
+        """Of n rows in turn 20 rad/s² · (10 ms)² · n (n + 1)/2 is missed: 1.1° of 4, 4.1° of 8; the limit is 3°."""
+        data, q = consistent(2000)
+        gyr = data.gyr.copy()
+        gyr[1000 : 1000 + rows] = np.nan
+        moved = ImuData(t=data.t, gyr=gyr, acc=data.acc, mag=data.mag)
+        track = Filter("vqf", frame=Frame.ENU, init=q[0]).process(moved)
+        assert (track.flags & flags.NOT_CONVERGED).any() == again
+
+    def test_streams_in_alternate_rows_show_rest(self):
+        """No specific force has a rate beside it; the one of the row before, 5 ms ago, is as good."""
+        n = 4000
+        data = at_pose(np.arange(n) / 200.0)
+        bias = dps(1.0) * np.array([1.0, -1.0, 1.0])
+        alternates = alive(2 * n)[np.arange(n) // 2]  # in each stream
+        odd = (np.arange(n) % 2 == 1)[:, np.newaxis]
+        apart = ImuData(
+            t=data.t,
+            gyr=np.where(odd, np.nan, bias + alternates),
+            acc=np.where(odd, data.acc + alternates, np.nan),
+            mag=np.where(odd, np.nan, data.mag + alternates),
+        )
+        track = Filter("vqf", frame=Frame.ENU, init=POSE).process(apart)
+        assert not (track.flags & flags.NOT_CONVERGED).any()
+        assert (track.flags[1000:] & flags.AT_REST != 0)[1::2].all()
+        assert np.abs(track.bias_b[-1] - bias).max() < dps(0.01)
 
 
 def noisy_tumbling(rate, seed, seconds=60.0):

@@ -22,9 +22,9 @@ P              x[COV]          rad²/s²   its covariance, upper triangle
 Departures from [Laidig2023]: the low-passes are exact for any step (the paper's are bilinear and want equal steps), and
 so are all other time constants; sensors may be absent, at any rate; what the bias is learned from in motion is limited
 in length, not axis by axis, so that no heading is special. Added: stuck, clipped and jumping sensors are kept out;
-where the rate was unknown for long enough to matter, horizon and heading begin again as at the start; a smoothed
-specific force that is not g is not followed for a while; a bias that jumps is noticed by the corrections that it keeps
-calling for.
+where the rate was unknown for long enough to matter, horizon and heading begin again as at the start, and what was
+missed before counts less as the horizon is corrected; a smoothed specific force that is not g is not followed for a
+while; a bias that jumps is noticed by the corrections that it keeps calling for.
 """
 
 import math
@@ -40,6 +40,7 @@ from plumbob.filters.field import FIELD_SIZE, disturbed
 from plumbob.filters.input_checks import (
     GRAVITY_SIZE,
     GUARD_SIZE,
+    HOLD,
     JUMP_SD,
     LEAN,
     LEAN_TAU,
@@ -55,6 +56,7 @@ from plumbob.filters.layout import (
     BLIND,
     COUNT,
     HEADED,
+    HELD,
     LEVEL,
     NORTH_X,
     NORTH_Y,
@@ -100,11 +102,12 @@ MAG_AGE: Final = OWN + 52  # since the last field, s
 FIRST_GAIN: Final = OWN + 53  # gain of the heading at the start: 1, 1/2, 1/3 … then 0
 REJECTED: Final = OWN + 54  # for how long the field has been rejected, s
 GATED: Final = OWN + 55  # for how long the horizon has been, s
-MISSED: Final = OWN + 56  # angle that may have been missed, rad
-LEANING: Final = OWN + 57  # mean level specific force, x and y, m/s², 2
-QUIET: Final = OWN + 59  # since the averages began, s
-ALARMED: Final = OWN + 60  # for how long a bias that has jumped is learned in haste, s
-REST: Final = OWN + 61
+MISSED: Final = OWN + 56  # angle that may have been missed since the rate was last known, rad
+MISSED2: Final = OWN + 57  # square of what was missed before, rad²
+LEANING: Final = OWN + 58  # mean level specific force, x and y, m/s², 2
+QUIET: Final = OWN + 60  # since the averages began, s
+ALARMED: Final = OWN + 61  # for how long a bias that has jumped is learned in haste, s
+REST: Final = OWN + 62
 GRAVITY: Final = REST + REST_SIZE
 FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
@@ -124,8 +127,8 @@ GATE_FOR: Final = 15.0
 """It is not followed for so long, s."""
 REST_BIAS: Final = dps(2.0)
 """A mean rate beyond this, rad/s, is a slow turn and no rest."""
-MISSED_LIMIT: Final = deg(3.0)
-"""Where the attitude may be off by more than this, rad, it begins again."""
+MISSED_LIMIT2: Final = deg(3.0) ** 2
+"""Where the attitude may be off by more than the root of this, rad², it begins again."""
 LEAN_AFTER: Final = 5.0
 """A horizon that leans is not looked for within this of a new start, s."""
 HASTE: Final = 0.05
@@ -187,7 +190,7 @@ def begin(c: Floats, x: Floats) -> None:
 @njit
 def average_anew(c: Floats, x: Floats) -> None:
     """Follow the next specific force at once, then the mean, then the low-pass; and so the heading."""
-    x[LOOKS], x[LOOKED], x[GATED], x[MISSED] = 0.0, 0.0, 0.0, 0.0
+    x[LOOKS], x[LOOKED], x[GATED], x[MISSED], x[MISSED2] = 0.0, 0.0, 0.0, 0.0, 0.0
     x[LEANING], x[LEANING + 1], x[QUIET] = 0.0, 0.0, 0.0
     x[FIRST_GAIN], x[REJECTED] = 1.0, c[REJECT]
 
@@ -206,6 +209,29 @@ def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
     e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))  # [Laidig2023]
     q0, q1, q2, q3 = quat_mul(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], e0, e1, e2, e3)
     x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3] = quat_unit(q0, q1, q2, q3)
+
+
+@njit
+def miss(x: Floats, missed: float) -> bool:
+    """Count an angle that may have been missed, rad; returns whether all of it is too much.
+
+    While the rate is not known, angles add up; those of one time and another are independent, and their squares do.
+    """
+    if missed > 0.0:
+        x[MISSED] += missed
+    elif x[MISSED] > 0.0:
+        x[MISSED2] += x[MISSED] * x[MISSED]
+        x[MISSED] = 0.0
+    return bool(x[MISSED] * x[MISSED] + x[MISSED2] > MISSED_LIMIT2)
+
+
+@njit
+def make_up(c: Floats, x: Floats, dt: float) -> None:
+    """What was missed decays as the horizon is corrected."""
+    if x[MISSED] + x[MISSED2] > 0.0:
+        kept = math.exp(-dt / c[TAU_ACC])
+        x[MISSED] *= kept
+        x[MISSED2] *= kept * kept
 
 
 @njit
@@ -388,7 +414,7 @@ def leans(x: Floats, dt: float, ax: float, ay: float, az: float) -> bool:
 def follow_gravity(
     c: Floats, x: Floats, held: bool, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
 ) -> int:
-    """Turn level, and learn the bias; the rate is only looked at for rest, and not where it was held."""
+    """Turn level, and learn the bias; the rate is only looked at for rest, and not where it was held for long."""
     dt, x[ACC_AGE] = x[ACC_AGE], 0.0
     if held:
         gx = math.nan
@@ -407,6 +433,7 @@ def follow_gravity(
     blur(x, first)
     if not followed:
         return flags.ACC_GATED
+    make_up(c, x, dt)
     if dt == 0.0 or x[LOOKS] == 1.0:
         return found
     grown = drift(c, x, dt)
@@ -456,15 +483,15 @@ def step(
     if x[COUNT] == 1.0 or x[STAGE] == BLIND:
         found |= start(c, x, ax, ay, az, mx, my, mz)
     turn(x, dt, gx, gy, gz)
-    x[MISSED] += missed
-    if x[MISSED] > MISSED_LIMIT:
+    if miss(x, missed):
         found |= flags.NOT_CONVERGED
         if may_be_gravity(ax, ay, az):
             average_anew(c, x)
     x[ACC_AGE] += dt
     x[MAG_AGE] += dt
     if x[STAGE] >= LEVEL and usable(ax, ay, az):
-        found |= follow_gravity(c, x, found & flags.GYR_HELD != 0, gx, gy, gz, ax, ay, az)
+        held = found & flags.GYR_HELD != 0 and not 0.0 < x[HELD] <= HOLD  # one that is missing for a moment goes on
+        found |= follow_gravity(c, x, held, gx, gy, gz, ax, ay, az)
     else:
         found |= refused(flags.ACC_GATED, ax, ay, az)
     q0, q1, q2, q3 = quat_mul(
