@@ -11,13 +11,15 @@ from plumbob.core._jit import jit_disabled
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.filters import vqf
+from plumbob.filters.input_checks import UNKNOWN_CHANGE
 from plumbob.filters.layout import BIAS
-from plumbob.filters.vqf import FORGET, FORGET_RATE, REJECT_SLOW, Params
+from plumbob.filters.vqf import FORGET, FORGET_RATE, REJECT_SLOW, REST_BAND, SEEN_TURN2, Params
 from plumbob.rotations import (
     euler_zyx_from_quat,
     quat_angle,
     quat_conjugate,
     quat_from_euler_zyx,
+    quat_from_rotvec,
     quat_multiply,
     quat_rotate,
 )
@@ -259,6 +261,176 @@ class TestBias:
         assert not found[:3000].any()
         assert found[3000:4500].any()
         assert np.abs(track.bias_b[-1] - jump[-1]).max() < dps(1.0)
+
+
+class TestMissing:
+    def test_angles_add_up_while_the_rate_is_missing_and_their_squares_after(self):
+        x, c = np.zeros(Filter("vqf", frame=Frame.ENU)._x.size), np.zeros(20)
+        c[vqf.TAU_ACC] = 3.0
+        for missed in (0.01, 0.02, 0.0, 0.04, 0.0):
+            assert not vqf.miss(x, missed)
+        assert x[vqf.MISSED] == 0.0
+        assert x[vqf.MISSED2] == pytest.approx(0.03**2 + 0.04**2, rel=1e-12)
+        vqf.make_up(c, x, 3.0)
+        assert x[vqf.MISSED2] == pytest.approx(0.05**2 * math.exp(-2.0), rel=1e-12)
+        assert vqf.miss(x, deg(3.0))
+
+    def test_rows_without_values_do_not_start_it_again(self):
+        """5 % of the rows: of one, 20 rad/s² · (10 ms)² = 0.1° is missed, of 15 in 3 s 0.4°; all of them are 35°.
+
+        Of two rows in turn 0.3° is missed, of three 0.7°, so that 3° take five in turn: once in 3 million.
+        """
+        data, q = consistent(6000)
+        lost = np.random.default_rng(0).random(6000) < 0.05
+        lost[:10] = False
+        assert np.degrees(UNKNOWN_CHANGE * 0.01**2) * lost.sum() > 30.0
+        damaged = {name: np.where(lost[:, np.newaxis], np.nan, getattr(data, name)) for name in ("gyr", "acc", "mag")}
+        start = {"frame": Frame.ENU, "init": q[0]}
+        track = Filter("vqf", **start).process(ImuData(t=data.t, **damaged))
+        assert not (track.flags & flags.NOT_CONVERGED).any()
+        whole = Filter("vqf", **start).process(data)
+        assert np.degrees(quat_angle(track.q_nb, whole.q_nb)).max() < 4 * 0.4
+
+    @pytest.mark.parametrize(("rows", "again"), [(4, False), (8, True)])
+    def test_a_longer_hole_does(self, rows, again):
+        """Of n rows in turn 20 rad/s² · (10 ms)² · n (n + 1)/2 is missed: 1.1° of 4, 4.1° of 8; the limit is 3°."""
+        data, q = consistent(2000)
+        gyr = data.gyr.copy()
+        gyr[1000 : 1000 + rows] = np.nan
+        moved = ImuData(t=data.t, gyr=gyr, acc=data.acc, mag=data.mag)
+        track = Filter("vqf", frame=Frame.ENU, init=q[0]).process(moved)
+        assert (track.flags & flags.NOT_CONVERGED).any() == again
+
+    def test_streams_in_alternate_rows_show_rest(self):
+        """No specific force has a rate beside it; the one of the row before, 5 ms ago, is as good."""
+        n = 4000
+        data = at_pose(np.arange(n) / 200.0)
+        bias = dps(1.0) * np.array([1.0, -1.0, 1.0])
+        alternates = alive(2 * n)[np.arange(n) // 2]  # in each stream
+        odd = (np.arange(n) % 2 == 1)[:, np.newaxis]
+        apart = ImuData(
+            t=data.t,
+            gyr=np.where(odd, np.nan, bias + alternates),
+            acc=np.where(odd, data.acc + alternates, np.nan),
+            mag=np.where(odd, np.nan, data.mag + alternates),
+        )
+        track = Filter("vqf", frame=Frame.ENU, init=POSE).process(apart)
+        assert not (track.flags & flags.NOT_CONVERGED).any()
+        assert (track.flags[1000:] & flags.AT_REST != 0)[1::2].all()
+        assert np.abs(track.bias_b[-1] - bias).max() < dps(0.01)
+
+
+UP = np.array([0.0, 0.0, 1.0])
+DIP_SHARE = np.hypot(*FIELD_ENU[:2]) / np.linalg.norm(FIELD_ENU)
+"""A turn about the vertical turns the field's direction by this of its angle."""
+
+
+class TestSlowTurns:
+    def run(self, parts, *, mag=True, bias=0.0):
+        """Parts are seconds and a turn about an axis of the navigation frame, °/s; returns the track and the truth."""
+        rates = np.repeat(
+            [dps(1.0) * np.asarray(rate, float) for _, rate in parts], [100 * s for s, _ in parts], axis=0
+        )
+        n = len(rates)
+        q = np.empty((n, 4))
+        at = POSE
+        for i, step in enumerate(quat_from_rotvec(rates / 100.0)):
+            at = quat_multiply(step, at)
+            q[i] = at
+        seen = seen_by(q, Frame.ENU)
+        data = ImuData(
+            t=np.arange(n) / 100.0,
+            gyr=quat_rotate(quat_conjugate(q), rates) + bias + alive(n),
+            acc=seen["acc"] + alive(n),
+            mag=seen["mag"] + alive(n) if mag else None,
+        )
+        return Filter("vqf", frame=Frame.ENU, init=q[0]).process(data), q
+
+    @pytest.mark.parametrize("size", [1.0, 2.5, 6.0])
+    @pytest.mark.parametrize("mag", [False, True])
+    def test_after_a_rest_a_turn_is_not_the_bias(self, size, mag):
+        """110 s about the vertical; with its bias learned from it, 1 °/s would be 110° without a magnetometer.
+
+        Until the mean rate, which lags by 0.5 s, has left the band of (0.2 + 3 · 0.03) °/s, it is rest: for 0.35 s at
+        1 °/s. At rest the bias follows in τ = level²/growth = 9 s, so by 0.29 · 0.35/9 °/s: 1.2° in 110 s.
+        """
+        track, q = self.run([(30, 0.0 * UP), (110, size * UP)], mag=mag)
+        resting = (track.flags & flags.AT_REST) != 0
+        assert resting[200:3000].all()
+        assert not resting[3050:].any()
+        assert np.degrees(quat_angle(track.q_nb, q)).max() < 1.2
+
+    @pytest.mark.parametrize(("axis", "mag"), [(UP, True), (np.array([1.0, 0.0, 0.0]), False)])
+    def test_from_the_start_gravity_or_the_field_shows_it(self, axis, mag):
+        """5 °/s is no bias for the first 12 s: 60° of turn, of which gravity shows all, or the field 42 %."""
+        track, _ = self.run([(12, 5.0 * axis)], mag=mag)
+        assert not (track.flags & (flags.AT_REST | flags.INCONSISTENT)).any()
+        assert np.abs(track.bias_b).max() < dps(0.5)
+
+    @pytest.mark.parametrize("size", [3.0, 6.0, 9.0])
+    def test_at_rest_a_large_bias_is_learned_as_soon_as_gravity_and_field_would_have_turned(self, size):
+        """6 °/s is twelve standard deviations at the start: a contradiction, then learned.
+
+        Before rest begins, motion's looks weigh 0.375 of the start's knowledge: up to 27 % of the bias is learned.
+        """
+        bias = dps(size) * np.array([1.0, -1.0, 1.0])
+        seen = seen_by(POSE, Frame.ENU).values()
+        turns = math.sqrt(sum(np.sum(np.cross(bias, u) ** 2) / np.sum(u**2) for u in seen))
+        expected = math.sqrt(SEEN_TURN2) / turns
+        track, _ = self.run([(20, 0.0 * UP)], bias=bias)
+        at = np.flatnonzero(track.flags & flags.AT_REST)[0]
+        assert expected < track.t[at] - Params().rest_after < 1.375 * expected + 0.02
+        assert np.flatnonzero(track.flags & flags.INCONSISTENT).tolist() == [at]
+        assert np.abs(track.bias_b[at + 100 :] - bias).max() < 0.01 * dps(size)
+
+    @pytest.mark.parametrize("size", [0.8, 1.2, 1.9])
+    def test_at_rest_a_bias_that_jumps_about_the_vertical_is_seen_by_the_field(self, size):
+        """A turn by 5°/0.42 would have turned the field by 5°: at 1.9 °/s after 6.2 s, and it did not.
+
+        The mean rate lags by 0.5 s; smaller jumps than `rest_rate` do not end the rest.
+        """
+        jump = np.outer(np.arange(6000) >= 3000, dps(size) * quat_rotate(quat_conjugate(POSE), UP))
+        track, _ = self.run([(60, 0.0 * UP)], bias=jump)
+        at = np.flatnonzero(track.flags & flags.INCONSISTENT)
+        expected = math.sqrt(SEEN_TURN2) / (DIP_SHARE * dps(size))
+        assert at.size == 1
+        assert expected < track.t[at[0]] - 30.0 < expected + 0.7
+        assert np.abs(track.bias_b[-1] - jump[-1]).max() < dps(0.01)
+
+    def test_without_a_field_it_could_be_a_turn(self):
+        jump = np.outer(np.arange(6000) >= 3000, dps(2.0) * quat_rotate(quat_conjugate(POSE), UP))
+        track, _ = self.run([(60, 0.0 * UP)], mag=False, bias=jump)
+        assert not (track.flags & flags.INCONSISTENT).any()
+        assert np.abs(track.bias_b[-1]).max() < REST_BAND
+
+    def test_gravity_that_shows_a_bias_about_a_level_axis_says_nothing_of_the_vertical(self):
+        """1 °/s beside a turn of 5 °/s about the vertical.
+
+        In motion 7/(7 + t/s) of the bias is left (see `TestBias`), so that in 8 s gravity would have turned by the
+        5° that count, and did not; but the turn is 40°.
+        """
+        level = quat_rotate(quat_conjugate(POSE), [dps(1.0), 0.0, 0.0])
+        track, _ = self.run([(60, 5.0 * UP)], mag=False, bias=level)
+        assert not (track.flags & (flags.AT_REST | flags.INCONSISTENT)).any()
+
+    @pytest.mark.parametrize(("seconds", "yields"), [(3, True), (20, False)])
+    def test_a_bias_from_a_short_rest_yields_to_a_longer_one(self, seconds, yields):
+        """A hand that turns by 1 °/s for 3 s, at first; what has lasted for more than 10 s is believed."""
+        track, _ = self.run([(seconds, 1.0 * UP), (30, 0.0 * UP)], mag=False)
+        turned = quat_rotate(quat_conjugate(POSE), UP)
+        assert (track.bias_b[100 * seconds] @ turned) == pytest.approx(dps(1.0), rel=0.1)
+        assert (np.abs(track.bias_b[-1]).max() < dps(0.01)) == yields
+
+    def test_what_is_seen_of_a_turn(self):
+        """A vector that is turned, or stays; all of the turn, or none. The sine of 3° is its angle within 0.05 %."""
+        x = np.zeros(Filter("vqf", frame=Frame.ENU)._x.size)
+        u, turn = np.array([1.0, -2.0, 3.0]), deg(3.0) * np.array([0.6, 0.0, 0.8])
+        x[vqf.STOOD : vqf.STOOD + 3], x[vqf.STOOD_FIELD : vqf.STOOD_FIELD + 3] = turn, u
+        whole, part = vqf.seen_turn(x, vqf.STOOD_FIELD, *quat_rotate(quat_conjugate(quat_from_rotvec(turn)), u))
+        sine = np.linalg.norm(np.cross(u, turn)) / np.linalg.norm(u)
+        assert whole == pytest.approx(sine**2, rel=1e-12)
+        assert part == pytest.approx(whole, rel=1e-3)
+        assert vqf.seen_turn(x, vqf.STOOD_FIELD, *u) == (whole, 0.0)
 
 
 def noisy_tumbling(rate, seed, seconds=60.0):

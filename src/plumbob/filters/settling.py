@@ -110,6 +110,12 @@ def mean_rate(x: Floats, at: int) -> Vec:
 
 
 @njit
+def mean_force(x: Floats, at: int) -> Vec:
+    """Smoothed specific force, m/s²."""
+    return x[at + _FORCE], x[at + _FORCE + 2], x[at + _FORCE + 4]
+
+
+@njit
 def mean_speed(x: Floats, at: int) -> float:
     """Size of the smoothed rate, rad/s."""
     wx, wy, wz = mean_rate(x, at)

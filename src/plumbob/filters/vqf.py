@@ -21,10 +21,17 @@ P              x[COV]          rad²/s²   its covariance, upper triangle
 
 Departures from [Laidig2023]: the low-passes are exact for any step (the paper's are bilinear and want equal steps), and
 so are all other time constants; sensors may be absent, at any rate; what the bias is learned from in motion is limited
-in length, not axis by axis, so that no heading is special. Added: stuck, clipped and jumping sensors are kept out;
-where the rate was unknown for long enough to matter, horizon and heading begin again as at the start; a smoothed
+in length, not axis by axis, so that no heading is special; a steady rate is rest where it is near the bias, for what is
+known of it, or where gravity and the field are seen to stand still (the paper's is rest up to the largest bias).
+Added: stuck, clipped and jumping sensors are kept out; where the rate was unknown for long enough to matter, horizon
+and heading begin again as at the start, and what was missed before counts less as the horizon is corrected; a smoothed
 specific force that is not g is not followed for a while; a bias that jumps is noticed by the corrections that it keeps
-calling for.
+calling for, and at rest by gravity and a field that do not turn.
+
+A slow turn whose rate is within what is known of the bias, at the start up to 1.7 °/s, is still taken for rest. With a
+magnetometer the heading is then late by the rate times tau_mag, or twice that, and the bias is put right when the turn
+ends. Without one, about the vertical, it is put right by a rest that is longer, or, after 10 s of such a turn, only
+when the bias has become uncertain again.
 """
 
 import math
@@ -40,6 +47,7 @@ from plumbob.filters.field import FIELD_SIZE, disturbed
 from plumbob.filters.input_checks import (
     GRAVITY_SIZE,
     GUARD_SIZE,
+    HOLD,
     JUMP_SD,
     LEAN,
     LEAN_TAU,
@@ -55,6 +63,7 @@ from plumbob.filters.layout import (
     BLIND,
     COUNT,
     HEADED,
+    HELD,
     LEVEL,
     NORTH_X,
     NORTH_Y,
@@ -66,9 +75,18 @@ from plumbob.filters.layout import (
     kept_weights,
     smooth,
 )
-from plumbob.filters.settling import REST_SIZE, RestAfter, RestForce, RestRate, at_rest, mean_rate, mean_speed
+from plumbob.filters.settling import (
+    REST_SIZE,
+    RestAfter,
+    RestForce,
+    RestRate,
+    at_rest,
+    mean_force,
+    mean_rate,
+    mean_speed,
+)
 from plumbob.filters.start import angle_to, has_heading, initialise, upright
-from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate
+from plumbob.rotations.kernels import cross, quat_exp, quat_mul, quat_unit, rotate
 
 SUMMARY: Final = "versatile quaternion-based filter (Laidig and Seel 2023), own writing, guarded against bad input"
 REFERENCES: Final = ("Laidig2023",)
@@ -100,11 +118,18 @@ MAG_AGE: Final = OWN + 52  # since the last field, s
 FIRST_GAIN: Final = OWN + 53  # gain of the heading at the start: 1, 1/2, 1/3 … then 0
 REJECTED: Final = OWN + 54  # for how long the field has been rejected, s
 GATED: Final = OWN + 55  # for how long the horizon has been, s
-MISSED: Final = OWN + 56  # angle that may have been missed, rad
-LEANING: Final = OWN + 57  # mean level specific force, x and y, m/s², 2
-QUIET: Final = OWN + 59  # since the averages began, s
-ALARMED: Final = OWN + 60  # for how long a bias that has jumped is learned in haste, s
-REST: Final = OWN + 61
+MISSED: Final = OWN + 56  # angle that may have been missed since the rate was last known, rad
+MISSED2: Final = OWN + 57  # square of what was missed before, rad²
+LEANING: Final = OWN + 58  # mean level specific force, x and y, m/s², 2
+QUIET: Final = OWN + 60  # since the averages began, s
+ALARMED: Final = OWN + 61  # for how long a bias that has jumped is learned in haste, s
+STOOD: Final = OWN + 62  # since the body was last seen to stand: its turn, if the rate is one, rad, 3;
+STOOD_FOR: Final = OWN + 65  # the time, s; and then
+STOOD_FORCE: Final = OWN + 66  # the mean specific force, m/s², 3,
+STOOD_FIELD: Final = OWN + 69  # and the field, µT, 3
+LATEST: Final = OWN + 72  # last field in body axes, µT, 3
+RESTED: Final = OWN + 75  # for how long rest has shown the bias, s
+REST: Final = OWN + 76
 GRAVITY: Final = REST + REST_SIZE
 FIELD: Final = GRAVITY + GRAVITY_SIZE
 GUARD: Final = FIELD + FIELD_SIZE
@@ -122,10 +147,18 @@ GATE_BAND: Final = 0.08 * G0
 """A smoothed specific force farther from g than this, m/s², is not gravity alone."""
 GATE_FOR: Final = 15.0
 """It is not followed for so long, s."""
-REST_BIAS: Final = dps(2.0)
-"""A mean rate beyond this, rad/s, is a slow turn and no rest."""
-MISSED_LIMIT: Final = deg(3.0)
-"""Where the attitude may be off by more than this, rad, it begins again."""
+REST_BAND: Final = dps(0.2)
+"""A steady rate is rest where it is this near to the bias, rad/s, and three standard deviations, or"""
+SEEN_TURN2: Final = deg(5.0) ** 2
+"""where gravity and field stand, and a turn would have moved them by the root of this, rad²,"""
+SEEN_SHARE2: Final = 0.05
+"""and by the root of this of its angle, so that it is not one about gravity alone; or"""
+PROVEN_REST: Final = 10.0
+"""where it lasts longer than the rest that showed the bias, if that was shorter than this, s: a hand may turn so."""
+FRESH: Final = 1.0
+"""A field is that of now for so long, s."""
+MISSED_LIMIT2: Final = deg(3.0) ** 2
+"""Where the attitude may be off by more than the root of this, rad², it begins again."""
 LEAN_AFTER: Final = 5.0
 """A horizon that leans is not looked for within this of a new start, s."""
 HASTE: Final = 0.05
@@ -187,7 +220,7 @@ def begin(c: Floats, x: Floats) -> None:
 @njit
 def average_anew(c: Floats, x: Floats) -> None:
     """Follow the next specific force at once, then the mean, then the low-pass; and so the heading."""
-    x[LOOKS], x[LOOKED], x[GATED], x[MISSED] = 0.0, 0.0, 0.0, 0.0
+    x[LOOKS], x[LOOKED], x[GATED], x[MISSED], x[MISSED2] = 0.0, 0.0, 0.0, 0.0, 0.0
     x[LEANING], x[LEANING + 1], x[QUIET] = 0.0, 0.0, 0.0
     x[FIRST_GAIN], x[REJECTED] = 1.0, c[REJECT]
 
@@ -206,6 +239,29 @@ def turn(x: Floats, dt: float, gx: float, gy: float, gz: float) -> None:
     e0, e1, e2, e3 = quat_exp(dt * (gx - x[BIAS]), dt * (gy - x[BIAS + 1]), dt * (gz - x[BIAS + 2]))  # [Laidig2023]
     q0, q1, q2, q3 = quat_mul(x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3], e0, e1, e2, e3)
     x[GYRO], x[GYRO + 1], x[GYRO + 2], x[GYRO + 3] = quat_unit(q0, q1, q2, q3)
+
+
+@njit
+def miss(x: Floats, missed: float) -> bool:
+    """Count an angle that may have been missed, rad; returns whether all of it is too much.
+
+    While the rate is not known, angles add up; those of one time and another are independent, and their squares do.
+    """
+    if missed > 0.0:
+        x[MISSED] += missed
+    elif x[MISSED] > 0.0:
+        x[MISSED2] += x[MISSED] * x[MISSED]
+        x[MISSED] = 0.0
+    return bool(x[MISSED] * x[MISSED] + x[MISSED2] > MISSED_LIMIT2)
+
+
+@njit
+def make_up(c: Floats, x: Floats, dt: float) -> None:
+    """What was missed decays as the horizon is corrected."""
+    if x[MISSED] + x[MISSED2] > 0.0:
+        kept = math.exp(-dt / c[TAU_ACC])
+        x[MISSED] *= kept
+        x[MISSED2] *= kept * kept
 
 
 @njit
@@ -289,6 +345,77 @@ def learn_resting(c: Floats, x: Floats, grown: float) -> None:
     look(x, 1.0, 0.0, 0.0, mx - x[BIAS], var, limit)
     look(x, 0.0, 1.0, 0.0, my - x[BIAS + 1], var, limit)
     look(x, 0.0, 0.0, 1.0, mz - x[BIAS + 2], var, limit)
+
+
+@njit
+def like(d: float, var: float) -> bool:
+    """True where two rates differ by no more than the band and three standard deviations."""
+    beyond = abs(d) - REST_BAND
+    return not (beyond > 0.0 and beyond * beyond > 9.0 * var)
+
+
+@njit
+def stand(x: Floats) -> None:
+    """Keep gravity and the field as they are now, to see whether they turn."""
+    x[STOOD], x[STOOD + 1], x[STOOD + 2], x[STOOD_FOR] = 0.0, 0.0, 0.0, 0.0
+    x[STOOD_FORCE], x[STOOD_FORCE + 1], x[STOOD_FORCE + 2] = mean_force(x, REST)
+    known = 1.0 if x[MAG_AGE] < FRESH else 0.0
+    for k in range(3):
+        x[STOOD_FIELD + k] = known * x[LATEST + k]
+
+
+@njit
+def seen_turn(x: Floats, then: int, nx: float, ny: float, nz: float) -> tuple[float, float]:
+    """Square of the angle, rad², by which a turn would have moved a vector that is now n, and how much of it is seen.
+
+    A vector u that stands in space moves by u × φ in body axes while they turn by φ.
+    """
+    ux, uy, uz = x[then], x[then + 1], x[then + 2]
+    size2 = ux * ux + uy * uy + uz * uz
+    if not size2 > 0.0:
+        return 0.0, 0.0
+    vx, vy, vz = cross(ux, uy, uz, x[STOOD], x[STOOD + 1], x[STOOD + 2])
+    whole = vx * vx + vy * vy + vz * vz
+    return whole / size2, (vx * (nx - ux) + vy * (ny - uy) + vz * (nz - uz)) / size2
+
+
+@njit
+def rests(c: Floats, x: Floats, dt: float) -> int:
+    """Flags of a steady rate: of rest, or none where it may be a slow turn.
+
+    A rate that is not like the bias may be a bias that has jumped. If gravity and the field would have turned by
+    enough, they show it. A turn about gravity, without a field, is not seen: the bias stays, unless it was learned in
+    a short rest, for that may have been a slow turn itself.
+    """
+    mx, my, mz = mean_rate(x, REST)
+    ex, ey, ez = mx - x[BIAS], my - x[BIAS + 1], mz - x[BIAS + 2]
+    if like(ex, x[COV]) and like(ey, x[COV + 3]) and like(ez, x[COV + 5]):
+        stand(x)
+        x[RESTED] += dt
+        return flags.AT_REST
+    x[STOOD] += dt * ex
+    x[STOOD + 1] += dt * ey
+    x[STOOD + 2] += dt * ez
+    x[STOOD_FOR] += dt
+    fx, fy, fz = mean_force(x, REST)
+    whole, part = seen_turn(x, STOOD_FORCE, fx, fy, fz)
+    if x[MAG_AGE] < FRESH:
+        w, p = seen_turn(x, STOOD_FIELD, x[LATEST], x[LATEST + 1], x[LATEST + 2])
+        whole, part = whole + w, part + p
+    turn2 = x[STOOD] * x[STOOD] + x[STOOD + 1] * x[STOOD + 1] + x[STOOD + 2] * x[STOOD + 2]
+    if whole > max(SEEN_TURN2, SEEN_SHARE2 * turn2):
+        if part > 0.5 * whole:
+            stand(x)
+            return 0
+        reset_bias(x, JUMP_SD)
+        x[RESTED] = 0.0
+        return flags.AT_REST | flags.INCONSISTENT
+    var = c[BIAS_START] * c[BIAS_START]
+    if 0.0 < x[RESTED] < min(x[STOOD_FOR], PROVEN_REST) and like(mx, var) and like(my, var) and like(mz, var):
+        reset_bias(x, c[BIAS_START])
+        x[RESTED] = 0.0
+        return flags.AT_REST
+    return 0
 
 
 @njit
@@ -388,32 +515,36 @@ def leans(x: Floats, dt: float, ax: float, ay: float, az: float) -> bool:
 def follow_gravity(
     c: Floats, x: Floats, held: bool, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
 ) -> int:
-    """Turn level, and learn the bias; the rate is only looked at for rest, and not where it was held."""
+    """Turn level, and learn the bias; the rate is only looked at for rest, and not where it was held for long."""
     dt, x[ACC_AGE] = x[ACC_AGE], 0.0
     if held:
         gx = math.nan
-    resting = at_rest(x, REST, dt, c[REST_RATE], c[REST_FORCE], REST_BIAS, c[REST_AFTER], gx, gy, gz, ax, ay, az)
-    kept_weights(x, WEIGHTS, dt, c[TAU_ACC])
     found = 0
+    if at_rest(x, REST, dt, c[REST_RATE], c[REST_FORCE], c[BIAS_MAX], c[REST_AFTER], gx, gy, gz, ax, ay, az):
+        found = rests(c, x, dt)
+    else:
+        stand(x)
+    kept_weights(x, WEIGHTS, dt, c[TAU_ACC])
     if only_gravity(x, GRAVITY, dt, ax, ay, az) and not held and leans(x, dt, ax, ay, az):
         average_anew(c, x)
         reset_bias(x, JUMP_SD)
         x[ALARMED] = HASTE_FOR
-        found = flags.INCONSISTENT
+        found |= flags.INCONSISTENT
     first = x[LOOKED] < c[TAU_ACC]
     x[LOOKS] += 1.0
     x[LOOKED] += dt
     followed, vx, vy = horizon(c, x, dt, first, ax, ay, az)
     blur(x, first)
     if not followed:
-        return flags.ACC_GATED
+        return found & flags.INCONSISTENT | flags.ACC_GATED
+    make_up(c, x, dt)
     if dt == 0.0 or x[LOOKS] == 1.0:
         return found
     grown = drift(c, x, dt)
-    if resting:
+    if found & flags.AT_REST:
         learn_resting(c, x, grown)
-        return flags.AT_REST
-    learn_moving(c, x, dt, grown, vx, vy)
+    else:
+        learn_moving(c, x, dt, grown, vx, vy)
     return found
 
 
@@ -456,15 +587,15 @@ def step(
     if x[COUNT] == 1.0 or x[STAGE] == BLIND:
         found |= start(c, x, ax, ay, az, mx, my, mz)
     turn(x, dt, gx, gy, gz)
-    x[MISSED] += missed
-    if x[MISSED] > MISSED_LIMIT:
+    if miss(x, missed):
         found |= flags.NOT_CONVERGED
         if may_be_gravity(ax, ay, az):
             average_anew(c, x)
     x[ACC_AGE] += dt
     x[MAG_AGE] += dt
     if x[STAGE] >= LEVEL and usable(ax, ay, az):
-        found |= follow_gravity(c, x, found & flags.GYR_HELD != 0, gx, gy, gz, ax, ay, az)
+        held = found & flags.GYR_HELD != 0 and not 0.0 < x[HELD] <= HOLD  # one that is missing for a moment goes on
+        found |= follow_gravity(c, x, held, gx, gy, gz, ax, ay, az)
     else:
         found |= refused(flags.ACC_GATED, ax, ay, az)
     q0, q1, q2, q3 = quat_mul(
@@ -473,7 +604,7 @@ def step(
     if x[STAGE] >= LEVEL and usable(mx, my, mz):
         hx, hy, hz = rotate(q0, q1, q2, q3, mx, my, mz)
         found |= heading(c, x, x[MAG_AGE], mean_speed(x, REST), hx, hy, hz)
-        x[MAG_AGE] = 0.0
+        x[MAG_AGE], x[LATEST], x[LATEST + 1], x[LATEST + 2] = 0.0, mx, my, mz
     else:
         found |= refused(flags.MAG_GATED, mx, my, mz)
     if x[STAGE] < HEADED:
