@@ -121,7 +121,7 @@ class _Windows:
         best = np.argmin([fit.left for fit in fits], axis=0), np.arange(low.size)
         fit = _Fit(*(np.stack(of)[best] for of in zip(*fits, strict=True)))
         independent = INDEPENDENT * min(1.0, length / WINDOW)
-        good = fit.count > 10.0
+        good = fit.number > 10.0
         info = (np.where(good, independent / np.maximum(fit.left, LEAST_NOISE**2), 0.0))[:, None, None] * fit.normal
         if not long and not _alone(fit, info):
             return None
@@ -197,7 +197,7 @@ class _Fit(NamedTuple):
     size: Floats
     power: Floats
     left: Floats
-    count: Floats
+    number: Floats
 
 
 def _fit(frames: Keyframes, q: Floats, seen: Bools, low: NDArray[np.int64], high: NDArray[np.int64]) -> _Fit:

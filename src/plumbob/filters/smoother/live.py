@@ -26,6 +26,7 @@ from plumbob.data.cards.left import whole_of
 from plumbob.filters.smoother.arriving import Arriving
 from plumbob.filters.smoother.field import (
     APART,
+    LEAST_LEVEL,
     LEAST_TURNING,
     REST_SHARE,
     STEEPEST,
@@ -113,6 +114,22 @@ EAST_SPEED: Final = 2
 NORTH_SPEED: Final = 3
 LEARNED: Final = 4
 
+OTHER: Final = 0  # a field that contradicts the one of the place: its mean, east, north and up, µT
+SEEN: Final = 3  # for how long it stays as it is, s, and by how much the unit has turned in it since, rad
+TURNED: Final = 4
+TAKEN: Final = 5  # whether it has become the one of the place
+BEGAN: Final = 6  # and since when it had been seen, s
+DOUBT: Final = 7  # its azimuth, rad, as long as the field of the place is not seen again
+CONTRARY: Final = 8
+STEADY: Final = 0.5
+"""A field that contradicts one that no turn has proven, and stays for so long, s, may be that of the place as well;"""
+TAKES: Final = deg(30.0)
+"""once the unit has turned in it by this, rad, it is: what surrounds a unit where it lies is not the place."""
+ALIKE: Final = 2.0
+"""It stays as it is within so many spreads of the field."""
+TAKEN_SD: Final = deg(5.0)
+"""The heading is then known to this, rad."""
+
 
 class Field(NamedTuple):
     """The field of the place as the filter takes it: level and vertical part, spread, µT, and white noise, µT²/Hz."""
@@ -164,24 +181,19 @@ def field_weight(mean: Floats, field: Field) -> float:
 def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
     around: Floats, missed: Floats, pushed: Floats, noise: Noise, field: Field, rest_band: float, least_speed: float,
-    attitude: Floats, now: Floats, p: Floats, learned: Floats, against: Floats,
+    proven: bool, attitude: Floats, now: Floats, p: Floats, learned: Floats, against: Floats, other: Floats,
     q: Floats, x: Floats, cov: Floats, kind: NDArray[np.int64], weight: Floats,
 ) -> None:  # fmt: skip
     """Filter on over some keyframes: attitude, state and covariance of the attitude at each, and what each step was.
 
     `attitude`, `now`, `p` and `learned` are those before the first step, and are left as those after the last;
-    `against` is the time for which the unit turned in other fields than that of the place.
+    `against` is the time for which the unit turned in other fields than that of the place, and `other` such a field.
     """
     column, gain, term = np.zeros(SIZE), np.zeros((MEASURED, SIZE)), np.zeros((MEASURED, TERMS))
     f, mean = np.zeros(STEP), np.zeros(MEANS)
     keep(0, attitude, now, p, q, x, cov)
     for k in range(first.size - 1):
-        off2 = 0.0
-        for i in range(3):
-            off2 += (around[k, i] - now[B + i]) ** 2
-        kind[k] = RESTING if quiet[k] and off2 < rest_band * rest_band else MOVING
-        if gap[k]:
-            kind[k] = AGAIN
+        kind[k] = AGAIN if gap[k] else kind_of(quiet[k], around[k], now, rest_band)
         spread2 = integrate(first[k], first[k + 1], t, gyr, acc, mag, kind[k], attitude, now, f, mean)
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
@@ -205,19 +217,90 @@ def onward(
             if weight[k] > 0.0:
                 var = field.white2 / (field.level * field.level * dt * weight[k])
                 heading_update(p, now, gain, term, column, mean, var)
-            if kind[k] == MOVING and weight[k] < GATED and field.level > 0.0:
-                against[0] += turned_for(mean, now, dt)
+        rate = rate_of(mean, now, dt) if kind[k] == MOVING else 0.0
+        if weight[k] < GATED and field.level > 0.0:
+            against[0] += min(rate / TURNING, 1.0) * dt  # as `turning_time` has it
         correct(attitude, now)
+        if not proven and contradicted(other, mean, dt, rate, field, weight[k], kind[k] == AGAIN):
+            turn_heading_by(other[DOUBT], attitude, now, p, learned)
+            p[TH + 2, TH + 2] += TAKEN_SD**2
+            field = taken(other, field)
+            other[TAKEN], other[BEGAN], other[SEEN], other[DOUBT] = 1.0, t[first[k + 1]] - other[SEEN], 0.0, 0.0
+            proven = True
         keep(k + 1, attitude, now, p, q, x, cov)
+        cov[k + 1, 2, 2] += other[DOUBT] ** 2
 
 
 @njit
-def turned_for(mean: Floats, now: Floats, dt: float) -> float:
-    """For how long a step counts as one in which the unit turns, s; as `turning_time` has it."""
+def kind_of(quiet: bool, around: Floats, now: Floats, rest_band: float) -> int:
+    """Kind of a step: at rest where it ends a calm window whose mean rate is the bias."""
+    off2 = 0.0
+    for i in range(3):
+        off2 += (around[i] - now[B + i]) ** 2
+    return RESTING if quiet and off2 < rest_band * rest_band else MOVING
+
+
+@njit
+def taken(other: Floats, field: Field) -> Field:
+    """Another field as the one of the place."""
+    return Field(math.hypot(other[OTHER], other[OTHER + 1]), other[OTHER + 2], field.spread, field.white2)
+
+
+@njit
+def contradicted(other: Floats, mean: Floats, dt: float, rate: float, field: Field, weight: float, again: bool) -> bool:
+    """Whether the unit has turned enough in another field for that to be the one of the place."""
+    if field.level == 0.0:
+        return False
+    if again or mean[COUNT] == 0.0 or weight >= GATED:
+        other[SEEN], other[DOUBT] = 0.0, 0.0
+        return False
+    see_other(other, mean, dt, rate, field)
+    level = math.hypot(other[OTHER], other[OTHER + 1])
+    return bool(other[SEEN] > STEADY and other[TURNED] > TAKES and level > LEAST_LEVEL)
+
+
+@njit
+def see_other(other: Floats, mean: Floats, dt: float, rate: float, field: Field) -> None:
+    """Follow a field that contradicts the one of the place; one that changes is not the one that was seen before."""
+    east, north, up = mean[FIELD], mean[FIELD + 1], mean[FIELD + 2]
+    apart2 = east**2 + (north - field.level) ** 2 + (up - field.vertical) ** 2
+    off2 = (east - other[OTHER]) ** 2 + (north - other[OTHER + 1]) ** 2 + (up - other[OTHER + 2]) ** 2
+    if other[SEEN] == 0.0 or off2 > (ALIKE * field.spread) ** 2 or apart2 < (APART * field.spread) ** 2:
+        other[SEEN], other[TURNED] = 0.0, 0.0
+    if other[SEEN] > STEADY:
+        other[TURNED] += rate * dt
+    other[SEEN] += dt
+    share = dt / min(other[SEEN], 1.0)
+    for i in range(3):
+        other[OTHER + i] += min(share, 1.0) * (mean[FIELD + i] - other[OTHER + i])
+    if other[SEEN] > STEADY:
+        other[DOUBT] = math.atan2(other[OTHER], other[OTHER + 1])
+
+
+@njit
+def turn_heading_by(by: float, attitude: Floats, now: Floats, p: Floats, learned: Floats) -> None:
+    """Count headings from elsewhere: turn all that has a direction about the vertical, rad."""
+    c, s = math.cos(0.5 * by), math.sin(0.5 * by)
+    w, x, y, z = attitude[0], attitude[1], attitude[2], attitude[3]
+    attitude[0], attitude[1], attitude[2], attitude[3] = c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
+    c, s = math.cos(by), math.sin(by)
+    for i in (TH, V):
+        now[i], now[i + 1] = c * now[i] - s * now[i + 1], s * now[i] + c * now[i + 1]
+        for j in range(SIZE):
+            p[i, j], p[i + 1, j] = c * p[i, j] - s * p[i + 1, j], s * p[i, j] + c * p[i + 1, j]
+        for j in range(SIZE):
+            p[j, i], p[j, i + 1] = c * p[j, i] - s * p[j, i + 1], s * p[j, i] + c * p[j, i + 1]
+    east, north = learned[EAST_SPEED], learned[NORTH_SPEED]
+    learned[EAST_SPEED], learned[NORTH_SPEED] = c * east - s * north, s * east + c * north
+
+
+@njit
+def rate_of(mean: Floats, now: Floats, dt: float) -> float:
+    """How fast the unit turns in a step, rad/s."""
     rate2 = 0.0
     for i in range(3):
         rate2 += (mean[RAW + i] / dt - now[B + i]) ** 2
-    return min(math.sqrt(rate2) / TURNING, 1.0) * dt
+    return math.sqrt(rate2)
 
 
 @njit
@@ -268,6 +351,10 @@ class Running:
         Of the last step.
     against : ndarray (1,)
         For how long since the look the unit turned in other fields, s.
+    other : ndarray (8,)
+        A field that contradicts the one of the place.
+    proven : bool
+        Whether the unit has turned in that one.
     """
 
     last: Last
@@ -280,23 +367,38 @@ class Running:
     kind: int
     weight: float
     against: Floats
+    other: Floats
+    proven: bool
 
 
 @dataclass(slots=True)
 class Proven:
-    """The field of the place, and for how long the unit turned and rested in it, s."""
+    """The field of the place, for how long the unit turned and rested in it, s, and when it rested in another one."""
 
     reference: Reference | None = None
     turning: float = 0.0
     rest: float = 0.0
+    since: float = -math.inf
 
-    def known(self, unit: Floats | None, turned: float) -> Known:
-        """What a look at the past takes for known, in which the unit turned for this time, s."""
+    @property
+    def settled(self) -> bool:
+        """Whether it is not the field in which the unit merely lay."""
+        return self.turning > LEAST_TURNING or not self.rest
+
+    def known(self, unit: Floats | None, turned: float, begin: float) -> Known:
+        """What a look at the past takes for known, which begins then, s, and in which the unit turned for this, s."""
         if turned < LEAST_TURNING:
             seen = self.turning + self.rest
         else:
             seen = max(self.turning + min(self.rest, REST_SHARE * self.turning) - YOUNG, 0.0)
-        return Known(unit=unit, reference=self.reference, seen=(PROVEN - 1.0) * seen)
+        seen *= PROVEN - 1.0
+        if begin < self.since:
+            seen += REST_SHARE * turned  # whatever rest in the other one counts
+        return Known(unit=unit, reference=self.reference, seen=seen)
+
+    def take(self, reference: Reference, since: float) -> None:
+        """Take another field than the one in which the unit rested before this time, s."""
+        self.reference, self.turning, self.rest, self.since = reference, 0.0, 0.0, since
 
     def see(self, frames: Keyframes, found: Smoothed, p: Params) -> None:
         """Take what a look at the past found; another field must be proven again."""
@@ -470,11 +572,12 @@ class Live:
         if past.stop - past.start < 3:
             return None
         frames = arriving.frames(past)
+        begin = arriving.time(past.start)
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
-        look, anchor = partial(smooth, frames, self.p, self._proven.known(self._unit, turned)), self._anchor
+        look, anchor = partial(smooth, frames, self.p, self._proven.known(self._unit, turned, begin)), self._anchor
         if anchor is not None and anchor[0] < past.start and self._running is not None:
             anchor = (k, self._running.last.attitude.copy())
-        if now - arriving.time(past.start) < SHORT:
+        if now - begin < SHORT:
             return Look(k, now, look, anchor)
         return Look(k, now + LATE, look if self._thread is None else self._thread.submit(look).result, anchor)
 
@@ -496,19 +599,23 @@ class Live:
         """The filter at the end of a look at the past."""
         p, frames = self.p, found.frames
         last, force = found.sweep.last, np.where(frames.gap[:, np.newaxis], 0.0, found.sweep.force[:, :2])
-        if found.reference is None and look.anchor is not None:
-            place, attitude = look.anchor
-            by = _heading_between(found.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
-            last, force = _turned(last, by), force @ _level_turn(by).T
         back = frames.time[-1] - frames.time[1:]
         velocity = (force * (frames.step * np.exp(-back / LEAK))[:, np.newaxis]).sum(axis=0)
         force2 = float(np.mean(0.5 * (force[back < WINDOW] ** 2).sum(axis=1)))
         learned = np.array([speed_of(frames, force).speed[-1] ** 2, force2, *velocity])
+        if found.reference is None and look.anchor is not None:
+            place, attitude = look.anchor
+            by = _heading_between(found.sweep.q[max(place - (look.step - frames.gap.size), 0)], attitude)
+            turn_heading_by(by, *last, learned)
         iron = np.zeros(3) if found.attached is None else found.attached.field[-1]
         bend = 0.0 if found.reference is None else found.reference.bend(p)
+        other = np.zeros(CONTRARY)
+        if self._running is not None and not self._proven.settled:
+            other[DOUBT] = self._running.other[DOUBT]
         return Running(
             last, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
-            RESTING if found.resting[-1] else MOVING, float(found.weight[-1]), np.zeros(1),
+            RESTING if found.resting[-1] else MOVING, float(found.weight[-1]), np.zeros(1), other,
+            self._proven.settled,
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -526,11 +633,19 @@ class Live:
         onward(
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
             *self._arriving.quiet(steps), frames.missed, frames.pushed, running.noise, running.field, self.p.rest_band,
-            self.p.speed, *running.last, running.learned, running.against, room.q, room.x, room.cov, room.kind,
-            room.weight,
+            self.p.speed, running.proven, *running.last, running.learned, running.against, running.other, room.q,
+            room.x, room.cov, room.kind, room.weight,
         )  # fmt: skip
+        if running.other[TAKEN]:
+            self._take(running)
         running.kind, running.weight = int(room.kind[-1]), float(room.weight[-1])
         return frames, room
+
+    def _take(self, running: Running) -> None:
+        """Take another field for the one of the place."""
+        running.field, running.proven = taken(running.other, running.field), True
+        self._proven.take(Reference(running.field.level, running.field.vertical, 0.0), float(running.other[BEGAN]))
+        running.other[TAKEN] = 0.0
 
     def _on(self, running: Running, k: int, end: int) -> None:
         """Follow some steps, and write what is known of their samples."""
@@ -622,17 +737,3 @@ def _heading_between(q: Floats, other: Floats) -> float:
     """Turn about the vertical, rad, that brings the heading of an attitude (4,) to that of another one."""
     turn = quat_multiply(other, quat_conjugate(q))
     return 2.0 * math.atan2(float(turn[3]), float(turn[0]))
-
-
-def _level_turn(by: float) -> Floats:
-    c, s = math.cos(by), math.sin(by)
-    return np.array([[c, -s], [s, c]])
-
-
-def _turned(last: Last, by: float) -> Last:
-    """What is known, with a heading that counts from elsewhere."""
-    turn = np.eye(SIZE)
-    for i in (TH, V):
-        turn[i : i + 2, i : i + 2] = _level_turn(by)
-    attitude = quat_multiply(np.array([math.cos(0.5 * by), 0.0, 0.0, math.sin(0.5 * by)]), last.attitude)
-    return Last(np.asarray(attitude), turn @ last.state, turn @ last.cov @ turn.T)

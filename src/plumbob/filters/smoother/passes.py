@@ -219,7 +219,7 @@ def _with_field(
     free, field = field, np.stack((*_turned(turn, field), field[:, 2]), axis=1)
     bias = inertial.sweep.bias + bias_of_drift(frames, inertial, turn)
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
-    again = min(AGAIN_BIAS, inertial.bias_sd) if inertial.bias_sd else AGAIN_BIAS
+    again = AGAIN_BIAS
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=again, rigid=False, unit=known.unit)
     still = calm(frames, p)
     for left in range(PASSES, 0, -1):
