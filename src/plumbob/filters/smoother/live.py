@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from plumbob.core import flags
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.units import deg
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.cards.left import whole_of
@@ -57,6 +58,7 @@ from plumbob.filters.smoother.samples import (
     covariance_of,
     widened,
 )
+from plumbob.filters.smoother.standing import CLEAR, JUMPED, STOOD, UNTIL, fresh, means, stands, take_bias
 from plumbob.filters.smoother.sweeps import (
     AGAIN,
     COUNT,
@@ -107,6 +109,9 @@ LATE: Final = 0.5
 """What a look has found is handed over so much later, s,"""
 SHORT: Final = 5.0
 """unless the past is shorter than this, s."""
+
+FAST: Final = 1.0
+"""A level velocity that is gathered within `LEAK` and is larger, m/s, may be gravity in a wrong attitude."""
 
 SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
 FORCE2: Final = 1
@@ -164,6 +169,21 @@ def velocity_density(learned: Floats, mean: Floats, dt: float, least: float) -> 
 
 
 @njit
+def doubt(cov: Floats, all2: float, tilt2: float, heading2: float) -> None:
+    """Count what is in doubt, rad², in a covariance (3, 3): the attitude, its tilt, its heading."""
+    cov[0, 0] += all2 + tilt2
+    cov[1, 1] += all2 + tilt2
+    cov[2, 2] += all2 + heading2
+
+
+@njit
+def unlikely_tilt(learned: Floats) -> float:
+    """Variance of the tilt, rad², by a level velocity beyond the usual: it may be gravity in a wrong attitude."""
+    speed2 = learned[EAST_SPEED] ** 2 + learned[NORTH_SPEED] ** 2
+    return max(speed2 - FAST * FAST, 0.0) / (LEAK * G0) ** 2  # type: ignore[no-any-return]
+
+
+@njit
 def field_weight(mean: Floats, field: Field) -> float:
     """How far the mean field of a step is believed, 0 to 1, by size, dip and direction; as `weights` has it."""
     if mean[COUNT] == 0.0:
@@ -180,25 +200,26 @@ def field_weight(mean: Floats, field: Field) -> float:
 @njit
 def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
-    around: Floats, missed: Floats, pushed: Floats, noise: Noise, field: Field, rest_band: float, least_speed: float,
-    proven: bool, attitude: Floats, now: Floats, p: Floats, learned: Floats, against: Floats, other: Floats,
-    q: Floats, x: Floats, cov: Floats, kind: NDArray[np.int64], weight: Floats,
+    around: Floats, missed: Floats, pushed: Floats, noise: Noise, field: Field, rest_band: float, rest_time: float,
+    least_speed: float, proven: bool, attitude: Floats, now: Floats, p: Floats, learned: Floats, against: Floats,
+    other: Floats, standing: Floats, q: Floats, x: Floats, cov: Floats, word: NDArray[np.uint32], weight: Floats,
 ) -> None:  # fmt: skip
     """Filter on over some keyframes: attitude, state and covariance of the attitude at each, and what each step was.
 
     `attitude`, `now`, `p` and `learned` are those before the first step, and are left as those after the last;
-    `against` is the time for which the unit turned in other fields than that of the place, and `other` such a field.
+    `against` is the time for which the unit turned in other fields than that of the place, `other` such a field, and
+    `standing` what contradicts the gyroscope.
     """
     column, gain, term = np.zeros(SIZE), np.zeros((MEASURED, SIZE)), np.zeros((MEASURED, TERMS))
-    f, mean = np.zeros(STEP), np.zeros(MEANS)
+    f, mean, seen, rate = np.zeros(STEP), np.zeros(MEANS), np.empty(9), np.empty(3)
     keep(0, attitude, now, p, q, x, cov)
     for k in range(first.size - 1):
-        kind[k] = AGAIN if gap[k] else kind_of(quiet[k], around[k], now, rest_band)
-        spread2 = integrate(first[k], first[k + 1], t, gyr, acc, mag, kind[k], attitude, now, f, mean)
+        kind = AGAIN if gap[k] else kind_of(quiet[k], around[k], now, rest_band)
+        spread2 = integrate(first[k], first[k + 1], t, gyr, acc, mag, kind, attitude, now, f, mean)
         dt = f[TIME]
         f[FADE] = math.exp(-dt / noise.bend_time)
         weight[k] = 0.0
-        if kind[k] == AGAIN:
+        if kind == AGAIN:
             for i in (TH, TH + 1, TH + 2, V, V + 1):
                 p[i, i] += ANY_ATTITUDE
         else:
@@ -206,29 +227,52 @@ def onward(
         for i in range(3):
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
-        if kind[k] != AGAIN:
-            density = velocity_density(learned, mean, dt, least_speed)
-            if kind[k] == RESTING:
-                density = 2.0 * SHORTEST * REST_SPEED**2
-            zero_velocity_update(p, now, gain, term, column, density / dt)
-            if kind[k] == RESTING:
-                zero_rate_update(p, now, gain, term, column, mean, dt, noise.rest / dt)
-            weight[k] = field_weight(mean, field)
-            if weight[k] > 0.0:
-                var = field.white2 / (field.level * field.level * dt * weight[k])
-                heading_update(p, now, gain, term, column, mean, var)
-        rate = rate_of(mean, now, dt) if kind[k] == MOVING else 0.0
+        if kind != AGAIN:
+            weight[k] = measure(p, now, gain, term, column, mean, dt, kind, learned, least_speed, noise, field)
+        rate[0], rate[1], rate[2] = corrected_rate(now, mean[RAW] / dt, mean[RAW + 1] / dt, mean[RAW + 2] / dt)
+        turning = math.sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2) if kind == MOVING else 0.0
         if weight[k] < GATED and field.level > 0.0:
-            against[0] += min(rate / TURNING, 1.0) * dt  # as `turning_time` has it
+            against[0] += min(turning / TURNING, 1.0) * dt  # as `turning_time` has it
         correct(attitude, now)
-        if not proven and contradicted(other, mean, dt, rate, field, weight[k], kind[k] == AGAIN):
+        doubt2, end = 0.0, t[first[k + 1]]
+        if kind == MOVING:
+            means(acc, mag, first[k], first[k + 1], seen)
+            doubt2 = stands(standing, seen, rate, dt, end)
+        else:
+            standing[STOOD] = 0.0
+        if doubt2 > CLEAR * CLEAR and quiet[k]:
+            take_bias(standing, end, attitude, now, p, rest_band, rest_time)
+            learned[:] = 0.0
+        if not proven and contradicted(other, mean, dt, turning, field, weight[k], kind == AGAIN):
             turn_heading_by(other[DOUBT], attitude, now, p, learned)
             p[TH + 2, TH + 2] += TAKEN_SD**2
             field = taken(other, field)
-            other[TAKEN], other[BEGAN], other[SEEN], other[DOUBT] = 1.0, t[first[k + 1]] - other[SEEN], 0.0, 0.0
+            other[TAKEN], other[BEGAN], other[SEEN], other[DOUBT] = 1.0, end - other[SEEN], 0.0, 0.0
             proven = True
         keep(k + 1, attitude, now, p, q, x, cov)
-        cov[k + 1, 2, 2] += other[DOUBT] ** 2
+        doubt(cov[k + 1], doubt2, unlikely_tilt(learned), other[DOUBT] ** 2)
+        word[k] = flags.AT_REST if kind == RESTING else 0
+        if end < standing[UNTIL]:
+            word[k] |= flags.INCONSISTENT
+
+
+@njit
+def measure(
+    p: Floats, now: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, dt: float, kind: int,
+    learned: Floats, least_speed: float, noise: Noise, field: Field,
+) -> float:  # fmt: skip
+    """Take in what a step shows of velocity, rest and heading; returns how far its field was believed."""
+    density = velocity_density(learned, mean, dt, least_speed)
+    if kind == RESTING:
+        density = 2.0 * SHORTEST * REST_SPEED**2
+    zero_velocity_update(p, now, gain, term, column, density / dt)
+    if kind == RESTING:
+        zero_rate_update(p, now, gain, term, column, mean, dt, noise.rest / dt)
+    weight = field_weight(mean, field)
+    if weight > 0.0:
+        var = field.white2 / (field.level * field.level * dt * weight)
+        heading_update(p, now, gain, term, column, mean, var)
+    return weight
 
 
 @njit
@@ -295,15 +339,6 @@ def turn_heading_by(by: float, attitude: Floats, now: Floats, p: Floats, learned
 
 
 @njit
-def rate_of(mean: Floats, now: Floats, dt: float) -> float:
-    """How fast the unit turns in a step, rad/s."""
-    rate2 = 0.0
-    for i in range(3):
-        rate2 += (mean[RAW + i] / dt - now[B + i]) ** 2
-    return math.sqrt(rate2)
-
-
-@njit
 def between_keyframes(
     t: Floats, gyr: Floats, first: NDArray[np.int64], early: Bools, gap: Bools, q_k: Floats, x: Floats, q: Floats,
 ) -> None:  # fmt: skip
@@ -347,7 +382,7 @@ class Running:
         Of the model.
     since : float
         Time of that look, s.
-    kind, weight : int, float
+    word, weight : int, float
         Of the last step.
     against : ndarray (1,)
         For how long since the look the unit turned in other fields, s.
@@ -355,6 +390,8 @@ class Running:
         A field that contradicts the one of the place.
     proven : bool
         Whether the unit has turned in that one.
+    standing : ndarray (24,)
+        What contradicts the gyroscope: see `standing`.
     """
 
     last: Last
@@ -364,11 +401,12 @@ class Running:
     iron: Floats
     noise: Noise
     since: float
-    kind: int
+    word: int
     weight: float
     against: Floats
     other: Floats
     proven: bool
+    standing: Floats
 
 
 @dataclass(slots=True)
@@ -421,7 +459,7 @@ class Room(NamedTuple):
     q: Floats
     x: Floats
     cov: Floats
-    kind: NDArray[np.int64]
+    word: NDArray[np.uint32]
     weight: Floats
 
     @classmethod
@@ -431,7 +469,7 @@ class Room(NamedTuple):
             np.empty((n + 1, 4)),
             np.empty((n + 1, SIZE)),
             np.empty((n + 1, 3, 3)),
-            np.empty(n, dtype=np.int64),
+            np.empty(n, dtype=np.uint32),
             np.empty(n),
         )
 
@@ -483,6 +521,7 @@ class Live:
         self._last = Part(
             np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan)
         )
+        self._jumped = -math.inf
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
         self.gaps: list[float] = []
 
@@ -568,7 +607,7 @@ class Live:
     def _begun(self, k: int, now: float) -> Look | None:
         """A look at the past that begins now; None where that is too short."""
         arriving = self._arriving
-        past = slice(arriving.from_(now - MARGIN), k)
+        past = slice(arriving.from_(max(now - MARGIN, self._jumped)), k)
         if past.stop - past.start < 3:
             return None
         frames = arriving.frames(past)
@@ -609,13 +648,15 @@ class Live:
             turn_heading_by(by, *last, learned)
         iron = np.zeros(3) if found.attached is None else found.attached.field[-1]
         bend = 0.0 if found.reference is None else found.reference.bend(p)
-        other = np.zeros(CONTRARY)
+        other, standing = np.zeros(CONTRARY), fresh()
+        if self._running is not None:
+            standing[UNTIL:] = self._running.standing[UNTIL:]
         if self._running is not None and not self._proven.settled:
             other[DOUBT] = self._running.other[DOUBT]
         return Running(
             last, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
-            RESTING if found.resting[-1] else MOVING, float(found.weight[-1]), np.zeros(1), other,
-            self._proven.settled,
+            flags.AT_REST if found.resting[-1] else 0, float(found.weight[-1]), np.zeros(1), other,
+            self._proven.settled, standing,
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -633,13 +674,21 @@ class Live:
         onward(
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
             *self._arriving.quiet(steps), frames.missed, frames.pushed, running.noise, running.field, self.p.rest_band,
-            self.p.speed, running.proven, *running.last, running.learned, running.against, running.other, room.q,
-            room.x, room.cov, room.kind, room.weight,
+            self.p.rest_time, self.p.speed, running.proven, *running.last, running.learned, running.against,
+            running.other, running.standing, room.q, room.x, room.cov, room.word, room.weight,
         )  # fmt: skip
         if running.other[TAKEN]:
             self._take(running)
-        running.kind, running.weight = int(room.kind[-1]), float(room.weight[-1])
+        if running.standing[JUMPED] > self._jumped:
+            self._behind_jump(float(running.standing[JUMPED]))
+        running.word, running.weight = int(room.word[-1]), float(room.weight[-1])
         return frames, room
+
+    def _behind_jump(self, jumped: float) -> None:
+        """Forget what the past said of the bias, and look at what comes."""
+        self._jumped, self._due = jumped, jumped + EVERY
+        if self._look is not None and self._arriving.time(self._look.step) < jumped:
+            self._look = None
 
     def _take(self, running: Running) -> None:
         """Take another field for the one of the place."""
@@ -649,16 +698,16 @@ class Live:
 
     def _on(self, running: Running, k: int, end: int) -> None:
         """Follow some steps, and write what is known of their samples."""
-        kind, weight = running.kind, running.weight
+        word, weight = running.word, running.weight
         frames, room = self._steps(running, k, end)
         early, n = frames.step < self.p.keyframe - 1e-6, frames.t.size
         q = np.empty((n, 4))
         between_keyframes(frames.t, frames.gyr, frames.first, early, frames.gap, room.q, room.x, q)
         place = np.searchsorted(frames.first, np.arange(1, n), side="right") - 1
         place[frames.first[1:][early] - 1] -= 1
-        kinds, weights = np.concatenate(([kind], room.kind)), np.concatenate(([weight], room.weight))
+        words, weights = np.concatenate(([np.uint32(word)], room.word)), np.concatenate(([weight], room.weight))
         first = self._arriving.first(k) + 1
-        self._put(first, q[1:], room.x[place], room.cov[place], frames.gyr[1:], kinds[place], weights[place])
+        self._put(first, q[1:], room.x[place], room.cov[place], frames.gyr[1:], words[place], weights[place])
 
     def _write_keyframe(self, k: int) -> None:
         """What is known at a keyframe whose state a look has changed."""
@@ -686,12 +735,12 @@ class Live:
         return np.tile(running.last.state, (n, 1)), np.tile(running.last.cov[TH : TH + 3, TH : TH + 3], (n, 1, 1))
 
     @staticmethod
-    def _step_now(running: Running, n: int) -> tuple[NDArray[np.int64], Floats]:
-        """Kind and weight of the last step, n times."""
-        return np.full(n, running.kind), np.full(n, running.weight)
+    def _step_now(running: Running, n: int) -> tuple[NDArray[np.uint32], Floats]:
+        """Flags and weight of the last step, n times."""
+        return np.full(n, running.word, dtype=np.uint32), np.full(n, running.weight)
 
     def _put(
-        self, first: int, q: Floats, x: Floats, cov: Floats, gyr: Floats, kind: NDArray[np.int64], weight: Floats
+        self, first: int, q: Floats, x: Floats, cov: Floats, gyr: Floats, word: NDArray[np.uint32], weight: Floats
     ) -> None:
         """Write what is known of the samples from one on, as far as they are new."""
         assert self._running is not None
@@ -699,12 +748,12 @@ class Live:
         if skip >= len(q):
             return
         q, x, cov, gyr = (of[skip:] for of in (q, x, cov, gyr))
-        kind, weight = kind[skip:], weight[skip:]
+        word, weight = word[skip:], weight[skip:]
         rows = slice(first + skip - self._base, first + skip - self._base + len(q))
         found, bias, matrix = self._running.found, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
         rate = gyr - bias - np.einsum("nij,nj->ni", matrix, gyr)
         known = covariance_of(q, cov, found, rate, self.p, self._left)
-        word = self._flags(found, kind, weight, cov)
+        word = word | self._flags(found, weight, cov)
         self._rate[rows], self._bias_sd[rows] = rate, found.bias_sd
         if self.p.latency:
             q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
@@ -721,9 +770,9 @@ class Live:
             self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
 
     @staticmethod
-    def _flags(found: Smoothed, kind: NDArray[np.int64], weight: Floats, cov: Floats) -> NDArray[np.uint32]:
+    def _flags(found: Smoothed, weight: Floats, cov: Floats) -> NDArray[np.uint32]:
         """What to know of each sample."""
-        word = np.where(kind == RESTING, flags.AT_REST, 0)
+        word = np.zeros(len(cov), dtype=np.int64)
         lost = cov[:, 0, 0] + cov[:, 1, 1] > 2.0 * DOUBTFUL**2
         if found.reference is None:
             word |= flags.HEADING_FREE
