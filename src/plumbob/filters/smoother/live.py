@@ -370,6 +370,8 @@ class Running:
     ----------
     last : Last
         What it knows now.
+    cov : ndarray (3, 3)
+        Covariance of the attitude, with what is in doubt.
     learned : ndarray (4,)
         What it has learned of the motion.
     found : Smoothed
@@ -395,6 +397,7 @@ class Running:
     """
 
     last: Last
+    cov: Floats
     learned: Floats
     found: Smoothed
     field: Field
@@ -653,8 +656,10 @@ class Live:
             standing[UNTIL:] = self._running.standing[UNTIL:]
         if self._running is not None and not self._proven.settled:
             other[DOUBT] = self._running.other[DOUBT]
+        cov = last.cov[TH : TH + 3, TH : TH + 3].copy()
+        doubt(cov, 0.0, unlikely_tilt(learned), other[DOUBT] ** 2)
         return Running(
-            last, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
+            last, cov, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
             flags.AT_REST if found.resting[-1] else 0, float(found.weight[-1]), np.zeros(1), other,
             self._proven.settled, standing,
         )  # fmt: skip
@@ -681,7 +686,7 @@ class Live:
             self._take(running)
         if running.standing[JUMPED] > self._jumped:
             self._behind_jump(float(running.standing[JUMPED]))
-        running.word, running.weight = int(room.word[-1]), float(room.weight[-1])
+        running.cov, running.word, running.weight = room.cov[-1], int(room.word[-1]), float(room.weight[-1])
         return frames, room
 
     def _behind_jump(self, jumped: float) -> None:
@@ -698,8 +703,9 @@ class Live:
 
     def _on(self, running: Running, k: int, end: int) -> None:
         """Follow some steps, and write what is known of their samples."""
-        word, weight = running.word, running.weight
+        cov, word, weight = running.cov, running.word, running.weight
         frames, room = self._steps(running, k, end)
+        room.cov[0] = cov
         early, n = frames.step < self.p.keyframe - 1e-6, frames.t.size
         q = np.empty((n, 4))
         between_keyframes(frames.t, frames.gyr, frames.first, early, frames.gap, room.q, room.x, q)
@@ -732,7 +738,7 @@ class Live:
     @staticmethod
     def _now(running: Running, n: int) -> tuple[Floats, Floats]:
         """State and covariance of the attitude, n times."""
-        return np.tile(running.last.state, (n, 1)), np.tile(running.last.cov[TH : TH + 3, TH : TH + 3], (n, 1, 1))
+        return np.tile(running.last.state, (n, 1)), np.tile(running.cov, (n, 1, 1))
 
     @staticmethod
     def _step_now(running: Running, n: int) -> tuple[NDArray[np.uint32], Floats]:
