@@ -9,9 +9,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core import flags
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.data import ImuData
+from plumbob.filters.input_checks import watch
+from plumbob.filters.layout import LAST as WATCHED
+from plumbob.filters.layout import SAME
 from plumbob.filters.smoother.inertial import farthest
 from plumbob.filters.smoother.keyframes import (
     LEAST_RATE,
@@ -137,6 +141,26 @@ def arrive(
 
 
 @njit
+def watch_on(
+    x: Floats, before: float, t: Floats, gyr: Floats, acc: Floats, mag: Floats, word: NDArray[np.uint32]
+) -> None:
+    """Flag what has been stuck for too long, sample by sample; and what is stuck is as good as missing."""
+    for i in range(t.size):
+        dt = t[i] - (before if i == 0 else t[i - 1])
+        word[i] = watch(
+            x, dt, gyr[i, 0], gyr[i, 1], gyr[i, 2], acc[i, 0], acc[i, 1], acc[i, 2], mag[i, 0], mag[i, 1], mag[i, 2]
+        )
+    for i in range(t.size):
+        for axis in range(3):
+            if word[i] & flags.GYR_STUCK:
+                gyr[i, axis] = math.nan
+            if word[i] & flags.ACC_STUCK:
+                acc[i, axis] = math.nan
+            if word[i] & flags.MAG_STUCK:
+                mag[i, axis] = math.nan
+
+
+@njit
 def calm_from(
     first: int, time: Floats, gap: Bools, rate: Floats, force: Floats, p_time: float, p_rate: float, p_force: float,
     around: Floats, quiet: Bools,
@@ -199,12 +223,20 @@ class Rolling:
 
 
 class Arriving:
-    """A stream's samples without holes, and the steps that they complete; rows are counted from the first ever."""
+    """A stream's samples without holes, and the steps that they complete; rows are counted from the first ever.
+
+    Attributes
+    ----------
+    word : ndarray (N,)
+        Flags of the sensors that are stuck, at each of the last samples.
+    """
 
     def __init__(self, p: Params, *, mag: bool) -> None:
         self._p, self._mag = p, mag
         self._state, self._recent = np.zeros(PLACES), np.zeros(RECENT)
         self._state[[LAST, KEY, ARRIVED, GYR + TIME, ACC + TIME]] = np.nan
+        self._watch, self.word = np.zeros(SAME + 3), np.zeros(0, dtype=np.uint32)
+        self._watch[WATCHED : WATCHED + 3] = np.nan
         none, flag, place = np.zeros((0, 3)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
         self._t, self._gyr, self._acc, self._field = Rolling(none[:, 0]), *(Rolling(none) for _ in range(3))
         self._last, self._gap, self._variance = Rolling(place), Rolling(flag), Rolling(none[:, :2])
@@ -230,6 +262,9 @@ class Arriving:
         """Take the next samples; says which of them are kept: not those in a hole of the gyroscope."""
         t, (gyr, acc, field) = np.ascontiguousarray(imu.t), trusted(imu, mag=self._mag)
         n, begin = t.size, self.samples
+        self.word = np.empty(n, dtype=np.uint32)
+        gyr, acc, field = gyr.copy(), acc.copy(), field.copy()
+        watch_on(self._watch, self._state[ARRIVED], t, gyr, acc, field, self.word)
         kept, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
         last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
         steps = arrive(

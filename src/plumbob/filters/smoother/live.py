@@ -565,7 +565,7 @@ class Live:
         both = self._last.followed_by(self._out)
         part = both.rows(np.cumsum(kept))
         part.cov[~kept] += ANYTHING
-        word = part.flags | np.asarray(data.flags)
+        word = part.flags | np.asarray(data.flags) | self._arriving.word
         lost = (word & ~np.uint32(flags.AT_REST)) | np.uint32(flags.GYR_HELD | flags.NOT_CONVERGED)
         self._last = both.rows(slice(len(both.q) - 1, None))
         return part._replace(flags=np.where(kept, word, lost).astype(np.uint32))
