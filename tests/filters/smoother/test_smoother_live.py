@@ -163,6 +163,38 @@ def test_a_bias_that_jumps_at_rest_is_doubted_at_once_and_learned(rate):
     assert not said[t > 45.0].any()
 
 
+@slow
+def test_a_gyroscope_that_is_stuck_is_missing_until_it_says_something_new():
+    h = by_hand(40.0, rest=((0.0, 5.0),), seed=1)
+    stuck = (h.t > 20.0) & (h.t < 25.0)
+    gyr = np.where(stuck[:, np.newaxis], h.gyr[np.flatnonzero(stuck)[0]], h.gyr)
+    track, _ = followed(h.imu(gyr=gyr))
+    said = (track.flags & np.uint32(flags.GYR_STUCK)) != 0
+    assert said[(h.t > 20.3) & (h.t < 24.99)].all()
+    assert not said[~stuck].any()
+    assert not converged(track)[said & (h.t > 20.5)].any()  # nothing for 0.1 s is no gap yet
+    assert rms_deg(error_n(track.q_nb, h.q)[h.t > 28.0]).max() < 1.0
+
+
+@slow
+def test_a_bias_that_jumps_in_motion_is_doubted_before_the_attitude_is_far_off():
+    """It may take long until it is found; what is more than 30° off must not look as if it were known."""
+    h = by_hand(60.0, rest=((0.0, 5.0),), seed=1)
+    track, _ = followed(h.imu(gyr=h.gyr + np.where(h.t[:, np.newaxis] < 20.0, 0.0, dps(8.0))))
+    off = np.degrees(np.linalg.norm(error_n(track.q_nb, h.q), axis=1))
+    doubted = (track.flags & np.uint32(flags.INCONSISTENT | flags.NOT_CONVERGED)) != 0
+    assert not doubted[(h.t > 1.0) & (h.t < 20.0)].any()
+    assert doubted[(h.t > 20.0) & (off > 30.0)][:100].mean() > 0.5
+
+
+def test_what_is_lost_may_be_anything():
+    p, learned, state = np.eye(SIZE), np.ones(live.LEARNED), standing.fresh()
+    live.begin_anew(state, 7.0, p, learned)
+    assert (np.diag(p)[:3] == 1.0 + live.ANY_ATTITUDE).all()
+    assert not learned.any()
+    assert (state[standing.JUMPED], state[standing.UNTIL]) == (7.0, 7.0 + standing.HOLDS)
+
+
 def lying(seconds, bias):
     """A unit that lies, with a bias over time on its axes, rad/s, and noise."""
     t = np.arange(0.0, seconds, 0.01)

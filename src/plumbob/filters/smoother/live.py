@@ -59,7 +59,7 @@ from plumbob.filters.smoother.samples import (
     covariance_of,
     widened,
 )
-from plumbob.filters.smoother.standing import CLEAR, JUMPED, STOOD, UNTIL, fresh, means, stands, take_bias
+from plumbob.filters.smoother.standing import CLEAR, HOLDS, JUMPED, STOOD, UNTIL, fresh, means, stands, take_bias
 from plumbob.filters.smoother.sweeps import (
     AGAIN,
     COUNT,
@@ -110,9 +110,13 @@ LATE: Final = 0.5
 """What a look has found is handed over so much later, s,"""
 SHORT: Final = 5.0
 """unless the past is shorter than this, s."""
+BEHIND: Final = 1.5 * BLOCK
+"""Behind a jump of the bias the first look comes after this, s: no steps that are followed at once reach so far."""
 
 FAST: Final = 1.0
 """A level velocity that is gathered within `LEAK` and is larger, m/s, may be gravity in a wrong attitude."""
+LOST: Final = deg(20.0)
+"""A tilt that would be off by more than this, rad, is sought anew, as at a start in motion."""
 
 SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
 FORCE2: Final = 1
@@ -175,6 +179,16 @@ def doubt(cov: Floats, all2: float, tilt2: float, heading2: float) -> None:
     cov[0, 0] += all2 + tilt2
     cov[1, 1] += all2 + tilt2
     cov[2, 2] += all2 + heading2
+
+
+@njit
+def begin_anew(standing: Floats, now: float, p: Floats, learned: Floats) -> None:
+    """Forget what is known of attitude and motion: any is possible."""
+    standing[JUMPED] = now
+    standing[UNTIL] = now + HOLDS
+    for i in (TH, TH + 1, TH + 2, V, V + 1):
+        p[i, i] += ANY_ATTITUDE
+    learned[:] = 0.0
 
 
 @njit
@@ -251,10 +265,11 @@ def onward(
             other[TAKEN], other[BEGAN], other[SEEN], other[DOUBT] = 1.0, end - other[SEEN], 0.0, 0.0
             proven = True
         keep(k + 1, attitude, now, p, q, x, cov)
-        doubt(cov[k + 1], doubt2, unlikely_tilt(learned), other[DOUBT] ** 2)
-        word[k] = flags.AT_REST if kind == RESTING else 0
-        if end < standing[UNTIL]:
-            word[k] |= flags.INCONSISTENT
+        tilt2 = unlikely_tilt(learned)
+        doubt(cov[k + 1], doubt2, tilt2, other[DOUBT] ** 2)
+        if tilt2 > LOST * LOST:
+            begin_anew(standing, end, p, learned)
+        word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
 
 
 @njit
@@ -692,7 +707,7 @@ class Live:
 
     def _behind_jump(self, jumped: float) -> None:
         """Forget what the past said of the bias, and look at what comes."""
-        self._jumped, self._due = jumped, jumped + EVERY
+        self._jumped, self._pause, self._due = jumped, BEHIND, jumped + BEHIND
         if self._look is not None and self._arriving.time(self._look.step) < jumped:
             self._look = None
 
