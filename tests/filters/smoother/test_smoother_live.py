@@ -101,7 +101,7 @@ def test_a_heading_without_a_field_goes_on_over_looks_and_gaps(monkeypatch):
 def test_a_field_that_begins_wrong_is_given_up_once_the_unit_turns_in_the_right_one():
     """The first one was seen at rest alone, which proves nothing; the claim says so as soon as there are two."""
     h = by_hand(60.0, rest=((0.0, 12.0),), seed=3)
-    wrong = h.mag + np.where(h.t[:, np.newaxis] < 14.0, 1.0, 0.0) * _in_body(h, [20.0, -15.0, 10.0])
+    wrong = wrong_at_first(h, 14.0)
     track, _ = followed(h.imu(mag=wrong))
     heading = np.degrees(np.abs(error_n(track.q_nb, h.q)[:, 2]))
     assert heading[(h.t > 5.0) & (h.t < 12.0)].min() > 20.0  # nothing could have shown it
@@ -116,7 +116,7 @@ def test_a_field_that_begins_wrong_is_given_up_once_the_unit_turns_in_the_right_
 def test_a_field_that_changes_at_rest_is_in_doubt_and_the_one_that_the_unit_turns_in_is_taken():
     """Which of the two is that of the place nobody knows before: both were seen at rest."""
     h = by_hand(40.0, rest=((0.0, 15.0),), seed=3)
-    wrong = h.mag + np.where(h.t[:, np.newaxis] < 8.0, 1.0, 0.0) * _in_body(h, [20.0, -15.0, 10.0])
+    wrong = wrong_at_first(h, 8.0)
     track, _ = followed(h.imu(mag=wrong))
     heading = np.degrees(np.abs(error_n(track.q_nb, h.q)[:, 2]))
     taken = h.t[(h.t > 8.0) & (heading < 5.0)][0]
@@ -236,6 +236,11 @@ def test_a_large_level_velocity_may_be_gravity_in_a_wrong_attitude():
     assert math.sqrt(live.unlikely_tilt(learned)) == pytest.approx(deg(5.0))
 
 
+def wrong_at_first(h, until):
+    """Field of a hand's motion with another one, µT, on it up to a time, s."""
+    return h.mag + np.where(h.t[:, np.newaxis] < until, 1.0, 0.0) * _in_body(h, [20.0, -15.0, 10.0])
+
+
 def _in_body(h, field):
     return quat_rotate(quat_conjugate(h.q), np.broadcast_to(field, (len(h.q), 3)))
 
@@ -344,7 +349,7 @@ def test_a_stream_in_parts_is_the_recording_to_the_bit(monkeypatch, size, mag, c
 def test_doubts_and_what_ends_them_do_not_depend_on_the_parts(size):
     """A field that changes at rest and is taken in motion; a bias that jumps at rest."""
     h = by_hand(25.0, rest=((0.0, 15.0),), seed=3)
-    wrong = h.mag + np.where(h.t[:, np.newaxis] < 8.0, 1.0, 0.0) * _in_body(h, [20.0, -15.0, 10.0])
+    wrong = wrong_at_first(h, 8.0)
     for imu in (h.imu(mag=wrong), lying(25.0, lambda t: np.where(t < 12.0, 0.0, dps(5.0)))):
         whole, stream = followed(imu)[0], FixedLag(frame="ENU", params={"lag": 0.0})
         parts = [stream.take(part) for part in imu.chunks(size)]

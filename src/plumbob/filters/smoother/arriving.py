@@ -27,6 +27,7 @@ from plumbob.filters.smoother.keyframes import (
     Bools,
     Keyframes,
     trusted,
+    unless,
 )
 from plumbob.filters.smoother.model import Params
 
@@ -144,20 +145,12 @@ def arrive(
 def watch_on(
     x: Floats, before: float, t: Floats, gyr: Floats, acc: Floats, mag: Floats, word: NDArray[np.uint32]
 ) -> None:
-    """Flag what has been stuck for too long, sample by sample; and what is stuck is as good as missing."""
+    """Flag what has been stuck for too long, sample by sample."""
     for i in range(t.size):
         dt = t[i] - (before if i == 0 else t[i - 1])
         word[i] = watch(
             x, dt, gyr[i, 0], gyr[i, 1], gyr[i, 2], acc[i, 0], acc[i, 1], acc[i, 2], mag[i, 0], mag[i, 1], mag[i, 2]
         )
-    for i in range(t.size):
-        for axis in range(3):
-            if word[i] & flags.GYR_STUCK:
-                gyr[i, axis] = math.nan
-            if word[i] & flags.ACC_STUCK:
-                acc[i, axis] = math.nan
-            if word[i] & flags.MAG_STUCK:
-                mag[i, axis] = math.nan
 
 
 @njit
@@ -263,8 +256,10 @@ class Arriving:
         t, (gyr, acc, field) = np.ascontiguousarray(imu.t), trusted(imu, mag=self._mag)
         n, begin = t.size, self.samples
         self.word = np.empty(n, dtype=np.uint32)
-        gyr, acc, field = gyr.copy(), acc.copy(), field.copy()
         watch_on(self._watch, self._state[ARRIVED], t, gyr, acc, field, self.word)
+        if self.word.any():
+            stuck = zip((gyr, acc, field), (flags.GYR_STUCK, flags.ACC_STUCK, flags.MAG_STUCK), strict=True)
+            gyr, acc, field = (unless(values, self.word, bit) for values, bit in stuck)
         kept, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
         last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
         steps = arrive(

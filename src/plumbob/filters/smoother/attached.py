@@ -122,7 +122,8 @@ class _Windows:
         fit = _Fit(*(np.stack(of)[best] for of in zip(*fits, strict=True)))
         independent = INDEPENDENT * min(1.0, length / WINDOW)
         good = fit.number > 10.0
-        info = (np.where(good, independent / np.maximum(fit.left, LEAST_NOISE**2), 0.0))[:, None, None] * fit.normal
+        weight = np.where(good, independent / np.maximum(fit.left, LEAST_NOISE**2), 0.0)
+        info = weight[:, np.newaxis, np.newaxis] * fit.normal
         if not long and not _alone(fit, info):
             return None
         strong = good & (np.linalg.eigvalsh(info)[:, 0] > 1.0 / (CLEAR if long else ALONE) ** 2)

@@ -129,14 +129,14 @@ def longest_step(t: Floats) -> float:
 def trusted(imu: ImuData, *, mag: bool) -> tuple[Floats, Floats, Floats]:
     """Rate, force and field of the samples, (N, 3) each, NaN where one is missing or is not what it was."""
     flag = np.asarray(imu.flags)
-    gyr = _trusted(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
-    acc = _trusted(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
+    gyr = unless(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
+    acc = unless(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
     if not mag or "mag" not in imu.triads:
         return gyr, acc, np.full_like(gyr, np.nan)
-    return gyr, acc, _trusted(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
+    return gyr, acc, unless(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
 
 
-def _trusted(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:
+def unless(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:
     """Values, NaN where one is missing or a flag says that it is not what it was."""
     bad = ((flag & bits) != 0) | ~np.isfinite(values).all(axis=1)
     return np.where(bad[:, np.newaxis], np.nan, values) if bad.any() else np.ascontiguousarray(values)

@@ -116,7 +116,7 @@ BEHIND: Final = 1.5 * BLOCK
 FAST: Final = 1.0
 """A level velocity that is gathered within `LEAK` and is larger, m/s, may be gravity in a wrong attitude."""
 LOST: Final = deg(20.0)
-"""A tilt that would be off by more than this, rad, is sought anew, as at a start in motion."""
+"""A tilt that would be off by more than this, rad, is sought again, as at a start in motion."""
 
 SPEED2: Final = 0  # what is learned of the motion: mean squares of level speed and force, and the velocity
 FORCE2: Final = 1

@@ -27,7 +27,7 @@ FIRST: Final = 0.5
 LATEST: Final = 0.3
 """one over this."""
 AFRESH: Final = 4.0
-"""Without a contradiction what comes is compared anew after this, s,"""
+"""Without a contradiction the comparison begins again after this, s,"""
 FARTHEST: Final = deg(30.0)
 """or beyond this, rad: a whole turn brings them back."""
 HOLDS: Final = 5.0
@@ -98,17 +98,14 @@ def stands(state: Floats, seen: Floats, rate: Floats, dt: float, now: float) -> 
             if state[STOOD] < FIRST:
                 state[THEN + i] += dt / state[STOOD] * (seen[i] - state[THEN + i])
             state[LATER + i] += min(dt / LATEST, 1.0) * (seen[i] - state[LATER + i])
+    if state[STOOD] >= FIRST + LATEST:
+        force, field = moved(state, 0), moved(state, 3)
+        expected2, off2 = force[0] + field[0], force[1] + field[1]
+        if expected2 > SEEN * SEEN and off2 < STILL * STILL * expected2:
+            if expected2 > CLEAR * CLEAR:
+                state[UNTIL] = now + HOLDS
+            return expected2
     turn2 = state[TURN] ** 2 + state[TURN + 1] ** 2 + state[TURN + 2] ** 2
-    if state[STOOD] < FIRST + LATEST:
-        if turn2 > FARTHEST * FARTHEST:
-            state[STOOD] = 0.0
-        return 0.0
-    force, field = moved(state, 0), moved(state, 3)
-    expected2, off2 = force[0] + field[0], force[1] + field[1]
-    if expected2 > SEEN * SEEN and off2 < STILL * STILL * expected2:
-        if expected2 > CLEAR * CLEAR:
-            state[UNTIL] = now + HOLDS
-        return expected2
     if state[STOOD] > AFRESH or turn2 > FARTHEST * FARTHEST:
         state[STOOD] = 0.0
     return 0.0
