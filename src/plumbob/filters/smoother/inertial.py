@@ -318,8 +318,16 @@ def level(
         if _misfit(frames, p, other.sweep, density) > _misfit(frames, p, found.sweep, density) + spared:
             break
         found, wide = other, sd
-    wide = max(wide, BIAS_REPEATS)
+    wide = max(wide, BIAS_REPEATS, _level_bias(found.sweep))  # its part about the vertical is as large as the others
     return replace(found, drift_sd=wide, bias_sd=wide)
+
+
+def _level_bias(found: Sweep) -> float:
+    """Root mean square of the first bias about two level axes, rad/s."""
+    from plumbob.rotations import dcm_from_quat
+
+    level = dcm_from_quat(found.q[:1])[0, :2] @ found.bias[0]
+    return math.sqrt(0.5 * float(level @ level))
 
 
 def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> float:

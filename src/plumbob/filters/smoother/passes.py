@@ -22,7 +22,7 @@ from plumbob.filters.smoother.field import (
 )
 from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, calm, kinds, level, speed_of, without_gravity
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
-from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, M, Noise, Params, start_covariance
+from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, B, M, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import Sweep, sweep
 from plumbob.rotations import Frame, dcm_from_quat, quat_slerp
 from plumbob.rotations.headings import turn_heading
@@ -221,7 +221,7 @@ def _with_field(
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
     again = AGAIN_BIAS
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=again, rigid=False, unit=known.unit)
-    still = calm(frames, p)
+    first, still = inertial.sweep.bias[0], calm(frames, p)
     for left in range(PASSES, 0, -1):
         seen = Inertial(found, resting, speed)
         reference = reference_of(frames, p, field, seen, own.doubtful, known.field) or reference
@@ -230,13 +230,27 @@ def _with_field(
         var = heading_variance(frames, p, reference, weight)
         noise = Noise.of(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
-        found = sweep(frames, kind, density, var, q, bias[0], p0, noise, covariance=left == 1)
+        begin, p1 = bias[0], p0
+        if inertial.bias_sd:
+            begin, p1 = _unseen(begin, first, p0, dcm_from_quat(q[:1])[0, 2], min(inertial.bias_sd, again))
+        found = sweep(frames, kind, density, var, q, begin, p1, noise, covariance=left == 1)
         speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
     scatter = scatter_of(frames, p, reference, found.field, weight)
     return Smoothed(
         frames, found, resting, reference, weight, own, p0, rival_turn, scatter=scatter, bias_sd=inertial.bias_sd
     )
+
+
+def _unseen(bias: Floats, first: Floats, p0: Floats, up: Floats, sd: float) -> tuple[Floats, Floats]:
+    """First bias (3,) and covariance with what is known of its part along `up` before a field is seen.
+
+    Only the field shows that part. A pass that began with what the field showed the one before would count the field
+    twice, and what is known of a gyroscope never: a field that turns would be followed as if it stood still.
+    """
+    p0, place = p0.copy(), slice(B, B + 3)
+    p0[place, place] -= (up @ p0[place, place] @ up - sd**2) * np.outer(up, up)
+    return bias - up * float(up @ (bias - first)), p0
 
 
 def _iron_turn(frames: Keyframes, p: Params, inertial: Inertial, headed: _Headed, own: Attached, known: Known) -> float:
