@@ -3,7 +3,7 @@
 The recordings are those under PLUMBOB_DATA (broad, foreign); the page says where they come from. Each part of the page
 is measured by itself and kept in bench-out/accuracy.json, so that one of them can be measured again.
 
-    python -m benchmarks.accuracy [--parts sets,variants,live,ablations,choice,draws] [--draws 256]
+    python -m benchmarks.accuracy [--parts sets,variants,live,ablations,choice,draws,live_choice] [--draws 256]
 """
 
 import argparse
@@ -54,6 +54,7 @@ EXTRA: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {  # rows more: s
     "chain, soft, no magnetometer": ("chain, soft", {}, {"no_mag": ""}),
 }
 ALL = {name: (name, dict[str, str](), dict[str, str]()) for name in SETS} | EXTRA
+NONE: Mapping[str, Any] = {}
 NO_LAG = {"lag": "0 s"}
 CAUSAL = ("mekf", "vqf", "vqf.VQF")
 NOTHING: dict[str, float | None] = dict.fromkeys(KEYS)
@@ -61,11 +62,12 @@ OURS = ("smoother", "mekf", "vqf")
 PEERS = "vqf.VQF,vqf.offlineVQF,imufusion(readme),ahrs.Madgwick,ahrs.EKF"
 QUICK = "vqf.VQF,vqf.offlineVQF"
 RIVAL = "vqf.offlineVQF"
-FACTORS, WORST = (0.5, 2.0), 1.7
+FACTORS, WORST, WORST_LIVE = (0.5, 2.0), 1.7, 2.5
 VARIANTS: dict[str, tuple[dict[str, str], tuple[float, float] | None]] = {  # changes, time that is scored
     "as recorded": ({}, None),
     "begins 20 s into the motion": ({"start": "20s"}, None),
     "… its first 10 s": ({"start": "20s"}, (0.0, 10.0)),
+    "five gaps of 0.5 s": ({"gaps": "5x0.5s"}, None),
     "five gaps of 1 s": ({"gaps": "5x1s"}, None),
     "five gaps of 3 s": ({"gaps": "5x3s"}, None),
     "field off by (15, −10, 20) µT, first 20 s": ({"wrong_field": "15,-10,20uT:0s-20s"}, None),
@@ -183,11 +185,11 @@ def ablations() -> dict[str, Any]:
     return found
 
 
-def choice() -> dict[str, Any]:
+def choice(fixed: Mapping[str, Any] = NONE) -> dict[str, Any]:
     """Totals of each recording of all sets with the first drawn parameters; `chosen` makes the table of them."""
-    found: dict[str, Any] = {"sets": [{name: totals(name, {}) for name in SETS}]}
+    found: dict[str, Any] = {"sets": [{name: totals(name, fixed) for name in SETS}]}
     for params in drawn(CHOICE):
-        found["sets"].append({name: totals(name, params) for name in SETS})
+        found["sets"].append({name: totals(name, {**params, **fixed}) for name in SETS})
         print(len(found["sets"]), {name: round(mean(v), 3) for name, v in found["sets"][-1].items()}, flush=True)
     return found
 
@@ -232,7 +234,10 @@ def page(found: Mapping[str, Any]) -> str:
     """The page, of all parts."""
     parts = [head(), sets_text(found["sets"]), claims_text(found["sets"]), variants_text(found["variants"])]
     parts.append(live_text(found))
-    parts += [ablations_text(found["ablations"]), choice_text(found["choice"]), draws_text(found["draws"]), FOOT]
+    parts += [ablations_text(found["ablations"]), f"## Chosen on one half, judged on the other\n{CHOSEN}"]
+    parts += [choice_text(found["choice"]), "Without a lag:\n", choice_text(found["live_choice"])]
+    drawn_live = [mean(of["BROAD"]) for of in found["live_choice"]["sets"][1:]]
+    parts += [draws_text(found["draws"]["totals"], WORST), draws_live_text(drawn_live), FOOT]
     return "\n".join(parts)
 
 
@@ -425,6 +430,12 @@ Its worst recording, total, and its claims, as above:
 {table(["", "worst", *SHARES.values()], shares)}"""
 
 
+CHOSEN = f"""
+{CHOICE} sets of parameters, all at once times a factor between a half and two. The set that is best on every second
+recording of all sets (mean of the ratios to the defaults) is judged on the others, and the other way round.
+"""
+
+
 def ablations_text(found: Mapping[str, Any]) -> str:
     names = list(SETS)
     off = [[row, *(f"{values[n]:.2f}" for n in names)] for row, values in found["off"].items()]
@@ -460,22 +471,25 @@ def choice_text(found: Mapping[str, Any]) -> str:
             rows.append(
                 [f"{name}, {title} recordings", *(f"{v:.2f}" for v in values), f"{change:+.0%}".replace("-", "−")]
             )
-    return f"""## Chosen on one half, judged on the other
-
-{len(found["sets"]) - 1} sets of parameters, all at once times a factor between a half and two. The set that is best on
-every second recording of all sets (mean of the ratios to the defaults) is judged on the others, and the other way
-round.
-
-{table(["", "defaults", "chosen on the other half", "best of all in hindsight", "chosen less defaults"], rows)}"""
+    return table(["", "defaults", "chosen on the other half", "best of all in hindsight", "chosen less defaults"], rows)
 
 
-def draws_text(found: Mapping[str, Any]) -> str:
-    values = np.array(found["totals"])
-    low, high = np.percentile(values, (5, 95))
+def draws_text(totals: Sequence[float], bar: float) -> str:
     return f"""## All parameters at once
 
-{counted(values.size, "set")} of parameters, each times a factor between a half and two (log-uniform, seed 1), on BROAD:
-mean total {values.mean():.2f}, 5 to 95 %: {low:.2f} to {high:.2f}, worst {values.max():.2f} (bar: {WORST}).
+{spread_text(totals, bar)}"""
+
+
+def draws_live_text(totals: Sequence[float]) -> str:
+    return f"Without a lag: {spread_text(totals, WORST_LIVE)}"
+
+
+def spread_text(totals: Sequence[float], bar: float) -> str:
+    values = np.array(totals)
+    low, high = np.percentile(values, (5, 95))
+    sets = counted(values.size, "set")
+    return f"""{sets} of parameters, each times a factor between a half and two (log-uniform, seed 1), on BROAD:
+mean total {values.mean():.2f}, 5 to 95 %: {low:.2f} to {high:.2f}, worst {values.max():.2f} (bar: {bar}).
 """
 
 
@@ -507,12 +521,12 @@ def draw_picture(rows: Mapping[str, Any]) -> None:
 def main() -> None:
     """Measure the parts that are asked for, and write the page."""
     p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    p.add_argument("--parts", default="sets,variants,live,ablations,choice,draws")
+    p.add_argument("--parts", default="sets,variants,live,ablations,choice,draws,live_choice")
     p.add_argument("--draws", type=int, default=256)
     args = p.parse_args()
     parts: dict[str, Callable[[], dict[str, Any]]] = {
         "sets": sets, "variants": variants, "live": live, "ablations": ablations, "choice": choice,
-        "draws": lambda: draws(args.draws),
+        "draws": lambda: draws(args.draws), "live_choice": lambda: choice(NO_LAG),
     }  # fmt: skip
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     for name in filter(None, args.parts.split(",")):
