@@ -335,6 +335,11 @@ class Arriving:
         """Times and rates of samples."""
         return self._t[rows], self._gyr[rows]
 
+    def fields(self, rows: slice) -> Bools:
+        """Which samples have a field."""
+        found: Bools = np.isfinite(self._field[rows][:, 0])
+        return found
+
     def frames(self, steps: slice) -> Keyframes:
         """Samples and steps, as the smoother takes them."""
         first = self._last[steps.start : steps.stop + 1]

@@ -11,7 +11,7 @@ unit merely lay is proven by nothing. What cannot be decided is doubted: the cov
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -38,12 +38,14 @@ from plumbob.filters.smoother.field import (
     white_noise,
 )
 from plumbob.filters.smoother.inertial import (
+    GIVEN,
     LEAK,
     LONGEST,
     REST_SPEED,
     SHORTEST,
     SPEED_TIMES,
     WINDOW,
+    Given,
     speed_of,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
@@ -270,6 +272,7 @@ def onward(
         if tilt2 > LOST * LOST:
             begin_anew(standing, end, p, learned)
         word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
+        word[k] |= 0 if proven else flags.FIELD_UNKNOWN
 
 
 @njit
@@ -407,7 +410,7 @@ class Running:
     other : ndarray (8,)
         A field that contradicts the one of the place.
     proven : bool
-        Whether the unit has turned in that one.
+        Whether the unit has turned in that one, or no field was measured.
     standing : ndarray (24,)
         What contradicts the gyroscope: see `standing`.
     """
@@ -518,6 +521,8 @@ class Live:
         Use the magnetometer.
     background : bool
         Look at the past in a thread of its own, so that the stream does not wait for it.
+    start : Given, optional
+        The first attitude.
 
     Attributes
     ----------
@@ -527,8 +532,11 @@ class Live:
         Whether two samples had a rate.
     """
 
-    def __init__(self, p: Params, meta: ImuMeta, *, mag: bool, background: bool = False) -> None:
-        self.p, self._left, self._drift = p, meta.left, FreeHeading(meta, p)
+    def __init__(
+        self, p: Params, meta: ImuMeta, *, mag: bool, background: bool = False, start: Given | None = None
+    ) -> None:
+        self.p, self._left, self._start = p, meta.left, start
+        self._drift = FreeHeading(meta, p, GIVEN**2 if start is not None and start.headed else None)
         self._unit = None if meta.gyr_left is None else whole_of(meta.gyr_left)
         self._arriving, self._proven = Arriving(p, mag=mag), Proven()
         self._thread = ThreadPoolExecutor(1, "plumbob-look") if background else None
@@ -537,9 +545,8 @@ class Live:
         self._anchor: tuple[int, Floats] | None = None
         self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
-        self._last = Part(
-            np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan)
-        )
+        q, cov = (np.array([1.0, 0.0, 0.0, 0.0]), ANYTHING) if start is None else (start.q, GIVEN**2 * np.eye(3))
+        self._last = Part(q[np.newaxis], np.zeros((1, 3)), cov[np.newaxis], lost, np.full(1, np.nan))
         self._jumped = -math.inf
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
         self.gaps: list[float] = []
@@ -570,10 +577,26 @@ class Live:
         if n:
             if not self._base:
                 self._due = arriving.time(0) + SOONEST
+            if self._running is None:
+                self._before_any_look(n)
             self._follow()
             self._widen()
             arriving.before(arriving.from_(arriving.time(self._step) - MARGIN - 2.0 * LATE))
         return self._everywhere(data, kept)
+
+    def _before_any_look(self, n: int) -> None:
+        """What is known of samples until the past is looked at: from a given attitude the gyroscope goes on."""
+        arriving, out = self._arriving, self._out
+        rows = slice(max(self._base - 1, 0), arriving.samples)
+        sought = np.logical_or.accumulate(arriving.fields(slice(self._base, arriving.samples)))
+        out.flags[sought] |= np.uint32(flags.FIELD_UNKNOWN)
+        if self._start is None:
+            return
+        t, gyr = arriving.rows(rows)
+        q, ends, no = np.empty((t.size, 4)), np.array([0, t.size - 1]), np.zeros(1, dtype=bool)
+        between_keyframes(t, gyr, ends, ~no, no, np.tile(self._last.q, (2, 1)), np.zeros((2, SIZE)), q)
+        q[0] = self._last.q
+        out.q[:] = q[-n:]
 
     def _everywhere(self, data: ImuData, kept: Bools) -> Part:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
@@ -632,7 +655,8 @@ class Live:
         frames = arriving.frames(past)
         begin = arriving.time(past.start)
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
-        look, anchor = partial(smooth, frames, self.p, self._proven.known(self._unit, turned, begin)), self._anchor
+        known = replace(self._proven.known(self._unit, turned, begin), start=None if past.start else self._start)
+        look, anchor = partial(smooth, frames, self.p, known), self._anchor
         if anchor is not None and anchor[0] < past.start and self._running is not None:
             anchor = (k, self._running.last.attitude.copy())
         if now - begin < SHORT:
@@ -674,10 +698,12 @@ class Live:
             other[DOUBT] = self._running.other[DOUBT]
         cov = last.cov[TH : TH + 3, TH : TH + 3].copy()
         doubt(cov, 0.0, unlikely_tilt(learned), other[DOUBT] ** 2)
+        sought = bool(np.isfinite(frames.mag[:, 0]).any())
+        proven = not sought if found.reference is None else self._proven.settled
+        word = (flags.AT_REST if found.resting[-1] else 0) | (0 if proven else flags.FIELD_UNKNOWN)
         return Running(
             last, cov, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
-            flags.AT_REST if found.resting[-1] else 0, float(found.weight[-1]), np.zeros(1), other,
-            self._proven.settled, standing,
+            word, float(found.weight[-1]), np.zeros(1), other, proven, standing,
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -786,7 +812,8 @@ class Live:
         """Count in a heading without a field what nothing shows of the gyroscope."""
         t, _ = self._arriving.rows(slice(self._base, self._arriving.samples))
         part = self._out
-        variance = self._drift.variance(t, part.q, self._rate, self._bias_sd)
+        gap = self.gaps[0] if self.gaps else math.inf
+        variance = self._drift.variance(t, part.q, self._rate, self._bias_sd, gap)
         free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
         if free.any():
             self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
@@ -795,7 +822,7 @@ class Live:
     def _flags(found: Smoothed, weight: Floats, cov: Floats) -> NDArray[np.uint32]:
         """What to know of each sample."""
         word = np.zeros(len(cov), dtype=np.int64)
-        lost = cov[:, 0, 0] + cov[:, 1, 1] > 2.0 * DOUBTFUL**2
+        lost = cov[:, 0, 0] + cov[:, 1, 1] + 2.0 * found.tilt_var > 2.0 * DOUBTFUL**2
         if found.reference is None:
             word |= flags.HEADING_FREE
         else:

@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -15,8 +16,9 @@ from plumbob.core.params import build, describe, shown
 from plumbob.core.text import Shown
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.left import whole_of
-from plumbob.filters.base import CommonParams
-from plumbob.filters.known import CAUSAL, SMOOTHER
+from plumbob.filters.base import CommonParams, north_of
+from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
+from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
@@ -34,6 +36,7 @@ from plumbob.filters.smoother.samples import (
     unknown,
     widened,
 )
+from plumbob.filters.start import Start, start_of
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
@@ -53,6 +56,11 @@ class Smoother(Shown):
         Parameters by name; numbers in SI, text with its unit. Those of every filter are taken too, but `max_gap`.
     noise : NoiseCard, optional
         Noise of the unit; `params` has the last word.
+    init : array_like (4,), str or Start, optional
+        Attitude at the first sample that has a rate, as `Filter` takes it: its tilt is then known to a degree, unless
+        the first seconds contradict it. Its heading counts where no field gives one: a field has the last word.
+    meta : ImuMeta, optional
+        What is known about the samples that `update` will take; a recording brings its own.
 
     Attributes
     ----------
@@ -80,9 +88,16 @@ class Smoother(Shown):
     name = SMOOTHER
 
     def __init__(
-        self, *, frame: Frame | str, params: Mapping[str, Any] | None = None, noise: "NoiseCard | None" = None
+        self,
+        *,
+        frame: Frame | str,
+        params: Mapping[str, Any] | None = None,
+        noise: "NoiseCard | None" = None,
+        init: Start | ArrayLike | str | None = None,
+        meta: ImuMeta | None = None,
     ) -> None:
         self.frame = Frame.parse(frame)
+        self._init = None if init is None else start_of(init, self.frame)
         given = {**({} if noise is None else from_noise(noise)), **(params or {})}
         own = {p.name for p in describe(Params)}
         shared = {p.name for p in describe(CommonParams)} - {"max_gap"}
@@ -94,6 +109,8 @@ class Smoother(Shown):
         self.params: Params = build(Params, {k: v for k, v in given.items() if k in own}, of=SMOOTHER)
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)
         self._decided = "declination" in given
+        self._meta = meta or ImuMeta()
+        self._heed(self._meta)
         self.remarks: tuple[str, ...] = ()
         self.learned: Learned | None = None
 
@@ -124,9 +141,14 @@ class Smoother(Shown):
 
     def north(self, has_mag: bool) -> North:
         """What headings count from, of samples with or without a magnetometer."""
-        if not (has_mag and self.common.mag):
-            return North.FREE
-        return North.MAGNETIC if self.common.declination is None else North.TRUE
+        return north_of(self.common, self._init, has_mag)
+
+    @property
+    def _given(self) -> Given | None:
+        """The start in the frame inside."""
+        if self._init is None:
+            return None
+        return Given(change_frame(self._init.q_nb, to=Frame.ENU, from_=self.frame), self._init.north is not North.FREE)
 
     def warm_up(self) -> None:
         """Compile now, so that the first recording does not wait."""
@@ -178,9 +200,13 @@ class Smoother(Shown):
         missing = [name for name in NEEDS if name not in data.triads]
         if missing:
             raise ShapeError(f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}.")
-        if data.meta.declination is not None and not self._decided:
-            self.common = self.common._replace(declination=data.meta.declination)
+        self._heed(data.meta)
         self.remarks = ()
+
+    def _heed(self, meta: ImuMeta) -> None:
+        """Take over the declination that is known, unless `params` have decided."""
+        if meta.declination is not None and not self._decided:
+            self.common = self.common._replace(declination=meta.declination)
 
     def _stretches(self, data: ImuData) -> Iterator[Piece]:
         """Stretches that overlap, each smoothed by itself."""
@@ -192,7 +218,8 @@ class Smoother(Shown):
         """Parts one after the other, nothing of which knows what comes later."""
         from plumbob.filters.smoother.live import Live
 
-        live, remarks = Live(self.params, data.meta, mag=self.common.mag), dict[str, None]()
+        live = Live(self.params, data.meta, mag=self.common.mag, start=self._given)
+        remarks = dict[str, None]()
         t, word, seen, left = list[Floats](), list[NDArray[np.uint32]](), False, len(data)
         for part in data.chunks(AT_ONCE):
             piece = _followed(live, part)
@@ -210,13 +237,13 @@ class Smoother(Shown):
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
         """What `process` makes its track of, at the keyframes; `known` is what came before. None without rates."""
         frames = Keyframes.of(data, self.params.keyframe, mag=self.common.mag)
-        return None if frames is None else smooth(frames, self.params, known or _known(data.meta))
+        return None if frames is None else smooth(frames, self.params, known or _known(data.meta, self._given))
 
 
-def _known(meta: ImuMeta) -> Known:
-    """What the unit's card says of its gyroscope."""
+def _known(meta: ImuMeta, start: Given | None) -> Known:
+    """What the unit's card says of its gyroscope, and the first attitude."""
     left = meta.gyr_left
-    return Known() if left is None else Known(unit=whole_of(left))
+    return Known(unit=None if left is None else whole_of(left), start=start)
 
 
 AT_ONCE: Final = 4096
@@ -243,8 +270,9 @@ class Along:
 
     def __init__(self, smoother: Smoother, meta: ImuMeta) -> None:
         self._smoother = smoother
-        self._known = _known(meta)
-        self._attitude = np.array([1.0, 0.0, 0.0, 0.0])
+        self._start = start = smoother._given
+        self._known = _known(meta, start)
+        self._attitude = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
         self._last: tuple[Floats, Stretch] | None = None
         self._free_variance = 0.0  # of a heading without a field, where the next core begins, rad²
         self._remarks: dict[str, None] = {}
@@ -252,11 +280,12 @@ class Along:
     def piece(self, whole: ImuData, stretch: Stretch) -> Piece:
         """Core of a stretch, of whose samples `whole` are all."""
         smoother, inside = self._smoother, stretch.inside
+        self._known = replace(self._known, start=None if stretch.whole.start else self._start)
         found = smoother.smooth(whole, self._known)
         if found is None:
             part = unknown(whole, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0])
         else:
-            part = part_of(whole, found, smoother.params)
+            part = part_of(whole, found, smoother.params, self._heading_var(stretch))
             if self._last is not None and found.reference is None:
                 part = continued(part, stretch, *self._last)
                 part = part._replace(cov=widened(part.q, part.cov, self._before(part, inside.start)))
@@ -266,6 +295,12 @@ class Along:
         self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
         headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
         return Piece(whole.t[inside], part.rows(inside), headed, found is not None)
+
+    def _heading_var(self, stretch: Stretch) -> float | None:
+        """Variance of a given heading where a stretch begins, rad², beyond what comes from the stretch before."""
+        if self._start is None or not self._start.headed:
+            return None
+        return 0.0 if stretch.whole.start else GIVEN**2
 
     def _before(self, part: Part, begin: int) -> Floats:
         """What a free heading was uncertain by before the core that begins at a sample, rad², beyond what it now is."""
@@ -311,22 +346,29 @@ class FixedLag(Smoother):
     """The smoother on a stream: parts in, attitudes out as soon as nothing that may still come can change them.
 
     They come as much later as the parameter ``lag`` says, at once where it is zero, and are those of `Smoother` with
-    that lag, to the bit, however the stream is cut. Arguments and attributes are those of `Smoother`.
+    that lag, to the bit, however the stream is cut. Arguments and attributes are those of `Smoother`; without a lag in
+    `params` it is zero.
 
     Raises
     ------
     ParameterError
-        If a parameter is not known, or lag is missing.
+        If a parameter is not known, or lag is off.
     """
 
     def __init__(
-        self, *, frame: Frame | str, params: Mapping[str, Any] | None = None, noise: "NoiseCard | None" = None
+        self,
+        *,
+        frame: Frame | str,
+        params: Mapping[str, Any] | None = None,
+        noise: "NoiseCard | None" = None,
+        init: Start | ArrayLike | str | None = None,
+        meta: ImuMeta | None = None,
     ) -> None:
-        super().__init__(frame=frame, params=params, noise=noise)
+        super().__init__(frame=frame, params={"lag": CAUSAL_LAG, **(params or {})}, noise=noise, init=init, meta=meta)
         if self.params.lag is None:
             raise ParameterError(
-                "on a stream the smoother needs a lag, by which attitudes come later than their samples, or 0s. "
-                f"Give lag, as 5s, or name a filter, such as {CAUSAL}."
+                "on a stream the smoother cannot wait for the end, but lag is off. Give the lag by which attitudes may "
+                f"come later than their samples, as 5s, or leave it out: it is then {CAUSAL_LAG}."
             )
         self._lag = self.params.lag
         self._restart()
@@ -360,7 +402,7 @@ class FixedLag(Smoother):
         if self._lag == 0.0:
             from plumbob.filters.smoother.live import Live
 
-            self._follower = Live(self.params, data.meta, mag=self.common.mag, background=True)
+            self._follower = Live(self.params, data.meta, mag=self.common.mag, background=True, start=self._given)
         else:
             self._along = Along(self, data.meta)
         return self._tracks
