@@ -251,6 +251,15 @@ class Arriving:
         """Steps that are complete."""
         return self._gap.end
 
+    @property
+    def key(self) -> float:
+        """Time at which the step began that is not complete, s."""
+        return float(self._state[KEY])
+
+    def watched(self) -> Floats | None:
+        """Copy of what is watched for stuck sensors; None where the last sample had no rate."""
+        return self._watch.copy() if self._state[GYR + TIME] == self._state[ARRIVED] else None
+
     def take(self, imu: ImuData) -> Bools:
         """Take the next samples; says which of them are kept: not those in a hole of the gyroscope."""
         t, (gyr, acc, field) = np.ascontiguousarray(imu.t), trusted(imu, mag=self._mag)

@@ -49,7 +49,7 @@ from plumbob.filters.smoother.inertial import (
     speed_of,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
-from plumbob.filters.smoother.model import SIZE, TH, B, M, Noise, Params, V
+from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, Noise, Params, V
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
 from plumbob.filters.smoother.samples import (
     ANYTHING,
@@ -496,6 +496,21 @@ class Room(NamedTuple):
         )
 
 
+class Between(NamedTuple):
+    """What a next sample goes on from where it ends no step: see `single`.
+
+    Attitude (4,), body to ENU, and state (21,), what is watched for stuck sensors, the flags of the step, the time at
+    which the step began and its usual length, s.
+    """
+
+    q: Floats
+    x: Floats
+    watched: Floats
+    word: int
+    key: float
+    spacing: float
+
+
 class Look(NamedTuple):
     """A look at the past: the step at which it began, the time at which it is handed over, and what it finds."""
 
@@ -545,8 +560,8 @@ class Live:
         self._anchor: tuple[int, Floats] | None = None
         self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
-        q, cov = (np.array([1.0, 0.0, 0.0, 0.0]), ANYTHING) if start is None else (start.q, GIVEN**2 * np.eye(3))
-        self._last = Part(q[np.newaxis], np.zeros((1, 3)), cov[np.newaxis], lost, np.full(1, np.nan))
+        q = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
+        self._last = Part(q[np.newaxis], np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan))
         self._jumped = -math.inf
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
         self.gaps: list[float] = []
@@ -560,6 +575,15 @@ class Live:
     def rated(self) -> bool:
         """Whether two samples had a rate."""
         return self._arriving.rated
+
+    def between(self) -> Between | None:
+        """What a next sample goes on from where it ends no step; None where it must be taken."""
+        running, watched = self._running, self._arriving.watched()
+        if running is None or watched is None or self.p.latency:
+            return None
+        said = self._flags(running.found, np.array([running.weight]), running.cov[np.newaxis])
+        q, key = self._last.q[0].copy(), self._arriving.key
+        return Between(q, running.last.state.copy(), watched, running.word | int(said[0]), key, self.p.keyframe)
 
     def close(self) -> None:
         """End the thread."""
@@ -597,6 +621,8 @@ class Live:
         between_keyframes(t, gyr, ends, ~no, no, np.tile(self._last.q, (2, 1)), np.zeros((2, SIZE)), q)
         q[0] = self._last.q
         out.q[:] = q[-n:]
+        tilt = np.tile(GIVEN**2 * np.eye(3), (n, 1, 1))  # what the heading has besides comes with its drift
+        out.cov[:] = widened(out.q, tilt, np.full(n, FREE_HEADING**2 - GIVEN**2))
 
     def _everywhere(self, data: ImuData, kept: Bools) -> Part:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""

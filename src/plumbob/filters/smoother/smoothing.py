@@ -16,6 +16,7 @@ from plumbob.core.params import build, describe, shown
 from plumbob.core.text import Shown
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.left import whole_of
+from plumbob.data.sample import ImuSample
 from plumbob.filters.base import CommonParams, north_of
 from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
 from plumbob.filters.smoother.inertial import GIVEN, Given
@@ -24,6 +25,7 @@ from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of, remarks_so_far
 from plumbob.filters.smoother.samples import (
+    ANYTHING,
     CORE,
     MARGIN,
     Part,
@@ -36,13 +38,14 @@ from plumbob.filters.smoother.samples import (
     unknown,
     widened,
 )
+from plumbob.filters.smoother.single import Now, Single
 from plumbob.filters.start import Start, start_of
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
-    from plumbob.filters.smoother.live import Live
+    from plumbob.filters.smoother.live import Between, Live
 
 
 class Smoother(Shown):
@@ -152,10 +155,15 @@ class Smoother(Shown):
 
     def warm_up(self) -> None:
         """Compile now, so that the first recording does not wait."""
-        gyr, acc, mag = (np.tile(still, (50, 1)) for still in ([0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]))
+        still = [0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]
+        gyr, acc, mag = (np.tile(triad, (50, 1)) for triad in still)
         for lag in ("off", "0 s"):
             one = Smoother(frame=self.frame, params={"lag": lag})
             one.process(ImuData(t=np.linspace(0.0, 1.0, 50), gyr=gyr, acc=acc, mag=mag))
+        stream = FixedLag(frame=self.frame)
+        for k in range(50):
+            stream.update(ImuSample(20_000_000 * k, *still))
+        stream.reset()
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.
@@ -321,6 +329,13 @@ class _Tracks:
         self._source = f"{smoother.describe()}; calibration {calibration_told(meta.calibration)}"
         self._headed = self.rated = False
 
+    def turns(self) -> Floats:
+        """What `of` multiplies in front of a next attitude, one after the other, (n, 4)."""
+        turn, frame, one = self._smoother.common.declination, self._smoother.frame, np.array([1.0, 0.0, 0.0, 0.0])
+        found = [turn_heading(one, turn, Frame.ENU)] if turn and self._headed else []
+        found += [] if frame is Frame.ENU else [change_frame(one, to=frame, from_=Frame.ENU)]
+        return np.reshape(found, (-1, 4))
+
     def of(self, piece: Piece) -> AttitudeTrack:
         """Track of a piece; headings are true from where a field has shown itself."""
         smoother, part, t = self._smoother, piece.part, piece.t
@@ -380,6 +395,7 @@ class FixedLag(Smoother):
         self._tracks: _Tracks | None = None
         self._along: Along | None = None
         self._follower: Live | None = None
+        self._single: Single | None = None
 
     def take(self, data: ImuData) -> AttitudeTrack | None:
         """Take the next samples, and return the attitudes that are ready; None where there are none.
@@ -388,7 +404,14 @@ class FixedLag(Smoother):
         ------
         ShapeError
             If a triad is missing that it needs.
+        ParameterError
+            If `update` takes the samples of this stream.
         """
+        if self._single is not None:
+            raise ParameterError("update takes the samples of this stream. Call reset() before another stream.")
+        return self._take(data)
+
+    def _take(self, data: ImuData) -> AttitudeTrack | None:
         tracks = self._tracks or self._started(data)
         if self._follower is not None:
             return tracks.of(_followed(self._follower, data))
@@ -406,6 +429,71 @@ class FixedLag(Smoother):
         else:
             self._along = Along(self, data.meta)
         return self._tracks
+
+    def update(self, sample: ImuSample) -> int:
+        """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
+
+        Without a lag alone. It gives the bits of `take`. Time runs from the first sample; one that is not later than
+        the one before is flagged and not used, until three in a row say that the clock was set back.
+
+        Raises
+        ------
+        ParameterError
+            If there is a lag: attitudes then come later than their samples.
+        ShapeError
+            If it is not a sample.
+        """
+        return self._one.update(sample)
+
+    @property
+    def _one(self) -> Single:
+        if self._single is None:
+            if self._lag != 0.0:
+                raise ParameterError(
+                    f"update gives the attitude at once, but lag is {self._lag:g} s. Leave lag out, or use take(data)."
+                )
+            self._single = Single(self._take_now, self._between, self._meta, self.common.mag, self._at_first())
+        return self._single
+
+    def _take_now(self, data: ImuData) -> AttitudeTrack:
+        track = self._take(data)
+        assert track is not None
+        return track
+
+    def _between(self) -> "tuple[Between, Floats] | None":
+        """What a next sample goes on from, and the turns to the frame that was asked for."""
+        assert self._tracks is not None
+        assert self._follower is not None
+        found = self._follower.between()
+        return None if found is None else (found, self._tracks.turns())
+
+    def _at_first(self) -> Now:
+        """What is known before the first sample."""
+        q, cov = (
+            (np.array([1.0, 0.0, 0.0, 0.0]), ANYTHING)
+            if self._init is None
+            else (self._init.q_nb, GIVEN**2 * np.eye(3))
+        )
+        return Now(q, np.zeros(3), cov)
+
+    @property
+    def q_nb(self) -> Floats:
+        """Attitude at the last sample of `update`, (4,)."""
+        return self._one.q_nb
+
+    @property
+    def bias_b(self) -> Floats:
+        """Gyroscope bias then, rad/s, (3,)."""
+        return self._one.bias_b
+
+    @property
+    def cov_b(self) -> Floats:
+        """Covariance of the attitude error in body axes then, rad², (3, 3); costs as much as a call of `take`."""
+        return self._one.cov_b
+
+    def reset(self) -> None:
+        """Forget every sample; parameters and start attitude stay."""
+        self.finish()
 
     def finish(self) -> AttitudeTrack | None:
         """Say that the stream has ended, and return the attitudes that are left; None where there are none."""
