@@ -27,7 +27,7 @@ LAG = {"lag": "0.6 s"}
 @pytest.fixture(autouse=True)
 def short(monkeypatch):
     """Little of the past is smoothed with each part, so that its border moves through these few seconds."""
-    for where in ("samples", "smoothing"):
+    for where in ("live", "samples", "smoothing"):  # live first: what is imported later would keep it
         monkeypatch.setattr(f"plumbob.filters.smoother.{where}.MARGIN", 2.0)
 
 

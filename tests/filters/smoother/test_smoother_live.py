@@ -121,7 +121,7 @@ def test_the_field_is_unknown_until_the_unit_has_turned_in_it():
     said = (track.flags & unknown) != 0
     assert said[h.t < 8.0].all()
     assert not said[h.t > 15.0].any()
-    assert (followed(h.imu(mag=np.zeros_like(h.mag)))[0].flags & unknown).all()
+    assert (followed(h.imu(mag=h.in_body([0.0, 0.0, -45.0])))[0].flags & unknown).all()
     assert not (followed(h.imu(mag=None))[0].flags & unknown).any()
     assert not (followed(h.imu(), mag=False)[0].flags & unknown).any()
 

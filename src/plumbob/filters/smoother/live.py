@@ -272,7 +272,6 @@ def onward(
         if tilt2 > LOST * LOST:
             begin_anew(standing, end, p, learned)
         word[k] = (flags.AT_REST if kind == RESTING else 0) | (flags.INCONSISTENT if end < standing[UNTIL] else 0)
-        word[k] |= 0 if proven else flags.FIELD_UNKNOWN
 
 
 @njit
@@ -410,9 +409,11 @@ class Running:
     other : ndarray (8,)
         A field that contradicts the one of the place.
     proven : bool
-        Whether the unit has turned in that one, or no field was measured.
+        Whether the unit has turned in that one.
     standing : ndarray (24,)
         What contradicts the gyroscope: see `standing`.
+    unknown : int
+        Flag of a field that no turning in it has shown up to the look.
     """
 
     last: Last
@@ -429,6 +430,7 @@ class Running:
     other: Floats
     proven: bool
     standing: Floats
+    unknown: int
 
 
 @dataclass(slots=True)
@@ -583,7 +585,8 @@ class Live:
             return None
         said = self._flags(running.found, np.array([running.weight]), running.cov[np.newaxis])
         q, key = self._last.q[0].copy(), self._arriving.key
-        return Between(q, running.last.state.copy(), watched, running.word | int(said[0]), key, self.p.keyframe)
+        word = running.word | running.unknown | int(said[0])
+        return Between(q, running.last.state.copy(), watched, word, key, self.p.keyframe)
 
     def close(self) -> None:
         """End the thread."""
@@ -725,11 +728,11 @@ class Live:
         cov = last.cov[TH : TH + 3, TH : TH + 3].copy()
         doubt(cov, 0.0, unlikely_tilt(learned), other[DOUBT] ** 2)
         sought = bool(np.isfinite(frames.mag[:, 0]).any())
-        proven = not sought if found.reference is None else self._proven.settled
-        word = (flags.AT_REST if found.resting[-1] else 0) | (0 if proven else flags.FIELD_UNKNOWN)
+        turned = found.reference is not None and self._proven.turning > LEAST_TURNING
         return Running(
             last, cov, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
-            word, float(found.weight[-1]), np.zeros(1), other, proven, standing,
+            flags.AT_REST if found.resting[-1] else 0, float(found.weight[-1]), np.zeros(1), other,
+            self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -827,7 +830,7 @@ class Live:
         found, bias, matrix = self._running.found, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
         rate = gyr - bias - np.einsum("nij,nj->ni", matrix, gyr)
         known = covariance_of(q, cov, found, rate, self.p, self._left)
-        word = word | self._flags(found, weight, cov)
+        word = word | self._flags(found, weight, cov) | np.uint32(self._running.unknown)
         self._rate[rows], self._bias_sd[rows] = rate, found.bias_sd
         if self.p.latency:
             q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
