@@ -6,9 +6,12 @@ import pytest
 import plumbob
 from plumbob import ImuData, ImuMeta, ImuSample
 from plumbob.core import flags
+from plumbob.core._jit import jit_disabled
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.filters.smoother import FixedLag
 from tests.battery.hand import by_hand
+
+slow = pytest.mark.skipif(jit_disabled(), reason="minutes in plain Python, whose bits are the same")
 
 META = ImuMeta(declination=0.05, calibration="by hand", gyr_range=30.0)
 
@@ -32,6 +35,7 @@ def odd(h, name):
 CASES = ("plain", "slow field", "held field", "missing", "stuck", "beyond", "gap")
 
 
+@slow
 @pytest.mark.parametrize("case", CASES)
 def test_it_gives_the_bits_of_the_stream(case):
     h = by_hand(8.0, seed=1, rest=((3.0, 6.0),))
