@@ -266,21 +266,13 @@ class RunningSmoother:
     """The smoother on a stream without a lag, fed sample by sample with times that increase."""
 
     def __init__(self, smoother: FixedLag) -> None:
-        self._smoother = smoother
-        self._q, self._t_ns = np.array([1.0, 0.0, 0.0, 0.0]), -STEP_NS
+        self._smoother, self._t_ns = smoother, -STEP_NS
 
     def take(self, row: Row) -> int:
         """Take a sample and return its flags; its attitude is there at once."""
         t_ns, gyr, acc, mag, known = row
-        values = ImuSample(t_ns, gyr, acc, mag, flags=known).values[np.newaxis]
         self._t_ns = t_ns
-        triads = {"gyr": values[:, 0:3], "acc": values[:, 3:6], "mag": values[:, 6:9]}
-        word = np.array([known], dtype=np.uint32)
-        track = self._smoother.take(ImuData.live(np.array([t_ns]), triads, flags=word, meta=ImuMeta()))
-        assert track is not None
-        assert track.flags is not None
-        self._q = track.q_nb[0]
-        return int(track.flags[0])
+        return self._smoother.update(ImuSample(t_ns, gyr, acc, mag, flags=known))
 
     def give(self, gyr: Floats, acc: Any, mag: Floats | None) -> None:
         """Take the next regular sample, with any object as accelerometer."""
@@ -288,14 +280,14 @@ class RunningSmoother:
 
     def attitude(self) -> Floats:
         """Attitude now, (4,)."""
-        return self._q
+        return self._smoother.q_nb
 
 
 class OurSmoother(OurFilter):
     """The smoother on a stream without a lag."""
 
     def _filter(self, params: Mapping[str, Any], **arguments: Any) -> FixedLag:
-        return FixedLag(**{"frame": FRAME, "params": {"lag": "0 s", **params}, **arguments})
+        return FixedLag(**{"frame": FRAME, "params": params, **arguments})
 
     def _with(self, params: Mapping[str, Any], **arguments: Any) -> Running:
         return RunningSmoother(self._filter(params, **arguments))

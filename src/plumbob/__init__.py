@@ -18,6 +18,8 @@ Session, Stream
 Filter
     A named causal estimator with parameters and a state: ``process(data)`` gives a track, ``update(sample)`` goes on
     by one sample.
+FixedLag
+    The smoother on a stream: the same ``update`` without a lag, ``take(data)`` with one.
 
 Units
 -----
@@ -70,6 +72,7 @@ if TYPE_CHECKING:
     from plumbob.files.mcap import repair, verify
     from plumbob.filters import Filter, filter_names
     from plumbob.filters.known import cite
+    from plumbob.filters.smoother import FixedLag
     from plumbob.noise.allan import allan
     from plumbob.protocols.decode import Decoder, decode
     from plumbob.protocols.find import find_format
@@ -92,6 +95,7 @@ _HOME = {
     "Decoder": "protocols.decode",
     "Evaluation": "evaluation",
     "Filter": "filters",
+    "FixedLag": "filters.smoother",
     "Format": "protocols.format",
     "Frame": "rotations",
     "ImuData": "data.imu",
@@ -135,6 +139,7 @@ __all__ = [
     "Decoder",
     "Evaluation",
     "Filter",
+    "FixedLag",
     "Format",
     "Frame",
     "ImuData",

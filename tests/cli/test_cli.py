@@ -333,7 +333,7 @@ def test_a_missing_frame_filter_parameter_or_file_is_refused(buoy, tmp_path):
     assert "known are kp, ki, gate" in refused("run", buoy, "--filter", "mahony", "--params", "kq=1")
     assert "needs a unit" in refused("run", buoy, "--filter", "mahony", "--params", "gate=0.08")
     assert "known are" in refused("run", buoy, "--filter", "mahoney")
-    assert "--card is for the smoother" in refused("run", buoy, "--causal", "--card", tmp_path / "gyr.json")
+    assert "--card is for the smoother" in refused("run", buoy, "--filter", "mekf", "--card", tmp_path / "gyr.json")
     assert "does not exist" in refused("info", tmp_path / "nothing.parquet")
     assert "known are" in refused("sim", "bouy", "--frame", "ENU", "--out", tmp_path / "x.parquet")
     assert "--unit" in refused("sim", "buoy", "--frame", "ENU", "--sensors", "mpu6000", "--out", tmp_path / "x.parquet")

@@ -42,6 +42,8 @@ CARD = CalibrationCard(
 @pytest.fixture(autouse=True)
 def small(monkeypatch):
     """Stretches, chunks, blocks, batches and row groups of other sizes, so that all their borders differ."""
+    monkeypatch.setattr("plumbob.filters.smoother.live.MARGIN", 2.0)  # first: what is imported later would keep it
+    monkeypatch.setattr("plumbob.filters.smoother.smoothing.AT_ONCE", 700)
     for name, value in (("LONG", 12.0), ("CORE", 6.0), ("MARGIN", 2.0)):
         monkeypatch.setattr(samples, name, value)
     monkeypatch.setattr(offline, "CHUNK", 700)

@@ -277,12 +277,13 @@ def test_capture_that_cannot_be_timed_or_decoded_is_refused(tmp_path):
     assert items.read(0.0)[0].t_ns == round(63 * 1e9 / 50)  # 64 frames, the last of them 63 periods after the first
 
 
-def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path):
-    """The rod's rig without its accelerometer's help: the start is the AHRS's first frame, headings from its north."""
+@pytest.mark.parametrize("chosen", ['filter = "integrate"', ""], ids=["integrate", "by default"])
+def test_a_gyroscope_started_from_the_reference_follows_it_and_replays(tmp_path, chosen):
+    """The rod's rig has no magnetometer: the start is the AHRS's first frame, headings from its north."""
     rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=2.0, unit="calibrated")
     text = (
         'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
-        '[estimate]\nfilter = "integrate"\ninit = "truth"\n[reference]\nunit = "ref"\nnorth = "magnetic"\n'
+        f'[estimate]\n{chosen}\ninit = "truth"\n[reference]\nunit = "ref"\nnorth = "magnetic"\n'
     )
     items = [Received(int(t) + 10**9, frame.tobytes()) for t, frame in zip(rig.due_ns, rig.frames, strict=True)]
     record(tmp_path / "rod.mcap", items, text)

@@ -49,10 +49,10 @@ def line_of(args: argparse.Namespace) -> dict[str, Any]:
 
 def add_estimate(p: argparse.ArgumentParser) -> None:
     """Options of the estimate."""
-    p.add_argument("--filter", metavar="NAME", help="estimate with this filter; see 'plumbob filters'")
-    p.add_argument("--lag", metavar="TIME", help="smooth with a fixed lag, as 5s: attitudes come that much later")
+    p.add_argument("--filter", metavar="NAME", help="estimate with this one of 'plumbob filters', as smoother")
+    p.add_argument("--lag", metavar="TIME", help="of the smoother, as 5s: attitudes come that much later; default: 0s")
     p.add_argument("--params", metavar="P", help=PARAMS_HELP)
-    add_frame(p, "navigation frame; needed with --filter or --lag")
+    add_frame(p, "navigation frame; needed where something estimates")
     add_calibration(p, "calibration card to apply")
     add_noise(p)
     add_init(p)

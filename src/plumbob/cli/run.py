@@ -23,11 +23,13 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("file", type=Path, help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat")
     which = p.add_mutually_exclusive_group()
     which.add_argument("--filter", metavar="NAME", help="one of 'plumbob filters'; default: smoother")
-    which.add_argument("--causal", action="store_true", help="the filter that a stream uses by default")
+    which.add_argument(
+        "--causal", action="store_true", help="as a live system knows it: nothing later is used; as --lag 0s"
+    )
     which.add_argument(
         "--lag",
         metavar="T",
-        help="smooth with a fixed lag, as 5s: nothing later is used; 0s: nothing later than each sample",
+        help="smooth with a fixed lag, as 5s: nothing later than that after each sample is used",
     )
     p.add_argument("--params", metavar="P", help=common.PARAMS_HELP)
     common.add_frame(p, "navigation frame of the result; needed where the recording names none")
@@ -48,10 +50,10 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
-    from plumbob.filters.known import SMOOTHER, chosen
+    from plumbob.filters.known import SMOOTHER
     from plumbob.session.estimated import estimate
 
-    stages = common.stages(chosen(args.filter, causal=args.causal), args.params)
+    stages = common.stages(args.filter or SMOOTHER, args.params)
     if len(stages) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
     (stage,) = stages
@@ -64,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
         result = estimate(
             args.file,
             stage.filter,
+            causal=args.causal,
             lag=args.lag,
             params=stage.params,
             frame=args.frame,

@@ -34,6 +34,7 @@ ACC_STUCK: Final = 1 << 17
 MAG_STUCK: Final = 1 << 18
 AT_REST: Final = 1 << 19
 INCONSISTENT: Final = 1 << 20
+FIELD_UNKNOWN: Final = 1 << 21
 
 MEANING: Final[dict[int, tuple[str, str]]] = {
     GYR_ABSENT: ("gyr-absent", "no gyroscope value in this sample"),
@@ -56,7 +57,8 @@ MEANING: Final[dict[int, tuple[str, str]]] = {
     MAG_STUCK: ("mag-stuck", "the magnetometer has repeated the same bits for longer than noise allows"),
     AT_REST: ("at-rest", "the filter takes the unit to be at rest"),
     INCONSISTENT: ("inconsistent", "the sensors contradict each other more than their noise explains"),
-    HEADING_FREE: ("heading-free", "no magnetometer has set the heading; it counts from an arbitrary zero"),
+    HEADING_FREE: ("heading-free", "no magnetometer has set the heading; it counts from where it began"),
+    FIELD_UNKNOWN: ("field-unknown", "the unit has not turned in the field that gives the heading, or none was found"),
 }
 
 

@@ -441,7 +441,7 @@ def _free_heading(e: "Evaluation") -> str:
     if not count or "heading" in e.not_scored or e.alignment.heading is not None:
         return ""
     samples = counted(count, "scored sample")
-    return f"{samples} with {name}: the heading counts from an arbitrary zero and is scored nevertheless"
+    return f"{samples} with {name}: the heading counts from where it began and is scored nevertheless"
 
 
 def _uncalibrated(e: "Evaluation") -> str:

@@ -25,7 +25,7 @@ from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import judge, usable, watch
-from plumbob.filters.known import CAUSAL, SMOOTHER, load
+from plumbob.filters.known import SMOOTHER, load
 from plumbob.filters.layout import (
     BIAS,
     BLIND,
@@ -282,8 +282,8 @@ class Filter(Shown):
         self.module = load(name)
         if name == SMOOTHER:
             raise ParameterError(
-                "the smoother needs a whole recording and cannot take single samples. Use plumbob run FILE or "
-                f"plumbob.estimate(recording); a stream takes it with a lag, or a filter, such as {CAUSAL}."
+                "the smoother has a class of its own: plumbob.FixedLag(frame=...) takes single samples by the same "
+                "update, and plumbob.estimate(recording) smooths a whole recording."
             )
         from_card = _from_noise(name, self.module, noise)
         given = {**from_card, **({} if params is None else _mapping(params))}
@@ -539,12 +539,17 @@ class Filter(Shown):
 
     def north(self, has_mag: bool) -> North:
         """What headings count from, of samples with or without a magnetometer."""
-        if not (has_mag and self.common.mag):
-            if self._init is None:
-                return North.FREE
-            if self._init.north is not None:
-                return self._init.north
-        return North.MAGNETIC if self.common.declination is None else North.TRUE
+        return north_of(self.common, self._init, has_mag)
+
+
+def north_of(common: CommonParams, init: Start | None, has_mag: bool) -> North:
+    """What headings count from, of samples with or without a magnetometer."""
+    if not (has_mag and common.mag):
+        if init is None:
+            return North.FREE
+        if init.north is not None:
+            return init.north
+    return North.MAGNETIC if common.declination is None else North.TRUE
 
 
 @cache  # every chunk of a stream carries it

@@ -29,14 +29,9 @@ _MODULES = (
 
 
 SMOOTHER = "smoother"
-"""What takes a whole recording, where a filter is asked for by its name."""
-CAUSAL = "mekf"
-"""The filter for a stream, and for what a live system would have known."""
-
-
-def chosen(filter: str | None, *, causal: bool) -> str:
-    """What estimates a recording: the filter that is named, or else the smoother, or the one for a stream."""
-    return filter or (CAUSAL if causal else SMOOTHER)
+"""What estimates where no filter is named: a whole recording, or a stream."""
+CAUSAL_LAG = "0 s"
+"""Its lag on a stream where none is given, and for what a live system would have known: nothing later is used."""
 
 
 def filter_names() -> tuple[str, ...]:

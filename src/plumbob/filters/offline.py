@@ -12,6 +12,7 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.filters import SMOOTHER, Filter, Start, takes_noise
+from plumbob.filters.known import CAUSAL_LAG
 from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame, North, change_frame
@@ -62,7 +63,7 @@ class Stage:
     Attributes
     ----------
     filter : str
-        Name of the filter, or "smoother".
+        Name of the filter, or "smoother", which has no lag on a stream unless its parameters say one.
     params : Mapping
         Its parameters; numbers in SI, text with its unit.
     label : str
@@ -129,8 +130,10 @@ def calibrated(imu: ImuData, card: "CalibrationCard | None", *, live: bool = Fal
     return apply_card(card, imu, live=live)
 
 
-def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None) -> Filter:
-    """Filter of a stage for samples with this meta; `Filter` has the rule of its headings.
+def estimator_of(
+    stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
+) -> Filter | Smoother:
+    """Filter or smoother of a stage for samples with this meta; `Filter` has the rule of its headings.
 
     Parameters
     ----------
@@ -143,55 +146,45 @@ def filter_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start:
     start : Start, optional
         The start, where the stage leaves it to the truth.
     """
-    init = None if stage.init == TRUTH_WORD else stage.init
-    return Filter(stage.filter, frame=frame, params=stage.params, noise=stage.noise, init=start or init, meta=meta)
+    arguments = _arguments(stage, frame, meta, start)
+    return Smoother(**arguments) if stage.filter == SMOOTHER else Filter(stage.filter, **arguments)
 
 
-def smoother_of(stage: Stage, frame: Frame) -> Smoother:
-    """Smoother of a stage; errors as of `_smoothing`."""
-    return Smoother(**_smoothing(stage, frame))
+def follower_of(
+    stage: Stage, frame: Frame, meta: ImuMeta | None = None, *, start: Start | None = None
+) -> Filter | FixedLag:
+    """What estimates a stream: a filter, or the smoother with a lag; arguments of `estimator_of`."""
+    arguments = _arguments(stage, frame, meta, start)
+    return FixedLag(**arguments) if stage.filter == SMOOTHER else Filter(stage.filter, **arguments)
 
 
-def _smoothing(stage: Stage, frame: Frame) -> dict[str, Any]:
-    """Arguments of the smoother of a stage, of a recording or on a stream.
-
-    Raises
-    ------
-    ParameterError
-        If a start is given: it asks the whole recording for it.
-    """
-    if stage.init is not None:
-        raise ParameterError(
-            "the smoother takes its start from the whole recording. Leave init out, or name a filter that runs forward."
-        )
-    return {"frame": frame, "params": stage.params, "noise": stage.noise}
+def _arguments(stage: Stage, frame: Frame, meta: ImuMeta | None, start: Start | None) -> dict[str, Any]:
+    init = start or (None if stage.init == TRUTH_WORD else stage.init)
+    return {"frame": frame, "params": stage.params, "noise": stage.noise, "init": init, "meta": meta}
 
 
 def lagged(
-    filter: str | None, lag: float | str | None, params: Mapping[str, Any] | None
+    filter: str | None, lag: float | str | None, params: Mapping[str, Any] | None, *, causal: bool = False
 ) -> tuple[str | None, Mapping[str, Any] | None]:
     """Filter and parameters as they were asked for: with a lag it is the smoother, which has it as a parameter.
+
+    What is causal has no lag.
 
     Raises
     ------
     ParameterError
-        If another filter was named.
+        If both are asked for, or another filter was named.
     """
+    if causal and lag is not None:
+        raise ParameterError(f"causal is a lag of {CAUSAL_LAG}, but lag is {lag}. Leave one of them out.")
+    lag = CAUSAL_LAG if causal else lag
     if lag is None:
         return filter, params
     if filter not in (None, SMOOTHER):
-        raise ParameterError(f"lag is for the smoother, but filter is {filter}. Leave one of them out.")
+        raise ParameterError(
+            f"{'causal' if causal else 'lag'} is for the smoother, but filter is {filter}. Leave one of them out."
+        )
     return SMOOTHER, {**(params or {}), "lag": lag}
-
-
-def estimator_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Filter | Smoother:
-    """Filter or smoother of a stage."""
-    return smoother_of(stage, frame) if stage.filter == SMOOTHER else filter_of(stage, frame, meta)
-
-
-def follower_of(stage: Stage, frame: Frame, meta: ImuMeta | None = None) -> Filter | FixedLag:
-    """What estimates a stream: a filter, or the smoother with a lag."""
-    return FixedLag(**_smoothing(stage, frame)) if stage.filter == SMOOTHER else filter_of(stage, frame, meta)
 
 
 def recalibrated(recording: "Recording", card: "CalibrationCard") -> "Recording":
@@ -246,19 +239,18 @@ def run_stage(
     progress : callable, optional
         Called with the number of samples done since the last call.
     """
-    if stage.filter == SMOOTHER:
-        smoothed: AttitudeTrack = smoother_of(stage, frame).process(imu, progress=progress)
-        return smoothed
-    imu, filter_ = started(imu, stage, frame, reference)
-    return AttitudeTrack.joined(parts_of(imu, filter_, progress), len(imu))
+    imu, estimator = started(imu, stage, frame, reference)
+    return AttitudeTrack.joined(parts_of(imu, estimator, progress), len(imu))
 
 
-def started(imu: ImuData, stage: Stage, frame: Frame, reference: AttitudeTrack | None = None) -> tuple[ImuData, Filter]:
-    """Samples, and a filter at its start; from the first sample on whose truth is known, where it starts from that."""
+def started(
+    imu: ImuData, stage: Stage, frame: Frame, reference: AttitudeTrack | None = None
+) -> tuple[ImuData, Filter | Smoother]:
+    """Samples, and what estimates them; from the first sample on whose truth is known, where it starts from that."""
     start = None
     if stage.init == TRUTH_WORD:
-        imu, start = start_from(reference, imu, filter_of(stage, frame, imu.meta))
-    return imu, filter_of(stage, frame, imu.meta, start=start)
+        imu, start = start_from(reference, imu, estimator_of(stage, frame, imu.meta))
+    return imu, estimator_of(stage, frame, imu.meta, start=start)
 
 
 def parts_of(imu: ImuData, estimator: Filter | Smoother, progress: Progress | None = None) -> Iterator[AttitudeTrack]:
@@ -272,7 +264,7 @@ def parts_of(imu: ImuData, estimator: Filter | Smoother, progress: Progress | No
             progress(len(chunk))
 
 
-def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter) -> tuple[ImuData, Start]:
+def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter | Smoother) -> tuple[ImuData, Start]:
     """Samples from the first one on whose attitude a reference knows, and that attitude as the filter's start.
 
     Parameters
@@ -281,7 +273,7 @@ def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter) -
         The truth, on the time line of the samples.
     imu : ImuData
         The recording.
-    filter_ : Filter
+    filter_ : Filter or Smoother
         What is started; it says frame, declination and whether a magnetometer gives its north.
 
     Raises
@@ -307,7 +299,7 @@ def start_from(reference: AttitudeTrack | None, imu: ImuData, filter_: Filter) -
     return imu[first:], start_at(reading.q_nb[first], reference.frame, reference.north, filter_, "mag" in imu.triads)
 
 
-def start_at(q_nb: Floats, frame: Frame, north: North, filter_: Filter, has_mag: bool) -> Start:
+def start_at(q_nb: Floats, frame: Frame, north: North, filter_: Filter | Smoother, has_mag: bool) -> Start:
     """Start of a true attitude (4,), whose frame and north are given."""
     q_nb = change_frame(q_nb, to=filter_.frame, from_=frame)
     own = filter_.north(has_mag)

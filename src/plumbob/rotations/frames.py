@@ -5,6 +5,7 @@ Navigation frames are local and level. Body axes are the 24 right-handed ways to
 
 from dataclasses import replace
 from enum import StrEnum
+from functools import cache
 from itertools import permutations, product
 from typing import Any, Protocol, TypeVar
 
@@ -76,10 +77,11 @@ class North(StrEnum):
             raise FrameError(f"{check.said(name)} is not a heading reference; known are {', '.join(cls)}.") from None
 
 
+@cache  # every part of a stream asks
 def frame_rotation(to: Frame, from_: Frame) -> Floats:
-    """Quaternion q_to_from between two navigation frames, shape (4,)."""
+    """Quaternion q_to_from between two navigation frames, shape (4,); read-only."""
     c = sum(np.outer(a, b) for a, b in zip(_axes(to), _axes(from_), strict=True))
-    return quat_from_dcm(np.asarray(c))
+    return check.read_only(quat_from_dcm(np.asarray(c)))
 
 
 def change_frame(q_nb: ArrayLike, *, to: Frame, from_: Frame) -> Floats:

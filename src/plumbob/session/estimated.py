@@ -26,7 +26,6 @@ from plumbob.files import Recording, findings, found_in, inferred_in, write
 from plumbob.files.notes import unsaved
 from plumbob.files.parquet import write_parts
 from plumbob.filters import SMOOTHER, Filter, claims_covariance, filter_names
-from plumbob.filters.known import chosen
 from plumbob.filters.offline import (
     Stage,
     bias_beyond,
@@ -271,7 +270,7 @@ def estimate(
         Name of a causal filter, `plumbob.filter_names` lists them, or "smoother", which is the default: each attitude
         is then estimated from what came before and after it.
     causal : bool
-        Use the filter that a stream uses by default: each attitude knows only what came before it.
+        Estimate as on a stream by default: each attitude knows only what came before it, a lag of zero.
     lag : float or str, optional
         Smooth with a fixed lag, s: each attitude knows nothing that comes later than this after it. With a lag of
         zero it knows only what came before: the past is smoothed now and then, and a filter goes on from there.
@@ -281,7 +280,8 @@ def estimate(
         Navigation frame of the result; by default that of the recording.
     init : str, optional
         What it starts from: "level", "ROLL,PITCH,HEADING" with units, or "truth", the reference's first attitude; by
-        default its first samples.
+        default its first samples. To the smoother the tilt is then known to a degree, unless the first seconds
+        contradict it; the heading counts where no field gives one.
     calibration : CalibrationCard or path, optional
         Card of this unit, applied first.
     noise : NoiseCard or path, optional
@@ -336,8 +336,8 @@ def estimate(
     for line in _found(source, imu, frame, card, beyond):
         say(f"{source.name}: {line}")
     done = None if progress is None else _counted(progress, len(imu))
-    made_by = estimator_of(stage, frame, imu.meta)
-    used, runs = started(imu, stage, frame, source.track) if isinstance(made_by, Filter) else (imu, made_by)
+    used, runs = started(imu, stage, frame, source.track)
+    made_by = runs if isinstance(runs, Smoother) else estimator_of(stage, frame, imu.meta)
     outline = Outline()
     parts = outline.of(parts_of(used, runs, done))
     attitude: AttitudeTrack | Path
@@ -386,10 +386,8 @@ def _part(name: str, inferred: Sequence[str], track: AttitudeTrack) -> Recording
 
 def _stage(filter: str | None, causal: bool, lag: float | str | None, asked: Stage) -> Stage:
     """What runs, of what was asked for."""
-    if causal and (filter is not None or lag is not None):
-        raise ParameterError("causal chooses the filter, and has no lag. Give causal alone, or filter, or lag.")
-    named, params = lagged(filter, lag, asked.params)
-    return replace(asked, filter=chosen(named, causal=causal), params=params or {})
+    named, params = lagged(filter, lag, asked.params, causal=causal)
+    return replace(asked, filter=named or SMOOTHER, params=params or {})
 
 
 def compiling(names: Sequence[str]) -> str | None:

@@ -16,6 +16,7 @@ from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.earth_field import day_of
 from plumbob.files import Recording, inferred
 from plumbob.files.mcap import Log, open_log
+from plumbob.filters import SMOOTHER
 from plumbob.filters.offline import Stage, lagged
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.rotations import Frame
@@ -222,9 +223,14 @@ def _estimated(
 ) -> Session:
     """Session with another filter, where one is named."""
     if filter is None:
-        if params or noise or init:
-            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
-        return session
+        if not (params or noise or init):
+            return session
+        if session.stage is not None:
+            raise ParameterError(
+                f"--params, --noise and --init belong to a filter, and the session has {session.stage.filter}. Name "
+                "the one that is meant with --filter."
+            )
+        filter = SMOOTHER
     frame = session.frame if asked is None else Frame.parse(asked)
     if frame is None:
         raise FrameError("the recording's session names no frame. Give --frame ENU, NED or NWU.")

@@ -20,7 +20,7 @@ from plumbob.data import ImuMeta
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
-from plumbob.filters import CommonParams, load
+from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.offline import Stage, follower_of, lagged
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.protocols.decode import ranges_of, unit_of
@@ -303,7 +303,7 @@ def _stage(found: Mapping[str, Any], frame: Frame | None, keep: Fetch) -> Stage 
     if frame is None:
         raise FrameError(f"[estimate] needs imu.frame, because there is no default; known are {', '.join(Frame)}.")
     noise = NoiseCard.from_text(keep(asked["noise"]), asked["noise"]) if "noise" in asked else None
-    stage = Stage(asked["filter"], asked.get("params", {}), noise=noise, init=asked.get("init"))
+    stage = Stage(asked.get("filter", SMOOTHER), asked.get("params", {}), noise=noise, init=asked.get("init"))
     if stage.init == TRUTH_WORD and "reference" not in found:
         raise ParameterError("estimate.init = 'truth' takes the first attitude of [reference], which is missing.")
     follower_of(stage, frame)  # refuses what it cannot take, before the start
@@ -357,7 +357,8 @@ def session_of(
     place, date : str, optional
         As in `plumbob.estimate`.
     filter, lag, params, calibration, noise, init : optional
-        As in `plumbob.estimate`; nothing is estimated without `filter` or `lag`.
+        As in `plumbob.estimate`, but the smoother has no lag by default; nothing is estimated without `filter`, `lag`,
+        `params`, `noise` or `init`.
 
     Raises
     ------
@@ -419,10 +420,9 @@ def _estimate_table(
     filter: str | None, params: Mapping[str, Any] | None, init: str | None, noise: Any
 ) -> dict[str, Mapping[str, Any]]:
     """Table of a filter; numbers are in SI, and say so in the text of the session."""
-    if filter is None:
-        if params or noise or init:
-            raise ParameterError("--params, --noise and --init belong to a filter; name one with --filter.")
+    if filter is None and not (params or noise or init):
         return {}
+    filter = filter or SMOOTHER
     quantities = {one.name: one.spec.quantity for kind in (load(filter).Params, CommonParams) for one in describe(kind)}
     table: dict[str, Any] = {"filter": filter}
     if params:
@@ -527,7 +527,7 @@ _SESSION: Final[dict[str, Parse]] = {
     "format": schema.form(_FORMAT),
     "imu": schema.form(_IMU),
     "calibration": schema.form({"card": schema.text}, ("card",)),
-    "estimate": schema.form(_ESTIMATE, ("filter",)),
+    "estimate": schema.form(_ESTIMATE),
     "reference": schema.form(_REFERENCE, ("north",)),
     "record": lambda where, value: RecordSpec(**schema.section(where, value, _RECORD, ("path",))),
     "output": lambda where, value: OutputSpec(**schema.section(where, value, _OUTPUT)),

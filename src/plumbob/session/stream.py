@@ -23,7 +23,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.filters import Filter
-from plumbob.filters.offline import calibrated, filter_of, follower_of, start_at
+from plumbob.filters.offline import calibrated, follower_of, start_at
 from plumbob.filters.smoother import FixedLag
 from plumbob.filters.start import TRUTH_WORD
 from plumbob.protocols.decode import Decoder, Frames, temperature_of, triads_of, unit_of
@@ -218,13 +218,13 @@ class Stream:
         """Start the filter from the reference's attitude in the first frame, where the session asks for it."""
         self._started = True
         session = self.session
-        if not isinstance(self.filter, Filter) or session.stage is None or session.reference is None:
+        if self.filter is None or session.stage is None or session.reference is None:
             return
         angles = np.array([frames.columns[name][0] for name in reference_names(session.reference)])
         if session.stage.init == TRUTH_WORD and np.isfinite(angles).all():
             q_nb = quat_from_euler_zyx(angles)
             start = start_at(q_nb, Frame.NED, session.reference.north, self.filter, "mag" in imu.triads)
-            self.filter = filter_of(session.stage, self.filter.frame, session.meta, start=start)
+            self.filter = follower_of(session.stage, self.filter.frame, session.meta, start=start)
 
     def _clocks(self, frames: Frames) -> tuple[NDArray[np.int64], ArrayLike | None]:
         """Host's times, and what the device's clock says; where one of them is the sample's own, it is both."""

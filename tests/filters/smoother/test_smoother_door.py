@@ -11,6 +11,8 @@ from plumbob import Filter, Frame, ImuData, ImuMeta, estimate, files, flags, loa
 from plumbob.core.errors import ParameterError, PlumbobError, ShapeError
 from plumbob.filters.smoother import Smoother
 from plumbob.rotations import quat_conjugate, quat_rotate
+from plumbob.session.session_toml import session_of
+from plumbob.session.stream import Stream
 from tests.battery.commandline import ok, plumbob, refused
 from tests.battery.hand import by_hand
 from tests.battery.motion import consistent
@@ -34,8 +36,11 @@ def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
     whole = Smoother(frame="ENU").process(hand.imu())
     assert (estimate(hand.imu()).track.q_nb == whole.q_nb).all()
     assert (estimate(hand.imu(), "smoother").track.q_nb == whole.q_nb).all()
-    causal = Filter("mekf", frame="ENU").process(hand.imu()).q_nb
-    assert (estimate(hand.imu(), causal=True).track.q_nb == causal).all()
+    causal = Smoother(frame="ENU", params={"lag": "0 s"}).process(hand.imu())
+    for asked in ({"causal": True}, {"causal": True, "filter": "smoother"}, {"lag": "0 s"}):
+        track = estimate(hand.imu(), **asked).track
+        for name in ("q_nb", "bias_b", "cov_b", "flags"):
+            assert (getattr(track, name) == getattr(causal, name)).all()
     lagged = Smoother(frame="ENU", params={"lag": 1.0}).process(hand.imu()).q_nb
     assert (estimate(hand.imu(), lag="1s").track.q_nb == lagged).all()
     assert (estimate(hand.imu(), lag=1.0, params={"lag": 2.0}).track.q_nb == lagged).all()  # what is nearer decides
@@ -46,11 +51,11 @@ def test_estimate_smooths_unless_it_is_asked_otherwise(hand):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"filter": "mekf", "causal": True}, "Give causal alone, or filter, or lag"),
-        ({"causal": True, "lag": 1.0}, "Give causal alone, or filter, or lag"),
+        ({"filter": "mekf", "causal": True}, "causal is for the smoother, but filter is mekf"),
+        ({"causal": True, "lag": 1.0}, "causal is a lag of 0 s, but lag is 1.0. Leave one of them out"),
         ({"filter": "vqf", "lag": 1.0}, "lag is for the smoother, but filter is vqf"),
-        ({"init": "level"}, "takes its start from the whole recording. Leave init out"),
-        ({"init": "truth"}, "takes its start from the whole recording. Leave init out"),
+        ({"init": "flat"}, "init must be level, truth or ROLL,PITCH,HEADING with units"),
+        ({"init": "truth"}, "takes the first attitude of the recording's reference, but it has none"),
         ({"lag": "5 m"}, "'m' is not a unit of time"),
         ({"lag": -0.01}, "lag must be 0 to"),
         ({"params": {"kp": 1.0}}, "smoother has no parameter 'kp'"),
@@ -62,23 +67,32 @@ def test_what_contradicts_itself_is_refused_in_words(hand, arguments, words):
         estimate(hand.imu(), **arguments)
 
 
-def test_a_stream_has_no_smoother_without_a_lag(tmp_path):
+def test_a_stream_has_no_smoother_of_the_whole(tmp_path):
     """Nor is it a Filter; each says what to do."""
-    with pytest.raises(ParameterError, match=r"cannot take single samples\. Use plumbob run FILE or .* with a lag"):
+    with pytest.raises(ParameterError, match=r"has a class of its own: plumbob\.FixedLag\(frame=\.\.\.\) takes single"):
         Filter("smoother", frame="ENU")
     record(tmp_path / "sea.mcap", reads(stream()[:400]))
-    words = "on a stream the smoother needs a lag, .* or 0s. Give lag, as 5s, or name a filter, such as mekf"
-    for more in (("--filter", "smoother"), ("--filter", "smoother", "--params", "lag=off")):
-        assert re.search(words, refused("replay", tmp_path / "sea.mcap", *more))
-    line = refused("replay", tmp_path / "sea.mcap", "--lag", "2s", "--init", "level")
-    assert "takes its start from the whole recording. Leave init out" in line
+    words = "on a stream the smoother cannot wait for the end, but lag is off. .* leave it out: it is then 0 s"
+    assert re.search(words, refused("replay", tmp_path / "sea.mcap", "--filter", "smoother", "--params", "lag=off"))
+    assert "and the session has mahony. Name the one" in refused("replay", tmp_path / "sea.mcap", "--init", "level")
     line = refused("replay", tmp_path / "sea.mcap", "--lag", "2s", "--filter", "vqf")
     assert "lag is for the smoother, but filter is vqf" in line
-    asked = SESSION.replace('"mahony"', '"smoother"').replace('params = { kp = 0.5, gate = "0.08 g" }', "")
+    asked = SESSION.replace('"mahony"', '"smoother"').replace('kp = 0.5, gate = "0.08 g"', 'lag = "off"')
     (tmp_path / "s.toml").write_text(asked, encoding="utf-8")
     (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")
     with pytest.raises(ParameterError, match=words):
         load_session(tmp_path / "s.toml")
+
+
+def test_a_session_that_estimates_without_a_name_has_the_smoother_without_a_lag(tmp_path):
+    asked = SESSION.replace('filter = "mahony"', "").replace('params = { kp = 0.5, gate = "0.08 g" }', "")
+    (tmp_path / "s.toml").write_text(asked, encoding="utf-8")
+    (tmp_path / "imu9.toml").write_text(FORMAT, encoding="utf-8")
+    (tmp_path / "sea.bin").write_bytes(b"")
+    by_options = {"capture": tmp_path / "sea.bin", "format": tmp_path / "imu9.toml", "frame": "NED", "init": "level"}
+    for chosen in (load_session(tmp_path / "s.toml"), session_of(**by_options)):
+        assert Stream(chosen).filter.params.lag == 0.0
+    assert session_of(**{**by_options, "init": None}).stage is None  # as long as nothing says to estimate
 
 
 def test_what_lacks_a_sensor_is_refused(hand):
@@ -95,7 +109,9 @@ def test_run_says_how_it_smoothed(file, hand):
     out = ok("run", file).stdout
     assert "smoother: smoothed over the whole recording; --causal gives what a live system would have known" in out
     assert "smoother (lag=1 s): smoothed with a lag of 1 s" in ok("run", file, "--lag", "1s").stdout
-    assert "mekf: each attitude from the samples before it" in ok("run", file, "--causal").stdout
+    causal = ok("run", file, "--causal").stdout
+    assert "smoother (lag=0 s): the past smoothed now and then" in causal
+    assert causal == ok("run", file, "--lag", "0s").stdout
     found = json.loads(ok("run", file, "--json").stdout)
     assert found["filter"].startswith("smoother(gyr_noise=")
     assert "lag=off" in found["filter"]
@@ -110,7 +126,7 @@ def test_run_refuses_two_ways_at_once(file):
         done = plumbob("run", file, *words)
         assert done.returncode == 2
         assert "not allowed with argument" in done.stderr
-    assert "takes its start from the whole recording" in refused("run", file, "--init", "level")
+    assert "but it has none; give ROLL,PITCH,HEADING" in refused("run", file, "--init", "truth")
     assert "run takes one filter" in refused("run", file, "--filter", "smoother,vqf")
 
 

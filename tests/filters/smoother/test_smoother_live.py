@@ -113,6 +113,20 @@ def test_a_field_that_begins_wrong_is_given_up_once_the_unit_turns_in_the_right_
 
 
 @slow
+def test_the_field_is_unknown_until_the_unit_has_turned_in_it():
+    """And where none was found though there is a magnetometer; without one nothing is missing."""
+    unknown = np.uint32(flags.FIELD_UNKNOWN)
+    h = by_hand(20.0, rest=((0.0, 8.0),), seed=1)
+    track, _ = followed(h.imu())
+    said = (track.flags & unknown) != 0
+    assert said[h.t < 8.0].all()
+    assert not said[h.t > 15.0].any()
+    assert (followed(h.imu(mag=h.in_body([0.0, 0.0, -45.0])))[0].flags & unknown).all()
+    assert not (followed(h.imu(mag=None))[0].flags & unknown).any()
+    assert not (followed(h.imu(), mag=False)[0].flags & unknown).any()
+
+
+@slow
 def test_a_field_that_changes_at_rest_is_in_doubt_and_the_one_that_the_unit_turns_in_is_taken():
     """Which of the two is that of the place nobody knows before: both were seen at rest."""
     h = by_hand(40.0, rest=((0.0, 15.0),), seed=3)

@@ -251,6 +251,15 @@ class Arriving:
         """Steps that are complete."""
         return self._gap.end
 
+    @property
+    def key(self) -> float:
+        """Time at which the step began that is not complete, s."""
+        return float(self._state[KEY])
+
+    def watched(self) -> Floats | None:
+        """Copy of what is watched for stuck sensors; None where the last sample had no rate."""
+        return self._watch.copy() if self._state[GYR + TIME] == self._state[ARRIVED] else None
+
     def take(self, imu: ImuData) -> Bools:
         """Take the next samples; says which of them are kept: not those in a hole of the gyroscope."""
         t, (gyr, acc, field) = np.ascontiguousarray(imu.t), trusted(imu, mag=self._mag)
@@ -334,6 +343,11 @@ class Arriving:
     def rows(self, rows: slice) -> tuple[Floats, Floats]:
         """Times and rates of samples."""
         return self._t[rows], self._gyr[rows]
+
+    def fields(self, rows: slice) -> Bools:
+        """Which samples have a field."""
+        found: Bools = np.isfinite(self._field[rows][:, 0])
+        return found
 
     def frames(self, steps: slice) -> Keyframes:
         """Samples and steps, as the smoother takes them."""

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, mean_between, path, sum_between
-from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, Noise, Params, start_covariance
+from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, TH, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import AGAIN, MOVING, RESTING, UNUSED, Sweep, sweep
 
 WINDOW: Final = 3.0
@@ -37,6 +37,10 @@ FIRST_BIASES: Final = 1.0, dps(0.5), dps(0.1)
 where nothing rests: many gyroscopes come nearly without one, and a few seconds of motion can be explained by any;"""
 REST_BIAS: Final = dps(0.3)
 """at rest it is known to this."""
+GIVEN: Final = deg(1.0)
+"""Standard deviation of a first attitude that a user gives, rad: levels and compasses are read to a degree;"""
+USUAL_SPEED: Final = 1.0
+"""its tilt is less certain where it takes the mean force of the first seconds for more than this level speed, m/s."""
 AGAIN_BIAS: Final = dps(1.0)
 """And this is what a later pass takes for it."""
 FIXED_MATRIX: Final = 1e-2
@@ -91,7 +95,8 @@ class Inertial:
 
     `drift_sd` is the standard deviation of its bias about the vertical, rad/s, before a field shows it. Motion does
     not: the level velocity of a body swings with its tilt, and both together look like a turn. So `bias_sd` is that of
-    a bias that no rest showed, rad/s; zero where one did.
+    a bias that no rest showed, rad/s; zero where one did. `given_sd` is that of a tilt that was given, rad, and
+    `tilt_var` what is in doubt of it, rad².
     """
 
     sweep: Sweep
@@ -99,6 +104,8 @@ class Inertial:
     speed: Speed
     drift_sd: float = 0.0
     bias_sd: float = 0.0
+    given_sd: float = math.inf
+    tilt_var: float = 0.0
 
 
 def kinds(frames: Keyframes, resting: Bools) -> NDArray[np.int64]:
@@ -290,10 +297,40 @@ def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
     return found
 
 
+class Given(NamedTuple):
+    """A given attitude (4,) at the first sample, body to ENU, and whether its heading is meant."""
+
+    q: Floats
+    headed: bool
+
+
+def given_sd(q: Floats, seen: Floats, lasted: float) -> tuple[float, float]:
+    """Standard deviation of a given tilt, rad, where the mean force of so many seconds shows another one, (4,) both.
+
+    What it takes for a level velocity may be gravity. It yields the more, the longer that lasts; what it has not
+    yielded yet is returned too, as the variance, rad², that is in doubt until then.
+    """
+    from plumbob.rotations import dcm_from_quat
+
+    cosine = float(dcm_from_quat(q)[2] @ dcm_from_quat(seen)[2])
+    beyond2 = max((G0 * lasted) ** 2 * (1.0 - max(cosine, 0.0) ** 2) - USUAL_SPEED**2, 0.0) / G0**2
+    yielded = beyond2 / FIRST_TILT**2
+    return math.sqrt(GIVEN**2 + yielded), beyond2 / max(lasted, 1e-3) ** 2 - yielded
+
+
+def narrowed(p0: Floats, tilt: float) -> Floats:
+    """First covariance where the tilt is known to this, rad."""
+    p0 = p0.copy()
+    for i in (TH, TH + 1):
+        p0[i, i] = min(p0[i, i], tilt**2)
+    return p0
+
+
 def level(
-    frames: Keyframes, p: Params, known: tuple[Floats, float] | None = None, unit: Floats | None = None
-) -> Inertial:
-    """Attitude whose heading counts from nothing, by the first bias that leaves the least velocity.
+    frames: Keyframes, p: Params, known: tuple[Floats, float] | None = None, unit: Floats | None = None,
+    given: Given | None = None,
+) -> Inertial:  # fmt: skip
+    """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
 
     `known` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
     unit's card leaves (12, 12).
@@ -303,9 +340,14 @@ def level(
     tilt = np.zeros((frames.first.size, 4))
     for start in frames.starts:
         tilt[start] = first_tilt(frames, start, bias)
+    tilt_sd, tilt_var = math.inf, 0.0
+    if given is not None:
+        end = frames.time[frames.starts[1] - 1] if frames.gap.any() else frames.t[-1]
+        tilt_sd, tilt_var = given_sd(given.q, tilt[0], min(FIRST_TILT, float(end - frames.t[0])))
+        tilt[0] = given.q
     first = first_speed(frames, bias)
     sure = bool(resting.any()) or known is not None
-    of = partial(_level, frames, p, resting, tilt, bias, first, unit=unit, sure=sure)
+    of = partial(_level, frames, p, resting, tilt, bias, first, tilt_sd, tilt_var, unit=unit, sure=sure)
     if sure:
         return replace(of(REST_BIAS), bias_sd=0.0 if known is None or resting.any() else known[1])
     wide, *narrower = FIRST_BIASES[0] * p.bias_start, *FIRST_BIASES[1:]
@@ -336,8 +378,8 @@ def _misfit(frames: Keyframes, p: Params, found: Sweep, density: Floats) -> floa
 
 
 def _level(
-    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, sd: float, *,
-    unit: Floats | None, sure: bool,
+    frames: Keyframes, p: Params, resting: Bools, tilt: Floats, bias: Floats, speed: Speed, tilt_sd: float,
+    tilt_var: float, sd: float, *, unit: Floats | None, sure: bool,
 ) -> Inertial:  # fmt: skip
     """Three passes, each from the smoothed start of the one before; the first ones without scale and misalignment."""
     kind, unused = kinds(frames, resting), np.full(frames.gap.size, 2.0 * UNUSED)
@@ -346,10 +388,14 @@ def _level(
         known = sd if wide == WIDE else min(sd, AGAIN_BIAS)
         p0 = start_covariance(p, tilt=wide, heading=FREE_HEADING, bias=known, rigid=True, matrix=matrix, unit=unit)
         density, last = speed.density(p, resting), matrix == 1.0
-        found = sweep(frames, kind, density, unused, start, bias, p0, noise, covariance=last)
+        first = narrowed(p0, tilt_sd)
+        found = sweep(frames, kind, density, unused, start, bias, p0, noise, first=first, covariance=last)
         speed = speed_of(frames, found.force[:, :2])
         start[frames.starts], bias = found.q[frames.starts], found.bias[0]
-    return Inertial(found, resting, speed, _drift_sd(found) if sure else p.bias_start)
+        if tilt_sd < NARROW:
+            start[0] = tilt[0]
+    drift_sd = _drift_sd(found) if sure else p.bias_start
+    return Inertial(found, resting, speed, drift_sd, given_sd=tilt_sd, tilt_var=tilt_var)
 
 
 def _drift_sd(found: Sweep) -> float:

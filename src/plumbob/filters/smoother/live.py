@@ -11,7 +11,7 @@ unit merely lay is proven by nothing. What cannot be decided is doubted: the cov
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final, NamedTuple
 
@@ -38,16 +38,18 @@ from plumbob.filters.smoother.field import (
     white_noise,
 )
 from plumbob.filters.smoother.inertial import (
+    GIVEN,
     LEAK,
     LONGEST,
     REST_SPEED,
     SHORTEST,
     SPEED_TIMES,
     WINDOW,
+    Given,
     speed_of,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
-from plumbob.filters.smoother.model import SIZE, TH, B, M, Noise, Params, V
+from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, Noise, Params, V
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
 from plumbob.filters.smoother.samples import (
     ANYTHING,
@@ -410,6 +412,8 @@ class Running:
         Whether the unit has turned in that one.
     standing : ndarray (24,)
         What contradicts the gyroscope: see `standing`.
+    unknown : int
+        Flag of a field that no turning in it has shown up to the look.
     """
 
     last: Last
@@ -426,6 +430,7 @@ class Running:
     other: Floats
     proven: bool
     standing: Floats
+    unknown: int
 
 
 @dataclass(slots=True)
@@ -493,6 +498,21 @@ class Room(NamedTuple):
         )
 
 
+class Between(NamedTuple):
+    """What a next sample goes on from where it ends no step: see `single`.
+
+    Attitude (4,), body to ENU, and state (21,), what is watched for stuck sensors, the flags of the step, the time at
+    which the step began and its usual length, s.
+    """
+
+    q: Floats
+    x: Floats
+    watched: Floats
+    word: int
+    key: float
+    spacing: float
+
+
 class Look(NamedTuple):
     """A look at the past: the step at which it began, the time at which it is handed over, and what it finds."""
 
@@ -518,6 +538,8 @@ class Live:
         Use the magnetometer.
     background : bool
         Look at the past in a thread of its own, so that the stream does not wait for it.
+    start : Given, optional
+        The first attitude.
 
     Attributes
     ----------
@@ -527,8 +549,11 @@ class Live:
         Whether two samples had a rate.
     """
 
-    def __init__(self, p: Params, meta: ImuMeta, *, mag: bool, background: bool = False) -> None:
-        self.p, self._left, self._drift = p, meta.left, FreeHeading(meta, p)
+    def __init__(
+        self, p: Params, meta: ImuMeta, *, mag: bool, background: bool = False, start: Given | None = None
+    ) -> None:
+        self.p, self._left, self._start = p, meta.left, start
+        self._drift = FreeHeading(meta, p, GIVEN**2 if start is not None and start.headed else None)
         self._unit = None if meta.gyr_left is None else whole_of(meta.gyr_left)
         self._arriving, self._proven = Arriving(p, mag=mag), Proven()
         self._thread = ThreadPoolExecutor(1, "plumbob-look") if background else None
@@ -537,9 +562,8 @@ class Live:
         self._anchor: tuple[int, Floats] | None = None
         self._step, self._pause, self._due, self._check = 0, SOONEST, math.inf, math.inf
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
-        self._last = Part(
-            np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan)
-        )
+        q = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
+        self._last = Part(q[np.newaxis], np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan))
         self._jumped = -math.inf
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
         self.gaps: list[float] = []
@@ -553,6 +577,16 @@ class Live:
     def rated(self) -> bool:
         """Whether two samples had a rate."""
         return self._arriving.rated
+
+    def between(self) -> Between | None:
+        """What a next sample goes on from where it ends no step; None where it must be taken."""
+        running, watched = self._running, self._arriving.watched()
+        if running is None or watched is None or self.p.latency:
+            return None
+        said = self._flags(running.found, np.array([running.weight]), running.cov[np.newaxis])
+        q, key = self._last.q[0].copy(), self._arriving.key
+        word = running.word | running.unknown | int(said[0])
+        return Between(q, running.last.state.copy(), watched, word, key, self.p.keyframe)
 
     def close(self) -> None:
         """End the thread."""
@@ -570,10 +604,28 @@ class Live:
         if n:
             if not self._base:
                 self._due = arriving.time(0) + SOONEST
+            if self._running is None:
+                self._before_any_look(n)
             self._follow()
             self._widen()
             arriving.before(arriving.from_(arriving.time(self._step) - MARGIN - 2.0 * LATE))
         return self._everywhere(data, kept)
+
+    def _before_any_look(self, n: int) -> None:
+        """What is known of samples until the past is looked at: from a given attitude the gyroscope goes on."""
+        arriving, out = self._arriving, self._out
+        rows = slice(max(self._base - 1, 0), arriving.samples)
+        sought = np.logical_or.accumulate(arriving.fields(slice(self._base, arriving.samples)))
+        out.flags[sought] |= np.uint32(flags.FIELD_UNKNOWN)
+        if self._start is None:
+            return
+        t, gyr = arriving.rows(rows)
+        q, ends, no = np.empty((t.size, 4)), np.array([0, t.size - 1]), np.zeros(1, dtype=bool)
+        between_keyframes(t, gyr, ends, ~no, no, np.tile(self._last.q, (2, 1)), np.zeros((2, SIZE)), q)
+        q[0] = self._last.q
+        out.q[:] = q[-n:]
+        tilt = np.tile(GIVEN**2 * np.eye(3), (n, 1, 1))  # what the heading has besides comes with its drift
+        out.cov[:] = widened(out.q, tilt, np.full(n, FREE_HEADING**2 - GIVEN**2))
 
     def _everywhere(self, data: ImuData, kept: Bools) -> Part:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
@@ -632,7 +684,8 @@ class Live:
         frames = arriving.frames(past)
         begin = arriving.time(past.start)
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
-        look, anchor = partial(smooth, frames, self.p, self._proven.known(self._unit, turned, begin)), self._anchor
+        known = replace(self._proven.known(self._unit, turned, begin), start=None if past.start else self._start)
+        look, anchor = partial(smooth, frames, self.p, known), self._anchor
         if anchor is not None and anchor[0] < past.start and self._running is not None:
             anchor = (k, self._running.last.attitude.copy())
         if now - begin < SHORT:
@@ -674,10 +727,12 @@ class Live:
             other[DOUBT] = self._running.other[DOUBT]
         cov = last.cov[TH : TH + 3, TH : TH + 3].copy()
         doubt(cov, 0.0, unlikely_tilt(learned), other[DOUBT] ** 2)
+        sought = bool(np.isfinite(frames.mag[:, 0]).any())
+        turned = found.reference is not None and self._proven.turning > LEAST_TURNING
         return Running(
             last, cov, learned, found, Field.of(found.reference, p), iron, Noise.of(p, bend), float(frames.time[-1]),
             flags.AT_REST if found.resting[-1] else 0, float(found.weight[-1]), np.zeros(1), other,
-            self._proven.settled, standing,
+            self._proven.settled, standing, flags.FIELD_UNKNOWN if sought and not turned else 0,
         )  # fmt: skip
 
     def _behind_gap(self, k: int) -> None:
@@ -775,7 +830,7 @@ class Live:
         found, bias, matrix = self._running.found, x[:, B : B + 3], x[:, M:].reshape(-1, 3, 3)
         rate = gyr - bias - np.einsum("nij,nj->ni", matrix, gyr)
         known = covariance_of(q, cov, found, rate, self.p, self._left)
-        word = word | self._flags(found, weight, cov)
+        word = word | self._flags(found, weight, cov) | np.uint32(self._running.unknown)
         self._rate[rows], self._bias_sd[rows] = rate, found.bias_sd
         if self.p.latency:
             q = quat_multiply(q, quat_from_rotvec(self.p.latency * rate))
@@ -786,7 +841,8 @@ class Live:
         """Count in a heading without a field what nothing shows of the gyroscope."""
         t, _ = self._arriving.rows(slice(self._base, self._arriving.samples))
         part = self._out
-        variance = self._drift.variance(t, part.q, self._rate, self._bias_sd)
+        gap = self.gaps[0] if self.gaps else math.inf
+        variance = self._drift.variance(t, part.q, self._rate, self._bias_sd, gap)
         free = (part.flags & np.uint32(flags.HEADING_FREE)) != 0
         if free.any():
             self._out = part._replace(cov=widened(part.q, part.cov, np.where(free, variance, 0.0)))
@@ -795,7 +851,7 @@ class Live:
     def _flags(found: Smoothed, weight: Floats, cov: Floats) -> NDArray[np.uint32]:
         """What to know of each sample."""
         word = np.zeros(len(cov), dtype=np.int64)
-        lost = cov[:, 0, 0] + cov[:, 1, 1] > 2.0 * DOUBTFUL**2
+        lost = cov[:, 0, 0] + cov[:, 1, 1] + 2.0 * found.tilt_var > 2.0 * DOUBTFUL**2
         if found.reference is None:
             word |= flags.HEADING_FREE
         else:

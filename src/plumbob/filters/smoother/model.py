@@ -13,7 +13,7 @@ place  name        unit       meaning
 
 The navigation frame inside is ENU with magnetic north; results are turned to the frame that was asked for.
 
-When to choose it: for every recording that is computed afterwards. A stream needs a filter.
+When to choose it: for every recording that is computed afterwards, and without a lag for a stream.
 
 Departures from [Bierman1973]: the measurements come from an error-state filter, whose attitude is corrected after each
 keyframe, so that λ refers to the corrected attitude; the heading is a consider update. Not an iterated smoother: the

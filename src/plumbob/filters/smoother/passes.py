@@ -20,7 +20,17 @@ from plumbob.filters.smoother.field import (
     share_of_rest,
     weights,
 )
-from plumbob.filters.smoother.inertial import AGAIN_BIAS, Inertial, calm, kinds, level, speed_of, without_gravity
+from plumbob.filters.smoother.inertial import (
+    AGAIN_BIAS,
+    Given,
+    Inertial,
+    calm,
+    kinds,
+    level,
+    narrowed,
+    speed_of,
+    without_gravity,
+)
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, between
 from plumbob.filters.smoother.model import BIAS_REPEATS, FREE_HEADING, B, M, Noise, Params, start_covariance
 from plumbob.filters.smoother.sweeps import Sweep, sweep
@@ -53,12 +63,15 @@ class Known:
         The field of the place in the stretches before.
     seen : float
         Weight of that, s of turning in it.
+    start : Given or None
+        The first attitude.
     """
 
     unit: Floats | None = None
     bias: tuple[Floats, float] | None = None
     reference: Reference | None = None
     seen: float = 0.0
+    start: Given | None = None
 
     @property
     def field(self) -> tuple[Reference, float] | None:
@@ -104,6 +117,8 @@ class Smoothed:
         By how much the direction of the field scatters beyond what was expected of it, rad.
     bias_sd : float
         Standard deviation of a bias about the vertical that neither rest nor field showed, rad/s.
+    tilt_var : float
+        Variance of the tilt, rad², by what contradicts a given one and is too short to decide.
     """
 
     frames: Keyframes
@@ -117,6 +132,7 @@ class Smoothed:
     iron_turn: float = 0.0
     scatter: float = 0.0
     bias_sd: float = 0.0
+    tilt_var: float = 0.0
 
     @property
     def learned(self) -> "Learned":
@@ -157,7 +173,7 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
     if known.unit is not None:
         sd = math.sqrt(float(np.trace(known.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
-    inertial = level(frames, p, known.bias, known.unit)
+    inertial = level(frames, p, known.bias, known.unit, known.start)
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
         headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), known)
@@ -171,7 +187,10 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
             return replace(found, iron_turn=_iron_turn(frames, p, inertial, headed, own, known))
     prior = start_covariance(p, tilt=AGAIN_TILT, heading=FREE_HEADING, bias=AGAIN_BIAS, rigid=True, unit=known.unit)
     unused = np.zeros(frames.gap.size)
-    return Smoothed(frames, inertial.sweep, inertial.resting, None, unused, None, prior, bias_sd=inertial.bias_sd)
+    return Smoothed(
+        frames, inertial.sweep, inertial.resting, None, unused, None, prior, bias_sd=inertial.bias_sd,
+        tilt_var=inertial.tilt_var,
+    )  # fmt: skip
 
 
 class _Headed(NamedTuple):
@@ -221,7 +240,7 @@ def _with_field(
     speed, resting, found = inertial.speed, inertial.resting, inertial.sweep
     again = AGAIN_BIAS
     p0 = start_covariance(p, tilt=AGAIN_TILT, heading=AGAIN_HEADING, bias=again, rigid=False, unit=known.unit)
-    first, still = inertial.sweep.bias[0], calm(frames, p)
+    still, first = calm(frames, p), narrowed(p0, inertial.given_sd)
     for left in range(PASSES, 0, -1):
         seen = Inertial(found, resting, speed)
         reference = reference_of(frames, p, field, seen, own.doubtful, known.field) or reference
@@ -230,27 +249,29 @@ def _with_field(
         var = heading_variance(frames, p, reference, weight)
         noise = Noise.of(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
-        begin, p1 = bias[0], p0
+        begin, began = bias[0], first
         if inertial.bias_sd:
-            begin, p1 = _unseen(begin, first, p0, dcm_from_quat(q[:1])[0, 2], min(inertial.bias_sd, again))
-        found = sweep(frames, kind, density, var, q, begin, p1, noise, covariance=left == 1)
+            up, sd = dcm_from_quat(q[:1])[0, 2], min(inertial.bias_sd, again)
+            begin, began = _unseen(begin, inertial.sweep.bias[0], first, up, sd)
+        found = sweep(frames, kind, density, var, q, begin, p0, noise, first=began, covariance=left == 1)
         speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
     scatter = scatter_of(frames, p, reference, found.field, weight)
     return Smoothed(
-        frames, found, resting, reference, weight, own, p0, rival_turn, scatter=scatter, bias_sd=inertial.bias_sd
-    )
+        frames, found, resting, reference, weight, own, p0, rival_turn, scatter=scatter, bias_sd=inertial.bias_sd,
+        tilt_var=inertial.tilt_var,
+    )  # fmt: skip
 
 
-def _unseen(bias: Floats, first: Floats, p0: Floats, up: Floats, sd: float) -> tuple[Floats, Floats]:
-    """First bias (3,) and covariance with what is known of its part along `up` before a field is seen.
+def _unseen(bias: Floats, known: Floats, p0: Floats, up: Floats, sd: float) -> tuple[Floats, Floats]:
+    """First bias (3,) and covariance with the part along `up` that was known before a field was seen, and its `sd`.
 
     Only the field shows that part. A pass that began with what the field showed the one before would count the field
     twice, and what is known of a gyroscope never: a field that turns would be followed as if it stood still.
     """
     p0, place = p0.copy(), slice(B, B + 3)
     p0[place, place] -= (up @ p0[place, place] @ up - sd**2) * np.outer(up, up)
-    return bias - up * float(up @ (bias - first)), p0
+    return bias - up * float(up @ (bias - known)), p0
 
 
 def _iron_turn(frames: Keyframes, p: Params, inertial: Inertial, headed: _Headed, own: Attached, known: Known) -> float:

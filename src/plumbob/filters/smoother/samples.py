@@ -119,15 +119,17 @@ def stretches(t: Floats, lag: float | None, begin: int = 0) -> Iterator[Stretch]
         begin = end
 
 
-def part_of(data: ImuData, found: Smoothed, p: Params) -> Part:
-    """What is known of every sample of a recording, or of a stretch of one."""
+def part_of(data: ImuData, found: Smoothed, p: Params, heading_var: float | None = None) -> Part:
+    """What is known of every sample of a recording, or of a stretch of one; `heading_var` is that of `FreeHeading`."""
     frames = found.frames
     rate = rates(frames, found.sweep)
     q = at_samples(frames, found.sweep, found.resting, rate)
     place = np.searchsorted(frames.first, np.arange(frames.t.size))
     cov = _covariance(q, found, place, rate, p, data.meta.left)
     if found.reference is None:
-        cov = widened(q, cov, FreeHeading(data.meta, p).variance(frames.t, q, rate, found.bias_sd))
+        drift, behind = FreeHeading(data.meta, p, heading_var), frames.time[1:][frames.gap]
+        gap = float(behind[0]) if behind.size else math.inf
+        cov = widened(q, cov, drift.variance(frames.t, q, rate, found.bias_sd, gap))
     lost = found.weightless[np.maximum(place - 1, 0)]
     cov[lost] += ANYTHING
     if p.latency:
@@ -143,15 +145,18 @@ class FreeHeading:
     """What nothing shows of the gyroscope, in a heading without a field: it counts from the first sample on.
 
     Errors of scale and axes turn the heading by their shares of what the unit has turned about the vertical; a bias
-    does so with time.
+    does so with time. A heading that was given with a variance, rad², may be any behind a gap.
     """
 
-    def __init__(self, meta: ImuMeta, p: Params) -> None:
-        self._scale = unseen_scale(meta, p)
+    def __init__(self, meta: ImuMeta, p: Params, given: float | None = None) -> None:
+        self._scale, self._given = unseen_scale(meta, p), given
         self._begin, self._end, self._ways = math.nan, math.nan, np.zeros((3, 3))
 
-    def variance(self, t: Floats, q: Floats, rate: Floats, bias_sd: Floats | float) -> Floats:
-        """Variance of the heading at the next samples, rad², (N,), at which the bias is known to `bias_sd`, rad/s."""
+    def variance(self, t: Floats, q: Floats, rate: Floats, bias_sd: Floats | float, gap: float) -> Floats:
+        """Variance of the heading at the next samples, rad², (N,), at which the bias is known to `bias_sd`, rad/s.
+
+        The first gap ended at `gap`, s; infinity without one.
+        """
         if math.isnan(self._begin):
             self._begin = self._end = float(t[0])
         step, up = np.diff(t, prepend=self._end)[:, np.newaxis], vertical_in_body(q)
@@ -163,7 +168,7 @@ class FreeHeading:
             for i in range(3):  # a product of matrices would round by how many rows there are
                 variance += ways[1:, i] ** 2 * self._scale[axis, i]
         self._end = float(t[-1])
-        return variance
+        return variance if self._given is None else variance + np.where(t < gap, self._given, math.pi**2)
 
 
 def unseen_scale(meta: ImuMeta, p: Params) -> Floats:
@@ -226,7 +231,7 @@ def _covariance(
 def covariance_of(q: Floats, in_n: Floats, found: Smoothed, rate: Floats, p: Params, left: tuple[Half, Half]) -> Floats:
     """Covariance of the attitude error in body axes, of one in navigation axes (N, 3, 3), and what is not estimated."""
     c_nb, in_n = dcm_from_quat(q), in_n.copy()
-    in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2
+    in_n[:, [0, 1], [0, 1]] += (p.acc_offset / G0) ** 2 + found.tilt_var
     if found.reference is not None:
         in_n[:, 2, 2] += found.heading_var + p.mag_direction_sd**2
     cov = np.swapaxes(c_nb, 1, 2) @ in_n @ c_nb
@@ -248,7 +253,7 @@ def _flags(found: Smoothed, place: NDArray[np.int64]) -> NDArray[np.uint32]:
     else:
         word |= np.where(found.weight[step] < GATED, flags.MAG_GATED, 0)
     tilt = found.sweep.cov[place, 0, 0] + found.sweep.cov[place, 1, 1]
-    word |= np.where(tilt > 2.0 * DOUBTFUL**2, flags.NOT_CONVERGED, 0)
+    word |= np.where(tilt + 2.0 * found.tilt_var > 2.0 * DOUBTFUL**2, flags.NOT_CONVERGED, 0)
     return word.astype(np.uint32)
 
 

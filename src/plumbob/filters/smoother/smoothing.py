@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -15,13 +16,16 @@ from plumbob.core.params import build, describe, shown
 from plumbob.core.text import Shown
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.left import whole_of
-from plumbob.filters.base import CommonParams
-from plumbob.filters.known import CAUSAL, SMOOTHER
+from plumbob.data.sample import ImuSample
+from plumbob.filters.base import CommonParams, north_of
+from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
+from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
 from plumbob.filters.smoother.remarks import remarks_of, remarks_so_far
 from plumbob.filters.smoother.samples import (
+    ANYTHING,
     CORE,
     MARGIN,
     Part,
@@ -34,12 +38,14 @@ from plumbob.filters.smoother.samples import (
     unknown,
     widened,
 )
+from plumbob.filters.smoother.single import Now, Single
+from plumbob.filters.start import Start, start_of
 from plumbob.rotations import Frame, North, change_frame
 from plumbob.rotations.headings import turn_heading
 
 if TYPE_CHECKING:
     from plumbob.data.cards import NoiseCard
-    from plumbob.filters.smoother.live import Live
+    from plumbob.filters.smoother.live import Between, Live
 
 
 class Smoother(Shown):
@@ -53,6 +59,11 @@ class Smoother(Shown):
         Parameters by name; numbers in SI, text with its unit. Those of every filter are taken too, but `max_gap`.
     noise : NoiseCard, optional
         Noise of the unit; `params` has the last word.
+    init : array_like (4,), str or Start, optional
+        Attitude at the first sample that has a rate, as `Filter` takes it: its tilt is then known to a degree, unless
+        the first seconds contradict it. Its heading counts where no field gives one: a field has the last word.
+    meta : ImuMeta, optional
+        What is known about the samples that `update` will take; a recording brings its own.
 
     Attributes
     ----------
@@ -80,9 +91,16 @@ class Smoother(Shown):
     name = SMOOTHER
 
     def __init__(
-        self, *, frame: Frame | str, params: Mapping[str, Any] | None = None, noise: "NoiseCard | None" = None
+        self,
+        *,
+        frame: Frame | str,
+        params: Mapping[str, Any] | None = None,
+        noise: "NoiseCard | None" = None,
+        init: Start | ArrayLike | str | None = None,
+        meta: ImuMeta | None = None,
     ) -> None:
         self.frame = Frame.parse(frame)
+        self._init = None if init is None else start_of(init, self.frame)
         given = {**({} if noise is None else from_noise(noise)), **(params or {})}
         own = {p.name for p in describe(Params)}
         shared = {p.name for p in describe(CommonParams)} - {"max_gap"}
@@ -94,6 +112,8 @@ class Smoother(Shown):
         self.params: Params = build(Params, {k: v for k, v in given.items() if k in own}, of=SMOOTHER)
         self.common: CommonParams = build(CommonParams, {k: v for k, v in given.items() if k in shared}, of=SMOOTHER)
         self._decided = "declination" in given
+        self._meta = meta or ImuMeta()
+        self._heed(self._meta)
         self.remarks: tuple[str, ...] = ()
         self.learned: Learned | None = None
 
@@ -124,16 +144,26 @@ class Smoother(Shown):
 
     def north(self, has_mag: bool) -> North:
         """What headings count from, of samples with or without a magnetometer."""
-        if not (has_mag and self.common.mag):
-            return North.FREE
-        return North.MAGNETIC if self.common.declination is None else North.TRUE
+        return north_of(self.common, self._init, has_mag)
+
+    @property
+    def _given(self) -> Given | None:
+        """The start in the frame inside."""
+        if self._init is None:
+            return None
+        return Given(change_frame(self._init.q_nb, to=Frame.ENU, from_=self.frame), self._init.north is not North.FREE)
 
     def warm_up(self) -> None:
         """Compile now, so that the first recording does not wait."""
-        gyr, acc, mag = (np.tile(still, (50, 1)) for still in ([0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]))
+        still = [0.0] * 3, [0.0, 0.0, G0], [0.0, 20.0, -40.0]
+        gyr, acc, mag = (np.tile(triad, (50, 1)) for triad in still)
         for lag in ("off", "0 s"):
             one = Smoother(frame=self.frame, params={"lag": lag})
             one.process(ImuData(t=np.linspace(0.0, 1.0, 50), gyr=gyr, acc=acc, mag=mag))
+        stream = FixedLag(frame=self.frame)
+        for k in range(50):
+            stream.update(ImuSample(20_000_000 * k, *still))
+        stream.reset()
 
     def process(self, data: ImuData, *, progress: Callable[[int], None] | None = None) -> AttitudeTrack:
         """Attitude, bias and covariance at every sample of a recording.
@@ -178,9 +208,13 @@ class Smoother(Shown):
         missing = [name for name in NEEDS if name not in data.triads]
         if missing:
             raise ShapeError(f"{SMOOTHER} needs {', '.join(NEEDS)}, but the recording has no {', '.join(missing)}.")
-        if data.meta.declination is not None and not self._decided:
-            self.common = self.common._replace(declination=data.meta.declination)
+        self._heed(data.meta)
         self.remarks = ()
+
+    def _heed(self, meta: ImuMeta) -> None:
+        """Take over the declination that is known, unless `params` have decided."""
+        if meta.declination is not None and not self._decided:
+            self.common = self.common._replace(declination=meta.declination)
 
     def _stretches(self, data: ImuData) -> Iterator[Piece]:
         """Stretches that overlap, each smoothed by itself."""
@@ -192,7 +226,8 @@ class Smoother(Shown):
         """Parts one after the other, nothing of which knows what comes later."""
         from plumbob.filters.smoother.live import Live
 
-        live, remarks = Live(self.params, data.meta, mag=self.common.mag), dict[str, None]()
+        live = Live(self.params, data.meta, mag=self.common.mag, start=self._given)
+        remarks = dict[str, None]()
         t, word, seen, left = list[Floats](), list[NDArray[np.uint32]](), False, len(data)
         for part in data.chunks(AT_ONCE):
             piece = _followed(live, part)
@@ -210,13 +245,13 @@ class Smoother(Shown):
     def smooth(self, data: ImuData, known: Known | None = None) -> Smoothed | None:
         """What `process` makes its track of, at the keyframes; `known` is what came before. None without rates."""
         frames = Keyframes.of(data, self.params.keyframe, mag=self.common.mag)
-        return None if frames is None else smooth(frames, self.params, known or _known(data.meta))
+        return None if frames is None else smooth(frames, self.params, known or _known(data.meta, self._given))
 
 
-def _known(meta: ImuMeta) -> Known:
-    """What the unit's card says of its gyroscope."""
+def _known(meta: ImuMeta, start: Given | None) -> Known:
+    """What the unit's card says of its gyroscope, and the first attitude."""
     left = meta.gyr_left
-    return Known() if left is None else Known(unit=whole_of(left))
+    return Known(unit=None if left is None else whole_of(left), start=start)
 
 
 AT_ONCE: Final = 4096
@@ -243,8 +278,9 @@ class Along:
 
     def __init__(self, smoother: Smoother, meta: ImuMeta) -> None:
         self._smoother = smoother
-        self._known = _known(meta)
-        self._attitude = np.array([1.0, 0.0, 0.0, 0.0])
+        self._start = start = smoother._given
+        self._known = _known(meta, start)
+        self._attitude = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
         self._last: tuple[Floats, Stretch] | None = None
         self._free_variance = 0.0  # of a heading without a field, where the next core begins, rad²
         self._remarks: dict[str, None] = {}
@@ -252,11 +288,12 @@ class Along:
     def piece(self, whole: ImuData, stretch: Stretch) -> Piece:
         """Core of a stretch, of whose samples `whole` are all."""
         smoother, inside = self._smoother, stretch.inside
+        self._known = replace(self._known, start=None if stretch.whole.start else self._start)
         found = smoother.smooth(whole, self._known)
         if found is None:
             part = unknown(whole, self._attitude, np.zeros(3) if self._known.bias is None else self._known.bias[0])
         else:
-            part = part_of(whole, found, smoother.params)
+            part = part_of(whole, found, smoother.params, self._heading_var(stretch))
             if self._last is not None and found.reference is None:
                 part = continued(part, stretch, *self._last)
                 part = part._replace(cov=widened(part.q, part.cov, self._before(part, inside.start)))
@@ -266,6 +303,12 @@ class Along:
         self._attitude, smoother.remarks = part.q[inside][-1].copy(), tuple(self._remarks)
         headed = 0 if found is not None and found.reference is not None else inside.stop - inside.start
         return Piece(whole.t[inside], part.rows(inside), headed, found is not None)
+
+    def _heading_var(self, stretch: Stretch) -> float | None:
+        """Variance of a given heading where a stretch begins, rad², beyond what comes from the stretch before."""
+        if self._start is None or not self._start.headed:
+            return None
+        return 0.0 if stretch.whole.start else GIVEN**2
 
     def _before(self, part: Part, begin: int) -> Floats:
         """What a free heading was uncertain by before the core that begins at a sample, rad², beyond what it now is."""
@@ -285,6 +328,13 @@ class _Tracks:
         self._smoother = smoother
         self._source = f"{smoother.describe()}; calibration {calibration_told(meta.calibration)}"
         self._headed = self.rated = False
+
+    def turns(self) -> Floats:
+        """What `of` multiplies in front of a next attitude, one after the other, (n, 4)."""
+        turn, frame, one = self._smoother.common.declination, self._smoother.frame, np.array([1.0, 0.0, 0.0, 0.0])
+        found = [turn_heading(one, turn, Frame.ENU)] if turn and self._headed else []
+        found += [] if frame is Frame.ENU else [change_frame(one, to=frame, from_=Frame.ENU)]
+        return np.reshape(found, (-1, 4))
 
     def of(self, piece: Piece) -> AttitudeTrack:
         """Track of a piece; headings are true from where a field has shown itself."""
@@ -311,22 +361,29 @@ class FixedLag(Smoother):
     """The smoother on a stream: parts in, attitudes out as soon as nothing that may still come can change them.
 
     They come as much later as the parameter ``lag`` says, at once where it is zero, and are those of `Smoother` with
-    that lag, to the bit, however the stream is cut. Arguments and attributes are those of `Smoother`.
+    that lag, to the bit, however the stream is cut. Arguments and attributes are those of `Smoother`; without a lag in
+    `params` it is zero.
 
     Raises
     ------
     ParameterError
-        If a parameter is not known, or lag is missing.
+        If a parameter is not known, or lag is off.
     """
 
     def __init__(
-        self, *, frame: Frame | str, params: Mapping[str, Any] | None = None, noise: "NoiseCard | None" = None
+        self,
+        *,
+        frame: Frame | str,
+        params: Mapping[str, Any] | None = None,
+        noise: "NoiseCard | None" = None,
+        init: Start | ArrayLike | str | None = None,
+        meta: ImuMeta | None = None,
     ) -> None:
-        super().__init__(frame=frame, params=params, noise=noise)
+        super().__init__(frame=frame, params={"lag": CAUSAL_LAG, **(params or {})}, noise=noise, init=init, meta=meta)
         if self.params.lag is None:
             raise ParameterError(
-                "on a stream the smoother needs a lag, by which attitudes come later than their samples, or 0s. "
-                f"Give lag, as 5s, or name a filter, such as {CAUSAL}."
+                "on a stream the smoother cannot wait for the end, but lag is off. Give the lag by which attitudes may "
+                f"come later than their samples, as 5s, or leave it out: it is then {CAUSAL_LAG}."
             )
         self._lag = self.params.lag
         self._restart()
@@ -338,6 +395,7 @@ class FixedLag(Smoother):
         self._tracks: _Tracks | None = None
         self._along: Along | None = None
         self._follower: Live | None = None
+        self._single: Single | None = None
 
     def take(self, data: ImuData) -> AttitudeTrack | None:
         """Take the next samples, and return the attitudes that are ready; None where there are none.
@@ -346,7 +404,14 @@ class FixedLag(Smoother):
         ------
         ShapeError
             If a triad is missing that it needs.
+        ParameterError
+            If `update` takes the samples of this stream.
         """
+        if self._single is not None:
+            raise ParameterError("update takes the samples of this stream. Call reset() before another stream.")
+        return self._take(data)
+
+    def _take(self, data: ImuData) -> AttitudeTrack | None:
         tracks = self._tracks or self._started(data)
         if self._follower is not None:
             return tracks.of(_followed(self._follower, data))
@@ -360,10 +425,75 @@ class FixedLag(Smoother):
         if self._lag == 0.0:
             from plumbob.filters.smoother.live import Live
 
-            self._follower = Live(self.params, data.meta, mag=self.common.mag, background=True)
+            self._follower = Live(self.params, data.meta, mag=self.common.mag, background=True, start=self._given)
         else:
             self._along = Along(self, data.meta)
         return self._tracks
+
+    def update(self, sample: ImuSample) -> int:
+        """Take the next sample and return its flags; `q_nb` is then the attitude at its time.
+
+        Without a lag alone. It gives the bits of `take`. Time runs from the first sample; one that is not later than
+        the one before is flagged and not used, until three in a row say that the clock was set back.
+
+        Raises
+        ------
+        ParameterError
+            If there is a lag: attitudes then come later than their samples.
+        ShapeError
+            If it is not a sample.
+        """
+        return self._one.update(sample)
+
+    @property
+    def _one(self) -> Single:
+        if self._single is None:
+            if self._lag != 0.0:
+                raise ParameterError(
+                    f"update gives the attitude at once, but lag is {self._lag:g} s. Leave lag out, or use take(data)."
+                )
+            self._single = Single(self._take_now, self._between, self._meta, self.common.mag, self._at_first())
+        return self._single
+
+    def _take_now(self, data: ImuData) -> AttitudeTrack:
+        track = self._take(data)
+        assert track is not None
+        return track
+
+    def _between(self) -> "tuple[Between, Floats] | None":
+        """What a next sample goes on from, and the turns to the frame that was asked for."""
+        assert self._tracks is not None
+        assert self._follower is not None
+        found = self._follower.between()
+        return None if found is None else (found, self._tracks.turns())
+
+    def _at_first(self) -> Now:
+        """What is known before the first sample."""
+        q, cov = (
+            (np.array([1.0, 0.0, 0.0, 0.0]), ANYTHING)
+            if self._init is None
+            else (self._init.q_nb, GIVEN**2 * np.eye(3))
+        )
+        return Now(q, np.zeros(3), cov)
+
+    @property
+    def q_nb(self) -> Floats:
+        """Attitude at the last sample of `update`, (4,)."""
+        return self._one.q_nb
+
+    @property
+    def bias_b(self) -> Floats:
+        """Gyroscope bias then, rad/s, (3,)."""
+        return self._one.bias_b
+
+    @property
+    def cov_b(self) -> Floats:
+        """Covariance of the attitude error in body axes then, rad², (3, 3); costs as much as a call of `take`."""
+        return self._one.cov_b
+
+    def reset(self) -> None:
+        """Forget every sample; parameters and start attitude stay."""
+        self.finish()
 
     def finish(self) -> AttitudeTrack | None:
         """Say that the stream has ended, and return the attitudes that are left; None where there are none."""

@@ -563,7 +563,7 @@ class _Kept(NamedTuple):
 
 def sweep(
     frames: Keyframes, kind: NDArray[np.int64], density: Floats, heading_var: Floats, q_start: Floats, bias: Floats,
-    p0: Floats, noise: Noise, *, covariance: bool = True,
+    p0: Floats, noise: Noise, *, first: Floats | None = None, covariance: bool = True,
 ) -> Sweep:  # fmt: skip
     """Forward and backward over a recording.
 
@@ -584,9 +584,11 @@ def sweep(
     bias : ndarray (3,)
         First bias of the gyroscope, rad/s.
     p0 : ndarray (21, 21)
-        First covariance.
+        Covariance where the attitude starts,
     noise : Noise
         Of the model.
+    first : ndarray (21, 21), optional
+        and that at the first keyframe, if it is another one.
     covariance : bool
         Smooth the covariance too, which takes as long as all the rest.
     """
@@ -605,7 +607,7 @@ def sweep(
         )  # fmt: skip
         return block
 
-    attitude, now, p = q_start[0].copy(), np.zeros(SIZE), p0.copy()
+    attitude, now, p = q_start[0].copy(), np.zeros(SIZE), (p0 if first is None else first).copy()
     now[B : B + 3] = bias
     begins, starts = range(0, n, BLOCK), []
     for begin in begins:
