@@ -25,6 +25,10 @@ STEEPEST: Final = 0.05
 """A field whose level part is a smaller share than this of the reference's has no direction,"""
 LEAST_LEVEL: Final = 0.1
 """nor has one whose level part is smaller than this, µT."""
+MOST_LEVEL: Final = 46.0
+"""The field of no place has a larger level part, µT: 41.9 in the Andaman Sea by the WMM 2025, and a tenth,"""
+WEAKEST, STRONGEST = 20.0, 75.0
+"""nor another size, µT: 22.0 to 66.9, and a tenth. A unit that reads such a field is near a magnet, or carries one."""
 MODES: Final = 400
 """Fields that are tried as a mode."""
 WIDER: Final = 1.5
@@ -45,6 +49,13 @@ RIVAL: Final = 0.35
 """the weaker one is a rival from this share of the weight of both on."""
 IGNORED: Final = 1e-4
 """A weight below this is none."""
+
+
+@njit
+def on_earth(level: float | Floats, vertical: float | Floats) -> bool | Bools:
+    """Whether the field of any place may have these parts, µT."""
+    size = np.hypot(level, vertical)
+    return (level < MOST_LEVEL) & (size > WEAKEST) & (size < STRONGEST)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +133,7 @@ def reference_of(
     level, up = np.hypot(field[:, 0], field[:, 1]), field[:, 2]
     turning, resting = times_seen(frames, seen.resting, seen.sweep.bias[1:])
     weight = turning + resting
-    usable = np.isfinite(level) & ~doubtful & (weight > 0.0)
+    usable = np.isfinite(level) & ~doubtful & (weight > 0.0) & on_earth(level, up)
     if not usable.any():
         return None
     points, weight = np.stack((level[usable], up[usable]), axis=1), weight[usable]

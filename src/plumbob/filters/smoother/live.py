@@ -34,6 +34,7 @@ from plumbob.filters.smoother.field import (
     STEEPEST,
     TURNING,
     Reference,
+    on_earth,
     turning_time,
     white_noise,
 )
@@ -311,7 +312,7 @@ def taken(other: Floats, field: Field) -> Field:
 @njit
 def contradicted(other: Floats, mean: Floats, dt: float, rate: float, field: Field, weight: float, again: bool) -> bool:
     """Whether the unit has turned enough in another field for that to be the one of the place."""
-    if field.level == 0.0:
+    if field.level == 0.0 or not on_earth(math.hypot(mean[FIELD], mean[FIELD + 1]), mean[FIELD + 2]):
         return False
     if again or mean[COUNT] == 0.0 or weight >= GATED:
         other[SEEN], other[DOUBT] = 0.0, 0.0
