@@ -344,6 +344,11 @@ class Arriving:
         """Times and rates of samples."""
         return self._t[rows], self._gyr[rows]
 
+    def force(self, row: int) -> Floats:
+        """Specific force of a sample, (3,), m/s²."""
+        found: Floats = self._acc[row : row + 1][0]
+        return found
+
     def fields(self, rows: slice) -> Bools:
         """Which samples have a field."""
         found: Bools = np.isfinite(self._field[rows][:, 0])

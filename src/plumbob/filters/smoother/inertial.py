@@ -285,14 +285,18 @@ def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:
     path(t, frames.gyr[i:j] - bias, free)
     x = (t - t[0]) / max(t[-1] - t[0], 1e-9)
     weight = np.minimum(1.0, 4.0 * np.minimum(x, 1.0 - x) + 1e-3)  # what moves at the ends counts less
-    up = weight @ quat_rotate(free, frames.acc[i:j])
+    return upright(weight @ quat_rotate(free, frames.acc[i:j]))
+
+
+def upright(up: Floats) -> Floats:
+    """Attitude (4,) of no heading in which a direction (3,) of any length is up: the shortest turn."""
     size = float(np.linalg.norm(up))
     if size < 1e-6:
         return np.array([1.0, 0.0, 0.0, 0.0])
     ux, uy, uz = up / size
     if uz < -1.0 + 1e-9:
         return np.array([0.0, 1.0, 0.0, 0.0])
-    turn = np.array([1.0 + uz, uy, -ux, 0.0])  # the shortest turn of u to the vertical
+    turn = np.array([1.0 + uz, uy, -ux, 0.0])
     found: Floats = turn / np.linalg.norm(turn)
     return found
 

@@ -45,9 +45,11 @@ from plumbob.filters.smoother.inertial import (
     REST_SPEED,
     SHORTEST,
     SPEED_TIMES,
+    WIDE,
     WINDOW,
     Given,
     speed_of,
+    upright,
 )
 from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
 from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, Noise, Params, V
@@ -613,20 +615,27 @@ class Live:
         return self._everywhere(data, kept)
 
     def _before_any_look(self, n: int) -> None:
-        """What is known of samples until the past is looked at: from a given attitude the gyroscope goes on."""
+        """What is known of samples until the past is looked at: the gyroscope goes on from the first attitude.
+
+        That is the given one, or any in which the first force is up.
+        """
         arriving, out = self._arriving, self._out
         rows = slice(max(self._base - 1, 0), arriving.samples)
         sought = np.logical_or.accumulate(arriving.fields(slice(self._base, arriving.samples)))
         out.flags[sought] |= np.uint32(flags.FIELD_UNKNOWN)
+        tilt_sd, heading2 = GIVEN, FREE_HEADING**2  # what the heading has besides comes with its drift
         if self._start is None:
-            return
+            force = arriving.force(arriving.first(0))
+            tilt_sd, heading2 = math.hypot(WIDE, np.linalg.norm(force) / G0 - 1.0), math.pi**2
+            if not self._base:
+                self._last = self._last._replace(q=upright(force)[np.newaxis])
         t, gyr = arriving.rows(rows)
         q, ends, no = np.empty((t.size, 4)), np.array([0, t.size - 1]), np.zeros(1, dtype=bool)
         between_keyframes(t, gyr, ends, ~no, no, np.tile(self._last.q, (2, 1)), np.zeros((2, SIZE)), q)
         q[0] = self._last.q
         out.q[:] = q[-n:]
-        tilt = np.tile(GIVEN**2 * np.eye(3), (n, 1, 1))  # what the heading has besides comes with its drift
-        out.cov[:] = widened(out.q, tilt, np.full(n, FREE_HEADING**2 - GIVEN**2))
+        tilt = np.tile(tilt_sd**2 * np.eye(3), (n, 1, 1))
+        out.cov[:] = widened(out.q, tilt, np.full(n, heading2 - tilt_sd**2))
 
     def _everywhere(self, data: ImuData, kept: Bools) -> Part:
         """The same at all samples: in a hole of the gyroscope the attitude stays, and may be any."""
