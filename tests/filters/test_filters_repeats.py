@@ -41,14 +41,14 @@ def test_a_filter_goes_on_as_if_nothing_had_come(name, count, times):
 
 def test_a_clock_that_is_set_back_is_followed_as_before():
     """The same times with other values: the third sample is taken, which would be the 53rd of a block sent twice."""
-    stream, again = sent(50, changed=1e-6)
+    stream, _ = sent(50, changed=1e-6)
     track = Filter("integrate", frame=Frame.ENU, init=TRUTH[0]).process(stream, look=False)
     assert np.count_nonzero(track.flags & flags.TIME_FAULT) == 2
     assert quat_angle(track.q_nb[-1], TRUTH[-1]) > 0.1  # 0.5 s at up to 1.5 rad/s
 
 
 def test_a_saved_filter_knows_the_block_again():
-    stream, again = sent(10)
+    stream, _ = sent(10)
     first = Filter("vqf", frame=Frame.ENU)
     first.process(stream[: AT + 10], look=False)
     words = Filter.restore(first.save()).process(stream[AT + 10 : AT + 20], look=False).flags
