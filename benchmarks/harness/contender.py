@@ -15,6 +15,7 @@ from plumbob.acquisition.timing import Counter, TimeBase, TimeSpec
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.params import Parameter, describe
+from plumbob.core.repeats import Repeats
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.sample import ImuSample
 from plumbob.filters import SMOOTHER, CommonParams, Filter, load
@@ -299,9 +300,9 @@ class OurSmoother(OurFilter):
     def answer(self, stream: Stream) -> Answer:
         """Answer to a stream whose stamps a session has judged, which knows when each sample arrived.
 
-        One whose time cannot be used is dropped, and the attitude stays.
+        One whose time cannot be used, or that was sent twice, is dropped, and the attitude stays.
         """
-        used = np.isfinite(stream.t)
+        used = np.isfinite(stream.t) & Repeats().fresh(np.column_stack((stream.t, stream.gyr, stream.acc, stream.mag)))
         stamps = np.round(stream.t[used] * 1e9).astype(np.int64)
         arrived = np.round(stream.newest[used] / RATE * 1e9).astype(np.int64)
         base = TimeBase(TimeSpec(clock=Counter(64, 1), rate=RATE))

@@ -18,8 +18,8 @@ TODAY_NS = 1_790_000_000_123_456_789
 def ticks(times_ns):
     x = np.zeros(OWN)
     steps = []
-    for t_ns in times_ns:
-        steps.append(tick.py_func(x, t_ns))
+    for i, t_ns in enumerate(times_ns):
+        steps.append(tick.py_func(x, t_ns, float(i)))  # each says something else
         x[COUNT] += steps[-1] >= 0.0
     return steps
 

@@ -498,3 +498,12 @@ def test_fifteen_real_trials_keep_their_figures(broad_folder):
     mean = found.mean()["vqf"]
     assert mean["total_rmse_deg"] <= 2.60
     assert mean["inclination_rmse_deg"] <= 0.78
+
+
+def test_the_first_force_after_a_pause_is_not_a_long_rest():
+    """18 s without forces while the body turns by some °/s: its rate is then not taken for the bias."""
+    data, q = consistent(6000, amplitude=dps(6.0))
+    acc = data.acc.copy()
+    acc[2000:3800] = np.nan
+    track = Filter("vqf", frame=Frame.ENU).process(ImuData(t=data.t, gyr=data.gyr, acc=acc, mag=data.mag))
+    assert quat_angle(track.q_nb, q)[3800:].max() < deg(2.0)

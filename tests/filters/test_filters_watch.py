@@ -163,7 +163,7 @@ def test_no_change_of_up_to_2047_digits_is_lost_in_rounding():
 
 
 def test_noise_of_half_a_digit_is_alive():
-    """A sample is three zeros with erf(1/√2)³ = 0.32, and 25 in a row are with 0.32²⁵ = 4e-13."""
+    """A sample is three zeros with erf(1/√2)³ = 0.32, and 25 in a row are with 0.32²⁵ = 4e-13; a digit of 0.5 mg."""
     rng = np.random.default_rng(1)
     stream = Stream()
-    assert not any(stream.take(0.01, acc=tuple(np.rint(0.5 * rng.normal(size=3)))) for _ in range(10_000))
+    assert not any(stream.take(0.01, acc=tuple(0.005 * np.rint(0.5 * rng.normal(size=3)))) for _ in range(10_000))

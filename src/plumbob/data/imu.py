@@ -307,6 +307,18 @@ class ImuData(Series):
         state = {f.name: getattr(self, f.name) for f in fields(self)}
         return self._like({k: v[start:stop] if isinstance(v, np.ndarray) else v for k, v in state.items()})
 
+    def picked(self, rows: NDArray[np.bool_]) -> Self:
+        """Samples that a mask (N,) marks, with their times and flags unchanged."""
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        part = object.__new__(type(self))
+        _refreeze(part, {k: v[rows] if isinstance(v, np.ndarray) else v for k, v in state.items()})
+        return part
+
+    def flagged(self, words: NDArray[np.uint32]) -> Self:
+        """The same samples with more flags (N,)."""
+        state = {f.name: getattr(self, f.name) for f in fields(self)}
+        return self._like(state | {"flags": check.read_only(self.flags | words)})
+
     def _bounds(self, rows: slice) -> tuple[int, int]:
         """First row of a slice, and the one behind its last."""
         if not isinstance(rows, slice):

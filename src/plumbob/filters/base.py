@@ -24,7 +24,7 @@ from plumbob.core.text import Shown
 from plumbob.core.units import Quantity, to_deg
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.sample import ImuSample
-from plumbob.filters.input_checks import judge, usable, watch
+from plumbob.filters.input_checks import as_one, judge, or_zero, usable, watch
 from plumbob.filters.known import SMOOTHER, load
 from plumbob.filters.layout import (
     BIAS,
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 _UNIT = 1e-6  # a step renormalises to rounding
 _LARGEST = 2.0**63  # a time in ns; no other number of a state comes near
-STATE_VERSION = 4
+STATE_VERSION = 5
 SEEN_TAU = 30.0
 """The field is taken for its mean over this, s, when errors of its calibration are weighed."""
 _LOOKED_AT = 10_000
@@ -139,7 +139,8 @@ def _take(
     c: Floats, x: Floats, t_ns: int, seen: int,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
-    dt = tick(x, t_ns)
+    said = as_one(or_zero(as_one(gx, gy, gz)), or_zero(as_one(ax, ay, az)), or_zero(as_one(mx, my, mz)))
+    dt = tick(x, t_ns, said)
     if dt < 0.0:
         return seen | flags.TIME_FAULT
     seen |= watch(x, dt, gx, gy, gz, ax, ay, az, mx, my, mz)

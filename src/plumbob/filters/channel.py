@@ -79,7 +79,7 @@ def step(c: Floats, x: Floats, dt: float, y: float) -> None:
 
 @njit
 def _take(c: Floats, x: Floats, t_ns: int, y: float) -> int:
-    dt = tick(x, t_ns)
+    dt = tick(x, t_ns, y)
     if dt < 0.0:
         return flags.TIME_FAULT
     x[COUNT] += 1.0

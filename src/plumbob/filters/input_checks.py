@@ -21,22 +21,28 @@ from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps
+from plumbob.filters.axis_checks import CLIPPED, LONG, MANY, STUCK, WRAPPED, axis_flags
 from plumbob.filters.layout import BLIND, COUNT, HELD, LAST, MAX_GAP, RATE, SAME, STAGE
 from plumbob.rotations.kernels import Vec
-
-LONG = 0.25
-"""A triad that repeats itself for longer than this, s, and for `MANY` samples, is stuck."""
-MANY = 25.0
-"""Three axes of noise that is small against the last digit repeat some times; 25 times at a stretch they do not."""
-
 
 _MIX_Y, _MIX_Z = math.sqrt(2.0), math.sqrt(3.0)  # no combination of whole steps of the axes gives the same sum
 
 
 @njit
+def as_one(vx: float, vy: float, vz: float) -> float:
+    """One number for the three axes; it stays the same where they do, and practically only there."""
+    return vx + _MIX_Y * vy + _MIX_Z * vz
+
+
+@njit
+def or_zero(value: float) -> float:
+    """Zero for NaN."""
+    return 0.0 if math.isnan(value) else value
+
+
+@njit
 def _repeats(x: Floats, triad: int, dt: float, vx: float, vy: float, vz: float) -> bool:
-    """One number stands for the three axes; it stays the same where they do, and practically only there."""
-    said = vx + _MIX_Y * vy + _MIX_Z * vz
+    said = as_one(vx, vy, vz)
     if said != x[LAST + triad]:
         if math.isnan(said):  # absent: the clock goes on
             x[SAME + triad] += dt
@@ -52,14 +58,18 @@ def watch(
     x: Floats, dt: float,
     gx: float, gy: float, gz: float, ax: float, ay: float, az: float, mx: float, my: float, mz: float,
 ) -> int:  # fmt: skip
-    """Flags of the triads that are stuck."""
-    found = 0
-    if _repeats(x, 0, dt, gx, gy, gz):
+    """Flags of the triads that are stuck, or that have an axis which is stuck or beyond its range."""
+    found, gyr = 0, axis_flags(x, 0, dt, gx, gy, gz)
+    if _repeats(x, 0, dt, gx, gy, gz) or gyr & STUCK:
         found |= flags.GYR_STUCK
-    if _repeats(x, 1, dt, ax, ay, az):
+    if _repeats(x, 1, dt, ax, ay, az) or axis_flags(x, 1, dt, ax, ay, az):
         found |= flags.ACC_STUCK
-    if _repeats(x, 2, dt, mx, my, mz):
+    if _repeats(x, 2, dt, mx, my, mz) or axis_flags(x, 2, dt, mx, my, mz):
         found |= flags.MAG_STUCK
+    if gyr & CLIPPED:
+        found |= flags.GYR_CLIPPED
+    if gyr & WRAPPED:
+        found |= flags.GYR_INVALID
     return found
 
 
@@ -147,7 +157,7 @@ def admit_rate(c: Floats, x: Floats, at: int, dt: float, seen: int, gx: float, g
     """
     px, py, pz = x[RATE], x[RATE + 1], x[RATE + 2]
     spike, ox, oy, oz = False, 0.0, 0.0, 0.0
-    if seen & flags.GYR_STUCK:
+    if seen & (flags.GYR_STUCK | flags.GYR_INVALID):
         gx = math.nan
     elif dt > 0.0:
         spike, gx, gy, gz, ox, oy, oz = hold_spike(x, at, dt, gx, gy, gz)

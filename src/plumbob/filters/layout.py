@@ -8,7 +8,8 @@ Steps are differences of integer nanoseconds, so that cutting a recording in chu
 float64, which cannot hold a time of today to the nanosecond: it holds an anchor in whole seconds, and nanoseconds from
 there, which are exact for 104 days; then the anchor moves. A sample that is not later than the
 last one taken is late and not used. Only when `RISING` samples in a row are late, but in order among themselves, has
-the source's clock been set back, and the filter follows it.
+the source's clock been set back, and the filter follows it. A sample with the time and the values of one of the last
+`REMEMBERED` was sent twice, and says nothing about the clock.
 
 Second-order Butterworth low-pass that keeps its time constant whatever the step.
 
@@ -45,7 +46,10 @@ SAME: Final = 16  # for how long it has said the same, s, 3
 CLOCK: Final = 19  # see timing.py, 5
 SEEN: Final = 24  # mean level and vertical part of the field, µT, and of how many; of filters with a covariance, 3
 TRIAL: Final = 27  # see settling.py, 15
-OWN: Final = 42
+AXES: Final = 42  # see axis_checks.py, 12 for each of 9
+TAKEN: Final = AXES + 108  # how many samples were remembered; then their times, ns from the anchor, and what they said
+REMEMBERED: Final = 128  # samples: more than a second at 100 Hz
+OWN: Final = TAKEN + 1 + 2 * REMEMBERED
 
 # Stages
 BLIND: Final = 0.0
@@ -62,6 +66,8 @@ _LAST: Final = CLOCK + 1  # times of the last sample, and of the first and the l
 _FIRST_LATE: Final = CLOCK + 2
 _LAST_LATE: Final = CLOCK + 3
 _COUNT: Final = CLOCK + 4  # of late ones in a row
+_TIMES: Final = TAKEN + 1
+_SAID: Final = _TIMES + REMEMBERED
 _SECOND: Final = 1_000_000_000
 _EXACT: Final = 2**53
 
@@ -78,17 +84,39 @@ def _from_anchor(x: Floats, t_ns: int) -> float:
     x[_LAST] -= moved
     x[_FIRST_LATE] -= moved
     x[_LAST_LATE] -= moved
+    x[TAKEN] = 0.0
     return float(t_ns - anchor * _SECOND)
 
 
 @njit
-def tick(x: Floats, t_ns: int) -> float:
-    """Step to a sample at t_ns, s; 0 for the first, and `LATE` for one that must not be used."""
+def _remember(x: Floats, now: float, said: float) -> None:
+    place = int(x[TAKEN]) % REMEMBERED
+    x[_TIMES + place], x[_SAID + place] = now, said
+    x[TAKEN] += 1.0
+
+
+@njit
+def _sent_twice(x: Floats, now: float, said: float) -> bool:
+    found = False
+    for i in range(min(int(x[TAKEN]), REMEMBERED)):
+        found |= x[_TIMES + i] == now and x[_SAID + i] == said
+    return found
+
+
+@njit
+def tick(x: Floats, t_ns: int, said: float) -> float:
+    """Step to a sample at t_ns, s; 0 for the first, and `LATE` for one that must not be used.
+
+    One number stands for all that the sample says; NaN is not known again.
+    """
     now = _from_anchor(x, t_ns)
     dt = (now - x[_LAST]) / 1e9
     if dt > 0.0 or x[COUNT] == 0.0:
         x[_LAST], x[_COUNT] = now, 0.0
+        _remember(x, now, said)
         return dt if x[COUNT] > 0.0 else 0.0
+    if _sent_twice(x, now, said):
+        return LATE
     behind = now - x[_LAST_LATE]
     if x[_COUNT] == 0.0 or not behind > 0.0:
         x[_FIRST_LATE], x[_COUNT] = now, 0.0
@@ -97,6 +125,7 @@ def tick(x: Floats, t_ns: int) -> float:
     if x[_COUNT] < RISING:
         return LATE
     x[_LAST], x[_COUNT] = now, 0.0
+    _remember(x, now, said)
     return float(now - x[_FIRST_LATE] + behind) / 1e9  # what the late ones did not turn is made up for
 
 

@@ -157,6 +157,8 @@ PROVEN_REST: Final = 10.0
 """where it lasts longer than the rest that showed the bias, if that was shorter than this, s: a hand may turn so."""
 FRESH: Final = 1.0
 """A field is that of now for so long, s."""
+LONGEST_LOOK: Final = 0.2
+"""A specific force stands for this time before it at most, s: whether the unit rested while none came is not known."""
 MISSED_LIMIT2: Final = deg(3.0) ** 2
 """Where the attitude may be off by more than the root of this, rad², it begins again."""
 LEAN_AFTER: Final = 5.0
@@ -516,7 +518,7 @@ def follow_gravity(
     c: Floats, x: Floats, held: bool, gx: float, gy: float, gz: float, ax: float, ay: float, az: float
 ) -> int:
     """Turn level, and learn the bias; the rate is only looked at for rest, and not where it was held for long."""
-    dt, x[ACC_AGE] = x[ACC_AGE], 0.0
+    dt, x[ACC_AGE] = min(x[ACC_AGE], LONGEST_LOOK), 0.0
     if held:
         gx = math.nan
     found = 0

@@ -20,6 +20,7 @@ from plumbob.acquisition.transport import Event, Received
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.repeats import REMEMBERED, Repeats
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.filters import Filter
@@ -91,7 +92,9 @@ class Stream:
         message = session.form.message(session.message)
         unit_of(message, session.unit)
         self._spec = _time_spec(session, message)
+        self._known_again = _known_again(time_spec(session.form, message))
         self.faults = 0
+        self._repeated = 0
         self._t0: int | None = None
         self._earlier: list[TimeReport] = []
         self._again = False
@@ -107,6 +110,7 @@ class Stream:
         self._began_ns: int | None = None
         self._latest_ns = 0
         self._temp_c = math.nan
+        self._repeats = Repeats()
         self.filter = _estimator(self.session)
         self._started = False
 
@@ -175,11 +179,16 @@ class Stream:
 
     def time_report(self) -> TimeReport:
         """What the stamps have shown, of all starts; each after the first is a gap."""
-        whole = TimeReport.joined([*self._earlier, self.time.report()])
-        return replace(whole, gap_count=whole.gap_count + len(self._earlier))
+        whole, again = TimeReport.joined([*self._earlier, self.time.report()]), self._repeated
+        return replace(
+            whole,
+            gap_count=whole.gap_count + len(self._earlier),
+            frames=whole.frames + again,
+            duplicates=whole.duplicates + again,
+        )
 
     def _through(self, found: dict[str, Frames]) -> Part | None:
-        frames = found.get(self.session.message)
+        frames = self._without_repeats(found.get(self.session.message))
         if frames is None:
             return None
         host, clock = self._clocks(frames)
@@ -206,6 +215,18 @@ class Stream:
             self._start(frames, imu)
         self._newest = Part(t_ns, frames, sensed, imu, *self._estimate(t_ns, imu))
         return self._newest
+
+    def _without_repeats(self, frames: Frames | None) -> Frames | None:
+        """Frames that were not sent before; None where there are none."""
+        if frames is None or not self._known_again:
+            return frames
+        fresh = self._repeats.fresh(np.column_stack(tuple(frames.columns.values())))
+        if fresh.all():
+            return frames
+        count = int(np.count_nonzero(~fresh))
+        self.faults += count
+        self._repeated += count
+        return _only(frames, fresh) if fresh.any() else None
 
     def _estimate(self, t_ns: NDArray[np.int64], imu: ImuData) -> tuple[AttitudeTrack | None, NDArray[np.int64]]:
         """Attitudes that these samples complete, and their times."""
@@ -286,6 +307,12 @@ def time_spec(form: Format, message: Message) -> TimeSpec:
         rate=form.framing.rate,
         frame_bytes=message.length if alone else None,
     )
+
+
+def _known_again(spec: TimeSpec) -> bool:
+    """Whether a frame brings a clock or a counter that does not come round among the last ones that are known."""
+    counters = (spec.frames, 2 * REMEMBERED), (spec.clock, 2**16)  # a clock counts many ticks from frame to frame
+    return any(counter is not None and counter.modulus >= least for counter, least in counters)
 
 
 def counts_of(frames: Frames) -> dict[str, NDArray[Any] | None]:

@@ -25,6 +25,7 @@ from plumbob.rotations import (
     quat_rotate,
 )
 from tests.battery.hand import CALIBRATED, by_hand, error_n, rms_deg
+from tests.battery.motion import consistent
 
 FINE = 0.3
 """Degrees rms: 0.02 m/s² of white noise is 0.1° in each sample, 0.3 µT on 20 µT is 0.9°, and hundreds are averaged."""
@@ -507,3 +508,16 @@ def test_how_far_each_field_was_believed_is_in_the_track(params):
     assert track.mag_weight[(h.t > 31.0) & (h.t < 39.0)].max() < 0.1
     assert np.median(track.mag_weight[(h.t > 10.0) & (h.t < 29.0)]) > 0.8
     assert np.isnan(Smoother(frame="ENU", params=params).process(h.imu(mag=None)).mag_weight).all()
+
+
+@pytest.mark.parametrize("lag", ["off", "0 s"])
+def test_a_rate_that_falls_to_a_tenth_is_no_row_of_gaps(lag):
+    """100 Hz, 20 s of 10 Hz, 100 Hz: steps of 0.1 s, and their rounding, are not gaps."""
+    data, q = consistent(6000, amplitude=0.1)
+    kept = np.arange(6000)
+    kept = kept[(kept < 2000) | (kept >= 4000) | (kept % 10 == 0)]
+    few = ImuData(t=data.t[kept], gyr=data.gyr[kept], acc=data.acc[kept], mag=data.mag[kept])
+    smoother = Smoother(frame=Frame.ENU, params={"lag": lag})
+    track = smoother.process(few)
+    assert smoother.remarks == ()
+    assert np.degrees(quat_angle(track.q_nb, q[kept])[500:].max()) < 2.0

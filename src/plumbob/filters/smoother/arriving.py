@@ -9,13 +9,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import flags
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.data import ImuData
 from plumbob.filters.input_checks import watch
 from plumbob.filters.layout import LAST as WATCHED
-from plumbob.filters.layout import SAME
+from plumbob.filters.layout import OWN
 from plumbob.filters.smoother.inertial import farthest
 from plumbob.filters.smoother.keyframes import (
     LEAST_RATE,
@@ -24,6 +23,7 @@ from plumbob.filters.smoother.keyframes import (
     UNKNOWN_FORCE,
     UNKNOWN_RATE,
     USUAL,
+    WRONG,
     Bools,
     Keyframes,
     trusted,
@@ -153,6 +153,28 @@ def watch_on(
         )
 
 
+class Watch:
+    """Flags what is stuck or beyond its range, from sample to sample; `state` is that of `watch`."""
+
+    def __init__(self) -> None:
+        self.state = np.zeros(OWN)
+        self._before: float | None = None
+        self.state[WATCHED : WATCHED + 3] = np.nan
+
+    def words(self, t: Floats, gyr: Floats, acc: Floats, mag: Floats) -> NDArray[np.uint32]:
+        """Flags of the next samples, (N,)."""
+        word = np.empty(t.size, dtype=np.uint32)
+        if t.size:
+            watch_on(self.state, t[0] if self._before is None else self._before, t, gyr, acc, mag, word)
+            self._before = float(t[-1])
+        return word
+
+
+def watched(imu: ImuData) -> ImuData:
+    """The same samples with the flags of what is stuck or beyond its range."""
+    return imu.flagged(Watch().words(np.ascontiguousarray(imu.t), *trusted(imu, mag=True)))
+
+
 @njit
 def calm_from(
     first: int, time: Floats, gap: Bools, rate: Floats, force: Floats, p_time: float, p_rate: float, p_force: float,
@@ -228,8 +250,7 @@ class Arriving:
         self._p, self._mag = p, mag
         self._state, self._recent = np.zeros(PLACES), np.zeros(RECENT)
         self._state[[LAST, KEY, ARRIVED, GYR + TIME, ACC + TIME]] = np.nan
-        self._watch, self.word = np.zeros(SAME + 3), np.zeros(0, dtype=np.uint32)
-        self._watch[WATCHED : WATCHED + 3] = np.nan
+        self._watch, self.word = Watch(), np.zeros(0, dtype=np.uint32)
         none, flag, place = np.zeros((0, 3)), np.zeros(0, dtype=bool), np.zeros(0, dtype=np.int64)
         self._t, self._gyr, self._acc, self._field = Rolling(none[:, 0]), *(Rolling(none) for _ in range(3))
         self._last, self._gap, self._variance = Rolling(place), Rolling(flag), Rolling(none[:, :2])
@@ -258,17 +279,15 @@ class Arriving:
 
     def watched(self) -> Floats | None:
         """Copy of what is watched for stuck sensors; None where the last sample had no rate."""
-        return self._watch.copy() if self._state[GYR + TIME] == self._state[ARRIVED] else None
+        return self._watch.state.copy() if self._state[GYR + TIME] == self._state[ARRIVED] else None
 
     def take(self, imu: ImuData) -> Bools:
         """Take the next samples; says which of them are kept: not those in a hole of the gyroscope."""
         t, (gyr, acc, field) = np.ascontiguousarray(imu.t), trusted(imu, mag=self._mag)
         n, begin = t.size, self.samples
-        self.word = np.empty(n, dtype=np.uint32)
-        watch_on(self._watch, self._state[ARRIVED], t, gyr, acc, field, self.word)
+        self.word = self._watch.words(t, gyr, acc, field)
         if self.word.any():
-            stuck = zip((gyr, acc, field), (flags.GYR_STUCK, flags.ACC_STUCK, flags.MAG_STUCK), strict=True)
-            gyr, acc, field = (unless(values, self.word, bit) for values, bit in stuck)
+            gyr, acc, field = (unless(*one) for one in zip((gyr, acc, field), (self.word,) * 3, WRONG, strict=True))
         kept, filled = np.empty(n, dtype=bool), np.empty((2, n, 3))
         last, gap, variance = np.empty(2 * n, dtype=np.int64), np.empty(2 * n, dtype=bool), np.empty((2 * n, 2))
         steps = arrive(

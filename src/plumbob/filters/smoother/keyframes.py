@@ -13,8 +13,9 @@ from plumbob.core.units import deg
 from plumbob.data import ImuData
 from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit
 
-LONGEST: Final = 0.1
-"""A longer step than this, s, and than three usual ones, is a gap: the attitude starts again behind it."""
+LONGEST: Final = 0.105
+"""A longer step than this, s, and than three usual ones, is a gap: the attitude starts again behind it. Ten samples a
+second, and their rounding, are none."""
 USUAL: Final = 3.0
 UNKNOWN_FORCE: Final = 5.0
 """Standard deviation of a specific force that was not measured, m/s²;"""
@@ -25,6 +26,12 @@ LEAST_RATE: Final = deg(2.0)
 SWING: Final = 3.0
 """this frequency, Hz."""
 
+WRONG: Final = (
+    flags.GYR_CLIPPED | flags.GYR_STUCK | flags.GYR_INVALID,
+    flags.ACC_CLIPPED | flags.ACC_STUCK,
+    flags.MAG_CLIPPED | flags.MAG_STUCK,
+)
+"""Of each triad, the flags that say that a value is not what it was."""
 BLOCK: Final = 4096
 """Samples that are turned at a time where temporaries would be larger than the result."""
 
@@ -129,11 +136,10 @@ def longest_step(t: Floats) -> float:
 def trusted(imu: ImuData, *, mag: bool) -> tuple[Floats, Floats, Floats]:
     """Rate, force and field of the samples, (N, 3) each, NaN where one is missing or is not what it was."""
     flag = np.asarray(imu.flags)
-    gyr = unless(imu.usable("gyr"), flag, flags.GYR_CLIPPED | flags.GYR_STUCK)
-    acc = unless(imu.usable("acc"), flag, flags.ACC_CLIPPED | flags.ACC_STUCK)
+    gyr, acc = unless(imu.usable("gyr"), flag, WRONG[0]), unless(imu.usable("acc"), flag, WRONG[1])
     if not mag or "mag" not in imu.triads:
         return gyr, acc, np.full_like(gyr, np.nan)
-    return gyr, acc, unless(imu.usable("mag"), flag, flags.MAG_CLIPPED | flags.MAG_STUCK)
+    return gyr, acc, unless(imu.usable("mag"), flag, WRONG[2])
 
 
 def unless(values: Floats, flag: NDArray[np.uint32], bits: int) -> Floats:

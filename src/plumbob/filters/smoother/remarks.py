@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
+from plumbob.data import ImuData
+from plumbob.data.delay import gyr_delay
 from plumbob.filters.smoother.keyframes import Bools
 from plumbob.filters.smoother.model import Params
 from plumbob.filters.smoother.passes import Smoothed
@@ -25,6 +27,18 @@ TOLD: Final = 1.5
 FREE: Final = "no field of the recording gives a heading: it counts from a free zero"
 WEIGHTLESS: Final = "no gravity shows in the specific force ({}): the attitude there may be any"
 WRONG: Final = "the field was not that of the place ({}); the heading there is the gyroscope's"
+
+
+def remarks_before(imu: ImuData) -> list[str]:
+    """Remarks on a recording before it is smoothed; a line each."""
+    lag = gyr_delay(imu)
+    if lag is None or not lag.found:
+        return []
+    late, early = ("gyroscope", "accelerometer") if lag.delay > 0.0 else ("accelerometer", "gyroscope")
+    return [
+        f"the {late} seems to lag the {early} by {1e3 * abs(lag.delay):.0f} ± {1e3 * lag.sd:.0f} ms, and attitudes in "
+        f"motion are off by what the unit turns meanwhile: give the {late} earlier times, and read it again"
+    ]
 
 
 def remarks_so_far(gaps: Floats, t: Floats, word: NDArray[np.uint32], *, mag: bool) -> list[str]:

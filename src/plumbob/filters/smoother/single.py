@@ -1,6 +1,7 @@
 """One sample at a time without a lag: between two keyframes the gyroscope alone goes on, and all else can wait."""
 
 import math
+from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -12,12 +13,13 @@ from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.constants import IMPOSSIBLE_ACCELERATION, IMPOSSIBLE_FIELD, IMPOSSIBLE_RATE
 from plumbob.core.errors import ShapeError
+from plumbob.core.repeats import REMEMBERED
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
 from plumbob.data.imu import TRIADS
 from plumbob.data.sample import ImuSample
 from plumbob.filters.input_checks import watch
 from plumbob.filters.layout import RISING
-from plumbob.filters.smoother.keyframes import LONGEST, turned_by
+from plumbob.filters.smoother.keyframes import LONGEST, WRONG, turned_by
 from plumbob.filters.smoother.model import B
 from plumbob.filters.smoother.sweeps import corrected_rate
 from plumbob.rotations.kernels import quat_mul
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 MORE: Final = -1
 """The sample is more than one between two keyframes, or a value is not as usual."""
+_WRONG: Final = WRONG[0]
 _LIMITS: Final = {"gyr": IMPOSSIBLE_RATE, "acc": IMPOSSIBLE_ACCELERATION, "mag": IMPOSSIBLE_FIELD}
 
 
@@ -53,7 +56,7 @@ def go_on(
     mx, my, mz = (values[6], values[7], values[8]) if mag else (math.nan, math.nan, math.nan)
     gx, gy, gz = values[0] + 0.0, values[1] + 0.0, values[2] + 0.0  # no negative zero, as where values are held
     word = watch(watched, dt, gx, gy, gz, values[3], values[4], values[5], mx, my, mz)
-    if word & flags.GYR_STUCK:
+    if word & _WRONG:
         return MORE
     wx, wy, wz = corrected_rate(x, gx, gy, gz)
     turned_by(q, dt * wx, dt * wy, dt * wz)
@@ -112,13 +115,18 @@ class Single:
         self._times: list[int] = []
         self._clock: int | None = None  # of the last sample, ns, by the source's clock; and since the first
         self._ns, self._t, self._word, self._late = 0, 0.0, 0, list[int]()
+        self._past = deque[tuple[int, bytes]](maxlen=REMEMBERED)  # one of these that comes again was sent twice
 
     def update(self, sample: ImuSample) -> int:
         """Take the next sample and return its flags."""
         if not isinstance(sample, ImuSample):
             raise ShapeError(f"update takes an ImuSample, but got {type(sample).__name__}.")
-        if self._clock is not None and not self._later(sample.t_ns):
+        said = sample.t_ns, sample.values.tobytes()
+        if self._clock is not None and (
+            (sample.t_ns <= self._clock and said in self._past) or not self._later(said[0])
+        ):
             return self._word | sample.flags | flags.TIME_FAULT
+        self._past.append(said)
         self._ns += 0 if self._clock is None else sample.t_ns - self._clock
         self._clock, t = sample.t_ns, self._ns / 1e9
         self._waiting.append(sample)

@@ -1,7 +1,7 @@
 """The smoother as a user meets it: parameters, a recording or a stream in, a track out."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,17 +13,19 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
+from plumbob.core.repeats import Repeats
 from plumbob.core.text import Shown
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.cards.left import whole_of
 from plumbob.data.sample import ImuSample
 from plumbob.filters.base import CommonParams, north_of
 from plumbob.filters.known import CAUSAL_LAG, SMOOTHER
+from plumbob.filters.smoother.arriving import watched
 from plumbob.filters.smoother.inertial import GIVEN, Given
 from plumbob.filters.smoother.keyframes import Keyframes
 from plumbob.filters.smoother.model import BIAS_PRIOR, NEEDS, Params, from_noise
 from plumbob.filters.smoother.passes import Known, Learned, Smoothed, smooth
-from plumbob.filters.smoother.remarks import remarks_of, remarks_so_far
+from plumbob.filters.smoother.remarks import remarks_before, remarks_of, remarks_so_far
 from plumbob.filters.smoother.samples import (
     ANYTHING,
     CORE,
@@ -218,7 +220,7 @@ class Smoother(Shown):
 
     def _stretches(self, data: ImuData) -> Iterator[Piece]:
         """Stretches that overlap, each smoothed by itself."""
-        along = Along(self, data.meta)
+        along = Along(self, data.meta, remarks_before(data) if self.params.lag is None else [])
         for stretch in list(stretches(data.t, self.params.lag)):  # a list: the times of all are not kept
             yield along.piece(data[stretch.whole], stretch)
 
@@ -274,20 +276,22 @@ class Along:
         Gets the remarks, and what is learned of the gyroscope.
     meta : ImuMeta
         Of the samples.
+    remarks : sequence of str
+        What is to be said of them already.
     """
 
-    def __init__(self, smoother: Smoother, meta: ImuMeta) -> None:
+    def __init__(self, smoother: Smoother, meta: ImuMeta, remarks: Sequence[str] = ()) -> None:
         self._smoother = smoother
         self._start = start = smoother._given
         self._known = _known(meta, start)
         self._attitude = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
         self._last: tuple[Floats, Stretch] | None = None
         self._free_variance = 0.0  # of a heading without a field, where the next core begins, rad²
-        self._remarks: dict[str, None] = {}
+        self._remarks = dict.fromkeys(remarks)
 
     def piece(self, whole: ImuData, stretch: Stretch) -> Piece:
         """Core of a stretch, of whose samples `whole` are all."""
-        smoother, inside = self._smoother, stretch.inside
+        smoother, inside, whole = self._smoother, stretch.inside, watched(whole)
         self._known = replace(self._known, start=None if stretch.whole.start else self._start)
         found = smoother.smooth(whole, self._known)
         if found is None:
@@ -396,9 +400,12 @@ class FixedLag(Smoother):
         self._along: Along | None = None
         self._follower: Live | None = None
         self._single: Single | None = None
+        self._repeats = Repeats()
 
     def take(self, data: ImuData) -> AttitudeTrack | None:
         """Take the next samples, and return the attitudes that are ready; None where there are none.
+
+        Samples that were sent twice, with the same times and values, are left out: they have no attitude of their own.
 
         Raises
         ------
@@ -413,6 +420,10 @@ class FixedLag(Smoother):
 
     def _take(self, data: ImuData) -> AttitudeTrack | None:
         tracks = self._tracks or self._started(data)
+        fresh = self._repeats.fresh(np.column_stack((data.t, *(getattr(data, name) for name in data.triads))))
+        if not fresh.any():
+            return None
+        data = data if fresh.all() else data.picked(fresh)
         if self._follower is not None:
             return tracks.of(_followed(self._follower, data))
         self._held.append(data)
