@@ -521,3 +521,18 @@ def test_a_rate_that_falls_to_a_tenth_is_no_row_of_gaps(lag):
     track = smoother.process(few)
     assert smoother.remarks == ()
     assert np.degrees(quat_angle(track.q_nb, q[kept])[500:].max()) < 2.0
+
+
+@pytest.mark.parametrize("lag", ["0 s", "off"])
+@pytest.mark.parametrize("missing", [5.0, 20.0])
+def test_an_accelerometer_that_is_silent_in_motion_costs_nothing_beside_a_good_gyroscope(missing, lag):
+    """A held force turns with the body: it is no acceleration. The gyroscope is exact, so that nothing else is off."""
+    data, truth = consistent(7000, amplitude=1.5)
+    acc = np.array(data.acc)
+    acc[(data.t > data.t[0] + 30.0) & (data.t < data.t[0] + 30.0 + missing)] = np.nan
+    silent = ImuData(t=data.t, gyr=data.gyr, acc=acc, mag=data.mag, meta=data.meta)
+    found, whole = (
+        np.degrees(quat_angle(Smoother(frame="ENU", params={"lag": lag}).process(of).q_nb[2500:], truth[2500:])).max()
+        for of in (silent, data)
+    )
+    assert found < whole + 0.2

@@ -423,10 +423,10 @@ def test_the_speed_of_a_swing_is_learned():
     densities = []
     for k in range(2000):
         mean[FORCE] = dt * force * math.cos(omega * k * dt)
-        densities.append(live.velocity_density(learned, mean, dt, 0.05))
+        densities.append(live.velocity_density(learned, mean, dt, 0.05, False))
     speed2 = 0.25 * (force / omega) ** 2  # mean of ½ v²
     assert np.mean(densities[-200:]) == pytest.approx(2.0 * 6.0 / omega * speed2, rel=0.1)
-    quiet = live.velocity_density(np.zeros(live.LEARNED), np.zeros(MEANS), dt, 0.05)
+    quiet = live.velocity_density(np.zeros(live.LEARNED), np.zeros(MEANS), dt, 0.05, False)
     assert quiet == pytest.approx(2.0 * inertial.SHORTEST * 0.05**2)
 
 

@@ -24,6 +24,8 @@ SPEED_TIMES: Final = 6.0
 """A speed lasts for about a period of the motion: this times speed over acceleration,"""
 SHORTEST, LONGEST = 0.25, 2.5
 """within these, s."""
+ANY_SPEED: Final = 10.0
+"""Level speed that may be any, m/s: where no force says."""
 REST_SPEED: Final = 0.02
 """Level speed at rest, m/s."""
 FIRST_TILT: Final = 4.0
@@ -64,14 +66,15 @@ NOT_GRAVITY: Final = 0.5 * G0
 
 @dataclass(frozen=True, slots=True)
 class Speed:
-    """How the body moves, at each step: level speed, m/s, and for how long it lasts, s; each (K,)."""
+    """How the body moves, at each step: level speed, m/s, for how long it lasts, s, and where no force says; (K,)."""
 
     speed: Floats
     lasts: Floats
+    untold: Bools
 
     def density(self, p: Params, resting: Bools) -> Floats:
         """Spectral density of the level velocity, taken for white, m²/s."""
-        moving = 2.0 * self.lasts * np.maximum(self.speed, p.speed) ** 2
+        moving = 2.0 * self.lasts * np.maximum(self.speed, np.where(self.untold, ANY_SPEED, p.speed)) ** 2
         return np.where(resting, 2.0 * SHORTEST * REST_SPEED**2, moving)
 
 
@@ -245,9 +248,10 @@ def leaky(dt: Floats, force: Floats, memory: float, out: Floats) -> None:
 
 def speed_of(frames: Keyframes, force: Floats) -> Speed:
     """How fast the body moves, by its level specific force (K, 2), from both sides."""
-    dt = frames.step
+    dt, untold = frames.step, frames.untold
+    force = np.where(untold[:, np.newaxis], 0.0, force)
     velocity = np.zeros((dt.size, 2))
-    leaky(dt, np.where(frames.gap[:, np.newaxis], 0.0, force), LEAK, velocity)
+    leaky(dt, force, LEAK, velocity)
     middle = frames.middle
     low, high = np.searchsorted(middle, middle - WINDOW), np.searchsorted(middle, middle + WINDOW, side="right")
 
@@ -256,7 +260,7 @@ def speed_of(frames: Keyframes, force: Floats) -> Speed:
         return np.sqrt(square / sum_between(dt, low, high))
 
     speed, acceleration = rms(velocity), rms(force)
-    return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LONGEST))
+    return Speed(speed, np.clip(SPEED_TIMES * speed / np.maximum(acceleration, 1e-3), SHORTEST, LONGEST), untold)
 
 
 def first_speed(frames: Keyframes, bias: Floats) -> Speed:
@@ -270,7 +274,7 @@ def first_speed(frames: Keyframes, bias: Floats) -> Speed:
     low, high = np.searchsorted(middle, middle - LEAK), np.searchsorted(middle, middle + LEAK, side="right")
     force = force - mean_between(force, low, high)
     one, other = speed_of(frames, force[:, :2]), speed_of(frames, force[:, 1:])
-    return Speed(np.maximum(one.speed, other.speed), np.full(middle.size, 0.5))
+    return replace(one, speed=np.maximum(one.speed, other.speed), lasts=np.full(middle.size, 0.5))
 
 
 def first_tilt(frames: Keyframes, start: int, bias: Floats) -> Floats:

@@ -17,6 +17,8 @@ LONGEST: Final = 0.105
 """A longer step than this, s, and than three usual ones, is a gap: the attitude starts again behind it. Ten samples a
 second, and their rounding, are none."""
 USUAL: Final = 3.0
+HELD: Final = 0.5
+"""A specific force that is known to no better than this share of the next says nothing of how the body moves."""
 UNKNOWN_FORCE: Final = 5.0
 """Standard deviation of a specific force that was not measured, m/s²;"""
 UNKNOWN_RATE: Final = 0.3
@@ -110,6 +112,20 @@ class Keyframes:
     def starts(self) -> NDArray[np.int64]:
         """Keyframes at which the attitude starts."""
         return np.concatenate(([0], np.flatnonzero(self.gap) + 1))
+
+    @property
+    def untold(self) -> Bools:
+        """Steps of which no force says how the body moves, (K,)."""
+        found: Bools = self.gap | (self.pushed > (HELD * UNKNOWN_FORCE * self.step) ** 2)
+        return found
+
+    def drifting(self) -> Self:
+        """The same with forces that are wrong for as long as they are held: the velocity drifts off evenly."""
+        dt, untold = self.step, self.untold & ~self.gap
+        since = np.cumsum(np.where(untold, dt, 0.0))
+        since -= np.maximum.accumulate(np.where(untold, 0.0, since))
+        grown = UNKNOWN_FORCE**2 * dt * np.maximum(2.0 * since - dt, 0.0)  # of (force · time)²
+        return replace(self, pushed=np.where(untold, np.maximum(self.pushed, grown), self.pushed))
 
     def mean(self, values: Floats) -> Floats:
         """Mean over the samples of each step, (K, …), of values (N, …)."""

@@ -39,6 +39,7 @@ from plumbob.filters.smoother.field import (
     white_noise,
 )
 from plumbob.filters.smoother.inertial import (
+    ANY_SPEED,
     GIVEN,
     LEAK,
     LONGEST,
@@ -51,7 +52,7 @@ from plumbob.filters.smoother.inertial import (
     speed_of,
     upright,
 )
-from plumbob.filters.smoother.keyframes import Bools, Keyframes, turned_by
+from plumbob.filters.smoother.keyframes import HELD, UNKNOWN_FORCE, Bools, Keyframes, turned_by
 from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, Noise, Params, V
 from plumbob.filters.smoother.passes import Known, Smoothed, smooth
 from plumbob.filters.smoother.samples import (
@@ -163,8 +164,11 @@ class Field(NamedTuple):
 
 
 @njit
-def velocity_density(learned: Floats, mean: Floats, dt: float, least: float) -> float:
-    """Spectral density of the level velocity, m²/s, by how the body has moved up to now."""
+def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, held: bool) -> float:
+    """Spectral density of the level velocity, m²/s, by how the body has moved up to now; a held force says nothing."""
+    if held:
+        learned[EAST_SPEED] = learned[NORTH_SPEED] = 0.0
+        return density_of(learned, least)
     fading = math.exp(-dt / LEAK)
     learned[EAST_SPEED] = learned[EAST_SPEED] * fading + mean[FORCE]
     learned[NORTH_SPEED] = learned[NORTH_SPEED] * fading + mean[FORCE + 1]
@@ -173,6 +177,12 @@ def velocity_density(learned: Floats, mean: Floats, dt: float, least: float) -> 
     force2 = 0.5 * (mean[FORCE] ** 2 + mean[FORCE + 1] ** 2) / (dt * dt)
     learned[SPEED2] += share * (speed2 - learned[SPEED2])
     learned[FORCE2] += share * (force2 - learned[FORCE2])
+    return density_of(learned, least)
+
+
+@njit
+def density_of(learned: Floats, least: float) -> float:
+    """The same by what is learned."""
     speed = math.sqrt(learned[SPEED2])
     lasts = min(max(SPEED_TIMES * speed / max(math.sqrt(learned[FORCE2]), 1e-3), SHORTEST), LONGEST)
     return 2.0 * lasts * max(speed, least) ** 2
@@ -248,7 +258,8 @@ def onward(
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
         if kind != AGAIN:
-            weight[k] = measure(p, now, gain, term, column, mean, dt, kind, learned, least_speed, noise, field)
+            held = pushed[k] > (HELD * UNKNOWN_FORCE * dt) ** 2
+            weight[k] = measure(p, now, gain, term, column, mean, dt, kind, learned, least_speed, held, noise, field)
         rate[0], rate[1], rate[2] = corrected_rate(now, mean[RAW] / dt, mean[RAW + 1] / dt, mean[RAW + 2] / dt)
         turning = math.sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2) if kind == MOVING else 0.0
         if weight[k] < GATED and field.level > 0.0:
@@ -280,13 +291,16 @@ def onward(
 @njit
 def measure(
     p: Floats, now: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, dt: float, kind: int,
-    learned: Floats, least_speed: float, noise: Noise, field: Field,
+    learned: Floats, least_speed: float, held: bool, noise: Noise, field: Field,
 ) -> float:  # fmt: skip
     """Take in what a step shows of velocity, rest and heading; returns how far its field was believed."""
-    density = velocity_density(learned, mean, dt, least_speed)
-    if kind == RESTING:
-        density = 2.0 * SHORTEST * REST_SPEED**2
-    zero_velocity_update(p, now, gain, term, column, density / dt)
+    density = velocity_density(learned, mean, dt, least_speed, held)
+    if held:
+        forget_velocity(p, now)
+    else:
+        if kind == RESTING:
+            density = 2.0 * SHORTEST * REST_SPEED**2
+        zero_velocity_update(p, now, gain, term, column, density / dt)
     if kind == RESTING:
         zero_rate_update(p, now, gain, term, column, mean, dt, noise.rest / dt)
     weight = field_weight(mean, field)
@@ -294,6 +308,16 @@ def measure(
         var = field.white2 / (field.level * field.level * dt * weight)
         heading_update(p, now, gain, term, column, mean, var)
     return weight
+
+
+@njit
+def forget_velocity(p: Floats, now: Floats) -> None:
+    """The level velocity may be any: a held force turns with the body, and what it adds up to is no velocity."""
+    for i in (V, V + 1):
+        now[i] = 0.0
+        for j in range(SIZE):
+            p[i, j] = p[j, i] = 0.0
+        p[i, i] = ANY_SPEED**2
 
 
 @njit
@@ -719,7 +743,7 @@ class Live:
     def _from(self, found: Smoothed, look: Look) -> Running:
         """The filter at the end of a look at the past."""
         p, frames = self.p, found.frames
-        last, force = found.sweep.last, np.where(frames.gap[:, np.newaxis], 0.0, found.sweep.force[:, :2])
+        last, force = found.sweep.last, np.where(frames.untold[:, np.newaxis], 0.0, found.sweep.force[:, :2])
         back = frames.time[-1] - frames.time[1:]
         velocity = (force * (frames.step * np.exp(-back / LEAK))[:, np.newaxis]).sum(axis=0)
         force2 = float(np.mean(0.5 * (force[back < WINDOW] ** 2).sum(axis=1)))

@@ -173,6 +173,7 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
     if known.unit is not None:
         sd = math.sqrt(float(np.trace(known.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
+    frames = frames.drifting()
     inertial = level(frames, p, known.bias, known.unit, known.start)
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
