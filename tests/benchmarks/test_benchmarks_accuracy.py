@@ -27,7 +27,7 @@ def test_what_is_best_on_one_half_is_judged_on_the_other():
 
 
 def test_the_draws_are_summed_up():
-    text = accuracy.draws_text({"totals": [1.0, 2.0, 3.0]})
+    text = accuracy.draws_text([1.0, 2.0, 3.0], 1.7)
     assert "3 sets of parameters" in text
     assert "mean total 2.00, 5 to 95 %: 1.10 to 2.90, worst 3.00" in text
 

@@ -312,7 +312,7 @@ def measure(
 
 @njit
 def forget_velocity(p: Floats, now: Floats) -> None:
-    """The level velocity may be any: a held force turns with the body, and what it adds up to is no velocity."""
+    """The level velocity may be any: a held force turns with the body, and adds up to nonsense."""
     for i in (V, V + 1):
         now[i] = 0.0
         for j in range(SIZE):

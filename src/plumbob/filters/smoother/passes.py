@@ -251,9 +251,9 @@ def _with_field(
         noise = Noise.of(p, reference.bend(p))
         kind, density = kinds(frames, resting), speed.density(p, resting)
         begin, began = bias[0], first
-        if inertial.bias_sd:
-            up, sd = dcm_from_quat(q[:1])[0, 2], min(inertial.bias_sd, again)
-            begin, began = _unseen(begin, inertial.sweep.bias[0], first, up, sd)
+        if 0.0 < inertial.bias_sd < again:
+            up = dcm_from_quat(q[:1])[0, 2]
+            begin, began = _unseen(begin, inertial.sweep.bias[0], first, up, inertial.bias_sd)
         found = sweep(frames, kind, density, var, q, begin, p0, noise, first=began, covariance=left == 1)
         speed, q, bias, field = speed_of(frames, found.force[:, :2]), found.q, found.bias, found.field
     rival_turn = _rival_turn(frames, p, inertial, free, reference)
