@@ -89,8 +89,8 @@ OFF: dict[str, dict[str, Any]] = {
     "no white scale noise": {"gyr_nonlinearity": 0.0},
     "nothing is rest": {"rest_rate": "1e-6 rad/s"},
 }
-CHOICE = 64
-"""Parameter sets among which one is chosen."""
+CHOICE, LIVE_CHOICE = 64, 32
+"""Parameter sets among which one is chosen, with the whole recording and without a lag."""
 
 
 @cache
@@ -185,10 +185,10 @@ def ablations() -> dict[str, Any]:
     return found
 
 
-def choice(fixed: Mapping[str, Any] = NONE) -> dict[str, Any]:
+def choice(count: int = CHOICE, fixed: Mapping[str, Any] = NONE) -> dict[str, Any]:
     """Totals of each recording of all sets with the first drawn parameters; `chosen` makes the table of them."""
     found: dict[str, Any] = {"sets": [{name: totals(name, fixed) for name in SETS}]}
-    for params in drawn(CHOICE):
+    for params in drawn(count):
         found["sets"].append({name: totals(name, {**params, **fixed}) for name in SETS})
         print(len(found["sets"]), {name: round(mean(v), 3) for name, v in found["sets"][-1].items()}, flush=True)
     return found
@@ -235,7 +235,11 @@ def page(found: Mapping[str, Any]) -> str:
     parts = [head(), sets_text(found["sets"]), claims_text(found["sets"]), variants_text(found["variants"])]
     parts.append(live_text(found))
     parts += [ablations_text(found["ablations"]), f"## Chosen on one half, judged on the other\n{CHOSEN}"]
-    parts += [choice_text(found["choice"]), "Without a lag:\n", choice_text(found["live_choice"])]
+    parts += [
+        choice_text(found["choice"]),
+        f"Without a lag, of {LIVE_CHOICE} sets:\n",
+        choice_text(found["live_choice"]),
+    ]
     drawn_live = [mean(of["BROAD"]) for of in found["live_choice"]["sets"][1:]]
     parts += [draws_text(found["draws"]["totals"], WORST), draws_live_text(drawn_live), FOOT]
     return "\n".join(parts)
@@ -526,7 +530,7 @@ def main() -> None:
     args = p.parse_args()
     parts: dict[str, Callable[[], dict[str, Any]]] = {
         "sets": sets, "variants": variants, "live": live, "ablations": ablations, "choice": choice,
-        "draws": lambda: draws(args.draws), "live_choice": lambda: choice(NO_LAG),
+        "draws": lambda: draws(args.draws), "live_choice": lambda: choice(LIVE_CHOICE, NO_LAG),
     }  # fmt: skip
     kept = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else {}
     for name in filter(None, args.parts.split(",")):

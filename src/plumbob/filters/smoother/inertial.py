@@ -336,12 +336,12 @@ def narrowed(p0: Floats, tilt: float) -> Floats:
 
 def level(
     frames: Keyframes, p: Params, known: tuple[Floats, float] | None = None, unit: Floats | None = None,
-    given: Given | None = None,
+    given: Given | None = None, *, any_bias: bool = False,
 ) -> Inertial:  # fmt: skip
     """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
 
     `known` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
-    unit's card leaves (12, 12).
+    unit's card leaves (12, 12). Where it may be `any_bias`, small ones are no likelier than others.
     """
     seen = calm(frames, p)
     resting, bias = first_rest(seen, p, frames.step) if known is None else (seen.at_bias(p, known[0]), known[0])
@@ -360,7 +360,7 @@ def level(
         return replace(of(REST_BIAS), bias_sd=0.0 if known is None or resting.any() else known[1])
     wide, *narrower = FIRST_BIASES[0] * p.bias_start, *FIRST_BIASES[1:]
     found = of(wide)
-    for sd in narrower:
+    for sd in () if any_bias else narrower:
         other = of(sd)
         # A wrong attitude takes gravity for an acceleration, a wrong bias is unlikely: what both leave, of one model
         density = np.maximum(found.speed.density(p, resting), other.speed.density(p, resting))

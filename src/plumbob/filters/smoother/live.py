@@ -54,7 +54,7 @@ from plumbob.filters.smoother.inertial import (
 )
 from plumbob.filters.smoother.keyframes import HELD, UNKNOWN_FORCE, Bools, Keyframes, turned_by
 from plumbob.filters.smoother.model import FREE_HEADING, SIZE, TH, B, M, Noise, Params, V
-from plumbob.filters.smoother.passes import Known, Smoothed, smooth
+from plumbob.filters.smoother.passes import Known, Smoothed, smooth, smooth_lately
 from plumbob.filters.smoother.samples import (
     ANYTHING,
     DOUBTFUL,
@@ -119,6 +119,10 @@ SHORT: Final = 5.0
 BEHIND: Final = 1.5 * BLOCK
 """Behind a jump of the bias the first look comes after this, s: no steps that are followed at once reach so far."""
 
+SURELY: Final = 3.0
+"""Fields that have not been believed for so long, s, may say that the bias has jumped;"""
+LATELY: Final = 15.0
+"""it is sought in no more than this, s."""
 FAST: Final = 1.0
 """A level velocity that is gathered within `LEAK` and is larger, m/s, may be gravity in a wrong attitude."""
 LOST: Final = deg(20.0)
@@ -541,9 +545,13 @@ class Between(NamedTuple):
 
 
 class Look(NamedTuple):
-    """A look at the past: the step at which it began, the time at which it is handed over, and what it finds."""
+    """A look at the past: the step at which it began, the time at which it is handed over, and what it finds.
+
+    `begin` is the time from which the past was asked, s.
+    """
 
     step: int
+    begin: float
     due: float
     found: Callable[[], Smoothed]
     anchor: tuple[int, Floats] | None
@@ -591,7 +599,8 @@ class Live:
         lost = np.array([flags.NOT_CONVERGED | flags.HEADING_FREE], dtype=np.uint32)
         q = np.array([1.0, 0.0, 0.0, 0.0]) if start is None else start.q
         self._last = Part(q[np.newaxis], np.zeros((1, 3)), ANYTHING[np.newaxis], lost, np.full(1, np.nan))
-        self._jumped = -math.inf
+        self._jumped, self._any_bias = -math.inf, False  # since when the bias is another one
+        self._believed = math.inf  # when a field was last believed
         self._base, self._out, self._rate, self._bias_sd = 0, self._last, np.zeros((1, 3)), np.zeros(1)
         self.gaps: list[float] = []
 
@@ -719,20 +728,29 @@ class Live:
         begin = arriving.time(past.start)
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
         known = replace(self._proven.known(self._unit, turned, begin), start=None if past.start else self._start)
-        look, anchor = partial(smooth, frames, self.p, known), self._anchor
+        known = replace(known, any_bias=self._any_bias)
+        look, anchor, since = partial(smooth, frames, self.p, known), self._anchor, max(self._believed, now - LATELY)
+        if begin + SURELY < since < now - SURELY:
+            late = arriving.frames(slice(arriving.from_(since), k))
+            look = partial(smooth_lately, frames, late, self.p, known)
         if anchor is not None and anchor[0] < past.start and self._running is not None:
             anchor = (k, self._running.last.attitude.copy())
         if now - begin < SHORT:
-            return Look(k, now, look, anchor)
-        return Look(k, now + LATE, look if self._thread is None else self._thread.submit(look).result, anchor)
+            return Look(k, begin, now, look, anchor)
+        return Look(k, begin, now + LATE, look if self._thread is None else self._thread.submit(look).result, anchor)
 
     def _hand_over(self, k: int) -> bool:
         """Go on from what the look has found, over the steps that came since it began."""
         assert self._look is not None
         look, self._look = self._look, None
         found = look.found()
+        if jumped := found.frames.time[0] > look.begin + SURELY:
+            self._jumped, self._any_bias, self._pause = float(found.frames.time[0]), True, BEHIND
+            self._due = self._arriving.time(k) + BEHIND
         self._proven.see(found.frames, found, self.p)
         self._running = running = self._from(found, look)
+        if jumped:
+            running.standing[UNTIL] = self._arriving.time(k) + HOLDS
         if k > look.step:
             self._steps(running, look.step, k)
         self._anchor = (k, running.last.attitude.copy())
@@ -791,6 +809,10 @@ class Live:
             self._take(running)
         if running.standing[JUMPED] > self._jumped:
             self._behind_jump(float(running.standing[JUMPED]))
+        if running.field.level == 0.0:
+            self._believed = float(frames.time[-1])
+        elif (near := np.flatnonzero(room.weight > GATED)).size:
+            self._believed = float(frames.time[near[-1] + 1])
         running.cov, running.word, running.weight = room.cov[-1], int(room.word[-1]), float(room.weight[-1])
         return frames, room
 

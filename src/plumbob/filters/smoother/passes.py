@@ -11,6 +11,7 @@ from plumbob.core.check import Floats
 from plumbob.core.units import deg
 from plumbob.filters.smoother.attached import Attached, attached_field
 from plumbob.filters.smoother.field import (
+    APART,
     Reference,
     bias_of_drift,
     heading_of,
@@ -45,6 +46,10 @@ CLEARER: Final = 0.5
 """A recording has shown a parameter if its standard deviation is at most this share of what it was."""
 UNEVEN: Final = 1.0
 """A field of the unit is known to this, µT: an uneven field of the place looks like one."""
+DISBELIEVED, BELIEVED = 0.25, 0.5
+"""The last seconds contradict what came before if their fields are believed less than this; else more;"""
+FASTER, SLOWER = 1.5, 0.5
+"""and if the body seems to move so many times faster than before, but by these seconds alone not by so much."""
 LONGEST_SEEN: Final = 300.0
 """A field that was seen for long counts as if for this, s, so that another one can follow it."""
 
@@ -65,6 +70,8 @@ class Known:
         Weight of that, s of turning in it.
     start : Given or None
         The first attitude.
+    any_bias : bool
+        Whether the bias has jumped: small ones are then no likelier than others.
     """
 
     unit: Floats | None = None
@@ -72,6 +79,7 @@ class Known:
     reference: Reference | None = None
     seen: float = 0.0
     start: Given | None = None
+    any_bias: bool = False
 
     @property
     def field(self) -> tuple[Reference, float] | None:
@@ -174,7 +182,7 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
         sd = math.sqrt(float(np.trace(known.unit[:3, :3])) / 3.0 + BIAS_REPEATS**2)
         p = p._replace(bias_start=min(p.bias_start, sd))
     frames = frames.drifting()
-    inertial = level(frames, p, known.bias, known.unit, known.start)
+    inertial = level(frames, p, known.bias, known.unit, known.start, any_bias=known.any_bias)
     if np.isfinite(frames.mag[:, 0]).any():
         field = inertial.sweep.field
         headed = _headed(frames, p, inertial, field, np.zeros(frames.gap.size, dtype=bool), known)
@@ -192,6 +200,36 @@ def smooth(frames: Keyframes, p: Params, known: Known) -> Smoothed:
         frames, inertial.sweep, inertial.resting, None, unused, None, prior, bias_sd=inertial.bias_sd,
         tilt_var=inertial.tilt_var,
     )  # fmt: skip
+
+
+def smooth_lately(frames: Keyframes, late: Keyframes, p: Params, known: Known) -> Smoothed:
+    """Smooth a recording, or no more than its last seconds, where the bias has become another one before these.
+
+    What came before then contradicts gravity and field of these seconds, and they alone do neither. A foreign field
+    does not change how fast the body seems to move, and hard motion not the field.
+    """
+    found, n = smooth(frames, p, known), late.gap.size
+    before, lately = slice(-n), slice(-n, None)
+    if found.reference is None or believed(found, before) < BELIEVED or believed(found, lately) > DISBELIEVED:
+        return found
+    if _speed(found, lately) < FASTER * _speed(found, before):
+        return found
+    other = smooth(late, p, replace(known, any_bias=True, start=None))
+    if other.reference is None or other.reference.apart(found.reference) > APART * p.mag_spread:
+        return found
+    agrees = believed(other, lately) > BELIEVED and _speed(other, lately) < SLOWER * _speed(found, lately)
+    return other if agrees else found
+
+
+def believed(found: Smoothed, steps: slice) -> float:
+    """How far the fields of some steps were believed, 0 to 1."""
+    dt = found.frames.step[steps]
+    return float(dt @ found.weight[steps] / max(dt.sum(), 1e-9))
+
+
+def _speed(found: Smoothed, steps: slice) -> float:
+    """Root mean square of the level speed in some steps, m/s."""
+    return math.sqrt(float(np.mean(speed_of(found.frames, found.sweep.force[:, :2]).speed[steps] ** 2)))
 
 
 class _Headed(NamedTuple):
