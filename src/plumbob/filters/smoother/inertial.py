@@ -341,7 +341,7 @@ def level(
     """Attitude whose heading counts from nothing or from a given one, by the first bias that leaves the least velocity.
 
     `known` is the bias (3,), rad/s, that the samples before showed, with what no rest showed of it, and `unit` what the
-    unit's card leaves (12, 12). Where it may be `any_bias`, small ones are no likelier than others.
+    unit's card leaves (12, 12). With `any_bias`, large ones are as likely as small ones.
     """
     seen = calm(frames, p)
     resting, bias = first_rest(seen, p, frames.step) if known is None else (seen.at_bias(p, known[0]), known[0])

@@ -71,7 +71,7 @@ class Known:
     start : Given or None
         The first attitude.
     any_bias : bool
-        Whether the bias has jumped: small ones are then no likelier than others.
+        Whether the bias has jumped: large ones are then as likely as small ones.
     """
 
     unit: Floats | None = None
