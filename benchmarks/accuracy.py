@@ -89,7 +89,7 @@ OFF: dict[str, dict[str, Any]] = {
     "no white scale noise": {"gyr_nonlinearity": 0.0},
     "nothing is rest": {"rest_rate": "1e-6 rad/s"},
 }
-CHOICE, LIVE_CHOICE = 64, 32
+CHOICE, LIVE_CHOICE = 64, 12
 """Parameter sets among which one is chosen, with the whole recording and without a lag."""
 
 
