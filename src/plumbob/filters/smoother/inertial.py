@@ -121,7 +121,7 @@ class Calm:
     """Steps around which rate and force stay as they are, (K,), and the mean rate around every step, (K, 3), rad/s.
 
     `turn` is how much of that may be an even turn, (K,), rad/s: only what lies along gravity, which any other turn
-    would move, and nothing where a field stood still.
+    would move, nothing where a field stood still, and all where one moved: a wave tilts a buoy as it accelerates it.
     """
 
     quiet: Bools
@@ -137,9 +137,10 @@ class Calm:
 def calm(frames: Keyframes, p: Params) -> Calm:
     """Find the calm steps: the window reaches to both sides, and one with a gap in it is not calm."""
     quiet, mean, up = _quiet(frames, p)
-    turning, still = _turned_field(frames, p, quiet)
+    turning, still, moved = _turned_field(frames, p, quiet)
     along = (mean * up).sum(axis=1) / np.maximum(np.linalg.norm(up, axis=1), 1e-9)
-    return Calm(quiet & ~turning, mean, np.where(still, 0.0, along))
+    turn = np.where(moved, np.linalg.norm(mean, axis=1), np.where(still, 0.0, along))
+    return Calm(quiet & ~turning, mean, turn)
 
 
 def _quiet(frames: Keyframes, p: Params) -> tuple[Bools, Floats, Floats]:
@@ -171,11 +172,12 @@ def farthest(values: Floats, mean: Floats, low: NDArray[np.int64], high: NDArray
         out[k] = most
 
 
-def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bools]:
-    """Calm steps in whose piece of the record the field turns in the body, as a bias never does; and stands still."""
-    turning, still = np.zeros_like(quiet), np.zeros_like(quiet)
+def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bools, Bools]:
+    """Calm steps around which the field turns in the body, as a bias never does; where it stands still; and moves."""
+    turning, still, moved = np.zeros_like(quiet), np.zeros_like(quiet), np.zeros_like(quiet)
     piece = frames.pieces(PIECE)
-    seen = np.concatenate(([False], np.repeat(quiet, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
+    around = _widened(quiet, p.rest_time / float(np.median(frames.step)))
+    seen = np.concatenate(([False], np.repeat(around, np.diff(frames.first)))) & np.isfinite(frames.mag[:, 0])
     rows = np.flatnonzero(seen)
     for number in np.unique(piece[quiet]):
         low, high = frames.first[np.searchsorted(piece, number)], frames.first[np.searchsorted(piece, number, "right")]
@@ -187,7 +189,16 @@ def _turned_field(frames: Keyframes, p: Params, quiet: Bools) -> tuple[Bools, Bo
             as_a_turn = abs(grown) < SIZE_KEPT * change and ways.max() < EVEN * ways.sum()
             turning[piece == number] = change > p.mag_spread and as_a_turn
             still[piece == number] = change <= p.mag_spread
-    return quiet & turning, quiet & still
+            moved[piece == number] = change > p.mag_spread
+    return quiet & turning, quiet & still, quiet & moved
+
+
+def _widened(quiet: Bools, width: float) -> Bools:
+    """All steps of the windows around calm ones, that are so many steps long."""
+    half, count = max(1, round(width) // 2), np.concatenate(([0], np.cumsum(quiet)))
+    i = np.arange(quiet.size)
+    found: Bools = count[np.minimum(i + half + 1, quiet.size)] > count[np.maximum(i - half, 0)]
+    return found
 
 
 def first_rest(found: Calm, p: Params, step: Floats) -> tuple[Bools, Floats]:
