@@ -10,7 +10,8 @@ whole recording, and all is repeated from the smoothed attitude until nothing de
                                 ├─ forward, backward, twice: all sensors, each field weighted by its fit  (sweeps)
                                 └─ attitude, bias and covariance at every sample                          (smoothing)
 
-``model`` has the states and parameters, ``sweeps`` the two passes; they hold the equations.
+``model`` has the states and parameters, ``sweeps`` the two passes; they hold the equations. Without a lag, ``live``
+looks at the past now and then, and ``onward`` filters on between two looks; ``single`` takes a sample at a time.
 """
 
 from typing import TYPE_CHECKING
