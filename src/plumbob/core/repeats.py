@@ -26,23 +26,23 @@ class Repeats:
 
     def fresh(self, rows: Floats) -> NDArray[np.bool_]:
         """Mark the next rows (N, …) that are not among the last ones, bit by bit: NaN is equal to NaN."""
-        fresh = np.empty(len(rows), dtype=bool)
-        _mark(self._known, self._count, np.ascontiguousarray(rows, dtype=np.float64).view(np.uint64), fresh)
+        fresh, bits = np.empty(len(rows), dtype=bool), np.ascontiguousarray(rows, dtype=np.float64).view(np.uint64)
+        key = np.zeros(len(rows), dtype=np.uint64)
+        for column in bits.T:  # the digits of a short number are in its upper half, and a product carries upwards only
+            key = (key ^ column ^ (column >> _HALF)) * _PRIME
+        _mark(self._known, self._count, key, fresh)
         return fresh
 
 
 @njit
 def _mark(
-    known: NDArray[np.uint64], count: NDArray[np.int64], rows: NDArray[np.uint64], fresh: NDArray[np.bool_]
+    known: NDArray[np.uint64], count: NDArray[np.int64], keys: NDArray[np.uint64], fresh: NDArray[np.bool_]
 ) -> None:  # fmt: skip
-    for i in range(rows.shape[0]):
-        key = np.uint64(0)
-        for bits in rows[i]:  # the digits of a short number are in its upper half, and a product carries upwards only
-            key = (key ^ bits ^ (bits >> _HALF)) * _PRIME
+    for i in range(keys.size):
         fresh[i] = True
         for k in range(min(count[0], known.size)):
-            if known[k] == key:
+            if known[k] == keys[i]:
                 fresh[i] = False
         if fresh[i]:
-            known[count[0] % known.size] = key
+            known[count[0] % known.size] = keys[i]
             count[0] += 1

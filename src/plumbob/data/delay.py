@@ -97,10 +97,14 @@ def _best(seen: Floats, rate: Floats, force: Floats, rows: NDArray[np.intp]) -> 
         power[i] = np.add.reduceat(np.sum(said * said, axis=1), parts)
     size = np.add.reduceat(np.sum(seen * seen, axis=1), parts)
     whole, correlation = _peak(product.sum(axis=1), power.sum(axis=1), float(size.sum()))
-    without = np.array([
-        _peak(*(np.delete(of, k, axis=-1).sum(axis=-1) for of in (product, power, size)))[0] for k in range(BLOCKS)
-    ])  # fmt: skip
+    without = np.array([_peak(*_without(product, power, size, k))[0] for k in range(BLOCKS)])
     return Delay(whole, float(np.sqrt((BLOCKS - 1) * np.var(without))), correlation)
+
+
+def _without(product: Floats, power: Floats, size: Floats, part: int) -> tuple[Floats, Floats, float]:
+    """The same sums without a part."""
+    kept = np.arange(BLOCKS) != part
+    return product[:, kept].sum(axis=1), power[:, kept].sum(axis=1), float(size[kept].sum())
 
 
 def _peak(product: Floats, power: Floats, size: float) -> tuple[float, float]:
