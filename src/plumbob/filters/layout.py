@@ -23,6 +23,7 @@ from typing import Final
 
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.core.repeats import REMEMBERED
 
 # Coefficients
 SIZE: Final = 0  # how many coefficients there are; in a streamed call the state follows them in one array
@@ -48,7 +49,6 @@ SEEN: Final = 24  # mean level and vertical part of the field, µT, and of how m
 TRIAL: Final = 27  # see settling.py, 15
 AXES: Final = 42  # see axis_checks.py, 12 for each of 9
 TAKEN: Final = AXES + 108  # how many samples were remembered; then their times, ns from the anchor, and what they said
-REMEMBERED: Final = 128  # samples: more than a second at 100 Hz
 OWN: Final = TAKEN + 1 + 2 * REMEMBERED
 
 # Stages

@@ -399,8 +399,8 @@ class Live:
         frames = arriving.frames(past)
         begin = arriving.time(past.start)
         turned = float(turning_time(frames, 0.0, arriving.quiet(past)[0]).sum())
-        known = replace(self._proven.known(self._unit, turned, begin), start=None if past.start else self._start)
-        known = replace(known, any_bias=self._any_bias)
+        known = self._proven.known(self._unit, turned, begin)
+        known = replace(known, start=None if past.start else self._start, any_bias=self._any_bias)
         look, anchor, since = partial(smooth, frames, self.p, known), self._anchor, max(self._believed, now - LATELY)
         if begin + SURELY < since < now - SURELY:
             late = arriving.frames(slice(arriving.from_(since), k))
@@ -417,8 +417,7 @@ class Live:
         look, self._look = self._look, None
         found = look.found()
         if jumped := found.frames.time[0] > look.begin + SURELY:
-            self._jumped, self._any_bias, self._pause = float(found.frames.time[0]), True, BEHIND
-            self._due = self._arriving.time(k) + BEHIND
+            self._behind_jump(float(found.frames.time[0]), self._arriving.time(k))
         self._proven.see(found.frames, found, self.p)
         self._running = running = self._from(found, look)
         if jumped:
@@ -473,14 +472,16 @@ class Live:
         frames, room = self._arriving.frames(steps), Room.of(end - k)
         onward(
             frames.t, frames.gyr, frames.acc, frames.mag - running.iron, frames.first, frames.gap,
-            *self._arriving.quiet(steps), frames.missed, frames.pushed, running.noise, running.field, self.p.rest_band,
-            self.p.rest_time, self.p.speed, running.proven, *running.last, running.learned, running.against,
-            running.other, running.standing, room.q, room.x, room.cov, room.word, room.weight,
+            *self._arriving.quiet(steps), frames.missed, frames.pushed, frames.untold, running.noise,
+            running.field, self.p.rest_band, self.p.rest_time, self.p.speed, running.proven, *running.last,
+            running.learned, running.against, running.other, running.standing, room.q, room.x,
+            room.cov, room.word, room.weight,
         )  # fmt: skip
         if running.other[TAKEN]:
             self._take(running)
         if running.standing[JUMPED] > self._jumped:
-            self._behind_jump(float(running.standing[JUMPED]))
+            jumped = float(running.standing[JUMPED])
+            self._behind_jump(jumped, jumped)
         if running.field.level == 0.0:
             self._believed = float(frames.time[-1])
         elif (near := np.flatnonzero(room.weight > GATED)).size:
@@ -488,10 +489,9 @@ class Live:
         running.cov, running.word, running.weight = room.cov[-1], int(room.word[-1]), float(room.weight[-1])
         return frames, room
 
-    def _behind_jump(self, jumped: float) -> None:
+    def _behind_jump(self, jumped: float, now: float) -> None:
         """Forget what the past said of the bias, and look at what comes."""
-        self._any_bias = True
-        self._jumped, self._pause, self._due = jumped, BEHIND, jumped + BEHIND
+        self._jumped, self._any_bias, self._pause, self._due = jumped, True, BEHIND, now + BEHIND
         if self._look is not None and self._arriving.time(self._look.step) < jumped:
             self._look = None
 

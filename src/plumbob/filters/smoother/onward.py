@@ -33,7 +33,7 @@ from plumbob.filters.smoother.inertial import (
     SPEED_TIMES,
     WINDOW,
 )
-from plumbob.filters.smoother.keyframes import HELD, UNKNOWN_FORCE, Bools, turned_by
+from plumbob.filters.smoother.keyframes import Bools, turned_by
 from plumbob.filters.smoother.model import SIZE, TH, B, Noise, Params, V
 from plumbob.filters.smoother.samples import (
     GATED,
@@ -111,9 +111,9 @@ class Field(NamedTuple):
 
 
 @njit
-def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, held: bool) -> float:
+def velocity_density(learned: Floats, mean: Floats, dt: float, least: float, untold: bool) -> float:
     """Spectral density of the level velocity, m²/s, by how the body has moved up to now; a held force says nothing."""
-    if held:
+    if untold:
         learned[EAST_SPEED] = learned[NORTH_SPEED] = 0.0
         return density_of(learned, least)
     fading = math.exp(-dt / LEAK)
@@ -177,9 +177,10 @@ def field_weight(mean: Floats, field: Field) -> float:
 @njit
 def onward(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, first: NDArray[np.int64], gap: Bools, quiet: Bools,
-    around: Floats, missed: Floats, pushed: Floats, noise: Noise, field: Field, rest_band: float, rest_time: float,
-    least_speed: float, proven: bool, attitude: Floats, now: Floats, p: Floats, learned: Floats, against: Floats,
-    other: Floats, standing: Floats, q: Floats, x: Floats, cov: Floats, word: NDArray[np.uint32], weight: Floats,
+    around: Floats, missed: Floats, pushed: Floats, untold: Bools, noise: Noise, field: Field,
+    rest_band: float, rest_time: float, least_speed: float, proven: bool, attitude: Floats, now: Floats, p: Floats,
+    learned: Floats, against: Floats, other: Floats, standing: Floats, q: Floats, x: Floats, cov: Floats,
+    word: NDArray[np.uint32], weight: Floats,
 ) -> None:  # fmt: skip
     """Filter on over some keyframes: attitude, state and covariance of the attitude at each, and what each step was.
 
@@ -205,8 +206,9 @@ def onward(
             p[B + i, B + i] += noise.walk * dt
         fade(p, now, f[FADE], noise.bend)
         if kind != AGAIN:
-            held = pushed[k] > (HELD * UNKNOWN_FORCE * dt) ** 2
-            weight[k] = measure(p, now, gain, term, column, mean, dt, kind, learned, least_speed, held, noise, field)
+            weight[k] = measure(
+                p, now, gain, term, column, mean, dt, kind, learned, least_speed, untold[k], noise, field
+            )  # fmt: skip
         rate[0], rate[1], rate[2] = corrected_rate(now, mean[RAW] / dt, mean[RAW + 1] / dt, mean[RAW + 2] / dt)
         turning = math.sqrt(rate[0] ** 2 + rate[1] ** 2 + rate[2] ** 2) if kind == MOVING else 0.0
         if weight[k] < GATED and field.level > 0.0:
@@ -238,11 +240,11 @@ def onward(
 @njit
 def measure(
     p: Floats, now: Floats, gain: Floats, term: Floats, column: Floats, mean: Floats, dt: float, kind: int,
-    learned: Floats, least_speed: float, held: bool, noise: Noise, field: Field,
+    learned: Floats, least_speed: float, untold: bool, noise: Noise, field: Field,
 ) -> float:  # fmt: skip
     """Take in what a step shows of velocity, rest and heading; returns how far its field was believed."""
-    density = velocity_density(learned, mean, dt, least_speed, held)
-    if held:
+    density = velocity_density(learned, mean, dt, least_speed, untold)
+    if untold:
         forget_velocity(p, now)
     else:
         if kind == RESTING:
