@@ -1,0 +1,151 @@
+"""Several units on one time line: an array on one body, or one unit on each segment of a chain."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ClockError, ParameterError, ShapeError
+from plumbob.core.series import Series
+from plumbob.core.text import counted
+from plumbob.data.imu import ImuData
+from plumbob.rotations import dcm_from_quat
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import NoiseCard
+
+Vec = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """How a unit sits on its body.
+
+    Attributes
+    ----------
+    q_bs : tuple of 4 floats
+        From the unit's axes s to those of the body b, wxyz.
+    lever_b : tuple of 3 floats
+        From the body's reference point to the unit's accelerometer, body axes, m.
+    clock_offset : float
+        By how much later than the time line says its values were taken, s.
+    noise : NoiseCard or None
+        Its noise, where known.
+    """
+
+    q_bs: Quat = (1.0, 0.0, 0.0, 0.0)
+    lever_b: Vec = (0.0, 0.0, 0.0)
+    clock_offset: float = 0.0
+    noise: "NoiseCard | None" = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        """Validate, and normalise the rotation."""
+        q = check.last_axis("q_bs", self.q_bs, 4)
+        check.unit_norm("q_bs", q, 1e-3)
+        lever = check.last_axis("lever_b", self.lever_b, 3)
+        if not (np.isfinite(lever).all() and np.isfinite(check.number("clock_offset", self.clock_offset, "s"))):
+            raise ParameterError("a mount's lever_b and clock_offset must be finite.")
+        object.__setattr__(self, "q_bs", tuple((q / np.linalg.norm(q)).tolist()))
+        object.__setattr__(self, "lever_b", tuple(lever.tolist()))
+
+    @property
+    def dcm(self) -> Floats:
+        """Matrix C_bs (3, 3)."""
+        return dcm_from_quat(np.array(self.q_bs))
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ImuArray(Series):
+    """Recordings of several units on one time line.
+
+    A unit without a value at an instant is NaN there, as in any recording.
+
+    Parameters
+    ----------
+    units : mapping of str to ImuData
+        By name; each in its own axes, all with the same times.
+    mounts : mapping of str to Mount, optional
+        How each sits on its body; a unit that is not in it sits at the reference point, aligned.
+
+    Raises
+    ------
+    ShapeError
+        If there is no unit.
+    ClockError
+        If times differ.
+    ParameterError
+        If a mount belongs to no unit.
+    """
+
+    units: Mapping[str, ImuData]
+    mounts: Mapping[str, Mount] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Validate, and name a mount for each unit."""
+        if not self.units:
+            raise ShapeError("an array needs at least one unit, but none was given.")
+        first, line = next(iter(self.units.items()))
+        for name, one in self.units.items():
+            check.kind(f"unit '{name}'", one, ImuData)
+            if one.t is not line.t and not np.array_equal(one.t, line.t):
+                raise ClockError(
+                    f"the units of an array share one time line, but '{name}' has {counted(len(one), 'sample')} to "
+                    f"{one.t[-1]:.9g} s and '{first}' has {len(line)} to {line.t[-1]:.9g} s. Put them on one time line "
+                    "first; plumbob.array.joined does that."
+                )
+        for name in self.mounts:
+            if name not in self.units:
+                raise ParameterError(f"the mount '{name}' belongs to no unit; units are {', '.join(self.units)}.")
+        mounts = {name: check.kind(f"mount '{name}'", self.mounts.get(name, Mount()), Mount) for name in self.units}
+        object.__setattr__(self, "units", dict(self.units))
+        object.__setattr__(self, "mounts", mounts)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the units."""
+        return tuple(self.units)
+
+    @property
+    def t(self) -> Floats:
+        """Time line of all (N,), s."""
+        return next(iter(self.units.values())).t
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    def __getitem__(self, rows: slice) -> Self:
+        """Samples of a slice with step 1 of all units; no copy is made."""
+        return type(self)({name: one[rows] for name, one in self.units.items()}, self.mounts)
+
+    def chunks(self, size: int) -> Iterator[Self]:
+        """Consecutive parts of `size` samples; the last may be shorter."""
+        for start in range(0, len(self), size):
+            yield self[start : start + size]
+
+    def stacked(self, triad: str) -> Floats:
+        """Values of a triad of all units in body axes (N, units, 3); NaN where absent, invalid, or a unit has none.
+
+        Parameters
+        ----------
+        triad : {"gyr", "acc", "mag"}
+            Which.
+        """
+        turned = [one.usable(triad) @ self.mounts[name].dcm.T for name, one in self.units.items()]
+        return np.stack(turned, axis=1)
+
+    def facts(self) -> Mapping[str, str]:
+        """Units, their sensors and samples."""
+        one = next(iter(self.units.values()))
+        return {"units": ", ".join(self.units), **one.facts()}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Time, and the triads of each unit."""
+        found: dict[str, NDArray[Any]] = {"t [s]": self.t}
+        for name, one in self.units.items():
+            found |= {f"{name}.{key}": values for key, values in one.columns().items() if key != "t [s]"}
+        return found
