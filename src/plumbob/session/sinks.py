@@ -1,6 +1,6 @@
 """Sinks: what is done with the parts that a line gives, besides recording them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final, Protocol, TextIO
 
@@ -15,6 +15,7 @@ from plumbob.core.text import visible
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.array import ImuArray
 from plumbob.rotations import North, euler_zyx_from_quat
 from plumbob.session.stream import Part
 
@@ -75,23 +76,34 @@ class Collected:
 
     def imu(self, *, calibrated: bool) -> ImuData | None:
         """Samples of the whole, judged as a recording; None where there are none."""
-        parts = [part.imu if calibrated else part.sensed for part in self.parts]
-        if not parts:
+        return _whole([part.imu if calibrated else part.sensed for part in self.parts]) if self.parts else None
+
+    def array(self, *, calibrated: bool) -> ImuArray | None:
+        """The same of all units; None where there are no samples, or the session decodes one unit."""
+        if not self.parts or not self.parts[0].units:
             return None
-        first = parts[0]
+        found = {}
+        for name in self.parts[0].units:
+            units = [part.units[name] for part in self.parts]
+            found[name] = _whole([one.imu if calibrated else one.sensed for one in units])
+        return ImuArray(found, {name: one.mount for name, one in self.parts[0].units.items()})
 
-        def every(name: str) -> NDArray[np.float64] | None:
-            return None if getattr(first, name) is None else np.concatenate([getattr(p, name) for p in parts])
 
-        return ImuData(
-            t=np.concatenate([p.t for p in parts]),
-            gyr=every("gyr"),
-            acc=every("acc"),
-            mag=every("mag"),
-            temp_c=every("temp_c"),
-            flags=np.concatenate([p.flags for p in parts]),
-            meta=first.meta,
-        )
+def _whole(parts: Sequence[ImuData]) -> ImuData:
+    first = parts[0]
+
+    def every(name: str) -> NDArray[np.float64] | None:
+        return None if getattr(first, name) is None else np.concatenate([getattr(p, name) for p in parts])
+
+    return ImuData(
+        t=np.concatenate([p.t for p in parts]),
+        gyr=every("gyr"),
+        acc=every("acc"),
+        mag=every("mag"),
+        temp_c=every("temp_c"),
+        flags=np.concatenate([p.flags for p in parts]),
+        meta=first.meta,
+    )
 
 
 class Tracks:
