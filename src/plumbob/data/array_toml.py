@@ -1,7 +1,7 @@
 """How the units of an array sit on their bodies, as TOML: read strictly, and written so that it reads back equal."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,7 +40,7 @@ class MountedUnit:
     """
 
     name: str
-    mount: Mount = Mount()
+    mount: Mount = field(default_factory=Mount)
     card: CalibrationCard | None = None
     device: str = ""
 
@@ -140,7 +140,9 @@ def _rotation(where: str, value: Any) -> tuple[float, ...]:
     """Roll, pitch and yaw of the unit from the body's axes."""
     words = schema.text(where, value).split(",")
     if len(words) != 3:
-        raise DecodeError(f"{where} must be roll, pitch and yaw, as in '0 deg, 5 deg, 90 deg', but it is {excerpt(value)}.")
+        raise DecodeError(
+            f"{where} must be roll, pitch and yaw, as in '0 deg, 5 deg, 90 deg', but it is {excerpt(value)}."
+        )
     roll, pitch, yaw = (schema.quantity(Quantity.ANGLE)(where, word) for word in words)
     return tuple(quat_from_euler_zyx([yaw, pitch, roll]).tolist())
 

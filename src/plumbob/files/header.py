@@ -75,8 +75,8 @@ def _mount_from(content: Any) -> Mount:
     found = require_keys("'mount' in its header", content, _MOUNT)
     noise = found["noise"]
     return Mount(
-        q_bs=_typed("mount.q_bs", found["q_bs"], _numbers),  # type: ignore[arg-type]
-        lever_b=_typed("mount.lever_b", found["lever_b"], _numbers),  # type: ignore[arg-type]
+        q_bs=_typed("mount.q_bs", found["q_bs"], _numbers),
+        lever_b=_typed("mount.lever_b", found["lever_b"], _numbers),
         clock_offset=_typed("mount.clock_offset", found["clock_offset"], _number),
         noise=None if noise is None else NoiseCard.from_text(json.dumps(noise), "the noise of a unit in its header"),
     )

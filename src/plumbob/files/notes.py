@@ -69,9 +69,10 @@ class Recording(Shown):
         held |= {} if self.array is None else {"units": ", ".join(self.array.names)}
         return {"name": self.name or "not named", **held, "notes": str(len(self.notes))}
 
-
     def of_unit(self, unit: str | None) -> "Recording":
         """One unit alone, by its name or its number from 1; a recording of one unit is its own.
+
+        The attitude beside several units is left out, for it is that of one of them, or of their body.
 
         Raises
         ------
@@ -92,7 +93,7 @@ class Recording(Shown):
         name = self.array.named(unit)
         imu = self.array.units[name]
         notes = (*provenance(self.notes), f"unit {name} of {known}", *findings(imu))
-        return replace(self, imu=imu, array=None, notes=notes)
+        return replace(self, imu=imu, track=None, array=None, notes=notes)
 
 
 def unsaved(imu: ImuData, name: str) -> Recording:

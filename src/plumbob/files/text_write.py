@@ -35,8 +35,8 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
     """
     if recording.array is not None:
         raise ParameterError(
-            f"{path}: a table of text holds one unit, and there are {', '.join(recording.array.names)}. Write .parquet, "
-            "or choose one with --unit."
+            f"{path}: a table of text holds one unit, and there are {', '.join(recording.array.names)}. Write .parquet "
+            "instead, or choose one with --unit."
         )
     columns = to_columns(recording)
     other, profile = sidecars(path)
@@ -152,7 +152,6 @@ def _reference(track: AttitudeTrack) -> Iterator[str]:
 
 def _listed(key: str, group: str) -> str:
     return f"{key} = [{', '.join(toml_text(_title(name)) for name in GROUPS[group])}]"
-
 
 
 def _encoded(text: str) -> bytes:

@@ -113,7 +113,7 @@ class UnitSpec:
     unit: str
     meta: ImuMeta
     card: CalibrationCard | None = None
-    mount: Mount = Mount()
+    mount: Mount = field(default_factory=Mount)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,15 @@ from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import parse_format
 from plumbob.rotations import Frame, North, body_axes, in_body_axes
-from plumbob.session.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec, UnitSpec, reference_names
+from plumbob.session.session import (
+    OutputSpec,
+    RecordSpec,
+    ReferenceSpec,
+    Session,
+    SourceSpec,
+    UnitSpec,
+    reference_names,
+)
 from plumbob.session.source_toml import iio_format, parse_source
 from plumbob.session.sources import KERNEL, described
 
@@ -138,9 +146,11 @@ def parse_session(
     if source is not None and source.kind in KERNEL:
         texts[IIO] = describe(source)
         source, form, timed_by = _kernel(source, found, texts[IIO])
-        message, unit, names = form.name, "", []
+        message, unit, names = form.name, "", list[str]()
         if "unit" in found:
-            raise DecodeError(f"[[unit]] does not go with source.kind = '{source.kind}', which has one unit; leave it out.")
+            raise DecodeError(
+                f"[[unit]] does not go with source.kind = '{source.kind}', which has one unit; leave it out."
+            )
     else:
         form, message, unit, names = _format(found, keep)
         timed_by = _timed_by(source, form, form.message(message))
@@ -193,9 +203,9 @@ def _units(
     names: Sequence[str], told: Mapping[str, MountedUnit], meta: ImuMeta, message: Message
 ) -> tuple[UnitSpec, ...]:
     """Units that are decoded, with what their tables say of them."""
-    found = []
+    found, named = [], {unit_of(message, name): one for name, one in told.items()}
     for name in names:
-        one = told.get(name, MountedUnit(name))
+        one = named.get(name, MountedUnit(name))
         own = replace(meta, device=one.device or meta.device, **_ranges(message, name, meta.axes))
         found.append(UnitSpec(name, own, one.card, one.mount))
     return tuple(found)
@@ -302,7 +312,7 @@ def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str, l
         return form, message.name, unit_of(message, found.get("unit", "")), []
     if prefixes_of(message) == ("",):
         raise ParameterError(f"message {message.name} has one unit without a name; leave units and [[unit]] out.")
-    names = listed if "units" not in found else list(prefixes_of(message))
+    names = list(dict.fromkeys(listed)) if "units" not in found else list(prefixes_of(message))
     unit = unit_of(message, found.get("unit", names[0] if names else ""))
     if unit not in names:
         raise ParameterError(f"format.unit is '{unit}', but the units of [[unit]] are {', '.join(names)}; name one.")

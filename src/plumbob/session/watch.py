@@ -203,6 +203,7 @@ def report_of(watch: Watch) -> dict[str, Any]:
         "format": session.form.name,
         "unchecked_bytes": session.form.framing.length if passes_anything(session.form) and not by_kernel else None,
         "device": session.meta.device,
+        "units": [one.unit for one in session.units] or None,
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
         "temperature_beyond": watch.temperature_beyond,
         "bias_beyond": watch.bias_beyond,
@@ -225,6 +226,8 @@ def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
         f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}",
         f"bytes        {counts['received']}, of frames {counts['framed']}, junk {counts['junk']}",
     ]
+    if report["units"]:
+        lines.append(f"units        {', '.join(report['units'])}: samples of each")
     if report["unchecked_bytes"]:
         lines.append(f"checks       {UNCHECKED.format(report['unchecked_bytes'])}")
     rejected = {k: counts[k] for k in ("bad_checksum", "bad_content", "bad_length", "unknown") if counts[k]}
