@@ -27,7 +27,18 @@ from plumbob.data.array import ImuArray
 from plumbob.files import header
 from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes
 from plumbob.files.columns import (
-    COLUMNS, GROUPS, TIME, Column, Columns, column, imu_from, joined, of_unit, require, to_columns, track_from,
+    COLUMNS,
+    GROUPS,
+    TIME,
+    Column,
+    Columns,
+    column,
+    imu_from,
+    joined,
+    of_unit,
+    require,
+    to_columns,
+    track_from,
 )  # fmt: skip
 from plumbob.files.decoded import KEY as PROFILE
 from plumbob.files.decoded import read_described

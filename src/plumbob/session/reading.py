@@ -154,10 +154,11 @@ def _by_stem(sources: Sequence[Source]) -> dict[str, Source]:
 
 def _of_file(file: Path) -> "tuple[ImuArray, list[str]]":
     if file.suffix == SUFFIX:
-        from plumbob.session.recorded import recorded_array
+        from plumbob.session.recorded import read_recorded
 
-        return recorded_array(file)
-    found = read(file)
+        found = read_recorded(file, unit="all", calibrated=True)
+    else:
+        found = read(file)
     if found.array is None:
         raise ParameterError(f"{file} holds one unit; give a list of such files, or raw bytes with their format.")
     return found.array, list(found.notes)
@@ -182,10 +183,13 @@ def _of_bytes(file: Path, format: str | Path, rate: float | str | None) -> "tupl
 def _joined(named: Mapping[str, Source]) -> "ImuArray":
     """Units of files that hold one each."""
     from plumbob.data.array import ImuArray
+    from plumbob.session.recorded import read_recorded
 
     found: dict[str, ImuData] = {}
     for name, source in named.items():
-        one = read_one(source).imu
+        file = check.path("sources", source)
+        whole = read_recorded(file, calibrated=True) if file.suffix == SUFFIX else read(file)
+        one = whole.of_unit(None).imu
         if one is None:
             raise DecodeError(f"{source} holds an attitude but no sensor data.")
         found[name] = one

@@ -28,14 +28,16 @@ from plumbob.filters.offline import recalibrated
 from plumbob.rotations import Frame, quat_from_euler_zyx
 from plumbob.session import rows
 from plumbob.session.replay import Replayed, replay
-from plumbob.session.session import Session, reference_names
+from plumbob.session.session import reference_names
 from plumbob.session.session_toml import ALL, SESSION, of_unit, recorded_session
 from plumbob.session.sinks import text_of
 
 _META: Final = "recording"
 
 
-def read_recorded(path: str | Path, *, estimated: bool = False, unit: str | None = None) -> Recording:
+def read_recorded(
+    path: str | Path, *, estimated: bool = False, unit: str | None = None, calibrated: bool = False
+) -> Recording:
     """Samples of a recording, and a reference in the same frames, or the estimated attitude where that is asked for.
 
     Where the session decodes several units, they are those of all, unless one is asked for.
@@ -47,7 +49,10 @@ def read_recorded(path: str | Path, *, estimated: bool = False, unit: str | None
     estimated : bool
         Whether `track` is to be what was estimated; without it, it is the reference, or None, for an estimate is none.
     unit : str, optional
-        One of several units in the same frames, by name or number from 1.
+        One of several units in the same frames, by name or number from 1; ``"all"``: all, also where the session
+        decodes one.
+    calibrated : bool
+        Whether the session's cards are to be applied.
 
     Raises
     ------
@@ -60,70 +65,33 @@ def read_recorded(path: str | Path, *, estimated: bool = False, unit: str | None
     log = open_log(file)
     if SESSION not in log.metadata:
         found = _from_rows(log, file, estimated=estimated)
-        return found if unit is None else found.of_unit(unit)
+        return found if unit is None or unit == ALL else found.of_unit(unit)
     session = recorded_session(log.metadata, file.stem)
     if unit is not None:
-        session = replace(of_unit(session, unit), units=())
-    replayed, notes = replayed_whole(log, file, session)
-    array = replayed.found.array(calibrated=False)
-    whole = Recording(
-        imu=_since(replayed.found.imu(calibrated=False), replayed) if array is None else None,
-        track=replayed.track if estimated else _reference(replayed),
-        name=file.stem,
-        array=None if array is None else _all_since(array, replayed),
-    )
-    doubts = dict.fromkeys(doubt for one in _units(whole).values() for doubt in one.unit_doubts())
-    notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
-    return replace(whole, notes=(*notes, *findings_of(whole)))
-
-
-def recorded_array(path: str | Path) -> tuple[ImuArray, list[str]]:
-    """Samples of all units in the frames of a recording, calibrated where its session has cards; and notes.
-
-    Raises
-    ------
-    DecodeError
-        If it is not a recording of samples.
-    ParameterError
-        If its frames carry one unit.
-    """
-    file = Path(path)
-    log = open_log(file)
-    if SESSION not in log.metadata:
-        found = _from_rows(log, file, estimated=False)
-        if found.array is None:
-            raise ParameterError(f"{file} holds one unit; give a list of such files, or name the units by a mapping.")
-        return found.array, list(found.notes)
-    session = of_unit(recorded_session(log.metadata, file.stem), ALL)
-    replayed, notes = replayed_whole(log, file, replace(session, stage=None))
-    array = replayed.found.array(calibrated=True)
-    assert array is not None
-    return _all_since(array, replayed), notes
-
-
-def replayed_whole(log: Log, file: Path, session: Session) -> tuple[Replayed, list[str]]:
-    """What a recording gives, and what a reader should know of it; DecodeError where that is no sample."""
-    replayed = replay(log, session=session)
-    if not replayed.found.parts:
+        chosen = of_unit(session, unit)
+        session = chosen if unit == ALL else replace(chosen, units=())
+    replayed = replay(log, session=session if estimated else replace(session, stage=None))
+    imu = replayed.found.imu(calibrated=calibrated)
+    if imu is None:
         raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
+    array = replayed.found.array(calibrated=calibrated)
+    units = {"": imu} if array is None else array.units
+    units = {name: replace(one, meta=replace(one.meta, t0_ns=replayed.t0_ns)) for name, one in units.items()}
     counts = replayed.stream.decoder.counts
-    notes = [
-        f"decoded from {counts.received} raw bytes as {replayed.stream.session.form.name}, {counts.junk} of them junk"
-    ]
+    notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
     if log.starts > 1:
         notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
     notes += [f"damaged: {damage}" for damage in log.damage]
-    return replayed, [*notes, *files.inferred(replayed.stream.time_report())]
-
-
-def _since(imu: ImuData | None, replayed: Replayed) -> ImuData:
-    """Samples that know when they began."""
-    assert imu is not None
-    return replace(imu, meta=replace(imu.meta, t0_ns=replayed.t0_ns))
-
-
-def _all_since(array: ImuArray, replayed: Replayed) -> ImuArray:
-    return ImuArray({name: _since(one, replayed) for name, one in array.units.items()}, array.mounts)
+    notes += files.inferred(replayed.stream.time_report())
+    doubts = dict.fromkeys(doubt for one in units.values() for doubt in one.unit_doubts())
+    notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
+    whole = Recording(
+        imu=units[""] if array is None else None,
+        track=replayed.track if estimated else _reference(replayed),
+        name=file.stem,
+        array=None if array is None else ImuArray(units, array.mounts),
+    )
+    return replace(whole, notes=(*notes, *findings_of(whole)))
 
 
 def _reference(replayed: Replayed) -> AttitudeTrack | None:

@@ -203,7 +203,6 @@ def report_of(watch: Watch) -> dict[str, Any]:
         "format": session.form.name,
         "unchecked_bytes": session.form.framing.length if passes_anything(session.form) and not by_kernel else None,
         "device": session.meta.device,
-        "units": [one.unit for one in session.units] or None,
         "calibration": last.imu.meta.calibration if last else session.card and session.card.name,
         "temperature_beyond": watch.temperature_beyond,
         "bias_beyond": watch.bias_beyond,
@@ -215,7 +214,7 @@ def report_of(watch: Watch) -> dict[str, Any]:
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **stream.report(),
         "inferred_gaps": next(iter(inferred(stream.time_report())), None),
-    }
+    } | ({"units": [one.unit for one in session.units]} if session.units else {})
 
 
 def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
@@ -226,7 +225,7 @@ def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
         f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}",
         f"bytes        {counts['received']}, of frames {counts['framed']}, junk {counts['junk']}",
     ]
-    if report["units"]:
+    if report.get("units"):
         lines.append(f"units        {', '.join(report['units'])}: samples of each")
     if report["unchecked_bytes"]:
         lines.append(f"checks       {UNCHECKED.format(report['unchecked_bytes'])}")
