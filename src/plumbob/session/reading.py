@@ -204,7 +204,7 @@ def _joined(named: Mapping[str, Source]) -> "ImuArray":
 
 def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, Mount]") -> "ImuArray":
     """The array with these mounts, and calibrated by the cards that stand beside them."""
-    from plumbob.data.array import ImuArray
+    from plumbob.data.array import PRESETS, ImuArray
     from plumbob.data.array_toml import MountedUnit, load_units
     from plumbob.data.calibrated import apply_card
 
@@ -213,6 +213,8 @@ def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, Mount]") -> "ImuA
     else:
         told = load_units(Path(mounts))
     units = dict(array.units)
+    if str(mounts) in PRESETS:
+        told = {name: one for name, one in told.items() if name in units}  # one that died has been left out
     for name in told.keys() & units.keys():
         card, device = told[name].card, told[name].device
         if device:

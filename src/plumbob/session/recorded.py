@@ -83,6 +83,8 @@ def read_recorded(
         notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
     notes += [f"damaged: {damage}" for damage in log.damage]
     notes += files.inferred(replayed.stream.time_report())
+    dead = [] if array is None else [one.unit for one in replayed.stream.session.units if one.unit not in array.units]
+    notes += [f"unit {name} has no value in any sample, and is left out" for name in dead]
     doubts = dict.fromkeys(doubt for one in units.values() for doubt in one.unit_doubts())
     notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
     whole = Recording(
