@@ -20,7 +20,11 @@ def file(folder, text, head=HEAD):
 
 @pytest.mark.parametrize(
     "text",
-    ['axes = "-y x z"', "q_bs = [0.7071067811865476, 0.0, 0.0, 0.7071067811865475]", 'rotation = "0 deg, 0 deg, 90 deg"'],
+    [
+        'axes = "-y x z"',
+        "q_bs = [0.7071067811865476, 0.0, 0.0, 0.7071067811865475]",
+        'rotation = "0 deg, 0 deg, 90 deg"',
+    ],
 )
 def test_a_quarter_turn_in_every_way(tmp_path, text):
     """The unit is turned by 90° about z from the body: its x axis is the body's y axis, its y axis the body's −x."""
