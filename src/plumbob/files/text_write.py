@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import replacing_all, sidecars
 from plumbob.core.text import visible
 from plumbob.core.time import to_s
@@ -31,8 +31,13 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
     DecodeError
         If a profile of another name lies beside the file, or the system refuses to write.
     ParameterError
-        If one of the two exists and `overwrite` is false.
+        If one of the two exists and `overwrite` is false, or there are several units.
     """
+    if recording.array is not None:
+        raise ParameterError(
+            f"{path}: a table of text holds one unit, and there are {', '.join(recording.array.names)}. Write .parquet, "
+            "or choose one with --unit."
+        )
     columns = to_columns(recording)
     other, profile = sidecars(path)
     if other.exists():
