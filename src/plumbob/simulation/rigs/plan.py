@@ -1,7 +1,7 @@
 """What each rig is made of: its units, their mounting, and what is done with them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 from typing import ClassVar, Final
 
@@ -12,7 +12,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.data.array import PRESETS
 from plumbob.protocols.format import Format
 from plumbob.protocols.unpack import units_of
-from plumbob.rotations import Frame, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.rotations import Frame
 from plumbob.simulation import Motion, Scenario, Truth, scenario
 from plumbob.simulation.errors import stream
 
@@ -39,13 +39,7 @@ class MountedMotion:
 
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s, in the unit's axes."""
-        body, q_sb = self.motion.truth(t).in_frame(self.frame), quat_conjugate(np.array(self.q_bs))
-        return replace(
-            body,
-            q_nb=quat_multiply(body.q_nb, np.array(self.q_bs)),
-            rate_b=quat_rotate(q_sb, body.rate_b),
-            rate_dot_b=quat_rotate(q_sb, body.rate_dot_b),
-        )
+        return self.motion.truth(t).in_frame(self.frame).turned(self.q_bs)
 
 
 @dataclass(frozen=True, kw_only=True)
