@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from plumbob.session.watch import Watch
 
 
-def add_line(p: argparse._ActionsContainer) -> None:
-    """Options of a line, besides its session file and ``--from``."""
+def add_line(p: argparse._ActionsContainer, *, all_units: str = "") -> None:
+    """Options of a line, besides its session file and ``--from``; `all_units` says what ``--unit all`` does."""
     p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
     p.add_argument(
         "--rate",
@@ -37,9 +37,7 @@ def add_line(p: argparse._ActionsContainer) -> None:
     p.add_argument("--iio", metavar="DEV", help="buffer of an IIO device (Linux), by its name or number")
     p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
     p.add_argument("--format", metavar="NAME|TOML", help="known device, see 'plumbob devices', or a format file")
-    add_unit(
-        p, "which unit, where a frame has several, as the six of the rig 'arm'; all: record all, estimate the first"
-    )
+    add_unit(p, f"which unit, where a frame has several, as the six of the rig 'arm'{all_units}")
 
 
 def line_of(args: argparse.Namespace) -> dict[str, Any]:

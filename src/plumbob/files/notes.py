@@ -72,7 +72,7 @@ class Recording(Shown):
     def of_unit(self, unit: str | None) -> "Recording":
         """One unit alone, by its name or its number from 1; a recording of one unit is its own.
 
-        The attitude beside several units is left out, for it is that of one of them, or of their body.
+        The attitude beside several units is left out: it is that of one of them, or of their body.
 
         Raises
         ------
