@@ -371,3 +371,29 @@ def test_a_unit_that_is_dead_from_the_start_is_left_out(tmp_path):
     assert array.names == ("u1", "u2", "u4", "u5", "u6")
     assert array.units["u5"].triads == ("gyr", "acc")
     assert_decoded(ImuArray({"u6": array.units["u6"]}), arm(), ["u6"])
+
+
+def test_with_a_lag_every_unit_comes_as_the_samples_come(tmp_path):
+    """The attitudes that wait come at the end, in a part without samples; its array is empty."""
+    text = ALL.replace('filter = "mahony"', 'params = { lag = "1 s" }')
+    found = record(tmp_path / "a.mcap", arm(), session(text))
+    assert len(found.track()) == 60
+    assert len(found.array(calibrated=True)) == 60
+    assert len(found.parts[-1].array) == found.parts[-1].t_ns.size
+
+
+def test_a_recorder_that_was_away_leaves_a_gap_in_every_unit(tmp_path):
+    half = 130 * 30
+    record(tmp_path / "a.mcap", arm()[:half])
+    record(tmp_path / "a.mcap", arm()[half:], next_part=True)
+    array = read_array(tmp_path / "a.mcap")
+    assert_decoded(array, arm())
+    for one in array.units.values():
+        assert np.flatnonzero(one.flags & np.uint32(plumbob.flags.GAP)).tolist() == [30]
+
+
+def test_all_units_of_an_older_recording_are_replayed(tmp_path):
+    record(tmp_path / "a.mcap", arm(), session(ALL.replace('units = "all"', 'unit = "u2"')))
+    assert_decoded(plumbob.replay(tmp_path / "a.mcap", unit="all").found.array(calibrated=False), arm())
+    with pytest.raises(ParameterError, match="u9"):
+        plumbob.replay(tmp_path / "a.mcap", unit="u9")

@@ -4,7 +4,8 @@ import heapq
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
-from itertools import repeat
+from functools import reduce
+from itertools import compress, repeat
 from pathlib import Path
 from typing import Any, Final
 
@@ -178,7 +179,15 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
 def _array(found: Mapping[str, Sequence[Mapping[str, Any]]], told: Mapping[str, tuple[ImuMeta, Mount]]) -> ImuArray:
     if lacking := [name for name in told if not found.get(rows.unit_topic(name))]:
         raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; take a whole copy.")
-    units = {name: _samples(found[rows.unit_topic(name)], meta) for name, (meta, _) in told.items()}
+    of = {name: found[rows.unit_topic(name)] for name in told}
+    stamps = {name: rows.whole("t_ns", of[name], np.int64) for name in told}
+    common = reduce(np.intersect1d, stamps.values())  # damage may have cost some units rows that others have
+    if not common.size:
+        raise DecodeError("its units have no time in common; take a whole copy.")
+    units = {}
+    for name, (meta, _) in told.items():
+        kept = np.isin(stamps[name], common)
+        units[name] = _samples(list(compress(of[name], kept)), meta)
     return ImuArray(units, {name: mount for name, (_, mount) in told.items()})
 
 
