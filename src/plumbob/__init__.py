@@ -87,7 +87,7 @@ if TYPE_CHECKING:
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Stream
-    from plumbob.simulation import simulate
+    from plumbob.simulation import simulate, simulate_chain
 
 _HOME = {
     "AttitudeTrack": "data.imu",
@@ -129,6 +129,7 @@ _HOME = {
     "repair": "files.mcap",
     "replay": "session.replay",
     "simulate": "simulation",
+    "simulate_chain": "simulation",
     "verify": "files.mcap",
     "write": "files",
 }
@@ -176,6 +177,7 @@ __all__ = [
     "repair",
     "replay",
     "simulate",
+    "simulate_chain",
     "units",
     "verify",
     "write",

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,17 +14,17 @@ from plumbob.core.series import Series
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray, Mount, Quat
-from plumbob.data.chain import Chain, Posture
+from plumbob.data.chain import Chain, Posture, Segment
 from plumbob.rotations import Frame, North
 from plumbob.simulation.chains import named_chain
-from plumbob.simulation.errors import stream
-from plumbob.simulation.fields import Disturbance
+from plumbob.simulation.errors import stream, unit_seed
+from plumbob.simulation.fields import Disturbance, bent_at
 from plumbob.simulation.motion import Motion, Scenario, Truth, at_rest
 from plumbob.simulation.mounting import SoftTissue, drawn_mounts, mounts_of
 from plumbob.simulation.presets import Module, draw_module
 from plumbob.simulation.programs import Program, named_program
 from plumbob.simulation.signals import Jet, Signal
-from plumbob.simulation.simulation import Simulation, simulate
+from plumbob.simulation.simulation import WORLD, Simulation, simulate
 
 _IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 _UPSIDE_DOWN: Quat = (0.0, 1.0, 0.0, 0.0)
@@ -32,6 +32,12 @@ _KEPT = 4
 _SHORT = 100_000
 _DRIVE_STEP = 0.0025
 """s between the knots of the force that drives soft tissue; in between it goes in straight lines."""
+
+SETTINGS: Final = (
+    "mount_angle", "mount_shift", "soft", "bend", "bend_at", "gyr_range", "acc_range",
+    *(name for name in WORLD if name not in {"jitter", "lost"}),
+)  # fmt: skip
+"""Arguments of `simulate_chain` that a command line gives as text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,6 +199,12 @@ class ChainSimulation(Series):
             for name, one in self.bodies.items()
         }
 
+    @property
+    def true_chain(self) -> Chain:
+        """The chain with the mounts that the units really have."""
+        segments = (replace(one, mount=self.mounts.get(one.unit, one.mount)) for one in self.chain.segments)
+        return replace(self.chain, segments=tuple(segments))
+
     def facts(self) -> Mapping[str, str]:
         """Chain, program and samples."""
         return {"chain": self.chain.name, "program": self.program.name, **self.array.facts()}
@@ -216,7 +228,9 @@ def simulate_chain(
     mount_angle: float | str = 0.0,
     mount_shift: float | str = 0.0,
     mounts: Mapping[str, Mount] | None = None,
-    soft: bool | SoftTissue = False,
+    soft: bool | str | SoftTissue = False,
+    bend: float | str = 0.0,
+    bend_at: str | None = None,
     disturbances: Sequence[Disturbance] = (),
     base: ArrayLike | None = None,
     gyr_range: float | str | None = None,
@@ -248,10 +262,14 @@ def simulate_chain(
         that radius.
     mounts : mapping of str to Mount, optional
         How units really sit, by unit, instead of drawn errors.
-    soft : bool or SoftTissue
+    soft : bool, "yes", "no" or SoftTissue
         Whether the units sway on their segments.
+    bend : float
+        By how much the field is bent to the east around one unit, µT, as by iron; it fades within 0.3 m.
+    bend_at : str, optional
+        Segment of that unit; by default the middle one of those that have a unit.
     disturbances : sequence of Disturbance
-        What bends the field: `Dipole`, `BentRegion`.
+        What else bends the field: `Dipole`, `BentRegion`.
     base : (4,), optional
         Attitude q_nb of a fixed first segment; by default its z axis points up and its x axis is the frame's own:
         identity in ENU and NWU, half a turn about x in NED.
@@ -276,22 +294,22 @@ def simulate_chain(
     riders = [one for one in whole.segments if one.unit]
     if not riders:
         raise ParameterError(f"no segment of {whole.name} has a unit; give one to those that carry a sensor.")
-    refused = sorted(set(world) & {"jitter", "lost"})
-    if refused:
-        raise ParameterError(f"the units of a chain share one time line; leave {refused[0]} out.")
+    _require_known(world)
     moves = _programmed(whole, program, seed, given("duration", duration, Quantity.TIME))
     length = moves.duration if duration is None else float(given("duration", duration, Quantity.TIME) or 0.0)
     body = ChainMotion(whole, moves.angles, frame, _root(moves, frame, base))
     true_mounts = _mounted(whole, mounts, mount_angle, mount_shift, seed)
     ends = (given("gyr_range", gyr_range, Quantity.RATE), given("acc_range", acc_range, Quantity.ACCELERATION))
+    bends = _bends(whole, riders, bend, bend_at, frame) + _known(disturbances, whole)
+    tissue = _tissue(soft)
     units: dict[str, Simulation] = {}
     for number, rider in enumerate(riders):
-        own = seed if number == 0 else 1000 * seed + number
+        own = unit_seed(seed, number)
         motion = _UnitMotion(body, rider.name, true_mounts[rider.unit])
-        if soft:
-            motion = replace(motion, sway=_sway(motion, soft, length, stream(seed, rider.unit, "soft")))
+        if tissue is not None:
+            motion = replace(motion, sway=_sway(motion, tissue, length, stream(seed, rider.unit, "soft")))
         units[rider.unit] = simulate(
-            _Ridden(unit=motion, title=moves.name, length=length, disturbances=_known(disturbances, whole)),
+            _Ridden(unit=motion, title=moves.name, length=length, disturbances=bends),
             frame=frame, sensors=_module(sensors, rider.unit, own).with_range(*ends), unit=unit, seed=own, rate=rate,
             duration=length, **world,
         )  # fmt: skip
@@ -363,8 +381,31 @@ def _known(disturbances: Sequence[Disturbance], chain: Chain) -> tuple[Disturban
     return tuple(disturbances)
 
 
-def _sway(motion: _UnitMotion, soft: bool | SoftTissue, length: float, rng: np.random.Generator) -> Signal:
-    tissue = SoftTissue() if soft is True else check.kind("soft", soft, SoftTissue)
+def _require_known(world: Mapping[str, Any]) -> None:
+    for name in world:
+        if name in {"jitter", "lost"}:
+            raise ParameterError(f"the units of a chain share one time line; leave {name} out.")
+        if name not in SETTINGS and name != "noise":
+            raise ParameterError(f"a chain has no setting '{name}'; known are {', '.join(SETTINGS)}.")
+
+
+def _bends(
+    chain: Chain, riders: Sequence[Segment], bend: float | str, at: str | None, frame: Frame
+) -> tuple[Disturbance, ...]:
+    strength = given("bend", bend, Quantity.FIELD) or 0.0
+    segment = riders[len(riders) // 2].name if at is None else at
+    return (bent_at(chain, segment, strength, frame),) if strength or at is not None else ()
+
+
+def _tissue(soft: bool | str | SoftTissue) -> SoftTissue | None:
+    if isinstance(soft, SoftTissue):
+        return soft
+    if soft not in (True, False, "yes", "no"):
+        raise ParameterError(f"soft must be yes or no, or a SoftTissue, but it is {check.said(soft)}.")
+    return SoftTissue() if soft in (True, "yes") else None
+
+
+def _sway(motion: _UnitMotion, tissue: SoftTissue, length: float, rng: np.random.Generator) -> Signal:
     start = -0.1  # before the first value that a sensor with a latency gives
     t = start + _DRIVE_STEP * np.arange(int((length - 2.0 * start) / _DRIVE_STEP) + 2, dtype=np.float64)
     force = motion.body.truth(t)[motion.segment].at_lever(motion.mount.lever_b).specific_force_b
