@@ -17,9 +17,9 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, Dipole, EulerMotion, SoftTissue, simulate_chain
+from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, Dipole, EulerMotion, Program, SoftTissue, simulate_chain
 from plumbob.simulation.bodies import ChainMotion, _UnitMotion
-from plumbob.simulation.signals import Sinusoids, Stack, constant, sinusoid
+from plumbob.simulation.signals import Polynomial, Sinusoids, Stack, constant, sinusoid
 
 T = np.linspace(0.1, 6.3, 120)
 Z = (0.0, 0.0, 1.0)
@@ -99,9 +99,6 @@ def test_one_hinge_is_a_turntable():
 
 
 def test_a_constant_turn_pulls_to_the_axis_by_omega_squared_r():
-    from plumbob.simulation.programs import Program
-    from plumbob.simulation.signals import Polynomial
-
     chain, omega = planar(0.3, 0.25), deg(200.0)
     turn = Program("turn", Stack((Polynomial((0.0, omega)), constant(0.0))), 2.0)
     made = simulate_chain(chain, turn, frame=Frame.NWU, unit="calibrated", seed=0)
@@ -151,6 +148,23 @@ def test_ideal_units_say_what_their_true_mounts_make_of_the_segment():
         assert nominal.q_bs == segment.mount.q_bs
         assert 0.0 < quat_angle(nominal.q_bs, mount.q_bs) <= deg(5.0)
         assert 0.0 < np.linalg.norm(r - nominal.lever_b) <= 0.02
+
+
+def test_fixed_joints_make_an_array_on_one_body():
+    levers = {"a": (0.1, 0.0, 0.0), "b": (0.0, -0.2, 0.05)}
+    board = Chain(
+        "board",
+        (Segment("body"), *(Segment(name, name) for name in levers)),
+        tuple(Joint(name, "body", name, "fixed", origin=lever) for name, lever in levers.items()),
+    )
+    root = EulerMotion(Frame.ENU, sinusoid3(0.5, 0.4), sinusoid3(0.2, 0.3))
+    made = simulate_chain(
+        board, Program("swung", constant(np.zeros(0)), 3.0, root=root), frame="ENU", unit="calibrated", seed=0
+    )
+    body = root.truth(made.t)
+    for name, lever in levers.items():
+        np.testing.assert_allclose(made.array.units[name].acc, body.at_lever(lever).specific_force_b, atol=1e-11)
+        np.testing.assert_allclose(made.array.units[name].gyr, body.rate_b, atol=1e-13)
 
 
 def test_drawn_mounts_fill_the_ball():
@@ -229,6 +243,19 @@ def test_a_bent_region_fades_as_a_bell_curve():
     np.testing.assert_allclose(found[:, 0], [20.0, 20.0 * np.exp(-2.0)])
 
 
+@pytest.mark.parametrize("frame", list(Frame))
+def test_a_bent_field_is_bent_to_the_east_at_its_unit_and_less_at_the_next(frame):
+    common = {"frame": frame, "unit": "calibrated", "seed": 3, "duration": 6.0}
+    plain, bent = (simulate_chain("arm", "fast", **common, bend=bend) for bend in (0.0, "20 uT"))
+    change = {
+        name: quat_rotate(unit.kinematics.q_nb, bent.array.units[name].mag - plain.array.units[name].mag)
+        for name, unit in plain.units.items()
+    }
+    # at the nominal place of the unit; it sits there, as no mounting error was asked for
+    np.testing.assert_allclose(change["forearm"], np.tile(20.0 * frame.east, (600, 1)), atol=1e-9)
+    assert 1.0 < np.linalg.norm(change["hand"], axis=1).max() < 20.0
+
+
 def test_each_unit_has_errors_and_noise_of_its_own_and_a_seed_repeats_all():
     made, again = (
         simulate_chain("arm", "slow", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=9, duration=3.0)
@@ -265,6 +292,9 @@ def test_other_ranges_cut_into_as_many_counts():
         ({"mounts": {}, "mount_angle": 0.1}, ParameterError, "either mounts"),
         ({"mount_angle": -0.1}, ParameterError, "mounting error"),
         ({"sensors": {}}, ParameterError, "'upperarm' has none"),
+        ({"soft": "maybe"}, ParameterError, "yes or no"),
+        ({"bend": "20 uT", "bend_at": "base"}, ParameterError, "not at 'base'"),
+        ({"strenght": 3.0}, ParameterError, "no setting 'strenght'"),
         ({"chain": "five", "base": (1, 0, 0, 0)}, ParameterError, "leave base out"),
         ({"duration": -1.0}, ParameterError, "duration"),
         ({"chain": Chain("bare", (Segment("a"),))}, ParameterError, "has a unit"),
@@ -289,3 +319,5 @@ def test_programs_keep_their_chain_within_its_limits(name, program):
     for start, end in made.program.stops:
         rows = (made.t > start) & (made.t < end)
         assert not jet.rate[rows].any()
+        assert all(not body.rate_b[rows].any() and not body.vel_n[rows].any() for body in made.bodies.values())
+    assert made.program.stops[0][0] == 0.0

@@ -21,8 +21,8 @@ def add_parser(verbs: common.Adder) -> None:
     p = verbs.add_parser(
         "sim",
         help="simulate a recording with its truth",
-        description="Simulate what sensors would record in a scenario, and the truth beside it in the same file. With a "
-        "chain, simulate the units on its segments; true joint angles and the chain are written beside them.",
+        description="Simulate what sensors would record in a scenario, and the truth beside it in the same file. With "
+        "a chain, simulate the units on its segments; true joint angles and the chain are written beside them.",
         epilog=common.more("plumbob sim buoy --frame NED --duration 60s --out sea.parquet", "start.md"),
     )
     add_scenario_options(p, optional=True)

@@ -69,6 +69,7 @@ class Recording(Shown):
         held |= {} if self.array is None else {"units": ", ".join(self.array.names)}
         return {"name": self.name or "not named", **held, "notes": str(len(self.notes))}
 
+
     def of_unit(self, unit: str | None) -> "Recording":
         """One unit alone, by its name or its number from 1; a recording of one unit is its own.
 

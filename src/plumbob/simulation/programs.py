@@ -266,7 +266,9 @@ def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration
     if not 0.0 < duration < math.inf:
         raise ParameterError(f"duration must be positive, but it is {duration:g} s.")
     made = PROGRAMS[name](chain, rng, duration)
-    stops = tuple((start, min(end, duration)) for start, end in made.stops if start < duration)
     root = None if chain.base_fixed else _wander(rng, still=name == "still")
-    carried = name not in {"calibration", "fast"} and root is not None and name != "still"
-    return Program(f"{made.name} of {chain.name}", made.angles, duration, () if carried else stops, root)
+    rests = root is None or name == "still"  # one that is carried stands still before it is taken up, and never again
+    stops = tuple(
+        (start, min(end, duration)) for start, end in made.stops if start < duration and (rests or end <= _LEAD)
+    )
+    return Program(f"{made.name} of {chain.name}", made.angles, duration, stops, root)
