@@ -180,6 +180,20 @@ def test_drawn_mounts_fill_the_ball():
     assert np.mean(np.square(size)) == pytest.approx(0.6 * deg(5.0) ** 2, rel=4 * 0.031)
 
 
+def test_a_clock_that_is_late_takes_its_values_later():
+    late = {"hand": Mount(lever_b=(0.05, 0.0, 0.02), clock_offset=0.03)}
+    common = {"frame": "NED", "unit": "calibrated", "seed": 1, "duration": 5.0, "bend": 20.0, "bend_at": "hand"}
+    plain = simulate_chain("arm", "fast", **common)
+    found = simulate_chain("arm", "fast", **common, mounts=late)
+    for triad in ("gyr", "acc", "mag"):  # three steps of 10 ms
+        one, other = (getattr(made.array.units["hand"], triad) for made in (found, plain))
+        np.testing.assert_allclose(one[:-3], other[3:], atol=1e-10)
+    np.testing.assert_array_equal(found.bodies["hand"].q_nb, plain.bodies["hand"].q_nb)
+    drawn = simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, duration=1.0, mount_clock="5 ms")
+    assert all(0.0 < abs(one.clock_offset) <= 0.005 for one in drawn.mounts.values())
+    assert not any(one.clock_offset for one in drawn.array.mounts.values())
+
+
 def test_mounts_may_be_given_and_must_be_known():
     mount = Mount(tuple(quat_from_rotvec([0.1, 0.0, 0.0]).tolist()), (0.2, 0.0, 0.0))
     made = simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, duration=1.0, mounts={"hand": mount})

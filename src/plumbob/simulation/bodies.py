@@ -34,7 +34,7 @@ _DRIVE_STEP = 0.0025
 """s between the knots of the force that drives soft tissue; in between it goes in straight lines."""
 
 SETTINGS: Final = (
-    "mount_angle", "mount_shift", "soft", "bend", "bend_at", "gyr_range", "acc_range",
+    "mount_angle", "mount_shift", "mount_clock", "soft", "bend", "bend_at", "gyr_range", "acc_range",
     *(name for name in WORLD if name not in {"jitter", "lost"}),
 )  # fmt: skip
 """Arguments of `simulate_chain` that a command line gives as text."""
@@ -98,11 +98,16 @@ class _UnitMotion:
     mount: Mount
     sway: Signal | None = None
 
+    def segments(self, t: Floats) -> dict[str, Truth]:
+        """State of each segment when the unit takes the values of its times t (N,), s."""
+        return self.body.truth(t + self.mount.clock_offset if self.mount.clock_offset else t)
+
     def truth(self, t: Floats) -> Truth:
-        segment = self.body.truth(t)[self.segment]
+        """State of the unit, in its axes, when it takes the values of its times t (N,), s."""
+        segment = replace(self.segments(t)[self.segment], t=t)
         if self.sway is None:
             return segment.at_lever(self.mount.lever_b).turned(self.mount.q_bs)
-        jet = self.sway.at(t)
+        jet = self.sway.at(t + self.mount.clock_offset)
         place = Jet(jet.value[:, :3] + self.mount.lever_b, jet.rate[:, :3], jet.acc[:, :3])
         at = segment.at_moving(place)
         for k, axis in enumerate(np.eye(3), 3):
@@ -135,7 +140,7 @@ class _Ridden(Scenario):
 
     def field_n(self, body: Truth, earth_n: Floats) -> Floats:
         """Field at the unit, (3,) or (N, 3), µT: the Earth's, and what bends it there."""
-        segments = self.unit.body.truth(body.t) if any(one.on for one in self.disturbances) else {}
+        segments = self.unit.segments(body.t) if any(one.on for one in self.disturbances) else {}
         total = earth_n
         for one in self.disturbances:
             total = total + one.at(body.pos_n, segments[one.on] if one.on else None)
@@ -161,7 +166,7 @@ class ChainSimulation(Series):
     mounts : mapping of str to Mount
         How the units really sit, by unit; with soft tissue about where they sway.
     units : mapping of str to Simulation
-        Each unit's simulation: truth in its own axes, calibration, noise.
+        Each unit's simulation: truth in its own axes when it took its values, calibration, noise.
     program : Program
         What the joints do.
     """
@@ -227,6 +232,7 @@ def simulate_chain(
     duration: float | str | None = None,
     mount_angle: float | str = 0.0,
     mount_shift: float | str = 0.0,
+    mount_clock: float | str = 0.0,
     mounts: Mapping[str, Mount] | None = None,
     soft: bool | str | SoftTissue = False,
     bend: float | str = 0.0,
@@ -260,6 +266,8 @@ def simulate_chain(
     mount_angle, mount_shift : float
         Largest errors of the units' mounting, rad and m, drawn: each unit's turn and displacement lie in a ball of
         that radius.
+    mount_clock : float
+        Largest offset of the units' clocks, s, drawn evenly to both sides; `Mount.clock_offset` says its sign.
     mounts : mapping of str to Mount, optional
         How units really sit, by unit, instead of drawn errors.
     soft : bool, "yes", "no" or SoftTissue
@@ -298,7 +306,7 @@ def simulate_chain(
     moves = _programmed(whole, program, seed, given("duration", duration, Quantity.TIME))
     length = moves.duration if duration is None else float(given("duration", duration, Quantity.TIME) or 0.0)
     body = ChainMotion(whole, moves.angles, frame, _root(moves, frame, base))
-    true_mounts = _mounted(whole, mounts, mount_angle, mount_shift, seed)
+    true_mounts = _mounted(whole, mounts, (mount_angle, mount_shift, mount_clock), seed)
     ends = (given("gyr_range", gyr_range, Quantity.RATE), given("acc_range", acc_range, Quantity.ACCELERATION))
     bends = _bends(whole, riders, bend, bend_at, frame) + _known(disturbances, whole)
     tissue = _tissue(soft)
@@ -355,14 +363,14 @@ def _root(program: Program, frame: Frame, base: ArrayLike | None) -> Motion | Qu
 
 
 def _mounted(
-    chain: Chain, mounts: Mapping[str, Mount] | None, angle: float | str, shift: float | str, seed: int
+    chain: Chain, mounts: Mapping[str, Mount] | None, largest: tuple[float | str, ...], seed: int
 ) -> dict[str, Mount]:
-    turn = given("mount_angle", angle, Quantity.ANGLE) or 0.0
-    way = given("mount_shift", shift, Quantity.LENGTH) or 0.0
+    named = zip(("angle", "shift", "clock"), largest, (Quantity.ANGLE, Quantity.LENGTH, Quantity.TIME), strict=True)
+    errors = {name: given(f"mount_{name}", value, quantity) or 0.0 for name, value, quantity in named}
     if mounts is None:
-        return drawn_mounts(chain, angle=turn, shift=way, seed=seed)
-    if turn or way:
-        raise ParameterError("give either mounts or errors to draw, mount_angle and mount_shift.")
+        return drawn_mounts(chain, **errors, seed=seed)
+    if any(errors.values()):
+        raise ParameterError("give either mounts or errors to draw: mount_angle, mount_shift, mount_clock.")
     return mounts_of(chain, mounts)
 
 
