@@ -167,6 +167,16 @@ def test_fixed_joints_make_an_array_on_one_body():
         np.testing.assert_allclose(made.array.units[name].gyr, body.rate_b, atol=1e-13)
 
 
+def test_a_board_of_units_is_carried_about_by_a_named_program():
+    board = Chain(
+        "board", (Segment("body"), Segment("a", "a")), (Joint("a", "body", "a", "fixed", origin=(0.1, 0.0, 0.0)),)
+    )
+    made = simulate_chain(board, "fast", frame="NED", unit="calibrated", seed=1, duration=5.0)
+    assert made.angles.shape == (500, 0)
+    assert np.abs(made.array.units["a"].gyr).max() > 0.3
+    assert made.program.stops == ()
+
+
 def test_drawn_mounts_fill_the_ball():
     made = [
         simulate_chain("five", "still", frame="NED", unit="calibrated", seed=k, duration=0.1, mount_angle=deg(5.0))
