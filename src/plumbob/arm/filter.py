@@ -2,7 +2,7 @@
 
 Each unit is integrated by itself from keyframe to keyframe. There, three things are known:
 
-* the force at a joint's centre is one force, whichever side computes it: ``R₁(f₁ − K₁r₁) = R₂(f₂ − K₂r₂)`` with
+* the force at a joint's centre is one force, whichever side computes it: ``R₁(f₁ + K₁r₁) = R₂(f₂ + K₂r₂)`` with
   ``K = [ω̇]× + [ω]×²`` and r the arm from unit to centre [Kok2014];
 * both sides of a hinge see one axis, ``R₁j₁ = R₂j₂``; those of a universal joint see two at right angles; a fixed
   joint lets nothing through;
@@ -130,7 +130,7 @@ def at_joint(
     sx, sy, sz = cross(wx, wy, wz, rx, ry, rz)
     tx, ty, tz = cross(wx, wy, wz, sx, sy, sz)
     ex, ey, ez = cross(ax, ay, az, rx, ry, rz)
-    return rotate(m0, m1, m2, m3, fx - ex - tx, fy - ey - ty, fz - ez - tz)  # [Kok2014]
+    return rotate(m0, m1, m2, m3, fx + ex + tx, fy + ey + ty, fz + ez + tz)  # [Kok2014]
 
 
 @njit

@@ -154,7 +154,7 @@ def arms_from_sizes(samples: Samples, link: Link) -> Floats:
     force = acc[:, ::every]
 
     def off(x: Floats) -> Floats:
-        ends = force - np.einsum("unij,uj->uni", lever, x.reshape(2, 3))
+        ends = force + np.einsum("unij,uj->uni", lever, x.reshape(2, 3))
         sizes = np.linalg.norm(ends, axis=2)
         return np.asarray(sizes[0] - sizes[1])
 
@@ -167,12 +167,12 @@ def arms_from_sizes(samples: Samples, link: Link) -> Floats:
 
 def fit_arms(terms: Terms, link: Link, prior: Prior) -> Fit:
     """Arms that give both sides of a joint one force; linear least squares that a few bad moments do not disturb."""
-    child = -terms.matrix[link.child] @ terms.lever[link.child]
+    child = terms.matrix[link.child] @ terms.lever[link.child]
     ours = np.einsum("nij,nj->ni", terms.matrix[link.child], terms.force[link.child])
     if link.parent == GROUND:
         parent, theirs = np.zeros_like(child), np.broadcast_to([0.0, 0.0, G0], ours.shape)
     else:
-        parent = terms.matrix[link.parent] @ terms.lever[link.parent]
+        parent = -terms.matrix[link.parent] @ terms.lever[link.parent]
         theirs = np.einsum("nij,nj->ni", terms.matrix[link.parent], terms.force[link.parent])
     both, off = np.concatenate((parent, child), axis=2), theirs - ours
     a, alike = _slow(both, terms.t)
