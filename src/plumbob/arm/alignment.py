@@ -55,8 +55,6 @@ SHORTEST: Final = 5.0
 MOUNT_ANGLE: Final = deg(5.0)
 MOUNT_SHIFT: Final = 0.02
 """A unit sits as the chain says to these standard deviations, rad and m."""
-HEADING_SD: Final = deg(3.0)
-"""What a posture says of the heading between two units is known to this, rad."""
 LENGTH_SD: Final = 0.003
 AXIS_SD: Final = deg(0.5)
 """The chain's own lengths, m, and axes, rad, are right to these."""
@@ -586,10 +584,7 @@ class _MountProblem:
             )  # fmt: skip
             after = quat_multiply(attitudes[child], quat_conjugate(np.array(mounts[joint.child].q_bs)))
             off = quat_multiply(quat_conjugate(quat_multiply(before, joint.turned(own)[0])), after)
-            turn, up = rotvec_from_quat(off), quat_rotate(quat_conjugate(after), [0.0, 0.0, 1.0])
-            # the heading between two units comes from the same axes: it says little that these have not said
-            heading = turn @ up
-            rows += [(turn - heading * up) / self._pose_sd, np.array([heading / np.hypot(self._pose_sd, HEADING_SD)])]
+            rows.append(rotvec_from_quat(off) / self._pose_sd)
         return rows
 
 

@@ -362,7 +362,7 @@ class _Reading:
             change = (ahead - behind + math.pi) % (2.0 * math.pi) - math.pi
             columns.append(change / (2.0 * _SMALL))
         slope = np.stack(columns, axis=2)
-        return np.sqrt(np.maximum(np.einsum("kdi,kij,kdj->kd", slope, cov, slope), 0.0))
+        return np.asarray(np.sqrt(np.maximum(np.einsum("kdi,kij,kdj->kd", slope, cov, slope), 0.0)))
 
     def _hand(self, angles: Floats) -> tuple[Floats, Floats]:
         """Position of the hand (N, 3), m, in the frame asked for, and its standard deviations at keyframes (K, 3)."""

@@ -13,7 +13,8 @@ from plumbob.arm.filter import WIDTH, ChainFilter, Keyframe, Params, Samples
 from plumbob.arm.links import GROUND, Link
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
-from plumbob.core.units import deg
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg, to_deg
 from plumbob.rotations import (
     dcm_from_quat,
     quat_conjugate,
@@ -33,6 +34,8 @@ LONGEST_START: Final = 60.0
 """or after this, s, whatever they know."""
 POSE_SD: Final = deg(3.0)
 """A posture that somebody takes up is known to this, rad."""
+POSE_LIMIT: Final = deg(20.0)
+"""Further than this, rad, a unit is not tilted away from its place in a posture."""
 LOST: Final = deg(90.0)
 FRAME_SD: Final = deg(0.01)
 SPAN: Final = 300.0
@@ -126,6 +129,7 @@ def begin(
     units = len(q)
     sd = np.full((units, 3), TILT_SD)
     if pose is not None:
+        _require_pose(q, pose, links)
         turn, free = _heading_of_pose(q, pose, links), not _grounded(links)
         sd[:, 2] = POSE_SD
         turns, ready = turn, float(samples.t[0])
@@ -166,11 +170,29 @@ def first_tilts(samples: Samples) -> Floats:
     return level
 
 
+def _require_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> None:
+    """Refuse a posture whose tilts are not those that gravity shows."""
+    pose = _posed(q, pose, links)
+    up = np.array([0.0, 0.0, 1.0])
+    ours, theirs = quat_rotate(quat_conjugate(q), up), quat_rotate(quat_conjugate(pose), up)
+    off = np.arccos(np.clip(np.einsum("ui,ui->u", ours, theirs), -1.0, 1.0))
+    if off.max() > POSE_LIMIT:
+        raise ParameterError(
+            f"the pose does not fit the first {TILT_TIME:g} s: gravity shows a unit tilted {to_deg(off.max()):.0f}° "
+            "away from it. Give the angles that were held at the first sample, or leave the pose out."
+        )
+
+
+def _posed(q: Floats, pose: Floats, links: Sequence[Link]) -> Floats:
+    """Attitudes of a posture in the frame; turned as the first unit is, where the root is free."""
+    if _grounded(links):
+        return pose
+    return quat_multiply(quat_multiply(q[0], quat_conjugate(pose[0])), pose)
+
+
 def _heading_of_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> Floats:
     """Turns about the vertical (U,) that bring attitudes nearest to those of a posture."""
-    if not _grounded(links):
-        pose = quat_multiply(quat_multiply(q[0], quat_conjugate(pose[0])), pose)
-    off = quat_multiply(pose, quat_conjugate(q))
+    off = quat_multiply(_posed(q, pose, links), quat_conjugate(q))
     return np.asarray(2.0 * np.arctan2(off[:, 3], off[:, 0]))
 
 
