@@ -6,14 +6,23 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.arm.angles import JointTrack
+    from plumbob.arm.program import Deviation, Program, Stop, taught
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "Deviation": "program",
         "JointTrack": "angles",
+        "Program": "program",
+        "Stop": "program",
+        "taught": "program",
     },
 )
 
 __all__ = [
+    "Deviation",
     "JointTrack",
+    "Program",
+    "Stop",
+    "taught",
 ]
