@@ -43,6 +43,8 @@ _WINDOW: Final = 3.0
 """Knots on either side over which a lower speed is spread."""
 _BENDING: Final = 1e-6
 """Weight of the third difference of control points against samples: it decides only where samples are missing."""
+_LEAST: Final = 2
+"""Rows of a motion, at least, less one."""
 _FINEST: Final = 8.0
 """A slow run of still samples is looked at with a tolerance down to this part of the first one."""
 
@@ -226,13 +228,18 @@ def taught(
         for k, (start, end) in enumerate(_between(rests, t.size))
     ]
     factor = 1.0
-    while True:  # once; again where a peak between the points that were looked at shows in the samples
+    for _ in range(_ROUNDS):  # once; again where a peak between the points that were looked at shows in the samples
         times, angles, velocities, accelerations, spans = _sampled(t, rests, poses, motions, rate, factor)
         angles = np.clip(angles, [one.low for one in bounds], [one.high for one in bounds])  # by the last bit
-        over = max(_ratios(angles, 1.0 / rate, bounds))
+        over = _over(angles, velocities, accelerations, rate, bounds)
         if over <= 1.0:
             break
         factor *= 1.001 * over
+    else:
+        raise ParameterError(
+            f"no program at {rate:g} Hz keeps these limits: a jerk of the last bit of an angle is greater. Lower the "
+            "rate, or raise the limits."
+        )
     found = [
         Stop(*span, tuple(pose.tolist()), float(t[rest[0]]))
         for span, pose, rest in zip(spans, poses, rests, strict=True)
@@ -320,10 +327,12 @@ def stops_of(t: Floats, angles: Floats, *, still: float, dwell: float, smooth: f
     mean = uniform_filter1d(angles, 2 * round(0.5 * smooth / step) + 1, axis=0, mode="nearest")
     width = max(2, 1 + int(np.ceil(dwell / step - 1e-6)))
     found = [_trimmed(mean, rest, width, still) for rest in _still(mean, 0, width, still, still / _FINEST)]
+    last = t.size - 1
+    found = [(0 if a <= _LEAST else a, last if b >= last - _LEAST else b) for a, b in found]
     if not found or found[0][0] > 0:
         found.insert(0, (0, 0))
-    if found[-1][1] < t.size - 1:
-        found.append((t.size - 1, t.size - 1))
+    if found[-1][1] < last:
+        found.append((last, last))
     return found
 
 
@@ -345,7 +354,7 @@ def _still(mean: Floats, offset: int, width: int, still: float, least: float) ->
             found += _still(run, first, width, 0.5 * still, least)
     apart: list[tuple[int, int]] = []
     for first, last in found:  # two runs of windows may share rows, and a motion needs some
-        begin = max(first, apart[-1][1] + 3) if apart else first
+        begin = max(first, apart[-1][1] + _LEAST + 1) if apart else first
         if last - begin + 1 >= width:
             apart.append((begin, last))
     return apart
@@ -538,10 +547,16 @@ def _used(angles: Floats, step: float, bounds: Sequence[Limits]) -> dict[str, fl
     return found
 
 
-def _ratios(angles: Floats, step: float, bounds: Sequence[Limits]) -> list[float]:
-    """By which factor the motion would have to be slower for each limit of a rate."""
-    used = _used(angles, step, bounds)
-    return [used[name] ** (1.0 / order) for order, name in enumerate(("velocity", "acceleration", "jerk"), 1)]
+def _over(angles: Floats, velocities: Floats, accelerations: Floats, rate: float, bounds: Sequence[Limits]) -> float:
+    """By which factor the motions would have to be slower to keep the limits in every sample."""
+    used = _used(angles, 1.0 / rate, bounds)
+    found: list[float] = []
+    for name, values in (("velocity", velocities), ("acceleration", accelerations)):
+        tops = [getattr(one, name) for one in bounds]
+        used[name] = max(used[name], float((np.abs(values).max(axis=0) / tops).max()))
+    for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
+        found.append(float(used[name] ** (1.0 / order)))
+    return max(found)
 
 
 def _deviations(
