@@ -43,6 +43,8 @@ _WINDOW: Final = 3.0
 """Knots on either side over which a lower speed is spread."""
 _BENDING: Final = 1e-6
 """Weight of the third difference of control points against samples: it decides only where samples are missing."""
+_INSTANT: Final = 1e-9
+"""Shorter times are rounding, s."""
 _LEAST: Final = 2
 """Rows of a motion, at least, less one."""
 _FINEST: Final = 8.0
@@ -520,16 +522,16 @@ def _sampled(
     for k, (first, last) in enumerate(rests):
         spans.append((now, now + float(t[last] - t[first])))
         now = spans[-1][1] + (motions[k].duration * factor if k < len(motions) else 0.0)
-    times = np.arange(1 + int(np.ceil(spans[-1][1] * rate - 1e-9))) / rate
+    times = np.arange(1 + int(np.ceil((spans[-1][1] - _INSTANT) * rate))) / rate
     angles = np.empty((times.size, poses.shape[1]))
     velocities, accelerations = np.zeros_like(angles), np.zeros_like(angles)
     angles[times <= spans[0][1]] = poses[0]
     for k, motion in enumerate(motions):
         start, end = spans[k][1], spans[k + 1][0]
-        rows = (times > start) & (times < end)
+        rows = (times > start) & (times < end - _INSTANT)
         found = motion.at((times[rows] - start) / factor)
         angles[rows], velocities[rows], accelerations[rows] = found[0], found[1] / factor, found[2] / factor**2
-        angles[times >= end] = poses[k + 1]
+        angles[times >= end - _INSTANT] = poses[k + 1]
     return times, angles, velocities, accelerations, spans
 
 
