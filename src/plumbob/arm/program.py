@@ -523,7 +523,7 @@ def _sampled(
         spans.append((now, now + float(t[last] - t[first])))
         now = spans[-1][1] + (motions[k].duration * factor if k < len(motions) else 0.0)
     times = np.arange(1 + int(np.ceil((spans[-1][1] - _INSTANT) * rate))) / rate
-    angles = np.empty((times.size, poses.shape[1]))
+    angles = np.repeat(poses[-1:], times.size, axis=0)
     velocities, accelerations = np.zeros_like(angles), np.zeros_like(angles)
     angles[times <= spans[0][1]] = poses[0]
     for k, motion in enumerate(motions):
