@@ -6,6 +6,7 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.arm.angles import JointTrack
+    from plumbob.arm.exported import export
     from plumbob.arm.program import Deviation, Program, Stop, taught
 
 __getattr__, __dir__ = lazily(
@@ -15,6 +16,7 @@ __getattr__, __dir__ = lazily(
         "JointTrack": "angles",
         "Program": "program",
         "Stop": "program",
+        "export": "exported",
         "taught": "program",
     },
 )
@@ -24,5 +26,6 @@ __all__ = [
     "JointTrack",
     "Program",
     "Stop",
+    "export",
     "taught",
 ]
