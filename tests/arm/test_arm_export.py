@@ -21,7 +21,7 @@ def program() -> Program:
     """2.5 s and names that need quotes; its smallest numbers have powers of ten."""
     made = taught(pick_and_place([[0.0, 1e-5], [0.3, 0.4]], rest=0.5, move=1.5), Limits(jerk=50.0), rate=125.0)
     return Program(
-        made.t, made.angles, ("elbow: left", 'wrist "1"'), made.velocities, made.accelerations, made.stops
+        made.t, made.angles, ("elbow: left", 'wrist "1"'), made.velocities, made.accelerations, made.recorded
     )  # fmt: skip
 
 
@@ -73,10 +73,11 @@ def test_csv_is_read_by_csv_and_by_us(program: Program, tmp_path: Path, unit: st
     file = export(program, tmp_path / "p.csv", unit=unit)
     with file.open(newline="") as stream:
         head, *rows = csv.reader(stream)
-    assert head == ["t [s]", f"elbow: left [{unit}]", f'wrist "1" [{unit}]']
-    np.testing.assert_allclose(np.array(rows, dtype=float)[:, 1:], program.angles * factor, rtol=1e-15)
+    assert head == ["t [s]", "recorded [s]", f"elbow: left [{unit}]", f'wrist "1" [{unit}]']
+    np.testing.assert_allclose(np.array(rows, dtype=float)[:, 2:], program.angles * factor, rtol=1e-15)
     np.testing.assert_allclose(JointTrack.load(file).angles, program.angles, rtol=1e-15)
-    again = Program.of(JointTrack.load(file))
+    again = Program.load(file)
+    np.testing.assert_array_equal(again.recorded, program.recorded)
     # Central differences of a motion whose third derivative is at most 50 rad/s³: 50 · 0.008² / 6, of the ends
     # 50 · 0.008² / 2 (Taylor).
     np.testing.assert_allclose(again.velocities, program.velocities, atol=50 * 0.008**2)

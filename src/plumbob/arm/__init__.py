@@ -8,24 +8,36 @@ if TYPE_CHECKING:
     from plumbob.arm.angles import JointTrack
     from plumbob.arm.exported import export
     from plumbob.arm.program import Deviation, Program, Stop, taught
+    from plumbob.arm.replayed import HandError, Replay, replay
+    from plumbob.arm.urdf import chain_from_urdf, urdf_text
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
         "Deviation": "program",
+        "HandError": "replayed",
         "JointTrack": "angles",
         "Program": "program",
+        "Replay": "replayed",
         "Stop": "program",
+        "chain_from_urdf": "urdf",
         "export": "exported",
+        "replay": "replayed",
         "taught": "program",
+        "urdf_text": "urdf",
     },
 )
 
 __all__ = [
     "Deviation",
+    "HandError",
     "JointTrack",
     "Program",
+    "Replay",
     "Stop",
+    "chain_from_urdf",
     "export",
+    "replay",
     "taught",
+    "urdf_text",
 ]

@@ -14,12 +14,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from plumbob.arm.angles import TIME, JointTrack
+from plumbob.arm.angles import RECORDED, TIME, write_table
 from plumbob.arm.program import Program
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import replacing, write_text
+from plumbob.core.files import write_text
 from plumbob.core.time import to_ns
 from plumbob.core.units import from_si
 from plumbob.files.mcap import Schema
@@ -97,11 +97,8 @@ def export(program: Program, path: str | Path, *, unit: str = "rad", overwrite: 
     check.one_of("unit", unit, ("rad", "deg"))
     if unit != "rad" and suffix != ".csv":
         raise ParameterError(f"{suffix} is always in radians; leave the unit {unit} out, or write a .csv file.")
-    if suffix == ".csv":
-        with replacing(file, overwrite=overwrite) as temporary:
-            _write_csv(temporary, program.track(), unit)
-    elif suffix == ".parquet":
-        program.track().save(file, overwrite=overwrite)
+    if suffix in (".csv", ".parquet"):
+        write_table(file, _table(program, unit), source="program", overwrite=overwrite)
     elif suffix == ".mcap":
         _write_mcap(file, program, overwrite)
     elif suffix == ".json":
@@ -134,15 +131,11 @@ def _points(program: Program) -> Iterator[tuple[int, Floats, Floats, Floats]]:
     yield from zip(times, program.angles, program.velocities, program.accelerations, strict=True)
 
 
-def _write_csv(file: Path, track: JointTrack, unit: str) -> None:
-    """Table of times and angles; `JointTrack.load` reads it."""
-    import csv
-
-    with file.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([TIME, *(f"{name} [{unit}]" for name in track.names)])
-        values = from_si(track.angles, unit)
-        writer.writerows([repr(t), *map(repr, row)] for t, row in zip(track.t.tolist(), values.tolist(), strict=True))
+def _table(program: Program, unit: str) -> dict[str, Floats]:
+    """Times, recorded times and angles; `Program.load` reads them."""
+    angles = from_si(program.angles, unit)
+    columns = {f"{name} [{unit}]": angles[:, k] for k, name in enumerate(program.names)}
+    return {TIME: program.t, RECORDED: np.asarray(program.recorded), **columns}
 
 
 def _yaml(program: Program) -> Iterator[str]:

@@ -15,11 +15,12 @@ keep the limits as well.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from plumbob.arm.angles import TIME, JointTrack
+from plumbob.arm.angles import RECORDED, TIME, JointTrack, read_table
 from plumbob.core import check, units
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
@@ -89,6 +90,8 @@ class Program(Series):
         rad, rad/s, rad/s².
     names : tuple of str
         Names of the angles.
+    recorded : ndarray (N,)
+        When the recording was at the same place of the path, s; as `t` where it was not taught.
     stops : tuple of Stop
         In order of time.
     deviations : mapping of str to Deviation
@@ -104,6 +107,7 @@ class Program(Series):
     names: tuple[str, ...]
     velocities: Floats
     accelerations: Floats
+    recorded: Floats | None = None
     stops: tuple[Stop, ...] = ()
     deviations: Mapping[str, Deviation] | None = None
     slowed: float = 1.0
@@ -114,6 +118,8 @@ class Program(Series):
         t = check.column("t", self.t)
         check.increasing_time("t", t)
         object.__setattr__(self, "t", check.read_only(t))
+        recorded = t if self.recorded is None else check.column("recorded", self.recorded, t.size)
+        object.__setattr__(self, "recorded", check.read_only(recorded))
         for name in ("angles", "velocities", "accelerations"):
             values = check.rows(name, getattr(self, name), len(self.names), t.size)
             if not np.isfinite(values).all():
@@ -121,13 +127,18 @@ class Program(Series):
             object.__setattr__(self, name, check.read_only(values))
 
     @classmethod
-    def of(cls, track: JointTrack) -> "Program":
+    def of(cls, track: JointTrack, recorded: Floats | None = None) -> "Program":
         """Take angles as they are for a program, as one that a file holds; its rates are differences of them."""
         if len(track) < 3:
             raise ShapeError(f"a program needs 3 samples, but {counted(len(track), 'sample')} came.")
         velocities = np.gradient(track.angles, track.t, axis=0)
         accelerations = np.gradient(velocities, track.t, axis=0)
-        return cls(track.t, track.angles, track.names, velocities, accelerations)
+        return cls(track.t, track.angles, track.names, velocities, accelerations, recorded)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Program":
+        """Read a program, or any angles, from a ``.csv`` or ``.parquet`` table; errors as of `JointTrack.load`."""
+        return cls.of(JointTrack.load(path), read_table(path)[0].get(RECORDED))
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -231,7 +242,7 @@ def taught(
     ]
     factor = 1.0
     for _ in range(_ROUNDS):  # once; again where a peak between the points that were looked at shows in the samples
-        times, angles, velocities, accelerations, spans = _sampled(t, rests, poses, motions, rate, factor)
+        times, angles, velocities, accelerations, when, spans = _sampled(t, rests, poses, motions, rate, factor)
         angles = np.clip(angles, [one.low for one in bounds], [one.high for one in bounds])  # by the last bit
         over = _over(angles, velocities, accelerations, rate, bounds)
         if over <= 1.0:
@@ -253,6 +264,7 @@ def taught(
         track.names,
         velocities,
         accelerations,
+        when,
         tuple(found),
         dict(zip(track.names, _deviations(t, q, rests, poses, motions), strict=True)),
         float(times[-1] / (t[-1] - t[0])),
@@ -418,8 +430,8 @@ class _Motion:
         """In the program, s."""
         return float(self.clock(self.path.t[-1]))
 
-    def at(self, times: Floats) -> tuple[Floats, Floats, Floats]:
-        """Angles, velocities and accelerations (M, K) at times of the program."""
+    def at(self, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Angles, velocities and accelerations (M, K) at times of the program, and recorded times (M,)."""
         s = np.interp(times, self.clock(self.path.t), self.path.t)
         slope, bend = self.clock.derivative(), self.clock.derivative(2)
         for _ in range(8):  # Newton; the slope is at least 1
@@ -427,7 +439,7 @@ class _Motion:
         u = 1.0 / slope(s)[:, np.newaxis]
         first, second = self.path.derivative()(s), self.path.derivative(2)(s)
         # u' = −t'' / t'², so that a = q'' u² − q' u³ t''.
-        return self.path(s), first * u, second * u**2 - first * u**3 * bend(s)[:, np.newaxis]
+        return self.path(s), first * u, second * u**2 - first * u**3 * bend(s)[:, np.newaxis], s
 
 
 def _path(t: Floats, q: Floats, ends: Floats, smooth: float, bounds: Sequence[Limits]) -> "BSpline":
@@ -513,8 +525,8 @@ def _sampled(
     motions: Sequence[_Motion],
     rate: float,
     factor: float,
-) -> tuple[Floats, Floats, Floats, Floats, list[tuple[float, float]]]:
-    """Times, angles, velocities and accelerations at a rate, and when each stop begins and ends.
+) -> tuple[Floats, Floats, Floats, Floats, Floats, list[tuple[float, float]]]:
+    """Times, angles, velocities, accelerations and recorded times at a rate, and when each stop begins and ends.
 
     Motions are slower by `factor`.
     """
@@ -526,13 +538,17 @@ def _sampled(
     angles = np.repeat(poses[-1:], times.size, axis=0)
     velocities, accelerations = np.zeros_like(angles), np.zeros_like(angles)
     angles[times <= spans[0][1]] = poses[0]
+    when = np.minimum(t[0] + times, t[-1])
     for k, motion in enumerate(motions):
         start, end = spans[k][1], spans[k + 1][0]
         rows = (times > start) & (times < end - _INSTANT)
         found = motion.at((times[rows] - start) / factor)
         angles[rows], velocities[rows], accelerations[rows] = found[0], found[1] / factor, found[2] / factor**2
-        angles[times >= end - _INSTANT] = poses[k + 1]
-    return times, angles, velocities, accelerations, spans
+        when[rows] = t[rests[k][1]] + found[3]
+        after = times >= end - _INSTANT
+        angles[after] = poses[k + 1]
+        when[after] = np.minimum(t[rests[k + 1][0]] + times[after] - end, t[-1])
+    return times, angles, velocities, accelerations, when, spans
 
 
 def _used(angles: Floats, step: float, bounds: Sequence[Limits]) -> dict[str, float]:
