@@ -57,6 +57,7 @@ from plumbob.core.lazy import lazily
 from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
+    from plumbob import arm
     from plumbob.calibration.calibrate import calibrate
     from plumbob.cli.info import info
     from plumbob.core import errors, flags, units
@@ -156,6 +157,7 @@ __all__ = [
     "__version__",
     "allan",
     "apply_card",
+    "arm",
     "calibrate",
     "cite",
     "decode",
@@ -184,7 +186,7 @@ __all__ = [
 ]
 
 
-_MODULES = {"errors": "core.errors", "flags": "core.flags", "units": "core.units"}
+_MODULES = {"arm": "arm", "errors": "core.errors", "flags": "core.flags", "units": "core.units"}
 """Modules that users take whole, by the names that they have here."""
 
 _name = lazily(__name__, _HOME)[0]
