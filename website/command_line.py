@@ -41,6 +41,7 @@ STAGES = {
     "Read files": ("info", "profile"),
     "Calibrate and characterise": ("calibrate", "allan"),
     "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark"),
+    "Many units": ("arm",),
 }
 
 

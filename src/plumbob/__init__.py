@@ -57,6 +57,7 @@ from plumbob.core.lazy import lazily
 from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
+    from plumbob import arm
     from plumbob.calibration.calibrate import calibrate
     from plumbob.cli.info import info
     from plumbob.core import errors, flags, units
@@ -87,7 +88,7 @@ if TYPE_CHECKING:
     from plumbob.session.session import Session
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Stream
-    from plumbob.simulation import simulate
+    from plumbob.simulation import simulate, simulate_chain
 
 _HOME = {
     "AttitudeTrack": "data.imu",
@@ -129,6 +130,7 @@ _HOME = {
     "repair": "files.mcap",
     "replay": "session.replay",
     "simulate": "simulation",
+    "simulate_chain": "simulation",
     "verify": "files.mcap",
     "write": "files",
 }
@@ -155,6 +157,7 @@ __all__ = [
     "__version__",
     "allan",
     "apply_card",
+    "arm",
     "calibrate",
     "cite",
     "decode",
@@ -176,13 +179,14 @@ __all__ = [
     "repair",
     "replay",
     "simulate",
+    "simulate_chain",
     "units",
     "verify",
     "write",
 ]
 
 
-_MODULES = {"errors": "core.errors", "flags": "core.flags", "units": "core.units"}
+_MODULES = {"arm": "arm", "errors": "core.errors", "flags": "core.flags", "units": "core.units"}
 """Modules that users take whole, by the names that they have here."""
 
 _name = lazily(__name__, _HOME)[0]

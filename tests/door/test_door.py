@@ -4,6 +4,7 @@ import inspect
 import json
 import sys
 import threading
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -39,11 +40,15 @@ def test_every_public_name_is_there():
 RENAMED = {"run": "estimate", "eval": "evaluate", "sim": "simulate"}
 OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark", "warmup"}
 """Verbs that list what is there or exercise it: in Python these are objects (`plumbob.filter_names`, `find_format`)."""
+PACKAGES = {"arm": ("export", "replay")}
+"""Verbs whose kinds are functions of the package of the same name."""
 
 
 def test_every_verb_has_its_function_with_keyword_only_options():
-    for verb in set(VERBS) - OF_THE_PROGRAM:
-        function = getattr(plumbob, RENAMED.get(verb, verb))
+    functions = {verb: RENAMED.get(verb, verb) for verb in set(VERBS) - OF_THE_PROGRAM - set(PACKAGES)}
+    functions |= {f"{verb}.{kind}": f"{verb}.{kind}" for verb, kinds in PACKAGES.items() for kind in kinds}
+    for verb, name in functions.items():
+        function = attrgetter(name)(plumbob)
         assert callable(function)
         kinds = [one.kind for one in inspect.signature(function).parameters.values() if one.default is not one.empty]
         optional = kinds[1:] if verb in {"record", "docs", "run"} else kinds  # session, page and filter have defaults

@@ -19,7 +19,7 @@ from plumbob.simulation.rigs.faults import KINDS
 from plumbob.simulation.rigs.plan import PLANS, Unit, plan_for
 from plumbob.simulation.rigs.rig import make_rig
 
-SHORT = {"buoy": 20.0, "fin": 4.0, "trackball": 20.0, "arm": 6.0, "rod": 10.0}
+SHORT = {"buoy": 20.0, "fin": 4.0, "trackball": 20.0, "arm": 6.0, "rod": 10.0, "teach": 5.0}
 CLIPPED = {"gyr": flags.GYR_CLIPPED, "acc": flags.ACC_CLIPPED, "mag": flags.MAG_CLIPPED}
 
 
@@ -286,3 +286,26 @@ def test_units_of_a_plan_ride_on_one_motion():
     assert np.array_equal(rig.units[""].truth.q_nb, rig.units["u2"].truth.q_nb)
     assert not np.array_equal(rig.units[""].imu.gyr, rig.units["u2"].imu.gyr)
     assert rig.units[""].imu.meta.device != rig.units["u2"].imu.meta.device
+
+
+def test_units_of_the_machine_that_is_taught_ride_on_its_links():
+    """A pure turn about j1, the vertical: u1 turns with it, and so does every link behind it."""
+    chained = PLANS["teach"].scenario
+    rig = rig_of("teach", unit="calibrated", duration=8.0)
+    assert list(rig.units) == [one.unit for one in chained.chain.segments if one.unit]
+    made = rig.chain
+    vertical = [quat_rotate(made.bodies[f"link{k}"].q_nb, made.bodies[f"link{k}"].rate_b)[:, 2] for k in (1, 2, 3)]
+    for one in vertical[1:]:  # j2 and j3 turn about level axes, and add nothing about the vertical
+        np.testing.assert_allclose(one, vertical[0], atol=1e-12)
+    frames, _ = decoded(rig)
+    np.testing.assert_allclose(-triads_of(frames, "u1")["gyr"][:, 2].mean(), vertical[0].mean(), atol=2e-3)
+
+
+def test_the_settings_of_a_chain_reach_its_units():
+    plain, off = (
+        make_rig(replace(PLANS["teach"], scenario=one), load("teach"), seed=2, duration=2.0).chain
+        for one in (PLANS["teach"].scenario, replace(PLANS["teach"].scenario, settings={"mount_angle": "5 deg"}))
+    )
+    assert plain.mounts == {one.unit: one.mount for one in plain.chain.segments if one.unit}
+    assert all(off.mounts[name].q_bs != plain.mounts[name].q_bs for name in plain.mounts)
+    assert {one.unit: one.mount for one in off.true_chain.segments if one.unit} == off.mounts

@@ -17,9 +17,9 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, Dipole, EulerMotion, SoftTissue, simulate_chain
+from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, Dipole, EulerMotion, Program, SoftTissue, simulate_chain
 from plumbob.simulation.bodies import ChainMotion, _UnitMotion
-from plumbob.simulation.signals import Sinusoids, Stack, constant, sinusoid
+from plumbob.simulation.signals import Polynomial, Sinusoids, Stack, constant, sinusoid
 
 T = np.linspace(0.1, 6.3, 120)
 Z = (0.0, 0.0, 1.0)
@@ -99,9 +99,6 @@ def test_one_hinge_is_a_turntable():
 
 
 def test_a_constant_turn_pulls_to_the_axis_by_omega_squared_r():
-    from plumbob.simulation.programs import Program
-    from plumbob.simulation.signals import Polynomial
-
     chain, omega = planar(0.3, 0.25), deg(200.0)
     turn = Program("turn", Stack((Polynomial((0.0, omega)), constant(0.0))), 2.0)
     made = simulate_chain(chain, turn, frame=Frame.NWU, unit="calibrated", seed=0)
@@ -153,6 +150,33 @@ def test_ideal_units_say_what_their_true_mounts_make_of_the_segment():
         assert 0.0 < np.linalg.norm(r - nominal.lever_b) <= 0.02
 
 
+def test_fixed_joints_make_an_array_on_one_body():
+    levers = {"a": (0.1, 0.0, 0.0), "b": (0.0, -0.2, 0.05)}
+    board = Chain(
+        "board",
+        (Segment("body"), *(Segment(name, name) for name in levers)),
+        tuple(Joint(name, "body", name, "fixed", origin=lever) for name, lever in levers.items()),
+    )
+    root = EulerMotion(Frame.ENU, sinusoid3(0.5, 0.4), sinusoid3(0.2, 0.3))
+    made = simulate_chain(
+        board, Program("swung", constant(np.zeros(0)), 3.0, root=root), frame="ENU", unit="calibrated", seed=0
+    )
+    body = root.truth(made.t)
+    for name, lever in levers.items():
+        np.testing.assert_allclose(made.array.units[name].acc, body.at_lever(lever).specific_force_b, atol=1e-11)
+        np.testing.assert_allclose(made.array.units[name].gyr, body.rate_b, atol=1e-13)
+
+
+def test_a_board_of_units_is_carried_about_by_a_named_program():
+    board = Chain(
+        "board", (Segment("body"), Segment("a", "a")), (Joint("a", "body", "a", "fixed", origin=(0.1, 0.0, 0.0)),)
+    )
+    made = simulate_chain(board, "fast", frame="NED", unit="calibrated", seed=1, duration=5.0)
+    assert made.angles.shape == (500, 0)
+    assert np.abs(made.array.units["a"].gyr).max() > 0.3
+    assert made.program.stops == ()
+
+
 def test_drawn_mounts_fill_the_ball():
     made = [
         simulate_chain("five", "still", frame="NED", unit="calibrated", seed=k, duration=0.1, mount_angle=deg(5.0))
@@ -164,6 +188,20 @@ def test_drawn_mounts_fill_the_ball():
     assert max(size) <= deg(5.0)
     # evenly in a ball: rms √(3/5) of its radius; 200 draws of r² with relative sd √(3/7 − 9/25) / (3/5) / √200 = 3.1 %
     assert np.mean(np.square(size)) == pytest.approx(0.6 * deg(5.0) ** 2, rel=4 * 0.031)
+
+
+def test_a_clock_that_is_late_takes_its_values_later():
+    late = {"hand": Mount(lever_b=(0.05, 0.0, 0.02), clock_offset=0.03)}
+    common = {"frame": "NED", "unit": "calibrated", "seed": 1, "duration": 5.0, "bend": 20.0, "bend_at": "hand"}
+    plain = simulate_chain("arm", "fast", **common)
+    found = simulate_chain("arm", "fast", **common, mounts=late)
+    for triad in ("gyr", "acc", "mag"):  # three steps of 10 ms
+        one, other = (getattr(made.array.units["hand"], triad) for made in (found, plain))
+        np.testing.assert_allclose(one[:-3], other[3:], atol=1e-10)
+    np.testing.assert_array_equal(found.bodies["hand"].q_nb, plain.bodies["hand"].q_nb)
+    drawn = simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, duration=1.0, mount_clock="5 ms")
+    assert all(0.0 < abs(one.clock_offset) <= 0.005 for one in drawn.mounts.values())
+    assert not any(one.clock_offset for one in drawn.array.mounts.values())
 
 
 def test_mounts_may_be_given_and_must_be_known():
@@ -229,6 +267,19 @@ def test_a_bent_region_fades_as_a_bell_curve():
     np.testing.assert_allclose(found[:, 0], [20.0, 20.0 * np.exp(-2.0)])
 
 
+@pytest.mark.parametrize("frame", list(Frame))
+def test_a_bent_field_is_bent_to_the_east_at_its_unit_and_less_at_the_next(frame):
+    common = {"frame": frame, "unit": "calibrated", "seed": 3, "duration": 6.0}
+    plain, bent = (simulate_chain("arm", "fast", **common, bend=bend) for bend in (0.0, "20 uT"))
+    change = {
+        name: quat_rotate(unit.kinematics.q_nb, bent.array.units[name].mag - plain.array.units[name].mag)
+        for name, unit in plain.units.items()
+    }
+    # at the nominal place of the unit; it sits there, as no mounting error was asked for
+    np.testing.assert_allclose(change["forearm"], np.tile(20.0 * frame.east, (600, 1)), atol=1e-9)
+    assert 1.0 < np.linalg.norm(change["hand"], axis=1).max() < 20.0
+
+
 def test_each_unit_has_errors_and_noise_of_its_own_and_a_seed_repeats_all():
     made, again = (
         simulate_chain("arm", "slow", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=9, duration=3.0)
@@ -265,6 +316,9 @@ def test_other_ranges_cut_into_as_many_counts():
         ({"mounts": {}, "mount_angle": 0.1}, ParameterError, "either mounts"),
         ({"mount_angle": -0.1}, ParameterError, "mounting error"),
         ({"sensors": {}}, ParameterError, "'upperarm' has none"),
+        ({"soft": "maybe"}, ParameterError, "yes or no"),
+        ({"bend": "20 uT", "bend_at": "base"}, ParameterError, "not at 'base'"),
+        ({"strenght": 3.0}, ParameterError, "no setting 'strenght'"),
         ({"chain": "five", "base": (1, 0, 0, 0)}, ParameterError, "leave base out"),
         ({"duration": -1.0}, ParameterError, "duration"),
         ({"chain": Chain("bare", (Segment("a"),))}, ParameterError, "has a unit"),
@@ -289,3 +343,5 @@ def test_programs_keep_their_chain_within_its_limits(name, program):
     for start, end in made.program.stops:
         rows = (made.t > start) & (made.t < end)
         assert not jet.rate[rows].any()
+        assert all(not body.rate_b[rows].any() and not body.vel_n[rows].any() for body in made.bodies.values())
+    assert made.program.stops[0][0] == 0.0

@@ -6,14 +6,43 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.arm.angles import JointTrack
+    from plumbob.arm.exported import export
+    from plumbob.arm.figure import arm_report, stick_figure
+    from plumbob.arm.program import Deviation, Program, Stop, taught
+    from plumbob.arm.replayed import HandError, Replay, replay
+    from plumbob.arm.urdf import chain_from_urdf, urdf_text
 
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "Deviation": "program",
+        "HandError": "replayed",
         "JointTrack": "angles",
+        "Program": "program",
+        "Replay": "replayed",
+        "Stop": "program",
+        "arm_report": "figure",
+        "chain_from_urdf": "urdf",
+        "export": "exported",
+        "replay": "replayed",
+        "stick_figure": "figure",
+        "taught": "program",
+        "urdf_text": "urdf",
     },
 )
 
 __all__ = [
+    "Deviation",
+    "HandError",
     "JointTrack",
+    "Program",
+    "Replay",
+    "Stop",
+    "arm_report",
+    "chain_from_urdf",
+    "export",
+    "replay",
+    "stick_figure",
+    "taught",
+    "urdf_text",
 ]

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 SUFFIXES: Final = (".csv", ".parquet")
 """Of the files of joint angles."""
 TIME: Final = "t [s]"
+RECORDED: Final = "recorded [s]"
+"""Column of a program: when each place of its path was recorded."""
 _KEY: Final = b"plumbob joint angles"
 _VERSION: Final = 1
 _SD: Final = "_sd"
@@ -138,11 +140,7 @@ class JointTrack(Series):
         DecodeError
             If the system refuses.
         """
-        file = check.path("path", path)
-        kind = _kind(file)
-        with replacing(file, overwrite=overwrite, seeks=kind == ".parquet") as temporary:
-            (_write_csv if kind == ".csv" else _write_parquet)(temporary, self)
-        return file
+        return write_table(path, self.columns(), source=self.source, overwrite=overwrite)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -161,10 +159,31 @@ class JointTrack(Series):
             As of this class.
         """
         file = existing_file(path)
-        kind = _kind(file)
+        columns, source = read_table(file)
         with reading(file):
-            columns, source = (_read_csv if kind == ".csv" else _read_parquet)(file)
             return cls(source=source or file.name, **_parts(columns))
+
+
+def write_table(
+    path: str | Path, columns: Mapping[str, NDArray[Any]], *, source: str = "", overwrite: bool = False
+) -> Path:
+    """Write columns of numbers as ``.csv`` or ``.parquet``; errors as of `JointTrack.save`."""
+    file = check.path("path", path)
+    kind = _kind(file)
+    with replacing(file, overwrite=overwrite, seeks=kind == ".parquet") as temporary:
+        if kind == ".csv":
+            _write_csv(temporary, columns)
+        else:
+            _write_parquet(temporary, columns, source)
+    return file
+
+
+def read_table(path: str | Path) -> tuple[dict[str, NDArray[Any]], str]:
+    """Columns of such a table, and where it says that it comes from; errors as of `JointTrack.load`."""
+    file = existing_file(path)
+    kind = _kind(file)
+    with reading(file):
+        return (_read_csv if kind == ".csv" else _read_parquet)(file)
 
 
 def _require_names(names: Sequence[str]) -> None:
@@ -190,21 +209,21 @@ def _kind(path: Path) -> str:
     return path.suffix.lower()
 
 
-def _table(track: JointTrack, metadata: dict[bytes, bytes] | None = None) -> "pa.Table":
+def _table(columns: Mapping[str, NDArray[Any]], metadata: dict[bytes, bytes] | None = None) -> "pa.Table":
     import pyarrow as pa
 
-    made: pa.Table = pa.table({name: column_of(values) for name, values in track.columns().items()})
+    made: pa.Table = pa.table({name: column_of(values) for name, values in columns.items()})
     return made.replace_schema_metadata(metadata)
 
 
-def _write_csv(file: Path, track: JointTrack) -> None:
+def _write_csv(file: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     from pyarrow import csv as arrow_csv
 
     head = io.StringIO()
-    csv.writer(head, lineterminator="\n").writerow(track.columns())
+    csv.writer(head, lineterminator="\n").writerow(columns)
     with file.open("wb") as stream:
         stream.write(head.getvalue().encode())
-        arrow_csv.write_csv(_table(track), stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
+        arrow_csv.write_csv(_table(columns), stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
 
 
 def _read_csv(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
@@ -227,12 +246,16 @@ def _read_csv(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
     return _columns(table), ""
 
 
-def _write_parquet(file: Path, track: JointTrack) -> None:
+def _write_parquet(file: Path, columns: Mapping[str, NDArray[Any]], source: str) -> None:
     import pyarrow.parquet as pq
 
-    about = json.dumps({"format_version": _VERSION, "source": track.source})
+    about = json.dumps({"format_version": _VERSION, "source": source})
     pq.write_table(
-        _table(track, {_KEY: about.encode()}), file, compression="zstd", use_dictionary=False, write_page_checksum=True
+        _table(columns, {_KEY: about.encode()}),
+        file,
+        compression="zstd",
+        use_dictionary=False,
+        write_page_checksum=True,
     )
 
 
@@ -275,7 +298,7 @@ def _parts(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     angles: dict[str, Floats] = {}
     lengths: dict[str, Floats] = {}
     for title, values in columns.items():
-        if title in (TIME, "flags"):
+        if title in (TIME, RECORDED, "flags"):
             continue
         name, bracket, unit = title.partition(" [")
         if not bracket or not unit.endswith("]"):

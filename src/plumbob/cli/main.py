@@ -39,6 +39,7 @@ VERBS = (
     "eval",
     "allan",
     "calibrate",
+    "arm",
     "info",
     "benchmark",
     "filters",

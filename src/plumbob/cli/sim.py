@@ -12,23 +12,28 @@ if TYPE_CHECKING:
 WORLD = ("strength", "dip", "declination", "temp_c", "mag_rate", "jitter", "lost")
 """As `plumbob.simulation.simulation.WORLD`, which a help text shall not import."""
 
+TEACH = "teach"
+"""Program of a chain that is understood without --chain: the chain of that name does it."""
+
 
 def add_parser(verbs: common.Adder) -> None:
     """Declare the verb."""
     p = verbs.add_parser(
         "sim",
         help="simulate a recording with its truth",
-        description="Simulate what sensors would record in a scenario, and the truth beside it in the same file.",
+        description="Simulate what sensors would record in a scenario, and the truth beside it in the same file. With "
+        "a chain, simulate the units on its segments; true joint angles and the chain are written beside them.",
         epilog=common.more("plumbob sim buoy --frame NED --duration 60s --out sea.parquet", "start.md"),
     )
     add_scenario_options(p, optional=True)
+    p.add_argument("--chain", metavar="NAME|TOML", help="chain that a program moves (default, of teach: teach)")
     common.add_noise(p, "noise card whose N, B and K the sensors take instead of their own")
     p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")
     p.add_argument("--out", type=Path, metavar="FILE", help="recording to write (.parquet or .csv)")
     p.add_argument("--card", type=Path, metavar="JSON", help="write the unit's calibration card too")
     p.add_argument("--noise-card", type=Path, metavar="JSON", help="write the unit's noise card too")
     common.add_force(p)
-    p.add_argument("--list", action="store_true", help="list scenarios, their parameters and the sensors, and stop")
+    p.add_argument("--list", action="store_true", help="list scenarios, chains, sensors, and stop")
     p.set_defaults(run=run)
 
 
@@ -79,6 +84,8 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.scenario is None or args.out is None:
         raise ParameterError("sim needs a SCENARIO and --out FILE; 'plumbob sim --list' shows what there is.")
+    if args.chain is not None or args.scenario == TEACH:
+        return _run_chain(args)
     common.check_outputs(args, *common.with_profile(args.out), args.card, args.noise_card, inputs=(args.noise,))
     frame, given = scenario_settings(args)
     choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed, "noise": args.noise}
@@ -97,14 +104,51 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _run_chain(args: argparse.Namespace) -> int:
+    from plumbob import files
+    from plumbob.data import calibration_told
+    from plumbob.data.chain_toml import load_chain
+    from plumbob.session.emulated import chain_files, unit_file, write_chain
+    from plumbob.simulation import named_chain, simulate_chain
+
+    file = Path(args.chain) if args.chain and args.chain.endswith(".toml") else None
+    chain = named_chain(args.chain or TEACH) if file is None else load_chain(file)
+    units = [one.unit for one in chain.segments if one.unit]
+    cards = {path: [unit_file(path, unit) for unit in units] for path in (args.card, args.noise_card) if path}
+    outputs = (args.out, *chain_files(args.out), *(file for own in cards.values() for file in own))
+    common.check_outputs(args, *outputs, inputs=(args.noise, file))
+    frame, given = scenario_settings(args)
+    noise = {} if args.noise is None else {"noise": args.noise}
+    choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed}
+    made = simulate_chain(chain, args.scenario, frame=frame, **choice, **noise, **given)
+    told = f"simulated {made.program.name}, seed {args.seed}"
+    recording = files.Recording(array=made.array, name=made.chain.name, notes=(told,))
+    files.write(args.out, recording, overwrite=args.force)
+    write_chain(args.out, made, overwrite=args.force)
+    for path, own in cards.items():
+        for unit, file in zip(made.units.values(), own, strict=True):
+            (unit.calibration if path == args.card else unit.noise).save(file, overwrite=args.force)
+    print(f"{args.out}: {len(made.array)} samples, {made.t[-1]:.3f} s, units {', '.join(units)}")
+    print(f"truth        {told}, frame {frame}, in {', '.join(map(str, chain_files(args.out)))}")
+    print(f"calibration  {calibration_told(next(iter(made.units.values())).imu.meta.calibration)}")
+    return 0
+
+
 def _print_list() -> None:
     from plumbob.core.params import describe, shown
-    from plumbob.simulation import SCENARIOS, preset, preset_names
+    from plumbob.simulation import CHAINS, PROGRAMS, SCENARIOS, preset, preset_names
+    from plumbob.simulation.bodies import SETTINGS
 
     for name, kind in SCENARIOS.items():
         print(f"{name}: {(kind.__doc__ or '').splitlines()[0]}")
         for p in describe(kind):
             print(f"    {p.name:16} {shown(p, p.default):>14}  {p.spec.meaning}")
+    print("chains, for --chain, and what they may do instead of a scenario")
+    for name, chain in CHAINS.items():
+        print(f"    {name:18} {', '.join(f'{one.name} ({one.kind})' for one in chain.joints)}")
+    for name, program in PROGRAMS.items():
+        print(f"    {name:18} {(program.__doc__ or '').splitlines()[0]}")
+    print(f"    settings: {', '.join(SETTINGS)}")
     print("sensors, joined by +")
     for name in preset_names():
         print(f"    {name:18} {preset(name).title}")

@@ -78,8 +78,8 @@ class Joint:
         Names of the segments.
     kind : str
         "hinge", "universal", "ball" or "fixed".
-    origin : tuple of 3 floats
-        Its centre from the parent's origin, parent axes, m.
+    origin : tuple of 3 floats or None
+        Its centre from the parent's origin, parent axes, m; None where neither it nor the axes are known.
     q_pc : tuple of 4 floats
         From the child's axes to the parent's where all angles are zero, wxyz.
     axes : tuple of tuples of 3 floats
@@ -93,7 +93,7 @@ class Joint:
     parent: str
     child: str
     kind: str = "hinge"
-    origin: Vec = (0.0, 0.0, 0.0)
+    origin: Vec | None = (0.0, 0.0, 0.0)
     q_pc: Quat = (1.0, 0.0, 0.0, 0.0)
     axes: tuple[Vec, ...] = ()
     limits: tuple[Limits, ...] = ()
@@ -102,7 +102,7 @@ class Joint:
         """Validate, and normalise axes and rotation."""
         count = DEGREES_OF_FREEDOM[check.one_of(f"kind of joint '{self.name}'", self.kind, tuple(DEGREES_OF_FREEDOM))]
         axes = _BALL if self.kind == "ball" and not self.axes else self.axes
-        if len(axes) != count:
+        if self.known and len(axes) != count:
             raise ParameterError(
                 f"the joint '{self.name}' is a {self.kind} and needs {counted(count, 'axis', 'axes')}, "
                 f"but it has {len(axes)}."
@@ -130,6 +130,11 @@ class Joint:
         object.__setattr__(self, "axes", unit)
         object.__setattr__(self, "limits", limits)
         object.__setattr__(self, "q_pc", tuple((q / np.linalg.norm(q)).tolist()))
+
+    @property
+    def known(self) -> bool:
+        """Whether its place and axes are known; `plumbob.arm.align` finds those that are not."""
+        return self.origin is not None
 
     @property
     def angles(self) -> tuple[str, ...]:
@@ -245,6 +250,26 @@ class Chain(Shown):
             raise ParameterError(f"the hand is on '{self.hand}', but segments are {', '.join(self.places)}.")
 
     @property
+    def known(self) -> bool:
+        """Whether place and axes of every joint are known."""
+        return all(joint.known for joint in self.joints)
+
+    def require_known(self) -> None:
+        """Refuse to go on where the geometry of a joint is not known.
+
+        Raises
+        ------
+        ParameterError
+            If it is not.
+        """
+        unknown = [joint.name for joint in self.joints if not joint.known]
+        if unknown:
+            raise ParameterError(
+                f"{self.name} does not say where {', '.join(unknown)} lie. Find them with plumbob arm align, and use "
+                "the card that it writes."
+            )
+
+    @property
     def places(self) -> Mapping[str, int]:
         """Number of each segment, by name."""
         return {one.name: k for k, one in enumerate(self.segments)}
@@ -262,10 +287,11 @@ class Chain(Shown):
     @property
     def length(self) -> float:
         """Arm's length: from the first joint along the chain to the hand, m."""
+        self.require_known()
         at, total = self.hand or self.segments[-1].name, float(np.linalg.norm(self.hand_b))
         by_child = {joint.child: joint for joint in self.joints}
         while at in by_child and by_child[at].parent in by_child:
-            total += float(np.linalg.norm(by_child[at].origin))
+            total += float(np.linalg.norm(np.array(by_child[at].origin)))
             at = by_child[at].parent
         return total
 
@@ -275,7 +301,7 @@ class Chain(Shown):
             "name": self.name,
             "segments": ", ".join(self.places),
             "joints": ", ".join(f"{one.name} ({one.kind})" for one in self.joints),
-            "length": f"{self.length:.3g} m",
+            "length": f"{self.length:.3g} m" if self.known else "not known",
         }
 
     def split(self, angles: Floats) -> list[Floats]:
@@ -297,6 +323,7 @@ class Chain(Shown):
         pos_n : array_like (3,) or (N, 3)
             Position of the root's origin, m.
         """
+        self.require_known()
         count = len(angles)
         root = Posture(
             np.broadcast_to(np.asarray(q_nb, dtype=np.float64), (count, 4)),

@@ -95,6 +95,8 @@ def _lines(chain: Chain) -> Iterator[str]:
     for joint in chain.joints:
         yield from ("", "[[joint]]")
         yield from (f"{key} = {_quoted(getattr(joint, key))}" for key in ("name", "parent", "child", "kind"))
+        if joint.origin is None:
+            continue
         yield f"origin = {_lengths(joint.origin)}"
         if joint.q_pc != (1.0, 0.0, 0.0, 0.0):
             yield f"q_pc = {list(joint.q_pc)}"
@@ -212,11 +214,15 @@ def _segment(where: str, value: Any) -> Segment:
 
 
 def _joint(where: str, value: Any) -> Joint:
-    found = schema.section(where, value, _JOINT, ("name", "parent", "child", "kind", "origin"))
-    if found["kind"] in ("hinge", "universal") and "axes" not in found:
+    found = schema.section(where, value, _JOINT, ("name", "parent", "child", "kind"))
+    if "origin" not in found and set(found) & {"axes", "q_pc", "euler"}:
+        raise DecodeError(
+            f"{where} has axes or a rotation, but no origin; leave out all of them where it is not known."
+        )
+    if "origin" in found and found["kind"] in ("hinge", "universal") and "axes" not in found:
         raise DecodeError(f"{where} is a {found['kind']} and needs 'axes', because nothing is guessed.")
     q_pc = _normed(f"{where}.q_pc", _one_of_two(where, found, "q_pc", "euler"))
-    plain = {key: found[key] for key in found if key not in ("q_pc", "euler")}
+    plain = {"origin": None} | {key: found[key] for key in found if key not in ("q_pc", "euler")}
     if len(found.get("limits", ())) == 1:  # one for all angles of the joint
         plain["limits"] = found["limits"] * DEGREES_OF_FREEDOM[found["kind"]]
     return Joint(q_pc=q_pc, **plain)

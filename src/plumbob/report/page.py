@@ -1,4 +1,7 @@
-"""A report as a page: one HTML file with figures that opens anywhere, without network and without scripts."""
+"""A report as a page: one HTML file with figures that opens anywhere, without network.
+
+No script is in it but the one that moves its scenes, where it has any.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,6 +10,7 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from plumbob.core import check
+from plumbob.report import scene
 from plumbob.report.drawing import svg, variable
 from plumbob.report.style import LANGUAGES, said
 
@@ -22,15 +26,23 @@ def page(report: "Report", *, lang: str = "en") -> str:
     check.one_of("lang", lang, LANGUAGES)
     title = escape(said(report.title, lang))
     foot = "".join(f"<p>{escape(text)}</p>" for text in report.definitions)
+    moves = _moves(report)
+    policy = f"{_POLICY}; {scene.policy()}" if moves else _POLICY
+    style = CSS + scene.STYLE if moves else CSS
+    script = f"<script>{scene.SCRIPT}</script>\n" if moves else ""
     body = [f"<header><h1>{title}</h1>{_facts(report, lang)}</header>", *_body(report, lang, count(), depth=1)]
     return (
         f'<!DOCTYPE html>\n<html lang="{lang}">\n<head>\n<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>\n{CSS}</style>\n</head>\n<body>\n<main>\n"
+        f"<title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n"
         + "\n".join([*body, f"<footer>{foot}</footer>"])
-        + "\n</main>\n</body>\n</html>\n"
+        + f"\n</main>\n{script}</body>\n</html>\n"
     )
+
+
+def _moves(report: "Report") -> bool:
+    return bool(report.scenes) or any(map(_moves, report.parts))
 
 
 def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> Iterator[str]:
@@ -40,6 +52,7 @@ def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> I
         yield _facts(report, lang)
     if report.remarks:
         yield f"<ul class='note'>{''.join(f'<li>{escape(remark)}</li>' for remark in report.remarks)}</ul>"
+    yield from (scene.scene_html(one, lang) for one in report.scenes)
     yield from (_figure(figure, lang, f"{next(number)}") for figure in report.figures)
     for table in folded:
         inside = _table(replace(table, title=""), lang)

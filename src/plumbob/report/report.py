@@ -12,6 +12,8 @@ from plumbob.core.text import WIDTH, Shown, listed
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
+    from plumbob.report.scene import Scene
+
 _NAME = 11  # letters of the name of a fact, at least
 
 
@@ -104,6 +106,8 @@ class Report:
         One for each subject in it.
     definitions : sequence of str
         What the words and signs mean, for the foot of a page.
+    scenes : sequence of Scene
+        Bodies that move, on a page only.
     """
 
     title: str
@@ -113,6 +117,7 @@ class Report:
     figures: Sequence[Figure] = ()
     parts: "Sequence[Report]" = ()
     definitions: Sequence[str] = ()
+    scenes: "Sequence[Scene]" = ()
 
     def text(self, *details: str) -> str:
         """Text for a terminal, with the tables that are always shown and those of the given details."""

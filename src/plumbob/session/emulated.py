@@ -10,15 +10,18 @@ from typing import Any, BinaryIO
 from plumbob import files
 from plumbob.acquisition.transport import Stop, Stopping
 from plumbob.core.errors import ParameterError
-from plumbob.core.files import profile_beside, replacing, require_place
+from plumbob.core.files import profile_beside, replacing, require_place, write_text
 from plumbob.core.units import Quantity, given
+from plumbob.data.chain_toml import chain_text
+from plumbob.files.table import SUFFIXES, write_table
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format
 from plumbob.protocols.unpack import units_of
 from plumbob.rotations import Frame
+from plumbob.simulation import ChainSimulation, Scenario
 from plumbob.simulation import scenario as named_scenario
 from plumbob.simulation.rigs.faults import Fault
-from plumbob.simulation.rigs.plan import PLANS, Plan, plan_for
+from plumbob.simulation.rigs.plan import PLANS, Chained, Plan, plan_for
 from plumbob.simulation.rigs.rig import Rig, make_rig
 from plumbob.simulation.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
 
@@ -59,9 +62,9 @@ def emulate(
     what : str or path
         A rig, or a format of your own.
     scenario : str, optional
-        Motion of the body; by default that of the rig.
+        Motion of the body, or program of a chain; by default that of the rig.
     set : mapping, optional
-        Parameters of `scenario`: SI, or text with a unit.
+        Parameters of `scenario`, or settings of a chain: SI, or text with a unit.
     sensors : str
         Parts of a format's units.
     unit : {"random", "calibrated"}
@@ -77,7 +80,8 @@ def emulate(
     rate, duration : float or str, optional
         Frames per second, Hz, and how long, s; by default the format's and the scenario's.
     truth : path, optional
-        Recording of samples and truth to write before the port is named; the unit's card is written beside it.
+        Recording of samples and truth to write before the port is named; the unit's card is written beside it. Of a
+        chain, true joint angles and the chain are written too.
     link, tcp, udp, write : optional
         Where to: a pseudo-terminal, to which `link` may lead; a server at ``HOST:PORT``; datagrams to ``HOST:PORT``; or
         the bytes alone into a file or an open stream.
@@ -137,15 +141,40 @@ def outputs(
     if truth is None:
         return
     form = find_format(what)
+    if _chain_of(what, form) is not None:
+        yield from chain_files(Path(truth))
     for prefix in (
         [unit.prefix for unit in PLANS[form.name].units] if _is_rig(what, form) else units_of(form.messages[0])
     ):
-        own = _truth_of(Path(truth), prefix)
+        own = unit_file(Path(truth), prefix)
         yield from (
             own,
             *([profile_beside(own)] if own.suffix.lower() == ".csv" else []),
             own.with_suffix(".card.json"),
         )
+
+
+def chain_files(path: Path) -> tuple[Path, Path, Path]:
+    """Beside a recording of a chain's units: true angles, the chain as it is known, and with the true mounts."""
+    table = path if path.suffix.lower() in SUFFIXES else path.with_suffix(".parquet")
+    return (
+        table.with_stem(f"{path.stem}-angles"),
+        path.with_suffix(".chain.toml"),
+        path.with_name(f"{path.stem}-true.chain.toml"),
+    )
+
+
+def write_chain(path: Path, made: ChainSimulation, *, overwrite: bool = False) -> None:
+    """Write what is true of a chain beside a recording of its units, in the files that `chain_files` names."""
+    angles, known, true = chain_files(path)
+    write_table(angles, made.columns(), overwrite=overwrite)
+    for file, chain in ((known, made.chain), (true, made.true_chain)):
+        write_text(file, chain_text(chain), overwrite=overwrite)
+
+
+def _chain_of(what: str | Path, form: Format) -> Chained | None:
+    motion = PLANS[form.name].scenario if _is_rig(what, form) else None
+    return motion if isinstance(motion, Chained) else None
 
 
 def _is_rig(what: str | Path, form: Format) -> bool:
@@ -162,19 +191,31 @@ def _plan(
     rate: float | None,
 ) -> tuple[Format, Plan]:
     form = find_format(what).bind(options or {})
-    if parameters and scenario is None:
-        raise ParameterError("--set gives parameters of a scenario; name it with --scenario.")
-    motion = None if scenario is None else named_scenario(scenario, **(parameters or {}))
     if _is_rig(what, form):
         plan = PLANS[form.name]
         if sensors != "ideal" or frame:
             raise ParameterError(f"rig {plan.name} has its own sensors and frame; leave --sensors and --frame out.")
-        if motion:
-            plan = replace(plan, scenario=motion, duration=motion.duration)
-        return form, replace(plan, rate=rate or plan.rate)
+        return form, replace(_moved(plan, scenario, parameters), rate=rate or plan.rate)
+    motion = _named(scenario, parameters)
     if motion is None:
         raise ParameterError(f"say what moves {form.name}: --scenario buoy, or another of 'plumbob sim --list'.")
     return form, plan_for(form, motion, sensors=sensors, frame=Frame.parse(frame or Frame.NED), rate=rate)
+
+
+def _named(scenario: str | None, parameters: Mapping[str, Any] | None) -> Scenario | None:
+    if parameters and scenario is None:
+        raise ParameterError("--set gives parameters of a scenario; name it with --scenario.")
+    return None if scenario is None else named_scenario(scenario, **(parameters or {}))
+
+
+def _moved(plan: Plan, scenario: str | None, parameters: Mapping[str, Any] | None) -> Plan:
+    """Plan with another motion: of a chain, another program and its settings; else another scenario."""
+    if isinstance(plan.scenario, Chained):
+        own = plan.scenario
+        settings = {**own.settings, **(parameters or {})}
+        return replace(plan, scenario=replace(own, program=scenario or own.program, settings=settings))
+    motion = _named(scenario, parameters)
+    return plan if motion is None else replace(plan, scenario=motion, duration=motion.duration)
 
 
 def _speed(asked: float | str | None, *, fastest: bool) -> float | None:
@@ -235,14 +276,16 @@ def _fault_log(path: str | Path | None) -> Iterator[Callable[[Fault], None]]:
         yield lambda fault: print(json.dumps(fault.told()), file=file, flush=True)
 
 
-def _truth_of(path: Path, prefix: str) -> Path:
-    """Where the truth of one of several units lies."""
+def unit_file(path: Path, prefix: str) -> Path:
+    """Where the file of one of several units lies."""
     return path.with_stem(f"{path.stem}-{prefix}") if prefix else path
 
 
 def _write_truth(path: Path, rig: Rig, *, overwrite: bool) -> None:
     for prefix, unit in rig.units.items():
-        own = _truth_of(path, prefix)
+        own = unit_file(path, prefix)
         recording = files.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=(unit.truth.source,))
         files.write(own, recording, overwrite=overwrite)
         unit.calibration.save(own.with_suffix(".card.json"), overwrite=overwrite)
+    if rig.chain is not None:
+        write_chain(path, rig.chain, overwrite=overwrite)

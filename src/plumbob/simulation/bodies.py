@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,17 +14,17 @@ from plumbob.core.series import Series
 from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray, Mount, Quat
-from plumbob.data.chain import Chain, Posture
+from plumbob.data.chain import Chain, Posture, Segment
 from plumbob.rotations import Frame, North
 from plumbob.simulation.chains import named_chain
-from plumbob.simulation.errors import stream
-from plumbob.simulation.fields import Disturbance
+from plumbob.simulation.errors import stream, unit_seed
+from plumbob.simulation.fields import Disturbance, bent_at
 from plumbob.simulation.motion import Motion, Scenario, Truth, at_rest
 from plumbob.simulation.mounting import SoftTissue, drawn_mounts, mounts_of
 from plumbob.simulation.presets import Module, draw_module
 from plumbob.simulation.programs import Program, named_program
 from plumbob.simulation.signals import Jet, Signal
-from plumbob.simulation.simulation import Simulation, simulate
+from plumbob.simulation.simulation import WORLD, Simulation, simulate
 
 _IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
 _UPSIDE_DOWN: Quat = (0.0, 1.0, 0.0, 0.0)
@@ -32,6 +32,12 @@ _KEPT = 4
 _SHORT = 100_000
 _DRIVE_STEP = 0.0025
 """s between the knots of the force that drives soft tissue; in between it goes in straight lines."""
+
+SETTINGS: Final = (
+    "mount_angle", "mount_shift", "mount_clock", "soft", "bend", "bend_at", "gyr_range", "acc_range",
+    *(name for name in WORLD if name not in {"jitter", "lost"}),
+)  # fmt: skip
+"""Arguments of `simulate_chain` that a command line gives as text."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +98,16 @@ class _UnitMotion:
     mount: Mount
     sway: Signal | None = None
 
+    def segments(self, t: Floats) -> dict[str, Truth]:
+        """State of each segment when the unit takes the values of its times t (N,), s."""
+        return self.body.truth(t + self.mount.clock_offset if self.mount.clock_offset else t)
+
     def truth(self, t: Floats) -> Truth:
-        segment = self.body.truth(t)[self.segment]
+        """State of the unit, in its axes, when it takes the values of its times t (N,), s."""
+        segment = replace(self.segments(t)[self.segment], t=t)
         if self.sway is None:
             return segment.at_lever(self.mount.lever_b).turned(self.mount.q_bs)
-        jet = self.sway.at(t)
+        jet = self.sway.at(t + self.mount.clock_offset)
         place = Jet(jet.value[:, :3] + self.mount.lever_b, jet.rate[:, :3], jet.acc[:, :3])
         at = segment.at_moving(place)
         for k, axis in enumerate(np.eye(3), 3):
@@ -129,7 +140,7 @@ class _Ridden(Scenario):
 
     def field_n(self, body: Truth, earth_n: Floats) -> Floats:
         """Field at the unit, (3,) or (N, 3), µT: the Earth's, and what bends it there."""
-        segments = self.unit.body.truth(body.t) if any(one.on for one in self.disturbances) else {}
+        segments = self.unit.segments(body.t) if any(one.on for one in self.disturbances) else {}
         total = earth_n
         for one in self.disturbances:
             total = total + one.at(body.pos_n, segments[one.on] if one.on else None)
@@ -155,7 +166,7 @@ class ChainSimulation(Series):
     mounts : mapping of str to Mount
         How the units really sit, by unit; with soft tissue about where they sway.
     units : mapping of str to Simulation
-        Each unit's simulation: truth in its own axes, calibration, noise.
+        Each unit's simulation: truth in its own axes when it took its values, calibration, noise.
     program : Program
         What the joints do.
     """
@@ -193,6 +204,12 @@ class ChainSimulation(Series):
             for name, one in self.bodies.items()
         }
 
+    @property
+    def true_chain(self) -> Chain:
+        """The chain with the mounts that the units really have."""
+        segments = (replace(one, mount=self.mounts.get(one.unit, one.mount)) for one in self.chain.segments)
+        return replace(self.chain, segments=tuple(segments))
+
     def facts(self) -> Mapping[str, str]:
         """Chain, program and samples."""
         return {"chain": self.chain.name, "program": self.program.name, **self.array.facts()}
@@ -215,8 +232,11 @@ def simulate_chain(
     duration: float | str | None = None,
     mount_angle: float | str = 0.0,
     mount_shift: float | str = 0.0,
+    mount_clock: float | str = 0.0,
     mounts: Mapping[str, Mount] | None = None,
-    soft: bool | SoftTissue = False,
+    soft: bool | str | SoftTissue = False,
+    bend: float | str = 0.0,
+    bend_at: str | None = None,
     disturbances: Sequence[Disturbance] = (),
     base: ArrayLike | None = None,
     gyr_range: float | str | None = None,
@@ -246,12 +266,18 @@ def simulate_chain(
     mount_angle, mount_shift : float
         Largest errors of the units' mounting, rad and m, drawn: each unit's turn and displacement lie in a ball of
         that radius.
+    mount_clock : float
+        Largest offset of the units' clocks, s, drawn evenly to both sides; `Mount.clock_offset` says its sign.
     mounts : mapping of str to Mount, optional
         How units really sit, by unit, instead of drawn errors.
-    soft : bool or SoftTissue
+    soft : bool, "yes", "no" or SoftTissue
         Whether the units sway on their segments.
+    bend : float
+        By how much the field is bent to the east around one unit, µT, as by iron; it fades within 0.3 m.
+    bend_at : str, optional
+        Segment of that unit; by default the middle one of those that have a unit.
     disturbances : sequence of Disturbance
-        What bends the field: `Dipole`, `BentRegion`.
+        What else bends the field: `Dipole`, `BentRegion`.
     base : (4,), optional
         Attitude q_nb of a fixed first segment; by default its z axis points up and its x axis is the frame's own:
         identity in ENU and NWU, half a turn about x in NED.
@@ -276,22 +302,22 @@ def simulate_chain(
     riders = [one for one in whole.segments if one.unit]
     if not riders:
         raise ParameterError(f"no segment of {whole.name} has a unit; give one to those that carry a sensor.")
-    refused = sorted(set(world) & {"jitter", "lost"})
-    if refused:
-        raise ParameterError(f"the units of a chain share one time line; leave {refused[0]} out.")
+    _require_known(world)
     moves = _programmed(whole, program, seed, given("duration", duration, Quantity.TIME))
     length = moves.duration if duration is None else float(given("duration", duration, Quantity.TIME) or 0.0)
     body = ChainMotion(whole, moves.angles, frame, _root(moves, frame, base))
-    true_mounts = _mounted(whole, mounts, mount_angle, mount_shift, seed)
+    true_mounts = _mounted(whole, mounts, (mount_angle, mount_shift, mount_clock), seed)
     ends = (given("gyr_range", gyr_range, Quantity.RATE), given("acc_range", acc_range, Quantity.ACCELERATION))
+    bends = _bends(whole, riders, bend, bend_at, frame) + _known(disturbances, whole)
+    tissue = _tissue(soft)
     units: dict[str, Simulation] = {}
     for number, rider in enumerate(riders):
-        own = seed if number == 0 else 1000 * seed + number
+        own = unit_seed(seed, number)
         motion = _UnitMotion(body, rider.name, true_mounts[rider.unit])
-        if soft:
-            motion = replace(motion, sway=_sway(motion, soft, length, stream(seed, rider.unit, "soft")))
+        if tissue is not None:
+            motion = replace(motion, sway=_sway(motion, tissue, length, stream(seed, rider.unit, "soft")))
         units[rider.unit] = simulate(
-            _Ridden(unit=motion, title=moves.name, length=length, disturbances=_known(disturbances, whole)),
+            _Ridden(unit=motion, title=moves.name, length=length, disturbances=bends),
             frame=frame, sensors=_module(sensors, rider.unit, own).with_range(*ends), unit=unit, seed=own, rate=rate,
             duration=length, **world,
         )  # fmt: skip
@@ -337,14 +363,14 @@ def _root(program: Program, frame: Frame, base: ArrayLike | None) -> Motion | Qu
 
 
 def _mounted(
-    chain: Chain, mounts: Mapping[str, Mount] | None, angle: float | str, shift: float | str, seed: int
+    chain: Chain, mounts: Mapping[str, Mount] | None, largest: tuple[float | str, ...], seed: int
 ) -> dict[str, Mount]:
-    turn = given("mount_angle", angle, Quantity.ANGLE) or 0.0
-    way = given("mount_shift", shift, Quantity.LENGTH) or 0.0
+    named = zip(("angle", "shift", "clock"), largest, (Quantity.ANGLE, Quantity.LENGTH, Quantity.TIME), strict=True)
+    errors = {name: given(f"mount_{name}", value, quantity) or 0.0 for name, value, quantity in named}
     if mounts is None:
-        return drawn_mounts(chain, angle=turn, shift=way, seed=seed)
-    if turn or way:
-        raise ParameterError("give either mounts or errors to draw, mount_angle and mount_shift.")
+        return drawn_mounts(chain, **errors, seed=seed)
+    if any(errors.values()):
+        raise ParameterError("give either mounts or errors to draw: mount_angle, mount_shift, mount_clock.")
     return mounts_of(chain, mounts)
 
 
@@ -363,8 +389,31 @@ def _known(disturbances: Sequence[Disturbance], chain: Chain) -> tuple[Disturban
     return tuple(disturbances)
 
 
-def _sway(motion: _UnitMotion, soft: bool | SoftTissue, length: float, rng: np.random.Generator) -> Signal:
-    tissue = SoftTissue() if soft is True else check.kind("soft", soft, SoftTissue)
+def _require_known(world: Mapping[str, Any]) -> None:
+    for name in world:
+        if name in {"jitter", "lost"}:
+            raise ParameterError(f"the units of a chain share one time line; leave {name} out.")
+        if name not in SETTINGS and name != "noise":
+            raise ParameterError(f"a chain has no setting '{name}'; known are {', '.join(SETTINGS)}.")
+
+
+def _bends(
+    chain: Chain, riders: Sequence[Segment], bend: float | str, at: str | None, frame: Frame
+) -> tuple[Disturbance, ...]:
+    strength = given("bend", bend, Quantity.FIELD) or 0.0
+    segment = riders[len(riders) // 2].name if at is None else at
+    return (bent_at(chain, segment, strength, frame),) if strength or at is not None else ()
+
+
+def _tissue(soft: bool | str | SoftTissue) -> SoftTissue | None:
+    if isinstance(soft, SoftTissue):
+        return soft
+    if soft not in (True, False, "yes", "no"):
+        raise ParameterError(f"soft must be yes or no, or a SoftTissue, but it is {check.said(soft)}.")
+    return SoftTissue() if soft in (True, "yes") else None
+
+
+def _sway(motion: _UnitMotion, tissue: SoftTissue, length: float, rng: np.random.Generator) -> Signal:
     start = -0.1  # before the first value that a sensor with a latency gives
     t = start + _DRIVE_STEP * np.arange(int((length - 2.0 * start) / _DRIVE_STEP) + 2, dtype=np.float64)
     force = motion.body.truth(t)[motion.segment].at_lever(motion.mount.lever_b).specific_force_b

@@ -46,6 +46,11 @@ def stream(seed: int, *names: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))
 
 
+def unit_seed(seed: int, number: int) -> int:
+    """Seed of one of several units, from 0: each has its own errors and noise, and the first has those of the seed."""
+    return seed if number == 0 else 1000 * seed + number
+
+
 def white(sd: Floats, count: int, rng: np.random.Generator) -> Floats:
     """White noise (count, 3) of standard deviation sd (3,)."""
     return sd * rng.standard_normal((count, 3))

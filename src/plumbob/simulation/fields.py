@@ -9,7 +9,8 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.data.array import Vec
-from plumbob.rotations import quat_rotate
+from plumbob.data.chain import Chain
+from plumbob.rotations import Frame, quat_rotate
 from plumbob.simulation.motion import Truth
 
 _NEAREST = 0.01
@@ -94,6 +95,22 @@ class BentRegion:
         """Field (N, 3) at places (N, 3), m; navigation frame, µT."""
         way = (place_n - _centre(self.place, segment)) / self.radius
         return np.asarray(np.exp(-0.5 * np.sum(way**2, axis=1, keepdims=True)) * np.asarray(self.change_n))
+
+
+def bent_at(chain: Chain, segment: str, strength: float, frame: Frame) -> BentRegion:
+    """Region around the unit of a segment in which the field is bent to the east, by `strength` in µT at the unit.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such segment, or it has no unit.
+    """
+    on = next((one for one in chain.segments if one.name == segment), None)
+    if on is None or not on.unit:
+        riders = ", ".join(one.name for one in chain.segments if one.unit)
+        raise ParameterError(f"the field of {chain.name} can be bent at {riders}, but not at '{segment}'.")
+    x, y, z = (strength * frame.east).tolist()
+    return BentRegion(on.mount.lever_b, (x, y, z), on=segment)
 
 
 def _centre(place: Vec, segment: Truth | None) -> Floats:

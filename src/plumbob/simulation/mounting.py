@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from plumbob.simulation.errors import stream
 from plumbob.simulation.signals import Driven, Mixed, Signal, Sine, Sum
 
 
-def drawn_mounts(chain: Chain, *, angle: float, shift: float, seed: int) -> dict[str, Mount]:
+def drawn_mounts(chain: Chain, *, angle: float, shift: float, clock: float = 0.0, seed: int) -> dict[str, Mount]:
     """True mounts of a chain's units, by name: the chain's own with a drawn error.
 
     Parameters
@@ -27,25 +27,33 @@ def drawn_mounts(chain: Chain, *, angle: float, shift: float, seed: int) -> dict
         Largest turn of a unit, rad: the rotation vector is drawn evenly from the ball of that radius, rms 0.77 of it.
     shift : float
         Largest displacement, m, drawn in the same way.
+    clock : float
+        Largest offset of a clock, s, drawn evenly to both sides.
     seed : int
         Of each unit's own random streams.
+
+    Raises
+    ------
+    ParameterError
+        If one is negative or not finite, or the angle is above half a turn.
     """
-    if not (0.0 <= angle <= math.pi and 0.0 <= shift < math.inf):
+    if not (0.0 <= angle <= math.pi and 0.0 <= shift < math.inf and 0.0 <= clock < math.inf):
         raise ParameterError(
-            f"a mounting error is 0 to π rad and 0 m or more, but it is {angle:g} rad and {shift:g} m."
+            f"a mounting error is 0 to π rad, 0 m or more and 0 s or more, but it is {angle:g} rad, {shift:g} m and "
+            f"{clock:g} s."
         )
-    return {
-        one.unit: Mount(
-            tuple(
-                quat_multiply(
-                    np.array(one.mount.q_bs), quat_from_rotvec(angle * _in_ball(stream(seed, one.unit, "mount angle")))
-                ).tolist()
-            ),
-            tuple((np.array(one.mount.lever_b) + shift * _in_ball(stream(seed, one.unit, "mount shift"))).tolist()),
-        )
-        for one in chain.segments
-        if one.unit
-    }
+    return {one.unit: _off(one.mount, angle, shift, clock, one.unit, seed) for one in chain.segments if one.unit}
+
+
+def _off(mount: Mount, angle: float, shift: float, clock: float, unit: str, seed: int) -> Mount:
+    turn = quat_from_rotvec(angle * _in_ball(stream(seed, unit, "mount angle")))
+    way = shift * _in_ball(stream(seed, unit, "mount shift"))
+    return replace(
+        mount,
+        q_bs=tuple(quat_multiply(np.array(mount.q_bs), turn).tolist()),
+        lever_b=tuple((np.array(mount.lever_b) + way).tolist()),
+        clock_offset=mount.clock_offset + clock * float(stream(seed, unit, "mount clock").uniform(-1.0, 1.0)),
+    )
 
 
 def mounts_of(chain: Chain, given: Mapping[str, Mount]) -> dict[str, Mount]:

@@ -243,7 +243,7 @@ def _wander(rng: np.random.Generator, *, still: bool) -> Motion:
 
 
 def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration: float) -> Program:
-    """Program of that name for a chain; a chain without a fixed base is carried about meanwhile.
+    """Program of that name for a chain; a chain without a fixed base is carried about meanwhile, unless it is "still".
 
     Parameters
     ----------
@@ -265,8 +265,10 @@ def named_program(name: str, chain: Chain, *, rng: np.random.Generator, duration
         raise ParameterError(f"'{name}' is not a program of a chain; known are {', '.join(PROGRAMS)}.")
     if not 0.0 < duration < math.inf:
         raise ParameterError(f"duration must be positive, but it is {duration:g} s.")
-    made = PROGRAMS[name](chain, rng, duration)
-    stops = tuple((start, min(end, duration)) for start, end in made.stops if start < duration)
+    made = (PROGRAMS[name] if chain.angles else _still)(chain, rng, duration)
     root = None if chain.base_fixed else _wander(rng, still=name == "still")
-    carried = name not in {"calibration", "fast"} and root is not None and name != "still"
-    return Program(f"{made.name} of {chain.name}", made.angles, duration, () if carried else stops, root)
+    rests = root is None or name == "still"  # one that is carried stands still before it is taken up, and never again
+    stops = tuple(
+        (start, min(end, duration)) for start, end in made.stops if start < duration and (rests or end <= _LEAD)
+    )
+    return Program(f"{made.name} of {chain.name}", made.angles, duration, stops, root)

@@ -395,5 +395,10 @@ def scenario(name: str, **parameters: float | str) -> Scenario:
         If the name or a parameter is unknown, a value is outside its domain, or a text has not the unit that it needs.
     """
     if name not in SCENARIOS:
-        raise ParameterError(f"'{name}' is not a scenario; known are {', '.join(SCENARIOS)}.")
+        from plumbob.simulation.programs import PROGRAMS
+
+        hint = f" It is what a chain does: --chain arm, or plumbob.simulate_chain('arm', '{name}')."
+        raise ParameterError(
+            f"'{name}' is not a scenario; known are {', '.join(SCENARIOS)}.{hint * (name in PROGRAMS)}"
+        )
     return build(SCENARIOS[name], parameters, of=name)

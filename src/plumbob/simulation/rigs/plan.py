@@ -1,19 +1,21 @@
 """What each rig is made of: its units, their mounting, and what is done with them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import sqrt
-from typing import ClassVar, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.data.array import PRESETS
+from plumbob.data.chain import Chain
 from plumbob.protocols.format import Format
 from plumbob.protocols.unpack import units_of
 from plumbob.rotations import Frame
 from plumbob.simulation import Motion, Scenario, Truth, scenario
+from plumbob.simulation.chains import CHAINS
 from plumbob.simulation.errors import stream
 
 Quat = tuple[float, float, float, float]
@@ -93,6 +95,25 @@ class Unit:
 
 
 @dataclass(frozen=True, slots=True)
+class Chained:
+    """Program of a chain that carries the units, each on a segment of its own.
+
+    Attributes
+    ----------
+    chain : Chain
+        Its units have the names of the frame's.
+    program : str
+        Name of what it does, one of `plumbob.simulation.PROGRAMS`.
+    settings : mapping
+        Further arguments of `plumbob.simulation.simulate_chain`.
+    """
+
+    chain: Chain
+    program: str
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Plan:
     """A rig before it is built.
 
@@ -100,8 +121,8 @@ class Plan:
     ----------
     name, title : str
         Short and full name.
-    scenario : Scenario
-        What the body does.
+    scenario : Scenario or Chained
+        What the body does, or the chain that the units are on.
     frame : Frame
         Navigation frame of the truth, and the body's axes with it.
     rate : float
@@ -114,7 +135,7 @@ class Plan:
 
     name: str
     title: str
-    scenario: Scenario
+    scenario: Scenario | Chained
     frame: Frame
     rate: float
     duration: float
@@ -175,6 +196,11 @@ PLANS: Final[Mapping[str, Plan]] = {
             "rod", "rod moved by hand: ADIS16355 beside an AHRS500GA", scenario("rod"), Frame.NED, 100.0, 600.0,
             (Unit("adis16355"), Unit("ideal", "ref", _REFERENCE)),
         ),
+        Plan(
+            "teach", "six-axis machine taught by hand: a nine-axis unit on each link",
+            Chained(CHAINS["teach"], "teach", {"mag_rate": 220.0}), Frame.NED, 100.0, 60.0,
+            tuple(Unit("mpu6000+hmc5983", one.unit) for one in CHAINS["teach"].segments if one.unit),
+        ),
     )
 }  # fmt: skip
-"""The papers' rigs by name."""
+"""The papers' rigs by name, and a machine that is taught."""

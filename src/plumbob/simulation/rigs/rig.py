@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +16,11 @@ from plumbob.protocols.encode import encode
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, euler_zyx_from_quat
-from plumbob.simulation import Module, Simulation, TriadErrors, draw_module, simulate
+from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
+from plumbob.simulation.errors import unit_seed
 from plumbob.simulation.rigs import faults as line_faults
 from plumbob.simulation.rigs.faults import Damage, Fault
-from plumbob.simulation.rigs.plan import Mounted, Plan, Unit
+from plumbob.simulation.rigs.plan import Chained, Mounted, Plan
 
 Column = Floats | NDArray[np.int64]
 _JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever it is rounded by
@@ -106,6 +108,8 @@ class Rig:
         Frames as the device makes them, before anything happens to them on the line.
     damage : Damage
         What happens to them on the line.
+    chain : ChainSimulation or None
+        The chain that the units are on, where they are on one.
     """
 
     plan: Plan
@@ -114,6 +118,7 @@ class Rig:
     due_ns: NDArray[np.int64]
     frames: NDArray[np.uint8]
     damage: Damage
+    chain: ChainSimulation | None = None
 
     def __len__(self) -> int:
         return int(self.due_ns.size)
@@ -169,10 +174,7 @@ def make_rig(
     """
     bound = form.bind()
     message = bound.messages[0]
-    units = {
-        one.prefix: _simulated(plan, one, message, number, seed, duration, unit)
-        for number, one in enumerate(plan.units)
-    }
+    units, chain = _units(plan, message, seed, plan.duration if duration is None else duration, unit)
     due_ns = to_ns(next(iter(units.values())).imu.t)
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
     device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
@@ -180,22 +182,32 @@ def make_rig(
     if not columns:
         raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
     frames = encode(bound, columns)
-    return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed))
+    return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed), chain)
 
 
-def _simulated(
-    plan: Plan, unit: Unit, message: Message, number: int, seed: int, duration: float | None, kind: str
-) -> Simulation:
-    own_seed = seed if number == 0 else 1000 * seed + number  # each unit has its own errors and noise
-    return simulate(
-        Mounted(plan=plan.scenario, frame=plan.frame, q_bs=unit.q_bs, seed=seed),
-        frame=plan.frame,
-        sensors=fitted(draw_module(unit.sensors, own_seed), message, unit.prefix),
-        unit=kind,
-        seed=own_seed,
-        rate=plan.rate,
-        duration=plan.duration if duration is None else duration,
-    )
+def _units(
+    plan: Plan, message: Message, seed: int, duration: float, kind: str
+) -> tuple[Mapping[str, Simulation], ChainSimulation | None]:
+    """Units by prefix, each with its own errors and noise, and the chain that they are on."""
+    seeds = {one.prefix: unit_seed(seed, number) for number, one in enumerate(plan.units)}
+    modules = {
+        one.prefix: fitted(draw_module(one.sensors, seeds[one.prefix]), message, one.prefix) for one in plan.units
+    }
+    common: dict[str, Any] = {"frame": plan.frame, "unit": kind, "rate": plan.rate, "duration": duration}
+    if isinstance(plan.scenario, Chained):
+        chained = plan.scenario
+        made = simulate_chain(chained.chain, chained.program, sensors=modules, seed=seed, **common, **chained.settings)
+        return made.units, made
+    units = {
+        one.prefix: simulate(
+            Mounted(plan=plan.scenario, frame=plan.frame, q_bs=one.q_bs, seed=seed),
+            sensors=modules[one.prefix],
+            seed=seeds[one.prefix],
+            **common,
+        )
+        for one in plan.units
+    }
+    return units, None
 
 
 def fitted(module: Module, message: Message, prefix: str) -> Module:

@@ -1,0 +1,592 @@
+"""From motion to a card: where joints lie and how they turn in the units' axes, how units sit, and how good it is."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, ClassVar, Final, NamedTuple
+
+import numpy as np
+
+from plumbob.arm.filter import Params, Samples
+from plumbob.arm.geometry import (
+    ARM_SD,
+    LEAST_FORCE_SD,
+    LEAST_PLAY,
+    Fit,
+    Prior,
+    Terms,
+    arms_from_sizes,
+    first_axes,
+    fit_arms,
+    fit_axes,
+    sway,
+    terms_of,
+)
+from plumbob.arm.links import FORCE_SD, GROUND, Link, axes_of, links_of, unit_numbers
+from plumbob.arm.passes import Motion, begin, estimated
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
+from plumbob.core.params import build
+from plumbob.core.units import deg, to_deg
+from plumbob.data.array import ImuArray, Mount
+from plumbob.data.cards.file import Card, built
+from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
+from plumbob.rotations import (
+    dcm_from_quat,
+    quat_conjugate,
+    quat_from_dcm,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+)
+
+ROUNDS: Final = 8
+"""Attitudes and geometry are found in turn, so often at most,"""
+SETTLED: Final = (5e-4, deg(0.1))
+"""or until arms, m, and axes, rad, change by less."""
+LONGEST: Final = 600.0
+"""Of a longer recording the first part is used, s."""
+SHORTEST: Final = 5.0
+"""Less motion than this, s, is refused."""
+MOUNT_ANGLE: Final = deg(5.0)
+MOUNT_SHIFT: Final = 0.02
+"""A unit sits as the chain says to these standard deviations, rad and m."""
+LENGTH_SD: Final = 0.003
+AXIS_SD: Final = deg(0.5)
+"""The chain's own lengths, m, and axes, rad, are right to these."""
+
+Pose = tuple[float, float, Sequence[float]]
+"""From when to when, s, which angles were held, rad."""
+
+
+@dataclass(frozen=True)
+class JointCard:
+    """What was found of a joint.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    arms : list
+        From the units of parent and child to its centre, in their axes, m, (2, 3).
+    axes : list
+        Its axes there, (2, K, 3), as of `plumbob.arm.links.Link`.
+    arm_sd, axis_sd : list
+        Standard deviations (2, 3) of the arms, m, and (2,) of the axes, rad.
+    play, force_sd : float
+        What the sides differ by: angle of an axis, rad, and force at the centre, m/s²; standard deviations.
+    sway : float
+        How far both segments turn against each other besides, about each axis, as units sway on them, rad.
+    rating : str
+        "good", "fair" or "poor", and why.
+    """
+
+    name: str
+    arms: Any
+    axes: Any
+    arm_sd: Any
+    axis_sd: Any
+    play: float
+    force_sd: float
+    sway: float
+    rating: str
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for name, shape in (("arms", (2, 3)), ("arm_sd", (2, 3)), ("axis_sd", (2,))):
+            value = check.floats(name, getattr(self, name))
+            if value.shape != shape or not np.isfinite(value).all():
+                raise CalibrationError(f"{name} of the joint '{self.name}' must be finite and of shape {shape}.")
+        axes = np.asarray(self.axes, dtype=np.float64).reshape(2, -1, 3)
+        object.__setattr__(self, "axes", axes.tolist())
+        if not (self.play > 0.0 and self.force_sd > 0.0):
+            raise CalibrationError(f"play and force_sd of the joint '{self.name}' must be above 0.")
+
+
+@dataclass(frozen=True)
+class ArmCard(Card):
+    """A chain as its units see it; `plumbob.arm.run` needs it.
+
+    Attributes
+    ----------
+    chain : Chain
+        With the mounts that were found, and a geometry that was found where none was known.
+    joints : tuple of JointCard
+        In the order of the chain.
+    mount_sd : mapping of str to list
+        By unit: standard deviations of the turn, rad (3), and of the lever, m (3), of its mount.
+    source : str
+        What it was found from.
+    """
+
+    chain: Chain
+    joints: tuple[JointCard, ...]
+    mount_sd: Mapping[str, Any]
+    source: str = ""
+
+    KIND: ClassVar[str] = "plumbob arm card"
+    VERSION: ClassVar[int] = 1
+    PARTS: ClassVar[Mapping[str, type]] = {}
+
+    def text(self) -> str:
+        """Text of the card's file; the chain stands in it as in a chain's own."""
+        joints = [vars(joint) for joint in self.joints]
+        content = {
+            "kind": self.KIND, "format_version": self.VERSION, "source": self.source, "chain": chain_text(self.chain),
+            "joints": joints, "mount_sd": self.mount_sd,
+        }  # fmt: skip
+        return json.dumps(content, indent=2, default=lambda a: a.tolist(), allow_nan=False) + "\n"
+
+    def __post_init__(self) -> None:
+        """Build the parts of a card that was read."""
+        if isinstance(self.chain, str):
+            object.__setattr__(self, "chain", parse_chain(self.chain, name="chain"))
+        joints = tuple(one if isinstance(one, JointCard) else built("joints", JointCard, one) for one in self.joints)
+        object.__setattr__(self, "joints", joints)
+        names = [joint.name for joint in self.chain.joints]
+        if [one.name for one in joints] != names:
+            raise CalibrationError(f"the card's joints must be those of its chain, {', '.join(names)}.")
+
+    def facts(self) -> Mapping[str, str]:
+        """Chain, source, and the rating of each joint."""
+        found = {"chain": self.chain.name, "source": self.source or "not named"}
+        return found | {joint.name: joint.rating for joint in self.joints}
+
+    def links(self) -> list[Link]:
+        """The joints as the filter takes them."""
+        numbers = unit_numbers(self.chain)
+        return [
+            Link(
+                joint=joint,
+                parent=numbers[joint.parent],
+                child=numbers[joint.child],
+                arms=np.array(found.arms),
+                axes=np.array(found.axes, dtype=np.float64).reshape(2, -1, 3),
+                play=found.play,
+                force_sd=found.force_sd,
+            )
+            for joint, found in zip(self.chain.joints, self.joints, strict=True)
+        ]
+
+    def table(self) -> str:
+        """What was found, as text: a line for each joint and unit."""
+        lines = [f"{'joint':<12} {'kind':<10} {'arms, mm (sd)':<24} {'axis sd':<9} {'play':<7} {'sway':<7} rating"]
+        for joint, found in zip(self.chain.joints, self.joints, strict=True):
+            arms = " · ".join(
+                f"{1e3 * np.linalg.norm(arm):.0f} ({1e3 * max(sd):.0f})"
+                for arm, sd in zip(found.arms, found.arm_sd, strict=True)
+            )
+            axis = f"{to_deg(max(found.axis_sd)):.2f}°" if np.size(found.axes) else "–"
+            play = f"{to_deg(found.play):.2f}°" if np.size(found.axes) else "–"
+            sways = f"{to_deg(found.sway):.2f}°"
+            lines.append(f"{joint.name:<12} {joint.kind:<10} {arms:<24} {axis:<9} {play:<7} {sways:<7} {found.rating}")
+        return "\n".join(lines)
+
+
+def align(
+    chain: Chain | str | Path,
+    array: ImuArray,
+    *,
+    poses: Sequence[Pose] = (),
+    pose_sd: float = deg(1.0),
+    mount_angle: float = MOUNT_ANGLE,
+    mount_shift: float = MOUNT_SHIFT,
+    params: Mapping[str, Any] | None = None,
+    note: Callable[[str], None] | None = None,
+) -> ArmCard:
+    """Find from motion where joints lie in the units' axes, how they turn, and how the units sit.
+
+    Where the chain says where its joints lie, the units' mounts are found: each starts from what the chain says of it.
+    Where it does not, each segment's axes are those of its unit, its origin is its joint, and the geometry is found.
+
+    Parameters
+    ----------
+    chain : Chain or path
+        The chain; of joints of unknown geometry the kind suffices.
+    array : ImuArray
+        A recording in which every joint moves about all its axes for some seconds, briskly.
+    poses : sequence of (float, float, sequence of float)
+        From when to when, s, the chain was held still at which angles, rad. One at rest with all angles at zero in
+        the first seconds says how units sit about axes that motion shows badly.
+    pose_sd : float
+        How exactly they were held, rad.
+    mount_angle, mount_shift : float
+        How well the chain's own mounts are known before, rad and m; standard deviations.
+    params : mapping, optional
+        Of the filter, `plumbob.arm.filter.Params`.
+    note : callable, optional
+        Called with remarks.
+
+    Returns
+    -------
+    ArmCard
+
+    Raises
+    ------
+    ParameterError
+        If a segment has no unit, units are missing, or a pose does not fit.
+    ShapeError
+        If the recording is too short or a unit lacks a gyroscope or an accelerometer.
+    """
+    chain = load_chain(chain) if isinstance(chain, str | Path) else check.kind("chain", chain, Chain)
+    samples = samples_of(chain, array)
+    settings = build(Params, params or {}, of="arm")
+    samples = samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
+    if samples.t[-1] - samples.t[0] < SHORTEST:
+        raise ShapeError(
+            f"the motion lasts {samples.t[-1] - samples.t[0]:.3g} s, but {SHORTEST:g} s are needed at least; a minute "
+            "in which every joint turns is good."
+        )
+    found = _Search(chain, samples, settings, mount_angle, mount_shift).found()
+    if chain.known:
+        mounted, sd = _mounts(chain, found, poses, pose_sd, mount_angle, mount_shift)
+    else:
+        mounted, sd = _geometry(chain, found, poses), _found_sd(chain, found)
+    joints = tuple(_card(one, found, k) for k, one in enumerate(found.links))
+    for joint in joints:
+        if note and not joint.rating.startswith("good"):
+            note(f"{joint.name}: {joint.rating}")
+    source = f"{samples.t[-1] - samples.t[0]:.3g} s of motion"
+    return ArmCard(chain=mounted, joints=joints, mount_sd=sd, source=source)
+
+
+def samples_of(chain: Chain, array: ImuArray) -> Samples:
+    """Samples of the units of a chain, in the order of its segments.
+
+    Raises
+    ------
+    ParameterError
+        If the recording lacks a unit.
+    ShapeError
+        If a unit lacks a gyroscope or an accelerometer.
+    """
+    check.kind("array", array, ImuArray)
+    names = [segment.unit for segment in chain.segments if segment.unit]
+    for segment in chain.segments:
+        if segment.unit and segment.unit not in array.units:
+            raise ParameterError(
+                f"the segment '{segment.name}' has the unit '{segment.unit}', but the recording has "
+                f"{', '.join(array.names)}. Name the units as the recording does."
+            )
+    for name in names:
+        lacking = [triad for triad in ("gyr", "acc") if triad not in array.units[name].triads]
+        if lacking:
+            raise ShapeError(f"the unit '{name}' has no {' and no '.join(lacking)}, which a chain needs of every unit.")
+    gyr, acc, mag = (
+        np.ascontiguousarray(np.stack([array.units[name].usable(triad) for name in names]))
+        for triad in ("gyr", "acc", "mag")
+    )
+    return Samples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None)
+
+
+class _Found(NamedTuple):
+    links: list[Link]
+    arms: list[Fit]
+    axes: list[Fit | None]
+    motion: Motion
+    terms: Terms
+
+
+class _Search:
+    """Attitudes and geometry in turn."""
+
+    def __init__(self, chain: Chain, samples: Samples, params: Params, angle: float, shift: float) -> None:
+        self._samples, self._params = samples, params
+        self._chain, self._sds = chain, (angle, shift)
+        self._links = links_of(chain) if chain.known else _unknown_links(chain, samples)
+        self._before = self._links
+
+    def found(self) -> _Found:
+        """What it comes to."""
+        arms, axes, rounds = list[Fit](), list[Fit | None](), 0
+        while True:
+            motion = self._motion()
+            terms = terms_of(self._samples, motion, mean_rate=self._params.mean_rate)
+            if not self._chain.known:
+                self._begin_axes(terms)
+            arms = [fit_arms(terms, link, self._arm_prior(k)) for k, link in enumerate(self._links)]
+            axes = [self._axes(terms, k) for k in range(len(self._links))]
+            new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
+            moved, turned = _change(self._links, new)
+            self._links, rounds = new, rounds + 1
+            if (moved < SETTLED[0] and turned < SETTLED[1]) or rounds == ROUNDS:
+                return _Found(new, arms, axes, self._motion(), terms)
+
+    def _motion(self) -> Motion:
+        start = begin(self._samples, self._links, self._params, north=0.0)
+        return estimated(self._samples, self._links, self._params, start, smooth=True)
+
+    def _begin_axes(self, terms: Terms) -> None:
+        """First axes of joints that have none yet."""
+        for k, link in enumerate(self._links):
+            if link.joint.kind in ("hinge", "universal") and not link.axes.shape[1]:
+                self._links[k] = replace(link, axes=first_axes(terms, link))
+            elif link.joint.kind == "fixed" and not link.axes.shape[1]:
+                self._links[k] = replace(link, axes=np.stack([np.eye(3), np.eye(3)]))
+
+    def _arm_prior(self, k: int) -> Prior:
+        if not self._chain.known:
+            return Prior(np.zeros((2, 3)), ARM_SD)
+        before = self._before[k]
+        reach = float(np.linalg.norm(before.arms, axis=1).max())
+        return Prior(before.arms, float(np.hypot(self._sds[1], reach * self._sds[0])))
+
+    def _axes(self, terms: Terms, k: int) -> Fit | None:
+        link = self._links[k]
+        if link.joint.kind == "ball":
+            return None
+        prior = Prior(self._before[k].axes, self._sds[0]) if self._chain.known else None
+        return fit_axes(terms, link, prior, self._params.play_time)
+
+
+def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
+    numbers = unit_numbers(chain)
+    found = []
+    for joint in chain.joints:
+        if joint.known:
+            raise ParameterError(
+                f"{chain.name} says where {joint.name} lies, but not where every joint does. Say it of all, or of none."
+            )
+        if numbers[joint.parent] == GROUND:
+            raise ParameterError(
+                f"{joint.name} hangs on the ground; its place must be known: give its origin and axes."
+            )
+        link = Link(joint, numbers[joint.parent], numbers[joint.child], np.zeros((2, 3)), np.zeros((2, 0, 3)))
+        found.append(replace(link, arms=arms_from_sizes(samples, link)))
+    return found
+
+
+def _fitted(link: Link, arm: Fit, axis: Fit | None) -> Link:
+    force = min(max(arm.residual, LEAST_FORCE_SD), 10.0 * FORCE_SD)
+    if axis is None:
+        return replace(link, arms=arm.value, force_sd=force)
+    return replace(link, arms=arm.value, axes=axis.value, play=max(axis.residual, LEAST_PLAY), force_sd=force)
+
+
+def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
+    """Largest changes of an arm, m, and of an axis, rad."""
+    moved = max(float(np.abs(a.arms - b.arms).max()) for a, b in zip(old, new, strict=True))
+    turned = [
+        float(np.abs(a.axes - b.axes).max()) if a.axes.shape == b.axes.shape else 1.0
+        for a, b in zip(old, new, strict=True)
+        if b.axes.size
+    ]
+    return moved, max(turned, default=0.0)
+
+
+def _card(link: Link, found: _Found, k: int) -> JointCard:
+    arm, axis = found.arms[k], found.axes[k]
+    arm_sd = np.sqrt(np.diag(arm.cov)).reshape(2, 3)
+    axis_sd = np.zeros(2)
+    if axis is not None:
+        axis_sd = np.array([_across(axis.cov[:3, :3], link.axes[0, 0]), _across(axis.cov[3:, 3:], link.axes[1, 0])])
+    return JointCard(
+        name=link.joint.name,
+        arms=link.arms.tolist(),
+        axes=link.axes.tolist(),
+        arm_sd=arm_sd.tolist(),
+        axis_sd=axis_sd.tolist(),
+        play=link.play,
+        force_sd=link.force_sd,
+        sway=sway(arm.shake, link.arms),
+        rating=_rating(link, arm_sd, axis_sd),
+    )
+
+
+def _across(cov: Floats, axis: Floats) -> float:
+    """Larger standard deviation across an axis."""
+    flat = np.eye(3) - np.outer(axis, axis)
+    return float(np.sqrt(max(np.linalg.eigvalsh(flat @ cov @ flat)[-1], 0.0)))
+
+
+def _rating(link: Link, arm_sd: Floats, axis_sd: Floats) -> str:
+    """Word for how much a joint can be relied on, and what it lacks."""
+    own = arm_sd if link.parent != GROUND else arm_sd[1:]
+    lacks = []
+    # along a hinge's own axis an arm moves nothing, and is not needed
+    free = 1 if link.joint.kind == "hinge" else 0
+    if np.sort(own, axis=1)[:, : 3 - free].max() > 0.01:
+        lacks.append("too little motion to find its arms")
+    if axis_sd.max(initial=0.0) > deg(2.0):
+        lacks.append("too little motion to find its axis")
+    if link.axes.size and link.play > deg(4.0):
+        lacks.append(f"its axis strays by {to_deg(link.play):.1f}°: much play, or not a {link.joint.kind}")
+    if link.force_sd > 1.0:
+        lacks.append(f"forces differ by {link.force_sd:.1f} m/s²: units that shake, or not a joint")
+    if lacks:
+        return "poor: " + "; ".join(lacks)
+    if link.axes.size and link.play > deg(1.5):
+        return f"fair: play of {to_deg(link.play):.1f}°"
+    return "good"
+
+
+def _geometry(chain: Chain, found: _Found, poses: Sequence[Pose]) -> Chain:
+    """Chain whose geometry was found: each segment's axes are those of its unit, its origin is its joint."""
+    levers = {chain.segments[0].name: np.zeros(3)} | {link.joint.child: -link.arms[1] for link in found.links}
+    segments = tuple(replace(one, mount=Mount(lever_b=_vec(levers[one.name]))) for one in chain.segments)
+    joints = []
+    for link in found.links:
+        origin = levers[link.joint.parent] + link.arms[0]
+        joints.append(_found_joint(link, origin, found.motion, poses))
+    return replace(chain, segments=segments, joints=tuple(joints))
+
+
+def _found_joint(link: Link, origin: Floats, motion: Motion, poses: Sequence[Pose]) -> Joint:
+    """Joint whose angles are zero in the first posture, or at the first sample."""
+    first = 0 if not poses else int(np.searchsorted(motion.t, 0.5 * (poses[0][0] + poses[0][1])))
+    zero = quat_multiply(quat_conjugate(motion.q[link.parent, first]), motion.q[link.child, first])
+    if link.joint.kind == "ball":
+        return replace(link.joint, origin=_vec(origin), q_pc=_quat(zero))
+    if link.joint.kind == "fixed":
+        return replace(link.joint, origin=_vec(origin), q_pc=_quat(quat_from_dcm(link.axes[0].T @ link.axes[1])))
+    if link.joint.kind == "universal":
+        second = link.axes[1, 0]
+        ahead = dcm_from_quat(quat_conjugate(zero)) @ link.axes[0, 0]
+        ahead = ahead - second * (second @ ahead)
+        return replace(
+            link.joint, origin=_vec(origin), q_pc=_quat(_carried(zero, ahead, link.axes[0, 0])),
+            axes=(_vec(ahead / np.linalg.norm(ahead)), _vec(second)),
+        )  # fmt: skip
+    axis = link.axes[1, 0]
+    return replace(
+        link.joint, origin=_vec(origin), q_pc=_quat(_carried(zero, axis, link.axes[0, 0])), axes=(_vec(axis),)
+    )
+
+
+def _carried(q: Floats, axis: Floats, to: Floats) -> Floats:
+    """Rotation nearest to q that carries an axis exactly to another."""
+    seen = quat_rotate(q, axis)
+    across = np.cross(seen, to)
+    sine = float(np.linalg.norm(across))
+    angle = float(np.arctan2(sine, seen @ to)) / max(sine, 1e-12)
+    return quat_multiply(quat_from_rotvec(across * angle), q)
+
+
+def _vec(v: Floats) -> tuple[float, float, float]:
+    x, y, z = (float(one) for one in v)
+    return x, y, z
+
+
+def _quat(q: Floats) -> tuple[float, float, float, float]:
+    w, x, y, z = (float(one) for one in q)
+    return w, x, y, z
+
+
+def _found_sd(chain: Chain, found: _Found) -> dict[str, Any]:
+    """Mounts of a chain that was found: its axes are the unit's, and its lever is the child's arm."""
+    sd = {one.unit: [0.0] * 6 for one in chain.segments if one.unit}
+    units = {one.name: one.unit for one in chain.segments}
+    for link, arm in zip(found.links, found.arms, strict=True):
+        sd[units[link.joint.child]][3:] = np.sqrt(np.diag(arm.cov))[3:].tolist()
+    return sd
+
+
+def _mounts(
+    chain: Chain, found: _Found, poses: Sequence[Pose], pose_sd: float, angle: float, shift: float
+) -> tuple[Chain, dict[str, Any]]:
+    """Chain with the mounts that explain arms, axes and postures best, and their standard deviations.
+
+    A damped least squares over a small turn and a shift of each unit's mount, and, on the ground, the heading of the
+    frame in which attitudes were found.
+    """
+    from scipy.optimize import least_squares
+
+    mounted = [one for one in chain.segments if one.unit]
+    problem = _MountProblem(chain, mounted, found, poses, pose_sd, angle, shift)
+    fit = least_squares(problem.residuals, np.zeros(problem.size), method="trf", x_scale="jac", loss="linear")
+    jacobian = np.asarray(fit.jac)
+    cov = np.linalg.inv(jacobian.T @ jacobian)
+    sd = np.sqrt(np.diag(cov))
+    mounts = problem.mounts(fit.x)
+    segments = tuple(replace(one, mount=mounts.get(one.name, one.mount)) for one in chain.segments)
+    return (
+        replace(chain, segments=segments),
+        {one.unit: sd[6 * k : 6 * k + 6].tolist() for k, one in enumerate(mounted)},
+    )
+
+
+class _MountProblem:
+    """Residuals, in standard deviations, of mounts that are off by small turns and shifts."""
+
+    def __init__(
+        self, chain: Chain, mounted: Sequence[Segment], found: _Found, poses: Sequence[Pose], pose_sd: float,
+        angle: float, shift: float,
+    ) -> None:  # fmt: skip
+        self._chain, self._mounted, self._found = chain, mounted, found
+        self._prior_sd, self._pose_sd = np.tile([angle] * 3 + [shift] * 3, len(mounted)), pose_sd
+        self._poses = [(self._attitudes(pose), chain.split(np.array(pose[2], dtype=np.float64)[np.newaxis]))
+                       for pose in poses]  # fmt: skip
+        self.size = 6 * len(mounted) + 1
+
+    def _attitudes(self, pose: Pose) -> Floats:
+        """Attitudes of the units (U, 4) in the middle of a posture."""
+        start, end, angles = pose
+        if len(angles) != len(self._chain.angles):
+            raise ParameterError(
+                f"a pose of {self._chain.name} has {len(self._chain.angles)} angles "
+                f"({', '.join(self._chain.angles)}), but {len(angles)} were given."
+            )
+        t = self._found.motion.t
+        if not t[0] <= start < end <= t[-1]:
+            raise ParameterError(
+                f"a pose from {start:g} to {end:g} s is not in the recording, which goes from {t[0]:g} to {t[-1]:g} s."
+            )
+        return self._found.motion.q[:, int(np.searchsorted(t, 0.5 * (start + end)))]
+
+    def mounts(self, x: Floats) -> dict[str, Mount]:
+        """Mounts by segment."""
+        found = {}
+        for k, one in enumerate(self._mounted):
+            turn, moved = x[6 * k : 6 * k + 3], x[6 * k + 3 : 6 * k + 6]
+            q = quat_multiply(quat_from_rotvec(turn), np.array(one.mount.q_bs))
+            found[one.name] = replace(one.mount, q_bs=_quat(q), lever_b=_vec(np.array(one.mount.lever_b) + moved))
+        return found
+
+    def residuals(self, x: Floats) -> Floats:
+        """All of them."""
+        mounts = self.mounts(x)
+        rows = [x[:-1] / self._prior_sd, np.array([x[-1] / np.pi])]
+        for link, arm, axis in zip(self._found.links, self._found.arms, self._found.axes, strict=True):
+            rows += self._of_joint(link, arm, axis, mounts)
+        for attitudes, angles in self._poses:
+            rows += self._of_pose(attitudes, angles, mounts, float(x[-1]))
+        return np.concatenate(rows)
+
+    def _of_joint(self, link: Link, arm: Fit, axis: Fit | None, mounts: Mapping[str, Mount]) -> list[Floats]:
+        joint, rows = link.joint, []
+        assert joint.origin is not None
+        expected = axes_of(joint, mounts.get(joint.parent, Mount()), mounts[joint.child])
+        for side, name, place in ((0, joint.parent, np.array(joint.origin)), (1, joint.child, np.zeros(3))):
+            if name not in mounts:
+                continue
+            own = slice(3 * side, 3 * side + 3)
+            reach = mounts[name].dcm.T @ (place - np.array(mounts[name].lever_b))
+            rows.append(_whitened(arm.cov[own, own] + LENGTH_SD**2 * np.eye(3), link.arms[side] - reach))
+            if axis is not None and joint.kind != "fixed":
+                cov = axis.cov[own, own] + AXIS_SD**2 * np.eye(3)
+                rows.append(_whitened(cov, link.axes[side, 0] - expected[side, 0]))
+        return rows
+
+    def _of_pose(
+        self, attitudes: Floats, angles: Sequence[Floats], mounts: Mapping[str, Mount], heading: float
+    ) -> list[Floats]:
+        """How far attitudes in a posture are from what mounts and angles make of it."""
+        numbers, rows = unit_numbers(self._chain), []
+        ground = quat_from_rotvec(np.array([0.0, 0.0, heading]))
+        for joint, own in zip(self._chain.joints, angles, strict=True):
+            parent, child = numbers[joint.parent], numbers[joint.child]
+            before = ground if parent == GROUND else quat_multiply(
+                attitudes[parent], quat_conjugate(np.array(mounts[joint.parent].q_bs))
+            )  # fmt: skip
+            after = quat_multiply(attitudes[child], quat_conjugate(np.array(mounts[joint.child].q_bs)))
+            off = quat_multiply(quat_conjugate(quat_multiply(before, joint.turned(own)[0])), after)
+            rows.append(rotvec_from_quat(off) / self._pose_sd)
+        return rows
+
+
+def _whitened(cov: Floats, off: Floats) -> Floats:
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(cov), off))

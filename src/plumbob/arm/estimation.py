@@ -1,0 +1,410 @@
+"""Joint angles, attitudes and the hand of a chain from its units, with what each is uncertain by."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.arm.alignment import ArmCard, samples_of
+from plumbob.arm.anchor import UNKNOWN, Anchored, anchored
+from plumbob.arm.angles import JointTrack
+from plumbob.arm.filter import Params, Samples
+from plumbob.arm.links import GROUND, links_of, unit_numbers
+from plumbob.arm.passes import FRAME_SD, POSE_SD, Motion, Start, begin, estimated
+from plumbob.core import check, flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.params import build, describe, shown
+from plumbob.core.series import Series
+from plumbob.core.units import deg, to_deg
+from plumbob.data import AttitudeTrack
+from plumbob.data.array import ImuArray
+from plumbob.data.cards.file import kind_of
+from plumbob.data.chain import Chain, Joint, Posture
+from plumbob.data.chain_toml import load_chain
+from plumbob.rotations import (
+    Frame,
+    North,
+    change_frame,
+    dcm_from_quat,
+    frame_rotation,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+)
+
+DOUBT: Final = deg(10.0)
+"""A sample at which an angle is uncertain by more than this, rad, is said to be not converged."""
+_SMALL: Final = 1e-4
+"""Turn by which derivatives of angles are taken, rad."""
+_Z_UP: Final = {Frame.ENU: Frame.ENU, Frame.NWU: Frame.NWU, Frame.NED: Frame.NWU}
+"""Frame that the filter works in, by the one that was asked for: same North, z up."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmEstimate(Series):
+    """What a chain did.
+
+    Attributes
+    ----------
+    joints : JointTrack
+        Angles of all joints, their standard deviations, the hand, and flags.
+    tracks : mapping of str to AttitudeTrack
+        Attitude of each segment, by name, with covariance.
+    chain : Chain
+        The chain.
+    frame : Frame
+        Navigation frame of tracks and hand.
+    notes : tuple of str
+        What a reader should know.
+    """
+
+    joints: JointTrack
+    tracks: Mapping[str, AttitudeTrack]
+    chain: Chain
+    frame: Frame
+    notes: tuple[str, ...] = field(default=())
+
+    def facts(self) -> Mapping[str, str]:
+        """Chain, frame, and how sure it is."""
+        sd = self.joints.sd
+        assert sd is not None
+        said = ", ".join(
+            f"{name} {to_deg(float(np.nanmedian(one))):.2f}°" for name, one in zip(self.joints.names, sd.T, strict=True)
+        )
+        return {
+            "chain": self.chain.name,
+            "samples": f"{len(self.joints.t)} from {self.joints.t[0]:.6g} to {self.joints.t[-1]:.6g} s",
+            "frame": f"{self.frame}, heading {next(iter(self.tracks.values())).north}",
+            "standard deviations": f"{said} (medians)",
+            "method": self.joints.source,
+        }
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Of the joint angles."""
+        return self.joints.columns()
+
+    def save(self, path: str | Path, *, overwrite: bool = False) -> Path:
+        """Write the joint angles; as `JointTrack.save`."""
+        return self.joints.save(path, overwrite=overwrite)
+
+    def postures(self) -> dict[str, Posture]:
+        """Where every segment is; the root's origin stays where it is."""
+        root = self.tracks[self.chain.segments[0].name].q_nb
+        return self.chain.postures(self.joints.angles, root)
+
+
+def run(
+    chain: Chain | ArmCard | str | Path,
+    array: ImuArray,
+    *,
+    frame: Frame | str,
+    causal: bool = False,
+    pose: str | Sequence[float] | None = None,
+    params: Mapping[str, Any] | None = None,
+    note: Callable[[str], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> ArmEstimate:
+    """Estimate joint angles, attitudes of all segments, and where the hand is.
+
+    Parameters
+    ----------
+    chain : ArmCard, Chain or path
+        The card that `align` makes, or a chain whose units sit exactly as it says.
+    array : ImuArray
+        A unit for each segment; a root that stands still needs none.
+    frame : Frame or str
+        Navigation frame of the result. The root of a fixed base has its z axis up and its x axis along that of ENU or
+        NWU, or North in NED; the heading of everything is against it.
+    causal : bool
+        Let each attitude know only what came before it. The first attitudes are given after the first seconds, from
+        what those show of the headings.
+    pose : "zero" or sequence of float, optional
+        The angles, rad, that were held at the first sample. A ball joint on a fixed base needs it, as nothing else
+        says where the arm points.
+    params : mapping, optional
+        Of the filter, `plumbob.arm.filter.Params`.
+    note : callable, optional
+        Called with each note.
+    progress : callable, optional
+        Called with samples done and samples in all.
+
+    Returns
+    -------
+    ArmEstimate
+
+    Raises
+    ------
+    ParameterError
+        If the chain's geometry is not known, a segment has no unit, or units are missing.
+    """
+    known, card = _opened(chain)
+    wanted = Frame.parse(frame)
+    settings = build(Params, params or {}, of="arm")
+    samples = samples_of(known, array)
+    links = links_of(known) if card is None else card.links()
+    inside = _Z_UP[wanted]
+    north = float(np.arctan2(inside.north[1], inside.north[0]))
+    posture = None if pose is None else _posture(known, pose)
+    start = begin(samples, links, settings, north=north, pose=posture)
+    count = _counter(len(samples), progress)
+    motion = estimated(samples, links, settings, start, smooth=not causal, progress=count)
+    anchor = _anchor(known, samples, motion, settings, start, north, posed=posture is not None, smooth=not causal)
+    estimate = _Reading(known, card, motion, anchor, inside, wanted, array).estimate(
+        north=_north(known, start, anchor, posed=posture is not None), source=_source(settings, causal=causal),
+        notes=_notes(known, card, start, anchor, posed=posture is not None, causal=causal),
+    )  # fmt: skip
+    for one in estimate.notes if note else ():
+        note(one)  # type: ignore[misc]
+    return estimate
+
+
+def _opened(chain: Chain | ArmCard | str | Path) -> tuple[Chain, ArmCard | None]:
+    if isinstance(chain, str | Path):
+        chain = ArmCard.load(chain) if kind_of(chain) == ArmCard.KIND else load_chain(chain)
+    if isinstance(chain, ArmCard):
+        return chain.chain, chain
+    return check.kind("chain", chain, Chain), None
+
+
+def _counter(total: int, progress: Callable[[int, int], None] | None) -> Callable[[int], None] | None:
+    if progress is None:
+        return None
+    done = 0
+
+    def count(more: int) -> None:
+        nonlocal done
+        done += more
+        progress(done, total)
+
+    return count
+
+
+def _posture(chain: Chain, pose: str | Sequence[float]) -> Floats:
+    """Attitudes of the units (U, 4) in the root's axes."""
+    if isinstance(pose, str):
+        if pose != "zero":
+            raise ParameterError(f"pose must be 'zero' or the angles that were held, but it is {check.said(pose)}.")
+        pose = [0.0] * len(chain.angles)
+    angles = np.array(pose, dtype=np.float64)
+    if angles.shape != (len(chain.angles),) or not np.isfinite(angles).all():
+        raise ParameterError(
+            f"pose needs {len(chain.angles)} finite angles ({', '.join(chain.angles)}), but it is {check.said(pose)}."
+        )
+    postures = chain.postures(angles[np.newaxis])
+    return np.array(
+        [quat_multiply(postures[one.name].q_nb[0], np.array(one.mount.q_bs)) for one in chain.segments if one.unit]
+    )
+
+
+def _anchor(
+    chain: Chain, samples: Samples, motion: Motion, params: Params, start: Start, north: float, *,
+    posed: bool, smooth: bool,
+) -> Anchored | None:  # fmt: skip
+    """Common heading from the fields, where it is not held by the ground."""
+    if samples.mag is None or not start.free:
+        return None
+    known_frame = posed and chain.base_fixed
+    return anchored(
+        samples,
+        motion,
+        params,
+        north=_first_direction(samples, motion) if known_frame else north,
+        turn_sd=POSE_SD if known_frame else UNKNOWN,
+        north_sd=UNKNOWN if known_frame else FRAME_SD,
+        smooth=smooth,
+    )
+
+
+def _first_direction(samples: Samples, motion: Motion) -> float:
+    """Direction of all level fields together at the first keyframes, rad."""
+    assert samples.mag is not None
+    rows = motion.rows[: max(1, len(motion.rows) // 100)]
+    level = np.nan_to_num(quat_rotate(motion.q[:, rows], samples.mag[:, rows])).sum(axis=(0, 1))
+    return math.atan2(level[1], level[0])
+
+
+def _north(chain: Chain, start: Start, anchor: Anchored | None, *, posed: bool) -> North:
+    held = not start.free or (chain.base_fixed and posed)
+    return North.FREE if held or anchor is None else North.MAGNETIC
+
+
+def _source(params: Params, *, causal: bool) -> str:
+    usual = Params()
+    changed = [
+        f"{one.name}={shown(one, value)}"
+        for one in describe(Params)
+        if (value := getattr(params, one.name)) != getattr(usual, one.name)
+    ]
+    return f"chain filter{', causal' if causal else ', smoothed'}{''.join(', ' + one for one in changed)}"
+
+
+def _notes(
+    chain: Chain, card: ArmCard | None, start: Start, anchor: Anchored | None, *, posed: bool, causal: bool
+) -> tuple[str, ...]:
+    found = []
+    if card is None:
+        found.append("no card: units are taken to sit exactly as the chain says; plumbob arm align finds how they do")
+    else:
+        found += [f"{one.name}: {one.rating}" for one in card.joints if not one.rating.startswith("good")]
+    if chain.base_fixed and start.free and not posed:
+        found.append(
+            "nothing says where the arm points on its base: no hinge on the ground lies level, and no pose was given; "
+            "headings are of the field, or free"
+        )
+    elif start.free and anchor is None:
+        found.append("no magnetometer and no fixed base hold the common heading: it counts from the start, and drifts")
+    if causal:
+        found.append(f"headings begin with what the first {start.ready:.1f} s show; a live system gives them then")
+    return tuple(found)
+
+
+class _Reading:
+    """Reads angles, attitudes and the hand from attitudes of units."""
+
+    def __init__(
+        self, chain: Chain, card: ArmCard | None, motion: Motion, anchor: Anchored | None, inside: Frame,
+        frame: Frame, array: ImuArray,
+    ) -> None:  # fmt: skip
+        self._chain, self._card, self._motion, self._array = chain, card, motion, array
+        self._inside, self._frame = inside, frame
+        self._numbers = unit_numbers(chain)
+        self._times, self._rows = motion.t[motion.rows], motion.rows
+        self._turn = np.zeros(len(motion.rows)) if anchor is None else anchor.turn
+        self._turn_var = np.zeros(len(motion.rows)) if anchor is None else anchor.var
+        self._mount_var = {one.name: self._var_of_mount(one.unit) for one in chain.segments}
+        self._sway_var = {} if card is None else {one.name: one.sway**2 for one in card.joints}
+        self._q = self._segments()
+
+    def _var_of_mount(self, unit: str) -> float:
+        """Variance of a mount's turn about each axis, rad²."""
+        if not unit or self._card is None or unit not in self._card.mount_sd:
+            return 0.0
+        return float(np.mean(np.square(self._card.mount_sd[unit][:3])))
+
+    def _segments(self) -> dict[str, Floats]:
+        """Attitude of each segment at each sample, by name."""
+        turn = np.zeros((len(self._motion.t), 3))
+        turn[:, 2] = np.interp(self._motion.t, self._times, np.unwrap(self._turn))
+        common, found = quat_from_rotvec(turn), {}
+        for one in self._chain.segments:
+            number = self._numbers[one.name]
+            if number == GROUND:
+                found[one.name] = np.tile([1.0, 0.0, 0.0, 0.0], (len(turn), 1))
+            else:
+                of_unit = quat_multiply(common, self._motion.q[number])
+                found[one.name] = quat_multiply(of_unit, quat_conjugate(np.array(one.mount.q_bs)))
+        return found
+
+    def estimate(self, *, north: North, source: str, notes: tuple[str, ...]) -> ArmEstimate:
+        """All of it."""
+        angles = self._chain.angles_of(self._q)
+        sd = np.hstack([self._angle_sd(joint) for joint in self._chain.joints])
+        hand, hand_sd = self._hand(angles)
+        spread = self._at_samples(sd)
+        joints = JointTrack(
+            self._motion.t, self._chain.angles, angles, spread, hand, self._at_samples(hand_sd),
+            self._flags(spread, north), source,
+        )  # fmt: skip
+        tracks = {one.name: self._track(one.name, north, source) for one in self._chain.segments}
+        return ArmEstimate(joints, tracks, self._chain, self._frame, notes)
+
+    def _at_samples(self, values: Floats) -> Floats:
+        """Values at keyframes (K, M) at every sample."""
+        return np.stack([np.interp(self._motion.t, self._times, one) for one in values.T], axis=1)
+
+    def _flags(self, sd: Floats, north: North) -> NDArray[np.uint32]:
+        words = np.zeros(len(self._motion.t), dtype=np.uint32)
+        for one in self._chain.segments:
+            if one.unit:
+                words |= self._array.units[one.unit].flags
+        words[(sd > DOUBT).any(axis=1)] |= np.uint32(flags.NOT_CONVERGED)
+        if north is North.FREE:
+            words |= np.uint32(flags.HEADING_FREE)
+        return words
+
+    def _block(self, one: str, other: str) -> Floats:
+        """Covariance of the errors of two segments' attitudes at keyframes (K, 3, 3), in the frame inside, rad²."""
+        a, b = self._numbers[one], self._numbers[other]
+        found = np.zeros((len(self._rows), 3, 3))
+        if GROUND not in (a, b):
+            found += self._motion.cov[:, 3 * a : 3 * a + 3, 3 * b : 3 * b + 3]
+            found[:, 2, 2] += self._turn_var
+            if a == b:
+                found += (self._mount_var[one] + self._own_sway(one)) * np.eye(3)
+        return found
+
+    def _own_sway(self, segment: str) -> float:
+        """Variance that a unit sways by on its segment: half of what its joints show, rad²."""
+        joints = [one.name for one in self._chain.joints if segment in (one.parent, one.child)]
+        shown_by = [self._sway_var[name] for name in joints if name in self._sway_var]
+        return 0.5 * max(shown_by, default=0.0)
+
+    def _angle_sd(self, joint: Joint) -> Floats:
+        """Standard deviations of a joint's angles at keyframes (K, degrees of freedom), rad."""
+        parent, child = self._q[joint.parent][self._rows], self._q[joint.child][self._rows]
+        between = self._block(joint.parent, joint.child)
+        cov = self._block(joint.parent, joint.parent) + self._block(joint.child, joint.child)
+        cov = cov - between - np.swapaxes(between, 1, 2)
+        turn = dcm_from_quat(quat_conjugate(parent))
+        cov = turn @ cov @ np.swapaxes(turn, 1, 2)
+        relative = quat_multiply(quat_conjugate(parent), child)
+        columns = []
+        for axis in np.eye(3):
+            ahead, behind = (
+                joint.angles_of(quat_multiply(quat_from_rotvec(sign * _SMALL * axis), relative)) for sign in (1.0, -1.0)
+            )
+            change = (ahead - behind + math.pi) % (2.0 * math.pi) - math.pi
+            columns.append(change / (2.0 * _SMALL))
+        slope = np.stack(columns, axis=2)
+        return np.asarray(np.sqrt(np.maximum(np.einsum("kdi,kij,kdj->kd", slope, cov, slope), 0.0)))
+
+    def _hand(self, angles: Floats) -> tuple[Floats, Floats]:
+        """Position of the hand (N, 3), m, in the frame asked for, and its standard deviations at keyframes (K, 3)."""
+        root = self._q[self._chain.segments[0].name]
+        postures = self._chain.postures(angles, root)
+        hand = self._chain.hand_at(postures)
+        rows, by_child = self._rows, {joint.child: joint for joint in self._chain.joints}
+        at = self._chain.hand or self._chain.segments[-1].name
+        reach = np.array(self._chain.hand_b)
+        path = list[tuple[str, Floats]]()
+        while True:
+            path.append((at, quat_rotate(self._q[at][rows], reach)))
+            if at not in by_child:
+                break
+            at, reach = by_child[at].parent, np.array(by_child[at].origin)
+        cov = np.zeros((len(rows), 3, 3))
+        for one, a in path:
+            for other, b in path:
+                left, right = _crosses(a), _crosses(b)
+                cov += left @ self._block(one, other) @ np.swapaxes(right, 1, 2)
+        if self._inside is not self._frame:
+            turn = dcm_from_quat(frame_rotation(self._frame, self._inside))
+            hand, cov = hand @ turn.T, turn @ cov @ turn.T
+        return hand, np.sqrt(np.maximum(np.einsum("kii->ki", cov), 0.0))
+
+    def _track(self, name: str, north: North, source: str) -> AttitudeTrack:
+        q = self._q[name]
+        turn = dcm_from_quat(quat_conjugate(q[self._rows]))
+        cov = turn @ self._block(name, name) @ np.swapaxes(turn, 1, 2)
+        nearest = np.searchsorted(self._rows, np.arange(len(q)), side="right") - 1
+        return AttitudeTrack(
+            t=self._motion.t,
+            q_nb=change_frame(q, to=self._frame, from_=self._inside),
+            frame=self._frame,
+            north=north,
+            cov_b=cov[nearest],
+            source=f"{source}, {name}",
+        )
+
+
+def _crosses(v: Floats) -> Floats:
+    """``−[v]×`` of vectors (K, 3): how a point moves as what carries it turns."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = v[:, 2], -v[:, 1], v[:, 0]
+    return np.asarray(out - np.swapaxes(out, 1, 2))

@@ -1,0 +1,242 @@
+"""Programs as files for robots: tables, and ROS 2 trajectories as YAML, JSON and MCAP.
+
+The trajectory is `trajectory_msgs/msg/JointTrajectory`: joint names and points with positions, velocities,
+accelerations and the time from the start. MCAP holds it as one message, and each sample as a
+`sensor_msgs/msg/JointState` for viewers, both in CDR, as ROS 2 records them: little-endian, each number aligned to its
+size, counted from behind the head of four bytes (OMG DDSI-RTPS 2.3, 10.5; DDS-XTypes 1.3, 7.4.3).
+"""
+
+import json
+import struct
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.arm.angles import RECORDED, TIME, write_table
+from plumbob.arm.program import Program
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.files import write_text
+from plumbob.core.time import to_ns
+from plumbob.core.units import from_si
+from plumbob.files.mcap import Schema
+from plumbob.files.mcap.verdict import write_rows
+
+SUFFIXES: Final = (".csv", ".parquet", ".mcap", ".yaml", ".yml", ".json")
+TRAJECTORY: Final = "joint_trajectory"
+STATE: Final = "joint_states"
+"""Topics in an MCAP file."""
+_NS: Final = 1_000_000_000
+_HEAD: Final = b"\x00\x01\x00\x00"  # plain CDR, little-endian
+
+_LINE: Final = "=" * 80
+_STAMPED: Final = f"""\
+{_LINE}
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+{_LINE}
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+_TRAJECTORY_TEXT: Final = f"""\
+std_msgs/Header header
+string[] joint_names
+trajectory_msgs/JointTrajectoryPoint[] points
+{_LINE}
+MSG: trajectory_msgs/JointTrajectoryPoint
+float64[] positions
+float64[] velocities
+float64[] accelerations
+float64[] effort
+builtin_interfaces/Duration time_from_start
+{_LINE}
+MSG: builtin_interfaces/Duration
+int32 sec
+uint32 nanosec
+{_STAMPED}"""
+_STATE_TEXT: Final = f"""\
+std_msgs/Header header
+string[] name
+float64[] position
+float64[] velocity
+float64[] effort
+{_STAMPED}"""
+
+
+def export(program: Program, path: str | Path, *, unit: str = "rad", overwrite: bool = False) -> Path:
+    """Write a program; the suffix says how.
+
+    Parameters
+    ----------
+    program : Program
+        What `taught` made.
+    path : path
+        ``.csv`` or ``.parquet``: a table of times and angles; ``.yaml`` or ``.json``: a ROS
+        `trajectory_msgs/JointTrajectory`; ``.mcap``: the same, and a `sensor_msgs/JointState` for each sample.
+    unit : {"rad", "deg"}
+        Of a ``.csv`` file; the others are always in radians.
+    overwrite : bool
+        Whether a file that lies there may be replaced.
+
+    Raises
+    ------
+    ParameterError
+        If the suffix or unit is unknown, or a file lies there and `overwrite` is false.
+    DecodeError
+        If the system refuses.
+    """
+    file = check.path("path", path)
+    suffix = file.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ParameterError(f"a program is written as {', '.join(SUFFIXES)}, but it is {file}.")
+    check.one_of("unit", unit, ("rad", "deg"))
+    if unit != "rad" and suffix != ".csv":
+        raise ParameterError(f"{suffix} is always in radians; leave the unit {unit} out, or write a .csv file.")
+    if suffix in (".csv", ".parquet"):
+        write_table(file, _table(program, unit), source="program", overwrite=overwrite)
+    elif suffix == ".mcap":
+        _write_mcap(file, program, overwrite)
+    elif suffix == ".json":
+        write_text(file, json.dumps(trajectory(program), allow_nan=False) + "\n", overwrite=overwrite)
+    else:
+        write_text(file, "".join(_yaml(program)), overwrite=overwrite)
+    return file
+
+
+def trajectory(program: Program) -> dict[str, Any]:
+    """Fields of `trajectory_msgs/JointTrajectory`; times from the start of the program."""
+    return {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": list(program.names),
+        "points": [
+            {
+                "positions": q.tolist(),
+                "velocities": v.tolist(),
+                "accelerations": a.tolist(),
+                "effort": [],
+                "time_from_start": dict(zip(("sec", "nanosec"), divmod(ns, _NS), strict=True)),
+            }
+            for ns, q, v, a in _points(program)
+        ],
+    }
+
+
+def _points(program: Program) -> Iterator[tuple[int, Floats, Floats, Floats]]:
+    times = to_ns(program.t - program.t[0]).tolist()
+    yield from zip(times, program.angles, program.velocities, program.accelerations, strict=True)
+
+
+def _table(program: Program, unit: str) -> dict[str, Floats]:
+    """Times, recorded times and angles; `Program.load` reads them."""
+    angles = from_si(program.angles, unit)
+    columns = {f"{name} [{unit}]": angles[:, k] for k, name in enumerate(program.names)}
+    return {TIME: program.t, RECORDED: np.asarray(program.recorded), **columns}
+
+
+def _yaml(program: Program) -> Iterator[str]:
+    """YAML of the trajectory; JSON is YAML, except that YAML 1.1 wants a point in a number with a power of ten."""
+    yield 'header: {stamp: {sec: 0, nanosec: 0}, frame_id: ""}\njoint_names:\n'
+    yield from (f"  - {json.dumps(name, ensure_ascii=False)}\n" for name in program.names)
+    yield "points:\n"
+    for ns, q, v, a in _points(program):
+        for k, (key, row) in enumerate((("positions", q), ("velocities", v), ("accelerations", a))):
+            yield f"  {' ' if k else '-'} {key}: [{', '.join(map(_yaml_number, row.tolist()))}]\n"
+        yield f"    effort: []\n    time_from_start: {{sec: {ns // _NS}, nanosec: {ns % _NS}}}\n"
+
+
+def _yaml_number(value: float) -> str:
+    text = repr(value)
+    mantissa, e, power = text.partition("e")
+    return text if not e or "." in mantissa else f"{mantissa}.0e{power}"
+
+
+class _Cdr:
+    """Bytes of a message."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+        self._size = 0
+
+    def add(self, layout: str, *values: Any) -> None:
+        """Numbers of one type; each is aligned to its size."""
+        width = struct.calcsize(f"<{layout[-1]}")
+        self._put(b"\0" * (-self._size % width) + struct.pack(f"<{layout}", *values))
+
+    def text(self, value: str) -> None:
+        """A text with its length, closed by a zero."""
+        data = value.encode() + b"\0"
+        self.add("I", len(data))
+        self._put(data)
+
+    def texts(self, values: Sequence[str]) -> None:
+        """A list of texts."""
+        self.add("I", len(values))
+        for value in values:
+            self.text(value)
+
+    def doubles(self, values: Floats) -> None:
+        """A list of numbers; where it is empty, nothing follows its length."""
+        self.add("I", len(values))
+        if len(values):
+            self.add(f"{len(values)}d", *values.tolist())
+
+    def _put(self, data: bytes) -> None:
+        self._parts.append(data)
+        self._size += len(data)
+
+    def bytes(self) -> bytes:
+        """The message with its head."""
+        return b"".join((_HEAD, *self._parts))
+
+
+def _stamped(ns: int) -> _Cdr:
+    made = _Cdr()
+    made.add("i", ns // _NS)
+    made.add("I", ns % _NS)
+    made.text("")
+    return made
+
+
+def _trajectory_bytes(program: Program) -> bytes:
+    made = _stamped(0)
+    made.texts(program.names)
+    made.add("I", len(program))
+    for ns, q, v, a in _points(program):
+        for row in (q, v, a, np.empty(0)):
+            made.doubles(row)
+        made.add("i", ns // _NS)
+        made.add("I", ns % _NS)
+    return made.bytes()
+
+
+def _states(program: Program) -> Iterator[tuple[int, str, bytes]]:
+    for ns, q, v, _ in _points(program):
+        made = _stamped(ns)
+        made.texts(program.names)
+        for row in (q, v, np.empty(0)):
+            made.doubles(row)
+        yield ns, STATE, made.bytes()
+
+
+def _write_mcap(file: Path, program: Program, overwrite: bool) -> None:
+    def rows() -> Iterator[tuple[int, str, bytes]]:
+        yield 0, TRAJECTORY, _trajectory_bytes(program)
+        yield from _states(program)
+
+    schemas = {
+        TRAJECTORY: Schema("trajectory_msgs/msg/JointTrajectory", "ros2msg", _TRAJECTORY_TEXT.encode()),
+        STATE: Schema("sensor_msgs/msg/JointState", "ros2msg", _STATE_TEXT.encode()),
+    }
+    write_rows(
+        file,
+        {topic: ("cdr", schema) for topic, schema in schemas.items()},
+        rows(),
+        epoch_offset_ns=0,
+        metadata={},
+        overwrite=overwrite,
+    )

@@ -1,0 +1,276 @@
+"""Arms and axes of joints from motion: least squares between what both sides of a joint say."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from plumbob.arm.filter import Samples
+from plumbob.arm.links import GROUND, Link
+from plumbob.arm.passes import Motion
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.units import deg
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
+
+CUT_OFF: Final = 3.0
+"""Forces are compared below this, Hz: above, noise of the angular acceleration would shorten arms."""
+ARM_SD: Final = 0.3
+"""An arm of which nothing is known is shorter than about this, m."""
+LEAST_FORCE_SD: Final = 0.1
+"""m/s²; less is not believed of a joint,"""
+LEAST_PLAY: Final = deg(0.5)
+"""nor is an axis that strays by less, rad."""
+MEAN_OVER: Final = 0.1
+"""The filter takes means of forces over about this, s."""
+
+
+def sway(shake: float, arms: Floats) -> float:
+    """How far units on both sides sway against their segments, rad, about each axis, that shake against each other so.
+
+    A unit that is shaken by a force a, m/s², about a joint at the length r of its arm, in the middle of what a hand or
+    a soft mounting does, 3 Hz, sways by ``a / ((2π 3 Hz)² r)``.
+    """
+    reach = max(float(np.linalg.norm(arms, axis=1).mean()), 0.05)
+    return float(shake / ((2.0 * np.pi * CUT_OFF) ** 2 * reach))
+
+
+_STARTS: Final = 5
+_UNKNOWN_AXIS: Final = 1.0
+"""Standard deviation of an axis of which nothing is known, rad."""
+_LENGTH_SD: Final = 1e-3
+"""Axes are unit vectors to this."""
+_ROUNDS: Final = 8
+
+
+class Prior(NamedTuple):
+    """What is known before: values (2, …, 3) of both sides, and their standard deviation."""
+
+    value: Floats
+    sd: float
+
+
+class Fit(NamedTuple):
+    """What was found.
+
+    Attributes
+    ----------
+    value : ndarray (2, 3) or (2, K, 3)
+        Arms, m, or axes, of both sides.
+    cov : ndarray (6, 6)
+        Covariance of the parent's, then the child's; of the first axis.
+    residual : float
+        What both sides differ by: of forces the standard deviation of one side, a mean over 0.1 s, m/s²; of axes
+        that of each component of the difference, rad.
+    shake : float
+        Of forces, the standard deviation of a component of the difference of single samples, m/s².
+    """
+
+    value: Floats
+    cov: Floats
+    residual: float
+    shake: float = 0.0
+
+
+class Terms(NamedTuple):
+    """What forces at joints are made of, in unit axes: rotation matrices at the samples and ``[ω̇]× + [ω]×²``.
+
+    Attributes
+    ----------
+    t : ndarray (M,)
+        s.
+    matrix, lever : ndarray (U, M, 3, 3)
+        Attitudes at the instants of the samples, and what is to be multiplied by an arm.
+    force : ndarray (U, M, 3)
+        Specific forces, unit axes, m/s².
+    """
+
+    t: Floats
+    matrix: Floats
+    lever: Floats
+    force: Floats
+
+
+def lever_matrices(t: Floats, gyr: Floats) -> Floats:
+    """``[ω̇]× + [ω]×²`` (U, N, 3, 3) of rates (U, N, 3), rad/s."""
+    spin, change = _skews(gyr), _skews(np.gradient(gyr, t, axis=1))
+    return change + spin @ spin
+
+
+def _skews(v: Floats) -> Floats:
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    return out - np.swapaxes(out, -1, -2)
+
+
+def whole(values: Floats, t: Floats) -> Floats:
+    """Values (U, N, 3) whose missing ones are filled in on straight lines."""
+    found = values.copy()
+    for one in found:
+        known = np.isfinite(one).all(axis=1)
+        if not known.all():
+            for axis in range(3):
+                one[:, axis] = np.interp(t, t[known], one[known, axis]) if known.any() else 0.0
+    return found
+
+
+def terms_of(samples: Samples, motion: Motion, *, mean_rate: bool) -> Terms:
+    """Terms of a recording whose attitudes are known."""
+    gyr, acc = whole(samples.gyr, samples.t), whole(samples.acc, samples.t)
+    gyr = gyr - np.stack([_held(motion, samples.t, u) for u in range(len(gyr))])
+    q = motion.q
+    if mean_rate:  # attitudes are half a step later than the rates and forces
+        half = -0.5 * np.diff(samples.t, prepend=2.0 * samples.t[0] - samples.t[1])
+        q = quat_multiply(q, quat_from_rotvec(gyr * half[:, np.newaxis]))
+    return Terms(samples.t, dcm_from_quat(q), lever_matrices(samples.t, gyr), acc)
+
+
+def _held(motion: Motion, t: Floats, u: int) -> Floats:
+    times = motion.t[motion.rows]
+    return np.stack([np.interp(t, times, motion.bias[:, u, axis]) for axis in range(3)], axis=1)
+
+
+def _slow(values: Floats, t: Floats) -> tuple[Floats, float]:
+    """Values (N, …) below the cut-off, thinned out, and how many of them say the same."""
+    from scipy.signal import butter, sosfiltfilt
+
+    rate = 1.0 / float(np.median(np.diff(t)))
+    if rate > 2.5 * CUT_OFF and len(t) > 30:
+        values = sosfiltfilt(butter(2, CUT_OFF, fs=rate, output="sos"), values, axis=0)
+    every = max(1, int(rate / (4.0 * CUT_OFF)))
+    return values[::every], max(1.0, rate / every / (2.0 * CUT_OFF))
+
+
+def arms_from_sizes(samples: Samples, link: Link) -> Floats:
+    """Arms (2, 3) that make the forces of both sides equally large at the joint, which needs no attitude.
+
+    Several beginnings are tried, as the forces have the same sizes for some wrong arms too.
+    """
+    from scipy.optimize import least_squares
+
+    pair = [link.parent, link.child]
+    gyr, acc = whole(samples.gyr[pair], samples.t), whole(samples.acc[pair], samples.t)
+    every = max(1, len(samples) // 3000)
+    lever = lever_matrices(samples.t, gyr)[:, ::every]
+    force = acc[:, ::every]
+
+    def off(x: Floats) -> Floats:
+        ends = force + np.einsum("unij,uj->uni", lever, x.reshape(2, 3))
+        sizes = np.linalg.norm(ends, axis=2)
+        return np.asarray(sizes[0] - sizes[1])
+
+    rng = np.random.default_rng(1)
+    begins = [np.zeros(6), *rng.normal(0.0, 0.15, (_STARTS - 1, 6))]
+    fits = [least_squares(off, begin, loss="soft_l1", f_scale=0.3) for begin in begins]
+    best: Floats = min(fits, key=lambda fit: float(fit.cost)).x
+    return best.reshape(2, 3)
+
+
+def fit_arms(terms: Terms, link: Link, prior: Prior) -> Fit:
+    """Arms that give both sides of a joint one force; linear least squares that a few bad moments do not disturb."""
+    child = terms.matrix[link.child] @ terms.lever[link.child]
+    ours = np.einsum("nij,nj->ni", terms.matrix[link.child], terms.force[link.child])
+    if link.parent == GROUND:
+        parent, theirs = np.zeros_like(child), np.broadcast_to([0.0, 0.0, G0], ours.shape)
+    else:
+        parent = -terms.matrix[link.parent] @ terms.lever[link.parent]
+        theirs = np.einsum("nij,nj->ni", terms.matrix[link.parent], terms.force[link.parent])
+    both, off = np.concatenate((parent, child), axis=2), theirs - ours
+    a, alike = _slow(both, terms.t)
+    y, _ = _slow(off, terms.t)
+    fit = _solved(a.reshape(-1, 6), y.ravel(), prior, alike, LEAST_FORCE_SD)
+    left = off - both @ fit.value.ravel()
+    count = max(1, round(MEAN_OVER / float(np.median(np.diff(terms.t)))))
+    means = left[: len(left) // count * count].reshape(-1, count, 3).mean(axis=1)
+    sides = 1.0 if link.parent == GROUND else 2.0
+    return fit._replace(
+        residual=max(float(np.sqrt(np.mean(means**2) / sides)), LEAST_FORCE_SD),
+        shake=float(np.sqrt(np.mean(left**2))),
+    )
+
+
+def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> Fit:
+    """Least squares with a prior; residuals beyond two standard deviations count less."""
+    before, weight, sd = prior.value.ravel(), np.ones(len(y)), 10.0 * least
+    for _ in range(_ROUNDS):
+        w = weight / (alike * sd**2)
+        normal = (a * w[:, np.newaxis]).T @ a + np.eye(6) / prior.sd**2
+        x = np.linalg.solve(normal, (a * w[:, np.newaxis]).T @ y + before / prior.sd**2)
+        off = np.abs(y - a @ x)
+        sd = max(1.4826 * float(np.median(off)), least)
+        weight = 1.0 / np.maximum(1.0, off / (2.0 * sd))
+    return Fit(np.asarray(x).reshape(2, 3), np.asarray(np.linalg.inv(normal)), sd)
+
+
+def first_axes(terms: Terms, link: Link) -> Floats:
+    """Axes (2, 1, 3) of a hinge of which nothing is known: what both sides have most in common."""
+    mean = np.mean(np.swapaxes(_parent(terms, link), 1, 2) @ terms.matrix[link.child], axis=0)
+    if link.joint.kind == "universal":
+        return _crossed(np.swapaxes(_parent(terms, link), 1, 2) @ terms.matrix[link.child])
+    left, _, right = np.linalg.svd(mean)
+    return np.stack((left[:, :1].T, right[:1]))
+
+
+def _crossed(turns: Floats) -> Floats:
+    """Axes of a universal joint: the pair that stays at right angles, of relative rotation matrices (N, 3, 3)."""
+    flat = turns.reshape(-1, 9)
+    least = np.linalg.eigh(flat.T @ flat)[1][:, 0].reshape(3, 3)
+    left, _, right = np.linalg.svd(least)
+    return np.stack((left[:, :1].T, right[:1]))
+
+
+def _parent(terms: Terms, link: Link) -> Floats:
+    return np.broadcast_to(np.eye(3), terms.matrix[0].shape) if link.parent == GROUND else terms.matrix[link.parent]
+
+
+def fit_axes(terms: Terms, link: Link, prior: Prior | None, play_time: float) -> Fit:
+    """Axes of a hinge, a universal or a fixed joint.
+
+    Parameters
+    ----------
+    terms : Terms
+        Attitudes.
+    link : Link
+        The joint; its axes are where the search begins.
+    prior : Prior or None
+        What is known before; None: nothing.
+    play_time : float
+        How long what they differ by lasts, s.
+    """
+    one, other = _parent(terms, link), terms.matrix[link.child]
+    every = max(1, len(terms.t) // 3000)
+    one, other = one[::every], other[::every]
+    alike = max(1.0, 2.0 * play_time / (float(np.median(np.diff(terms.t))) * every))
+    if link.joint.kind == "fixed":
+        return _fixed(one, other, link, alike)
+    value = link.axes[:, 0]
+    for _ in range(_ROUNDS):
+        around = [np.eye(3) / (_UNKNOWN_AXIS if prior is None else prior.sd) ** 2 + np.outer(v, v) / _LENGTH_SD**2
+                  for v in value]  # fmt: skip
+        before = value if prior is None else prior.value[:, 0]
+        if link.joint.kind == "universal":
+            turned = np.swapaxes(one, 1, 2) @ other
+            a = np.concatenate((turned @ value[1], value[0] @ turned), axis=1)
+            off = -np.einsum("i,nij,j->n", value[0], turned, value[1])
+        else:
+            a = np.concatenate((one, -other), axis=2).reshape(-1, 6)
+            off = -(one @ value[0] - other @ value[1]).ravel()
+        sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
+        information = np.zeros((6, 6))
+        information[:3, :3], information[3:, 3:] = around
+        pull = information @ (before - value).ravel()
+        normal = a.T @ a / (alike * sd**2) + information
+        value = value + np.linalg.solve(normal, a.T @ off / (alike * sd**2) + pull).reshape(2, 3)
+        value = value / np.linalg.norm(value, axis=1, keepdims=True)
+    # of a hinge, two of three components vary
+    share = 3.0 / 2.0 if link.joint.kind == "hinge" else 1.0
+    return Fit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)))
+
+
+def _fixed(one: Floats, other: Floats, link: Link, alike: float) -> Fit:
+    mean = np.mean(np.swapaxes(one, 1, 2) @ other, axis=0)
+    left, _, right = np.linalg.svd(mean)
+    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    off = one @ turn - other
+    sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
+    axes = np.stack((link.axes[0], link.axes[0] @ turn))
+    return Fit(axes, np.eye(6) * sd**2 * alike / len(one), sd)

@@ -1,0 +1,125 @@
+"""What joints mean to the units beside them: arms and axes in the units' own axes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg
+from plumbob.data.array import Mount
+from plumbob.data.chain import Chain, Joint
+
+GROUND: Final = -1
+"""Number of the parent where that is a root that stands still and has no unit."""
+
+PLAY: Final = deg(1.5)
+"""A joint's axis strays from that of a perfect hinge by so much, rad, where nothing better is known."""
+FORCE_SD: Final = 0.3
+"""Forces at a joint, as both sides have it, differ by so much, m/s², where nothing better is known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A joint as the units of its two segments see it.
+
+    Attributes
+    ----------
+    joint : Joint
+        The joint.
+    parent, child : int
+        Numbers of both units; `GROUND` for a root that stands still.
+    arms : ndarray (2, 3)
+        From each unit to the joint's centre, in its axes, m; from the root's origin on the ground.
+    axes : ndarray (2, K, 3)
+        Axes as parent and child have them: one of a hinge, of a universal joint the parent's first and the child's
+        second, three of a fixed joint, none of a ball.
+    play : float
+        Standard deviation of what both sides say of an axis, of each component, rad.
+    force_sd : float
+        Standard deviation of the force at the centre as one side has it, m/s².
+    """
+
+    joint: Joint
+    parent: int
+    child: int
+    arms: Floats
+    axes: Floats
+    play: float = PLAY
+    force_sd: float = FORCE_SD
+
+
+def unit_numbers(chain: Chain) -> dict[str, int]:
+    """Number of the unit on each segment, by the segment's name; `GROUND` for a root that stands still without one.
+
+    Raises
+    ------
+    ParameterError
+        If another segment has no unit.
+    """
+    found: dict[str, int] = {}
+    for place, segment in enumerate(chain.segments):
+        if segment.unit:
+            found[segment.name] = sum(number != GROUND for number in found.values())
+        elif place == 0 and chain.base_fixed:
+            found[segment.name] = GROUND
+        else:
+            raise ParameterError(
+                f"the segment '{segment.name}' of {chain.name} has no unit, so nothing says how it turns. Put a unit "
+                "on it, or make one joint of those on both sides of it."
+            )
+    return found
+
+
+def links_of(
+    chain: Chain, *, play: Mapping[str, float] | None = None, force_sd: Mapping[str, float] | None = None
+) -> list[Link]:
+    """Links of a chain whose geometry is known.
+
+    Parameters
+    ----------
+    chain : Chain
+        With the mounts of its units.
+    play, force_sd : mapping of str to float, optional
+        By joint, as of `Link`.
+    """
+    chain.require_known()
+    numbers = unit_numbers(chain)
+    mounts = {one.name: one.mount for one in chain.segments}
+    found = []
+    for joint in chain.joints:
+        parent, child = numbers[joint.parent], numbers[joint.child]
+        before = Mount() if parent == GROUND else mounts[joint.parent]
+        after = mounts[joint.child]
+        assert joint.origin is not None
+        arms = np.stack(
+            [
+                before.dcm.T @ (np.array(joint.origin) - np.array(before.lever_b)),
+                after.dcm.T @ -np.array(after.lever_b),
+            ]
+        )
+        found.append(
+            Link(
+                joint=joint,
+                parent=parent,
+                child=child,
+                arms=arms,
+                axes=axes_of(joint, before, after),
+                play=(play or {}).get(joint.name, PLAY),
+                force_sd=(force_sd or {}).get(joint.name, FORCE_SD),
+            )
+        )
+    return found
+
+
+def axes_of(joint: Joint, before: Mount, after: Mount) -> Floats:
+    """Axes of a joint in the axes of the units before and behind it, (2, K, 3)."""
+    in_parent, in_child = before.dcm.T @ Mount(joint.q_pc).dcm, after.dcm.T
+    if joint.kind == "fixed":
+        return np.stack([in_parent.T, in_child.T])
+    if joint.kind == "ball":
+        return np.zeros((2, 0, 3))
+    first, last = np.array(joint.axes[0]), np.array(joint.axes[-1])
+    return np.stack([(in_parent @ first)[np.newaxis], (in_child @ last)[np.newaxis]])

@@ -1,0 +1,409 @@
+"""The filter over a recording: how the headings begin, forward, and backward where what comes later may be used."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.arm.filter import WIDTH, ChainFilter, Keyframe, Params, Samples
+from plumbob.arm.links import GROUND, Link
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg, to_deg
+from plumbob.rotations import (
+    dcm_from_quat,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+)
+from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit
+
+TILT_TIME: Final = 1.5
+"""First tilts are those of the mean force over this, s."""
+TILT_SD: Final = deg(3.0)
+SETTLED: Final = deg(20.0)
+"""Headings have begun when neighbours know theirs against each other to this, rad;"""
+LONGEST_START: Final = 60.0
+"""or after this, s, whatever they know."""
+POSE_SD: Final = deg(3.0)
+"""A posture that somebody takes up is known to this, rad."""
+POSE_LIMIT: Final = deg(20.0)
+"""Further than this, rad, a unit is not tilted away from its place in a posture."""
+LOST: Final = deg(90.0)
+FRAME_SD: Final = deg(0.01)
+SPAN: Final = 300.0
+"""A recording is smoothed in stretches of this, s, with what"""
+AHEAD: Final = 60.0
+"""comes so much later, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """How a chain begins.
+
+    Attributes
+    ----------
+    q : ndarray (U, 4)
+        First attitudes.
+    sd : ndarray (U, 3)
+        Their standard deviations about the navigation axes, rad.
+    ready : float
+        Time from which on it is known, s.
+    free : bool
+        Whether the heading of the whole means nothing yet; with magnetometers it is near North.
+    """
+
+    q: Floats
+    sd: Floats
+    ready: float
+    free: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Attitudes of all units.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        Times of the samples, s.
+    q : ndarray (U, N, 4)
+        Attitude of each unit at each sample, in the frame that the filter works in.
+    rows : ndarray (K,)
+        Samples that are keyframes.
+    cov : ndarray (K, 3U, 3U)
+        Covariance of the attitudes' errors at keyframes, navigation axes, rad².
+    bias : ndarray (K, U, 3)
+        Biases of the gyroscopes there, rad/s.
+    ready : float
+        Time from which on a live system would have known this, s.
+    """
+
+    t: Floats
+    q: Floats
+    rows: NDArray[np.intp]
+    cov: Floats
+    bias: Floats
+    ready: float
+
+
+def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
+    """Samples, from the first to the last, at least `spacing` apart but for the last."""
+    found, last = [0], t[0]
+    for row in range(1, t.size):
+        if t[row] - last >= spacing * (1.0 - 1e-6):
+            found.append(row)
+            last = t[row]
+    if found[-1] != t.size - 1:
+        found.append(t.size - 1)
+    return np.array(found)
+
+
+def begin(
+    samples: Samples, links: Sequence[Link], params: Params, *, north: float, pose: Floats | None = None
+) -> Start:
+    """First attitudes: tilts of the first forces, headings that make neighbours agree, North where fields show it.
+
+    Parameters
+    ----------
+    samples : Samples
+        The recording.
+    links : sequence of Link
+        Joints, from the root.
+    params : Params
+        What is assumed.
+    north : float
+        Angle of North from the frame's x axis, rad.
+    pose : ndarray (U, 4), optional
+        Attitudes of the units in the root's axes at the first sample, where somebody took up a known posture; in the
+        frame itself where the root stands still.
+    """
+    q = first_tilts(samples)
+    units = len(q)
+    sd = np.full((units, 3), TILT_SD)
+    if pose is not None:
+        _require_pose(q, pose, links)
+        turn, free = _heading_of_pose(q, pose, links), not _grounded(links)
+        sd[:, 2] = POSE_SD
+        turns, ready = turn, float(samples.t[0])
+    else:
+        turns, sd[:, 2], ready, free = _headings(samples, links, params, q, north)
+    if free:
+        sd[0, 2] = FRAME_SD  # it is what the frame's heading means
+    if free and samples.mag is not None:
+        turns = turns + _to_north(samples, q, turns, north)
+    return Start(_turned(q, turns), sd, ready, free)
+
+
+def _turned(q: Floats, angles: Floats) -> Floats:
+    up = np.zeros((len(q), 3))
+    up[:, 2] = angles
+    return quat_multiply(quat_from_rotvec(up), q)
+
+
+def _grounded(links: Sequence[Link]) -> bool:
+    return any(link.parent == GROUND for link in links)
+
+
+def first_tilts(samples: Samples) -> Floats:
+    """Attitudes (U, 4) at the first sample whose mean force of the first 1.5 s points up; headings mean nothing."""
+    count = max(2, int(np.searchsorted(samples.t, samples.t[0] + TILT_TIME)))
+    gyr, acc = np.nan_to_num(samples.gyr[:, :count]), samples.acc[:, :count]
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (len(gyr), 1))
+    total = np.nan_to_num(acc[:, 0])
+    for k in range(1, min(count, len(samples))):
+        q = quat_multiply(q, quat_from_rotvec(gyr[:, k] * (samples.t[k] - samples.t[k - 1])))
+        total = total + np.nan_to_num(quat_rotate(q, np.nan_to_num(acc[:, k])))
+    across = np.cross(total, [0.0, 0.0, 1.0])
+    sine = np.linalg.norm(across, axis=1)
+    angle = np.arctan2(sine, total[:, 2]) / np.maximum(sine, 1e-12)
+    level = quat_from_rotvec(across * angle[:, np.newaxis])
+    upside_down = (sine < 1e-9 * np.linalg.norm(total, axis=1)) & (total[:, 2] < 0.0)
+    level[upside_down] = [0.0, 1.0, 0.0, 0.0]
+    return level
+
+
+def _require_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> None:
+    """Refuse a posture whose tilts are not those that gravity shows."""
+    pose = _posed(q, pose, links)
+    up = np.array([0.0, 0.0, 1.0])
+    ours, theirs = quat_rotate(quat_conjugate(q), up), quat_rotate(quat_conjugate(pose), up)
+    off = np.arccos(np.clip(np.einsum("ui,ui->u", ours, theirs), -1.0, 1.0))
+    if off.max() > POSE_LIMIT:
+        raise ParameterError(
+            f"the pose does not fit the first {TILT_TIME:g} s: gravity shows a unit tilted {to_deg(off.max()):.0f}° "
+            "away from it. Give the angles that were held at the first sample, or leave the pose out."
+        )
+
+
+def _posed(q: Floats, pose: Floats, links: Sequence[Link]) -> Floats:
+    """Attitudes of a posture in the frame; turned as the first unit is, where the root is free."""
+    if _grounded(links):
+        return pose
+    return quat_multiply(quat_multiply(q[0], quat_conjugate(pose[0])), pose)
+
+
+def _heading_of_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> Floats:
+    """Turns about the vertical (U,) that bring attitudes nearest to those of a posture."""
+    off = quat_multiply(_posed(q, pose, links), quat_conjugate(q))
+    return np.asarray(2.0 * np.arctan2(off[:, 3], off[:, 0]))
+
+
+def _headings(
+    samples: Samples, links: Sequence[Link], params: Params, q: Floats, north: float
+) -> tuple[Floats, Floats, float, bool]:
+    """Turns about the vertical (U,) that make neighbours agree, and how well they do (U,), rad.
+
+    And since when, and whether the whole may still be turned.
+    """
+    sums, weights = np.zeros(len(links), dtype=complex), np.zeros(len(links))
+    looking = ChainFilter(links, len(q), params, q, np.full((len(q), 3), TILT_SD))
+    path = np.zeros((*samples.gyr.shape[:2], 4))
+    rows = keyframe_rows(samples.t, params.keyframe)
+    fields = _Fields(samples, len(q), params.field_sd)
+    ready = float(samples.t[0])
+    for first, last in pairwise(rows):
+        looking.look(samples, int(first) + 1, int(last) + 1, path)
+        _agree(looking, sums, weights, samples.t[last] - samples.t[first])
+        fields.add(looking.q, int(last))
+        ready = float(samples.t[last])
+        lasted = ready - samples.t[0]
+        if lasted >= params.start and _spread(weights, links, fields).max(initial=0.0) < SETTLED:
+            break
+        if lasted >= LONGEST_START:
+            break
+    spread = _spread(weights, links, fields)
+    turns, sd, free = np.zeros(len(q)), np.full(len(q), SETTLED), True
+    for k, link in enumerate(links):
+        by_joint = 1.0 / math.sqrt(max(weights[k], 1e-12))
+        if link.parent == GROUND:
+            known = by_joint < SETTLED
+            turns[link.child] = np.angle(sums[k]) if known else fields.turn(link.child, north)
+            free &= not known
+        elif by_joint <= fields.sd(link.parent, link.child):
+            turns[link.child] = turns[link.parent] + np.angle(sums[k])
+        else:
+            turns[link.child] = turns[link.parent] + fields.turn(link.child, north) - fields.turn(link.parent, north)
+        sd[link.child] = max(min(float(spread[k]), LOST), SETTLED)
+    return turns, sd, ready, free
+
+
+def _agree(looking: ChainFilter, sums: NDArray[np.complex128], weights: Floats, span: float) -> None:
+    """Add what a keyframe says of the turn of each child against its parent: a phasor, and its weight, 1/rad²."""
+    p, matrices = looking.params, dcm_from_quat(looking.q)
+    for k, link in enumerate(looking.links):
+        ground = link.parent == GROUND
+        parent, child = np.eye(3) if ground else matrices[link.parent], matrices[link.child]
+        pairs = []
+        if link.joint.kind in ("hinge", "fixed"):
+            var = link.play**2 * max(1.0, 2.0 * p.play_time / span)
+            pairs += [(parent @ a, child @ b, var) for a, b in zip(*link.axes, strict=True)]
+        forces = looking.forces[2 * k : 2 * k + 2]
+        if not ground and np.isfinite(forces).all():
+            pairs.append((forces[0], forces[1], 2.0 * link.force_sd**2 * max(1.0, 2.0 * p.force_time / span)))
+        for one, other, var in pairs:
+            product = complex(one[0], one[1]) * complex(other[0], -other[1])
+            sums[k] += product / var
+            weights[k] += max(abs(product) - var, 0.0) / var
+
+
+def _spread(weights: Floats, links: Sequence[Link], fields: "_Fields") -> Floats:
+    """Standard deviation of each child's heading against its parent's, rad."""
+    by_joint = 1.0 / np.sqrt(np.maximum(weights, 1e-12))
+    by_field = [fields.sd(link.parent, link.child) for link in links]
+    return np.minimum(by_joint, by_field)
+
+
+class _Fields:
+    """Horizontal fields of the units since the start, in their first frames."""
+
+    def __init__(self, samples: Samples, units: int, sd: float) -> None:
+        self._mag, self._sum, self._sd = samples.mag, np.zeros(units, dtype=complex), sd
+
+    def add(self, q: Floats, row: int) -> None:
+        """Add those of a sample."""
+        if self._mag is None:
+            return
+        level = quat_rotate(q, np.nan_to_num(self._mag[:, row]))
+        self._sum += level[:, 0] + 1j * level[:, 1]
+
+    def sd(self, parent: int, child: int) -> float:
+        """How well two units' fields say their headings against each other, rad; infinite where one has none."""
+        seen = abs(self._sum[child]) > 0.0 and (parent == GROUND or abs(self._sum[parent]) > 0.0)
+        return math.sqrt(2.0) * self._sd if seen else math.inf
+
+    def turn(self, unit: int, north: float) -> float:
+        """Turn about the vertical that brings a unit's field to North, rad."""
+        return north - float(np.angle(self._sum[unit])) if abs(self._sum[unit]) > 0.0 else 0.0
+
+
+def _to_north(samples: Samples, q: Floats, turns: Floats, north: float) -> float:
+    """Turn of the whole, rad, that brings the units' fields of the first sample with one to North, all together."""
+    assert samples.mag is not None
+    seen = np.isfinite(samples.mag[:, :, 0])
+    first = np.where(seen.any(axis=1), seen.argmax(axis=1), 0)
+    field = samples.mag[np.arange(len(q)), first]
+    moved = q.copy()
+    for u, row in enumerate(first):  # turned by the gyroscope until then, which is a sample or two
+        for k in range(1, int(row) + 1):
+            step = np.nan_to_num(samples.gyr[u, k]) * (samples.t[k] - samples.t[k - 1])
+            moved[u] = quat_multiply(moved[u], quat_from_rotvec(step))
+    level = quat_rotate(_turned(moved, turns), np.nan_to_num(field))
+    total = complex(level[:, 0].sum(), level[:, 1].sum())
+    return north - float(np.angle(total)) if abs(total) > 0.0 else 0.0
+
+
+def estimated(
+    samples: Samples, links: Sequence[Link], params: Params, start: Start, *,
+    smooth: bool, progress: Callable[[int], None] | None = None,
+) -> Motion:  # fmt: skip
+    """Attitudes of all units over a recording.
+
+    Parameters
+    ----------
+    samples : Samples
+        The recording.
+    links, params, start :
+        As of `begin`, and what it found.
+    smooth : bool
+        Whether each attitude may know what comes later.
+    progress : callable, optional
+        Called with the number of samples done since the last call.
+    """
+    filter_ = ChainFilter(links, len(start.q), params, start.q, start.sd)
+    rows = keyframe_rows(samples.t, params.keyframe)
+    path = np.empty((len(start.q), len(samples), 4))
+    path[:, 0] = start.q
+    kept = _Kept(samples, params, len(start.q))
+    kept.add([filter_.now()], 1)
+    frames = list[Keyframe]()
+    for first, last in pairwise(rows):
+        frame = filter_.advance(samples, int(first) + 1, int(last) + 1, path)
+        if params.mean_rate:
+            path[:, last] = frame.q
+        if smooth:
+            frames.append(frame)
+            if samples.t[last] - samples.t[frames[0].row] > SPAN + AHEAD:
+                done = sum(1 for one in frames if samples.t[one.row] - samples.t[frames[0].row] <= SPAN)
+                kept.add(backward(frames), done, path)
+                frames = frames[done:]
+        else:
+            kept.add([frame], 1)
+        if progress:
+            progress(int(last - first))
+    if frames:
+        kept.add(backward(frames), len(frames), path)
+    return kept.motion(path, start.ready if not smooth else float(samples.t[0]))
+
+
+class _Kept:
+    """What is kept of keyframes that are done."""
+
+    def __init__(self, samples: Samples, params: Params, units: int) -> None:
+        self._samples, self._params = samples, params
+        places = np.arange(units)[:, np.newaxis] * WIDTH + np.arange(3)
+        self._places = places.ravel()
+        self._rows, self._cov, self._bias = list[int](), list[Floats](), list[Floats]()
+
+    def add(self, frames: Sequence[Keyframe], count: int, path: Floats | None = None) -> None:
+        """Keep the first `count`; where they are smoothed, fill in the attitudes from each to the next."""
+        for k, one in enumerate(frames[:count]):
+            self._rows.append(one.row)
+            self._cov.append(one.cov[np.ix_(self._places, self._places)])
+            self._bias.append(one.linear[:, :3].copy())
+            if path is not None:
+                end = frames[k + 1].row if k + 1 < len(frames) else one.row
+                fill(self._samples.t, self._samples.gyr, one.row, end, self._params.mean_rate, one.q, one.linear[:, :3],
+                     path)  # fmt: skip
+
+    def motion(self, path: Floats, ready: float) -> Motion:
+        """All of it."""
+        return Motion(self._samples.t, path, np.array(self._rows), np.array(self._cov), np.array(self._bias), ready)
+
+
+def backward(frames: Sequence[Keyframe]) -> list[Keyframe]:
+    """Rauch–Tung–Striebel: each keyframe as those behind it have it [Sarkka2013]."""
+    found = [frames[-1]]
+    for one, after in zip(frames[-2::-1], frames[:0:-1], strict=True):
+        known = found[-1]
+        gain = np.linalg.solve(after.cov_prior, after.transition @ one.cov).T
+        turn = rotvec_from_quat(quat_multiply(known.q, quat_conjugate(after.q_prior)))
+        own = (gain @ np.hstack((turn, known.linear - after.linear_prior)).ravel()).reshape(-1, WIDTH)
+        cov = one.cov + gain @ (known.cov - after.cov_prior) @ gain.T
+        q = quat_multiply(quat_from_rotvec(own[:, :3]), one.q)
+        found.append(one._replace(q=q, linear=one.linear + own[:, 3:], cov=0.5 * (cov + cov.T)))
+    return found[::-1]
+
+
+@njit
+def fill(t: Floats, gyr: Floats, first: int, last: int, mean_rate: bool, q: Floats, bias: Floats, path: Floats) -> None:
+    """Attitudes from a smoothed keyframe at a sample on, to the one before the next."""
+    for u in range(q.shape[0]):
+        q0, q1, q2, q3 = q[u, 0], q[u, 1], q[u, 2], q[u, 3]
+        wx, wy, wz = bias[u, 0], bias[u, 1], bias[u, 2]
+        if not math.isnan(gyr[u, first, 0]):
+            wx, wy, wz = gyr[u, first, 0], gyr[u, first, 1], gyr[u, first, 2]
+        for r in range(first, max(last, first + 1)):
+            half = 0.5 * (t[r] - t[r - 1]) if r else 0.0
+            if r > first:
+                if not math.isnan(gyr[u, r, 0]):
+                    wx, wy, wz = gyr[u, r, 0], gyr[u, r, 1], gyr[u, r, 2]
+                h0, h1, h2, h3 = quat_exp(
+                    2.0 * half * (wx - bias[u, 0]), 2.0 * half * (wy - bias[u, 1]), 2.0 * half * (wz - bias[u, 2])
+                )
+                q0, q1, q2, q3 = quat_mul(q0, q1, q2, q3, h0, h1, h2, h3)
+                q0, q1, q2, q3 = quat_unit(q0, q1, q2, q3)
+            p0, p1, p2, p3 = q0, q1, q2, q3
+            if not mean_rate:  # half a step back: the rate is that at the sample
+                h0, h1, h2, h3 = quat_exp(
+                    -half * (wx - bias[u, 0]), -half * (wy - bias[u, 1]), -half * (wz - bias[u, 2])
+                )
+                p0, p1, p2, p3 = quat_mul(q0, q1, q2, q3, h0, h1, h2, h3)
+            path[u, r, 0], path[u, r, 1], path[u, r, 2], path[u, r, 3] = p0, p1, p2, p3

@@ -1,0 +1,590 @@
+"""Teach-in: from recorded joint angles to a program that a controller may run.
+
+A recording falls into stops, where all angles stood still, and motions between them. A stop is kept as it is: its pose
+and its duration. A motion is a quintic spline with knots `smooth` apart, fitted by least squares; its first and last
+three control points are the poses of the stops, so that it begins and ends at rest without acceleration, and all
+control points lie inside the range of the joint, so that the curve does.
+
+Its path is kept where a limit asks for less speed. With the recorded time s along the path and a speed u(s) ≤ 1,
+``v = q' u``, ``a = q'' u² + q' u u'`` and ``j = q''' u³ + 3 q'' u² u' + q' (u² u'' + u u'²)``: u is lowered around the
+places where these exceed a limit, and what is left of an excess is removed by one factor for the whole motion, which
+divides v, a and j by itself, its square and its cube. Differences of samples are means of the derivatives, so that they
+keep the limits as well.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+
+from plumbob.arm.angles import RECORDED, TIME, JointTrack, read_table
+from plumbob.core import check, units
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.series import Series
+from plumbob.core.text import counted
+from plumbob.core.units import Quantity, to_deg
+from plumbob.data.chain import Chain, Limits
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+DEGREE: Final = 5
+_ENDS: Final = 3
+"""Control points at each end that are the pose there: position, no velocity, no acceleration."""
+_PARTS: Final = 24
+"""Points between two knots at which limits are looked at: between them, what is piecewise quadratic hides 1/2000."""
+_MARGIN: Final = 0.998
+"""Share of a limit that is used."""
+_ROUNDS: Final = 12
+_WINDOW: Final = 3.0
+"""Knots on either side over which a lower speed is spread."""
+_BENDING: Final = 1e-6
+"""Weight of the third difference of control points against samples: it decides only where samples are missing."""
+_INSTANT: Final = 1e-9
+"""Shorter times are rounding, s."""
+_LEAST: Final = 2
+"""Rows of a motion, at least, less one."""
+_FINEST: Final = 8.0
+"""A slow run of still samples is looked at with a tolerance down to this part of the first one."""
+
+
+class Stop(NamedTuple):
+    """Where all angles stood still.
+
+    Attributes
+    ----------
+    start, end : float
+        When, in the program, s.
+    angles : tuple of float
+        The pose, rad.
+    recorded : float
+        When it began in the recording, s.
+    """
+
+    start: float
+    end: float
+    angles: tuple[float, ...]
+    recorded: float
+
+
+class Deviation(NamedTuple):
+    """How far the program's path is from the recorded angles, at the same place along it, rad."""
+
+    rms: float
+    max: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Program(Series):
+    """What a controller is to do: angles at a fixed rate.
+
+    Attributes
+    ----------
+    t : ndarray (N,)
+        From 0, s.
+    angles, velocities, accelerations : ndarray (N, K)
+        rad, rad/s, rad/s².
+    names : tuple of str
+        Names of the angles.
+    recorded : ndarray (N,)
+        When the recording was at the same place of the path, s; as `t` where it was not taught.
+    stops : tuple of Stop
+        In order of time.
+    deviations : mapping of str to Deviation
+        By angle.
+    slowed : float
+        Duration of the program over that of the recording.
+    notes : tuple of str
+        What a reader should know, each a sentence.
+    """
+
+    t: Floats
+    angles: Floats
+    names: tuple[str, ...]
+    velocities: Floats
+    accelerations: Floats
+    recorded: Floats | None = None
+    stops: tuple[Stop, ...] = ()
+    deviations: Mapping[str, Deviation] | None = None
+    slowed: float = 1.0
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        t = check.column("t", self.t)
+        check.increasing_time("t", t)
+        object.__setattr__(self, "t", check.read_only(t))
+        recorded = t if self.recorded is None else check.column("recorded", self.recorded, t.size)
+        object.__setattr__(self, "recorded", check.read_only(recorded))
+        for name in ("angles", "velocities", "accelerations"):
+            values = check.rows(name, getattr(self, name), len(self.names), t.size)
+            if not np.isfinite(values).all():
+                raise ShapeError(f"the {name} of a program must be finite.")
+            object.__setattr__(self, name, check.read_only(values))
+
+    @classmethod
+    def of(cls, track: JointTrack, recorded: Floats | None = None) -> "Program":
+        """Take angles as they are for a program, as one that a file holds; its rates are differences of them."""
+        if len(track) < 3:
+            raise ShapeError(f"a program needs 3 samples, but {counted(len(track), 'sample')} came.")
+        velocities = np.gradient(track.angles, track.t, axis=0)
+        accelerations = np.gradient(velocities, track.t, axis=0)
+        return cls(track.t, track.angles, track.names, velocities, accelerations, recorded)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Program":
+        """Read a program, or any angles, from a ``.csv`` or ``.parquet`` table; errors as of `JointTrack.load`."""
+        return cls.of(JointTrack.load(path), read_table(path)[0].get(RECORDED))
+
+    def __len__(self) -> int:
+        return int(self.t.size)
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, Hz."""
+        return (len(self) - 1) / float(self.t[-1] - self.t[0])
+
+    def facts(self) -> Mapping[str, str]:
+        """Angles, samples, stops, and how much slower than the recording it is."""
+        return {
+            "angles": ", ".join(self.names),
+            "samples": f"{len(self)} at {self.rate:.6g} Hz",
+            "duration": f"{self.t[-1] - self.t[0]:.3f} s",
+            "stops": str(len(self.stops)),
+            "slowed": f"{self.slowed:.3f} times the recording's duration",
+        }
+
+    def columns(self) -> Mapping[str, Floats]:
+        """Time, angles and their rates."""
+        found = {TIME: self.t}
+        for values, end, unit in (
+            (self.angles, "", "rad"),
+            (self.velocities, "_velocity", "rad/s"),
+            (self.accelerations, "_acceleration", "rad/s2"),
+        ):
+            found |= {f"{name}{end} [{unit}]": values[:, k] for k, name in enumerate(self.names)}
+        return found
+
+    def track(self) -> JointTrack:
+        """Its angles as any others."""
+        return JointTrack(self.t, self.names, self.angles, source="program")
+
+    def used(self, limits: "Chain | Limits | Sequence[Limits]") -> Mapping[str, float]:
+        """How much of each limit its samples use, at most, by differences of neighbours: above 1, it is exceeded.
+
+        Returns
+        -------
+        mapping of str to float
+            ``position`` (of half the range, from its middle), ``velocity``, ``acceleration`` and ``jerk``.
+        """
+        return _used(self.angles, 1.0 / self.rate, _limits_of(limits, self.names))
+
+
+def taught(
+    track: JointTrack,
+    limits: "Chain | Limits | Sequence[Limits] | None" = None,
+    *,
+    rate: float | str = 100.0,
+    smooth: float | str = 0.2,
+    still: float | str = "1 deg",
+    dwell: float | str = 0.3,
+) -> Program:
+    """Program of recorded joint angles.
+
+    Parameters
+    ----------
+    track : JointTrack
+        What was recorded.
+    limits : Chain or Limits or sequence of Limits, optional
+        Of the chain's angles; one for all, or one for each.
+    rate : float or str
+        Samples of the program per second, Hz, or text as ``"125 Hz"``.
+    smooth : float or str
+        Distance of the spline's knots, s: what changes within less is smoothed away.
+    still : float or str
+        All angles stay within this, rad, at a stop.
+    dwell : float or str
+        For at least this time, s.
+
+    Returns
+    -------
+    Program
+        Stops and ends are kept to the bit, except where they lie beyond the range of a joint, which a note says; limits
+        are kept.
+
+    Raises
+    ------
+    ParameterError
+        If a parameter is not above 0, or limits do not fit the angles.
+    ShapeError
+        If fewer than 8 samples are known.
+    """
+    rate, smooth, still, dwell = (
+        _size(*one)
+        for one in (
+            ("rate", rate, Quantity.FREQUENCY),
+            ("smooth", smooth, Quantity.TIME),
+            ("still", still, Quantity.ANGLE),
+            ("dwell", dwell, Quantity.TIME),
+        )
+    )
+    bounds = _limits_of(Limits() if limits is None else limits, track.names)
+    t, q, notes = _whole(track, bounds)
+    rests = stops_of(t, q, still=still, dwell=dwell, smooth=smooth)
+    poses, clipped = _poses(q, rests, bounds, track.names, t)
+    motions = [
+        _Motion.fitted(t[start:end], q[start:end], poses[k : k + 2], smooth, bounds)
+        for k, (start, end) in enumerate(_between(rests, t.size))
+    ]
+    factor = 1.0
+    for _ in range(_ROUNDS):  # once; again where a peak between the points that were looked at shows in the samples
+        times, angles, velocities, accelerations, when, spans = _sampled(t, rests, poses, motions, rate, factor)
+        angles = np.clip(angles, [one.low for one in bounds], [one.high for one in bounds])  # by the last bit
+        over = _over(angles, velocities, accelerations, rate, bounds)
+        if over <= 1.0:
+            break
+        factor *= 1.001 * over
+    else:
+        raise ParameterError(
+            f"no program at {rate:g} Hz keeps these limits: a jerk of the last bit of an angle is greater. Lower the "
+            "rate, or raise the limits."
+        )
+    found = [
+        Stop(*span, tuple(pose.tolist()), float(t[rest[0]]))
+        for span, pose, rest in zip(spans, poses, rests, strict=True)
+        if rest[1] > rest[0]
+    ]
+    return Program(
+        times,
+        angles,
+        track.names,
+        velocities,
+        accelerations,
+        when,
+        tuple(found),
+        dict(zip(track.names, _deviations(t, q, rests, poses, motions), strict=True)),
+        float(times[-1] / (t[-1] - t[0])),
+        (*notes, *clipped),
+    )
+
+
+def _size(name: str, value: float | str, quantity: Quantity) -> float:
+    number = units.given(name, value, quantity)
+    if number is None or not 0.0 < number < np.inf:
+        raise ParameterError(f"{name} must be above 0 {quantity}, but it is {value}.")
+    return number
+
+
+def _limits_of(limits: "Chain | Limits | Sequence[Limits]", names: Sequence[str]) -> tuple[Limits, ...]:
+    """Limits of each angle."""
+    if isinstance(limits, Limits):
+        return (limits,) * len(names)
+    if not isinstance(limits, Chain):
+        found = tuple(limits)
+        if len(found) != len(names):
+            raise ParameterError(f"{counted(len(names), 'angle')} need as many limits, but {len(found)} came.")
+        return found
+    by_name = dict(zip(limits.angles, limits.limits, strict=True))
+    unknown = [name for name in names if name not in by_name]
+    if unknown:
+        raise ParameterError(
+            f"{limits.name} has no angle {', '.join(unknown)}; its angles are {', '.join(by_name) or 'none'}."
+        )
+    return tuple(by_name[name] for name in names)
+
+
+def _whole(track: JointTrack, bounds: Sequence[Limits]) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """Times and angles (N, K) without gaps and without jumps by a turn, from the first to the last that are known."""
+    known = np.asarray(np.isfinite(track.angles).all(axis=1))
+    rows = np.flatnonzero(known)
+    if rows.size < 8 or not track.names:
+        raise ShapeError(f"a program needs at least 8 samples of known angles, but {rows.size} came.")
+    t = track.t[rows[0] : rows[-1] + 1]
+    steps = np.diff(t)
+    step = float(np.median(steps))
+    line = np.linspace(t[0], t[-1], 1 + max(8, round((t[-1] - t[0]) / step)))
+    turned = np.unwrap(track.angles[rows], axis=0)
+    for k, one in enumerate(bounds):  # the turn on which most of it lies inside the range
+        if np.isfinite(one.low) and np.isfinite(one.high):
+            middle = 0.5 * (one.low + one.high)
+            turned[:, k] -= 2.0 * np.pi * np.round((np.median(turned[:, k]) - middle) / (2.0 * np.pi))
+    if np.ptp(steps) < 1e-3 * step and known[rows[0] : rows[-1] + 1].all():
+        line, q = t, turned
+    else:
+        q = np.stack([np.interp(line, track.t[rows], one) for one in turned.T], axis=1)
+    longest = float(np.diff(track.t[rows]).max())
+    note = f"Angles are not known for up to {longest:.3g} s; they were joined by straight lines."
+    return line, q, (note,) if longest > 2.5 * step else ()
+
+
+def stops_of(t: Floats, angles: Floats, *, still: float, dwell: float, smooth: float) -> list[tuple[int, int]]:
+    """Rows (first, last) of each stop; the first and the last row are stops of no length where nothing stands still.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Times at equal steps, s.
+    angles : ndarray (N, K)
+        rad.
+    still, dwell : float
+        Range of each angle, rad, and least duration, s.
+    smooth : float
+        Noise is averaged over this time before, s.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    step = (t[-1] - t[0]) / (t.size - 1)
+    mean = uniform_filter1d(angles, 2 * round(0.5 * smooth / step) + 1, axis=0, mode="nearest")
+    width = max(2, 1 + int(np.ceil(dwell / step - 1e-6)))
+    found = [_trimmed(mean, rest, width, still) for rest in _still(mean, 0, width, still, still / _FINEST)]
+    last = t.size - 1
+    found = [(0 if a <= _LEAST else a, last if b >= last - _LEAST else b) for a, b in found]
+    if not found or found[0][0] > 0:
+        found.insert(0, (0, 0))
+    if found[-1][1] < last:
+        found.append((last, last))
+    return found
+
+
+def _still(mean: Floats, offset: int, width: int, still: float, least: float) -> list[tuple[int, int]]:
+    """Runs of windows in which all angles stay within `still`; one that drifts is looked at more closely."""
+    from numpy.lib.stride_tricks import sliding_window_view
+
+    if len(mean) < width:
+        return []
+    windows = sliding_window_view(mean, width, axis=0)
+    quiet = ((windows.max(axis=-1) - windows.min(axis=-1)) <= still).all(axis=1)
+    found: list[tuple[int, int]] = []
+    for start, end in check.runs(quiet):
+        run = mean[start : end + width - 1]
+        first = start + offset
+        if (np.ptp(run, axis=0) <= 2.0 * still).all():
+            found.append((first, first + len(run) - 1))
+        elif 0.5 * still >= least:
+            found += _still(run, first, width, 0.5 * still, least)
+    apart: list[tuple[int, int]] = []
+    for first, last in found:  # two runs of windows may share rows, and a motion needs some
+        begin = max(first, apart[-1][1] + _LEAST + 1) if apart else first
+        if last - begin + 1 >= width:
+            apart.append((begin, last))
+    return apart
+
+
+def _trimmed(mean: Floats, rest: tuple[int, int], width: int, still: float) -> tuple[int, int]:
+    """Rows of a stop without those at its ends that already leave its pose, as far as it stays long enough."""
+    first, last = rest
+    run = mean[first : last + 1]
+    near = (np.abs(run - np.median(run, axis=0)) <= 0.25 * still).all(axis=1)
+    rows = np.flatnonzero(near)
+    if rows.size == 0 or rows[-1] - rows[0] + 1 < width:
+        return rest
+    return first + int(rows[0]), first + int(rows[-1])
+
+
+def _poses(
+    q: Floats, rests: Sequence[tuple[int, int]], bounds: Sequence[Limits], names: Sequence[str], t: Floats
+) -> tuple[Floats, list[str]]:
+    """Pose of each stop, the median of its rows, inside the ranges; and what that changed."""
+    poses = np.stack([np.median(q[first : last + 1], axis=0) for first, last in rests])
+    inside = np.clip(poses, [one.low for one in bounds], [one.high for one in bounds])
+    notes = [
+        f"The pose at {t[rests[row][0]]:.3f} s of the recording is {to_deg(abs(poses[row, k] - inside[row, k])):.2f}° "
+        f"beyond the range of {names[k]}, and was brought to its end."
+        for row, k in np.argwhere(inside != poses)
+    ]
+    return inside, notes
+
+
+def _between(rests: Sequence[tuple[int, int]], count: int) -> list[tuple[int, int]]:
+    """Rows (first, behind the last) of each motion, which begins and ends on a row of a stop."""
+    return [(one[1], min(count, other[0] + 1)) for one, other in pairwise(rests)]
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A path over recorded time from rest to rest, and the speed along it.
+
+    Attributes
+    ----------
+    path : BSpline
+        Angles (K) over recorded time from 0.
+    clock : BSpline
+        Time of the program over recorded time, both from 0.
+    """
+
+    path: "BSpline"
+    clock: "BSpline"
+
+    @classmethod
+    def fitted(cls, t: Floats, q: Floats, ends: Floats, smooth: float, bounds: Sequence[Limits]) -> "_Motion":
+        """Path along samples between two poses, as fast as limits allow and the recording was."""
+        path = _path(t - t[0], q, ends, smooth, bounds)
+        return cls(path, _clock(path, bounds))
+
+    @property
+    def duration(self) -> float:
+        """In the program, s."""
+        return float(self.clock(self.path.t[-1]))
+
+    def at(self, times: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Angles, velocities and accelerations (M, K) at times of the program, and recorded times (M,)."""
+        s = np.interp(times, self.clock(self.path.t), self.path.t)
+        slope, bend = self.clock.derivative(), self.clock.derivative(2)
+        for _ in range(8):  # Newton; the slope is at least 1
+            s = np.clip(s - (self.clock(s) - times) / slope(s), 0.0, self.path.t[-1])
+        u = 1.0 / slope(s)[:, np.newaxis]
+        first, second = self.path.derivative()(s), self.path.derivative(2)(s)
+        # u' = −t'' / t'², so that a = q'' u² − q' u³ t''.
+        return self.path(s), first * u, second * u**2 - first * u**3 * bend(s)[:, np.newaxis], s
+
+
+def _path(t: Floats, q: Floats, ends: Floats, smooth: float, bounds: Sequence[Limits]) -> "BSpline":
+    """Quintic spline from rest to rest that comes nearest to samples; convex, so that its control points bound it."""
+    from scipy.interpolate import BSpline
+    from scipy.sparse import csc_array, diags_array
+    from scipy.sparse.linalg import spsolve
+
+    spans = max(1, round(t[-1] / smooth))
+    inner = np.linspace(0.0, t[-1], spans + 1)
+    knots = np.concatenate((np.zeros(DEGREE), inner, np.full(DEGREE, t[-1])))
+    count = spans + DEGREE
+    control = np.empty((count, q.shape[1]))
+    control[:_ENDS], control[-_ENDS:] = ends[0], ends[1]
+    free = slice(_ENDS, count - _ENDS)
+    if count > 2 * _ENDS:
+        design = BSpline.design_matrix(np.clip(t, 0.0, t[-1]), knots, DEGREE).tocsr()
+        third = diags_array([-1.0, 3.0, -3.0, 1.0], offsets=[0, 1, 2, 3], shape=(count - 3, count))
+        normal = csc_array(design.T @ design + _BENDING * (third.T @ third))
+        known = control.copy()
+        known[free] = 0.0
+        right = (design.T @ q - normal @ known)[free]
+        control[free] = spsolve(normal[free, free], right).reshape(-1, q.shape[1])
+        control[free] = np.clip(control[free], [one.low for one in bounds], [one.high for one in bounds])
+    return BSpline(knots, control, DEGREE)
+
+
+def _clock(path: "BSpline", bounds: Sequence[Limits]) -> "BSpline":
+    """Time of the program over recorded time: the shortest of some that keep the limits, none faster than recorded."""
+    from scipy.interpolate import make_interp_spline
+
+    spans = path.t.size - 2 * DEGREE - 1
+    grid = np.linspace(0.0, float(path.t[-1]), 1 + max(_PARTS * spans, 4 * _PARTS))
+    width = round(_WINDOW * (grid.size - 1) / spans)
+    shape = [path.derivative(order)(grid) for order in (1, 2, 3)]
+    allowed = np.ones(grid.size)
+    best: tuple[float, BSpline] | None = None
+    for _ in range(_ROUNDS):
+        speed = make_interp_spline(grid, _smoothed_below(allowed, width), k=DEGREE)
+        ratio = _ratio(shape, [speed(grid), speed.derivative()(grid), speed.derivative(2)(grid)], bounds)
+        worst = max(1.0, float(ratio.max()))
+        clock = make_interp_spline(grid, worst / speed(grid), k=DEGREE).antiderivative()
+        duration = float(clock(grid[-1]))
+        if best is None or duration < best[0]:
+            best = duration, clock
+        if worst == 1.0:
+            break
+        allowed = allowed / np.maximum(ratio, 1.0)
+    assert best is not None
+    return best[1]
+
+
+def _smoothed_below(values: Floats, width: int) -> Floats:
+    """Smooth curve that is nowhere above the values: means of the least values around, both over `width` each side."""
+    from scipy.ndimage import minimum_filter1d, uniform_filter1d
+
+    if (values == values[0]).all():
+        return values
+    least = minimum_filter1d(values, 2 * width + 1, mode="nearest")
+    part = 2 * max(1, width // 5) + 1  # five means of it reach as far as the least values do, and are C³
+    for _ in range(5):
+        least = uniform_filter1d(least, part, mode="nearest")
+    return np.asarray(least)
+
+
+def _ratio(shape: Sequence[Floats], speed: Sequence[Floats], bounds: Sequence[Limits]) -> Floats:
+    """By which factor (N,) the motion would have to be slower at each place to keep all limits."""
+    q1, q2, q3 = shape
+    u, u1, u2 = (one[:, np.newaxis] for one in speed)
+    found = (q1 * u, q2 * u**2 + q1 * u * u1, q3 * u**3 + 3.0 * q2 * u**2 * u1 + q1 * (u**2 * u2 + u * u1**2))
+    tops = np.array([one[2:] for one in bounds]).T  # (3, K)
+    ratios = [
+        (np.abs(values) / (_MARGIN * top)).max(axis=1) ** (1.0 / order)
+        for order, (values, top) in enumerate(zip(found, tops, strict=True), 1)
+    ]
+    return np.asarray(np.max(ratios, axis=0))
+
+
+def _sampled(
+    t: Floats,
+    rests: Sequence[tuple[int, int]],
+    poses: Floats,
+    motions: Sequence[_Motion],
+    rate: float,
+    factor: float,
+) -> tuple[Floats, Floats, Floats, Floats, Floats, list[tuple[float, float]]]:
+    """Times, angles, velocities, accelerations and recorded times at a rate, and when each stop begins and ends.
+
+    Motions are slower by `factor`.
+    """
+    spans, now = [], 0.0
+    for k, (first, last) in enumerate(rests):
+        spans.append((now, now + float(t[last] - t[first])))
+        now = spans[-1][1] + (motions[k].duration * factor if k < len(motions) else 0.0)
+    times = np.arange(1 + int(np.ceil((spans[-1][1] - _INSTANT) * rate))) / rate
+    angles = np.repeat(poses[-1:], times.size, axis=0)
+    velocities, accelerations = np.zeros_like(angles), np.zeros_like(angles)
+    angles[times <= spans[0][1]] = poses[0]
+    when = np.minimum(t[0] + times, t[-1])
+    for k, motion in enumerate(motions):
+        start, end = spans[k][1], spans[k + 1][0]
+        rows = (times > start) & (times < end - _INSTANT)
+        found = motion.at((times[rows] - start) / factor)
+        angles[rows], velocities[rows], accelerations[rows] = found[0], found[1] / factor, found[2] / factor**2
+        when[rows] = t[rests[k][1]] + found[3]
+        after = times >= end - _INSTANT
+        angles[after] = poses[k + 1]
+        when[after] = np.minimum(t[rests[k + 1][0]] + times[after] - end, t[-1])
+    return times, angles, velocities, accelerations, when, spans
+
+
+def _used(angles: Floats, step: float, bounds: Sequence[Limits]) -> dict[str, float]:
+    """Share of the limits that samples use at most."""
+    found = {"position": 0.0, "velocity": 0.0, "acceleration": 0.0, "jerk": 0.0}
+    for k, one in enumerate(bounds):
+        if np.isfinite(one.low) and np.isfinite(one.high):
+            away = np.abs(angles[:, k] - 0.5 * (one.low + one.high)).max() / (0.5 * (one.high - one.low))
+            found["position"] = max(found["position"], float(away))
+        for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
+            if len(angles) > order:
+                most = np.abs(np.diff(angles[:, k], order)).max() / step**order
+                found[name] = max(found[name], float(most / getattr(one, name)))
+    return found
+
+
+def _over(angles: Floats, velocities: Floats, accelerations: Floats, rate: float, bounds: Sequence[Limits]) -> float:
+    """By which factor the motions would have to be slower to keep the limits in every sample."""
+    used = _used(angles, 1.0 / rate, bounds)
+    found: list[float] = []
+    for name, values in (("velocity", velocities), ("acceleration", accelerations)):
+        tops = [getattr(one, name) for one in bounds]
+        used[name] = max(used[name], float((np.abs(values).max(axis=0) / tops).max()))
+    for order, name in enumerate(("velocity", "acceleration", "jerk"), 1):
+        found.append(float(used[name] ** (1.0 / order)))
+    return max(found)
+
+
+def _deviations(
+    t: Floats, q: Floats, rests: Sequence[tuple[int, int]], poses: Floats, motions: Sequence[_Motion]
+) -> list[Deviation]:
+    """Of the path from the recorded angles, at the same recorded time."""
+    path = np.empty_like(q)
+    for k, (start, end) in enumerate(_between(rests, t.size)):
+        path[start:end] = motions[k].path(np.clip(t[start:end] - t[start], 0.0, motions[k].path.t[-1]))
+    for (first, last), pose in zip(rests, poses, strict=True):
+        path[first : last + 1] = pose
+    away = np.abs(path - q)
+    return [Deviation(float(np.sqrt(np.mean(one**2))), float(one.max())) for one in away.T]

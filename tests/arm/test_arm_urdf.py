@@ -1,0 +1,205 @@
+"""URDF: read, written, and moved; our forward kinematics against pytransform3d's and against SciPy's by hand."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from plumbob.arm import JointTrack, Program, chain_from_urdf, export, replay, taught, urdf_text
+from plumbob.arm.urdf import hand_link, moved
+from plumbob.core.errors import ClockError, DecodeError, MissingExtraError, ParameterError, PlumbobError
+from plumbob.data.chain import Chain, Joint, Limits, Segment
+from plumbob.rotations import dcm_from_quat
+from tests.arm.test_arm_program import pick_and_place
+
+ROBOT = """<?xml version="1.0"?>
+<robot name="two">
+  <link name="tip"/>
+  <link name="base"/>
+  <link name="upper"><visual><geometry><mesh filename="package://two/upper.stl"/></geometry></visual></link>
+  <joint name="elbow" type="revolute">
+    <parent link="upper"/><child link="tip"/>
+    <origin xyz="0.4 0 0" rpy="0.1 -0.2 0.3"/><axis xyz="0 0 2"/>
+    <limit lower="-1.5" upper="2" effort="10" velocity="3.5"/>
+  </joint>
+  <joint name="shoulder" type="continuous">
+    <parent link="base"/><child link="upper"/>
+    <origin xyz="0 0 1.2" rpy="0 0 1.5707963267948966"/><axis xyz="0 1 0"/>
+  </joint>
+</robot>
+"""
+
+
+def by_hand(shoulder: float, elbow: float) -> np.ndarray:
+    """Pose of the tip, from the URDF's definition: origin, then the turn about the axis; rpy about fixed x, y, z."""
+
+    def frame(xyz, rpy, axis, angle):
+        turn = Rotation.from_euler("xyz", rpy) * Rotation.from_rotvec(np.array(axis) * angle)
+        made = np.eye(4)
+        made[:3, :3], made[:3, 3] = turn.as_matrix(), xyz
+        return made
+
+    upper = frame([0, 0, 1.2], [0, 0, np.pi / 2], [0, 1, 0], shoulder)
+    return upper @ frame([0.4, 0, 0], [0.1, -0.2, 0.3], [0, 0, 1], elbow)
+
+
+def test_a_robot_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "two.urdf"
+    file.write_text(ROBOT)
+    chain = chain_from_urdf(file, units={"upper": "imu1"})
+    assert chain.angles == ("shoulder", "elbow") and chain.hand == "tip" and chain.base_fixed
+    assert [one.unit for one in chain.segments] == ["", "imu1", ""]
+    assert chain.limits == (Limits(), Limits(-1.5, 2.0, 3.5))
+    assert chain.length == pytest.approx(0.4)
+    for angles in ((0.0, 0.0), (0.7, -1.2), (-3.0, 1.9)):
+        found = chain.postures(np.array([angles]))["tip"]
+        np.testing.assert_allclose(dcm_from_quat(found.q_nb[0]), by_hand(*angles)[:3, :3], atol=1e-12)
+        np.testing.assert_allclose(found.pos_n[0], by_hand(*angles)[:3, 3], atol=1e-12)
+
+
+def arm() -> Chain:
+    """Ball, universal, hinge and fixed joints, tilted against each other."""
+    bounds = Limits(-2.5, 2.5, 1.0, 8.0, 100.0)
+    third = Rotation.from_euler("xyz", [0.3, -0.4, 0.5]).as_quat(scalar_first=True)
+    return Chain(
+        "arm",
+        tuple(Segment(name, unit) for name, unit in (("base", ""), ("upper", "a"), ("lower", "b"), ("hand", "c"))),
+        (
+            Joint("shoulder", "base", "upper", "ball", (0.0, 0.1, 1.2), tuple(third.tolist()), limits=(bounds,) * 3),
+            Joint("elbow", "upper", "lower", "hinge", (0.3, 0, 0), axes=((0, 0.6, 0.8),), limits=(bounds,)),
+            Joint("wrist", "lower", "hand", "universal", (0.25, 0, 0), axes=((0, 1.0, 0), (0, 0, 1.0))),
+        ),
+        hand_b=(0.1, 0.0, 0.02),
+        base_fixed=True,
+    )
+
+
+six = st.lists(st.floats(-2.4, 2.4), min_size=6, max_size=6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(six)
+def test_our_kinematics_are_those_of_the_parser(angles: list[float]) -> None:
+    chain, row = arm(), np.array([angles])
+    ours = chain.hand_at(chain.postures(row))
+    theirs = moved(urdf_text(chain), chain.angles, row, hand_link(chain))
+    np.testing.assert_allclose(theirs[:, :3, 3], ours, atol=1e-12)
+    turned = moved(urdf_text(chain), chain.angles, row, "hand")
+    np.testing.assert_allclose(turned[:, :3, :3], dcm_from_quat(chain.postures(row)["hand"].q_nb), atol=1e-12)
+
+
+@pytest.mark.parametrize("merge", [False, True])
+def test_a_chain_is_read_back_from_its_urdf(tmp_path: Path, merge: bool) -> None:
+    chain = arm()
+    file = tmp_path / "arm.urdf"
+    file.write_text(urdf_text(chain))
+    units = {one.name: one.unit for one in chain.segments if one.unit}
+    found = chain_from_urdf(file, units=units, hand="hand", hand_b=chain.hand_b, merge=merge)
+    assert found.angles == chain.angles
+    assert found.limits == tuple(one._replace(acceleration=np.inf, jerk=np.inf) for one in chain.limits)
+    angles = np.random.default_rng(1).uniform(-2.0, 2.0, (20, 6))
+    np.testing.assert_allclose(
+        found.hand_at(found.postures(angles)), chain.hand_at(chain.postures(angles)), atol=1e-12
+    )  # fmt: skip
+    kinds = ["ball", "hinge", "universal", "fixed"] if merge else ["hinge"] * 6 + ["fixed"]
+    assert [joint.kind for joint in found.joints] == kinds
+    if merge:
+        assert [joint.name for joint in found.joints][:3] == ["shoulder", "elbow", "wrist"]
+        assert found.joints[0].axes == chain.joints[0].axes
+
+
+def test_hinges_are_not_merged_where_a_unit_or_a_branch_lies_between(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(urdf_text(arm()))
+    found = chain_from_urdf(file, units={"hand_1": "imu"}, merge=True)
+    assert [joint.kind for joint in found.joints] == ["ball", "hinge", "hinge", "hinge", "fixed"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "match"),
+    [
+        ('type="continuous"', 'type="prismatic"', "'shoulder' is prismatic"),
+        ('type="continuous"', 'type="floating"', "'shoulder' is floating"),
+        ('<axis xyz="0 1 0"/>', '<axis xyz="0 1 0"/><mimic joint="elbow"/>', "mimics"),
+        ('<parent link="upper"/>', '<parent link="arm"/>', "arm"),
+        ('<parent link="base"/>', '<parent link="tip"/>', "must be the root|not connected"),
+        ('velocity="3.5"', 'velocity="fast"', "not a number"),
+        ('lower="-1.5"', 'lower="low"', "that can be read: .*low"),
+        ('lower="-1.5"', 'lower="3"', "must go up"),
+        ("</robot>", "", "not whole XML"),
+        ("<robot", "<sdf", "XML"),
+    ],
+)
+def test_what_a_chain_cannot_be_is_refused(tmp_path: Path, old: str, new: str, match: str) -> None:
+    assert old in ROBOT
+    file = tmp_path / "two.urdf"
+    file.write_text(ROBOT.replace(old, new, 1))
+    with pytest.raises(PlumbobError, match=match) as refused:
+        chain_from_urdf(file)
+    assert str(file) in str(refused.value)
+
+
+def test_a_file_that_unpacks_without_end_is_refused(tmp_path: Path) -> None:
+    """Entities in entities, the 'billion laughs': expat (since 2.4.1) stops them."""
+    entities = "".join(f'<!ENTITY e{k + 1} "{f"&e{k};" * 10}">' for k in range(12))
+    file = tmp_path / "bomb.urdf"
+    file.write_text(f'<!DOCTYPE robot [<!ENTITY e0 "ha">{entities}]><robot name="&e12;"><link name="a"/></robot>')
+    with pytest.raises(DecodeError, match="not whole XML"):
+        chain_from_urdf(file)
+
+
+def test_without_the_parser_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pytransform3d", None)
+    (tmp_path / "two.urdf").write_text(ROBOT)
+    with pytest.raises(MissingExtraError, match=r"plumbob\[arm\]"):
+        chain_from_urdf(tmp_path / "two.urdf")
+
+
+def test_a_taught_program_moves_the_urdf_where_the_hand_truly_was(tmp_path: Path) -> None:
+    """Truth is made by SciPy from the angles that were recorded, noise of 0.1° is added, and the URDF is moved."""
+    chain = arm()
+    poses = np.random.default_rng(4).uniform(-1.0, 1.0, (4, 6))
+    clean = pick_and_place(poses, rest=0.6, move=1.4)
+    noise = np.random.default_rng(5).normal(0.0, np.radians(0.1), clean.angles.shape)
+    program = taught(JointTrack(clean.t, chain.angles, clean.angles + noise), chain)
+    assert program.slowed > 1.2  # else the times of both would be the same
+    assert all(share <= 1.0 for share in program.used(chain).values())
+    truth = np.array([scipy_hand(row) for row in clean.angles])
+    (tmp_path / "arm.urdf").write_text(urdf_text(chain))
+    done = replay(program, tmp_path / "arm.urdf")
+    error = done.against(clean.t, truth)
+    assert done.length == pytest.approx(0.65 + np.hypot(0.1, 0.02) - 0.1)
+    assert error.rms_share < 0.005 and error.max_share < 0.02
+    ours = replay(program, chain)
+    np.testing.assert_allclose(ours.hand_n, done.hand_n, atol=1e-12)
+    assert set(ours.postures) == {"base", "upper", "lower", "hand"}
+    again = replay(Program.load(export(program, tmp_path / "p.csv")), tmp_path / "arm.urdf")
+    np.testing.assert_allclose(again.hand_n, done.hand_n, atol=1e-12)
+    with pytest.raises(ClockError, match="give truth for all of it"):
+        done.against(clean.t[:100], truth[:100])
+
+
+def scipy_hand(angles: np.ndarray) -> np.ndarray:
+    """Hand of `arm`, by hand."""
+    turn = Rotation.from_euler("xyz", [0.3, -0.4, 0.5]) * Rotation.from_euler("ZYX", angles[:3])
+    at = np.array([0.0, 0.1, 1.2]) + turn.apply([0.3, 0.0, 0.0])
+    turn = turn * Rotation.from_rotvec(np.array([0.0, 0.6, 0.8]) * angles[3])
+    at = at + turn.apply([0.25, 0.0, 0.0])
+    return at + (turn * Rotation.from_euler("YZ", angles[4:])).apply([0.1, 0.0, 0.02])
+
+
+def test_what_a_model_does_not_allow_is_refused(tmp_path: Path) -> None:
+    chain = arm()
+    (tmp_path / "arm.urdf").write_text(urdf_text(chain))
+    far = JointTrack(np.arange(5.0), chain.angles, np.full((5, 6), 2.6))
+    with pytest.raises(ParameterError, match=r"shoulder1 goes from 2\.6 to 2\.6 rad, but the URDF allows"):
+        replay(far, tmp_path / "arm.urdf")
+    other = JointTrack(np.arange(5.0), ("knee",), np.zeros((5, 1)))
+    with pytest.raises(ParameterError, match="no joint knee"):
+        replay(other, tmp_path / "arm.urdf")
+    with pytest.raises(ParameterError, match="moves knee"):
+        replay(other, chain)

@@ -1,0 +1,106 @@
+"""sim and emulate of a chain of bodies: recordings of its units, true joint angles, and the chain beside them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from plumbob.data.cards import CalibrationCard
+from plumbob.data.chain_toml import load_chain
+from plumbob.files import read
+from plumbob.protocols.rigs import load
+from plumbob.rotations import quat_angle
+from plumbob.simulation import CHAINS, simulate_chain
+from plumbob.simulation.rigs.plan import PLANS
+from plumbob.simulation.rigs.rig import make_rig
+from tests.battery.commandline import call
+
+
+def ok(*words, cwd):
+    done = call(*words, cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def refused(*words, cwd):
+    done = call(*words, cwd=cwd)
+    assert done.returncode == 1
+    return done.stderr
+
+
+def test_sim_teach_writes_all_units_their_truth_and_the_chain(tmp_path):
+    done = ok(
+        "sim", "teach", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "random", "--seed", "3",
+        "--duration", "4s", "--set", "mount_angle=5deg,mount_shift=2cm", "--out", "t.parquet", "--card", "c.json",
+        cwd=tmp_path,
+    )  # fmt: skip
+    made = simulate_chain(
+        "teach", "teach", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=3, duration=4.0,
+        mount_angle="5 deg", mount_shift="2 cm",
+    )  # fmt: skip
+    array = read(tmp_path / "t.parquet").array
+    assert array.names == made.array.names
+    for name in array.names:
+        np.testing.assert_array_equal(array.units[name].gyr, made.array.units[name].gyr)
+        card = CalibrationCard.load(tmp_path / f"c-{name}.json")
+        assert card.device == array.units[name].meta.device
+    table = pq.read_table(tmp_path / "t-angles.parquet")
+    assert table.column_names == ["t [s]", *(f"j{k} [rad]" for k in range(1, 7)), *(f"hand_{a} [m]" for a in "xyz")]
+    np.testing.assert_array_equal(np.array(table["j5 [rad]"]), made.angles[:, 4])
+    np.testing.assert_array_equal(np.array(table["hand_z [m]"]), made.hand_n[:, 2])
+    assert load_chain(tmp_path / "t.chain.toml").joints == CHAINS["teach"].joints
+    for known, true in zip(
+        load_chain(tmp_path / "t.chain.toml").segments, load_chain(tmp_path / "t-true.chain.toml").segments, strict=True
+    ):
+        if known.unit:
+            assert 0.0 < quat_angle(known.mount.q_bs, true.mount.q_bs) <= np.deg2rad(5.0) + 1e-9
+    assert "t-true.chain.toml" in done.stdout
+
+
+def test_a_chain_of_ones_own_is_simulated_from_its_file(tmp_path):
+    ok("sim", "slow", "--chain", "arm", "--frame", "ENU", "--duration", "2s", "--out", "a.parquet", cwd=tmp_path)
+    ok(
+        "sim", "slow", "--chain", "a.chain.toml", "--frame", "ENU", "--duration", "2s", "--out", "b.parquet",
+        cwd=tmp_path,
+    )  # fmt: skip
+    one, other = (read(tmp_path / f"{name}.parquet").array for name in "ab")
+    assert one.names == other.names == ("upperarm", "forearm", "hand")
+    np.testing.assert_array_equal(one.units["hand"].acc, other.units["hand"].acc)
+
+
+def test_emulate_teach_sends_its_bytes_and_writes_the_truth(tmp_path):
+    ok(
+        "emulate", "teach", "--seed", "2", "--duration", "3s", "--scenario", "calibration", "--set",
+        "bend=20uT,soft=yes", "--write", "a.bin", "--truth", "t.csv", cwd=tmp_path,
+    )  # fmt: skip
+    own = PLANS["teach"].scenario
+    settings = {**own.settings, "bend": 20.0, "soft": True}
+    plan = replace(PLANS["teach"], scenario=replace(own, program="calibration", settings=settings))
+    rig = make_rig(plan, load("teach"), seed=2, duration=3.0)
+    assert (tmp_path / "a.bin").read_bytes() == rig.stream()
+    lines = (tmp_path / "t-angles.csv").read_text().splitlines()
+    assert lines[0].split(",")[:2] == ["t [s]", "j1 [rad]"]
+    table = np.array([line.split(",") for line in lines[1:]], dtype=float)
+    np.testing.assert_array_equal(table[:, 1:7], rig.chain.angles)
+    assert len(read(tmp_path / "t-u6.csv").track) == 300
+    assert load_chain(tmp_path / "t.chain.toml").segments[1].unit == "u1"
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("sim", "buoy", "--chain", "arm", "--frame", "NED", "--out", "x.parquet"), "not a program of a chain"),
+        (("sim", "fast", "--frame", "NED", "--out", "x.parquet"), "--chain arm"),
+        (("sim", "fast", "--chain", "leg", "--frame", "NED", "--out", "x.parquet"), "'leg' is not a chain"),
+        (("sim", "teach", "--frame", "NED", "--out", "x.parquet", "--set", "jitter=1ms"), "one time line"),
+        (("sim", "teach", "--frame", "NED", "--out", "x.parquet", "--set", "soft=maybe"), "yes or no"),
+        (("sim", "teach", "--frame", "NED", "--out", "x.parquet", "--set", "mount_angle=5"), "unit"),
+        (("emulate", "teach", "--set", "wave=3", "--write", "x.bin"), "no setting 'wave'"),
+        (("emulate", "teach", "--scenario", "buoy", "--write", "x.bin"), "not a program of a chain"),
+        (("emulate", "teach", "--set", "bend=20uT,bend_at=base", "--write", "x.bin"), "not at 'base'"),
+    ],
+)
+def test_refusals_say_what_there_is_and_leave_nothing(tmp_path, words, says):
+    assert says in refused(*words, cwd=tmp_path)
+    assert not list(tmp_path.iterdir())
