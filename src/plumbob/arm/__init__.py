@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
+    from plumbob.arm.alignment import ArmCard, align, opened_chain
     from plumbob.arm.angles import JointTrack
+    from plumbob.arm.estimation import ArmEstimate, run
     from plumbob.arm.exported import export
     from plumbob.arm.figure import arm_report, stick_figure
     from plumbob.arm.program import Deviation, Program, Stop, taught
@@ -15,16 +17,21 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "ArmCard": "alignment",
+        "ArmEstimate": "estimation",
         "Deviation": "program",
         "HandError": "replayed",
         "JointTrack": "angles",
         "Program": "program",
         "Replay": "replayed",
         "Stop": "program",
+        "align": "alignment",
         "arm_report": "figure",
         "chain_from_urdf": "urdf",
         "export": "exported",
+        "opened_chain": "alignment",
         "replay": "replayed",
+        "run": "estimation",
         "stick_figure": "figure",
         "taught": "program",
         "urdf_text": "urdf",
@@ -32,16 +39,21 @@ __getattr__, __dir__ = lazily(
 )
 
 __all__ = [
+    "ArmCard",
+    "ArmEstimate",
     "Deviation",
     "HandError",
     "JointTrack",
     "Program",
     "Replay",
     "Stop",
+    "align",
     "arm_report",
     "chain_from_urdf",
     "export",
+    "opened_chain",
     "replay",
+    "run",
     "stick_figure",
     "taught",
     "urdf_text",

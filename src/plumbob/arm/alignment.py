@@ -4,7 +4,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.params import build
 from plumbob.core.units import deg, to_deg
 from plumbob.data.array import ImuArray, Mount
-from plumbob.data.cards.file import Card, built
+from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
 from plumbob.rotations import (
@@ -43,6 +43,9 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
+
+if TYPE_CHECKING:
+    from plumbob.session.reading import Source
 
 ROUNDS: Final = 8
 """Attitudes and geometry are found in turn, so often at most,"""
@@ -172,6 +175,11 @@ class ArmCard(Card):
             for joint, found in zip(self.chain.joints, self.joints, strict=True)
         ]
 
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them; SI."""
+        return {"chain": self.chain.name, "source": self.source, "joints": [vars(joint) for joint in self.joints],
+                "mount_sd": dict(self.mount_sd)}  # fmt: skip
+
     def table(self) -> str:
         """What was found, as text: a line for each joint and unit."""
         lines = [f"{'joint':<12} {'kind':<10} {'arms, mm (sd)':<24} {'axis sd':<9} {'play':<7} {'sway':<7} rating"]
@@ -187,9 +195,35 @@ class ArmCard(Card):
         return "\n".join(lines)
 
 
+def opened_chain(chain: Chain | ArmCard | str | Path) -> Chain | ArmCard:
+    """Chain of a TOML file or a URDF, or a card; what is none of these files is given back.
+
+    Parameters
+    ----------
+    chain : Chain, ArmCard or path
+        What was named.
+    """
+    if not isinstance(chain, str | Path):
+        return chain
+    if Path(chain).suffix.lower() == ".urdf":
+        from plumbob.arm.urdf import chain_from_urdf
+
+        return chain_from_urdf(chain)
+    return ArmCard.load(chain) if kind_of(chain) == ArmCard.KIND else load_chain(chain)
+
+
+def opened_array(array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]") -> ImuArray:
+    """Recording of several units, read where it was named; errors as of `plumbob.session.reading.read_array`."""
+    if isinstance(array, ImuArray):
+        return array
+    from plumbob.session.reading import read_array
+
+    return read_array(array)
+
+
 def align(
     chain: Chain | str | Path,
-    array: ImuArray,
+    array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]",
     *,
     poses: Sequence[Pose] = (),
     pose_sd: float = deg(1.0),
@@ -207,7 +241,7 @@ def align(
     ----------
     chain : Chain or path
         The chain; of joints of unknown geometry the kind suffices.
-    array : ImuArray
+    array : ImuArray, or what `plumbob.session.reading.read_array` reads
         A recording in which every joint moves about all its axes for some seconds, briskly.
     poses : sequence of (float, float, sequence of float)
         From when to when, s, the chain was held still at which angles, rad. One at rest with all angles at zero in
@@ -232,8 +266,8 @@ def align(
     ShapeError
         If the recording is too short or a unit lacks a gyroscope or an accelerometer.
     """
-    chain = load_chain(chain) if isinstance(chain, str | Path) else check.kind("chain", chain, Chain)
-    samples = samples_of(chain, array)
+    chain = check.kind("chain", opened_chain(chain), Chain)
+    samples = samples_of(chain, opened_array(array))
     settings = build(Params, params or {}, of="arm")
     samples = samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
     if samples.t[-1] - samples.t[0] < SHORTEST:
@@ -558,9 +592,8 @@ class _MountProblem:
 
     def _of_joint(self, link: Link, arm: Fit, axis: Fit | None, mounts: Mapping[str, Mount]) -> list[Floats]:
         joint, rows = link.joint, []
-        assert joint.origin is not None
         expected = axes_of(joint, mounts.get(joint.parent, Mount()), mounts[joint.child])
-        for side, name, place in ((0, joint.parent, np.array(joint.origin)), (1, joint.child, np.zeros(3))):
+        for side, name, place in ((0, joint.parent, np.array(joint.place)), (1, joint.child, np.zeros(3))):
             if name not in mounts:
                 continue
             own = slice(3 * side, 3 * side + 3)

@@ -4,12 +4,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.alignment import ArmCard, samples_of
+from plumbob.arm.alignment import ArmCard, opened_array, opened_chain, samples_of
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
@@ -23,9 +23,8 @@ from plumbob.core.series import Series
 from plumbob.core.units import deg, to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray
-from plumbob.data.cards.file import kind_of
 from plumbob.data.chain import Chain, Joint, Posture
-from plumbob.data.chain_toml import load_chain
+from plumbob.filters.offline import navigation_frame
 from plumbob.rotations import (
     Frame,
     North,
@@ -37,6 +36,9 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
 )
+
+if TYPE_CHECKING:
+    from plumbob.session.reading import Source
 
 DOUBT: Final = deg(10.0)
 """A sample at which an angle is uncertain by more than this, rad, is said to be not converged."""
@@ -85,6 +87,37 @@ class ArmEstimate(Series):
             "method": self.joints.source,
         }
 
+    def at_end(self) -> list[tuple[str, float, float]]:
+        """Last value and standard deviation of each angle, rad, by name."""
+        sd = self.joints.sd
+        assert sd is not None
+        return [
+            (name, float(value), float(one))
+            for name, value, one in zip(self.joints.names, self.joints.angles[-1], sd[-1], strict=True)
+        ]
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them; angles in degrees."""
+        joints = self.joints
+        assert joints.sd is not None
+        assert joints.hand_n is not None
+        assert joints.flags is not None
+        return {
+            "chain": self.chain.name,
+            "frame": str(self.frame),
+            "north": str(next(iter(self.tracks.values())).north),
+            "samples": len(joints),
+            "duration_s": float(joints.t[-1] - joints.t[0]),
+            "angles_deg": {
+                name: {"last": float(to_deg(last)), "sd": float(to_deg(sd)), "median_sd": float(to_deg(median))}
+                for (name, last, sd), median in zip(self.at_end(), np.nanmedian(joints.sd, axis=0), strict=True)
+            },
+            "hand_m": joints.hand_n[-1].tolist(),
+            "flags": flags.counts(joints.flags),
+            "method": joints.source,
+            "notes": list(self.notes),
+        }
+
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Of the joint angles."""
         return self.joints.columns()
@@ -101,9 +134,9 @@ class ArmEstimate(Series):
 
 def run(
     chain: Chain | ArmCard | str | Path,
-    array: ImuArray,
+    array: "ImuArray | Source | Sequence[Source] | Mapping[str, Source]",
     *,
-    frame: Frame | str,
+    frame: Frame | str | None = None,
     causal: bool = False,
     pose: str | Sequence[float] | None = None,
     params: Mapping[str, Any] | None = None,
@@ -116,11 +149,11 @@ def run(
     ----------
     chain : ArmCard, Chain or path
         The card that `align` makes, or a chain whose units sit exactly as it says.
-    array : ImuArray
+    array : ImuArray, or what `plumbob.session.reading.read_array` reads
         A unit for each segment; a root that stands still needs none.
-    frame : Frame or str
-        Navigation frame of the result. The root of a fixed base has its z axis up and its x axis along that of ENU or
-        NWU, or North in NED; the heading of everything is against it.
+    frame : Frame or str, optional
+        Navigation frame of the result; by default that of the recording. The root of a fixed base has its z axis up,
+        and its x axis along that of ENU or NWU, or along North in NED; all headings count from it.
     causal : bool
         Let each attitude know only what came before it. The first attitudes are given after the first seconds, from
         what those show of the headings.
@@ -144,7 +177,10 @@ def run(
         If the chain's geometry is not known, a segment has no unit, or units are missing.
     """
     known, card = _opened(chain)
-    wanted = Frame.parse(frame)
+    array = opened_array(array)
+    wanted = navigation_frame(
+        next(iter(array.units.values())), None if frame is None else Frame.parse(frame), where="the recording"
+    )
     settings = build(Params, params or {}, of="arm")
     samples = samples_of(known, array)
     links = links_of(known) if card is None else card.links()
@@ -165,8 +201,7 @@ def run(
 
 
 def _opened(chain: Chain | ArmCard | str | Path) -> tuple[Chain, ArmCard | None]:
-    if isinstance(chain, str | Path):
-        chain = ArmCard.load(chain) if kind_of(chain) == ArmCard.KIND else load_chain(chain)
+    chain = opened_chain(chain)
     if isinstance(chain, ArmCard):
         return chain.chain, chain
     return check.kind("chain", chain, Chain), None
@@ -377,7 +412,7 @@ class _Reading:
             path.append((at, quat_rotate(self._q[at][rows], reach)))
             if at not in by_child:
                 break
-            at, reach = by_child[at].parent, np.array(by_child[at].origin)
+            at, reach = by_child[at].parent, np.array(by_child[at].place)
         cov = np.zeros((len(rows), 3, 3))
         for one, a in path:
             for other, b in path:

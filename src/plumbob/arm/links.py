@@ -85,7 +85,6 @@ def links_of(
     play, force_sd : mapping of str to float, optional
         By joint, as of `Link`.
     """
-    chain.require_known()
     numbers = unit_numbers(chain)
     mounts = {one.name: one.mount for one in chain.segments}
     found = []
@@ -93,10 +92,9 @@ def links_of(
         parent, child = numbers[joint.parent], numbers[joint.child]
         before = Mount() if parent == GROUND else mounts[joint.parent]
         after = mounts[joint.child]
-        assert joint.origin is not None
         arms = np.stack(
             [
-                before.dcm.T @ (np.array(joint.origin) - np.array(before.lever_b)),
+                before.dcm.T @ (np.array(joint.place) - np.array(before.lever_b)),
                 after.dcm.T @ -np.array(after.lever_b),
             ]
         )

@@ -218,7 +218,7 @@ def _one_of(first: Joint, second: Joint) -> Joint | None:
     count = len(first.axes) + len(second.axes)
     if second.kind != "hinge" or first.kind == "fixed" or count not in kinds:
         return None
-    if np.linalg.norm(second.origin) > _SAME:
+    if np.linalg.norm(second.place) > _SAME:
         return None
     # first.q ⊗ turn(a) ⊗ second.q ⊗ turn(b) = first.q ⊗ second.q ⊗ turn(second.q⁻¹ a) ⊗ turn(b)
     back = np.array(second.q_pc) * [1.0, -1.0, -1.0, -1.0]
@@ -275,7 +275,7 @@ def _lines(chain: Chain) -> Iterator[str]:
     for joint in chain.joints:
         if joint.kind == "fixed":
             yield f"  <link name={quoteattr(joint.child)}/>"
-            yield from _fixed(joint.name, joint.parent, joint.child, joint.origin, np.array(joint.q_pc))
+            yield from _fixed(joint.name, joint.parent, joint.child, joint.place, np.array(joint.q_pc))
         for hinge in _hinges(joint):
             yield f"  <link name={quoteattr(hinge.child)}/>"
             yield from _hinge(hinge)
@@ -290,7 +290,7 @@ def _hinges(joint: Joint) -> Iterator[_Hinge]:
     parent, count = joint.parent, len(joint.axes)
     for k, (name, axis, limits) in enumerate(zip(joint.angles, joint.axes, joint.limits, strict=True)):
         child = joint.child if k == count - 1 else f"{joint.child}_{k + 1}"
-        origin = joint.origin if k == 0 else (0.0, 0.0, 0.0)
+        origin = joint.place if k == 0 else (0.0, 0.0, 0.0)
         turn = np.array(joint.q_pc if k == 0 else (1.0, 0.0, 0.0, 0.0))
         yield _Hinge(name, parent, child, origin, turn, axis, limits)
         parent = child

@@ -8,6 +8,7 @@ from plumbob.cli import common
 
 if TYPE_CHECKING:
     from plumbob.arm.program import Program
+    from plumbob.data.array import ImuArray
     from plumbob.data.chain import Chain
 
 KINDS: tuple[str, ...] = ("align", "run", "export", "replay")
@@ -38,20 +39,59 @@ def run(args: argparse.Namespace) -> int:
     return code
 
 
-def _add_chain_and_sources(p: argparse.ArgumentParser) -> None:
-    p.add_argument("chain", type=Path, metavar="CHAIN", help="the chain, a TOML file")
-    p.add_argument("sources", type=Path, nargs="+", metavar="SOURCE", help="recordings of its units")
+def _add_chain_and_sources(p: argparse.ArgumentParser, what: str) -> None:
+    p.add_argument("chain", type=Path, metavar="CHAIN", help=what)
+    p.add_argument(
+        "sources", nargs="+", metavar="SOURCE",
+        help="recording of all units, or one file for each: FILE, whose stem is the unit's name, or UNIT=FILE",
+    )  # fmt: skip
+    p.add_argument("--format", metavar="NAME|TOML", help="what raw bytes mean: a device, a rig or a .toml file")
+    p.add_argument("--params", metavar="NAME=VALUE,...", help="of the chain filter, as mean_rate=off,bias_sd=0.1deg/s")
+
+
+def _files(args: argparse.Namespace) -> list[Path]:
+    return [Path(one.partition("=")[2] or one) for one in args.sources]
+
+
+def _read(args: argparse.Namespace) -> "ImuArray":
+    from plumbob.core.errors import ParameterError
+    from plumbob.session.reading import read_array
+
+    named = ["=" in one for one in args.sources]
+    if all(named):
+        pairs = [one.partition("=") for one in args.sources]
+        return read_array({name: path for name, _, path in pairs}, note=common.note)
+    if any(named):
+        raise ParameterError("either every SOURCE has the form UNIT=FILE or none has; name all units.")
+    if len(args.sources) == 1:
+        return read_array(args.sources[0], format=args.format, note=common.note)
+    return read_array(args.sources, note=common.note)
+
+
+def _angles(texts: list[str], chain: "Chain") -> list[float]:
+    """Angles with units, or zero for all of them."""
+    from plumbob.core.units import Quantity, parse
+
+    if texts in ([], ["zero"]):
+        return [0.0] * len(chain.angles)
+    return [parse(text, Quantity.ANGLE) for text in texts]
 
 
 def add_align(kinds: common.Adder) -> None:
     """Declare what finds mountings and axes."""
     p = kinds.add_parser(
         "align",
-        help="find how the units sit on their segments",
-        description="Find mountings, lever arms and hinge axes from a recording in which every joint moves.",
-        epilog=common.more("plumbob arm align arm.toml calibration.mcap --out card.json", PAGE),
+        help="find how the units sit on their segments, and where joints lie",
+        description="Find mountings, lever arms and axes from a recording in which every joint moves. Joints whose "
+        "place the chain does not say are found, too.",
+        epilog=common.more("plumbob arm align arm.toml calibration.mcap --pose 0s,2s --out card.json", PAGE),
     )
-    _add_chain_and_sources(p)
+    _add_chain_and_sources(p, "the chain, a TOML file or a URDF")
+    p.add_argument(
+        "--pose", action="append", default=[], metavar="FROM,TO[,ANGLE...]",
+        help="when all angles were held at zero, or at these angles, as 0s,2s or 5s,7s,0deg,90deg",
+    )  # fmt: skip
+    p.add_argument("--pose-sd", default="1 deg", metavar="ANGLE", help="how exactly they were held (1deg)")
     p.add_argument("--out", type=Path, required=True, metavar="JSON", help="card to write")
     common.add_force(p)
     common.add_json(p)
@@ -60,7 +100,37 @@ def add_align(kinds: common.Adder) -> None:
 
 def do_align(args: argparse.Namespace) -> int:
     """Do it."""
-    raise _missing(args.kind)
+    from plumbob.arm import ArmCard, align, opened_chain
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
+
+    common.check_outputs(args, args.out, inputs=(args.chain, *_files(args)))
+    ArmCard.require_place(args.out)
+    chain = opened_chain(args.chain)
+    if isinstance(chain, ArmCard):
+        raise ParameterError(f"{args.chain} is a card already; align takes the chain that it was made of.")
+    poses = []
+    for text in args.pose:
+        start, comma, rest = text.partition(",")
+        end, *angles = rest.split(",")
+        if not comma or not end:
+            raise ParameterError(f"--pose takes FROM,TO and angles, as 0s,2s, but got {text!r}.")
+        poses.append((parse(start, Quantity.TIME), parse(end, Quantity.TIME), _angles(angles, chain)))
+    card = align(
+        chain,
+        _read(args),
+        poses=poses,
+        pose_sd=parse(args.pose_sd, Quantity.ANGLE),
+        params=dict(common.pairs(args.params)),
+        note=common.note,
+    )
+    card.save(args.out, overwrite=args.force)
+    if args.json:
+        common.print_json({"file": str(args.out), **card.summary()})
+        return 0
+    print(card.table())
+    print(f"card         {args.out}")
+    return 0
 
 
 def add_run(kinds: common.Adder) -> None:
@@ -69,11 +139,16 @@ def add_run(kinds: common.Adder) -> None:
         "run",
         help="estimate joint angles and the hand's place",
         description="Estimate the joint angles of a chain from its units, with their standard deviations.",
-        epilog=common.more("plumbob arm run arm.toml take.mcap --card card.json --out angles.parquet", PAGE),
+        epilog=common.more("plumbob arm run card.json take.mcap --frame ENU --out angles.parquet", PAGE),
     )
-    _add_chain_and_sources(p)
-    p.add_argument("--card", type=Path, metavar="JSON", help="what 'plumbob arm align' found")
+    _add_chain_and_sources(
+        p, "the card that 'plumbob arm align' made; or the chain, where units sit exactly as it says"
+    )
+    common.add_frame(p, "navigation frame of the result; by default that of the recording")
     p.add_argument("--causal", action="store_true", help="each angle from what came before it only")
+    p.add_argument(
+        "--pose", metavar="zero|ANGLE,...", help="angles at the first sample; a ball joint on a fixed base needs it"
+    )
     p.add_argument("--out", type=Path, metavar="FILE", help="table of angles: .csv or .parquet")
     common.add_page(p)
     common.add_force(p)
@@ -83,13 +158,42 @@ def add_run(kinds: common.Adder) -> None:
 
 def do_run(args: argparse.Namespace) -> int:
     """Do it."""
-    raise _missing(args.kind)
+    from plumbob import arm
+    from plumbob.core.units import to_deg
 
-
-def _missing(kind: str) -> Exception:
-    from plumbob.core.errors import ParameterError
-
-    return ParameterError(f"'plumbob arm {kind}' is not part of this version.")
+    common.check_pages(args, args.out, inputs=(args.chain, *_files(args)))
+    chain = arm.opened_chain(args.chain)
+    array = _read(args)
+    geometry = chain.chain if isinstance(chain, arm.ArmCard) else chain
+    with common.progress_bars() as bars:
+        found = arm.run(
+            chain,
+            array,
+            frame=args.frame,
+            causal=args.causal,
+            pose=None if args.pose is None else _angles(args.pose.split(","), geometry),
+            params=dict(common.pairs(args.params)),
+            progress=lambda done, total: bars("arm", done, total),
+        )
+    if args.out is not None:
+        found.save(args.out, overwrite=args.force)
+    if args.json:
+        common.print_json({"out": str(args.out) if args.out else None, **found.summary()})
+    else:
+        for name, value in found.facts().items():
+            print(f"{name:20} {value}")
+        for name, last, sd in found.at_end():
+            print(f"{name:20} {to_deg(last):8.2f}° ± {to_deg(sd):.2f}° at the end")
+        common.note(*found.notes)
+        if args.out is not None:
+            print(f"{'file':20} {args.out}")
+    if args.html or args.plot:
+        facts = [*found.facts().items()]
+        report = arm.arm_report(
+            geometry, found.joints, postures=found.postures(), facts=facts, remarks=found.notes, title=geometry.name
+        )
+        common.write_pages(args, report)
+    return 0
 
 
 EXPORT = """\

@@ -137,6 +137,16 @@ class Joint:
         return self.origin is not None
 
     @property
+    def place(self) -> Vec:
+        """Its origin; a ParameterError where that is not known."""
+        if self.origin is None:
+            raise ParameterError(
+                f"the chain does not say where {self.name} lies. Find it with plumbob arm align, and use the card that "
+                "it writes."
+            )
+        return self.origin
+
+    @property
     def angles(self) -> tuple[str, ...]:
         """Names of its angles: its own, with 1, 2, 3 behind where it has several."""
         count = DEGREES_OF_FREEDOM[self.kind]
@@ -254,21 +264,6 @@ class Chain(Shown):
         """Whether place and axes of every joint are known."""
         return all(joint.known for joint in self.joints)
 
-    def require_known(self) -> None:
-        """Refuse to go on where the geometry of a joint is not known.
-
-        Raises
-        ------
-        ParameterError
-            If it is not.
-        """
-        unknown = [joint.name for joint in self.joints if not joint.known]
-        if unknown:
-            raise ParameterError(
-                f"{self.name} does not say where {', '.join(unknown)} lie. Find them with plumbob arm align, and use "
-                "the card that it writes."
-            )
-
     @property
     def places(self) -> Mapping[str, int]:
         """Number of each segment, by name."""
@@ -287,11 +282,10 @@ class Chain(Shown):
     @property
     def length(self) -> float:
         """Arm's length: from the first joint along the chain to the hand, m."""
-        self.require_known()
         at, total = self.hand or self.segments[-1].name, float(np.linalg.norm(self.hand_b))
         by_child = {joint.child: joint for joint in self.joints}
         while at in by_child and by_child[at].parent in by_child:
-            total += float(np.linalg.norm(np.array(by_child[at].origin)))
+            total += float(np.linalg.norm(np.array(by_child[at].place)))
             at = by_child[at].parent
         return total
 
@@ -323,7 +317,6 @@ class Chain(Shown):
         pos_n : array_like (3,) or (N, 3)
             Position of the root's origin, m.
         """
-        self.require_known()
         count = len(angles)
         root = Posture(
             np.broadcast_to(np.asarray(q_nb, dtype=np.float64), (count, 4)),
@@ -334,7 +327,7 @@ class Chain(Shown):
             parent = found[joint.parent]
             found[joint.child] = Posture(
                 quat_multiply(parent.q_nb, joint.turned(own)),
-                parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.origin)),
+                parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place)),
             )
         return found
 

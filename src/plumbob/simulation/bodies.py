@@ -76,7 +76,7 @@ class ChainMotion:
         angles = self.angles.at(t)
         first = 0
         for joint in self.chain.joints:
-            at = found[joint.parent].at_lever(joint.origin).turned(joint.q_pc)
+            at = found[joint.parent].at_lever(joint.place).turned(joint.q_pc)
             for axis in joint.axes:
                 at = at.hinged(axis, Jet(*(part[:, first] for part in angles)))
                 first += 1
