@@ -62,6 +62,10 @@ class ArmEstimate(Series):
         The chain.
     frame : Frame
         Navigation frame of tracks and hand.
+    rows : ndarray (K,)
+        Samples that are keyframes, about 0.1 s apart.
+    joint_cov : mapping of str to ndarray (K, 3, 3)
+        By joint, at keyframes: covariance of the child's attitude against the parent's, parent axes, rad².
     notes : tuple of str
         What a reader should know.
     """
@@ -70,7 +74,9 @@ class ArmEstimate(Series):
     tracks: Mapping[str, AttitudeTrack]
     chain: Chain
     frame: Frame
-    notes: tuple[str, ...] = field(default=())
+    rows: NDArray[np.intp] = field(repr=False)
+    joint_cov: Mapping[str, Floats] = field(repr=False)
+    notes: tuple[str, ...] = ()
 
     def facts(self) -> Mapping[str, str]:
         """Chain, frame, and how sure it is."""
@@ -339,7 +345,8 @@ class _Reading:
     def estimate(self, *, north: North, source: str, notes: tuple[str, ...]) -> ArmEstimate:
         """All of it."""
         angles = self._chain.angles_of(self._q)
-        sd = np.hstack([self._angle_sd(joint) for joint in self._chain.joints])
+        covs = {joint.name: self._joint_cov(joint) for joint in self._chain.joints}
+        sd = np.hstack([self._angle_sd(joint, covs[joint.name]) for joint in self._chain.joints])
         hand, hand_sd = self._hand(angles)
         spread = self._at_samples(sd)
         joints = JointTrack(
@@ -347,7 +354,7 @@ class _Reading:
             self._flags(spread, north), source,
         )  # fmt: skip
         tracks = {one.name: self._track(one.name, north, source) for one in self._chain.segments}
-        return ArmEstimate(joints, tracks, self._chain, self._frame, notes)
+        return ArmEstimate(joints, tracks, self._chain, self._frame, self._rows, covs, notes)
 
     def _at_samples(self, values: Floats) -> Floats:
         """Values at keyframes (K, M) at every sample."""
@@ -380,14 +387,16 @@ class _Reading:
         shown_by = [self._sway_var[name] for name in joints if name in self._sway_var]
         return 0.5 * max(shown_by, default=0.0)
 
-    def _angle_sd(self, joint: Joint) -> Floats:
-        """Standard deviations of a joint's angles at keyframes (K, degrees of freedom), rad."""
-        parent, child = self._q[joint.parent][self._rows], self._q[joint.child][self._rows]
+    def _joint_cov(self, joint: Joint) -> Floats:
+        """Covariance of the child's attitude against the parent's at keyframes (K, 3, 3), parent axes, rad²."""
         between = self._block(joint.parent, joint.child)
         cov = self._block(joint.parent, joint.parent) + self._block(joint.child, joint.child)
-        cov = cov - between - np.swapaxes(between, 1, 2)
-        turn = dcm_from_quat(quat_conjugate(parent))
-        cov = turn @ cov @ np.swapaxes(turn, 1, 2)
+        turn = dcm_from_quat(quat_conjugate(self._q[joint.parent][self._rows]))
+        return turn @ (cov - between - np.swapaxes(between, 1, 2)) @ np.swapaxes(turn, 1, 2)
+
+    def _angle_sd(self, joint: Joint, cov: Floats) -> Floats:
+        """Standard deviations of a joint's angles at keyframes (K, degrees of freedom), rad."""
+        parent, child = self._q[joint.parent][self._rows], self._q[joint.child][self._rows]
         relative = quat_multiply(quat_conjugate(parent), child)
         columns = []
         for axis in np.eye(3):

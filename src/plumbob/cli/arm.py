@@ -188,7 +188,7 @@ def do_run(args: argparse.Namespace) -> int:
         if args.out is not None:
             print(f"{'file':20} {args.out}")
     if args.html or args.plot:
-        facts = [*found.facts().items()]
+        facts = [(name, value) for name, value in found.facts().items() if name in ("frame", "method")]
         report = arm.arm_report(
             geometry, found.joints, postures=found.postures(), facts=facts, remarks=found.notes, title=geometry.name
         )
