@@ -48,6 +48,8 @@ _INSTANT: Final = 1e-9
 """Shorter times are rounding, s."""
 _LEAST: Final = 2
 """Rows of a motion, at least, less one."""
+_NEAR: Final = (0.1, 0.5)
+"""Shares of the tolerance: the ends of a stop are as near to its pose as its noise, but for these bounds."""
 _FINEST: Final = 8.0
 """A slow run of still samples is looked at with a tolerance down to this part of the first one."""
 
@@ -378,7 +380,9 @@ def _trimmed(mean: Floats, rest: tuple[int, int], width: int, still: float) -> t
     """Rows of a stop without those at its ends that already leave its pose, as far as it stays long enough."""
     first, last = rest
     run = mean[first : last + 1]
-    near = (np.abs(run - np.median(run, axis=0)) <= 0.25 * still).all(axis=1)
+    away = np.abs(run - np.median(run, axis=0))
+    noise = 1.4826 * np.median(away, axis=0)  # standard deviation of what is normally distributed
+    near = (away <= np.clip(3.0 * noise, _NEAR[0] * still, _NEAR[1] * still)).all(axis=1)
     rows = np.flatnonzero(near)
     if rows.size == 0 or rows[-1] - rows[0] + 1 < width:
         return rest
