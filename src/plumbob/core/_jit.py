@@ -36,7 +36,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _KERNEL_SOURCES = (
-    "core/*.py", "rotations/*.py", "acquisition/timing/*.py", "calibration/*.py", "calibration/*/*.py", "filters/*.py",
+    "array/*.py", "core/*.py", "rotations/*.py", "acquisition/timing/*.py", "calibration/*.py", "calibration/*/*.py", "filters/*.py",
     "filters/*/*.py", "noise/*.py", "noise/static/*.py", "protocols/checksum.py", "protocols/scan.py",
     "protocols/unpack.py",
 )  # fmt: skip
