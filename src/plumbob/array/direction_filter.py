@@ -3,7 +3,8 @@
 A multiplicative extended Kalman filter of six states, ``q_true = exp(θ) ⊗ q`` in the navigation frame, with the noise of
 the cards and nothing else: it takes each specific force as gravity and each field as the Earth's, both with white noise.
 With the trackers of each unit's parity it is the full filter of an array with a bias for each unit, where they are
-equal. What misses the size of gravity, or of the mean field, counts as noise too.
+equal. While the mean rate is nothing but noise and what the bias may be, the body rests: the attitude stays, and the
+rate is the bias. What misses the size of gravity, or of the mean field, counts as noise too.
 
 When to choose it: an array that turns slowly in a field that nothing disturbs, as the teaching arm's. Where the body
 accelerates or the field is bent, the project's other filters and the smoother are better.
@@ -27,6 +28,12 @@ from plumbob.rotations.kernels import quat_exp, quat_mul, quat_unit, rotate, row
 
 NAME: Final = "directions"
 SIZE: Final = 6
+REST_TAU: Final = 1.0
+"""The rate is averaged over this, s, to tell whether the body rests,"""
+REST: Final = 16.0
+"""and rests where its square stays below so many variances: a turn that nobody could tell from rest."""
+TREMOR: Final = 0.1
+"""What still moves at rest, as a share of the gyroscope's noise."""
 
 
 class Params(NamedTuple):
@@ -67,6 +74,27 @@ def update(p: Floats, state: Floats, h: Floats, residual: float, var: float, gai
 
 
 @njit
+def update_bias(p: Floats, state: Floats, k: int, residual: float, var: float, gain: Floats) -> None:
+    """Take up a rate of the body at rest, which is its bias."""
+    s = p[3 + k, 3 + k] + var
+    e = (residual - state[3 + k]) / s
+    for i in range(SIZE):
+        gain[i] = p[i, 3 + k]
+    for i in range(SIZE):
+        state[i] += gain[i] * e
+        for j in range(SIZE):
+            p[i, j] -= gain[i] * gain[j] / s
+
+
+@njit
+def at_rest(p: Floats, var: float, r0: float, r1: float, r2: float) -> bool:
+    """True where a mean rate, of this variance and less the bias, is nothing but noise and what the bias may still be."""
+    return (
+        r0 * r0 < REST * (var + p[3, 3]) and r1 * r1 < REST * (var + p[4, 4]) and r2 * r2 < REST * (var + p[5, 5])
+    )
+
+
+@njit
 def run(
     t: Floats, gyr: Floats, acc: Floats, mag: Floats, noise: Floats, up: float, north: Floats,
     p: Floats, q_nb: Floats, bias: Floats, cov: Floats, headed: NDArray[np.bool_],
@@ -76,7 +104,7 @@ def run(
     b0 = b1 = b2 = 0.0
     state, h, gain, turned = np.zeros(SIZE), np.zeros(3), np.zeros(SIZE), np.zeros((3, 3))
     stage, looks, level_mean, down_mean, last = 0, 0.0, 0.0, 0.0, t[0]
-    w0 = w1 = w2 = 0.0
+    w0 = w1 = w2 = m0 = m1 = m2 = mean_var = 0.0
     for i in range(t.shape[0]):
         dt = t[i] - last
         last = t[i]
@@ -85,7 +113,22 @@ def run(
             spread = noise[0] * noise[0] * dt
         else:
             spread = 1.0 * dt  # the last rate goes on
-        if stage > 0 and dt > 0.0:
+        step = dt if dt > 0.0 else (t[1] - t[0] if t.shape[0] > 1 else 0.01)
+        mix = 1.0 if i == 0 else 1.0 - math.exp(-step / REST_TAU)
+        mean_var = (1.0 - mix) * (1.0 - mix) * mean_var + mix * mix * noise[0] * noise[0] / step
+        m0, m1, m2 = m0 + mix * (w0 - m0), m1 + mix * (w1 - m1), m2 + mix * (w2 - m2)
+        rests = stage > 0 and at_rest(p, mean_var, m0 - b0, m1 - b1, m2 - b2)
+        for k in range(SIZE):
+            state[k] = 0.0
+        if rests and dt > 0.0:  # the attitude stays, and the rate is the bias
+            var = noise[0] * noise[0] / step
+            for k in range(SIZE):
+                p[k, k] += (TREMOR * TREMOR * noise[0] * noise[0] if k < 3 else noise[1] * noise[1]) * dt
+            if spread < dt:
+                update_bias(p, state, 0, w0 - b0, var, gain)
+                update_bias(p, state, 1, w1 - b1, var, gain)
+                update_bias(p, state, 2, w2 - b2, var, gain)
+        elif stage > 0 and dt > 0.0:
             r = rows(q0, q1, q2, q3)
             e0, e1, e2, e3 = quat_exp(dt * (w0 - b0), dt * (w1 - b1), dt * (w2 - b2))
             q0, q1, q2, q3 = quat_mul(q0, q1, q2, q3, e0, e1, e2, e3)
@@ -94,9 +137,6 @@ def run(
                 for k in range(3):
                     turned[j, k] = -dt * r[3 * j + k]
             propagate(p, turned, spread, noise[1] * noise[1] * dt)
-        for k in range(SIZE):
-            state[k] = 0.0
-        step = dt if dt > 0.0 else (t[1] - t[0] if t.shape[0] > 1 else 0.01)
         a0, a1, a2 = acc[i, 0], acc[i, 1], acc[i, 2]
         size = math.sqrt(a0 * a0 + a1 * a1 + a2 * a2)
         if size > 0.0:  # not where it is NaN
@@ -115,26 +155,26 @@ def run(
                 update(p, state, h, f0, var, gain)
                 h[0], h[1] = G0 * up, 0.0
                 update(p, state, h, f1, var, gain)
-        m0, m1, m2 = rotate(q0, q1, q2, q3, mag[i, 0], mag[i, 1], mag[i, 2])
-        if stage > 0 and has_heading(m0, m1, m2):
+        h0, h1, h2 = rotate(q0, q1, q2, q3, mag[i, 0], mag[i, 1], mag[i, 2])
+        if stage > 0 and has_heading(h0, h1, h2):
             var = noise[4] * noise[4] / step
-            wide = math.sqrt(m0 * m0 + m1 * m1)
+            wide = math.sqrt(h0 * h0 + h1 * h1)
             if stage == 1:
-                q0, q1, q2, q3 = turn_about_vertical(angle_to(m0, m1, north[0], north[1]), q0, q1, q2, q3)
+                q0, q1, q2, q3 = turn_about_vertical(angle_to(h0, h1, north[0], north[1]), q0, q1, q2, q3)
                 tilt = p[0, 0]
                 for j in range(3):
                     p[2, j] = p[j, 2] = 0.0
-                p[2, 2] = (var + m2 * m2 * tilt) / (wide * wide)
+                p[2, 2] = (var + h2 * h2 * tilt) / (wide * wide)
                 for j in range(2):
-                    p[2, j] = p[j, 2] = m2 / wide * north[j] * tilt
-                stage, looks, level_mean, down_mean = 2, 1.0, wide, m2
+                    p[2, j] = p[j, 2] = h2 / wide * north[j] * tilt
+                stage, looks, level_mean, down_mean = 2, 1.0, wide, h2
             else:
                 looks += 1.0
                 level_mean += (wide - level_mean) / min(looks, 1000.0)
-                down_mean += (m2 - down_mean) / min(looks, 1000.0)
+                down_mean += (h2 - down_mean) / min(looks, 1000.0)
                 var += (wide - level_mean) * (wide - level_mean) if abs(wide - level_mean) > 4.0 * math.sqrt(var) else 0.0
                 h[0], h[1], h[2] = down_mean * north[0], down_mean * north[1], -level_mean
-                update(p, state, h, north[0] * m1 - north[1] * m0, var, gain)
+                update(p, state, h, north[0] * h1 - north[1] * h0, var, gain)
         e0, e1, e2, e3 = quat_exp(state[0], state[1], state[2])
         q0, q1, q2, q3 = quat_mul(e0, e1, e2, e3, q0, q1, q2, q3)
         q0, q1, q2, q3 = quat_unit(q0, q1, q2, q3)

@@ -226,7 +226,7 @@ class Monitor:
         self._x = np.zeros((3, units, UNIT_SIZE))
         self._g = np.zeros((3, TRIAD_SIZE))
         self._h = np.zeros((4, 3))
-        self._room = (np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(2), np.zeros(units))
+        self._room = (np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(units))
         self.reset()
 
     def reset(self) -> None:

@@ -178,10 +178,12 @@ def run(
                 sums[3, k] = dt * (0.5 * (before + now) + known)  # the rate of a step is the mean of its ends
             w0, w1, w2 = sums[3, 0], sums[3, 1], sums[3, 2]
         if i == 0:
-            ax, ay, az = acc1[0, 0], acc1[0, 1], acc1[0, 2]
+            ax, ay, az = acc1[0, 0] + acc2[0, 0], acc1[0, 1] + acc2[0, 1], acc1[0, 2] + acc2[0, 2]
             s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
             q0, q1, q2, q3 = level(up, s * ax, s * ay, s * az)
-            m0, m1, _ = rotate(q0, q1, q2, q3, mag1[0, 0], mag1[0, 1], mag1[0, 2])
+            m0, m1, _ = rotate(
+                q0, q1, q2, q3, mag1[0, 0] + mag2[0, 0], mag1[0, 1] + mag2[0, 1], mag1[0, 2] + mag2[0, 2]
+            )
             q0, q1, q2, q3 = turn_about_vertical(
                 angle_to(m0, m1, field[0] / size, field[1] / size), q0, q1, q2, q3
             )
@@ -240,7 +242,7 @@ def paper(array: ImuArray, *, frame: Frame | str, scheme: Scheme | None = None, 
     scheme : Scheme, optional
         Switches; by default the paper's.
     start : ndarray (4,), optional
-        Attitude to start from; by default that of the first samples of set 1.
+        Attitude to start from; by default that of the first samples of both sets together.
 
     Raises
     ------

@@ -39,7 +39,8 @@ STATE: Final = 39
 REASON: Final = 40
 AGREES: Final = 41  # for how long it has agreed again, s
 SCORE: Final = 42
-UNIT_SIZE: Final = 43
+INNOVATION: Final = 43  # of each axis over its standard deviation; NaN where there is none
+UNIT_SIZE: Final = 46
 
 SCALE: Final = 0  # variance of the noise over the given one
 COUNT: Final = 1
@@ -73,7 +74,9 @@ CLEAR: Final = 0.75
 UNCLEAR_FOR: Final = 1.0
 """Where three and more units do not make it clear within this, s, it is said that they cannot."""
 LARGEST: Final = 30.0
-"""An innovation counts as so many standard deviations at most, so that it can be forgotten again."""
+"""The largest innovation counts as so many standard deviations at most, so that it can be forgotten again."""
+BELIEVED: Final = 6.0
+"""From one that is larger, nothing is learned."""
 RARE: Final = 21.0
 """Minus the logarithm of the chance that a live axis says the same for so long: once in 10⁹."""
 FAST_FROM: Final = 4
@@ -196,13 +199,13 @@ def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, found: F
 
 @njit
 def innovate(
-    x: Floats, y: Floats, axes: Floats, weight: Floats, inverse: Floats, h: Floats, scale: float, mix: float,
-    learns: bool, use: Floats,
+    x: Floats, y: Floats, axes: Floats, weight: Floats, inverse: Floats, h: Floats, scale: float, use: Floats
 ) -> None:  # fmt: skip
-    """Take one sample of one unit (3,) against the body's value h; `use` gains squares over their expectation."""
+    """Take one sample of one unit (3,) against the body's value h; `use` gains squares over their expectation, and the largest."""
     k0, k1, k2, k3, spread = gain(x, h[0], h[1], h[2])
     best = 0.0
     for k in range(3):
+        x[INNOVATION + k] = math.nan
         if math.isnan(y[k]):
             continue
         p, noise = TH + 4 * k, scale / weight[k]
@@ -217,21 +220,31 @@ def innovate(
         var = s + noise * share if x[STATE] == OUT else s * (1.0 - share)
         if var <= 1e-6 * noise:
             continue  # nobody else sees this direction
-        e = max(-LARGEST, min(LARGEST, v / math.sqrt(var)))
-        x[MEAN + k] += mix * (e - x[MEAN + k])
-        x[SQUARE + k] += mix * (e * e - x[SQUARE + k])
-        if x[STATE] == GOOD:
+        e = v / math.sqrt(var)
+        x[INNOVATION + k] = e
+        use[2] = max(use[2], abs(e))
+        if x[STATE] == GOOD and abs(e) < BELIEVED:
             use[0] += e * e
             use[1] += 1.0
-            if learns:
-                g = v / s
-                x[p] += g * k0
-                x[p + 1] += g * k1
-                x[p + 2] += g * k2
-                x[p + 3] += g * k3
-                best = s if best == 0.0 else min(best, s)
+            g = v / s
+            x[p] += g * k0
+            x[p + 1] += g * k1
+            x[p + 2] += g * k2
+            x[p + 3] += g * k3
+            best = s if best == 0.0 else min(best, s)
     if best > 0.0:
         shrink(x, k0, k1, k2, k3, best)
+
+
+@njit
+def average(x: Floats, mix: float, share: float) -> None:
+    """Take the last innovations of a unit into their means, each counted by this share."""
+    for k in range(3):
+        e = share * x[INNOVATION + k]
+        if math.isnan(e):
+            continue
+        x[MEAN + k] += mix * (e - x[MEAN + k])
+        x[SQUARE + k] += mix * (e * e - x[SQUARE + k])
 
 
 @njit
@@ -407,14 +420,18 @@ def take_triad(
     mix = 1.0 - math.exp(-dt / c[TAU])
     g[SPREAD] = (1.0 - mix) * (1.0 - mix) * g[SPREAD] + mix * mix
     at, moved = OF_TRIAD + 4 * triad, changes(x, y)
-    use[0] = use[1] = 0.0
+    use[0] = use[1] = use[2] = 0.0
     note_absence(x, y, c, dt)
     for u in range(y.shape[0]):
         grow(x[u], c[at + 2] * dt, c[at + 3] * dt)
         if x[u, ABSENT] == 0.0:
-            innovate(x[u], y[u], axes[u], weight[u], inverse, h, g[SCALE], mix, True, use)
+            innovate(x[u], y[u], axes[u], weight[u], inverse, h, g[SCALE], use)
             see_changes(x[u], y[u], moved > 0.5)
             x[u, SAMPLES] += 1.0
+    share = min(1.0, LARGEST / max(use[2], 1.0))  # of all units alike: who deviates most must stay so
+    for u in range(y.shape[0]):
+        if x[u, ABSENT] == 0.0:
+            average(x[u], mix, share)
     adapt(g, c, dt, use)
     unclear = c[STEP] * g[COUNT] > c[LEARN] and judge(x, g, c, y, dt)
     found_flags = flags.CANNOT_ISOLATE if unclear else 0
