@@ -15,8 +15,11 @@ from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.series import Series
+from plumbob.core.text import number
+from plumbob.core.units import to_dps
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.array import ImuArray
+from plumbob.report import Report, Table
 
 if TYPE_CHECKING:
     from plumbob.array.relative import ArrayInfo
@@ -66,6 +69,37 @@ class Combined(Series):
     def columns(self) -> Mapping[str, NDArray[Any]]:
         """Of the virtual unit."""
         return self.imu.columns()
+
+    def summary(self) -> dict[str, Any]:
+        """What each sensor axis measures beyond the virtual unit, as JSON can hold it; SI and µT."""
+        from plumbob.report import plain
+
+        found: dict[str, Any] = plain(
+            {"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": self._densities}
+        )
+        return found
+
+    @property
+    def _densities(self) -> dict[str, Floats]:
+        parts = {triad: getattr(self.noise, triad, None) for triad in TRIADS}
+        return {triad: part.n_rpsd for triad, part in parts.items() if part is not None}
+
+    def report(self) -> Report:
+        """What each unit measures beyond the virtual one."""
+        facts = [("units", ", ".join(self.names)), ("samples", f"{len(self)}, {self.imu.t[-1] - self.imu.t[0]:.6g} s")]
+        turn = {"gyr": to_dps, "acc": np.asarray, "mag": np.asarray}
+        names = {"gyr": "gyr [°/s]", "acc": "acc [m/s²]", "mag": "mag [µT]"}
+        rms = self.parity_rms
+        rows = [
+            (name, *(number(float(np.sqrt(np.mean(turn[triad](rms[triad][u]) ** 2)))) for triad in rms))
+            for u, name in enumerate(self.names)
+        ]
+        table = Table("Rms beyond the virtual unit", ("unit", *(names[triad] for triad in rms)), rows)
+        return Report("Combined array", facts, (table,))
+
+    def text(self) -> str:
+        """Report as text."""
+        return self.report().text()
 
 
 def combine(

@@ -39,6 +39,7 @@ VERBS = (
     "eval",
     "allan",
     "calibrate",
+    "array",
     "info",
     "benchmark",
     "filters",
