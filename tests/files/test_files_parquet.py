@@ -186,7 +186,7 @@ def test_a_foreign_parquet_is_named_so(folder):
     refused(forged(path, key=b"other"), "of another program")
 
 
-@pytest.mark.parametrize("version", [2, 99])
+@pytest.mark.parametrize("version", [3, 99])
 def test_a_newer_version_says_update(folder, version):
     refused(
         forged(folder / "new.parquet", content={"format_version": version}), f"format_version {version}.*update Plumbob"

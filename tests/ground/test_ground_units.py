@@ -27,6 +27,8 @@ DEFINITIONS = {
     "rad/s2": 1.0,
     "deg/s2": TURN / 360,
     "deg/h/s": TURN / 360 / 3600,
+    "rad/s3": 1.0,
+    "deg/s3": TURN / 360,
     "m/s2": 1.0,
     "cm/s2": 1e-2,
     "g": 9.80665,
@@ -209,6 +211,7 @@ def test_ambiguous_quantities_are_those_with_two_habits():
     habits = {
         "RATE",
         "ANGULAR_ACCELERATION",
+        "ANGULAR_JERK",
         "ACCELERATION",
         "FIELD",
         "ANGLE",

@@ -5,10 +5,13 @@ import pytest
 
 from plumbob.core.errors import ParameterError
 from plumbob.simulation.signals import (
+    Driven,
+    Mixed,
     Moves,
     Piecewise,
     Polynomial,
     Ramps,
+    Sine,
     Sinusoids,
     Stack,
     Windowed,
@@ -36,12 +39,15 @@ SIGNALS = {
     "windowed 3": Windowed(WAVES3, MOVES),
     "ramps": Ramps((1.0, 3.0, 5.0, 9.0), (0.5, -1.0, -1.0, 2.0)),
     "stack": Stack((WAVES, MOVES, constant(2.0))),
+    "driven": Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
+    "mixed": Mixed(WAVES3, RNG.normal(size=(2, 3))),
+    "sine": Sine(WAVES),
     "piecewise": Piecewise((5.0,), (sinusoid(1.0, 0.4), Polynomial((0.0, 1.0, 2.0)))),
 }
 
 
 def away_from_joints(t):
-    joints = np.array([1.0, 3.0, 4.0, 5.0, 5.5, 6.0, 7.0, 9.0])
+    joints = np.arange(1.0, 9.5, 0.5)
     return t[np.min(np.abs(t[:, np.newaxis] - joints), axis=1) > 5e-3]
 
 
@@ -131,3 +137,23 @@ def test_ramps_are_the_area_under_straight_lines():
     np.testing.assert_array_equal(value, [0.0, 1.0, 4.0, 8.0, 16.0])
     np.testing.assert_array_equal(rate, [0.0, 2.0, 4.0, 4.0, 4.0])
     np.testing.assert_array_equal(acc, [0.0, 2.0, 0.0, 0.0, 0.0])
+
+
+def test_oscillator_answers_a_wave_with_its_transfer_function():
+    omega, damping, drive, step = 2.0 * np.pi * 6.0, 0.3, 2.0 * np.pi * 1.3, 1e-3
+    knots = step * np.arange(10001)
+    found = Driven(0.0, step, 4.0 * np.cos(drive * knots)[:, np.newaxis], omega, damping).at(T[T > 4.0])
+    # 1 / (ω² − w² + 2jζωw); what was left of the start has died out by exp(−0.3 ω 4) = 2e-20
+    answer = 4.0 / (omega**2 - drive**2 + 2j * damping * omega * drive) * np.exp(1j * drive * T[T > 4.0])
+    # straight lines between knots are wrong by (w h)² / 8 of the drive at most; a spring of ζ = 0.3 makes at most
+    # (1 + e) / (1 − e) = 2.2 of it, e = exp(−πζ / √(1 − ζ²)), in units of 1 / ω², and its derivatives not much more
+    wrong = 4.0 * 4.0 * (drive * step) ** 2 / 8.0
+    wanted = (answer, 1j * drive * answer, -(drive**2) * answer)
+    for got, want, unit in zip(found, wanted, (omega**2, omega, 1.0), strict=True):
+        np.testing.assert_allclose(got[:, 0], want.real, rtol=0.0, atol=wrong / unit)
+
+
+def test_oscillator_rests_where_a_steady_force_holds_it():
+    found = Driven(1.0, 0.1, np.full((5, 1), 3.0), 10.0, 0.2).at(np.array([1.0, 1.23, 1.4]))
+    np.testing.assert_allclose(found.value, 0.03, rtol=1e-12)  # drive / ω²
+    np.testing.assert_allclose(found.rate, 0.0, atol=1e-12)

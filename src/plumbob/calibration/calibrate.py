@@ -164,7 +164,7 @@ def _opened(
             device=device,
             base=base,
         )
-    imu = recording.imu if isinstance(recording, Recording) else recording
+    imu = recording.of_unit(None).imu if isinstance(recording, Recording) else recording
     if imu is None:
         raise CalibrationError("the recording holds an attitude but no sensor data, so there is nothing to calibrate.")
     return capture(imu, triads=how.triads, if_present=how.if_present, span=span, device=device, base=base)

@@ -78,7 +78,7 @@ def capture_of(
     PlumbobError
         If the file cannot be read, or as in `capture`.
     """
-    recording = reading.read(path, profile=profile)
+    recording = reading.read_one(path, profile=profile)
     if recording.imu is None:
         raise CalibrationError(f"{path} holds an attitude but no sensor data, so there is nothing to calibrate.")
     read = capture(recording.imu, triads=triads, if_present=if_present, span=span, device=device, base=base)

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from plumbob.session.watch import Watch
 
 
-def add_line(p: argparse._ActionsContainer) -> None:
-    """Options of a line, besides its session file and ``--from``."""
+def add_line(p: argparse._ActionsContainer, *, all_units: str = "") -> None:
+    """Options of a line, besides its session file and ``--from``; `all_units` says what ``--unit all`` does."""
     p.add_argument("--port", metavar="DEV", help="serial line, such as /dev/ttyUSB0")
     p.add_argument(
         "--rate",
@@ -37,9 +37,7 @@ def add_line(p: argparse._ActionsContainer) -> None:
     p.add_argument("--iio", metavar="DEV", help="buffer of an IIO device (Linux), by its name or number")
     p.add_argument("--baud", type=int, default=115200, help="its speed (115200)")
     p.add_argument("--format", metavar="NAME|TOML", help="known device, see 'plumbob devices', or a format file")
-    p.add_argument(
-        "--unit", metavar="NAME|N", help="which unit, where a frame has several, as the six of the rig 'arm'"
-    )
+    add_unit(p, f"which unit, where a frame has several, as the six of the rig 'arm'{all_units}")
 
 
 def line_of(args: argparse.Namespace) -> dict[str, Any]:
@@ -153,6 +151,11 @@ def add_profile(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--profile", type=Path, metavar="TOML", help="what the columns of a CSV or text file mean")
 
 
+def add_unit(parser: argparse._ActionsContainer, help_: str = "which of several units that the file holds") -> None:
+    """Option --unit."""
+    parser.add_argument("--unit", metavar="NAME|N", help=help_)
+
+
 def add_calibration(parser: argparse.ArgumentParser, help_: str = "calibration card to apply first") -> None:
     """Option --calibration."""
     parser.add_argument("--calibration", type=Path, metavar="JSON", help=help_)
@@ -203,7 +206,7 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
     from plumbob.files import found_in
     from plumbob.session import reading
 
-    recording = reading.read(path, profile=profile)
+    recording = reading.read_one(path, profile=profile)
     note(*(f"{path.name}: {line}" for line in found_in(recording.notes)))
     return recording
 

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from plumbob.cli import common
+from plumbob.core.text import counted
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -19,6 +20,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("--out", type=Path, required=True, metavar="FILE", help="file to write; its suffix says the format")
     p.add_argument("--what", choices=("all", "samples", "attitude"), default="all", help="leave the rest out")
     common.add_profile(p)
+    common.add_unit(p)
     common.add_force(p)
     common.add_calibration(p, "calibration card to apply to the samples")
     p.set_defaults(run=run)
@@ -34,11 +36,13 @@ def run(args: argparse.Namespace) -> int:
         args.out,
         what=args.what,
         profile=args.profile,
+        unit=args.unit,
         calibration=args.calibration,
         overwrite=args.force,
         note=common.note,
     )
-    parts = [("samples", written.imu), ("attitudes", written.track)]
+    units = "" if written.array is None else f" of each of {counted(len(written.array.names), 'unit')}"
+    parts = [(f"samples{units}", written.imu or written.array), ("attitudes", written.track)]
     told = ", ".join(f"{len(part)} {word}" for word, part in parts if part is not None)
     print(f"{args.out}: of {args.file.name}, {told}")
     return 0

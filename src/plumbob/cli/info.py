@@ -23,13 +23,14 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("file", type=Path)
     common.add_profile(p)
+    common.add_unit(p)
     common.add_json(p)
     p.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    found = info(args.file, profile=args.profile, note=common.note)
+    found = info(args.file, profile=args.profile, unit=args.unit, note=common.note)
     common.print_json(found.summary()) if args.json else print(found.text())
     return 0
 
@@ -50,10 +51,10 @@ class Info(Shown):
 
     def facts(self) -> Mapping[str, str]:
         """The file, and what is in it."""
-        kinds = ("sensors", "attitude", "card")
+        kinds = ("sensors", "array", "attitude", "card")
         held = {kind: self._report[kind] for kind in kinds if kind in self._report}
         found = {"file": self._report["file"], "holds": ", ".join(held)}
-        timed = held.get("sensors", held.get("attitude", {}))
+        timed = held.get("sensors", held.get("array", held.get("attitude", {})))
         return found | ({"samples": str(timed["time"]["samples"])} if "time" in timed else {})
 
     def summary(self) -> dict[str, Any]:
@@ -69,6 +70,7 @@ def info(
     what: "Recording | str | Path",
     *,
     profile: str | Path | None = None,
+    unit: str | None = None,
     note: Callable[[str], object] | None = None,
 ) -> Info:
     """Say what a recording, a track or a card holds.
@@ -79,6 +81,8 @@ def info(
         The recording, or a file: a recording, a track, a calibration card or a noise card.
     profile : path, optional
         What the columns of a text file mean.
+    unit : str, optional
+        One of several units, by name or number from 1.
     note : callable, optional
         Called with what was found in the data of a file, which the lines then do not repeat.
 
@@ -86,23 +90,27 @@ def info(
     ------
     DecodeError
         If the file cannot be read.
+    ParameterError
+        If there is no such unit.
     """
     from plumbob.core import check
     from plumbob.files import Recording, found_in
     from plumbob.session.reading import read
 
     if isinstance(what, Recording):
-        name, recording = what.name, what
+        name, recording = what.name, what if unit is None else what.of_unit(unit)
     elif (file := check.path("what", what)).suffix.lower() == ".json":
         return _card(file)
     else:
-        name, recording = str(file), read(file, profile=profile)
+        name, recording = str(file), read(file, profile=profile, unit=unit)
     said = () if note is None else found_in(recording.notes)
     for line in said:
         note(f"{Path(name).name}: {line}")  # type: ignore[misc]
     report: dict[str, Any] = {"file": name, "notes": list(recording.notes)}
     if recording.imu is not None:
         report["sensors"] = _sensors(recording.imu)
+    if recording.array is not None:
+        report["array"] = _array(recording.array)
     if recording.track is not None:
         report["attitude"] = _attitude(recording.track)
     return Info(report, list(_lines(report, said)))
@@ -142,6 +150,19 @@ def _sensors(imu: Any) -> dict[str, Any]:
         "triads": {name: _triad(imu, name) for name in imu.triads},
         "flags": flags.counts(imu.flags),
     }
+
+
+def _array(array: Any) -> dict[str, Any]:
+    """Time line of all, and what each unit has, with how it is mounted."""
+    units = {}
+    for name, imu in array.units.items():
+        mount = array.mounts[name]
+        mounted = {"q_bs": list(mount.q_bs), "lever_b_m": list(mount.lever_b), "clock_offset_s": mount.clock_offset}
+        noise = None if mount.noise is None else mount.noise.device
+        own = _sensors(imu)
+        del own["time"]
+        units[name] = own | {"mount": mounted | {"noise_card": noise}}
+    return {"time": _timing(array.t), "units": units}
 
 
 def _triad(imu: Any, name: str) -> dict[str, Any]:
@@ -207,12 +228,31 @@ def _lines(report: dict[str, Any], said: Sequence[str]) -> Iterator[str]:
             yield from _triad_lines(name, triad)
         for name, count in sensors["flags"].items():
             yield f"flag         {name}: {counted(count, 'sample')}"
+    if array := report.get("array"):
+        yield f"units        {', '.join(map(visible, array['units']))}; more of one with --unit"
+        yield _timing_line(array["time"])
+        for told in dict.fromkeys(unit["calibration"] for unit in array["units"].values()):
+            of = [visible(name) for name, unit in array["units"].items() if unit["calibration"] == told]
+            yield f"calibration  {', '.join(of)}: {visible(calibration_told(told))}"
+        for name, unit in array["units"].items():
+            yield from _unit_lines(name, unit)
     if attitude := report.get("attitude"):
         yield f"attitude     {visible(attitude['source']) or 'source not named'}"
         yield f"frame        {attitude['frame']}, heading from {zero_of(attitude['north'])}"
         yield _timing_line(attitude["time"])
         known = counted(attitude["known_samples"], "sample")
         yield f"known        {known}, scored {attitude['scored_samples'] or 'all'}"
+
+
+def _unit_lines(name: str, unit: dict[str, Any]) -> Iterator[str]:
+    """What one of several units has, in short."""
+    mount = unit["mount"]
+    triads = ", ".join(f"{triad} {counted(told['samples'], 'sample')}" for triad, told in unit["triads"].items())
+    flagged = ", ".join(f"{count} {flag}" for flag, count in unit["flags"].items())
+    yield f"{visible(name):12} {visible(unit['device'])}: {triads}; flags: {flagged or 'none'}"
+    lever, offset = [1e3 * metres for metres in mount["lever_b_m"]], 1e3 * mount["clock_offset_s"]
+    noise = "" if mount["noise_card"] is None else f", noise of {visible(mount['noise_card'])}"
+    yield f"{'':12} mounted q_bs {_three(mount['q_bs'])}, lever {_three(lever)} mm, clock {offset:+.4g} ms{noise}"
 
 
 def _triad_lines(name: str, triad: dict[str, Any]) -> Iterator[str]:

@@ -26,7 +26,7 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("session", type=Path, nargs="?", help="session file (TOML); or give --port, --from or --iio")
     p.add_argument("--from", dest="capture", metavar="FILE", help="raw bytes in a file, as a logger keeps them")
-    common.add_line(p)
+    common.add_line(p, all_units="; all: record all, and estimate the first")
     p.add_argument("--device", metavar="ID", help="name of this unit, to which its calibration card belongs")
     common.add_estimate(p)
     common.add_place(p)

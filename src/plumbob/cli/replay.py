@@ -21,9 +21,7 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("recording", type=Path, help="recording made by 'plumbob record' (.mcap)")
     p.add_argument("--session", type=Path, metavar="TOML", help="session to use instead of the recording's own")
     common.add_estimate(p)
-    p.add_argument(
-        "--unit", metavar="NAME|N", help="another unit of the same frames, as one of the six of the rig 'arm'"
-    )
+    common.add_unit(p, "another unit of the same frames, as one of the six of the rig 'arm'")
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet, .csv or .tum)")
     common.add_force(p)
     p.add_argument("--speed", type=float, metavar="K", help="K times as fast as it was; without it, as fast as it goes")

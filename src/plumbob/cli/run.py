@@ -36,6 +36,7 @@ def add_parser(verbs: common.Adder) -> None:
     common.add_init(p)
     common.add_place(p)
     common.add_profile(p)
+    common.add_unit(p)
     common.add_calibration(p)
     common.add_noise(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
@@ -76,6 +77,7 @@ def run(args: argparse.Namespace) -> int:
             place=args.place,
             date=args.date,
             profile=args.profile,
+            unit=args.unit,
             out=args.out,
             overwrite=args.force,
             note=common.note,

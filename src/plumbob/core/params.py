@@ -19,6 +19,7 @@ _SHOWN_IN = {
     Quantity.ANGLE: "deg",
     Quantity.RATE: "deg/s",
     Quantity.ANGULAR_ACCELERATION: "deg/s2",
+    Quantity.ANGULAR_JERK: "deg/s3",
     Quantity.RATE_NOISE: "deg/s/rtHz",
     Quantity.RATE_WALK: "deg/s2/rtHz",
     Quantity.ACCELERATION_NOISE: "mg/rtHz",

@@ -4,6 +4,7 @@ A form is a mapping from keys to parsers. A parser takes where it is and what st
 raises. Profiles, sensor formats and sessions are read by it.
 """
 
+import json
 import math
 import tomllib
 from collections.abc import Callable, Mapping
@@ -34,6 +35,11 @@ def toml(text: str, guide: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         raise DecodeError(f"not valid TOML ({one_line(error).rstrip('.')}); {guide} has examples.") from error
     return content
+
+
+def toml_text(text: str) -> str:
+    """TOML text; JSON's escapes are TOML's, except that TOML wants DEL escaped and no surrogates."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _require_bounds(content: Mapping[str, Any]) -> None:

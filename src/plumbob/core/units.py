@@ -26,6 +26,7 @@ class Quantity(StrEnum):
 
     RATE = "rad/s"
     ANGULAR_ACCELERATION = "rad/s2"
+    ANGULAR_JERK = "rad/s3"
     ACCELERATION = "m/s2"
     FIELD = "uT"
     TEMPERATURE = "degC"
@@ -59,6 +60,7 @@ class Quantity(StrEnum):
 _AMBIGUOUS = {
     Quantity.RATE,
     Quantity.ANGULAR_ACCELERATION,
+    Quantity.ANGULAR_JERK,
     Quantity.ACCELERATION,
     Quantity.FIELD,
     Quantity.ANGLE,
@@ -96,6 +98,8 @@ UNITS: dict[str, Unit] = {
     "rad/s2": Unit(Quantity.ANGULAR_ACCELERATION, 1.0),
     "deg/s2": Unit(Quantity.ANGULAR_ACCELERATION, _DEG),
     "deg/h/s": Unit(Quantity.ANGULAR_ACCELERATION, _DEG / 3600.0),
+    "rad/s3": Unit(Quantity.ANGULAR_JERK, 1.0),
+    "deg/s3": Unit(Quantity.ANGULAR_JERK, _DEG),
     "m/s2": Unit(Quantity.ACCELERATION, 1.0),
     "cm/s2": Unit(Quantity.ACCELERATION, 1e-2),
     "g": Unit(Quantity.ACCELERATION, G0),

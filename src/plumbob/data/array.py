@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,10 @@ class Mount:
         lever = check.last_axis("lever_b", self.lever_b, 3)
         if not (np.isfinite(lever).all() and np.isfinite(check.number("clock_offset", self.clock_offset, "s"))):
             raise ParameterError("a mount's lever_b and clock_offset must be finite.")
-        object.__setattr__(self, "q_bs", tuple((q / np.linalg.norm(q)).tolist()))
+        norm = float(np.linalg.norm(q))
+        if abs(norm - 1.0) > 1e-15:  # one that has been normalised keeps its bits, from file to file
+            q = q / norm
+        object.__setattr__(self, "q_bs", tuple(q.tolist()))
         object.__setattr__(self, "lever_b", tuple(lever.tolist()))
 
     @property
@@ -75,7 +78,7 @@ class ImuArray(Series):
     Raises
     ------
     ShapeError
-        If there is no unit.
+        If there is no unit, or one has no name.
     ClockError
         If times differ.
     ParameterError
@@ -91,6 +94,8 @@ class ImuArray(Series):
             raise ShapeError("an array needs at least one unit, but none was given.")
         first, line = next(iter(self.units.items()))
         for name, one in self.units.items():
+            if not isinstance(name, str) or not name.isprintable() or not name.strip():
+                raise ShapeError(f"a unit needs a name of printable letters, as 'u1', but got {check.said(name)}.")
             check.kind(f"unit '{name}'", one, ImuData)
             if one.t is not line.t and not np.array_equal(one.t, line.t):
                 raise ClockError(
@@ -109,6 +114,21 @@ class ImuArray(Series):
     def names(self) -> tuple[str, ...]:
         """Names of the units."""
         return tuple(self.units)
+
+    def named(self, asked: str) -> str:
+        """Name of one of the units, by its name or its number from 1.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such unit.
+        """
+        if asked in self.units:
+            return asked
+        if asked.isdecimal() and 1 <= int(asked) <= len(self.units):
+            return self.names[int(asked) - 1]
+        known = ", ".join(f"{name} ({number})" for number, name in enumerate(self.units, 1))
+        raise ParameterError(f"there is no unit '{asked}'; there are {known}.")
 
     @property
     def t(self) -> Floats:
@@ -149,3 +169,15 @@ class ImuArray(Series):
         for name, one in self.units.items():
             found |= {f"{name}.{key}": values for key, values in one.columns().items() if key != "t [s]"}
         return found
+
+
+# No turn reverses all three axes of a unit, so each opposite unit reverses its own axis and the next: x is measured
+# against by u4 (and u6), y by u5 (and u4), z by u6 (and u5).
+_ABOUT_X: Final = Mount((0.0, 1.0, 0.0, 0.0))
+_ABOUT_Y: Final = Mount((0.0, 0.0, 1.0, 0.0))
+_ABOUT_Z: Final = Mount((0.0, 0.0, 0.0, 1.0))
+
+PRESETS: Final[Mapping[str, Mapping[str, Mount]]] = {
+    "arm": {"u1": Mount(), "u2": Mount(), "u3": Mount(), "u4": _ABOUT_Z, "u5": _ABOUT_X, "u6": _ABOUT_Y},
+}
+"""Mounts that have a name: of the six units of the teaching arm, three of which have opposite axes."""

@@ -125,6 +125,8 @@ class Joint:
         limits = self.limits or (Limits(),) * count
         if len(limits) != count:
             raise ParameterError(f"the joint '{self.name}' has {counted(count, 'angle')}, but {len(limits)} limits.")
+        for one in limits:
+            _require_limits(self.name, one)
         object.__setattr__(self, "axes", unit)
         object.__setattr__(self, "limits", limits)
         object.__setattr__(self, "q_pc", tuple((q / np.linalg.norm(q)).tolist()))
@@ -160,6 +162,17 @@ class Joint:
         if known.any():
             found[known] = rotation_from_quat(turn[known]).as_davenport(axes, "intrinsic")
         return found[:, :count]
+
+
+def _require_limits(name: str, limits: Limits) -> None:
+    """Refuse a range without room, and rates that allow no motion."""
+    if not limits.low < limits.high:
+        raise ParameterError(
+            f"the range of the joint '{name}' must go up, but it is {limits.low:.6g} to {limits.high:.6g} rad."
+        )
+    for what in ("velocity", "acceleration", "jerk"):
+        if not getattr(limits, what) > 0.0:
+            raise ParameterError(f"the {what} that '{name}' may have must be above 0; it is {getattr(limits, what)}.")
 
 
 class Posture(NamedTuple):

@@ -178,8 +178,24 @@ COLUMNS: Final[dict[str, Column]] = {
 }
 
 
+OF_UNIT: Final = (*(name for triad in TRIADS for name in GROUPS[triad]), "temp_c", "flags")
+"""Columns of a sensor unit; of one of several, each has the unit's name and a dot before its own."""
+
+
+def column(name: str) -> Column | None:
+    """What a column of this name is; None where there is none such."""
+    unit, dot, own = name.rpartition(".")
+    return COLUMNS.get(own) if not dot or (unit and own in OF_UNIT) else None
+
+
+def of_unit(columns: Mapping[str, NDArray[Any]], unit: str) -> Columns:
+    """Columns of one of several units by their own names, and the time."""
+    found = {name.removeprefix(f"{unit}."): name for name in columns if name.rpartition(".")[0] == unit}
+    return {TIME: columns[TIME]} | {own: columns[name] for own, name in found.items()}
+
+
 def to_columns(recording: Recording) -> Columns:
-    """Columns of a recording, in the order of `COLUMNS`.
+    """Columns of a recording, in the order of `COLUMNS`; of several units, in the order of these.
 
     Raises
     ------
@@ -192,6 +208,9 @@ def to_columns(recording: Recording) -> Columns:
     columns: Columns = {}
     if imu is not None:
         columns |= _imu_columns(replace(imu))
+    for unit, one in {} if recording.array is None else recording.array.units.items():
+        own = _imu_columns(replace(one[:]))
+        columns |= {TIME: own[TIME]} | {f"{unit}.{name}": own[name] for name in COLUMNS if name in own and name != TIME}
     if track is not None:
         t_ns = to_ns(track.t)
         if TIME in columns and not np.array_equal(columns[TIME], t_ns):
@@ -200,26 +219,38 @@ def to_columns(recording: Recording) -> Columns:
                 f"{t_ns.size}, and they differ; write them in two files."
             )
         columns |= {TIME: t_ns} | _track_columns(track)
-    return {name: columns[name] for name in COLUMNS if name in columns}
+    ordered = [name for name in columns if "." in name]
+    return {name: columns[name] for name in (TIME, *ordered, *COLUMNS) if name in columns}
 
 
-def require(names: Iterable[str], *, imu: bool, track: bool) -> None:
-    """Refuse a set of column names that no recording with these parts has.
+def require(names: Iterable[str], *, imu: bool, track: bool, units: Sequence[str] = ()) -> None:
+    """Refuse a set of column names that no recording with these parts has, or these units.
 
     Raises
     ------
     DecodeError
         If columns are missing or unknown, or belong to a part that is not there.
     """
-    found = set(names)
+    found: dict[str, set[str]] = {"": set()}
+    for name in names:
+        unit, _, own = name.rpartition(".")
+        found.setdefault(unit, set()).add(own)
+    if extra := sorted(set(found) - {"", *units}):
+        raise DecodeError(f"it has columns of the units {', '.join(extra)}, which its header does not name.")
+    _require_own(found[""], imu=imu, track=track)
+    for unit in units:
+        _require_own({TIME} | found.get(unit, set()), imu=True, track=False, of=f" of the unit {unit}")
+
+
+def _require_own(found: set[str], *, imu: bool, track: bool, of: str = "") -> None:
     needed = {TIME} | ({"flags"} if imu else set()) | (set(GROUPS["q"]) if track else set())
     for group in GROUPS.values():
         needed |= set(group) if found & set(group) else set()
     allowed = set(_allowed(imu, track))
     if missing := sorted(needed - found):
-        raise DecodeError(f"the columns {', '.join(missing)} are missing; write the recording again.")
+        raise DecodeError(f"the columns {', '.join(missing)}{of} are missing; write the recording again.")
     if extra := sorted(found - allowed):
-        raise DecodeError(f"the columns {', '.join(extra)} do not belong here; known are {', '.join(COLUMNS)}.")
+        raise DecodeError(f"the columns {', '.join(extra)}{of} do not belong here; known are {', '.join(COLUMNS)}.")
 
 
 def imu_from(columns: Mapping[str, NDArray[Any]], meta: ImuMeta) -> ImuData:
@@ -286,5 +317,4 @@ def joined(columns: Mapping[str, NDArray[Any]], group: str) -> Floats | None:
 
 
 def _allowed(imu: bool, track: bool) -> list[str]:
-    of_imu = [name for triad in TRIADS for name in GROUPS[triad]] + ["temp_c", "flags"]
-    return [name for name in COLUMNS if name == TIME or (imu if name in of_imu else track)]
+    return [name for name in COLUMNS if name == TIME or (imu if name in OF_UNIT else track)]

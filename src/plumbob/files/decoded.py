@@ -1,6 +1,5 @@
 """Tables of `plumbob decode` as recordings: the profile that says what their columns are, and Parquet read by it."""
 
-import json
 from collections.abc import Mapping
 from decimal import Decimal
 from pathlib import Path
@@ -10,6 +9,7 @@ import numpy as np
 
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import require_room
+from plumbob.core.schema import toml_text
 from plumbob.data import TRIADS
 from plumbob.data.cards import UNITS
 from plumbob.files.arrow import numbers_of, unpacked_bytes
@@ -56,25 +56,25 @@ def profile_text(form: "Format", message: "Message", unit: str, titles: Mapping[
     lines = [
         f"# Written by 'plumbob decode' for the table of the same name: {what}.",
         'separator = ","',
-        f"device = {_toml(form.name)}",
+        f"device = {toml_text(form.name)}",
         "unit_check = false",
         *("", "[header]", "names = true", "", "[time]", *_time(time, form.framing.rate)),
     ]
     for triad in TRIADS:
         columns = [titles.get(f"{prefix}{triad}.{axis}", NO_COLUMN) for axis in "xyz"]
         if set(columns) != {NO_COLUMN}:
-            lines += ["", f"[{triad}]", f"columns = [{', '.join(map(_toml, columns))}]", f'unit = "{UNITS[triad]}"']
+            lines += ["", f"[{triad}]", f"columns = [{', '.join(map(toml_text, columns))}]", f'unit = "{UNITS[triad]}"']
             lines += ['sign = "specific-force"'] if triad == "acc" else []
     if f"{prefix}temp_c" in titles:
-        lines += ["", "[temperature]", f"column = {_toml(titles[f'{prefix}temp_c'])}", 'unit = "degC"']
+        lines += ["", "[temperature]", f"column = {toml_text(titles[f'{prefix}temp_c'])}", 'unit = "degC"']
     if f"{prefix}flags" in titles:
-        lines += ["", "[flags]", f"column = {_toml(f'{prefix}flags')}", "words = true"]
+        lines += ["", "[flags]", f"column = {toml_text(f'{prefix}flags')}", "words = true"]
     return "\n".join(lines) + "\n"
 
 
 def _time(column: str, rate: float | None) -> list[str]:
     if column:
-        return [f"column = {_toml(column)}", 'unit = "s"']
+        return [f"column = {toml_text(column)}", 'unit = "s"']
     if rate is not None:
         return [f'rate = "{rate!r} Hz"  # of the device; a lost frame makes all behind it early']
     return [
@@ -111,7 +111,3 @@ def read_described(parquet: "pq.ParquetFile", file: Path) -> "Recording":
     texts: dict[Any, Any] = {ref: table.column(ref).to_pylist() for ref in words}
     found = Table(numbers, Decimal(0), rows, (), texts, lambda row: row + 1)
     return recording_of(profile, found, file.stem, "read with the profile in its metadata")
-
-
-def _toml(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -11,7 +11,8 @@ from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import TABLES, existing_file
 from plumbob.data import AttitudeTrack, ImuData
-from plumbob.files.notes import Recording, findings, lines
+from plumbob.data.array import ImuArray
+from plumbob.files.notes import Recording, findings_of, lines
 
 if TYPE_CHECKING:
     from plumbob.files.profile import Profile
@@ -115,25 +116,24 @@ def read(
         recording = kind.read(file, profile)
     else:
         recording = kind.read(file) if whole or kind.opened is None else kind.opened(file)
-    found = () if recording.imu is None else findings(recording.imu)
-    return replace(recording, notes=(*recording.notes, *found))
+    return replace(recording, notes=(*recording.notes, *findings_of(recording)))
 
 
 def write(
     path: str | os.PathLike[str],
-    what: Recording | ImuData | AttitudeTrack,
+    what: Recording | ImuData | ImuArray | AttitudeTrack,
     *,
     notes: Iterable[str] = (),
     overwrite: bool = False,
 ) -> Path:
-    """Write a recording, samples alone, or an attitude alone; the file appears whole or not at all.
+    """Write a recording, samples of a unit or of an array, or an attitude; the file appears whole or not at all.
 
     Parameters
     ----------
     path : path
         The file; its suffix says the format.
-    what : Recording, ImuData or AttitudeTrack
-        The content.
+    what : Recording, ImuData, ImuArray or AttitudeTrack
+        The content; of an array, ``.parquet`` holds all units.
     notes : iterable of str
         Lines of provenance to add.
     overwrite : bool
@@ -164,7 +164,9 @@ def write(
     return file
 
 
-def _recording(what: Recording | ImuData | AttitudeTrack, name: str) -> Recording:
+def _recording(what: Recording | ImuData | ImuArray | AttitudeTrack, name: str) -> Recording:
+    if isinstance(what, ImuArray):
+        return Recording(array=what, name=name)
     if isinstance(what, ImuData):
         return Recording(imu=what, name=name)
     if isinstance(what, AttitudeTrack):

@@ -10,26 +10,76 @@ import numpy as np
 
 from plumbob.core.errors import DecodeError, ParameterError, excerpt
 from plumbob.data import ImuMeta, Range
-from plumbob.files.columns import COLUMNS
+from plumbob.data.array import ImuArray, Mount
+from plumbob.data.cards import NoiseCard
+from plumbob.files.columns import column
 from plumbob.files.notes import Recording, stored_notes
 from plumbob.rotations import Frame, North
 
 KIND: Final = "plumbob recording"
 FORMAT_VERSION: Final = 1
+ARRAY_VERSION: Final = 2
+"""Of recordings of several units; others stay as they were, so that older programs read them."""
 _KEYS = ("kind", "format_version", "units", "imu", "track", "notes")
+_MOUNT = ("q_bs", "lever_b", "clock_offset", "noise")
 
 
 def header_of(recording: Recording, columns: list[str]) -> dict[str, Any]:
     """Header of a recording with these columns."""
-    imu, track = recording.imu, recording.track
+    imu, track, array = recording.imu, recording.track, recording.array
+    several = {} if array is None else {"format_version": ARRAY_VERSION, "array": array_told(array)}
     return {
         "kind": KIND,
         "format_version": FORMAT_VERSION,
-        "units": {name: COLUMNS[name].unit for name in columns},
+        "units": {name: one.unit for name in columns if (one := column(name))},
         "imu": None if imu is None else asdict(plain_meta(imu.meta)),
         "track": None if track is None else {key: _storable(f"track.{key}", track, key, _TRACK[key]) for key in _TRACK},
         "notes": list(stored_notes(recording)),
-    }
+    } | several
+
+
+def array_told(array: ImuArray) -> list[dict[str, Any]]:
+    """What a file says of each unit of an array besides its numbers."""
+    return [
+        {"name": name, "imu": asdict(plain_meta(one.meta)), "mount": _mount_told(array.mounts[name])}
+        for name, one in array.units.items()
+    ]
+
+
+def _mount_told(mount: Mount) -> dict[str, Any]:
+    noise = None if mount.noise is None else json.loads(mount.noise.text())
+    return {
+        "q_bs": list(mount.q_bs), "lever_b": list(mount.lever_b), "clock_offset": mount.clock_offset, "noise": noise,
+    }  # fmt: skip
+
+
+def array_from(content: Any) -> dict[str, tuple[ImuMeta, Mount]]:
+    """Meta and mount of each unit, by name.
+
+    Raises
+    ------
+    DecodeError
+        If it is not what `array_told` gives.
+    """
+    found: dict[str, tuple[ImuMeta, Mount]] = {}
+    for one in content if isinstance(content, list) else [content]:
+        unit = require_keys("'array' in its header", one, ("name", "imu", "mount"))
+        name = _typed("array.name", unit["name"], _text)
+        if name in found:
+            raise DecodeError(f"'array' in its header names the unit {excerpt(name)} twice; write the file again.")
+        found[name] = meta_from(unit["imu"]), _mount_from(unit["mount"])
+    return found
+
+
+def _mount_from(content: Any) -> Mount:
+    found = require_keys("'mount' in its header", content, _MOUNT)
+    noise = found["noise"]
+    return Mount(
+        q_bs=_typed("mount.q_bs", found["q_bs"], _numbers),
+        lever_b=_typed("mount.lever_b", found["lever_b"], _numbers),
+        clock_offset=_typed("mount.clock_offset", found["clock_offset"], _number),
+        noise=None if noise is None else NoiseCard.from_text(json.dumps(noise), "the noise of a unit in its header"),
+    )
 
 
 def plain_meta(meta: ImuMeta) -> ImuMeta:
@@ -65,9 +115,9 @@ def load(raw: bytes) -> dict[str, Any]:
     version = content.get("format_version")
     if not _is_int(version):
         raise DecodeError("its header has no format_version; take a copy that is whole.")
-    if version != FORMAT_VERSION:
+    if version not in (FORMAT_VERSION, ARRAY_VERSION):
         raise DecodeError(
-            f"it has format_version {version}, but this program reads {FORMAT_VERSION}; update Plumbob to read it."
+            f"it has format_version {version}, but this program reads up to {ARRAY_VERSION}; update Plumbob to read it."
         )
     return content
 
@@ -82,7 +132,10 @@ def require_keys(where: str, found: Any, known: tuple[str, ...]) -> dict[str, An
 
 def check_header(content: dict[str, Any]) -> None:
     """Refuse a header with other keys than this version has."""
-    require_keys("its header", content, _KEYS)
+    several = ("array",) if content["format_version"] == ARRAY_VERSION else ()
+    require_keys("its header", content, (*_KEYS, *several))
+    if several and content["imu"] is not None:
+        raise DecodeError("its header has both one unit and several; write the file again.")
     notes = content["notes"]
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         raise DecodeError("'notes' in its header must be a list of texts; write the file again.")

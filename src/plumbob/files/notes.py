@@ -5,7 +5,7 @@ Most of it is found in the data at each reading and never stored; what only the 
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from plumbob.acquisition.timing.report import TimeReport
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
-from plumbob.core.errors import ShapeError
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.text import Shown, counted
 from plumbob.data import UNCALIBRATED, AttitudeTrack, ImuData, calibration_told
+from plumbob.data.array import ImuArray
 from plumbob.data.imu import median, norms
 from plumbob.data.plausibility import doubts
 
@@ -30,11 +31,13 @@ class Recording(Shown):
     imu : ImuData or None
         The samples.
     track : AttitudeTrack or None
-        With `imu`: the reference that belongs to it. Alone: an estimate or a reference.
+        With samples: the reference that belongs to them. Alone: an estimate or a reference.
     name : str
         Short name, usually the stem of the file.
     notes : tuple of str
         Provenance, one line each: where the data come from and what was done to them.
+    array : ImuArray or None
+        The samples of several units, where it holds these; then `imu` is None.
 
     Raises
     ------
@@ -46,21 +49,51 @@ class Recording(Shown):
     track: AttitudeTrack | None = None
     name: str = ""
     notes: tuple[str, ...] = ()
+    array: ImuArray | None = None
 
     def __post_init__(self) -> None:
         """Refuse a recording of nothing."""
-        if self.imu is None and self.track is None:
+        if self.imu is None and self.track is None and self.array is None:
             raise ShapeError("a recording needs imu, track or both, but neither was given.")
-        for name, expected in (("imu", ImuData), ("track", AttitudeTrack)):
+        if self.imu is not None and self.array is not None:
+            raise ShapeError("a recording holds the samples of one unit or those of an array, but both were given.")
+        for name, expected in (("imu", ImuData), ("track", AttitudeTrack), ("array", ImuArray)):
             if getattr(self, name) is not None:
                 check.kind(name, getattr(self, name), expected)
         object.__setattr__(self, "notes", lines("notes", self.notes))
 
     def facts(self) -> Mapping[str, str]:
         """Name, samples, attitude, and how many notes there are."""
-        parts = {"samples": self.imu, "attitude": self.track}
+        parts = {"samples": self.imu or self.array, "attitude": self.track}
         held = {name: part.facts()["samples"] for name, part in parts.items() if part is not None}
+        held |= {} if self.array is None else {"units": ", ".join(self.array.names)}
         return {"name": self.name or "not named", **held, "notes": str(len(self.notes))}
+
+    def of_unit(self, unit: str | None) -> "Recording":
+        """One unit alone, by its name or its number from 1; a recording of one unit is its own.
+
+        The attitude beside several units is left out: it is that of one of them, or of their body.
+
+        Raises
+        ------
+        ParameterError
+            If there is no such unit, or none is named and there are several.
+        """
+        if self.array is None and unit is None:
+            return self
+        if self.array is None:
+            raise ParameterError(f"{self.name or 'the recording'} holds one unit without a name; leave --unit out.")
+        known = ", ".join(self.array.names)
+        if unit is None:
+            first = self.array.names[0]
+            raise ParameterError(
+                f"{self.name or 'the recording'} holds the units {known}. Name one with --unit, or write it to a file "
+                f"of its own: plumbob export FILE --unit {first} --out {first}.parquet."
+            )
+        name = self.array.named(unit)
+        imu = self.array.units[name]
+        notes = (*provenance(self.notes), f"unit {name} of {known}", *findings(imu))
+        return replace(self, imu=imu, track=None, array=None, notes=notes)
 
 
 def unsaved(imu: ImuData, name: str) -> Recording:
@@ -108,6 +141,20 @@ def findings(imu: ImuData) -> tuple[str, ...]:
     return (*_calibration(imu), *_field(imu), *_flagged(imu), *_gaps(imu), *_stuck(imu), *doubts(imu))
 
 
+def findings_of(recording: Recording) -> tuple[str, ...]:
+    """Findings of the samples; of several units, each line once, with the units that it is about if not all."""
+    if recording.array is None:
+        return () if recording.imu is None else findings(recording.imu)
+    of: dict[str, list[str]] = {}
+    for name, one in recording.array.units.items():
+        for line in findings(one):
+            of.setdefault(line, []).append(name)
+    return tuple(
+        line if len(names) == len(recording.array.names) else line.replace(": ", f": {', '.join(names)}: ", 1)
+        for line, names in of.items()
+    )
+
+
 def inferred(report: TimeReport) -> tuple[str, ...]:
     """Line about gaps that nothing but the host's delays spoke for; none where there are none."""
     if not report.inferred:
@@ -139,16 +186,18 @@ def provenance(notes: Iterable[str]) -> tuple[str, ...]:
 
 def stored_notes(recording: Recording) -> tuple[str, ...]:
     """Notes as a file keeps them: provenance, and in words whether the sensor values are calibrated."""
-    return (*provenance(recording.notes), *_stored(recording.imu))
+    units = (recording.imu,) if recording.array is None else recording.array.units.values()
+    return (*provenance(recording.notes), *_stored(*units))
 
 
-def read_notes(notes: Iterable[str], imu: ImuData | None) -> tuple[str, ...]:
+def read_notes(notes: Iterable[str], *units: ImuData | None) -> tuple[str, ...]:
     """Notes of a file without what `stored_notes` added, which its meta says too."""
-    return tuple(note for note in notes if note not in _stored(imu))
+    return tuple(note for note in notes if note not in _stored(*units))
 
 
-def _stored(imu: ImuData | None) -> tuple[str, ...]:
-    return () if imu is None else (f"calibration: {calibration_told(imu.meta.calibration)}",)
+def _stored(*units: ImuData | None) -> tuple[str, ...]:
+    told = (f"calibration: {calibration_told(one.meta.calibration)}" for one in units if one is not None)
+    return tuple(dict.fromkeys(told))
 
 
 def _calibration(imu: ImuData) -> Iterator[str]:

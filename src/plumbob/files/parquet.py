@@ -23,9 +23,23 @@ from plumbob.core.errors import DecodeError, one_line
 from plumbob.core.files import existing_file, reading, replacing, require_room
 from plumbob.core.time import is_gap, to_ns, to_s
 from plumbob.data import TRIADS, ImuData, ImuMeta
+from plumbob.data.array import ImuArray
 from plumbob.files import header
 from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes
-from plumbob.files.columns import COLUMNS, GROUPS, TIME, Columns, imu_from, joined, require, to_columns, track_from
+from plumbob.files.columns import (
+    COLUMNS,
+    GROUPS,
+    TIME,
+    Column,
+    Columns,
+    column,
+    imu_from,
+    joined,
+    of_unit,
+    require,
+    to_columns,
+    track_from,
+)  # fmt: skip
 from plumbob.files.decoded import KEY as PROFILE
 from plumbob.files.decoded import read_described
 from plumbob.files.notes import Recording, read_notes
@@ -181,16 +195,23 @@ def _read(path: str | Path, *, whole: bool) -> Recording:
             content, columns = _load(file, parquet, whole)
         header.check_header(content)
         meta, track = content["imu"], content["track"]
-        require(content["units"], imu=meta is not None, track=track is not None)
-        if meta is None:
-            imu = None
-        else:
-            imu = imu_from(columns, header.meta_from(meta)) if columns else Stored.of(file, header.meta_from(meta))
+        several = header.array_from(content["array"]) if "array" in content else {}
+        require(content["units"], imu=meta is not None, track=track is not None, units=list(several))
+
+        def unit(meta: ImuMeta, name: str = "") -> ImuData:
+            if not columns:
+                return Stored.of(file, meta, name)
+            return imu_from(of_unit(columns, name) if name else columns, meta)
+
+        imu = None if meta is None else unit(header.meta_from(meta))
+        units = {name: unit(own, name) for name, (own, _) in several.items()}
+        mounts = {name: mount for name, (_, mount) in several.items()}
         return Recording(
             imu=imu,
             track=None if track is None else track_from(columns, *header.track_meta_from(track)),
             name=file.stem,
-            notes=read_notes(content["notes"], imu),
+            notes=read_notes(content["notes"], imu, *units.values()),
+            array=ImuArray(units, mounts) if units else None,
         )
 
 
@@ -215,6 +236,7 @@ class Stored(ImuData):
 
     _file: Path
     _meta: ImuMeta
+    _unit: str
     _names: tuple[str, ...]
     _rows: int
     _late: NDArray[np.int64]
@@ -222,8 +244,8 @@ class Stored(ImuData):
     _held: "_Held"
 
     @classmethod
-    def of(cls, file: Path, meta: ImuMeta) -> Self:
-        """Samples of a file whose content has been found to be whole.
+    def of(cls, file: Path, meta: ImuMeta, unit: str = "") -> Self:
+        """Samples of a file whose content has been found to be whole, or of one of its units.
 
         Raises
         ------
@@ -232,7 +254,8 @@ class Stored(ImuData):
         """
         made = object.__new__(cls)
         with _open(file) as parquet:
-            state = {"_file": file, "_names": tuple(parquet.schema_arrow.names), "_rows": parquet.metadata.num_rows}
+            own = tuple(of_unit(dict.fromkeys(parquet.schema_arrow.names), unit))  # type: ignore[arg-type]
+            state = {"_file": file, "_unit": unit, "_names": own, "_rows": parquet.metadata.num_rows}
         for name, value in (state | {"meta": meta, "_meta": meta, "_change": None, "_held": _Held()}).items():
             object.__setattr__(made, name, value)
         check.increasing_time("t", made.t)
@@ -281,7 +304,9 @@ class Stored(ImuData):
     def _parts(self, start: int) -> Iterator[tuple[int, ImuData]]:
         """Parts from the row group on in which a row lies, with the rows that they begin with."""
         with reading(self._file):
-            for at, columns in _batches(self._file, self._names, start):
+            stored = {name if name == TIME or not self._unit else f"{self._unit}.{name}": name for name in self._names}
+            for at, found in _batches(self._file, list(stored), start):
+                columns = {stored[name]: values for name, values in found.items()}
                 words = columns["flags"].copy()
                 late = self._late[slice(*np.searchsorted(self._late, (at, at + words.size)))]
                 words[late - at] |= np.uint32(flags.GAP)
@@ -359,7 +384,8 @@ def _load(file: Path, parquet: "pq.ParquetFile", whole: bool) -> tuple[dict[str,
     _check_schema(parquet, content.get("units"))
     _check_size(file, parquet)
     names = set(parquet.schema_arrow.names)
-    stays = not (whole or content.get("track")) and not names.isdisjoint(GROUPS[name][0] for name in TRIADS)
+    own = {name.rpartition(".")[2] for name in names}
+    stays = not (whole or content.get("track")) and not own.isdisjoint(GROUPS[name][0] for name in TRIADS)
     columns = {} if stays else _columns(parquet)
     parts = _by_column(file, names) if stays else sorted(columns.items())
     if crc != _checksum(content, parts):
@@ -405,7 +431,7 @@ def _check_schema(parquet: "pq.ParquetFile", units: Any) -> None:
     if not isinstance(units, dict) or sorted(units) != sorted(schema.names):
         raise DecodeError("its columns and the units in its header are not of the same names; write the file again.")
     for field in schema:
-        known = COLUMNS.get(field.name)
+        known = column(field.name)
         if known is None:
             raise DecodeError(f"the column {field.name} is unknown; known are {', '.join(COLUMNS)}.")
         if str(field.type) != _arrow_type(known.dtype):
@@ -427,11 +453,16 @@ def _check_contents(file: Path) -> None:
     with file.open("rb") as stream:
         stream.seek(max(0, size - 8))
         stated = int.from_bytes(stream.read(4), "little")
-    if _CONTENTS_BYTES < stated < size:
+    if _allowed_contents(size) < stated < size:
         raise DecodeError(
-            f"its table of contents has {stated} bytes, but {_CONTENTS_BYTES} are allowed; write it with fewer row "
-            "groups."
+            f"its table of contents has {stated} bytes, but {_allowed_contents(size)} are allowed; write it with fewer "
+            "row groups."
         )
+
+
+def _allowed_contents(size: int) -> int:
+    """Largest table of contents of a file of this size: that of 64 units for an hour has a thousandth of all."""
+    return max(_CONTENTS_BYTES, size >> 8)
 
 
 def _check_size(file: Path, parquet: "pq.ParquetFile") -> None:
@@ -439,7 +470,7 @@ def _check_size(file: Path, parquet: "pq.ParquetFile") -> None:
     rows, stored = parquet.metadata.num_rows, file.stat().st_size
     if rows < 1:
         raise DecodeError(f"it claims {rows} rows in {stored} bytes, which cannot be; take a copy that is whole.")
-    row = sum(np.dtype(COLUMNS[name].dtype).itemsize for name in parquet.schema_arrow.names)
+    row = sum(np.dtype(_known(name).dtype).itemsize for name in parquet.schema_arrow.names)
     require_room(max(rows * row, unpacked_bytes(file, parquet.metadata)), stored)
 
 
@@ -473,10 +504,17 @@ def _sound() -> Iterator[None]:
         raise DecodeError(f"its data are damaged ({_short(error)}); take a copy that is whole.") from error
 
 
-def _array(name: str, column: "pa.ChunkedArray[Any]") -> NDArray[Any]:
-    if column.null_count:
-        raise DecodeError(f"the column {name} holds {column.null_count} nulls; a missing value is stored as NaN.")
-    return np.ascontiguousarray(numbers_of(column), dtype=COLUMNS[name].dtype)
+def _known(name: str) -> Column:
+    """Column that has been found to be known."""
+    found = column(name)
+    assert found is not None
+    return found
+
+
+def _array(name: str, values: "pa.ChunkedArray[Any]") -> NDArray[Any]:
+    if values.null_count:
+        raise DecodeError(f"the column {name} holds {values.null_count} nulls; a missing value is stored as NaN.")
+    return np.ascontiguousarray(numbers_of(values), dtype=_known(name).dtype)
 
 
 def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
@@ -484,7 +522,7 @@ def _table(columns: Columns, metadata: Any = None) -> "pa.Table":
 
     schema = pa.schema(
         [
-            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: COLUMNS[name].unit.encode()})
+            pa.field(name, pa.from_numpy_dtype(values.dtype), False, {_UNIT: _known(name).unit.encode()})
             for name, values in columns.items()
         ],
         metadata=metadata,
@@ -506,7 +544,7 @@ def _checksum(content: dict[str, Any], columns: Iterable[tuple[str, NDArray[Any]
 
 
 def _crc(name: str, values: NDArray[Any], before: int) -> int:
-    little = np.ascontiguousarray(values, dtype=np.dtype(COLUMNS[name].dtype).newbyteorder("<"))
+    little = np.ascontiguousarray(values, dtype=np.dtype(_known(name).dtype).newbyteorder("<"))
     return zlib.crc32(little.data, before)
 
 

@@ -1,14 +1,14 @@
 """Write a recording as CSV with units in its header, and beside it the profile that reads it back to the bit."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from plumbob.core.errors import DecodeError
+from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import replacing_all, sidecars
+from plumbob.core.schema import toml_text
 from plumbob.core.text import visible
 from plumbob.core.time import to_s
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta
@@ -31,8 +31,13 @@ def write_csv(path: Path, recording: Recording, overwrite: bool = False) -> None
     DecodeError
         If a profile of another name lies beside the file, or the system refuses to write.
     ParameterError
-        If one of the two exists and `overwrite` is false.
+        If one of the two exists and `overwrite` is false, or there are several units.
     """
+    if recording.array is not None:
+        raise ParameterError(
+            f"{path}: a table of text holds one unit, and there are {', '.join(recording.array.names)}. Write .parquet "
+            "instead, or choose one with --unit."
+        )
     columns = to_columns(recording)
     other, profile = sidecars(path)
     if other.exists():
@@ -86,9 +91,9 @@ def _profile(recording: Recording, columns: Columns) -> Iterator[str]:
     yield f"rows = {columns[TIME].size}"
     if recording.imu is not None:
         yield from _meta(plain_meta(recording.imu.meta))
-    yield f"notes = [{', '.join(_toml(note) for note in stored_notes(recording))}]"
+    yield f"notes = [{', '.join(toml_text(note) for note in stored_notes(recording))}]"
     yield from ("", "[header]", "names = true")
-    yield from ("", "[time]", f"column = {_toml(_title(TIME))}", 'unit = "s"')
+    yield from ("", "[time]", f"column = {toml_text(_title(TIME))}", 'unit = "s"')
     if recording.imu is not None:
         yield from _samples(recording.imu)
     if recording.track is not None:
@@ -96,14 +101,14 @@ def _profile(recording: Recording, columns: Columns) -> Iterator[str]:
 
 
 def _meta(meta: ImuMeta) -> Iterator[str]:
-    yield f"device = {_toml(meta.device)}"
-    yield f"axes = {_toml(meta.axes)}"
+    yield f"device = {toml_text(meta.device)}"
+    yield f"axes = {toml_text(meta.axes)}"
     yield "axes_applied = true"
     yield f"t0_ns = {meta.t0_ns}"
     yield f"unit_check = {str(meta.unit_check).lower()}"
     for key in ("frame", "north", "calibration"):
         if getattr(meta, key) is not None:
-            yield f"{key} = {_toml(getattr(meta, key))}"
+            yield f"{key} = {toml_text(getattr(meta, key))}"
     if meta.declination is not None:
         yield f'declination = "{meta.declination!r} rad"'
     if meta.rate_nominal is not None:
@@ -120,7 +125,7 @@ def _samples(imu: ImuData) -> Iterator[str]:
         if name == "acc":
             yield 'sign = "specific-force"'
     if imu.temp_c is not None:
-        yield from ("", "[temperature]", f"column = {_toml(_title('temp_c'))}", 'unit = "degC"')
+        yield from ("", "[temperature]", f"column = {toml_text(_title('temp_c'))}", 'unit = "degC"')
     yield from ("", "[flags]", 'column = "flags"')
 
 
@@ -132,7 +137,7 @@ def _range(full_scale: float | tuple[float, ...], unit: str) -> str:
 
 def _reference(track: AttitudeTrack) -> Iterator[str]:
     yield from ("", "[reference]", _listed("columns", "q"), 'order = "wxyz"')
-    yield from (f'frame = "{track.frame}"', f'north = "{track.north}"', f"source = {_toml(track.source)}")
+    yield from (f'frame = "{track.frame}"', f'north = "{track.north}"', f"source = {toml_text(track.source)}")
     if track.flags is not None:
         yield 'flags = "track_flags"'
     if track.score is not None:
@@ -146,12 +151,7 @@ def _reference(track: AttitudeTrack) -> Iterator[str]:
 
 
 def _listed(key: str, group: str) -> str:
-    return f"{key} = [{', '.join(_toml(_title(name)) for name in GROUPS[group])}]"
-
-
-def _toml(text: str) -> str:
-    """TOML text; JSON's escapes are TOML's, except that TOML wants DEL escaped and no surrogates."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return f"{key} = [{', '.join(toml_text(_title(name)) for name in GROUPS[group])}]"
 
 
 def _encoded(text: str) -> bytes:

@@ -29,7 +29,7 @@ from plumbob.files import Recording
 from plumbob.files.numbers import SUFFIXES, TEXT_SUFFIXES, Numbers, open_numbers
 from plumbob.filters.offline import recalibrated
 from plumbob.noise.static import FEWEST_SAMPLES, StaticCheck, StaticReport, find_step, judge
-from plumbob.session.reading import read
+from plumbob.session.reading import read_one
 
 ANALYSED: Final = (Quantity.RATE, Quantity.ACCELERATION, Quantity.FIELD, Quantity.RATIO)
 """Quantities whose noise has a data sheet's units."""
@@ -222,7 +222,7 @@ def _of_recording(
     between: tuple[float | None, float | None],
     rate: float | None,
 ) -> StaticRecord:
-    return static_of(read(file, profile=profile), file, card, triads, between, rate, size=file.stat().st_size)
+    return static_of(read_one(file, profile=profile), file, card, triads, between, rate, size=file.stat().st_size)
 
 
 def static_of(

@@ -39,7 +39,7 @@ from plumbob.filters.offline import (
 from plumbob.filters.smoother import Smoother
 from plumbob.rotations import Frame, North, dcm_from_quat, euler_zyx_from_quat, quat_rotate
 from plumbob.rotations.headings import claimed_sd, counted_from, zero_of
-from plumbob.session.reading import read
+from plumbob.session.reading import read, read_one
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
@@ -255,6 +255,7 @@ def estimate(
     place: str | None = None,
     date: str | None = None,
     profile: str | Path | None = None,
+    unit: str | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
     note: Note | None = None,
@@ -290,6 +291,8 @@ def estimate(
         Where and when it was recorded, ``LAT,LON[,HEIGHT]`` and ISO 8601: headings are then true.
     profile : path, optional
         What the columns of a text file mean.
+    unit : str, optional
+        Which of several units in the file, by name or number from 1.
     out : path, optional
         Where to write the track. A ``.parquet`` file is written while the attitude is estimated, and the samples of one
         without a reference are read meanwhile, so that neither is in memory as a whole.
@@ -311,7 +314,7 @@ def estimate(
     FrameError
         If neither `frame` nor the recording names a frame.
     ParameterError
-        If the filter or a parameter is not known, or two arguments say the same.
+        If the filter or a parameter is not known, two arguments say the same, or none of several units is named.
     CalibrationError
         If a card is for another unit, or the samples are calibrated already.
     DecodeError
@@ -320,7 +323,7 @@ def estimate(
     notes: list[str] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
-    label, source, imu = _recording_of(recording, profile, whole=not native)
+    label, source, imu = _recording_of(recording, profile, unit, whole=not native)
     stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
@@ -404,16 +407,16 @@ def _kernel_of(name: str) -> str:
 
 
 def _recording_of(
-    given: str | Path | Recording | ImuData, profile: str | Path | None, *, whole: bool
+    given: str | Path | Recording | ImuData, profile: str | Path | None, unit: str | None, *, whole: bool
 ) -> tuple[str, Recording, ImuData]:
     """What messages call it, the recording, and its samples."""
     if isinstance(given, ImuData):
         given = unsaved(given, "the samples")
     if isinstance(given, Recording):
-        label, found = given.name, given
+        label, found = given.name, given.of_unit(unit)
     else:
         file = check.path("recording", given)
-        found = read(file, profile=None if profile is None else Path(profile), whole=whole)
+        found = read_one(file, profile=None if profile is None else Path(profile), whole=whole, unit=unit)
         label, found = str(file), replace(found, name=file.name)
     if found.imu is None:
         raise ShapeError(f"{label} holds an attitude but no sensor data, so there is nothing to estimate from.")

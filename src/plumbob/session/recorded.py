@@ -16,26 +16,31 @@ from plumbob.core.files import reading, replacing
 from plumbob.core.schema import texts
 from plumbob.core.text import visible
 from plumbob.core.time import to_ns
-from plumbob.data import TRIADS, AttitudeTrack, ImuData
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
+from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import CalibrationCard
 from plumbob.files import Recording
-from plumbob.files.header import meta_from, plain_meta, track_meta_from
+from plumbob.files.header import array_from, array_told, meta_from, plain_meta, track_meta_from
 from plumbob.files.mcap import Log, open_log
 from plumbob.files.mcap.verdict import write_rows
-from plumbob.files.notes import read_notes, stored_notes
+from plumbob.files.notes import findings_of, read_notes, stored_notes
 from plumbob.filters.offline import recalibrated
 from plumbob.rotations import Frame, quat_from_euler_zyx
 from plumbob.session import rows
 from plumbob.session.replay import Replayed, replay
 from plumbob.session.session import reference_names
-from plumbob.session.session_toml import SESSION, recorded_session
+from plumbob.session.session_toml import ALL, SESSION, of_unit, recorded_session
 from plumbob.session.sinks import text_of
 
 _META: Final = "recording"
 
 
-def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
+def read_recorded(
+    path: str | Path, *, estimated: bool = False, unit: str | None = None, calibrated: bool = False
+) -> Recording:
     """Samples of a recording, and a reference in the same frames, or the estimated attitude where that is asked for.
+
+    Where the session decodes several units, they are those of all, unless one is asked for.
 
     Parameters
     ----------
@@ -43,33 +48,52 @@ def read_recorded(path: str | Path, *, estimated: bool = False) -> Recording:
         The recording.
     estimated : bool
         Whether `track` is to be what was estimated; without it, it is the reference, or None, for an estimate is none.
+    unit : str, optional
+        One of several units in the same frames, by name or number from 1; ``"all"``: all, also where the session
+        decodes one.
+    calibrated : bool
+        Whether the session's cards are to be applied.
 
     Raises
     ------
     DecodeError
         If it is not a recording of samples.
+    ParameterError
+        If there is no such unit.
     """
     file = Path(path)
     log = open_log(file)
     if SESSION not in log.metadata:
-        return _from_rows(log, file, estimated=estimated)
-    replayed = replay(log, session=recorded_session(log.metadata, file.stem))
-    imu = replayed.found.imu(calibrated=False)
+        found = _from_rows(log, file, estimated=estimated)
+        return found if unit is None or unit == ALL else found.of_unit(unit)
+    session = recorded_session(log.metadata, file.stem)
+    if unit is not None:
+        chosen = of_unit(session, unit)
+        session = chosen if unit == ALL else replace(chosen, units=())
+    replayed = replay(log, session=session if estimated else replace(session, stage=None))
+    imu = replayed.found.imu(calibrated=calibrated)
     if imu is None:
         raise DecodeError(f"{file} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
-    meta = replace(imu.meta, t0_ns=replayed.t0_ns)
+    array = replayed.found.array(calibrated=calibrated)
+    units = {"": imu} if array is None else array.units
+    units = {name: replace(one, meta=replace(one.meta, t0_ns=replayed.t0_ns)) for name, one in units.items()}
     counts = replayed.stream.decoder.counts
-    notes = [
-        f"decoded from {counts.received} raw bytes as {replayed.stream.session.form.name}, {counts.junk} of them junk"
-    ]
+    notes = [f"decoded from {counts.received} raw bytes as {session.form.name}, {counts.junk} of them junk"]
     if log.starts > 1:
         notes += [f"recorded in {log.starts} starts; the recorder was away in between"]
     notes += [f"damaged: {damage}" for damage in log.damage]
     notes += files.inferred(replayed.stream.time_report())
-    notes += [f"units: {doubt}; check the units of the format" for doubt in imu.unit_doubts()]
-    track = replayed.track if estimated else _reference(replayed)
-    whole = Recording(imu=replace(imu, meta=meta), track=track, name=file.stem, notes=tuple(notes))
-    return replace(whole, notes=(*whole.notes, *files.findings(whole.imu))) if whole.imu else whole
+    dead = [] if array is None else [one.unit for one in replayed.stream.session.units if one.unit not in array.units]
+    notes += [f"unit {name} has no value in any sample, and is left out" for name in dead]
+    doubts = dict.fromkeys(doubt for one in units.values() for doubt in one.unit_doubts())
+    notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
+    whole = Recording(
+        imu=units[""] if array is None else None,
+        track=replayed.track if estimated else _reference(replayed),
+        name=file.stem,
+        array=None if array is None else ImuArray(units, array.mounts),
+    )
+    return replace(whole, notes=(*notes, *findings_of(whole)))
 
 
 def _reference(replayed: Replayed) -> AttitudeTrack | None:
@@ -100,9 +124,10 @@ def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> Non
         If the system refuses; then nothing is left there.
     """
     streams: dict[str, Iterable[tuple[int, str, bytes]]] = {}
-    if (imu := recording.imu) is not None:
-        stamps = to_ns(imu.t).tolist()
-        streams[rows.IMU] = zip(stamps, repeat(rows.IMU), rows.imu_rows(stamps, imu))
+    units = _units(recording)
+    for name, imu in units.items():
+        stamps, topic = to_ns(imu.t).tolist(), rows.unit_topic(name)
+        streams[topic] = zip(stamps, repeat(topic), rows.imu_rows(stamps, imu))
     if (track := recording.track) is not None:
         stamps = to_ns(track.t).tolist()
         streams[rows.ATTITUDE] = zip(stamps, repeat(rows.ATTITUDE), rows.attitude_rows(stamps, track))
@@ -110,17 +135,25 @@ def write_mcap(path: Path, recording: Recording, overwrite: bool = False) -> Non
         path,
         {topic: rows.kind_of(topic) for topic in streams},
         heapq.merge(*streams.values(), key=lambda row: row[0]),
-        epoch_offset_ns=0 if imu is None else imu.meta.t0_ns,
+        epoch_offset_ns=next((imu.meta.t0_ns for imu in units.values()), 0),
         metadata={_META: json.dumps(_about(recording))},
         overwrite=overwrite,
     )
 
 
+def _units(recording: Recording) -> Mapping[str, ImuData]:
+    """Samples by unit; those of the only one under an empty name."""
+    if recording.array is not None:
+        return recording.array.units
+    return {} if recording.imu is None else {"": recording.imu}
+
+
 def _about(recording: Recording) -> dict[str, Any]:
-    imu, track = recording.imu, recording.track
+    imu, track, array = recording.imu, recording.track, recording.array
+    several = {} if array is None else {"array": array_told(array)}
     meta = {} if imu is None else asdict(plain_meta(imu.meta))
     told = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "source": track.source}
-    return {"imu": meta, "track": told, "notes": list(stored_notes(recording))}
+    return {"imu": meta, "track": told, "notes": list(stored_notes(recording))} | several
 
 
 def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
@@ -128,26 +161,39 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
     found: dict[str, list[dict[str, Any]]] = {rows.IMU: [], rows.ATTITUDE: []}
     with reading(file):
         for message in log:
-            if message.topic in found:
-                found[message.topic].append(rows.parsed(message.topic, message.data))
+            if message.topic == rows.ATTITUDE or rows.unit_of_topic(message.topic) is not None:
+                found.setdefault(message.topic, []).append(rows.parsed(message.topic, message.data))
         about = rows.parsed_object(f"the metadata '{_META}'", log.metadata.get(_META, "{}"))
-        if not found[rows.IMU] and not found[rows.ATTITUDE]:
+        if not any(found.values()):
             raise DecodeError("it has neither a session nor decoded samples; it was not made by Plumbob.")
         imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
-        wanted = found[rows.ATTITUDE] and (estimated or imu is None)
+        array = _array(found, array_from(about["array"])) if "array" in about else None
+        wanted = found[rows.ATTITUDE] and (estimated or (imu is None and array is None))
         track = _track(found[rows.ATTITUDE], about.get("track")) if wanted else None
-        notes = read_notes(texts("notes", about.get("notes", [])), imu)
-        return Recording(imu=imu, track=track, name=file.stem, notes=notes)
+        units = [imu] if array is None else array.units.values()
+        notes = read_notes(texts("notes", about.get("notes", [])), *units)
+        return Recording(imu=imu, track=track, name=file.stem, notes=notes, array=array)
+
+
+def _array(found: Mapping[str, Sequence[Mapping[str, Any]]], told: Mapping[str, tuple[ImuMeta, Mount]]) -> ImuArray:
+    if lacking := [name for name in told if not found.get(rows.unit_topic(name))]:
+        raise DecodeError(f"it has no samples of the unit {lacking[0]}, which its metadata name; take a whole copy.")
+    units = {name: _samples(found[rows.unit_topic(name)], meta) for name, (meta, _) in told.items()}
+    return ImuArray(units, {name: mount for name, (_, mount) in told.items()})
 
 
 def _imu(found: Sequence[Mapping[str, Any]], meta: Any) -> ImuData:
+    return _samples(found, meta_from(meta))
+
+
+def _samples(found: Sequence[Mapping[str, Any]], meta: ImuMeta) -> ImuData:
     triads = {name: rows.table(name, found, 3) for name in TRIADS if found[0][name] is not None}
     temps = rows.table("temp_c", found)
     return ImuData(
         t=rows.whole("t_ns", found, np.int64) / 1e9,
         temp_c=None if np.isnan(temps).all() else temps,
         flags=rows.whole("flags", found, np.uint32),
-        meta=meta_from(meta),
+        meta=meta,
         **triads,
     )
 
@@ -170,6 +216,7 @@ def export(
     path: str | Path,
     *,
     what: str = "all",
+    unit: str | None = None,
     profile: str | Path | None = None,
     calibration: CalibrationCard | str | Path | None = None,
     overwrite: bool = False,
@@ -189,6 +236,8 @@ def export(
         The new file.
     what : {"all", "samples", "attitude"}
         Leaves the rest out.
+    unit : str, optional
+        One of several units, by name or number from 1, whose samples alone are written.
     profile : path, optional
         What the columns of a text file mean.
     calibration : CalibrationCard or path, optional
@@ -214,8 +263,9 @@ def export(
     if not isinstance(recording, Recording):
         given = Path(recording)
         mcap = given.suffix == ".mcap"
-        recording = read_recorded(given, estimated=True) if mcap else files.read(given, profile=profile)
-    recording = only(recording, what)
+        recording = read_recorded(given, estimated=True, unit=unit) if mcap else files.read(given, profile=profile)
+        unit = None if mcap else unit
+    recording = only(recording if unit is None else recording.of_unit(unit), what)
     if calibration is not None:
         recording = recalibrated(recording, CalibrationCard.of(calibration))
         for line in recording.notes:
@@ -226,7 +276,7 @@ def export(
     if file.suffix in _OWN:
         _OWN[file.suffix](file, recording, overwrite)
         return recording
-    if recording.imu is not None and recording.track is not None and not _on_one_clock(recording):
+    if recording.track is not None and not _on_one_clock(recording, recording.track):
         raise ShapeError(f"{file}: samples and attitude have different times; export one of them with --what.")
     files.write(file, recording, overwrite=overwrite)
     return recording
@@ -242,24 +292,20 @@ def only(recording: Recording, what: str) -> Recording:
     """
     if what == "all":
         return recording
-    kept = replace(recording, track=None) if what == "samples" and recording.imu is not None else None
+    kept = replace(recording, track=None) if what == "samples" and _units(recording) else None
     if what == "attitude" and recording.track is not None:
-        kept = replace(recording, imu=None)
+        kept = replace(recording, imu=None, array=None)
     if kept is None:
         raise ShapeError(f"{recording.name} has no {what}; it has {_content(recording)}.")
     return kept
 
 
 def _content(recording: Recording) -> str:
-    return " and ".join(
-        w for w, part in (("samples", recording.imu), ("attitude", recording.track)) if part is not None
-    )
+    return " and ".join(w for w, part in (("samples", _units(recording)), ("attitude", recording.track)) if part)
 
 
-def _on_one_clock(recording: Recording) -> bool:
-    return (
-        recording.imu is not None and recording.track is not None and np.array_equal(recording.imu.t, recording.track.t)
-    )
+def _on_one_clock(recording: Recording, track: AttitudeTrack) -> bool:
+    return all(np.array_equal(one.t, track.t) for one in _units(recording).values())
 
 
 def _attitude(file: Path, recording: Recording) -> AttitudeTrack:

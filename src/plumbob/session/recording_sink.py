@@ -90,7 +90,8 @@ class RecordingSink:
         self._raw = self.recorder.channel(rows.RAW, "application/octet-stream")
         self._own = rows.declare(self.recorder, rows.RECORDER)
         self._events = rows.declare(self.recorder, rows.EVENTS)
-        self._imu = rows.declare(self.recorder, rows.IMU) if spec.samples else 0
+        units = [one.unit for one in session.units] or [""]
+        self._imu = {one: rows.declare(self.recorder, rows.unit_topic(one)) for one in units if spec.samples}
         with_attitude = spec.samples and session.stage is not None
         self._attitude = rows.declare(self.recorder, rows.ATTITUDE) if with_attitude else 0
 
@@ -119,8 +120,10 @@ class RecordingSink:
         """Keep what the line made of it. A row's time in the file is the read's; the sample's own stands in the row."""
         if not self._imu:
             return
-        for row in rows.imu_rows(part.t_ns.tolist(), part.sensed):
-            self.recorder.write(self._imu, now_ns, row)
+        stamps = part.t_ns.tolist()
+        for unit, channel in self._imu.items():
+            for row in rows.imu_rows(stamps, part.units[unit].sensed if unit else part.sensed):
+                self.recorder.write(channel, now_ns, row)
         if self._attitude and part.track is not None:
             for row in rows.attitude_rows(part.track_ns.tolist(), part.track):
                 self.recorder.write(self._attitude, now_ns, row)

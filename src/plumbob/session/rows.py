@@ -75,6 +75,17 @@ _SCHEMAS: Final = {
 }
 
 
+def unit_topic(unit: str) -> str:
+    """Topic of the samples of one of several units; that of the only one is `IMU`."""
+    return f"{IMU}/{unit}" if unit else IMU
+
+
+def unit_of_topic(topic: str) -> str | None:
+    """Unit whose samples a topic holds, an empty one of the only unit; None where it holds something else."""
+    kind, _, unit = topic.partition("/")
+    return unit if kind == IMU else None
+
+
 def declare(recorder: Recorder, topic: str) -> int:
     """Declare a channel of rows, and return its number."""
     return recorder.channel(topic, *kind_of(topic))
@@ -82,7 +93,7 @@ def declare(recorder: Recorder, topic: str) -> int:
 
 def kind_of(topic: str) -> tuple[str, Schema]:
     """Encoding and schema of the rows of a topic."""
-    name, schema = _SCHEMAS[topic]
+    name, schema = _SCHEMAS[topic.partition("/")[0]]
     return "json", Schema(name, "jsonschema", schema)
 
 
@@ -110,7 +121,7 @@ def parsed(topic: str, row: bytes) -> dict[str, Any]:
     """
     where = f"a row of '{topic}'"
     content = parsed_object(where, row)
-    keys = _KEYS[topic]
+    keys = _KEYS[topic.partition("/")[0]]
     if not keys <= content.keys():
         raise DecodeError(f"{where} lacks {', '.join(sorted(keys - content.keys()))}; {_ADVICE}")
     return {key: content[key] for key in keys}

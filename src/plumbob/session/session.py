@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from plumbob.data import ImuMeta
+from plumbob.data.array import Mount
 from plumbob.data.cards import CalibrationCard
 from plumbob.filters.offline import Stage
 from plumbob.protocols.format import Format
@@ -94,6 +95,28 @@ class OutputSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class UnitSpec:
+    """One of several units of the same frames.
+
+    Attributes
+    ----------
+    unit : str
+        Prefix of its fields.
+    meta : ImuMeta
+        Device, ranges, axes and so on of its samples.
+    card : CalibrationCard or None
+        Its calibration; None says uncalibrated.
+    mount : Mount
+        How it sits on its body.
+    """
+
+    unit: str
+    meta: ImuMeta
+    card: CalibrationCard | None = None
+    mount: Mount = field(default_factory=Mount)
+
+
+@dataclass(frozen=True, slots=True)
 class Session:
     """A live line.
 
@@ -106,7 +129,7 @@ class Session:
     form : Format
         What they mean, bound.
     message, unit : str
-        Which message has the samples, and which unit's fields of it.
+        Which message has the samples, and which unit's fields of it an attitude is estimated from.
     meta : ImuMeta
         Device, ranges, axes and so on of the samples.
     frame : Frame or None
@@ -127,6 +150,8 @@ class Session:
         host's own monotonic clock in the frames.
     texts : mapping of str to str
         The session file and every file that it names, so that a recording can hold them and be replayed anywhere.
+    units : tuple of UnitSpec
+        All units that are decoded, calibrated and recorded, where these are several; `unit` is one of them.
     """
 
     name: str
@@ -143,3 +168,4 @@ class Session:
     output: OutputSpec = OutputSpec()
     timed_by: str = "frames"
     texts: Mapping[str, str] = field(default_factory=dict)
+    units: tuple[UnitSpec, ...] = ()

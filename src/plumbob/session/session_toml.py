@@ -1,7 +1,7 @@
 """Read a session from TOML, strictly, with the format, the card and the noise that it names."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,18 +17,27 @@ from plumbob.core.params import describe
 from plumbob.core.schema import Parse
 from plumbob.core.units import Quantity
 from plumbob.data import ImuMeta
+from plumbob.data.array_toml import UNIT, MountedUnit, units_of
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.data.cards.file import Card
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.filters import SMOOTHER, CommonParams, load
 from plumbob.filters.offline import Stage, follower_of, lagged
 from plumbob.filters.start import TRUTH_WORD
-from plumbob.protocols.decode import ranges_of, unit_of
+from plumbob.protocols.decode import prefixes_of, ranges_of, unit_of
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.format_toml import parse_format
 from plumbob.rotations import Frame, North, body_axes, in_body_axes
-from plumbob.session.session import OutputSpec, RecordSpec, ReferenceSpec, Session, SourceSpec, reference_names
+from plumbob.session.session import (
+    OutputSpec,
+    RecordSpec,
+    ReferenceSpec,
+    Session,
+    SourceSpec,
+    UnitSpec,
+    reference_names,
+)
 from plumbob.session.source_toml import iio_format, parse_source
 from plumbob.session.sources import KERNEL, described
 
@@ -41,6 +50,8 @@ IIO: Final = "iio.json"
 """Under this name it keeps what the kernel said of a device, so that a replay needs none."""
 PLACE: Final = "earth_field.json"
 """And under this one the field at the session's place, so that a replay needs neither model nor date."""
+ALL: Final = "all"
+"""Word for all units of a frame."""
 
 Fetch = Callable[[str], str]
 """Gives the text of a file that the session names."""
@@ -135,9 +146,13 @@ def parse_session(
     if source is not None and source.kind in KERNEL:
         texts[IIO] = describe(source)
         source, form, timed_by = _kernel(source, found, texts[IIO])
-        message, unit = form.name, ""
+        message, unit, names = form.name, "", list[str]()
+        if "unit" in found:
+            raise DecodeError(
+                f"[[unit]] does not go with source.kind = '{source.kind}', which has one unit; leave it out."
+            )
     else:
-        form, message, unit = _format(found, keep)
+        form, message, unit, names = _format(found, keep)
         timed_by = _timed_by(source, form, form.message(message))
         if source is not None and source.kind == "file":
             source = replace(source, settings={**source.settings, "form": form, "message": message})
@@ -148,11 +163,14 @@ def parse_session(
     frame = imu.get("frame")
     meta = _meta(imu, source, form, message, unit)
     card = _card(found, keep)
-    if card is not None and card.device != meta.device:
-        raise ParameterError(
-            f"the card is for device '{card.device}', but imu.device is '{meta.device}'; use the card of this unit, or "
-            "name the unit that it is, as [imu] device or --device."
-        )
+    _require_device(card, meta.device, "[imu] device or --device")
+    units = _units(names, units_of(found.get("unit", []), keep), meta, form.message(message))
+    for one in units:
+        if card is not None:
+            raise ParameterError("[calibration] has the card of one unit; name those of several as card in [[unit]].")
+        _require_device(one.card, one.meta.device, "device in [[unit]]")
+    if units:
+        meta, card = next((one.meta, one.card) for one in units if one.unit == unit)
     stage = _stage(found, frame, keep)
     return Session(
         name=name,
@@ -169,7 +187,28 @@ def parse_session(
         output=found.get("output", OutputSpec()),
         timed_by=timed_by,
         texts=texts,
+        units=units,
     )
+
+
+def _require_device(card: CalibrationCard | None, device: str, where: str) -> None:
+    if card is not None and card.device != device:
+        raise ParameterError(
+            f"the card is for device '{card.device}', but imu.device is '{device}'; use the card of this unit, or name "
+            f"the unit that it is, as {where}."
+        )
+
+
+def _units(
+    names: Sequence[str], told: Mapping[str, MountedUnit], meta: ImuMeta, message: Message
+) -> tuple[UnitSpec, ...]:
+    """Units that are decoded, with what their tables say of them."""
+    found, named = [], {unit_of(message, name): one for name, one in told.items()}
+    for name in names:
+        one = named.get(name, MountedUnit(name))
+        own = replace(meta, device=one.device or meta.device, **_ranges(message, name, meta.axes))
+        found.append(UnitSpec(name, own, one.card, one.mount))
+    return tuple(found)
 
 
 def _declination(field: str) -> float:
@@ -200,15 +239,23 @@ def _place_and_day(imu: Mapping[str, Any], source: SourceSpec | None, date: str 
 
 
 def of_unit(session: Session, asked: str) -> Session:
-    """Session of another unit in the same frames, by its name or its number from 1.
+    """Session of another unit in the same frames, by its name or its number from 1; ``"all"``: of all, as it is else.
 
     Raises
     ------
     ParameterError
-        If there is no such unit.
+        If there is no such unit, or it is not one of those that the session decodes.
     """
     message = session.form.message(session.message)
+    if asked == ALL and session.units:
+        return session
+    if asked == ALL and prefixes_of(message) != ("",):
+        own = UnitSpec(session.unit, session.meta, session.card)
+        units = _units(prefixes_of(message), {}, session.meta, message)
+        return replace(session, units=tuple(own if one.unit == session.unit else one for one in units))
     unit = unit_of(message, asked)
+    if known := [one for one in session.units if one.unit == unit]:
+        return replace(session, unit=unit, meta=known[0].meta, card=known[0].card)
     return replace(session, unit=unit, meta=replace(session.meta, **_ranges(message, unit, session.meta.axes)))
 
 
@@ -250,7 +297,8 @@ def _timed_by(source: SourceSpec | None, form: Format, message: Message) -> str:
     return "poll"
 
 
-def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str]:
+def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str, list[str]]:
+    """Format, message, the unit to estimate, and the units to decode where these are several."""
     if "format" not in tables:
         raise schema.absent("session", "format")
     found = tables["format"]
@@ -259,7 +307,16 @@ def _format(tables: Mapping[str, Any], keep: Fetch) -> tuple[Format, str, str]:
     form = find_format(found["name"]) if "name" in found else parse_format(keep(found["file"]))
     form = form.bind(found.get("options", {}))
     message = form.message(found.get("message", ""))
-    return form, message.name, unit_of(message, found.get("unit", ""))
+    listed = [unit_of(message, table["name"]) for table in tables.get("unit", [])]
+    if "units" not in found and not listed:
+        return form, message.name, unit_of(message, found.get("unit", "")), []
+    if prefixes_of(message) == ("",):
+        raise ParameterError(f"message {message.name} has one unit without a name; leave units and [[unit]] out.")
+    names = list(dict.fromkeys(listed)) if "units" not in found else list(prefixes_of(message))
+    unit = unit_of(message, found.get("unit", names[0] if names else ""))
+    if unit not in names:
+        raise ParameterError(f"format.unit is '{unit}', but the units of [[unit]] are {', '.join(names)}; name one.")
+    return form, message.name, unit, names
 
 
 def _meta(imu: Mapping[str, Any], source: SourceSpec | None, form: Format, message: str, unit: str) -> ImuMeta:
@@ -349,7 +406,7 @@ def session_of(
     format : str or path, optional
         What the bytes mean: a device, a rig or a format file.
     unit : str, optional
-        Which unit, where a frame has several.
+        Which unit, where a frame has several; ``"all"`` decodes and records all, and estimates the first.
     device : str, optional
         Name of this unit, to which its calibration card belongs.
     frame : Frame or str, optional
@@ -375,7 +432,7 @@ def session_of(
     if known := {key: value for key, value in imu.items() if value}:
         tables["imu"] = known
     if unit:
-        tables["format"] = {"unit": unit}
+        tables["format"] = {"units": ALL} if unit == ALL else {"unit": unit}
     if [file, port, capture, iio].count(None) != 3:
         raise ParameterError("give either a session file, or --port or --from with --format, or --iio.")
     if file is not None:
@@ -494,6 +551,7 @@ _FORMAT: Final[dict[str, Parse]] = {
     "file": schema.text,
     "message": schema.text,
     "unit": _unit,
+    "units": schema.one_of(ALL),
     "options": schema.mapping(schema.text),
 }
 _IMU: Final[dict[str, Parse]] = {
@@ -529,6 +587,7 @@ _SESSION: Final[dict[str, Parse]] = {
     "calibration": schema.form({"card": schema.text}, ("card",)),
     "estimate": schema.form(_ESTIMATE),
     "reference": schema.form(_REFERENCE, ("north",)),
+    "unit": schema.tables(UNIT),
     "record": lambda where, value: RecordSpec(**schema.section(where, value, _RECORD, ("path",))),
     "output": lambda where, value: OutputSpec(**schema.section(where, value, _OUTPUT)),
 }

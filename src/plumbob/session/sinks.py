@@ -1,6 +1,6 @@
 """Sinks: what is done with the parts that a line gives, besides recording them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final, Protocol, TextIO
 
@@ -15,6 +15,7 @@ from plumbob.core.text import visible
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg
 from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.array import ImuArray, Mount
 from plumbob.rotations import North, euler_zyx_from_quat
 from plumbob.session.stream import Part
 
@@ -76,22 +77,27 @@ class Collected:
     def imu(self, *, calibrated: bool) -> ImuData | None:
         """Samples of the whole, judged as a recording; None where there are none."""
         parts = [part.imu if calibrated else part.sensed for part in self.parts]
-        if not parts:
+        return _whole(parts, parts[0].triads) if parts else None
+
+    def array(self, *, calibrated: bool) -> ImuArray | None:
+        """The same of all units; None where there are no samples, or the session decodes one unit.
+
+        A triad, or a unit, that has no number in any sample is left out.
+        """
+        if not self.parts or not self.parts[0].units:
             return None
-        first = parts[0]
+        found, mounts = dict[str, ImuData](), dict[str, Mount]()
+        for name, unit in self.parts[0].units.items():
+            parts = [part.units[name].imu if calibrated else part.units[name].sensed for part in self.parts]
+            alive = [triad for triad in unit.sensed.triads if any(np.isfinite(getattr(p, triad)).any() for p in parts)]
+            if alive:
+                found[name], mounts[name] = _whole(parts, alive), unit.mount
+        return ImuArray(found, mounts)
 
-        def every(name: str) -> NDArray[np.float64] | None:
-            return None if getattr(first, name) is None else np.concatenate([getattr(p, name) for p in parts])
 
-        return ImuData(
-            t=np.concatenate([p.t for p in parts]),
-            gyr=every("gyr"),
-            acc=every("acc"),
-            mag=every("mag"),
-            temp_c=every("temp_c"),
-            flags=np.concatenate([p.flags for p in parts]),
-            meta=first.meta,
-        )
+def _whole(parts: Sequence[ImuData], triads: Sequence[str]) -> ImuData:
+    names = ("t", "flags", *triads, *(() if parts[0].temp_c is None else ("temp_c",)))
+    return ImuData(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names}, meta=parts[0].meta)
 
 
 class Tracks:

@@ -5,9 +5,10 @@ gives the same bits as they gave live.
 """
 
 import math
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +24,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.repeats import REMEMBERED, Repeats
 from plumbob.core.time import to_ns
 from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.array import ImuArray, Mount
 from plumbob.filters import Filter
 from plumbob.filters.offline import calibrated, follower_of, start_at
 from plumbob.filters.smoother import FixedLag
@@ -31,7 +33,7 @@ from plumbob.protocols.decode import Decoder, Frames, temperature_of, triads_of,
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, in_body_axes, quat_from_euler_zyx
-from plumbob.session.session import Session, reference_names
+from plumbob.session.session import Session, UnitSpec, reference_names
 
 BROKEN: Final = ("lost", "dropped")
 """Events after which what is pending belongs to nothing that will come."""
@@ -41,6 +43,14 @@ STARTED_AGAIN: Final = "restarted"
 """Event after which everything starts anew: the recorder itself was away, and nobody knows what came meanwhile."""
 _APART_NS: Final = 1_000_000
 """Least step between samples of two starts, ns; less only where a line ran ahead of the host's time."""
+
+
+class UnitPart(NamedTuple):
+    """What one of several units gave: what its sensors said, the same calibrated, and how it is mounted."""
+
+    sensed: ImuData
+    imu: ImuData
+    mount: Mount = Mount()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,6 +72,8 @@ class Part:
         stream it may come without samples.
     track_ns : ndarray (M,) of int64
         Times of the attitudes, as those of the samples.
+    units : mapping of str to UnitPart
+        Every unit, where the session decodes several; `sensed` and `imu` are of the estimated one.
     """
 
     t_ns: NDArray[np.int64]
@@ -70,6 +82,45 @@ class Part:
     imu: ImuData
     track: AttitudeTrack | None
     track_ns: NDArray[np.int64]
+    units: Mapping[str, UnitPart] = field(default_factory=dict)
+
+    @property
+    def array(self) -> ImuArray | None:
+        """Samples of all units, calibrated where they have cards; None where the session decodes one."""
+        mounts = {name: one.mount for name, one in self.units.items()}
+        return ImuArray({name: one.imu for name, one in self.units.items()}, mounts) if mounts else None
+
+
+class _Unit:
+    """Takes the samples of one unit out of the frames."""
+
+    def __init__(self, spec: UnitSpec) -> None:
+        self._spec = spec
+        self._temp_c = math.nan
+
+    def take(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> UnitPart:
+        """Its samples, which come at these times, with what the stamps have shown."""
+        spec = self._spec
+        triads = {name: self._turned(values) for name, values in triads_of(frames, spec.unit).items()}
+        temp_c, known = self._temperature(frames), frames.flags[spec.unit] | told
+        sensed = ImuData.live(t_ns, triads, temp_c=temp_c, flags=known, meta=spec.meta)
+        return UnitPart(sensed, calibrated(sensed, spec.card, live=True), spec.mount)
+
+    def _temperature(self, frames: Frames) -> Floats | None:
+        """Temperature (N,), °C; where one is missing, the last that was known, for it changes slowly."""
+        found = temperature_of(frames, self._spec.unit)
+        if found is None:
+            return None
+        if np.isnan(found).any():
+            found = found.copy()
+            for i in np.flatnonzero(np.isnan(found)).tolist():
+                found[i] = found[i - 1] if i else self._temp_c
+        self._temp_c = float(found[-1]) if found.size else self._temp_c
+        return found
+
+    def _turned(self, values: Floats) -> Floats:
+        axes = self._spec.meta.axes
+        return values if axes == "x y z" else in_body_axes(axes, values)
 
 
 class Stream:
@@ -109,7 +160,7 @@ class Stream:
         self._counted = CountedTime(self._spec) if self.session.timed_by == "count" else None
         self._began_ns: int | None = None
         self._latest_ns = 0
-        self._temp_c = math.nan
+        self._units = {spec.unit: _Unit(spec) for spec in _specs(self.session)}
         self._repeats = Repeats()
         self.filter = _estimator(self.session)
         self._started = False
@@ -142,8 +193,7 @@ class Stream:
         if part is None:
             newest, no_time = self._newest, np.zeros(0, dtype=np.int64)
             frames = _only(newest.frames, np.zeros(newest.t_ns.size, dtype=bool))
-            sensed = self._sensed(frames, no_time, no_time.astype(np.uint32))
-            part = Part(no_time, frames, sensed, calibrated(sensed, self.session.card, live=True), None, no_time)
+            part = self._part(frames, no_time, no_time.astype(np.uint32))
         known = [track for track in (part.track, rest) if track is not None]
         track = AttitudeTrack.joined(known, sum(map(len, known)))
         return replace(part, track=track, track_ns=self._track_ns(track))
@@ -209,11 +259,11 @@ class Stream:
         self._last_ns = int(t_ns[-1])
         if self._t0 is None:
             self._t0 = int(t_ns[0])
-        sensed = self._sensed(frames, t_ns - self._t0, told)
-        imu = calibrated(sensed, self.session.card, live=True)
+        part = self._part(frames, t_ns, told)
         if not self._started:
-            self._start(frames, imu)
-        self._newest = Part(t_ns, frames, sensed, imu, *self._estimate(t_ns, imu))
+            self._start(frames, part.imu)
+        track, track_ns = self._estimate(t_ns, part.imu)
+        self._newest = replace(part, track=track, track_ns=track_ns)
         return self._newest
 
     def _without_repeats(self, frames: Frames | None) -> Frames | None:
@@ -274,27 +324,12 @@ class Stream:
         """Host's monotonic time of the first sample, ns; None before it."""
         return self._t0
 
-    def _sensed(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> ImuData:
-        session = self.session
-        triads = {name: self._turned(values) for name, values in triads_of(frames, session.unit).items()}
-        known = frames.flags[session.unit] | told
-        return ImuData.live(t_ns, triads, temp_c=self._temperature(frames), flags=known, meta=session.meta)
-
-    def _temperature(self, frames: Frames) -> Floats | None:
-        """Temperature (N,), °C; where one is missing, the last that was known, for it changes slowly."""
-        found = temperature_of(frames, self.session.unit)
-        if found is None:
-            return None
-        if np.isnan(found).any():
-            found = found.copy()
-            for i in np.flatnonzero(np.isnan(found)).tolist():
-                found[i] = found[i - 1] if i else self._temp_c
-        self._temp_c = float(found[-1]) if found.size else self._temp_c
-        return found
-
-    def _turned(self, values: Floats) -> Floats:
-        axes = self.session.meta.axes
-        return values if axes == "x y z" else in_body_axes(axes, values)
+    def _part(self, frames: Frames, t_ns: NDArray[np.int64], told: NDArray[np.uint32]) -> Part:
+        """Samples of all units; no attitude yet."""
+        assert self._t0 is not None
+        units = {name: unit.take(frames, t_ns - self._t0, told) for name, unit in self._units.items()}
+        own = units[self.session.unit]
+        return Part(t_ns, frames, own.sensed, own.imu, None, t_ns[:0], units if self.session.units else {})
 
 
 def time_spec(form: Format, message: Message) -> TimeSpec:
@@ -341,6 +376,12 @@ def _without_nan(told: dict[str, Any]) -> dict[str, Any]:
 def _tick_ns(device: Field) -> Fraction:
     """Time of one count; a unit and a size are decimal numbers or fractions, so this is exact."""
     return abs(Fraction(device.scale * 1e9).limit_denominator(1 << 30))
+
+
+def _specs(session: Session) -> list[UnitSpec]:
+    """Units to decode; what the session says of the estimated one goes before what it says in their list."""
+    own = UnitSpec(session.unit, session.meta, session.card)
+    return [replace(own, mount=one.mount) if one.unit == own.unit else one for one in session.units] or [own]
 
 
 def _estimator(session: Session) -> Filter | FixedLag | None:

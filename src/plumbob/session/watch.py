@@ -214,7 +214,7 @@ def report_of(watch: Watch) -> dict[str, Any]:
         "duration_s": 0.0 if last is None else float(last.imu.t[-1]),
         **stream.report(),
         "inferred_gaps": next(iter(inferred(stream.time_report())), None),
-    }
+    } | ({"units": [one.unit for one in session.units]} if session.units else {})
 
 
 def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
@@ -225,6 +225,8 @@ def report_lines(report: Mapping[str, Any], last: str) -> list[str]:
         f"samples      {report['samples']} in {report['duration_s']:.3f} s, rate {rate} by {told['mode']}",
         f"bytes        {counts['received']}, of frames {counts['framed']}, junk {counts['junk']}",
     ]
+    if report.get("units"):
+        lines.append(f"units        {', '.join(report['units'])}: samples of each")
     if report["unchecked_bytes"]:
         lines.append(f"checks       {UNCHECKED.format(report['unchecked_bytes'])}")
     rejected = {k: counts[k] for k in ("bad_checksum", "bad_content", "bad_length", "unknown") if counts[k]}

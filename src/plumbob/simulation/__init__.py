@@ -3,9 +3,15 @@
 ``simulate("buoy", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=1)`` gives a recording, its
 true attitude, and the calibration and noise of the unit that recorded it.
 
+``simulate_chain("arm", "calibration", frame=Frame.NED, sensors="mpu6000+hmc5983", unit="calibrated", seed=1)`` does so
+for the units on the segments of a chain.
+
 Not modelled: the Earth's rotation, filters and bandwidths of sensors, nonlinearity, and vibration rectification.
 """
 
+from typing import TYPE_CHECKING
+
+from plumbob.core.lazy import lazily
 from plumbob.simulation.errors import TriadErrors
 from plumbob.simulation.motion import ConingMotion, EulerMotion, GimbalMotion, Motion, PoseMotion, Scenario, Truth
 from plumbob.simulation.presets import Figure, Module, Preset, draw_module, preset, preset_names
@@ -13,10 +19,43 @@ from plumbob.simulation.scenarios import SCENARIOS, scenario
 from plumbob.simulation.signals import earth_field
 from plumbob.simulation.simulation import KINDS, Simulation, simulate
 
+if TYPE_CHECKING:
+    from plumbob.simulation.bodies import ChainMotion, ChainSimulation, simulate_chain
+    from plumbob.simulation.chains import CHAINS, named_chain
+    from plumbob.simulation.fields import BentRegion, Dipole, Disturbance
+    from plumbob.simulation.mounting import SoftTissue
+    from plumbob.simulation.programs import PROGRAMS, Program, named_program, waypoints
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "CHAINS": "chains",
+        "PROGRAMS": "programs",
+        "BentRegion": "fields",
+        "ChainMotion": "bodies",
+        "ChainSimulation": "bodies",
+        "Dipole": "fields",
+        "Disturbance": "fields",
+        "Program": "programs",
+        "SoftTissue": "mounting",
+        "named_chain": "chains",
+        "named_program": "programs",
+        "simulate_chain": "bodies",
+        "waypoints": "programs",
+    },
+)
+
 __all__ = [
+    "CHAINS",
     "KINDS",
+    "PROGRAMS",
     "SCENARIOS",
+    "BentRegion",
+    "ChainMotion",
+    "ChainSimulation",
     "ConingMotion",
+    "Dipole",
+    "Disturbance",
     "EulerMotion",
     "Figure",
     "GimbalMotion",
@@ -24,14 +63,20 @@ __all__ = [
     "Motion",
     "PoseMotion",
     "Preset",
+    "Program",
     "Scenario",
     "Simulation",
+    "SoftTissue",
     "TriadErrors",
     "Truth",
     "draw_module",
     "earth_field",
+    "named_chain",
+    "named_program",
     "preset",
     "preset_names",
     "scenario",
     "simulate",
+    "simulate_chain",
+    "waypoints",
 ]

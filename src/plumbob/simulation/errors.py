@@ -182,6 +182,12 @@ class TriadErrors:
         perfect = type(self)()
         return replace(self, **{name: getattr(perfect, name) for name in _DETERMINISTIC})
 
+    def with_range(self, full_scale: float) -> Self:
+        """Return the same triad with another full scale, u, cut into as many counts."""
+        finite = np.isfinite(self.full_scale)
+        stretch = np.where(finite, full_scale / np.where(finite, self.full_scale, 1.0), 1.0)
+        return replace(self, lsb=self.lsb * stretch, full_scale=np.full(3, full_scale))
+
     def with_noise(self, noise: TriadNoise) -> Self:
         """Return the same triad with N, B and K of a card; ramp and quantisation, which a card has not, stay."""
         return replace(self, white_rpsd=noise.n_rpsd, white_sd=np.zeros(3), flicker=noise.b, walk_rpsd=noise.k_rpsd)

@@ -8,7 +8,7 @@ Not modelled: the rotation of the Earth and the curvature of its surface. Gravit
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Protocol, Self
 
 import numpy as np
@@ -32,7 +32,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
-from plumbob.simulation.signals import Signal, constant, quintic
+from plumbob.simulation.signals import Jet, Signal, constant, quintic
 
 _UPSIDE_DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # half a turn about x: forward-left-up to forward-right-down and back
 
@@ -95,6 +95,46 @@ class Truth:
             self.acc_n + quat_rotate(self.q_nb, pull),
         )
 
+    def at_moving(self, r: Jet) -> Self:
+        """State of a point that moves on the body, at r (N, 3) with its derivatives, body axes, m; axes stay."""
+        swing = np.cross(self.rate_b, r.value)
+        pull = np.cross(self.rate_dot_b, r.value) + np.cross(self.rate_b, swing + 2.0 * r.rate) + r.acc
+        return replace(
+            self,
+            pos_n=self.pos_n + quat_rotate(self.q_nb, r.value),
+            vel_n=self.vel_n + quat_rotate(self.q_nb, swing + r.rate),
+            acc_n=self.acc_n + quat_rotate(self.q_nb, pull),
+        )
+
+    def turned(self, q_bs: ArrayLike) -> Self:
+        """State in axes s that are fixed to the body, q_bs (4,)."""
+        q, q_sb = np.asarray(q_bs, dtype=np.float64), quat_conjugate(q_bs)
+        return replace(
+            self,
+            q_nb=quat_multiply(self.q_nb, q),
+            rate_b=quat_rotate(q_sb, self.rate_b),
+            rate_dot_b=quat_rotate(q_sb, self.rate_dot_b),
+        )
+
+    def hinged(self, axis: ArrayLike, angle: Jet) -> Self:
+        """State of a part that turns about `axis` (3,), a unit vector of the body, by angle (N,), rad."""
+        at, speed, acceleration = (part[:, np.newaxis] * np.asarray(axis, dtype=np.float64) for part in angle)
+        turn = quat_from_rotvec(at)
+        back = quat_conjugate(turn)
+        carried = quat_rotate(back, self.rate_b)
+        return replace(
+            self,
+            q_nb=quat_multiply(self.q_nb, turn),
+            rate_b=carried + speed,
+            rate_dot_b=quat_rotate(back, self.rate_dot_b) - np.cross(speed, carried) + acceleration,
+        )
+
+    def seen_from(self, frame: Frame) -> Self:
+        """Describe the same motion of the same body axes in another navigation frame."""
+        turn = frame_rotation(frame, self.frame)
+        path = {name: quat_rotate(turn, getattr(self, name)) for name in ("pos_n", "vel_n", "acc_n")}
+        return replace(self, frame=frame, q_nb=change_frame(self.q_nb, to=frame, from_=self.frame), **path)
+
     def in_frame(self, frame: Frame) -> Self:
         """Describe the same motion in another navigation frame, with the body axes that go with it."""
         if frame is self.frame:
@@ -106,6 +146,12 @@ class Truth:
             rate_b, rate_dot_b = quat_rotate(_UPSIDE_DOWN, rate_b), quat_rotate(_UPSIDE_DOWN, rate_dot_b)
         path = (quat_rotate(turn, v) for v in (self.pos_n, self.vel_n, self.acc_n))
         return type(self)(self.t, frame, q_nb, rate_b, rate_dot_b, *path)
+
+
+def at_rest(t: Floats, frame: Frame, q_nb: ArrayLike = IDENTITY) -> Truth:
+    """State of a body that stands still at the origin, at an attitude (4,)."""
+    zero = np.zeros((t.size, 3))
+    return Truth(t, frame, np.tile(np.asarray(q_nb, dtype=np.float64), (t.size, 1)), zero, zero, zero, zero, zero)
 
 
 class Motion(Protocol):
@@ -167,13 +213,13 @@ class ConingMotion:
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s."""
         a, w = self.half_angle, self.omega
-        c, s, zero = np.cos(w * t), np.sin(w * t), np.zeros_like(t)
+        c, s, none = np.cos(w * t), np.sin(w * t), np.zeros_like(t)
         half = np.full_like(t, np.cos(0.5 * a))
-        q_nb = np.stack((half, np.sin(0.5 * a) * c, np.sin(0.5 * a) * s, zero), axis=-1)
-        rate_b = np.stack((-w * np.sin(a) * s, w * np.sin(a) * c, zero - w * (1.0 - np.cos(a))), axis=-1)
-        rate_dot_b = -w * w * np.sin(a) * np.stack((c, s, zero), axis=-1)
-        at_rest = np.zeros((t.size, 3))
-        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, at_rest, at_rest, at_rest)
+        q_nb = np.stack((half, np.sin(0.5 * a) * c, np.sin(0.5 * a) * s, none), axis=-1)
+        rate_b = np.stack((-w * np.sin(a) * s, w * np.sin(a) * c, none - w * (1.0 - np.cos(a))), axis=-1)
+        rate_dot_b = -w * w * np.sin(a) * np.stack((c, s, none), axis=-1)
+        zero = np.zeros((t.size, 3))
+        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, zero, zero, zero)
 
 
 def _turning_axes(angle: Floats, speed: Floats, rate_b: Floats) -> Floats:
@@ -204,17 +250,10 @@ class GimbalMotion:
 
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s."""
-        q_nb = np.tile(IDENTITY, (t.size, 1))
-        rate_b, rate_dot_b = np.zeros((t.size, 3)), np.zeros((t.size, 3))
+        found = at_rest(t, self.frame)
         for axis, signal in self.gimbals:
-            angle, speed, acceleration = (part[:, np.newaxis] * _AXES[axis] for part in signal.at(t))
-            turn = quat_from_rotvec(angle)
-            carried = quat_rotate(quat_conjugate(turn), rate_b)
-            q_nb = quat_multiply(q_nb, turn)
-            rate_dot_b = quat_rotate(quat_conjugate(turn), rate_dot_b) - np.cross(speed, carried) + acceleration
-            rate_b = carried + speed
-        at_rest = np.zeros((t.size, 3))
-        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, at_rest, at_rest, at_rest)
+            found = found.hinged(_AXES[axis], signal.at(t))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,8 +302,8 @@ class PoseMotion:
         q_nb = quat_multiply(poses[i], quat_from_rotvec(way[:, np.newaxis] * turns[i]))
         rate_b = (rate / self.move)[:, np.newaxis] * turns[i]
         rate_dot_b = (acc / self.move**2)[:, np.newaxis] * turns[i]
-        at_rest = np.zeros((t.size, 3))
-        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, at_rest, at_rest, at_rest)
+        zero = np.zeros((t.size, 3))
+        return Truth(t, self.frame, q_nb, rate_b, rate_dot_b, zero, zero, zero)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -303,6 +342,10 @@ class Scenario(ABC):
     @abstractmethod
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Motion over the first `duration` s, with what is left to chance drawn from `rng`."""
+
+    def field_n(self, body: Truth, earth_n: Floats) -> Floats:
+        """Magnetic field at the body, (3,) or (N, 3), µT: the Earth's, where a scenario does not say otherwise."""
+        return earth_n
 
 
 def require_whole(name: str, value: float) -> None:

@@ -156,6 +156,11 @@ class Module:
         """Return the unit with another sampling rate of its magnetometer, Hz."""
         return replace(self, mag=self.mag and replace(self.mag, rate=rate))
 
+    def with_range(self, gyr: float | None = None, acc: float | None = None) -> Self:
+        """Return the unit with other full scales, rad/s and m/s²; its counts stay as many, and so grow or shrink."""
+        ranges = {name: (getattr(self, name), end) for name, end in (("gyr", gyr), ("acc", acc)) if end is not None}
+        return replace(self, **{name: errors and errors.with_range(end) for name, (errors, end) in ranges.items()})
+
     def with_noise(self, card: NoiseCard) -> Self:
         """Return the unit with N, B and K of a card instead of its own, in each triad that the card has.
 

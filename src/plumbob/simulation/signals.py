@@ -8,6 +8,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -278,6 +279,92 @@ class Scaled(Signal):
     def at(self, t: Floats) -> Jet:
         """Value and derivatives at the instants t (N,), s."""
         return Jet(*(self.factor * part for part in self.signal.at(t)))
+
+
+@dataclass(frozen=True, eq=False)
+class Mixed(Signal):
+    """A matrix times a signal with components.
+
+    Parameters
+    ----------
+    signal : Signal with k components
+        What is mixed.
+    matrix : ndarray (m, k)
+        Weights.
+    """
+
+    signal: Signal
+    matrix: Floats
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        return Jet(*(part @ self.matrix.T for part in self.signal.at(t)))
+
+
+@dataclass(frozen=True)
+class Sine(Signal):
+    """Sine of a signal, by the chain rule."""
+
+    signal: Signal
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        x, dx, ddx = self.signal.at(t)
+        c, s = np.cos(x), np.sin(x)
+        return Jet(s, c * dx, c * ddx - s * dx * dx)
+
+
+@dataclass(frozen=True, eq=False)
+class Driven(Signal):
+    """Damped oscillators ``x'' + 2ζω x' + ω² x = drive``, in balance with the first drive at the start.
+
+    The drive goes in straight lines from knot to knot; for such a drive the answer is exact at any instant.
+
+    Parameters
+    ----------
+    start, step : float
+        First knot, and time from knot to knot, s.
+    drive : ndarray (m, k)
+        Acceleration at each knot.
+    omega, damping : float
+        Natural angular frequency ω, rad/s, and ratio ζ below 1.
+    """
+
+    start: float
+    step: float
+    drive: Floats
+    omega: float
+    damping: float
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        pole, ringing = self._pole, self._knots
+        k = np.clip(((t - self.start) / self.step).astype(np.intp), 0, len(self.drive) - 2)
+        since = (t - self.start - k * self.step)[:, np.newaxis]
+        slope = (self.drive[k + 1] - self.drive[k]) / self.step
+        drive = self.drive[k] + slope * since
+        growth = np.exp(pole * since)
+        level, ramp = (growth - 1.0) / pole, (growth - 1.0 - pole * since) / pole**2
+        z = growth * ringing[k] + level * self.drive[k] + ramp * slope
+        ring = self.omega * math.sqrt(1.0 - self.damping**2)
+        return Jet(z.imag / ring, (pole * z).imag / ring, (pole**2 * z).imag / ring + drive)
+
+    @property
+    def _pole(self) -> complex:
+        return self.omega * complex(-self.damping, math.sqrt(1.0 - self.damping**2))
+
+    @cached_property
+    def _knots(self) -> NDArray[np.complex128]:
+        """State z (m, k) at the knots, ``z' = pole z + drive``, whose imaginary part over the ring is x."""
+        from scipy.signal import lfilter
+
+        pole, h = self._pole, self.step
+        growth = np.exp(pole * h)
+        level, ramp = (growth - 1.0) / pole, (growth - 1.0 - pole * h) / (pole**2 * h)
+        first = -self.drive[0] / pole
+        fed = (level - ramp) * self.drive[:-1] + ramp * self.drive[1:]
+        rest = lfilter([1.0], [1.0, -growth], fed, axis=0, zi=(growth * first)[np.newaxis])[0]
+        return np.asarray(np.concatenate((first[np.newaxis], rest)), dtype=np.complex128)
 
 
 @dataclass(frozen=True)

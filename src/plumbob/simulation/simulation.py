@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -166,12 +166,12 @@ class Simulation(Series):
 
 
 class _World(NamedTuple):
-    """What surrounds the sensors: the time line, the body's state at any delay, temperature and magnetic field."""
+    """What surrounds the sensors: the time line, the body's state at any delay, temperature and the field there."""
 
     line: TimeLine
     body: Callable[[float], Truth]
     temp_c: Floats
-    field_n: Floats
+    field_n: Callable[[Truth], Floats]
     declination: float
 
     def input_of(self, triad: str, delay: float) -> Floats:
@@ -179,7 +179,7 @@ class _World(NamedTuple):
         body = self.body(delay)
         if triad == "gyr":
             return body.rate_b
-        return body.specific_force_b if triad == "acc" else body.in_body(self.field_n)
+        return body.specific_force_b if triad == "acc" else body.in_body(self.field_n(body))
 
 
 def simulate(
@@ -258,7 +258,7 @@ def simulate(
         line=line,
         body=cache(lambda delay: motion.truth(line.sampled - delay).in_frame(frame)),
         temp_c=warmth.at(line.sampled).value,
-        field_n=earth_field(frame, strength=strength, dip=dip, declination=declination),
+        field_n=partial(plan.field_n, earth_n=earth_field(frame, strength=strength, dip=dip, declination=declination)),
         declination=declination,
     )
     stamped = motion.truth(line.stamps).in_frame(frame) if jitter else world.body(0.0)

@@ -1,7 +1,7 @@
 """What each rig is made of: its units, their mounting, and what is done with them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 from typing import ClassVar, Final
 
@@ -9,9 +9,10 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.data.array import PRESETS
 from plumbob.protocols.format import Format
 from plumbob.protocols.unpack import units_of
-from plumbob.rotations import Frame, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.rotations import Frame
 from plumbob.simulation import Motion, Scenario, Truth, scenario
 from plumbob.simulation.errors import stream
 
@@ -38,13 +39,7 @@ class MountedMotion:
 
     def truth(self, t: Floats) -> Truth:
         """State at the instants t (N,), s, in the unit's axes."""
-        body, q_sb = self.motion.truth(t).in_frame(self.frame), quat_conjugate(np.array(self.q_bs))
-        return replace(
-            body,
-            q_nb=quat_multiply(body.q_nb, np.array(self.q_bs)),
-            rate_b=quat_rotate(q_sb, body.rate_b),
-            rate_dot_b=quat_rotate(q_sb, body.rate_dot_b),
-        )
+        return self.motion.truth(t).in_frame(self.frame).turned(self.q_bs)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,11 +149,6 @@ def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate
     return Plan(form.name, form.title, motion, frame, pace, motion.duration, units)
 
 
-# No turn reverses all three axes of a unit, so each opposite unit reverses its own axis and the next: x is measured
-# against by u4 (and u6), y by u5 (and u4), z by u6 (and u5).
-_ABOUT_X: Final[Quat] = (0.0, 1.0, 0.0, 0.0)
-_ABOUT_Y: Final[Quat] = (0.0, 0.0, 1.0, 0.0)
-_ABOUT_Z: Final[Quat] = (0.0, 0.0, 0.0, 1.0)
 _REFERENCE: Final[Quat] = (sqrt(0.5), 0.0, 0.0, -sqrt(0.5))
 """The reference's y axis is the body's x axis [Li2012], both z axes point down."""
 
@@ -179,10 +169,7 @@ PLANS: Final[Mapping[str, Plan]] = {
         ),
         Plan(
             "arm", "teaching arm: six nine-axis units", scenario("arm"), Frame.NED, 10.0, 30.0,
-            (
-                Unit("arm", "u1"), Unit("arm", "u2"), Unit("arm", "u3"),
-                Unit("arm", "u4", _ABOUT_Z), Unit("arm", "u5", _ABOUT_X), Unit("arm", "u6", _ABOUT_Y),
-            ),
+            tuple(Unit("arm", name, mount.q_bs) for name, mount in PRESETS["arm"].items()),
         ),
         Plan(
             "rod", "rod moved by hand: ADIS16355 beside an AHRS500GA", scenario("rod"), Frame.NED, 100.0, 600.0,

@@ -1,0 +1,272 @@
+"""Chains as TOML files: read strictly, written so that the same chain is read back."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.core import schema
+from plumbob.core.docs import guide
+from plumbob.core.errors import DecodeError, FrameError, ShapeError, excerpt
+from plumbob.core.files import reading, text_of
+from plumbob.core.schema import Parse
+from plumbob.core.units import Quantity
+from plumbob.data.array import Mount, Quat, Vec
+from plumbob.data.chain import DEGREES_OF_FREEDOM, Chain, Joint, Limits, Segment
+from plumbob.rotations import body_axes, quat_from_dcm, quat_from_euler_zyx
+
+KIND: Final = "plumbob chain"
+VERSION: Final = 1
+GUIDE: Final = guide("arm-teach.md")
+_LIMITS: Final = {
+    "low": Quantity.ANGLE,
+    "high": Quantity.ANGLE,
+    "velocity": Quantity.RATE,
+    "acceleration": Quantity.ANGULAR_ACCELERATION,
+    "jerk": Quantity.ANGULAR_JERK,
+}
+_LETTERS: Final = {
+    sign + letter: tuple(float(sign + "1") * (letter == axis) for axis in "xyz")
+    for sign in ("", "-")
+    for letter in "xyz"
+}
+
+
+def load_chain(path: str | Path) -> Chain:
+    """Read a chain.
+
+    Parameters
+    ----------
+    path : path
+        A TOML file.
+
+    Raises
+    ------
+    DecodeError
+        If it is not TOML, is not a chain, or a key is unknown, missing or of the wrong type.
+    UnitError
+        If a unit is missing or unknown.
+    ParameterError
+        If names, axes or limits do not make a chain, as of `Chain`, `Joint` and `Mount`.
+    FrameError
+        If the axes of a unit are not three letters of a right-handed set.
+    """
+    file = Path(path)
+    text = text_of(file, KIND)
+    with reading(file):
+        return parse_chain(text, name=file.stem)
+
+
+def parse_chain(text: str, *, name: str = "chain") -> Chain:
+    """Chain from TOML text; errors as in `load_chain`. `name` is for one that has none itself."""
+    raw = schema.toml(text, GUIDE)
+    if raw.get("kind") != KIND:
+        raise DecodeError(f"its kind is {excerpt(str(raw.get('kind')))}, but a chain begins with kind = '{KIND}'.")
+    found = schema.section("chain", raw, _CHAIN, ("kind", "version", "base", "segment"), top=True)
+    hand = found.get("hand", {})
+    return Chain(
+        found.get("name", name),
+        tuple(found["segment"]),
+        tuple(found.get("joint", ())),
+        hand=hand.get("segment", ""),
+        hand_b=hand.get("at", (0.0, 0.0, 0.0)),
+        base_fixed=found["base"] == "fixed",
+    )
+
+
+def chain_text(chain: Chain) -> str:
+    """TOML text of a chain, in SI and radians; `parse_chain` gives the same chain. Noise of units is not in it."""
+    return "\n".join(_lines(chain)) + "\n"
+
+
+def _lines(chain: Chain) -> Iterator[str]:
+    yield f"kind = {_quoted(KIND)}"
+    yield f"version = {VERSION}"
+    yield f"name = {_quoted(chain.name)}"
+    yield f'base = "{"fixed" if chain.base_fixed else "free"}"'
+    if chain.hand or any(chain.hand_b):
+        place = [f"segment = {_quoted(chain.hand)}"] if chain.hand else []
+        yield f"hand = {{ {', '.join([*place, f'at = {_lengths(chain.hand_b)}'])} }}"
+    for segment in chain.segments:
+        yield from ("", "[[segment]]", f"name = {_quoted(segment.name)}")
+        yield from _mounted(segment)
+    for joint in chain.joints:
+        yield from ("", "[[joint]]")
+        yield from (f"{key} = {_quoted(getattr(joint, key))}" for key in ("name", "parent", "child", "kind"))
+        yield f"origin = {_lengths(joint.origin)}"
+        if joint.q_pc != (1.0, 0.0, 0.0, 0.0):
+            yield f"q_pc = {list(joint.q_pc)}"
+        if joint.axes:
+            yield f"axes = {[list(axis) for axis in joint.axes]}"
+        if any(limits != Limits() for limits in joint.limits):
+            listed = ", ".join(_limits_text(limits) for limits in joint.limits)
+            yield f"limits = {listed if len(joint.limits) == 1 else f'[{listed}]'}"
+
+
+def _mounted(segment: Segment) -> Iterator[str]:
+    if segment.unit:
+        yield f"unit = {_quoted(segment.unit)}"
+    mount, aligned = segment.mount, Mount()
+    if mount.q_bs != aligned.q_bs:
+        yield f"q_bs = {list(mount.q_bs)}"
+    if mount.lever_b != aligned.lever_b:
+        yield f"lever = {_lengths(mount.lever_b)}"
+    if mount.clock_offset:
+        yield f"clock_offset = {_with_unit(mount.clock_offset, Quantity.TIME)}"
+
+
+def _lengths(vector: Vec) -> str:
+    texts = ", ".join(_with_unit(value, Quantity.LENGTH) for value in vector)
+    return f"[{texts}]"
+
+
+def _with_unit(value: float, quantity: Quantity) -> str:
+    return f'"{float(value)!r} {quantity}"'
+
+
+def _limits_text(limits: Limits) -> str:
+    finite = [(key, getattr(limits, key)) for key in _LIMITS if np.isfinite(getattr(limits, key))]
+    texts = ", ".join(f"{key} = {_with_unit(value, _LIMITS[key])}" for key, value in finite)
+    return f"{{ {texts} }}"
+
+
+def _quoted(text: str) -> str:
+    """TOML text; JSON's escapes are TOML's, except that TOML wants DEL escaped and no surrogates."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def _three(one: Parse) -> Parse:
+    def parse(where: str, value: Any) -> Vec:
+        if not isinstance(value, list) or len(value) != 3:
+            raise DecodeError(f"{where} must be a list of three, x, y and z, but it is {excerpt(str(value))}.")
+        x, y, z = (one(f"{where}[{axis}]", item) for axis, item in zip("xyz", value, strict=True))
+        return x, y, z
+
+    return parse
+
+
+def _quaternion(where: str, value: Any) -> Quat:
+    if not isinstance(value, list) or len(value) != 4:
+        raise DecodeError(f"{where} must be a quaternion, [w, x, y, z], but it is {excerpt(str(value))}.")
+    w, x, y, z = (schema.number(f"{where}[{k}]", item) for k, item in zip("wxyz", value, strict=True))
+    return w, x, y, z
+
+
+def _euler(where: str, value: Any) -> Quat:
+    q: Quat = tuple(quat_from_euler_zyx(np.array(_three(schema.quantity(Quantity.ANGLE))(where, value))).tolist())
+    return q
+
+
+def _unit_axes(where: str, value: Any) -> Quat:
+    try:
+        q: Quat = tuple(quat_from_dcm(body_axes(schema.text(where, value))).tolist())
+    except FrameError as error:
+        raise FrameError(f"{where}: {error}") from error
+    return q
+
+
+def _axes(where: str, value: Any) -> tuple[Vec, ...]:
+    """Axes as letters, ``"y"`` or ``"z -y"``, or as a list of vectors."""
+    if isinstance(value, list):
+        return tuple(_three(schema.number)(f"{where}[{k}]", item) for k, item in enumerate(value, 1))
+    words = schema.text(where, value).split()
+    unknown = next((word for word in words if word not in _LETTERS), None)
+    if unknown is not None:
+        raise DecodeError(f"{where} names {excerpt(unknown)}, but an axis is one of {', '.join(_LETTERS)}.")
+    return tuple((_LETTERS[word][0], _LETTERS[word][1], _LETTERS[word][2]) for word in words)
+
+
+def _one_limits(where: str, value: Any) -> Limits:
+    forms: dict[str, Parse] = {
+        key: schema.quantity(kind) if key in ("low", "high") else schema.size(kind) for key, kind in _LIMITS.items()
+    }
+    return Limits(**schema.section(where, value, forms))
+
+
+def _limits(where: str, value: Any) -> tuple[Limits, ...]:
+    if isinstance(value, list):
+        return tuple(_one_limits(f"{where}[{k}]", item) for k, item in enumerate(value, 1))
+    return (_one_limits(where, value),)
+
+
+def _one_of_two(where: str, found: Mapping[str, Any], one: str, other: str) -> Quat:
+    if one in found and other in found:
+        raise DecodeError(f"{where} has both {one} and {other}, which say the same; keep one of them.")
+    q: Quat = found.get(one, found.get(other, (1.0, 0.0, 0.0, 0.0)))
+    return q
+
+
+def _segment(where: str, value: Any) -> Segment:
+    found = schema.section(where, value, _SEGMENT, ("name",))
+    lacking = [key for key in ("axes", "q_bs", "lever", "clock_offset") if key in found and "unit" not in found]
+    if lacking:
+        raise DecodeError(f"{where}.{lacking[0]} is of a unit, but {where} names none; add unit, or leave it out.")
+    mount = Mount(
+        q_bs=_normed(f"{where}.q_bs", _one_of_two(where, found, "q_bs", "axes")),
+        lever_b=found.get("lever", (0.0, 0.0, 0.0)),
+        clock_offset=found.get("clock_offset", 0.0),
+    )
+    return Segment(found["name"], found.get("unit", ""), mount)
+
+
+def _joint(where: str, value: Any) -> Joint:
+    found = schema.section(where, value, _JOINT, ("name", "parent", "child", "kind", "origin"))
+    if found["kind"] in ("hinge", "universal") and "axes" not in found:
+        raise DecodeError(f"{where} is a {found['kind']} and needs 'axes', because nothing is guessed.")
+    q_pc = _normed(f"{where}.q_pc", _one_of_two(where, found, "q_pc", "euler"))
+    plain = {key: found[key] for key in found if key not in ("q_pc", "euler")}
+    if len(found.get("limits", ())) == 1:  # one for all angles of the joint
+        plain["limits"] = found["limits"] * DEGREES_OF_FREEDOM[found["kind"]]
+    return Joint(q_pc=q_pc, **plain)
+
+
+def _normed(where: str, q: Quat) -> Quat:
+    """The quaternion, whose norm is judged with its place in the message."""
+    if abs(float(np.linalg.norm(q)) - 1.0) > 1e-3:
+        raise ShapeError(f"{where} has norm {np.linalg.norm(q):.6g}, but a rotation needs norm 1.")
+    return q
+
+
+def _kind(where: str, value: Any) -> str:
+    return schema.one_of(*DEGREES_OF_FREEDOM)(where, value)  # type: ignore[no-any-return]
+
+
+def _named(where: str, value: Any) -> str:
+    text = schema.text(where, value)
+    if not text.strip() or not text.isprintable() or set("[]") & set(text):
+        raise DecodeError(f"{where} must be a name without brackets, but it is {excerpt(text)}.")
+    return text
+
+
+_length: Final = _three(schema.quantity(Quantity.LENGTH))
+_HAND: Final[dict[str, Parse]] = {"segment": schema.text, "at": _length}
+_SEGMENT: Final[dict[str, Parse]] = {
+    "name": _named,
+    "unit": schema.text,
+    "axes": _unit_axes,
+    "q_bs": _quaternion,
+    "lever": _length,
+    "clock_offset": schema.quantity(Quantity.TIME),
+}
+_JOINT: Final[dict[str, Parse]] = {
+    "name": _named,
+    "parent": schema.text,
+    "child": schema.text,
+    "kind": _kind,
+    "origin": _length,
+    "axes": _axes,
+    "q_pc": _quaternion,
+    "euler": _euler,
+    "limits": _limits,
+}
+_CHAIN: Final[dict[str, Parse]] = {
+    "kind": schema.text,
+    "version": schema.version(VERSION),
+    "name": _named,
+    "hand": schema.form(_HAND),
+    "base": schema.one_of("fixed", "free"),
+    "segment": schema.tables(_segment),
+    "joint": schema.tables(_joint),
+}

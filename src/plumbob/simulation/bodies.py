@@ -1,0 +1,390 @@
+"""Chains of bodies: exact motion of every segment and unit, and what the units say of it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.series import Series
+from plumbob.core.units import Quantity, given
+from plumbob.data import AttitudeTrack
+from plumbob.data.array import ImuArray, Mount, Quat
+from plumbob.data.chain import Chain, Posture
+from plumbob.rotations import Frame, North
+from plumbob.simulation.chains import named_chain
+from plumbob.simulation.errors import stream
+from plumbob.simulation.fields import Disturbance
+from plumbob.simulation.motion import Motion, Scenario, Truth, at_rest
+from plumbob.simulation.mounting import SoftTissue, drawn_mounts, mounts_of
+from plumbob.simulation.presets import Module, draw_module
+from plumbob.simulation.programs import Program, named_program
+from plumbob.simulation.signals import Jet, Signal
+from plumbob.simulation.simulation import Simulation, simulate
+
+_IDENTITY: Quat = (1.0, 0.0, 0.0, 0.0)
+_UPSIDE_DOWN: Quat = (0.0, 1.0, 0.0, 0.0)
+_KEPT = 4
+_SHORT = 100_000
+_DRIVE_STEP = 0.0025
+"""s between the knots of the force that drives soft tissue; in between it goes in straight lines."""
+
+
+@dataclass(frozen=True, eq=False)
+class ChainMotion:
+    """Motion of every segment of a chain, exact to rounding.
+
+    Parameters
+    ----------
+    chain : Chain
+        What moves.
+    angles : Signal with one component for each angle
+        rad, in the order of `Chain.angles`.
+    frame : Frame
+        Navigation frame. The segments' axes stay what they are, whatever the frame.
+    root : Motion or tuple of 4 floats
+        Of the first segment, in any frame; or its attitude q_nb where it stands still at the origin.
+    """
+
+    chain: Chain
+    angles: Signal
+    frame: Frame
+    root: Motion | Quat = _IDENTITY
+    _memory: dict[bytes, dict[str, Truth]] = field(default_factory=dict, init=False, repr=False)
+
+    def truth(self, t: Floats) -> dict[str, Truth]:
+        """State of each segment's origin, in segment axes, at the instants t (N,), s."""
+        key = t.tobytes()
+        if key not in self._memory:  # several units ask for the same instants
+            while len(self._memory) >= (_KEPT if t.size <= _SHORT else 1):
+                del self._memory[next(iter(self._memory))]
+            self._memory[key] = self._truth(t)
+        return self._memory[key]
+
+    def _truth(self, t: Floats) -> dict[str, Truth]:
+        found = {self.chain.segments[0].name: self._rooted(t)}
+        angles = self.angles.at(t)
+        first = 0
+        for joint in self.chain.joints:
+            at = found[joint.parent].at_lever(joint.origin).turned(joint.q_pc)
+            for axis in joint.axes:
+                at = at.hinged(axis, Jet(*(part[:, first] for part in angles)))
+                first += 1
+            found[joint.child] = at
+        return found
+
+    def _rooted(self, t: Floats) -> Truth:
+        if isinstance(self.root, tuple):
+            return at_rest(t, self.frame, self.root)
+        return self.root.truth(t).seen_from(self.frame)
+
+
+@dataclass(frozen=True, eq=False)
+class _UnitMotion:
+    """Motion of a unit on a segment of a chain, in the unit's axes; `sway` moves it on its segment."""
+
+    body: ChainMotion
+    segment: str
+    mount: Mount
+    sway: Signal | None = None
+
+    def truth(self, t: Floats) -> Truth:
+        segment = self.body.truth(t)[self.segment]
+        if self.sway is None:
+            return segment.at_lever(self.mount.lever_b).turned(self.mount.q_bs)
+        jet = self.sway.at(t)
+        place = Jet(jet.value[:, :3] + self.mount.lever_b, jet.rate[:, :3], jet.acc[:, :3])
+        at = segment.at_moving(place)
+        for k, axis in enumerate(np.eye(3), 3):
+            at = at.hinged(axis, Jet(*(part[:, k] for part in jet)))
+        return at.turned(self.mount.q_bs)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Ridden(Scenario):
+    """Program of a chain as one of its units feels it."""
+
+    unit: _UnitMotion
+    title: str
+    length: float
+    disturbances: tuple[Disturbance, ...]
+
+    @property
+    def told(self) -> str:
+        """Program, and which segment the unit is on."""
+        return f"{self.title}, unit on {self.unit.segment}"
+
+    @property
+    def duration(self) -> float:
+        """Time that it takes, s."""
+        return self.length
+
+    def motion(self, rng: np.random.Generator, duration: float) -> Motion:
+        """Motion of the unit; nothing is left to chance."""
+        return self.unit
+
+    def field_n(self, body: Truth, earth_n: Floats) -> Floats:
+        """Field at the unit, (3,) or (N, 3), µT: the Earth's, and what bends it there."""
+        segments = self.unit.body.truth(body.t) if any(one.on for one in self.disturbances) else {}
+        total = earth_n
+        for one in self.disturbances:
+            total = total + one.at(body.pos_n, segments[one.on] if one.on else None)
+        return total
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ChainSimulation(Series):
+    """What the units of a chain say, and everything that is true about it.
+
+    Attributes
+    ----------
+    chain : Chain
+        What moves, with the mounts that the units should have.
+    array : ImuArray
+        What the units say, with these mounts and each unit's noise; a unit for each segment that has one.
+    t : ndarray (N,)
+        Times of all that follows, s.
+    angles : ndarray (N, angles)
+        True joint angles, rad, in the order of `Chain.angles`.
+    bodies : mapping of str to Truth
+        State of each segment's origin in segment axes, by name.
+    mounts : mapping of str to Mount
+        How the units really sit, by unit; with soft tissue about where they sway.
+    units : mapping of str to Simulation
+        Each unit's simulation: truth in its own axes, calibration, noise.
+    program : Program
+        What the joints do.
+    """
+
+    chain: Chain
+    array: ImuArray
+    t: Floats
+    angles: Floats
+    bodies: Mapping[str, Truth]
+    mounts: Mapping[str, Mount]
+    units: Mapping[str, Simulation]
+    program: Program
+
+    @property
+    def frame(self) -> Frame:
+        """Navigation frame of all that is true."""
+        return next(iter(self.bodies.values())).frame
+
+    @property
+    def postures(self) -> dict[str, Posture]:
+        """Where every segment is, by name."""
+        return {name: Posture(one.q_nb, one.pos_n) for name, one in self.bodies.items()}
+
+    @property
+    def hand_n(self) -> Floats:
+        """Position of the hand (N, 3), m, navigation frame."""
+        return self.chain.hand_at(self.postures)
+
+    @property
+    def tracks(self) -> dict[str, AttitudeTrack]:
+        """True attitude of every segment, by name; headings from true North."""
+        source = f"simulated {self.program.name}"
+        return {
+            name: AttitudeTrack(self.t, one.q_nb, self.frame, North.TRUE, source=f"{source}, {name}")
+            for name, one in self.bodies.items()
+        }
+
+    def facts(self) -> Mapping[str, str]:
+        """Chain, program and samples."""
+        return {"chain": self.chain.name, "program": self.program.name, **self.array.facts()}
+
+    def columns(self) -> Mapping[str, NDArray[Any]]:
+        """Time, true angles, and the hand's true position."""
+        turned = {f"{name} [rad]": self.angles[:, k] for k, name in enumerate(self.chain.angles)}
+        return {"t [s]": self.t, **turned, **{f"hand_{a} [m]": self.hand_n[:, k] for k, a in enumerate("xyz")}}
+
+
+def simulate_chain(
+    chain: str | Chain,
+    program: str | Program = "calibration",
+    *,
+    frame: Frame | str,
+    sensors: str | Mapping[str, Module] = "ideal",
+    unit: str,
+    seed: int,
+    rate: float | str = 100.0,
+    duration: float | str | None = None,
+    mount_angle: float | str = 0.0,
+    mount_shift: float | str = 0.0,
+    mounts: Mapping[str, Mount] | None = None,
+    soft: bool | SoftTissue = False,
+    disturbances: Sequence[Disturbance] = (),
+    base: ArrayLike | None = None,
+    gyr_range: float | str | None = None,
+    acc_range: float | str | None = None,
+    **world: Any,
+) -> ChainSimulation:
+    """Simulate the units on a chain that moves; every number may be text with its unit, as ``"5 deg"``.
+
+    Parameters
+    ----------
+    chain : str or Chain
+        Name of a chain (`CHAINS`), or one of your own.
+    program : str or Program
+        Name of a program (`PROGRAMS`), or one already made. A named one carries a chain without a fixed base about.
+    frame : Frame or str
+        Navigation frame of the truth. Segments keep their own axes, whatever the frame.
+    sensors : str, or mapping of str to Module
+        Parts of every unit, joined by ``+``; or a module for each unit by its name.
+    unit : {"random", "calibrated"}
+        As of `simulate`; each unit has its own errors and its own noise.
+    seed : int
+        Of everything that is left to chance.
+    rate : float
+        Samples per second, Hz.
+    duration : float, optional
+        s; by default the program's, and 60 s of a named one.
+    mount_angle, mount_shift : float
+        Largest errors of the units' mounting, rad and m, drawn: each unit's turn and displacement lie in a ball of
+        that radius.
+    mounts : mapping of str to Mount, optional
+        How units really sit, by unit, instead of drawn errors.
+    soft : bool or SoftTissue
+        Whether the units sway on their segments.
+    disturbances : sequence of Disturbance
+        What bends the field: `Dipole`, `BentRegion`.
+    base : (4,), optional
+        Attitude q_nb of a fixed first segment; by default its z axis points up and its x axis is the frame's own:
+        identity in ENU and NWU, half a turn about x in NED.
+    gyr_range, acc_range : float, optional
+        Full scales, rad/s and m/s², instead of the sensors' own.
+    **world : float or str
+        As of `simulate`: strength, dip, declination, temp_c, mag_rate, noise.
+
+    Returns
+    -------
+    ChainSimulation
+
+    Raises
+    ------
+    FrameError
+        If `frame` is not a `Frame`.
+    ParameterError
+        If a name is unknown, a value outside its domain, or the chain has no unit.
+    """
+    frame = Frame.parse(frame)
+    whole = named_chain(chain) if isinstance(chain, str) else check.kind("chain", chain, Chain)
+    riders = [one for one in whole.segments if one.unit]
+    if not riders:
+        raise ParameterError(f"no segment of {whole.name} has a unit; give one to those that carry a sensor.")
+    refused = sorted(set(world) & {"jitter", "lost"})
+    if refused:
+        raise ParameterError(f"the units of a chain share one time line; leave {refused[0]} out.")
+    moves = _programmed(whole, program, seed, given("duration", duration, Quantity.TIME))
+    length = moves.duration if duration is None else float(given("duration", duration, Quantity.TIME) or 0.0)
+    body = ChainMotion(whole, moves.angles, frame, _root(moves, frame, base))
+    true_mounts = _mounted(whole, mounts, mount_angle, mount_shift, seed)
+    ends = (given("gyr_range", gyr_range, Quantity.RATE), given("acc_range", acc_range, Quantity.ACCELERATION))
+    units: dict[str, Simulation] = {}
+    for number, rider in enumerate(riders):
+        own = seed if number == 0 else 1000 * seed + number
+        motion = _UnitMotion(body, rider.name, true_mounts[rider.unit])
+        if soft:
+            motion = replace(motion, sway=_sway(motion, soft, length, stream(seed, rider.unit, "soft")))
+        units[rider.unit] = simulate(
+            _Ridden(unit=motion, title=moves.name, length=length, disturbances=_known(disturbances, whole)),
+            frame=frame, sensors=_module(sensors, rider.unit, own).with_range(*ends), unit=unit, seed=own, rate=rate,
+            duration=length, **world,
+        )  # fmt: skip
+    imus = {name: one.imu for name, one in units.items()}
+    t = next(iter(imus.values())).t
+    nominal = {one.unit: replace(one.mount, noise=units[one.unit].noise) for one in riders}
+    return ChainSimulation(
+        chain=whole,
+        array=ImuArray(imus, nominal),
+        t=t,
+        angles=moves.angles.at(t).value,
+        bodies=body.truth(t),
+        mounts=true_mounts,
+        units=units,
+        program=moves,
+    )
+
+
+def _programmed(chain: Chain, program: str | Program, seed: int, duration: float | None) -> Program:
+    if isinstance(program, str):
+        rng = stream(seed, "program")
+        return named_program(program, chain, rng=rng, duration=60.0 if duration is None else duration)
+    made = check.kind("program", program, Program)
+    count = made.angles.at(np.zeros(1)).value.shape
+    if count != (1, len(chain.angles)):
+        raise ParameterError(
+            f"{chain.name} has the {len(chain.angles)} angles {', '.join(chain.angles)}, but the program gives "
+            f"{count[-1] if len(count) > 1 else 'one without components'}."
+        )
+    return made
+
+
+def _root(program: Program, frame: Frame, base: ArrayLike | None) -> Motion | Quat:
+    if program.root is not None:
+        if base is not None:
+            raise ParameterError("the program moves the first segment; leave base out.")
+        return program.root
+    if base is None:
+        return _IDENTITY if frame.up[2] > 0.0 else _UPSIDE_DOWN
+    q = check.last_axis("base", base, 4)
+    check.unit_norm("base", q, 1e-3)
+    return Mount(tuple(q.tolist())).q_bs  # normalised there
+
+
+def _mounted(
+    chain: Chain, mounts: Mapping[str, Mount] | None, angle: float | str, shift: float | str, seed: int
+) -> dict[str, Mount]:
+    turn = given("mount_angle", angle, Quantity.ANGLE) or 0.0
+    way = given("mount_shift", shift, Quantity.LENGTH) or 0.0
+    if mounts is None:
+        return drawn_mounts(chain, angle=turn, shift=way, seed=seed)
+    if turn or way:
+        raise ParameterError("give either mounts or errors to draw, mount_angle and mount_shift.")
+    return mounts_of(chain, mounts)
+
+
+def _module(sensors: str | Mapping[str, Module], unit: str, seed: int) -> Module:
+    if isinstance(sensors, str):
+        return draw_module(sensors, seed)
+    if not isinstance(sensors, Mapping) or unit not in sensors:
+        raise ParameterError(f"sensors must name parts, or hold a module for each unit; '{unit}' has none.")
+    return check.kind(f"sensors of '{unit}'", sensors[unit], Module)
+
+
+def _known(disturbances: Sequence[Disturbance], chain: Chain) -> tuple[Disturbance, ...]:
+    for one in disturbances:
+        if one.on and one.on not in chain.places:
+            raise ParameterError(f"'{one.on}' is not a segment of {chain.name}; they are {', '.join(chain.places)}.")
+    return tuple(disturbances)
+
+
+def _sway(motion: _UnitMotion, soft: bool | SoftTissue, length: float, rng: np.random.Generator) -> Signal:
+    tissue = SoftTissue() if soft is True else check.kind("soft", soft, SoftTissue)
+    start = -0.1  # before the first value that a sensor with a latency gives
+    t = start + _DRIVE_STEP * np.arange(int((length - 2.0 * start) / _DRIVE_STEP) + 2, dtype=np.float64)
+    force = motion.body.truth(t)[motion.segment].at_lever(motion.mount.lever_b).specific_force_b
+    joint = next((k for k, one in enumerate(motion.body.chain.joints) if one.child == motion.segment), None)
+    angles, count = None, 0
+    if joint is not None:
+        first = sum(len(one.axes) for one in motion.body.chain.joints[:joint])
+        count = len(motion.body.chain.joints[joint].axes)
+        angles = _Part(motion.body.angles, first, first + count)
+    return tissue.sway(rng, start=start, step=_DRIVE_STEP, force=force, angles=angles, count=count)
+
+
+@dataclass(frozen=True)
+class _Part(Signal):
+    """Components of a signal."""
+
+    signal: Signal
+    first: int
+    end: int
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        return Jet(*(part[:, self.first : self.end] for part in self.signal.at(t)))

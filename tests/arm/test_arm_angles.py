@@ -1,0 +1,95 @@
+"""Joint angles as tables: to the bit and back, and what is refused."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from plumbob.arm import JointTrack
+from plumbob.core import flags
+from plumbob.core.errors import DecodeError, ParameterError, ShapeError, UnitError
+
+
+def some_track(count: int = 50) -> JointTrack:
+    rng = np.random.default_rng(3)
+    angles = rng.normal(size=(count, 2))
+    angles[4, 1] = np.nan
+    words = np.zeros(count, dtype=np.uint32)
+    words[7] = flags.INCONSISTENT
+    return JointTrack(
+        np.arange(count) * 0.01,
+        ("shoulder, left", "elbow"),
+        angles,
+        sd=rng.uniform(0.0, 0.1, (count, 2)),
+        hand_n=rng.normal(size=(count, 3)),
+        hand_sd=rng.uniform(0.0, 0.1, (count, 3)),
+        flags=words,
+        source="by hand",
+    )
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_a_table_is_read_back_to_the_bit(tmp_path: Path, suffix: str) -> None:
+    track = some_track()
+    found = JointTrack.load(track.save(tmp_path / f"angles{suffix}"))
+    assert found.names == track.names
+    for name in ("t", "angles", "sd", "hand_n", "hand_sd", "flags"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(track, name), err_msg=name)
+
+
+def test_angles_alone_and_in_degrees(tmp_path: Path) -> None:
+    file = tmp_path / "angles.csv"
+    file.write_text("t [s],elbow [deg]\n0,180\n0.5,\n1,-90\n")
+    found = JointTrack.load(file)
+    np.testing.assert_array_equal(found.angles[:, 0], [np.pi, np.nan, -np.pi / 2])
+    assert found.sd is None and found.hand_n is None and found.flags is None
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "match"),
+    [
+        ("t [s],elbow\n0,1\n", UnitError, "has no unit"),
+        ("t [s],elbow [m]\n0,1\n", UnitError, "not a unit of angle"),
+        ("time,elbow [rad]\n0,1\n", DecodeError, "first line"),
+        ("t [s],elbow [rad]\n0,x\n", DecodeError, "not numbers"),
+        ("t [s],elbow [rad]\n0,1,2\n", DecodeError, "not numbers"),
+        ("t [s],a [rad],b [rad],a_sd [rad]\n0,1,2,3\n", DecodeError, "belong together"),
+        ("t [s],a [rad],a [rad]\n0,1,2\n", DecodeError, "twice"),
+        ("", DecodeError, "first line"),
+        ("t [s],a [rad]\n", ShapeError, "empty"),
+    ],
+)
+def test_a_table_that_says_too_little_is_refused(tmp_path: Path, text: str, error: type[Exception], match: str) -> None:
+    file = tmp_path / "angles.csv"
+    file.write_text(text)
+    with pytest.raises(error, match=match):
+        JointTrack.load(file)
+
+
+def test_a_flipped_bit_is_refused(tmp_path: Path) -> None:
+    file = some_track(400).save(tmp_path / "angles.parquet")
+    content = bytearray(file.read_bytes())
+    content[2000] ^= 4
+    file.write_bytes(content)
+    with pytest.raises(DecodeError, match=str(file)):
+        JointTrack.load(file)
+
+
+def test_wrong_parts_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ShapeError, match="occurs twice"):
+        JointTrack([0.0], ("a", "a"), [[0.0, 0.0]])
+    with pytest.raises(ShapeError, match="standard deviation of 'a'"):
+        JointTrack([0.0], ("a", "a_sd"), [[0.0, 0.0]])
+    with pytest.raises(ShapeError, match="infinite"):
+        JointTrack([0.0], ("a",), [[np.inf]])
+    with pytest.raises(ShapeError, match="negative"):
+        JointTrack([0.0], ("a",), [[0.0]], sd=[[-0.1]])
+    with pytest.raises(ParameterError, match=r"ends in \.csv"):
+        some_track().save(tmp_path / "angles.txt")
+
+
+def test_a_slice_is_a_track() -> None:
+    track = some_track()
+    part = track[10:20]
+    np.testing.assert_array_equal(part.angles, track.angles[10:20])
+    assert part.flags is not None and part.flags.size == len(part) == 10

@@ -1,0 +1,225 @@
+"""Arrays of several units in a native recording: every bit of every unit comes back, whole, in parts, or not at all."""
+
+from dataclasses import fields, replace
+from itertools import pairwise
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from io_samples import make_imu, make_track
+
+import plumbob
+from plumbob.core.errors import DecodeError, ParameterError, PlumbobError, ShapeError
+from plumbob.data import ImuMeta
+from plumbob.data.array import ImuArray, Mount
+from plumbob.data.cards import NoiseCard, TriadNoise
+from plumbob.files import Recording, header, read
+from plumbob.files.columns import to_columns
+from plumbob.files.parquet import Stored, read_parquet, write_parquet
+
+Q_BS = np.array([0.5, -0.7, 0.1, 0.4]) / np.linalg.norm([0.5, -0.7, 0.1, 0.4])
+NOISE = NoiseCard("u1", "test", gyr=TriadNoise([0.1, 0.2, 1 / 3], [0.0, 1e-5, 1e-6], [1e-7, 0.0, 0.0]))
+MOUNTS = {"u1": Mount(tuple(Q_BS), (0.1, -1 / 3, 2e-3), -1.25e-3, NOISE), "left.arm": Mount()}
+
+
+def made(rows=12):
+    """A unit with everything, one without a magnetometer, and one with a single axis of ranges and errors left."""
+    whole = make_imu(rows)
+    left = ImuMeta(device="b", acc_range=(4.0, 5.0, 0.1 + 0.2), gyr_left=tuple(np.arange(78) / 7.0), unit_check=False)
+    bare = make_imu(rows, mag=None, temp_c=None, acc=whole.acc + 1.0, meta=left)
+    alone = make_imu(rows, mag=None, acc=None, meta=ImuMeta(), flags=np.arange(rows, dtype=np.uint32) << 16)
+    return ImuArray({"u1": whole, "左": bare, "left.arm": alone}, MOUNTS)
+
+
+def assert_same(mine, other):
+    assert mine.names == other.names
+    for name in mine.names:
+        for one in fields(mine.units[name]):
+            a, b = getattr(mine.units[name], one.name), getattr(other.units[name], one.name)
+            assert a.tobytes() == b.tobytes() if isinstance(a, np.ndarray) else a == b, (name, one.name)
+        a, b = mine.mounts[name], other.mounts[name]
+        assert replace(a, noise=None) == replace(b, noise=None)
+        assert (a.noise and a.noise.text()) == (b.noise and b.noise.text())
+
+
+def test_every_bit_comes_back(tmp_path):
+    array = made()
+    plumbob.write(tmp_path / "a.parquet", array, notes=["by a test"])
+    found = plumbob.read(tmp_path / "a.parquet")
+    assert found.imu is None
+    assert_same(array, found.array)
+    assert "by a test" in found.notes
+    plumbob.write(tmp_path / "b.parquet", found)
+    assert_same(array, plumbob.read(tmp_path / "b.parquet").array)
+
+
+def test_a_rotation_keeps_its_bits_however_often_it_is_made():
+    """Dividing by a norm that is 1 but for rounding would change the last bit now and then."""
+    q = np.random.default_rng(1).normal(size=(2000, 4))
+    for one in q / np.linalg.norm(q, axis=1, keepdims=True):
+        first = Mount(tuple(one))
+        assert Mount(first.q_bs).q_bs == first.q_bs == tuple(one.tolist())
+    assert Mount((2.0 - 1e-3 - 1.0, 0.0, 0.0, 0.0)).q_bs == (1.0, 0.0, 0.0, 0.0)
+
+
+def test_columns_have_the_name_of_their_unit_and_say_their_own_unit(tmp_path):
+    plumbob.write(tmp_path / "a.parquet", made())
+    schema = pq.read_schema(tmp_path / "a.parquet")
+    assert schema.names[:2] == ["t_ns", "u1.gyr_x"]
+    assert set(schema.names) >= {"u1.mag_z", "u1.temp_c", "u1.flags", "左.acc_y", "left.arm.gyr_z"}
+    assert not {"左.mag_x", "左.temp_c", "left.arm.acc_x"} & set(schema.names)
+    assert schema.field("左.acc_y").metadata == {b"unit": b"m/s2"}
+
+
+def test_it_carries_an_attitude_on_the_same_clock(tmp_path):
+    whole = Recording(array=made(), track=make_track())
+    write_parquet(tmp_path / "a.parquet", whole)
+    found = read_parquet(tmp_path / "a.parquet")
+    assert_same(whole.array, found.array)
+    assert found.track.q_nb.tobytes() == whole.track.q_nb.tobytes()
+    assert found.of_unit("u1").track is None  # nobody knows whether it is that unit's
+
+
+def test_one_unit_by_name_or_number(tmp_path):
+    array, path = made(), tmp_path / "a.parquet"
+    plumbob.write(path, array)
+    for asked in ("left.arm", "3"):
+        found = plumbob.read(path, unit=asked)
+        assert found.array is None
+        assert found.imu.gyr.tobytes() == array.units["left.arm"].gyr.tobytes()
+        assert "unit left.arm of u1, 左, left.arm" in found.notes
+    with pytest.raises(ParameterError, match=r"no unit 'u9'; there are u1 \(1\), 左 \(2\), left.arm \(3\)"):
+        plumbob.read(path, unit="u9")
+    with pytest.raises(ParameterError, match=r"holds the units u1, 左, left.arm. Name one with --unit"):
+        plumbob.estimate(path, frame="NED")
+    plumbob.write(tmp_path / "one.parquet", array.units["u1"])
+    with pytest.raises(ParameterError, match="one unit without a name"):
+        plumbob.read(tmp_path / "one.parquet", unit="u1")
+
+
+def test_samples_stay_in_the_file_where_that_is_asked_for(tmp_path):
+    """Forty thousand rows lie in two row groups; any way of cutting them gives the rows of the whole."""
+    array, path = made(40_000), tmp_path / "long.parquet"
+    plumbob.write(path, array)
+    stored = read(path, whole=False).array
+    assert all(isinstance(one, Stored) for one in stored.units.values())
+    assert len(stored) == 40_000
+    for start, stop in pairwise((0, 1, 32_767, 32_769, 39_999, 40_000)):
+        assert_same(array[start:stop], stored[start:stop])
+    assert sum(len(part) for part in stored.chunks(7001)) == 40_000
+    np.testing.assert_array_equal(stored.stacked("gyr"), array.stacked("gyr"))
+
+
+def test_a_table_of_text_holds_one_unit(tmp_path):
+    with pytest.raises(ParameterError, match=r"one unit, and there are u1, 左, left.arm. Write .parquet"):
+        plumbob.write(tmp_path / "a.csv", made())
+    assert not list(tmp_path.iterdir())
+
+
+def test_damage_is_refused_or_harmless(tmp_path):
+    whole, path = tmp_path / "whole.parquet", tmp_path / "bad.parquet"
+    plumbob.write(whole, made())
+    raw, array, refusals = whole.read_bytes(), plumbob.read(whole).array, 0
+    for bit in np.random.default_rng(3).choice(8 * len(raw), 150, replace=False):
+        damaged = bytearray(raw)
+        damaged[bit >> 3] ^= 1 << (bit & 7)
+        path.write_bytes(damaged)
+        try:
+            assert_same(array, read_parquet(path).array)
+        except DecodeError as error:
+            refusals += 1
+            assert "\n" not in str(error)
+    assert refusals > 75
+    for size in range(0, len(raw), 97):
+        path.write_bytes(raw[:size])
+        with pytest.raises(DecodeError):
+            read_parquet(path)
+
+
+HOSTILE = {
+    "no list": ({"array": "u1"}, "must have the keys name, imu, mount"),
+    "no mount": ({"array": [{"name": "u1", "imu": {}}]}, "must have the keys name, imu, mount"),
+    "older version": ({"format_version": 1}, "must have the keys"),
+    "version": ({"format_version": 3}, "reads up to 2; update Plumbob"),
+    "no array": ({"array": ...}, "must have the keys"),
+}
+
+
+def forged(path, change):
+    """The file with another header, and a checksum that fits it."""
+    from test_files_parquet import tabled
+
+    whole = Recording(array=made())
+    columns = to_columns(whole)
+    content = header.header_of(whole, list(columns)) | change
+    content = {key: value for key, value in content.items() if value is not ...}
+    pq.write_table(tabled(columns, content), path)
+    return path
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_a_wrong_header_is_refused(tmp_path, case):
+    change, match = HOSTILE[case]
+    with pytest.raises(DecodeError, match=match):
+        read_parquet(forged(tmp_path / "a.parquet", change))
+
+
+WRONG_UNITS = {
+    "twice": (lambda told: [*told, told[0]], "twice"),
+    "one too few": (lambda told: told[1:], "columns of the units u1, which its header does not name"),
+    "one too many": (lambda told: [*told, told[0] | {"name": "u9"}], "columns flags of the unit u9 are missing"),
+    "a name of 5": (lambda told: [told[0] | {"name": 5}, *told[1:]], "must be a text"),
+    "three for a quaternion": (lambda told: [mount(told[0], q_bs=[1.0, 0.0, 0.0]), *told[1:]], "q_bs"),
+    "no rotation": (lambda told: [mount(told[0], q_bs=[3.0, 0.0, 0.0, 0.0]), *told[1:]], "q_bs"),
+    "lever of text": (lambda told: [mount(told[0], lever_b=["1", 0.0, 0.0]), *told[1:]], "must be a number"),
+    "no noise card": (lambda told: [mount(told[0], noise={"kind": "x"}), *told[1:]], "is not a plumbob noise card"),
+}
+
+
+def mount(told, **change):
+    return told | {"mount": told["mount"] | change}
+
+
+@pytest.mark.parametrize("case", WRONG_UNITS)
+def test_a_wrong_unit_is_refused(tmp_path, case):
+    change, match = WRONG_UNITS[case]
+    path = forged(tmp_path / "a.parquet", {"array": change(header.array_told(made()))})
+    with pytest.raises(PlumbobError, match=match):
+        read_parquet(path)
+
+
+def test_findings_name_the_units_that_they_are_about(tmp_path):
+    array = made()
+    clipped = replace(array.units["左"], acc=np.tile([4.0, 1.0, 0.1], (12, 1)))
+    plumbob.write(tmp_path / "a.parquet", ImuArray({**array.units, "左": clipped}))
+    notes = plumbob.read(tmp_path / "a.parquet").notes
+    assert any(note.startswith("clipped: 左: acc is at the end of the range in 12") for note in notes)
+    assert sum(note.startswith("calibration: ") for note in notes) == 1
+    assert any(note.startswith("calibration: 左, left.arm: NONE") for note in notes)
+
+
+def test_info_says_units_mounts_and_samples(tmp_path, capsys):
+    from plumbob.cli.main import main
+
+    path = tmp_path / "a.parquet"
+    plumbob.write(path, made())
+    assert main(["info", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "units        u1, 左, left.arm" in told
+    assert "lever [100, -333.3, 2] mm, clock -1.25 ms, noise of u1" in told
+    assert "left.arm     unknown: gyr 12 samples; flags: " in told
+    summary = plumbob.info(path).summary()
+    assert summary["array"]["units"]["u1"]["mount"]["q_bs"] == list(Q_BS)
+    assert summary["array"]["time"]["samples"] == 12
+    assert "mag" in plumbob.info(path, unit="u1").summary()["sensors"]["triads"]
+
+
+@pytest.mark.parametrize("name", ["", " ", "a\nb", 5])
+def test_a_unit_has_a_name(name):
+    with pytest.raises(ShapeError, match="needs a name"):
+        ImuArray({name: make_imu()})
+
+
+def test_a_recording_holds_one_unit_or_several():
+    with pytest.raises(ShapeError, match="both were given"):
+        Recording(imu=make_imu(), array=made())

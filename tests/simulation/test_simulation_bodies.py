@@ -1,0 +1,291 @@
+"""Chains of bodies: exact motion against closed forms and differences, mounts, soft tissue and fields."""
+
+import numpy as np
+import pytest
+
+from plumbob.core.constants import G0
+from plumbob.core.errors import FrameError, ParameterError
+from plumbob.core.units import deg
+from plumbob.data.array import Mount
+from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.rotations import (
+    Frame,
+    quat_angle,
+    quat_conjugate,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+    rotvec_from_quat,
+)
+from plumbob.simulation import CHAINS, PROGRAMS, BentRegion, Dipole, EulerMotion, SoftTissue, simulate_chain
+from plumbob.simulation.bodies import ChainMotion, _UnitMotion
+from plumbob.simulation.signals import Sinusoids, Stack, constant, sinusoid
+
+T = np.linspace(0.1, 6.3, 120)
+Z = (0.0, 0.0, 1.0)
+
+
+def lively(chain, seed=3):
+    rng, k = np.random.default_rng(seed), len(chain.angles)
+    return Sinusoids(rng.uniform(0.5, 5.0, 4), rng.normal(size=(4, k)) * 0.3, rng.normal(size=(4, k)) * 0.3)
+
+
+def planar(l1, l2):
+    """Two bars in the horizontal plane, the second with its unit at the end."""
+    return Chain(
+        "planar",
+        (Segment("base"), Segment("a"), Segment("b", "b", Mount(lever_b=(l2, 0.0, 0.0)))),
+        (Joint("one", "base", "a", axes=(Z,)), Joint("two", "a", "b", origin=(l1, 0.0, 0.0), axes=(Z,))),
+        hand_b=(l2, 0.0, 0.0),
+        base_fixed=True,
+    )
+
+
+def rate_by_differences(truth, t, h):
+    return rotvec_from_quat(quat_multiply(quat_conjugate(truth(t - h).q_nb), truth(t + h).q_nb)) / (2.0 * h)
+
+
+def judge_all(truth, closes_in):
+    exact = truth(T).rate_b
+    wide, narrow = (np.max(np.abs(rate_by_differences(truth, T, h) - exact)) for h in (2e-3, 1e-3))
+    assert wide < 0.01 * np.max(np.abs(exact))
+    assert 3.5 < wide / narrow < 4.5  # a central difference is of second order (Taylor)
+    closes_in(lambda t: truth(t).rate_b, lambda t: truth(t).rate_dot_b, T)
+    closes_in(lambda t: truth(t).pos_n, lambda t: truth(t).vel_n, T)
+    closes_in(lambda t: truth(t).vel_n, lambda t: truth(t).acc_n, T)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_last_segment_moves_as_its_derivatives_say(name, closes_in):
+    chain = CHAINS[name]
+    root = EulerMotion(Frame.NED, lively(chain, 7) if len(chain.angles) == 3 else Sinusoids(
+        np.array([1.0, 2.3]), np.full((2, 3), 0.3), np.full((2, 3), -0.2)), sinusoid3(0.4, 0.3))  # fmt: skip
+    motion = ChainMotion(chain, lively(chain), Frame.ENU, root)
+    judge_all(lambda t: motion.truth(t)[chain.segments[-1].name], closes_in)
+
+
+def sinusoid3(amplitude, frequency):
+    return Stack(tuple(sinusoid(amplitude, frequency * k, 0.3 * k) for k in (1.0, 1.7, 2.1)))
+
+
+def test_tip_of_a_double_pendulum_is_the_closed_form():
+    l1, l2 = 0.7, 0.4
+    chain, angles = planar(l1, l2), Stack((sinusoid(0.8, 0.4), sinusoid(1.1, 0.7, 0.5)))
+    (a, b), (da, db), (dda, ddb) = (part.T for part in angles.at(T))
+    tip = ChainMotion(chain, angles, Frame.ENU).truth(T)["b"].at_lever((l2, 0.0, 0.0))
+    # p = l1 e^{ia} + l2 e^{i(a+b)} in the complex plane, differentiated twice by hand
+    one, other = l1 * np.exp(1j * a), l2 * np.exp(1j * (a + b))
+    acc = (1j * dda - da**2) * one + (1j * (dda + ddb) - (da + db) ** 2) * other
+    vel = 1j * da * one + 1j * (da + db) * other
+    flat = np.zeros(T.size)
+    for got, want in ((tip.pos_n, one + other), (tip.vel_n, vel), (tip.acc_n, acc)):
+        np.testing.assert_allclose(got, np.column_stack((want.real, want.imag, flat)), atol=1e-13)
+    in_body = acc * np.exp(-1j * (a + b))
+    force = np.column_stack((in_body.real, in_body.imag, flat + G0))
+    np.testing.assert_allclose(tip.specific_force_b, force, atol=1e-12)
+    np.testing.assert_allclose(tip.rate_b, np.column_stack((flat, flat, da + db)), atol=1e-14)
+
+
+def test_one_hinge_is_a_turntable():
+    lever, yaw = (0.3, -0.1, 0.2), sinusoid(1.2, 0.5)
+    chain = Chain(
+        "one", (Segment("base"), Segment("a", "a", Mount(lever_b=lever))), (Joint("j", "base", "a", axes=(Z,)),)
+    )
+    here = ChainMotion(chain, Stack((yaw,)), Frame.ENU).truth(T)["a"].at_lever(lever)
+    there = EulerMotion(Frame.ENU, Stack((yaw, constant(0.0), constant(0.0))), lever_b=lever).truth(T)
+    for name in ("rate_b", "rate_dot_b", "pos_n", "vel_n", "acc_n"):
+        np.testing.assert_allclose(getattr(here, name), getattr(there, name), atol=1e-13)
+    assert quat_angle(here.q_nb, there.q_nb).max() < 1e-14
+
+
+def test_a_constant_turn_pulls_to_the_axis_by_omega_squared_r():
+    from plumbob.simulation.programs import Program
+    from plumbob.simulation.signals import Polynomial
+
+    chain, omega = planar(0.3, 0.25), deg(200.0)
+    turn = Program("turn", Stack((Polynomial((0.0, omega)), constant(0.0))), 2.0)
+    made = simulate_chain(chain, turn, frame=Frame.NWU, unit="calibrated", seed=0)
+    imu = made.array.units["b"]
+    np.testing.assert_allclose(imu.acc, np.tile((-(omega**2) * 0.55, 0.0, G0), (200, 1)), atol=1e-9)
+    np.testing.assert_allclose(imu.gyr, np.tile((0.0, 0.0, omega), (200, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("frame", list(Frame))
+@pytest.mark.parametrize("name", CHAINS)
+def test_truth_is_where_the_chain_puts_it(name, frame):
+    made = simulate_chain(name, "calibration", frame=frame, unit="calibrated", seed=2, duration=8.0)
+    root = made.bodies[made.chain.segments[0].name]
+    postures = made.chain.postures(made.angles, root.q_nb, root.pos_n)
+    for segment, one in postures.items():
+        np.testing.assert_allclose(one.pos_n, made.postures[segment].pos_n, atol=1e-13)
+        assert quat_angle(one.q_nb, made.tracks[segment].q_nb).max() < 1e-13
+    np.testing.assert_allclose(made.chain.hand_at(postures), made.hand_n, atol=1e-13)
+    assert made.chain.base_fixed is not root.vel_n.any()
+    rising = quat_rotate(root.q_nb[0], Z) @ frame.up  # at the start the root's z axis points up, or nearly
+    assert rising > 0.8
+
+
+def test_frames_give_the_same_motion_and_the_same_readings():
+    one, other = (
+        simulate_chain("arm", "fast", frame=frame, unit="calibrated", seed=4, duration=5.0) for frame in ("NWU", "NED")
+    )
+    for name in one.array.names:
+        for triad in ("gyr", "acc", "mag"):
+            np.testing.assert_allclose(
+                getattr(one.array.units[name], triad), getattr(other.array.units[name], triad), atol=1e-11
+            )
+
+
+def test_ideal_units_say_what_their_true_mounts_make_of_the_segment():
+    made = simulate_chain(
+        "teach", "fast", frame="NED", unit="calibrated", seed=5, duration=4.0, mount_angle="5 deg", mount_shift="2 cm"
+    )
+    for segment in made.chain.segments[1:]:
+        mount, body = made.mounts[segment.unit], made.bodies[segment.name]
+        q_sb = quat_conjugate(mount.q_bs)
+        r, w, alpha = np.array(mount.lever_b), body.rate_b, body.rate_dot_b
+        force = body.specific_force_b + np.cross(alpha, r) + np.cross(w, np.cross(w, r))
+        np.testing.assert_allclose(made.array.units[segment.unit].gyr, quat_rotate(q_sb, w), atol=1e-12)
+        np.testing.assert_allclose(made.array.units[segment.unit].acc, quat_rotate(q_sb, force), atol=1e-11)
+        nominal = made.array.mounts[segment.unit]
+        assert nominal.q_bs == segment.mount.q_bs
+        assert 0.0 < quat_angle(nominal.q_bs, mount.q_bs) <= deg(5.0)
+        assert 0.0 < np.linalg.norm(r - nominal.lever_b) <= 0.02
+
+
+def test_drawn_mounts_fill_the_ball():
+    made = [
+        simulate_chain("five", "still", frame="NED", unit="calibrated", seed=k, duration=0.1, mount_angle=deg(5.0))
+        for k in range(40)
+    ]
+    size = [
+        float(quat_angle(mount.q_bs, one.array.mounts[name].q_bs)) for one in made for name, mount in one.mounts.items()
+    ]
+    assert max(size) <= deg(5.0)
+    # evenly in a ball: rms √(3/5) of its radius; 200 draws of r² with relative sd √(3/7 − 9/25) / (3/5) / √200 = 3.1 %
+    assert np.mean(np.square(size)) == pytest.approx(0.6 * deg(5.0) ** 2, rel=4 * 0.031)
+
+
+def test_mounts_may_be_given_and_must_be_known():
+    mount = Mount(tuple(quat_from_rotvec([0.1, 0.0, 0.0]).tolist()), (0.2, 0.0, 0.0))
+    made = simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, duration=1.0, mounts={"hand": mount})
+    assert made.mounts["hand"] == mount
+    assert made.mounts["forearm"] == made.chain.segments[2].mount
+    with pytest.raises(ParameterError, match="no unit 'foot'"):
+        simulate_chain("arm", "still", frame="NED", unit="calibrated", seed=1, mounts={"foot": mount})
+
+
+def test_a_unit_that_sways_moves_as_its_derivatives_say(closes_in):
+    chain = CHAINS["arm"]
+    rng = np.random.default_rng(8)
+    sway = Sinusoids(rng.uniform(2.0, 20.0, 3), *(0.03 * rng.normal(size=(2, 3, 6))))
+    body = ChainMotion(chain, lively(chain), Frame.NED)
+    judge_all(_UnitMotion(body, "hand", Mount((0.6, 0.0, 0.8, 0.0), (0.1, 0.02, 0.0)), sway).truth, closes_in)
+
+
+def test_soft_tissue_sways_by_millimetres_and_degrees_and_not_at_rest():
+    still, fast = (
+        simulate_chain("arm", program, frame="NED", unit="calibrated", seed=6, duration=20.0, soft=True)
+        for program in ("still", "fast")
+    )
+    for name in ("upperarm", "forearm", "hand"):
+        own, body = fast.units[name].kinematics, fast.bodies[name]
+        r = quat_rotate(quat_conjugate(body.q_nb), own.pos_n - body.pos_n) - fast.mounts[name].lever_b
+        turn = quat_angle(quat_multiply(body.q_nb, fast.mounts[name].q_bs), own.q_nb)
+        assert 0.002 < np.sqrt(np.mean(np.sum(r**2, axis=1))) < 0.012
+        assert deg(1.0) < np.sqrt(np.mean(turn**2)) < deg(5.0)
+        assert np.ptp(still.units[name].kinematics.q_nb, axis=0).max() < 1e-12
+
+
+def test_soft_tissue_refuses_what_is_not_a_spring():
+    with pytest.raises(ParameterError, match="damping"):
+        SoftTissue(damping=1.0)
+
+
+def test_dipole_has_twice_the_field_on_its_axis():
+    magnet = Dipole((1.0, 0.0, 0.0), (0.0, 0.0, 0.1))
+    places = np.array([(1.0, 0.0, 0.2), (1.2, 0.0, 0.0)])
+    # B = μ0 m / (2π r³) on the axis and −μ0 m / (4π r³) at the side: 2.5 and −1.25 µT for 0.1 A m² at 0.2 m
+    np.testing.assert_allclose(magnet.at(places, None), [(0.0, 0.0, 2.5), (0.0, 0.0, -1.25)], atol=1e-12)
+    assert np.isfinite(magnet.at(np.array([(1.0, 0.0, 0.0)]), None)).all()
+
+
+def test_a_magnet_on_a_segment_is_hard_iron_there_and_moves_for_the_others():
+    magnet = Dipole((0.19, 0.07, 0.0), (0.0, 0.05, 0.0), on="forearm")
+    common = {"frame": "NED", "unit": "calibrated", "seed": 3, "duration": 6.0}
+    plain = simulate_chain("arm", "fast", **common)
+    bent = simulate_chain("arm", "fast", **common, disturbances=[magnet])
+    added = {name: bent.array.units[name].mag - plain.array.units[name].mag for name in plain.array.names}
+    assert np.ptp(added["forearm"], axis=0).max() < 1e-9
+    # on the axis, 0.1 m away: 0.2 · 0.05 / 0.1³ = 10 µT
+    np.testing.assert_allclose(np.linalg.norm(added["forearm"], axis=1), 10.0, rtol=1e-9)
+    assert np.ptp(added["hand"], axis=0).max() > 0.01
+    np.testing.assert_array_equal(bent.array.units["hand"].acc, plain.array.units["hand"].acc)
+
+
+def test_a_bent_region_fades_as_a_bell_curve():
+    region = BentRegion((0.0, 0.0, 0.0), (20.0, 0.0, 0.0), radius=0.1)
+    found = region.at(np.array([(0.0, 0.0, 0.0), (0.0, 0.2, 0.0)]), None)
+    np.testing.assert_allclose(found[:, 0], [20.0, 20.0 * np.exp(-2.0)])
+
+
+def test_each_unit_has_errors_and_noise_of_its_own_and_a_seed_repeats_all():
+    made, again = (
+        simulate_chain("arm", "slow", frame="NED", sensors="mpu6000+hmc5983", unit="random", seed=9, duration=3.0)
+        for _ in range(2)
+    )
+    names = made.array.names
+    assert names == ("upperarm", "forearm", "hand")
+    for name in names:
+        np.testing.assert_array_equal(made.array.units[name].gyr, again.array.units[name].gyr)
+    biases = np.array([made.units[name].calibration.gyr.bias for name in names])
+    assert np.linalg.matrix_rank(biases) == 3
+    assert made.array.mounts["hand"].noise is made.units["hand"].noise
+
+
+def test_other_ranges_cut_into_as_many_counts():
+    made = simulate_chain(
+        "arm", "still", frame="NED", sensors="mpu6000", unit="calibrated", seed=1, duration=1.0,
+        gyr_range="1000 deg/s", acc_range="8 g",
+    )  # fmt: skip
+    module = made.units["hand"].module
+    np.testing.assert_allclose(module.gyr.full_scale, deg(1000.0))
+    np.testing.assert_allclose(module.gyr.lsb, deg(4.0 / 131.0))  # the sheet's 131 counts per °/s at ±250 °/s
+    np.testing.assert_allclose(module.acc.lsb, 2.0 * G0 / 8192.0)  # the sheet's 8192 counts per g at ±4 g
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "match"),
+    [
+        ({"chain": "leg"}, ParameterError, "not a chain"),
+        ({"program": "dance"}, ParameterError, "not a program"),
+        ({"frame": "XYZ"}, FrameError, "XYZ"),
+        ({"jitter": 1e-4}, ParameterError, "one time line"),
+        ({"disturbances": [Dipole((0, 0, 0), (0, 0, 1), on="nose")]}, ParameterError, "'nose' is not a segment"),
+        ({"mounts": {}, "mount_angle": 0.1}, ParameterError, "either mounts"),
+        ({"mount_angle": -0.1}, ParameterError, "mounting error"),
+        ({"sensors": {}}, ParameterError, "'upperarm' has none"),
+        ({"chain": "five", "base": (1, 0, 0, 0)}, ParameterError, "leave base out"),
+        ({"duration": -1.0}, ParameterError, "duration"),
+        ({"chain": Chain("bare", (Segment("a"),))}, ParameterError, "has a unit"),
+    ],
+)
+def test_refuses(change, error, match):
+    given = {"chain": "arm", "program": "slow", "frame": "NED", "unit": "calibrated", "seed": 1, "duration": 2.0}
+    with pytest.raises(error, match=match):
+        simulate_chain(**(given | change))
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+@pytest.mark.parametrize("name", CHAINS)
+def test_programs_keep_their_chain_within_its_limits(name, program):
+    made = simulate_chain(name, program, frame="ENU", unit="calibrated", seed=11, duration=40.0, rate=50.0)
+    jet = made.program.angles.at(made.t)
+    for k, limit in enumerate(made.chain.limits):
+        assert limit.low - 1e-9 <= jet.value[:, k].min()
+        assert jet.value[:, k].max() <= limit.high + 1e-9
+        assert np.abs(jet.rate[:, k]).max() <= min(limit.velocity, 7.0)
+        assert np.abs(jet.acc[:, k]).max() <= limit.acceleration
+    for start, end in made.program.stops:
+        rows = (made.t > start) & (made.t < end)
+        assert not jet.rate[rows].any()
