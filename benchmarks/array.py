@@ -144,8 +144,8 @@ def tables(seeds: int) -> Iterator[str]:
             yield ""
             yield from bar_lines(table_bars(rows, turns))
         else:
-            yield "At 10 Hz, the 15 Hz of human motion that the paper names lies above half the sampling rate (5 Hz); at "
-            yield "100 Hz it does not. White noise per sample is that of 10 Hz, so that more samples know more."
+            yield "At 10 Hz, the 15 Hz of human motion that the paper names lies above half the sampling rate (5 Hz);"
+            yield "at 100 Hz it does not. The noise of a sample is that of 10 Hz, so that more samples know more."
         yield ""
 
 
@@ -225,7 +225,9 @@ def card(rate: float = 10.0) -> NoiseCard:
     return NoiseCard("a unit", "assumed for the paper's tables", **parts)
 
 
-def moved(seed: int, duration: float, *, moving: bool, rate: float = 10.0, units: int = 6) -> dict[str, dict[str, Floats]]:
+def moved(
+    seed: int, duration: float, *, moving: bool, rate: float = 10.0, units: int = 6
+) -> dict[str, dict[str, Floats]]:
     """Values of units at rest, or turning with 60 °/s rms every other 20 s, by unit and triad; `t` and `truth` too."""
     rng, count = np.random.default_rng(seed), round(duration * rate)
     t, rates = np.arange(count) / rate, np.zeros((count, 3))
@@ -295,7 +297,7 @@ SINCE, UNTIL = 310, 600
 def fault_row(kind: str, triad: str, *, moving: bool, seeds: int) -> tuple[float | str, ...]:
     """Share detected and isolated, median time, others that were left out, and share taken in again."""
     found, right, delays, again, wrong = 0, 0, [], 0, 0
-    begin, end = SINCE / 10.0, UNTIL / 10.0
+    begin = SINCE / 10.0
     for seed in range(seeds):
         unit, seen = f"u{1 + seed % 6}", _with_fault(seed, kind, triad, moving=moving)
         alarms = (seen.imu.flags[SINCE:UNTIL] & np.uint32((1 << 23) | (1 << 24))) != 0
@@ -378,7 +380,10 @@ def large(units: int, rate: float, duration: float) -> Iterator[str]:
     yield f"monitor and combination {a:.0f} ns for a unit's sample; one unit's mekf {b:.0f} ns for a sample"
     yield ""
     yield from bar_lines(
-        [Bar("time of a unit's sample over one unit's filter", a / b, 0.0, 1.5), Bar("growth, MiB", after - before, 0, 50)]
+        [
+            Bar("time of a unit's sample over one unit's filter", a / b, 0.0, 1.5),
+            Bar("growth, MiB", after - before, 0, 50),
+        ]
     )
 
 
@@ -397,7 +402,9 @@ def main(argv: list[str] | None = None) -> int:
     p = argparse.ArgumentParser(prog="python -m benchmarks.array", description=__doc__)
     p.add_argument("part", nargs="?", choices=("tables", "recovery", "monitor", "large"))
     p.add_argument("--seeds", type=int, default=100, metavar="N", help="runs of each table (default: 100)")
-    p.add_argument("--duration", type=float, default=600.0, metavar="S", help="of the stream of 64 units (default: 600)")
+    p.add_argument(
+        "--duration", type=float, default=600.0, metavar="S", help="of the stream of 64 units (default: 600)"
+    )
     args = p.parse_args(argv)
     parts = {
         "tables": lambda: tables(args.seeds),

@@ -24,9 +24,7 @@ def sampled(t, mounts, *, gyr, acc, mag=None, noise=0.0, seed=0):
         lever = np.array(mount.lever_b)
         force = acc + np.cross(turn, lever) + np.cross(gyr, np.cross(gyr, lever))
         values = {"gyr": gyr, "acc": force} | ({} if mag is None else {"mag": mag})
-        units[name] = ImuData(
-            t, **{k: v @ mount.dcm + noise * rng.normal(size=v.shape) for k, v in values.items()}
-        )
+        units[name] = ImuData(t, **{k: v @ mount.dcm + noise * rng.normal(size=v.shape) for k, v in values.items()})
     return ImuArray(units, mounts)
 
 

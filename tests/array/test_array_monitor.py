@@ -1,4 +1,4 @@
-"""The trackers are the full filter, a stream is the whole, and each fault is found, isolated, left out and taken back."""
+"""The trackers are the full filter, a stream is the whole, and each fault is isolated, left out and taken back."""
 
 import numpy as np
 import pytest
@@ -111,7 +111,9 @@ def test_each_fault_is_isolated_left_out_and_the_unit_taken_back(kind, triad):
     found = moved(21, 90.0, moving=True)  # moves from 20 s to 40 s and from 60 s to 80 s
     late = kind in {"scaled", "swapped"} and triad == "gyr"  # nothing shows a scale of no rate
     found["u5"][triad] = (
-        np.concatenate([found["u5"][triad][:200], broken(kind, triad, found["u5"][triad], np.random.default_rng(1))[200:]])
+        np.concatenate(
+            [found["u5"][triad][:200], broken(kind, triad, found["u5"][triad], np.random.default_rng(1))[200:]]
+        )
         if not late
         else np.concatenate(
             [found["u5"][triad][:600], _while_moving(kind, found["u5"][triad][600:750]), found["u5"][triad][750:]]

@@ -41,8 +41,19 @@ OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark", "warmup"}
 """Verbs that list what is there or exercise it: in Python these are objects (`plumbob.filter_names`, `find_format`)."""
 
 
+OF_A_ROOM = {"array"}
+"""Verbs whose functions stand in the room of the same name: `plumbob.array.combine` is `plumbob array combine`."""
+
+
+def test_a_verb_of_a_room_has_a_function_for_each_of_its_kinds():
+    from plumbob import array
+    from plumbob.cli.array import KINDS
+
+    assert all(callable(getattr(array, kind)) for kind in KINDS)
+
+
 def test_every_verb_has_its_function_with_keyword_only_options():
-    for verb in set(VERBS) - OF_THE_PROGRAM:
+    for verb in set(VERBS) - OF_THE_PROGRAM - OF_A_ROOM:
         function = getattr(plumbob, RENAMED.get(verb, verb))
         assert callable(function)
         kinds = [one.kind for one in inspect.signature(function).parameters.values() if one.default is not one.empty]

@@ -80,7 +80,9 @@ def estimate(
     watched = monitor(array, settings=settings)
     if filter == NAME:
         if lag is not None or init is not None:
-            raise ParameterError("the filter 'directions' takes neither lag nor init; it is causal and starts by itself.")
+            raise ParameterError(
+                "the filter 'directions' takes neither lag nor init; it is causal and starts by itself."
+            )
         frame = navigation_frame(watched.imu, None if frame is None else Frame.parse(frame), where="the array")
         start = (settings or Settings()).gyr_bias / math.sqrt(len(array.units))
         known = params_of(watched.noise, start)
@@ -91,7 +93,5 @@ def estimate(
             )
         return ArrayEstimated(track_directions(watched.imu, frame, known._replace(**(params or {}))), watched)
     noise = watched.noise if takes_noise(filter or SMOOTHER) else None
-    made = estimate_one(
-        watched.imu, filter, causal=causal, lag=lag, params=params, frame=frame, init=init, noise=noise
-    )
+    made = estimate_one(watched.imu, filter, causal=causal, lag=lag, params=params, frame=frame, init=init, noise=noise)
     return ArrayEstimated(made.track, watched, made)

@@ -87,11 +87,11 @@ class Combined(Series):
     def report(self) -> Report:
         """What each unit measures beyond the virtual one."""
         facts = [("units", ", ".join(self.names)), ("samples", f"{len(self)}, {self.imu.t[-1] - self.imu.t[0]:.6g} s")]
-        turn = {"gyr": to_dps, "acc": np.asarray, "mag": np.asarray}
+        scale = {"gyr": float(to_dps(1.0)), "acc": 1.0, "mag": 1.0}
         names = {"gyr": "gyr [°/s]", "acc": "acc [m/s²]", "mag": "mag [µT]"}
         rms = self.parity_rms
         rows = [
-            (name, *(number(float(np.sqrt(np.mean(turn[triad](rms[triad][u]) ** 2)))) for triad in rms))
+            (name, *(number(scale[triad] * float(np.sqrt(np.mean(rms[triad][u] ** 2)))) for triad in rms))
             for u, name in enumerate(self.names)
         ]
         table = Table("Rms beyond the virtual unit", ("unit", *(names[triad] for triad in rms)), rows)
@@ -175,8 +175,8 @@ def combine(
         values[:, i], parity[triad] = x, left
     if not np.isfinite(values).any():
         raise ShapeError(
-            "the axes of the array's units do not span the body in any sample: three axes that do not lie in a plane are "
-            "needed. Check the mounts."
+            "the axes of the array's units do not span the body in any sample: three axes that do not lie in a plane "
+            "are needed. Check the mounts."
         )
     imu = virtual(array, values, common_flags(array) | _out_flags(out, len(array)))
     return Combined(imu, parity, array.names, combined_noise(array, imu.meta.device))

@@ -73,7 +73,10 @@ class Settings(NamedTuple):
 
     def coefficients(self, step: float) -> Floats:
         """What the kernel reads."""
-        if not all(np.isfinite(value) and value >= 0.0 for value in self) or min(self.tau, self.alarm, self.noisy) <= 0.0:
+        if (
+            not all(np.isfinite(value) and value >= 0.0 for value in self)
+            or min(self.tau, self.alarm, self.noisy) <= 0.0
+        ):
             raise ParameterError(f"the settings of a monitor must be positive numbers, but they are {self}.")
         found = [self.tau, self.alarm, self.noisy, self.readmit, self.dead, step, self.adapt, self.learn]
         for triad in TRIADS:
@@ -180,8 +183,7 @@ class Monitored(Series):
         facts = [("units", ", ".join(self.names)), ("samples", f"{len(self)}, {self.imu.t[-1] - self.imu.t[0]:.6g} s")]
         facts += [("flag", f"{name}: {counted(count, 'sample')}") for name, count in counts.items()]
         rows = [
-            (f.unit, f.triad, f.kind, f"{f.begin:.2f}", "-" if np.isnan(f.end) else f"{f.end:.2f}")
-            for f in self.faults
+            (f.unit, f.triad, f.kind, f"{f.begin:.2f}", "-" if np.isnan(f.end) else f"{f.end:.2f}") for f in self.faults
         ]
         if not rows:
             return Report("Array monitor", facts, remarks=("No unit contradicts the others.",))

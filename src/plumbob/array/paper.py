@@ -184,9 +184,7 @@ def run(
             m0, m1, _ = rotate(
                 q0, q1, q2, q3, mag1[0, 0] + mag2[0, 0], mag1[0, 1] + mag2[0, 1], mag1[0, 2] + mag2[0, 2]
             )
-            q0, q1, q2, q3 = turn_about_vertical(
-                angle_to(m0, m1, field[0] / size, field[1] / size), q0, q1, q2, q3
-            )
+            q0, q1, q2, q3 = turn_about_vertical(angle_to(m0, m1, field[0] / size, field[1] / size), q0, q1, q2, q3)
             if x[Q] * x[Q] + x[Q + 1] * x[Q + 1] + x[Q + 2] * x[Q + 2] + x[Q + 3] * x[Q + 3] > 0.5:
                 q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]  # a start was given
         else:
@@ -216,9 +214,7 @@ def run(
                 q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
                 mx, my, mz = mag1[i, 0], mag1[i, 1], mag1[i, 2]
                 s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-                correct_direction(
-                    x, q0, q1, q2, q3, field[0], field[1], field[2], s * mx, s * my, s * mz, noise[1]
-                )
+                correct_direction(x, q0, q1, q2, q3, field[0], field[1], field[2], s * mx, s * my, s * mz, noise[1])
                 ax, ay, az = acc1[i, 0], acc1[i, 1], acc1[i, 2]
                 s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
                 correct_direction(x, q0, q1, q2, q3, 0.0, 0.0, up, s * ax, s * ay, s * az, noise[1])
@@ -230,7 +226,9 @@ def run(
         q_nb[i, 0], q_nb[i, 1], q_nb[i, 2], q_nb[i, 3] = q0, q1, q2, q3
 
 
-def paper(array: ImuArray, *, frame: Frame | str, scheme: Scheme | None = None, start: Floats | None = None) -> AttitudeTrack:
+def paper(
+    array: ImuArray, *, frame: Frame | str, scheme: Scheme | None = None, start: Floats | None = None
+) -> AttitudeTrack:
     """Attitude of the teaching-arm paper's array, by its own scheme or one with other switches.
 
     Parameters

@@ -223,7 +223,8 @@ def _coarse(array: ImuArray) -> Floats:
         alike = np.fft.irfft(spectra[:, 0].conj() * spectra[:, u], size)
         near = np.concatenate((alike[-reach:], alike[: reach + 1]))
         late[u] = -(int(near.argmax()) - reach) * step  # its values come so much earlier
-    return late - late.mean()
+    found: Floats = late - late.mean()
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -260,7 +261,10 @@ def _fit(array: ImuArray, combined: Combined, u: int) -> _Fit:
         design[moving, :, :3] = _cross(mean[moving])
         a, b = design[there].reshape(-1, _SIZE), left[there].reshape(-1)
         spread = max(noise, _robust(b))
-        normal += a.T @ a / spread**2
+        seen = a.T @ a
+        of_noise = 2.0 * float((moving & there).sum()) * noise**2 / len(array.units)
+        seen[:3, :3] = _less(seen[:3, :3], of_noise)  # the noise of the mean shows no rotation
+        normal += seen / spread**2
         right += a.T @ b / spread**2
     cov = np.linalg.inv(normal)
     x, sd = cov @ right, np.sqrt(np.diag(cov))
@@ -272,7 +276,15 @@ def _reliable(slope: Floats, noise: float, step: float) -> float:
     """Share of the slope's variance that is motion."""
     if len(slope) < 10:
         return 0.0
-    return 1.0 - 0.5 * (noise / step) ** 2 / float(np.mean(slope**2))
+    share: float = 1.0 - 0.5 * (noise / step) ** 2 / float(np.mean(slope**2))
+    return share
+
+
+def _less(matrix: Floats, size: float) -> Floats:
+    """Symmetric matrix less a multiple of one, but never below zero."""
+    values, vectors = np.linalg.eigh(matrix)
+    found: Floats = (vectors * np.maximum(values - size, 0.0)) @ vectors.T
+    return found
 
 
 def _robust(values: Floats) -> float:
@@ -284,8 +296,5 @@ def _cross(v: Floats) -> Floats:
     """Matrices of v × (N, 3, 3)."""
     zero = np.zeros(len(v))
     x, y, z = v.T
-    return np.stack(
-        [np.stack([zero, -z, y], -1), np.stack([z, zero, -x], -1), np.stack([-y, x, zero], -1)], axis=1
-    )
-
-
+    found: Floats = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    return found

@@ -68,8 +68,8 @@ def _resampled(name: str, imu: ImuData, taken: Floats, t: Floats) -> ImuData:
     """Samples that were taken at `taken` (M,), as they would have been at t (N,)."""
     if taken[-1] < t[0] or taken[0] > t[-1]:
         raise ClockError(
-            f"unit '{name}' was recorded from {taken[0]:.6g} s to {taken[-1]:.6g} s, but the first one from {t[0]:.6g} s "
-            f"to {t[-1]:.6g} s: they have no time in common. Do their clocks count from the same start?"
+            f"unit '{name}' was recorded from {taken[0]:.6g} s to {taken[-1]:.6g} s, but the first one from "
+            f"{t[0]:.6g} s to {t[-1]:.6g} s: they have no time in common. Do their clocks count from the same start?"
         )
     triads = {triad: _at(t, taken, getattr(imu, triad)) for triad in imu.triads}
     known = {triad: values for triad, values in triads.items() if np.isfinite(values).any()}

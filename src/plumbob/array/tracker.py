@@ -132,8 +132,8 @@ def shrink(x: Floats, k0: float, k1: float, k2: float, k3: float, s: float) -> N
 
 @njit
 def body_value(
-    y: Floats, axes: Floats, weight: Floats, x: Floats, h: Floats, corrected: bool, out: bool, a: Floats, inverse: Floats,
-    found: Floats,
+    y: Floats, axes: Floats, weight: Floats, x: Floats, h: Floats, corrected: bool, out: bool,
+    a: Floats, inverse: Floats, found: Floats,
 ) -> int:  # fmt: skip
     """Value of the body `found` (3,) from the sensor axes y (U, 3); returns how many units took part.
 
@@ -200,8 +200,11 @@ def middle(y: Floats, axes: Floats, x: Floats, h: Floats, room: Floats, found: F
 @njit
 def innovate(
     x: Floats, y: Floats, axes: Floats, weight: Floats, inverse: Floats, h: Floats, scale: float, use: Floats
-) -> None:  # fmt: skip
-    """Take one sample of one unit (3,) against the body's value h; `use` gains squares over their expectation, and the largest."""
+) -> None:
+    """Take one sample of one unit (3,) against the body's value h.
+
+    `use` gains squares of innovations over their expectation, their number, and the largest.
+    """
     k0, k1, k2, k3, spread = gain(x, h[0], h[1], h[2])
     best = 0.0
     for k in range(3):
@@ -303,56 +306,69 @@ def settle_others(x: Floats, but: int) -> None:
 
 
 @njit
-def judge(x: Floats, g: Floats, c: Floats, y: Floats, dt: float) -> bool:
-    """Decide about each unit of a triad, x (U, UNIT_SIZE); True where units contradict and none can be isolated."""
+def score_all(x: Floats, g: Floats, c: Floats) -> int:
+    """Give each unit its score, against the noise that the others have; returns how many units are in."""
     total, inside = 0.0, 0
     for u in range(x.shape[0]):
         if x[u, STATE] != OUT and x[u, ABSENT] == 0.0:
             total += x[u, SQUARE] + x[u, SQUARE + 1] + x[u, SQUARE + 2]
             inside += 1
-    first, best, second, why = -1, 0.0, 0.0, DEVIATES
     for u in range(x.shape[0]):
-        if x[u, ABSENT] > 0.0:
-            continue
-        others = 1.0
-        if inside >= FAST_FROM:
-            own = 0.0 if x[u, STATE] == OUT else x[u, SQUARE] + x[u, SQUARE + 1] + x[u, SQUARE + 2]
-            others = max(1.0, (total - own) / (3.0 * (inside - (0 if x[u, STATE] == OUT else 1))))
+        own, rest = 0.0, inside
+        if x[u, STATE] != OUT:
+            own, rest = x[u, SQUARE] + x[u, SQUARE + 1] + x[u, SQUARE + 2], inside - 1
+        others = max(1.0, (total - own) / (3.0 * rest)) if inside >= FAST_FROM else 1.0
         mean, square = score_of(x[u], c, g[SPREAD], others)
-        score = max(mean, square)
-        x[u, SCORE] = score
-        if x[u, STATE] == OUT:
-            readmit(x[u], c, score, dt)
-            continue
-        if is_frozen(x[u]) and inside > 1:
-            leave_out(x[u], IS_FROZEN)
-            settle_others(x, u)
-            continue
-        if score > best:
-            first, second, best = u, best, score
-            why = IS_NOISY if square > mean else DEVIATES
-        elif score > second:
-            second = score
-        if x[u, STATE] == GOOD and score > BECOMES_SUSPECT:
-            x[u, STATE] = SUSPECT
-        elif x[u, STATE] == SUSPECT and score < AGAIN_GOOD:
-            x[u, STATE] = GOOD
-    if best <= 1.0 or first < 0:
-        g[UNCLEAR] = 0.0
-        return False
-    if inside > 2 and second <= CLEAR * best:
-        leave_out(x[first], why)
-        settle_others(x, first)
-        g[UNCLEAR] = 0.0
-        return False
-    g[UNCLEAR] += dt
-    return inside <= 2 or g[UNCLEAR] > UNCLEAR_FOR
+        x[u, SCORE] = max(mean, square)
+        if x[u, STATE] != OUT:
+            x[u, REASON] = IS_NOISY if square > mean else DEVIATES
+    return inside
 
 
 @njit
-def readmit(x: Floats, c: Floats, score: float, dt: float) -> None:
+def suspect(x: Floats) -> None:
+    """Let the trackers of a unit wait as long as it deviates."""
+    if x[STATE] == GOOD and x[SCORE] > BECOMES_SUSPECT:
+        x[STATE] = SUSPECT
+    elif x[STATE] == SUSPECT and x[SCORE] < AGAIN_GOOD:
+        x[STATE] = GOOD
+
+
+@njit
+def judge(x: Floats, g: Floats, c: Floats, dt: float) -> bool:
+    """Decide about each unit of a triad, x (U, UNIT_SIZE); True where units contradict and none can be isolated."""
+    inside = score_all(x, g, c)
+    first, best, second = -1, 0.0, 0.0
+    for u in range(x.shape[0]):
+        if x[u, ABSENT] > 0.0:
+            continue
+        if x[u, STATE] == OUT:
+            readmit(x[u], c, dt)
+        elif inside > 1 and is_frozen(x[u]):
+            leave_out(x[u], IS_FROZEN)
+            settle_others(x, u)
+        else:
+            suspect(x[u])
+            if x[u, SCORE] > best:
+                first, second, best = u, best, x[u, SCORE]
+            else:
+                second = max(second, x[u, SCORE])
+    clear = inside > 2 and second <= CLEAR * best
+    if best > 1.0 and clear:
+        leave_out(x[first], x[first, REASON])
+        settle_others(x, first)
+    if best <= 1.0 or clear:
+        g[UNCLEAR] = 0.0
+        return False
+    g[UNCLEAR] += dt
+    unclear: bool = inside <= 2 or g[UNCLEAR] > UNCLEAR_FOR
+    return unclear
+
+
+@njit
+def readmit(x: Floats, c: Floats, dt: float) -> None:
     """Take a unit in again that has agreed for long enough."""
-    x[AGREES] = x[AGREES] + dt if score < AGAIN_GOOD and not is_frozen(x) else 0.0
+    x[AGREES] = x[AGREES] + dt if x[SCORE] < AGAIN_GOOD and not is_frozen(x) else 0.0
     if x[AGREES] > c[READMIT]:
         x[STATE], x[REASON] = GOOD, 0.0
 
@@ -433,7 +449,7 @@ def take_triad(
         if x[u, ABSENT] == 0.0:
             average(x[u], mix, share)
     adapt(g, c, dt, use)
-    unclear = c[STEP] * g[COUNT] > c[LEARN] and judge(x, g, c, y, dt)
+    unclear = c[STEP] * g[COUNT] > c[LEARN] and judge(x, g, c, dt)
     found_flags = flags.CANNOT_ISOLATE if unclear else 0
     if unclear and units > 2:
         middle(y, axes, x, h, room, found)
