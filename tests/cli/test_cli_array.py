@@ -10,6 +10,7 @@ from plumbob.array import combine, info, monitor
 from plumbob.core.units import dps
 from tests.array.array_samples import as_array, moved
 from tests.battery.commandline import ok, refused
+from tests.battery.commandline import plumbob as plumbob_line
 
 
 @pytest.fixture(scope="module")
@@ -42,5 +43,6 @@ def test_combine_and_info_print_what_their_functions_find(six, tmp_path):
 
 
 def test_a_kind_is_needed_and_inputs_are_never_written(six):
-    assert "name a KIND: info, combine, monitor" in refused("array", code=2)
+    done = plumbob_line("array")
+    assert (done.returncode, "name a KIND: info, combine, monitor" in done.stderr) == (2, True)
     assert "is an input" in refused("array", "combine", six, "--out", six)

@@ -102,7 +102,7 @@ LINES = {
     "export": (["export", "sea.mcap", "--out", "sea.csv"], LIVE | {"pyarrow", "pyarrow.csv"}),
     "profile": (["profile", "sea.csv", "--out", "draft.toml"], {"numpy"}),
     "devices": (["devices"], {"numpy", "protocols"}),
-    "array": (["array"], set()),
+    "array, refused": (["array", "info", "none.parquet"], READ | {"numba"}),
 }  # fmt: skip
 """By name: a command line, and what it may import. Each may read what those above it wrote."""
 

@@ -95,7 +95,7 @@ def sets_of(array: ImuArray) -> Sets:
     Raises
     ------
     ShapeError
-        If there are not six units, or one's own axis does not point as its place says.
+        If there are not six units, or the axis of a unit does not point as its place says.
     """
     names = array.names
     if len(names) != 6:
