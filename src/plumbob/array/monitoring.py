@@ -152,7 +152,8 @@ class Monitored(Series):
             for u in np.flatnonzero((state > 1).any(axis=0)).tolist():
                 for start, stop in check.runs(state[:, u] > 1):
                     end = float(t[stop]) if stop < t.size else float("nan")
-                    yield Fault(self.names[u], triad, KINDS[int(state[start, u])], float(t[start]), end)
+                    kind = KINDS[int(np.bincount(state[start:stop, u]).argmax())]  # what it was called longest
+                    yield Fault(self.names[u], triad, kind, float(t[start]), end)
 
     def facts(self) -> Mapping[str, str]:
         """Units, samples and faults."""

@@ -133,7 +133,7 @@ def info(array: ImuArray) -> ArrayInfo:
     A small rotation of each unit shows in rates, forces and fields; a relative bias in each of them; a clock offset in
     what the rates change. All of a unit are estimated together by least squares, with priors that hold what nothing
     shows: at rest in one pose a rotation about the vertical shows in the field alone, and about a level axis it cannot
-    be told from a bias of the accelerometer.
+    be separated from a bias of the accelerometer.
 
     Parameters
     ----------

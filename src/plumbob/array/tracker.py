@@ -8,7 +8,7 @@ much of (scale and misalignment). Their covariance is that of the unit, for all 
 Their innovations are white as long as nothing breaks. Two means of them, over `tau`, are looked at: of the innovations,
 which a bias, a wrong scale or swapped axes move, and of their squares, which noise does. The scale of the noise is
 learned, slowly from all and quickly from the other units, so that what all units feel, as a motion that no model has,
-is no unit's fault. A third look is at values that stay the same while the other units' change.
+is not blamed on one of them. A third look is at values that stay the same while the other units' change.
 
 What deviates is suspect: its trackers wait. Where one unit deviates clearly more than any other it is left out, and
 taken in again when it has agreed for a while. What it is corrected by stays, and so does the reference of all: the
@@ -40,7 +40,9 @@ REASON: Final = 40
 AGREES: Final = 41  # for how long it has agreed again, s
 SCORE: Final = 42
 INNOVATION: Final = 43  # of each axis over its standard deviation; NaN where there is none
-UNIT_SIZE: Final = 46
+KEPT: Final = 46  # trackers of some seconds before, twice 12: a fault may have got into those of now
+UNSURE: Final = 70  # share of an innovation's variance that is the trackers' own
+UNIT_SIZE: Final = 71
 
 SCALE: Final = 0  # variance of the noise over the given one
 COUNT: Final = 1
@@ -48,7 +50,9 @@ SPREAD: Final = 2  # variance of MEAN
 LAST_T: Final = 3
 UNCLEAR: Final = 4  # for how long an alarm has had no culprit, s
 BEFORE: Final = 5  # last value of the body, 3
-TRIAD_SIZE: Final = 8
+KEPT_T: Final = 8  # when the trackers were kept last, s
+KEPT_COUNT: Final = 9
+TRIAD_SIZE: Final = 10
 
 TAU: Final = 0
 ALARM: Final = 1  # standard deviations of MEAN
@@ -73,6 +77,10 @@ CLEAR: Final = 0.75
 """The second unit must deviate by less than this share of the first, or nothing is isolated."""
 UNCLEAR_FOR: Final = 1.0
 """Where three and more units do not make it clear within this, s, it is said that they cannot."""
+KEEP: Final = 2.0
+"""The trackers are kept this often, s; where a unit is left out, those of one to two such times before count again."""
+SIGNED: Final = 3.0
+"""Squares of more than so many times the square of the mean are noise, and less a deviation."""
 LARGEST: Final = 30.0
 """The largest innovation counts as so many standard deviations at most, so that it can be forgotten again."""
 BELIEVED: Final = 6.0
@@ -213,6 +221,7 @@ def innovate(
             continue
         p, noise = TH + 4 * k, scale / weight[k]
         s = spread + noise
+        x[UNSURE] = spread / s
         c0, c1, c2 = axes[k, 0], axes[k, 1], axes[k, 2]
         share = weight[k] * (
             c0 * (inverse[0, 0] * c0 + 2.0 * inverse[0, 1] * c1 + 2.0 * inverse[0, 2] * c2)
@@ -286,6 +295,8 @@ def score_of(x: Floats, c: Floats, spread: float, others: float) -> tuple[float,
     for k in range(3):
         mean = max(mean, abs(x[MEAN + k]))
         square = max(square, x[SQUARE + k])
+    if x[STATE] == OUT:  # its trackers wait, and what they do not know is the same in every sample
+        spread += x[UNSURE]
     return mean / (c[ALARM] * math.sqrt(spread * others)), square / (c[NOISY] * others)
 
 
@@ -296,13 +307,40 @@ def leave_out(x: Floats, reason: float) -> None:
 
 
 @njit
-def settle_others(x: Floats, but: int) -> None:
-    """Let the units that are in forget what the one that was left out has moved them by."""
+def keep(x: Floats, g: Floats, t: float) -> None:
+    """Keep the trackers of all units now and then."""
+    if g[KEPT_COUNT] > 0.0 and t - g[KEPT_T] < KEEP:
+        return
+    g[KEPT_T] = t
+    g[KEPT_COUNT] += 1.0
     for u in range(x.shape[0]):
+        for k in range(12):
+            x[u, KEPT + 12 + k] = x[u, KEPT + k]
+            x[u, KEPT + k] = x[u, TH + k]
+
+
+@njit
+def settle_others(x: Floats, g: Floats, but: int) -> None:
+    """Forget what the unit that was left out has moved meanwhile: trackers of all, innovations of those that are in."""
+    for u in range(x.shape[0]):
+        if g[KEPT_COUNT] > 2.0 and (u == but or x[u, STATE] != OUT):
+            for k in range(12):
+                x[u, TH + k] = x[u, KEPT + 12 + k]
+                x[u, KEPT + k] = x[u, KEPT + 12 + k]
         if u != but and x[u, STATE] != OUT:
             for k in range(3):
                 x[u, MEAN + k], x[u, SQUARE + k] = 0.0, 1.0
             x[u, STATE] = GOOD
+
+
+@njit
+def kind_of(x: Floats) -> float:
+    """Whether a unit deviates, with a sign that lasts, or is noisy."""
+    mean = square = 0.0
+    for k in range(3):
+        mean = max(mean, abs(x[MEAN + k]))
+        square = max(square, x[SQUARE + k])
+    return IS_NOISY if square > SIGNED * mean * mean else DEVIATES
 
 
 @njit
@@ -320,8 +358,8 @@ def score_all(x: Floats, g: Floats, c: Floats) -> int:
         others = max(1.0, (total - own) / (3.0 * rest)) if inside >= FAST_FROM else 1.0
         mean, square = score_of(x[u], c, g[SPREAD], others)
         x[u, SCORE] = max(mean, square)
-        if x[u, STATE] != OUT:
-            x[u, REASON] = IS_NOISY if square > mean else DEVIATES
+        if x[u, STATE] != OUT or (x[u, REASON] <= IS_NOISY and x[u, SCORE] > 1.0):
+            x[u, REASON] = kind_of(x[u])
     return inside
 
 
@@ -346,7 +384,7 @@ def judge(x: Floats, g: Floats, c: Floats, dt: float) -> bool:
             readmit(x[u], c, dt)
         elif inside > 1 and is_frozen(x[u]):
             leave_out(x[u], IS_FROZEN)
-            settle_others(x, u)
+            settle_others(x, g, u)
         else:
             suspect(x[u])
             if x[u, SCORE] > best:
@@ -356,7 +394,7 @@ def judge(x: Floats, g: Floats, c: Floats, dt: float) -> bool:
     clear = inside > 2 and second <= CLEAR * best
     if best > 1.0 and clear:
         leave_out(x[first], x[first, REASON])
-        settle_others(x, first)
+        settle_others(x, g, first)
     if best <= 1.0 or clear:
         g[UNCLEAR] = 0.0
         return False
@@ -449,6 +487,7 @@ def take_triad(
         if x[u, ABSENT] == 0.0:
             average(x[u], mix, share)
     adapt(g, c, dt, use)
+    keep(x, g, t)
     unclear = c[STEP] * g[COUNT] > c[LEARN] and judge(x, g, c, dt)
     found_flags = flags.CANNOT_ISOLATE if unclear else 0
     if unclear and units > 2:
