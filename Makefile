@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint docs pages dist house mutants bench noise accuracy endurance wire fuzz killed clean other-processor
+.PHONY: setup demo test test-long lint docs pages dist house mutants bench noise array accuracy endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -83,6 +83,10 @@ noise: $(VENV)/.bench
 	$(BIN)/python -m benchmarks.allan_quality
 	$(BIN)/python -m benchmarks.allan_coverage
 	$(BIN)/python -m benchmarks.allan_bands
+
+# The teaching-arm paper's tables beside ours, its recovery, the monitor's faults, and 64 units at 1 kHz: two minutes.
+array: setup
+	$(BIN)/python -m benchmarks.array
 
 # Filters, smoother and other libraries on the recordings under PLUMBOB_DATA, and docs/accuracy.md of it: about an hour.
 accuracy: $(VENV)/.bench

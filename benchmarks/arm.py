@@ -12,7 +12,6 @@ import os
 import sys
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ import plumbob
 from benchmarks.harness.bar import Bar, bar_lines
 from benchmarks.harness.section import Section
 from plumbob.arm import align, run
-from plumbob.core.units import deg, to_deg
+from plumbob.core.units import to_deg
 from plumbob.data import ImuData
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain, Joint, Segment
@@ -347,8 +346,8 @@ def teach_section(seeds):
         Bar("hand of the taught program against the simulated truth, % of the arm", float(np.mean(shares)), 0.0, 1.0),
         Bar("limits used, %", max(used), 0.0, 100.0),
     )
-    return Section("teach-in: simulated bytes' samples → program → URDF → hand", ("hand %", "greatest %", "limits %", "slowed"),
-                   rows, bars)  # fmt: skip
+    title = "teach-in: simulated units, aligned → angles → program → URDF → hand"
+    return Section(title, ("hand %", "greatest %", "limits %", "slowed"), rows, bars)
 
 
 def sections(parts, seeds):

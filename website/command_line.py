@@ -39,7 +39,7 @@ STAGES = {
     "Simulate": ("sim", "emulate"),
     "Record": ("record", "replay", "verify", "repair", "export", "decode", "devices"),
     "Read files": ("info", "profile"),
-    "Calibrate and characterise": ("calibrate", "allan"),
+    "Calibrate and characterise": ("calibrate", "allan", "array"),
     "Estimate and evaluate": ("run", "filters", "cite", "eval", "benchmark"),
     "Many units": ("arm",),
 }

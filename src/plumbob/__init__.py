@@ -57,15 +57,18 @@ from plumbob.core.lazy import lazily
 from plumbob.core.version import __version__
 
 if TYPE_CHECKING:
-    from plumbob import arm
+    from plumbob import arm, array
     from plumbob.calibration.calibrate import calibrate
     from plumbob.cli.info import info
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
     from plumbob.core.errors import PlumbobError, PlumbobWarning
     from plumbob.data import AttitudeTrack, ImuData, ImuMeta
+    from plumbob.data.array import ImuArray
     from plumbob.data.calibrated import apply_card
     from plumbob.data.cards import CalibrationCard, NoiseCard, open_card
+    from plumbob.data.chain import Chain
+    from plumbob.data.chain_toml import load_chain
     from plumbob.data.sample import ImuSample
     from plumbob.evaluation import Evaluation, evaluate
     from plumbob.files import Recording, write
@@ -82,7 +85,7 @@ if TYPE_CHECKING:
     from plumbob.session.emulated import emulate
     from plumbob.session.estimated import estimate
     from plumbob.session.live import record
-    from plumbob.session.reading import read
+    from plumbob.session.reading import read, read_array
     from plumbob.session.recorded import export
     from plumbob.session.replay import replay
     from plumbob.session.session import Session
@@ -92,6 +95,10 @@ if TYPE_CHECKING:
 
 _HOME = {
     "AttitudeTrack": "data.imu",
+    "Chain": "data.chain",
+    "ImuArray": "data.array",
+    "load_chain": "data.chain_toml",
+    "read_array": "session.reading",
     "CalibrationCard": "data.cards",
     "Decoder": "protocols.decode",
     "Evaluation": "evaluation",
@@ -138,12 +145,14 @@ _HOME = {
 __all__ = [
     "AttitudeTrack",
     "CalibrationCard",
+    "Chain",
     "Decoder",
     "Evaluation",
     "Filter",
     "FixedLag",
     "Format",
     "Frame",
+    "ImuArray",
     "ImuData",
     "ImuMeta",
     "ImuSample",
@@ -158,6 +167,7 @@ __all__ = [
     "allan",
     "apply_card",
     "arm",
+    "array",
     "calibrate",
     "cite",
     "decode",
@@ -171,10 +181,12 @@ __all__ = [
     "find_format",
     "flags",
     "info",
+    "load_chain",
     "load_session",
     "open_card",
     "profile",
     "read",
+    "read_array",
     "record",
     "repair",
     "replay",
@@ -186,7 +198,7 @@ __all__ = [
 ]
 
 
-_MODULES = {"arm": "arm", "errors": "core.errors", "flags": "core.flags", "units": "core.units"}
+_MODULES = {"arm": "arm", "array": "array", "errors": "core.errors", "flags": "core.flags", "units": "core.units"}
 """Modules that users take whole, by the names that they have here."""
 
 _name = lazily(__name__, _HOME)[0]

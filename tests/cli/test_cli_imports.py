@@ -103,6 +103,7 @@ LINES = {
     "profile": (["profile", "sea.csv", "--out", "draft.toml"], {"numpy"}),
     "devices": (["devices"], {"numpy", "protocols"}),
     "arm, refused": (["arm", "export", "none.csv", "--out", "program.csv"], {"files.mcap", "filters", "mcap", "numpy"}),
+    "array, refused": (["array", "info", "none.parquet"], READ | {"numba"}),
 }  # fmt: skip
 """By name: a command line, and what it may import. Each may read what those above it wrote."""
 

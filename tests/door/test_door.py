@@ -40,7 +40,7 @@ def test_every_public_name_is_there():
 RENAMED = {"run": "estimate", "eval": "evaluate", "sim": "simulate"}
 OF_THE_PROGRAM = {"demo", "devices", "filters", "benchmark", "warmup"}
 """Verbs that list what is there or exercise it: in Python these are objects (`plumbob.filter_names`, `find_format`)."""
-PACKAGES = {"arm": ("export", "replay")}
+PACKAGES = {"arm": ("align", "run", "export", "replay"), "array": ("info", "combine", "monitor")}
 """Verbs whose kinds are functions of the package of the same name."""
 
 

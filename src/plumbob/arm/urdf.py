@@ -49,7 +49,7 @@ def parser() -> "ModuleType":
         from pytransform3d import urdf
     except ImportError as error:
         raise MissingExtraError('URDF needs pytransform3d: pip install "plumbob[arm]".') from error
-    return urdf  # type: ignore[no-any-return]
+    return urdf
 
 
 def urdf_of(path: str | Path) -> str:

@@ -40,6 +40,7 @@ VERBS = (
     "allan",
     "calibrate",
     "arm",
+    "array",
     "info",
     "benchmark",
     "filters",

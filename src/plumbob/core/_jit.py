@@ -36,8 +36,9 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _KERNEL_SOURCES = (
-    "core/*.py", "rotations/*.py", "acquisition/timing/*.py", "calibration/*.py", "calibration/*/*.py", "filters/*.py",
-    "filters/*/*.py", "arm/*.py", "noise/*.py", "noise/static/*.py", "protocols/checksum.py", "protocols/scan.py",
+    "arm/*.py", "array/*.py", "core/*.py", "rotations/*.py", "acquisition/timing/*.py", "calibration/*.py",
+    "calibration/*/*.py", "filters/*.py", "filters/*/*.py", "noise/*.py", "noise/static/*.py", "protocols/checksum.py",
+    "protocols/scan.py",
     "protocols/unpack.py",
 )  # fmt: skip
 # Where fastmath is not given, numba compiles a kernel with what its first caller has.

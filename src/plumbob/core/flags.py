@@ -35,6 +35,9 @@ MAG_STUCK: Final = 1 << 18
 AT_REST: Final = 1 << 19
 INCONSISTENT: Final = 1 << 20
 FIELD_UNKNOWN: Final = 1 << 21
+UNIT_SUSPECT: Final = 1 << 22
+UNIT_EXCLUDED: Final = 1 << 23
+CANNOT_ISOLATE: Final = 1 << 24
 
 MEANING: Final[dict[int, tuple[str, str]]] = {
     GYR_ABSENT: ("gyr-absent", "no gyroscope value in this sample"),
@@ -59,6 +62,9 @@ MEANING: Final[dict[int, tuple[str, str]]] = {
     INCONSISTENT: ("inconsistent", "the sensors contradict each other more than their noise explains"),
     HEADING_FREE: ("heading-free", "no magnetometer has set the heading; it counts from where it began"),
     FIELD_UNKNOWN: ("field-unknown", "the unit has not turned in the field that gives the heading, or none was found"),
+    UNIT_SUSPECT: ("unit-suspect", "a unit of the array deviates from the others by more than noise explains"),
+    UNIT_EXCLUDED: ("unit-excluded", "a unit of the array is left out: it is dead, or it contradicts the others"),
+    CANNOT_ISOLATE: ("cannot-isolate", "units of the array contradict each other, and nothing says which one is wrong"),
 }
 
 

@@ -69,7 +69,8 @@ CHINESE: Final[dict[str, str]] = {
     "gap": "缺样", "time-fault": "时间错误", "acc-gated": "未用加速度计", "mag-gated": "未用磁力计",
     "gyr-held": "角速率保持", "not-converged": "未收敛", "gyr-stuck": "陀螺仪卡滞", "acc-stuck": "加速度计卡滞",
     "mag-stuck": "磁力计卡滞", "at-rest": "静止", "inconsistent": "传感器矛盾", "heading-free": "航向自由",
-    "field-unknown": "地磁场未证实",
+    "field-unknown": "地磁场未证实", "unit-suspect": "单元可疑", "unit-excluded": "单元已剔除",
+    "cannot-isolate": "无法隔离",
     # certificate of calibration
     "Certificate of calibration": "标定证书", "Gyroscope": "陀螺仪", "Accelerometer": "加速度计",
     "Magnetometer": "磁力计", "GOOD": "良好", "FAIR": "中等", "POOR": "较差", "NOT GRADED": "未评级",

@@ -1,0 +1,145 @@
+"""What an array's units say, as arrays that kernels take: values of sensor axes, their directions, their weights."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.data import TRIADS, ImuData
+from plumbob.data.array import ImuArray, Mount
+from plumbob.data.cards import NoiseCard
+from plumbob.data.cards.noise import TriadNoise
+from plumbob.data.imu import TRIAD_FLAGS
+
+USUAL: Final = {"gyr": 1e-4, "acc": 3e-3, "mag": 0.1}
+"""White noise of a common MEMS unit, rad/s/√Hz, m/s²/√Hz, µT/√Hz, where no card says it."""
+WEIGHTS: Final = ("noise", "range", "equal")
+_END = 0.999
+"""The last code below full scale is already the end."""
+
+
+def values_of(imu: ImuData, triad: str) -> Floats:
+    """Values of a unit's sensor axes (N, 3); NaN where absent or invalid, and on each axis at the end of its range."""
+    found: Floats | None = getattr(imu, triad)
+    if found is None:
+        return np.full((len(imu), 3), np.nan)
+    _, clipped, invalid = TRIAD_FLAGS[triad]
+    out = np.zeros(found.shape, dtype=bool)
+    bad = (imu.flags & np.uint32(invalid)) != 0
+    if bad.any():
+        out[bad] = True
+    at_end = (imu.flags & np.uint32(clipped)) != 0
+    if at_end.any():
+        full_scale = imu.meta.full_scale(triad)
+        largest = np.abs(found[at_end])
+        if full_scale is None:  # which axis it was is not known
+            out[at_end] = True
+        else:
+            out[at_end] = largest >= _END * full_scale
+    return np.where(out, np.nan, found) if out.any() else found
+
+
+def stacked(array: ImuArray, triad: str) -> Floats:
+    """Values of the sensor axes of all units (N, U, 3), in the axes of each unit, as `values_of`."""
+    return np.stack([values_of(one, triad) for one in array.units.values()], axis=1)
+
+
+def directions(mounts: Mapping[str, Mount]) -> Floats:
+    """Direction of axis k of unit u in body axes (U, 3, 3)."""
+    return np.ascontiguousarray([mount.dcm.T for mount in mounts.values()])
+
+
+def levers(mounts: Mapping[str, Mount]) -> Floats:
+    """Lever arms (U, 3), m."""
+    return np.array([mount.lever_b for mount in mounts.values()])
+
+
+def densities(mounts: Mapping[str, Mount], triad: str) -> Floats:
+    """White noise of each axis (U, 3); where a card lacks it that of the others, and a usual one where all do."""
+    found = np.full((len(mounts), 3), np.nan)
+    for u, mount in enumerate(mounts.values()):
+        noise = None if mount.noise is None else getattr(mount.noise, triad)
+        if noise is not None and (noise.n_rpsd > 0.0).all():
+            found[u] = noise.n_rpsd
+    known = np.isfinite(found)
+    found[~known] = float(np.sqrt(np.mean(found[known] ** 2))) if known.any() else USUAL[triad]
+    return found
+
+
+def weights_of(array: ImuArray, triad: str, by: str) -> Floats:
+    """Weights of the sensor axes (U, 3).
+
+    Parameters
+    ----------
+    array : ImuArray
+        The units.
+    triad : {"gyr", "acc", "mag"}
+        Which.
+    by : {"noise", "range", "equal"}
+        Inverse variances of the noise cards; inverse squares of the ranges, for a wider range has the coarser steps;
+        or one for all.
+
+    Raises
+    ------
+    ParameterError
+        If a range is not known.
+    """
+    check.one_of("weights", by, WEIGHTS)
+    if by == "noise":
+        return 1.0 / densities(array.mounts, triad) ** 2
+    if by == "equal":
+        return np.ones((len(array.units), 3))
+    found = []
+    for name, one in array.units.items():
+        full_scale = one.meta.full_scale(triad)
+        if full_scale is None and getattr(one, triad) is not None:
+            raise ParameterError(
+                f"weights by range need the {triad}_range of every unit, but '{name}' does not have one. "
+                "Take weights='noise' or 'equal'."
+            )
+        found.append(np.ones(3) if full_scale is None else 1.0 / full_scale**2)
+    return np.array(found)
+
+
+def combined_noise(array: ImuArray, name: str) -> NoiseCard | None:
+    """Noise card of the virtual unit: inverse variances add up; None where no unit has a card."""
+    if all(mount.noise is None for mount in array.mounts.values()):
+        return None
+    parts: dict[str, TriadNoise] = {}
+    axes = directions(array.mounts)
+    for triad in TRIADS:
+        if not any(getattr(one, triad) is not None for one in array.units.values()):
+            continue
+        if not any(m.noise is not None and getattr(m.noise, triad) is not None for m in array.mounts.values()):
+            continue
+        has = np.array([getattr(one, triad) is not None for one in array.units.values()])
+        weight = np.where(has[:, np.newaxis], 1.0 / densities(array.mounts, triad) ** 2, 0.0)
+        normal = np.einsum("uk,uki,ukj->ij", weight, axes, axes)
+        if np.linalg.matrix_rank(normal) < 3:
+            continue
+        gains = np.einsum("ij,uk,ukj->iuk", np.linalg.inv(normal), weight, axes)  # of the body's axes
+        slow = {letter: _slow(array.mounts, triad, letter) for letter in ("b", "k_rpsd")}
+        parts[triad] = TriadNoise(
+            n_rpsd=np.sqrt(np.diag(np.linalg.inv(normal))),
+            b=np.sqrt(np.einsum("iuk,uk->i", gains**2, slow["b"] ** 2)),
+            k_rpsd=np.sqrt(np.einsum("iuk,uk->i", gains**2, slow["k_rpsd"] ** 2)),
+        )
+    if not parts:
+        return None
+    return NoiseCard(name, f"{len(array.units)} units combined", **parts)
+
+
+def _slow(mounts: Mapping[str, Mount], triad: str, letter: str) -> Floats:
+    noises = [None if m.noise is None else getattr(m.noise, triad) for m in mounts.values()]
+    return np.array([np.zeros(3) if one is None else getattr(one, letter) for one in noises])
+
+
+def nominal_step(array: ImuArray) -> float:
+    """Time between two samples, s: the median, or what the meta says where there is one sample only."""
+    if len(array) > 1:
+        return float(np.median(np.diff(array.t)))
+    rate = next(iter(array.units.values())).meta.rate_nominal
+    return 0.01 if rate is None else 1.0 / rate

@@ -1,0 +1,276 @@
+"""The teaching-arm paper's scheme whole [HuangJiang]: six units in ± sets, two regulators, and a Kalman filter behind.
+
+Units 1 to 3 sit on +x, +y, +z and 4 to 6 on −x, −y, −z. The paper takes one axis of each unit as it points outwards, so
+that the signals of a pair are y⁺ = s + b⁺ + n⁺ and y⁻ = −s + b⁻ + n⁻; then s = (y⁺ − y⁻)/2 is the body's value and
+p = (y⁺ + y⁻)/2 the parity, in which the signal cancels. Set 1 is made of units 1 to 3 and set 2 of units 4 to 6.
+
+What is chosen here: each unit of this project is a whole nine-axis one, and no turn reverses all three axes of a unit.
+So x is read from units 1 and 4, y from 2 and 5, z from 3 and 6, each along its own axis: that is the paper's wiring,
+and it takes the three axes of a set from three units. In the rig `arm` the opposite units are reversed by half turns,
+about z, x and y, which reverse just those axes: y⁻ is what the unit's own axis says, and needs no sign of ours.
+
+Each sample: both rates predict the attitude; the errors of set 1 and set 2 are formed there; fuzzy rules correct the
+rate of set 1, the PI law that of set 2; the mean of both rates, set 2 with its sign changed, turns the attitude. The
+Kalman filter behind takes that rate, and the directions of set 1. Departures are those of `plumbob.filters.fuzzy_pi`
+and `plumbob.filters.ekf_quaternion`: the error belongs to the predicted attitude, the specific force points up in any
+level frame, and q is normalised. Without the Kalman filter the regulators hold the attitude alone; with it they see the
+attitude that it predicts.
+"""
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from plumbob.core._jit import njit
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.units import deg, dps
+from plumbob.data import AttitudeTrack
+from plumbob.data.array import ImuArray
+from plumbob.filters.ekf_quaternion import P, correct_direction, predict
+from plumbob.filters.fuzzy_pi import Params as Rules
+from plumbob.filters.fuzzy_pi import coefficients, regulate, wind
+from plumbob.filters.layout import OWN, Q
+from plumbob.filters.start import angle_to, level, turn_about_vertical
+from plumbob.rotations import Frame, North
+from plumbob.rotations.kernels import cross, quat_exp, quat_mul, quat_unit, rotate
+
+NONE, PI, FUZZY = 0, 1, 2
+LAWS: Final = {"none": NONE, "pi": PI, "fuzzy": FUZZY}
+
+
+class Scheme(NamedTuple):
+    """Switches of the paper's scheme.
+
+    Attributes
+    ----------
+    set1, set2 : {"none", "pi", "fuzzy"}
+        Law of each set. The paper's: fuzzy and PI.
+    sets : int
+        1 takes set 1 alone, 2 the mean of both.
+    ekf : bool
+        The Kalman filter behind.
+    kp, ki : float
+        Gains of the PI law, 1/s and 1/s².
+    slope, far : float
+        Of the rules, as in `plumbob.filters.fuzzy_pi`; rad/s.
+    sum_table : bool
+        The table that adds up the numbers of its sets, instead of `slope` and `far`.
+    dip : float
+        Of the field, rad below the horizontal: the paper takes it as known.
+    """
+
+    set1: str = "fuzzy"
+    set2: str = "pi"
+    sets: int = 2
+    ekf: bool = True
+    kp: float = 0.8
+    ki: float = 0.02
+    slope: float = 0.3
+    far: float = dps(3.0)
+    sum_table: bool = False
+    dip: float = deg(50.0)
+
+
+class Sets(NamedTuple):
+    """Signals of both sets in body axes, each (N, 3), and the parity of pairs.
+
+    Attributes
+    ----------
+    plus, minus : dict of str to ndarray
+        By triad: y⁺, and −y⁻.
+    parity : dict of str to ndarray
+        By triad: (y⁺ + y⁻) / 2.
+    """
+
+    plus: dict[str, Floats]
+    minus: dict[str, Floats]
+    parity: dict[str, Floats]
+
+
+def sets_of(array: ImuArray) -> Sets:
+    """Signals of the ± sets of six units, in the order +x, +y, +z, −x, −y, −z.
+
+    Raises
+    ------
+    ShapeError
+        If there are not six units, or the axis of a unit does not point as its place says.
+    """
+    names = array.names
+    if len(names) != 6:
+        raise ShapeError(f"the paper's array has six units, but this one has {len(names)}.")
+    plus, minus, parity = {}, {}, {}
+    for axis in range(3):
+        for name, sign in ((names[axis], 1.0), (names[axis + 3], -1.0)):
+            if not sign * array.mounts[name].dcm[axis, axis] > 0.999:
+                raise ShapeError(
+                    f"axis {'xyz'[axis]} of unit '{name}' must point along {'-+'[sign > 0]}{'xyz'[axis]} of the body; "
+                    "turn its mount."
+                )
+    for triad in ("gyr", "acc", "mag"):
+        high = np.stack([getattr(array.units[names[axis]], triad)[:, axis] for axis in range(3)], axis=1)
+        low = np.stack([getattr(array.units[names[axis + 3]], triad)[:, axis] for axis in range(3)], axis=1)
+        plus[triad], minus[triad], parity[triad] = high, -low, 0.5 * (high + low)
+    return Sets(plus, minus, parity)
+
+
+@njit
+def error_of(
+    up: float, q0: float, q1: float, q2: float, q3: float, fx: float, fy: float, fz: float,
+    ax: float, ay: float, az: float, mx: float, my: float, mz: float,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Turn that would bring predicted up and field onto the measured ones, rad: â × Rᵀâₙ + m̂ × Rᵀm̂ₙ."""
+    s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
+    ux, uy, uz = rotate(q0, -q1, -q2, -q3, 0.0, 0.0, up)
+    e0, e1, e2 = cross(s * ax, s * ay, s * az, ux, uy, uz)  # [HuangJiang]
+    s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+    ux, uy, uz = rotate(q0, -q1, -q2, -q3, fx, fy, fz)
+    d0, d1, d2 = cross(s * mx, s * my, s * mz, ux, uy, uz)
+    return e0 + d0, e1 + d1, e2 + d2
+
+
+@njit
+def law(kind: int, e: float, dt: float, rules: Floats, integral: Floats, k: int) -> float:
+    """Correction of a rate, rad/s, from the error e, rad."""
+    if kind == 1:
+        integral[k] += dt * e
+        u: float = rules[2] * e + rules[3] * integral[k]
+        return u
+    if kind == 2:
+        error = math.degrees(e)  # the rules think in degrees
+        integral[k] = wind(integral[k], error, dt)
+        v: float = math.radians(regulate(error, integral[k], rules[4], rules[5], rules[6]))
+        return v
+    return 0.0
+
+
+@njit
+def kept(kind: int, rules: Floats, integral: Floats, k: int) -> float:
+    """What of the correction stays without an error, rad/s."""
+    if kind == 1:
+        u: float = rules[3] * integral[k]
+        return u
+    if kind == 2:
+        v: float = math.radians(rules[6] * integral[k])
+        return v
+    return 0.0
+
+
+@njit
+def run(
+    t: Floats, gyr1: Floats, acc1: Floats, mag1: Floats, gyr2: Floats, acc2: Floats, mag2: Floats,
+    kinds: Floats, rules: Floats, up: float, field: Floats, ekf: bool, noise: Floats, x: Floats, sums: Floats,
+    q_nb: Floats,
+) -> None:  # fmt: skip
+    """Attitude (N, 4) of both sets; a second set with a weight kinds[2] of zero is left out. `x` holds q and P."""
+    size = math.sqrt(field[0] * field[0] + field[1] * field[1])
+    first, second, weight = int(kinds[0]), int(kinds[1]), kinds[2]
+    for i in range(t.shape[0]):
+        dt = t[i] - t[i - 1] if i > 0 else 0.0
+        w0, w1, w2 = 0.0, 0.0, 0.0
+        if i > 0:
+            for k in range(3):
+                known = (1.0 - weight) * kept(first, rules, sums[0], k) + weight * kept(second, rules, sums[1], k)
+                before = (1.0 - weight) * gyr1[i - 1, k] + weight * gyr2[i - 1, k]
+                now = (1.0 - weight) * gyr1[i, k] + weight * gyr2[i, k]
+                sums[2, k] = known
+                sums[3, k] = dt * (0.5 * (before + now) + known)  # the rate of a step is the mean of its ends
+            w0, w1, w2 = sums[3, 0], sums[3, 1], sums[3, 2]
+        if i == 0:
+            ax, ay, az = acc1[0, 0] + acc2[0, 0], acc1[0, 1] + acc2[0, 1], acc1[0, 2] + acc2[0, 2]
+            s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
+            q0, q1, q2, q3 = level(up, s * ax, s * ay, s * az)
+            m0, m1, _ = rotate(
+                q0, q1, q2, q3, mag1[0, 0] + mag2[0, 0], mag1[0, 1] + mag2[0, 1], mag1[0, 2] + mag2[0, 2]
+            )
+            q0, q1, q2, q3 = turn_about_vertical(angle_to(m0, m1, field[0] / size, field[1] / size), q0, q1, q2, q3)
+            if x[Q] * x[Q] + x[Q + 1] * x[Q + 1] + x[Q + 2] * x[Q + 2] + x[Q + 3] * x[Q + 3] > 0.5:
+                q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]  # a start was given
+        else:
+            e0, e1, e2, e3 = quat_exp(w0, w1, w2)
+            q0, q1, q2, q3 = quat_mul(q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3], e0, e1, e2, e3)
+            a0, a1, a2 = error_of(
+                up, q0, q1, q2, q3, field[0], field[1], field[2],
+                acc1[i, 0], acc1[i, 1], acc1[i, 2], mag1[i, 0], mag1[i, 1], mag1[i, 2],
+            )  # fmt: skip
+            c0, c1, c2 = error_of(
+                up, q0, q1, q2, q3, field[0], field[1], field[2],
+                acc2[i, 0], acc2[i, 1], acc2[i, 2], mag2[i, 0], mag2[i, 1], mag2[i, 2],
+            )  # fmt: skip
+            d0 = (1.0 - weight) * law(first, a0, dt, rules, sums[0], 0) + weight * law(
+                second, c0, dt, rules, sums[1], 0
+            )
+            d1 = (1.0 - weight) * law(first, a1, dt, rules, sums[0], 1) + weight * law(
+                second, c1, dt, rules, sums[1], 1
+            )
+            d2 = (1.0 - weight) * law(first, a2, dt, rules, sums[0], 2) + weight * law(
+                second, c2, dt, rules, sums[1], 2
+            )
+            u0, u1, u2 = d0 - sums[2, 0], d1 - sums[2, 1], d2 - sums[2, 2]  # the prediction has the rest
+            if ekf:
+                x[Q], x[Q + 1], x[Q + 2], x[Q + 3] = q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3]
+                predict(x, dt, w0 / dt + u0, w1 / dt + u1, w2 / dt + u2, 0.25 * dt * dt * noise[0])
+                q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]
+                mx, my, mz = mag1[i, 0], mag1[i, 1], mag1[i, 2]
+                s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+                correct_direction(x, q0, q1, q2, q3, field[0], field[1], field[2], s * mx, s * my, s * mz, noise[1])
+                ax, ay, az = acc1[i, 0], acc1[i, 1], acc1[i, 2]
+                s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
+                correct_direction(x, q0, q1, q2, q3, 0.0, 0.0, up, s * ax, s * ay, s * az, noise[1])
+                q0, q1, q2, q3 = quat_unit(x[Q], x[Q + 1], x[Q + 2], x[Q + 3])
+            else:
+                e0, e1, e2, e3 = quat_exp(dt * u0, dt * u1, dt * u2)
+                q0, q1, q2, q3 = quat_mul(q0, q1, q2, q3, e0, e1, e2, e3)
+                q0, q1, q2, q3 = quat_unit(q0, q1, q2, q3)
+        q_nb[i, 0], q_nb[i, 1], q_nb[i, 2], q_nb[i, 3] = q0, q1, q2, q3
+
+
+def paper(
+    array: ImuArray, *, frame: Frame | str, scheme: Scheme | None = None, start: Floats | None = None
+) -> AttitudeTrack:
+    """Attitude of the teaching-arm paper's array, by its own scheme or one with other switches.
+
+    Parameters
+    ----------
+    array : ImuArray
+        Six units, in the order +x, +y, +z, −x, −y, −z.
+    frame : Frame or str
+        Navigation frame of the result.
+    scheme : Scheme, optional
+        Switches; by default the paper's.
+    start : ndarray (4,), optional
+        Attitude to start from; by default that of the first samples of both sets together.
+
+    Raises
+    ------
+    ShapeError
+        If the array is another one.
+    ParameterError
+        If a law is not known.
+    """
+    scheme, frame = scheme or Scheme(), Frame.parse(frame)
+    for name in (scheme.set1, scheme.set2):
+        if name not in LAWS:
+            raise ParameterError(f"the law of a set must be one of {', '.join(LAWS)}, but it is '{name}'.")
+    if scheme.sets not in (1, 2):
+        raise ParameterError(f"sets must be 1 or 2, but it is {scheme.sets}.")
+    both = sets_of(array)
+    rules = np.array(
+        coefficients(Rules(kp=scheme.kp, ki=scheme.ki, slope=scheme.slope, far=scheme.far, sum_table=scheme.sum_table))
+    )
+    up = float(frame.up[2])
+    field = math.cos(scheme.dip) * frame.north - math.sin(scheme.dip) * frame.up
+    x = np.zeros(OWN + 12)
+    for k in (0, 4, 7, 9):
+        x[P + k] = 1e-3  # [HuangJiang]: P0
+    if start is not None:
+        x[Q : Q + 4] = start
+    q_nb = np.empty((len(array), 4))
+    kinds = np.array([LAWS[scheme.set1], LAWS[scheme.set2], 0.5 * (scheme.sets - 1)], dtype=np.float64)
+    a, b = both.plus, both.minus
+    run(
+        array.t, a["gyr"], a["acc"], a["mag"], b["gyr"], b["acc"], b["mag"], kinds, rules, up, field, scheme.ekf,
+        np.array([1e-4, 1e-3]), x, np.zeros((4, 3)), q_nb,
+    )  # fmt: skip
+    return AttitudeTrack(t=array.t, q_nb=q_nb, frame=frame, north=North.MAGNETIC, source="teaching-arm paper")

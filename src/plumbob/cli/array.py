@@ -1,0 +1,133 @@
+"""plumbob array: several units on one body: how they differ, what they measure together, and which one is wrong."""
+
+import argparse
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from plumbob.cli import common
+
+if TYPE_CHECKING:
+    from plumbob.data import ImuData
+    from plumbob.data.array import ImuArray
+
+KINDS: tuple[str, ...] = ("info", "combine", "monitor")
+"""What can be done: `add_` declares it."""
+
+
+def add_parser(verbs: common.Adder) -> None:
+    """Declare the verb and its kinds."""
+    p = verbs.add_parser(
+        "array",
+        help="several units on one body: compare, combine, watch",
+        description="Several units on one body: how they differ, what they measure together, and which one is wrong.",
+        epilog=common.more("plumbob array monitor six.parquet", "array.md"),
+    )
+    kinds = p.add_subparsers(dest="kind", metavar="KIND")
+    for add in (add_info, add_combine, add_monitor):
+        add(kinds)
+    p.set_defaults(run=run, usage=p)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do it."""
+    if args.kind is None:
+        args.usage.error(f"name a KIND: {', '.join(KINDS)}")
+    code: int = args.do(args)
+    return code
+
+
+def add_info(kinds: common.Adder) -> None:
+    """Declare the kind."""
+    p = kinds.add_parser(
+        "info",
+        help="small rotations, relative biases and clock offsets of the units, with their uncertainty",
+        description="Estimate how each unit differs from the mean of all: a small rotation beyond its mount, biases, "
+        "and by how much its clock is late.",
+        epilog=common.more("plumbob array info six.parquet", "array.md"),
+    )
+    _add_files(p)
+    p.set_defaults(do=partial(_show, verb="info"))
+
+
+def add_combine(kinds: common.Adder) -> None:
+    """Declare the kind."""
+    p = kinds.add_parser(
+        "combine",
+        help="one virtual unit of all, by weighted least squares",
+        description="Combine all units to one in body axes, by weighted least squares of all sensor axes.",
+        epilog=common.more("plumbob array combine six.parquet --out one.parquet", "array.md"),
+    )
+    _add_files(p)
+    p.add_argument(
+        "--weights", choices=("noise", "range", "equal"), default="noise", help="of the units (default: noise cards)"
+    )
+    p.add_argument("--correct", action="store_true", help="take off first what 'plumbob array info' finds")
+    _add_out(p, required=True)
+    p.set_defaults(do=_combine)
+
+
+def add_monitor(kinds: common.Adder) -> None:
+    """Declare the kind."""
+    p = kinds.add_parser(
+        "monitor",
+        help="which unit contradicts the others, since when; with --out what the rest measure",
+        description="Watch the units against each other: frozen, biased, wrongly scaled, noisy and dead ones are left "
+        "out, and taken in again when they agree.",
+        epilog=common.more("plumbob array monitor six.parquet --out one.parquet", "array.md"),
+    )
+    _add_files(p)
+    _add_out(p, required=False)
+    p.set_defaults(do=partial(_show, verb="monitor"))
+
+
+def _add_files(p: argparse.ArgumentParser) -> None:
+    p.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE", help="recording with several units, or one file for each unit"
+    )
+    common.add_json(p)
+
+
+def _add_out(p: argparse.ArgumentParser, *, required: bool) -> None:
+    p.add_argument("--out", type=Path, required=required, metavar="FILE", help="write the virtual unit")
+    common.add_force(p)
+
+
+def _read(args: argparse.Namespace) -> "ImuArray":
+    from plumbob.session.reading import read_array
+
+    array: ImuArray = read_array(args.files if len(args.files) > 1 else args.files[0])
+    return array
+
+
+def _show(args: argparse.Namespace, verb: str) -> int:
+    """Print what a function of the same name finds, and write the virtual unit where it was asked for."""
+    from plumbob import array
+
+    out = getattr(args, "out", None)
+    if out is not None:
+        common.check_outputs(args, out, inputs=args.files)
+    found: Any = getattr(array, verb)(_read(args))
+    common.print_json(found.summary()) if args.json else print(found.text())
+    if out is not None:
+        _write(args, found.imu)
+    return 0
+
+
+def _combine(args: argparse.Namespace) -> int:
+    from plumbob.array import combine
+
+    common.check_outputs(args, args.out, inputs=args.files)
+    found = combine(_read(args), weights=args.weights, correct=args.correct)
+    common.print_json(found.summary()) if args.json else print(found.text())
+    _write(args, found.imu)
+    return 0
+
+
+def _write(args: argparse.Namespace, imu: "ImuData") -> None:
+    from plumbob.files import write
+
+    names = ", ".join(path.name for path in args.files)
+    write(args.out, imu, notes=(f"virtual unit of the array in {names}",), overwrite=args.force)
+    if not args.json:
+        print(f"written      {args.out}")

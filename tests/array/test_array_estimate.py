@@ -1,0 +1,79 @@
+"""Attitude of an array: what units beyond one are worth, and what is lost when one goes."""
+
+import numpy as np
+import pytest
+
+from benchmarks.array import BIAS, arm, errors
+from plumbob import Frame, flags
+from plumbob.array import estimate
+from plumbob.array.monitoring import Settings
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import dps
+from tests.array.array_samples import ImuArray, ImuData, as_array, moved
+
+SETTINGS = Settings(gyr_bias=BIAS[False] / np.sqrt(3.0))
+
+
+def rms(array, truth, filter_, rows=slice(0, None), **options):
+    return float(
+        np.sqrt(np.mean(errors(estimate(array, filter_, frame=Frame.NED, **options).track.q_nb, truth)[rows] ** 2))
+    )
+
+
+def without(array, name):
+    units = {k: one for k, one in array.units.items() if k != name}
+    return ImuArray(units, {k: array.mounts[k] for k in units})
+
+
+def test_six_units_are_better_than_two_as_the_square_root_says():
+    """Noise falls by √3; seeds scatter by a tenth."""
+    found = []
+    for units in (2, 6):
+        runs = [arm(seed, turns=False, units=units) for seed in range(1, 6)]
+        found.append(np.sqrt(np.mean([rms(*run, "directions", settings=SETTINGS) ** 2 for run in runs])))
+    assert found[0] / found[1] == pytest.approx(np.sqrt(3.0), rel=0.3)
+
+
+@pytest.mark.parametrize("kind", ["dead", "biased"])
+@pytest.mark.parametrize("filter_", ["directions", "mekf", None])
+def test_a_unit_that_breaks_costs_no_more_than_not_to_have_had_it(kind, filter_):
+    found = moved(31, 80.0, moving=True)
+    truth, broken = found["truth"]["q_nb"], dict(found["u3"])
+    broken["gyr"] = found["u3"]["gyr"].copy()
+    if kind == "dead":
+        broken = {k: np.where(np.arange(800)[:, np.newaxis] < 500, v, np.nan) for k, v in found["u3"].items()}
+    else:
+        broken["gyr"][500:, 0] += dps(2.0)
+    whole = as_array(found)
+    five = rms(without(whole, "u3"), truth, filter_, slice(500, None))
+    less = estimate(as_array(found | {"u3": broken}), filter_, frame=Frame.NED)
+    error = float(np.sqrt(np.mean(errors(less.track.q_nb, truth)[500:] ** 2)))
+    assert error < 1.2 * five
+    assert (less.track.flags[600] & flags.UNIT_EXCLUDED) != 0
+
+
+def test_the_covariance_of_the_small_filter_is_that_of_its_errors():
+    """Normalised squared error of three angles over 40 seeds: χ² of 120 gives 3 ± 0.39."""
+    squares = []
+    for seed in range(1, 41):
+        array, truth = arm(seed, turns=False)
+        track = estimate(array, "directions", frame=Frame.NED, settings=SETTINGS).track
+        e = np.radians(errors(track.q_nb[-1:], truth[-1:])[0])
+        squares.append(e @ np.linalg.solve(track.cov_b[-1], e))
+    assert np.mean(squares) == pytest.approx(3.0, abs=3.0 * 0.39)
+
+
+def test_arguments_that_do_not_fit_are_refused():
+    array, _ = arm(1, turns=False)
+    with pytest.raises(ParameterError, match="neither lag nor init"):
+        estimate(array, "directions", lag=1.0, frame="NED")
+    with pytest.raises(ParameterError, match="no parameter 'kp'"):
+        estimate(array, "directions", params={"kp": 1.0}, frame="NED")
+
+
+def test_the_frame_of_the_units_is_taken():
+    array, _ = arm(1, turns=False)
+    assert estimate(array, "directions").track.frame is Frame.NED
+    bare = ImuArray({k: ImuData(one.t, one.gyr, one.acc, one.mag) for k, one in array.units.items()}, array.mounts)
+    with pytest.raises(Exception, match="frame"):
+        estimate(bare, "directions")

@@ -1,0 +1,48 @@
+"""plumbob array on files: what the functions of the same names say."""
+
+import json
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.array import combine, info, monitor
+from plumbob.core.units import dps
+from tests.array.array_samples import as_array, moved
+from tests.battery.commandline import ok, refused
+from tests.battery.commandline import plumbob as plumbob_line
+
+
+@pytest.fixture(scope="module")
+def six(tmp_path_factory):
+    """File of six units, of which the third is off for a while."""
+    file = tmp_path_factory.mktemp("array") / "six.parquet"
+    found = moved(3, 60.0, moving=True)
+    found["u3"]["gyr"][300:400, 1] += dps(1.0)
+    plumbob.write(file, as_array(found))
+    return file
+
+
+def test_monitor_says_which_unit_and_writes_the_rest(six, tmp_path):
+    out = tmp_path / "one.parquet"
+    printed = json.loads(ok("array", "monitor", six, "--out", out, "--json").stdout)
+    seen = monitor(plumbob.read(six).array)
+    assert printed == seen.summary()
+    assert [(fault["unit"], fault["triad"]) for fault in printed["faults"]] == [("u3", "gyr")]
+    assert np.array_equal(plumbob.read(out).imu.gyr, seen.imu.gyr)
+    assert "Units left out" in ok("array", "monitor", six).stdout
+
+
+def test_combine_and_info_print_what_their_functions_find(six, tmp_path):
+    array, out = plumbob.read(six).array, tmp_path / "one.parquet"
+    printed = json.loads(ok("array", "combine", six, "--weights", "equal", "--out", out, "--json").stdout)
+    assert printed == combine(array, weights="equal").summary()
+    assert np.array_equal(plumbob.read(out).imu.acc, combine(array, weights="equal").imu.acc)
+    assert json.loads(ok("array", "info", six, "--json").stdout) == info(array).summary()
+    assert "Clock offset [ms]" in ok("array", "info", six).stdout
+
+
+def test_a_kind_is_needed_and_inputs_are_never_written(six):
+    done = plumbob_line("array")
+    assert (done.returncode, "name a KIND: info, combine, monitor" in done.stderr) == (2, True)
+    assert "is an input" in refused("array", "combine", six, "--out", six)
