@@ -14,7 +14,7 @@ from plumbob.arm.anchor import UNKNOWN, Anchored, anchored
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
 from plumbob.arm.links import GROUND, links_of, unit_numbers
-from plumbob.arm.passes import FRAME_SD, POSE_SD, Motion, Start, begin, estimated
+from plumbob.arm.passes import FRAME_SD, Motion, Start, begin, estimated
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -162,7 +162,8 @@ def run(
         and its x axis along that of ENU or NWU, or along North in NED; all headings count from it.
     causal : bool
         Let each attitude know only what came before it. The first attitudes are given after the first seconds, from
-        what those show of the headings.
+        what those show of the headings. The common heading of a free chain then counts from the start, near North, and
+        fields only keep it there; smoothed, it counts from North.
     pose : "zero" or sequence of float, optional
         The angles, rad, that were held at the first sample. A ball joint on a fixed base needs it, as nothing else
         says where the arm points.
@@ -197,10 +198,12 @@ def run(
     count = _counter(len(samples), progress)
     motion = estimated(samples, links, settings, start, smooth=not causal, progress=count)
     anchor = _anchor(known, samples, motion, settings, start, north, posed=posture is not None, smooth=not causal)
+    posed = posture is not None
     estimate = _Reading(known, card, motion, anchor, inside, wanted, array).estimate(
-        north=_north(known, start, anchor, posed=posture is not None), source=_source(settings, causal=causal),
-        notes=_notes(known, card, start, anchor, posed=posture is not None, causal=causal),
-    )  # fmt: skip
+        north=_north(known, start, anchor, posed=posed, causal=causal),
+        source=_source(settings, causal=causal),
+        notes=_notes(known, card, start, anchor, posed=posed, causal=causal),
+    )
     for one in estimate.notes if note else ():
         note(one)  # type: ignore[misc]
     return estimate
@@ -250,14 +253,15 @@ def _anchor(
     """Common heading from the fields, where it is not held by the ground."""
     if samples.mag is None or not start.free:
         return None
-    known_frame = posed and chain.base_fixed
+    # as of a moment, a frame that moves to North would carry all with it: fields hold it where it began
+    steady = not smooth or (posed and chain.base_fixed)
     return anchored(
         samples,
         motion,
         params,
-        north=_first_direction(samples, motion) if known_frame else north,
-        turn_sd=POSE_SD if known_frame else UNKNOWN,
-        north_sd=UNKNOWN if known_frame else FRAME_SD,
+        north=_first_direction(samples, motion) if steady else north,
+        turn_sd=FRAME_SD if steady else UNKNOWN,
+        north_sd=UNKNOWN if steady else FRAME_SD,
         smooth=smooth,
     )
 
@@ -270,9 +274,9 @@ def _first_direction(samples: Samples, motion: Motion) -> float:
     return math.atan2(level[1], level[0])
 
 
-def _north(chain: Chain, start: Start, anchor: Anchored | None, *, posed: bool) -> North:
-    held = not start.free or (chain.base_fixed and posed)
-    return North.FREE if held or anchor is None else North.MAGNETIC
+def _north(chain: Chain, start: Start, anchor: Anchored | None, *, posed: bool, causal: bool) -> North:
+    steady = causal or not start.free or (chain.base_fixed and posed)
+    return North.FREE if steady or anchor is None else North.MAGNETIC
 
 
 def _source(params: Params, *, causal: bool) -> str:
@@ -300,6 +304,10 @@ def _notes(
         )
     elif start.free and anchor is None:
         found.append("no magnetometer and no fixed base hold the common heading: it counts from the start, and drifts")
+    elif start.free and causal:
+        found.append(
+            "the common heading counts from the start, near North; the fields of all units keep it from drifting"
+        )
     if causal:
         found.append(f"headings begin with what the first {start.ready:.1f} s show; a live system gives them then")
     return tuple(found)

@@ -128,17 +128,17 @@ def begin(
     q = first_tilts(samples)
     units = len(q)
     sd = np.full((units, 3), TILT_SD)
-    if pose is not None:
-        _require_pose(q, pose, links)
-        turn, free = _heading_of_pose(q, pose, links), not _grounded(links)
-        sd[:, 2] = POSE_SD
-        turns, ready = turn, float(samples.t[0])
+    fields = _Fields(samples, units, params.field_sd)
+    if pose is None:
+        turns, sd[:, 2], ready, free = _headings(samples, links, params, q, fields, north)
     else:
-        turns, sd[:, 2], ready, free = _headings(samples, links, params, q, north)
+        _require_pose(q, pose, links)
+        turns, free = _heading_of_pose(q, pose, links), not _grounded(links)
+        sd[:, 2], ready = POSE_SD, float(samples.t[0])
+        fields.add(q, fields.first)
     if free:
         sd[0, 2] = FRAME_SD  # it is what the frame's heading means
-    if free and samples.mag is not None:
-        turns = turns + _to_north(samples, q, turns, north)
+        turns = turns + fields.common_turn(turns, north)
     return Start(_turned(q, turns), sd, ready, free)
 
 
@@ -197,7 +197,7 @@ def _heading_of_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> Floats:
 
 
 def _headings(
-    samples: Samples, links: Sequence[Link], params: Params, q: Floats, north: float
+    samples: Samples, links: Sequence[Link], params: Params, q: Floats, fields: "_Fields", north: float
 ) -> tuple[Floats, Floats, float, bool]:
     """Turns about the vertical (U,) that make neighbours agree, and how well they do (U,), rad.
 
@@ -207,7 +207,6 @@ def _headings(
     looking = ChainFilter(links, len(q), params, q, np.full((len(q), 3), TILT_SD))
     path = np.zeros((*samples.gyr.shape[:2], 4))
     rows = keyframe_rows(samples.t, params.keyframe)
-    fields = _Fields(samples, len(q), params.field_sd)
     ready = float(samples.t[0])
     for first, last in pairwise(rows):
         looking.look(samples, int(first) + 1, int(last) + 1, path)
@@ -274,6 +273,16 @@ class _Fields:
         level = quat_rotate(q, np.nan_to_num(self._mag[:, row]))
         self._sum += level[:, 0] + 1j * level[:, 1]
 
+    @property
+    def first(self) -> int:
+        """First sample with a field of any unit."""
+        return 0 if self._mag is None else int(np.isfinite(self._mag[:, :, 0]).any(axis=0).argmax())
+
+    def common_turn(self, turns: Floats, north: float) -> float:
+        """Turn of the whole, rad, that brings all fields together to North, behind a turn of each unit."""
+        total = complex(np.sum(self._sum * np.exp(1j * turns)))
+        return north - float(np.angle(total)) if abs(total) > 0.0 else 0.0
+
     def sd(self, parent: int, child: int) -> float:
         """How well two units' fields say their headings against each other, rad; infinite where one has none."""
         seen = abs(self._sum[child]) > 0.0 and (parent == GROUND or abs(self._sum[parent]) > 0.0)
@@ -282,22 +291,6 @@ class _Fields:
     def turn(self, unit: int, north: float) -> float:
         """Turn about the vertical that brings a unit's field to North, rad."""
         return north - float(np.angle(self._sum[unit])) if abs(self._sum[unit]) > 0.0 else 0.0
-
-
-def _to_north(samples: Samples, q: Floats, turns: Floats, north: float) -> float:
-    """Turn of the whole, rad, that brings the units' fields of the first sample with one to North, all together."""
-    assert samples.mag is not None
-    seen = np.isfinite(samples.mag[:, :, 0])
-    first = np.where(seen.any(axis=1), seen.argmax(axis=1), 0)
-    field = samples.mag[np.arange(len(q)), first]
-    moved = q.copy()
-    for u, row in enumerate(first):  # turned by the gyroscope until then, which is a sample or two
-        for k in range(1, int(row) + 1):
-            step = np.nan_to_num(samples.gyr[u, k]) * (samples.t[k] - samples.t[k - 1])
-            moved[u] = quat_multiply(moved[u], quat_from_rotvec(step))
-    level = quat_rotate(_turned(moved, turns), np.nan_to_num(field))
-    total = complex(level[:, 0].sum(), level[:, 1].sum())
-    return north - float(np.angle(total)) if abs(total) > 0.0 else 0.0
 
 
 def estimated(
