@@ -23,13 +23,13 @@ from plumbob.arm.geometry import (
     sway,
     terms_of,
 )
-from plumbob.arm.links import FORCE_SD, GROUND, Link, axes_of, links_of, unit_numbers
+from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, Link, axes_of, links_of, unit_numbers
 from plumbob.arm.passes import Motion, begin, estimated
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
 from plumbob.core.params import build
-from plumbob.core.units import deg, to_deg
+from plumbob.core.units import deg, dps, to_deg
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment
@@ -62,6 +62,12 @@ LENGTH_SD: Final = 0.003
 AXIS_SD: Final = deg(0.5)
 """The chain's own lengths, m, and axes, rad, are right to these."""
 
+CALIBRATED_BIAS: Final = dps(0.1)
+CALIBRATED_SCALE: Final = 0.0005
+"""What is left of a calibrated gyroscope's bias, rad/s, and scale: it was some other day, at another temperature."""
+NOISE_MARGIN: Final = 2.0
+"""Arms shake units more than a table at rest, where noise cards come from."""
+
 Pose = tuple[float, float, Sequence[float]]
 """From when to when, s, which angles were held, rad."""
 
@@ -82,6 +88,8 @@ class JointCard:
         Standard deviations (2, 3) of the arms, m, and (2,) of the axes, rad.
     play, force_sd : float
         What the sides differ by: angle of an axis, rad, and force at the centre, m/s²; standard deviations.
+    play_time, force_time : float
+        How long either lasts, s.
     sway : float
         How far both segments turn against each other besides, about each axis, as units sway on them, rad.
     rating : str
@@ -95,6 +103,8 @@ class JointCard:
     axis_sd: Any
     play: float
     force_sd: float
+    play_time: float
+    force_time: float
     sway: float
     rating: str
 
@@ -171,6 +181,8 @@ class ArmCard(Card):
                 axes=np.array(found.axes, dtype=np.float64).reshape(2, -1, 3),
                 play=found.play,
                 force_sd=found.force_sd,
+                play_time=found.play_time,
+                force_time=found.force_time,
             )
             for joint, found in zip(self.chain.joints, self.joints, strict=True)
         ]
@@ -267,8 +279,8 @@ def align(
         If the recording is too short or a unit lacks a gyroscope or an accelerometer.
     """
     chain = check.kind("chain", opened_chain(chain), Chain)
-    samples = samples_of(chain, opened_array(array))
-    settings = build(Params, params or {}, of="arm")
+    array = opened_array(array)
+    samples, settings = samples_of(chain, array), settings_of(chain, array, params)
     samples = samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
     if samples.t[-1] - samples.t[0] < SHORTEST:
         raise ShapeError(
@@ -286,6 +298,22 @@ def align(
             note(f"{joint.name}: {joint.rating}")
     source = f"{samples.t[-1] - samples.t[0]:.3g} s of motion"
     return ArmCard(chain=mounted, joints=joints, mount_sd=sd, source=source)
+
+
+def settings_of(chain: Chain, array: ImuArray, params: Mapping[str, Any] | None) -> Params:
+    """Parameters of the filter: those given, else what is known of the units, else the defaults.
+
+    Of calibrated units little bias and scale is left; noise cards say what their gyroscopes scatter by.
+    """
+    used = [segment.unit for segment in chain.segments if segment.unit]
+    known: dict[str, Any] = {}
+    if all(array.units[name].meta.calibration is not None for name in used):
+        known |= {"bias_sd": CALIBRATED_BIAS, "gyr_scale_sd": CALIBRATED_SCALE}
+    cards = [array.mounts[name].noise for name in used]
+    noises = [card.gyr.n_rms for card in cards if card is not None and card.gyr is not None]
+    if len(noises) == len(used):
+        known["gyro_noise"] = max(NOISE_MARGIN * max(noises), 1e-9)
+    return build(Params, known | dict(params or {}), of="arm")
 
 
 def samples_of(chain: Chain, array: ImuArray) -> Samples:
@@ -374,7 +402,7 @@ class _Search:
         if link.joint.kind == "ball":
             return None
         prior = Prior(self._before[k].axes, self._sds[0]) if self._chain.known else None
-        return fit_axes(terms, link, prior, self._params.play_time)
+        return fit_axes(terms, link, prior)
 
 
 def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
@@ -397,8 +425,11 @@ def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
 def _fitted(link: Link, arm: Fit, axis: Fit | None) -> Link:
     force = min(max(arm.residual, LEAST_FORCE_SD), 10.0 * FORCE_SD)
     if axis is None:
-        return replace(link, arms=arm.value, force_sd=force)
-    return replace(link, arms=arm.value, axes=axis.value, play=max(axis.residual, LEAST_PLAY), force_sd=force)
+        return replace(link, arms=arm.value, force_sd=force, force_time=max(arm.lasts, FORCE_TIME))
+    return replace(
+        link, arms=arm.value, axes=axis.value, play=max(axis.residual, LEAST_PLAY), play_time=max(axis.lasts, PLAY_TIME),
+        force_sd=force, force_time=max(arm.lasts, FORCE_TIME),
+    )  # fmt: skip
 
 
 def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
@@ -426,6 +457,8 @@ def _card(link: Link, found: _Found, k: int) -> JointCard:
         axis_sd=axis_sd.tolist(),
         play=link.play,
         force_sd=link.force_sd,
+        play_time=link.play_time,
+        force_time=link.force_time,
         sway=sway(arm.shake, link.arms),
         rating=_rating(link, arm_sd, axis_sd),
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.alignment import ArmCard, opened_array, opened_chain, samples_of
+from plumbob.arm.alignment import ArmCard, opened_array, opened_chain, samples_of, settings_of
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
@@ -18,7 +18,7 @@ from plumbob.arm.passes import FRAME_SD, Motion, Start, begin, estimated
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
-from plumbob.core.params import build, describe, shown
+from plumbob.core.params import describe, shown
 from plumbob.core.series import Series
 from plumbob.core.units import deg, to_deg
 from plumbob.data import AttitudeTrack
@@ -168,7 +168,7 @@ def run(
         The angles, rad, that were held at the first sample. A ball joint on a fixed base needs it, as nothing else
         says where the arm points.
     params : mapping, optional
-        Of the filter, `plumbob.arm.filter.Params`.
+        Of the filter, `plumbob.arm.filter.Params`; what is not named follows from what is known of the units.
     note : callable, optional
         Called with each note.
     progress : callable, optional
@@ -188,8 +188,7 @@ def run(
     wanted = navigation_frame(
         next(iter(array.units.values())), None if frame is None else Frame.parse(frame), where="the recording"
     )
-    settings = build(Params, params or {}, of="arm")
-    samples = samples_of(known, array)
+    samples, settings = samples_of(known, array), settings_of(known, array, params)
     links = links_of(known) if card is None else card.links()
     inside = _Z_UP[wanted]
     north = float(np.arctan2(inside.north[1], inside.north[0]))

@@ -86,10 +86,6 @@ class Params(NamedTuple):
     gyro_noise: Annotated[float, Spec(Quantity.RATE_NOISE, "white noise of the rate", 1e-9)] = dps(0.05)
     gyr_scale_sd: Annotated[float, Spec(Quantity.RATIO, "errors of a gyroscope's scale and axes", 0.0, 0.1)] = 0.003
     acc_noise: Annotated[float, Spec(Quantity.ACCELERATION_NOISE, "white noise of the force", 1e-9)] = 0.1
-    force_time: Annotated[float, Spec(Quantity.TIME, "how long what forces at a joint differ by lasts", 0.0)] = 0.15
-    play_time: Annotated[float, Spec(Quantity.TIME, "how long a joint's axis stays where its play has put it", 0.0)] = (
-        1.0
-    )
     speed_sd: Annotated[
         float, Spec(Quantity.SPEED, "how fast a unit moves; raise it for a chain that is carried about", 1e-3)
     ] = 0.5
@@ -338,9 +334,9 @@ class ChainFilter:
             if gap == 0.0 and np.isfinite(of_parent).all() and np.isfinite(of_child).all():
                 h = self._turning(link, -skew(of_parent), skew(of_child))
                 both = 1.0 if link.parent == GROUND else 2.0
-                var = both * link.force_sd**2 * max(1.0, 2.0 * p.force_time / span)
+                var = both * link.force_sd**2 * max(1.0, 2.0 * link.force_time / span)
                 rows.append(Row(h, of_child - of_parent, var, True))
-            rows += self._axis_rows(link, matrices, max(1.0, 2.0 * p.play_time / span))
+            rows += self._axis_rows(link, matrices, max(1.0, 2.0 * link.play_time / span))
         var = p.speed_sd**2 * 2.0 * p.speed_time / span
         for u in range(self.units):
             h = np.zeros((3, len(self.cov)))

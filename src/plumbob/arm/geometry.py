@@ -16,9 +16,9 @@ CUT_OFF: Final = 3.0
 """Forces are compared below this, Hz: above, noise of the angular acceleration would shorten arms."""
 ARM_SD: Final = 0.3
 """An arm of which nothing is known is shorter than about this, m."""
-LEAST_FORCE_SD: Final = 0.1
+LEAST_FORCE_SD: Final = 0.05
 """m/s²; less is not believed of a joint,"""
-LEAST_PLAY: Final = deg(0.5)
+LEAST_PLAY: Final = deg(0.2)
 """nor is an axis that strays by less, rad."""
 MEAN_OVER: Final = 0.1
 """The filter takes means of forces over about this, s."""
@@ -61,6 +61,8 @@ class Fit(NamedTuple):
     residual : float
         What both sides differ by: of forces the standard deviation of one side, a mean over 0.1 s, m/s²; of axes
         that of each component of the difference, rad.
+    lasts : float
+        How long that lasts, s: a mean over T has its variance times ``2 lasts / T``.
     shake : float
         Of forces, the standard deviation of a component of the difference of single samples, m/s².
     """
@@ -68,6 +70,7 @@ class Fit(NamedTuple):
     value: Floats
     cov: Floats
     residual: float
+    lasts: float
     shake: float = 0.0
 
 
@@ -140,6 +143,17 @@ def _slow(values: Floats, t: Floats) -> tuple[Floats, float]:
     return values[::every], max(1.0, rate / every / (2.0 * CUT_OFF))
 
 
+def lasting(values: Floats, step: float) -> float:
+    """How long values (N, M), one each `step`, s, stay alike: from how the variance of their means falls."""
+    found, variance = 0.5 * step, float(np.mean(np.var(values, axis=0)))
+    for count in (3, 10, 30, 100):
+        if len(values) < 5 * count or variance == 0.0:
+            break
+        means = values[: len(values) // count * count].reshape(-1, count, values.shape[1]).mean(axis=1)
+        found = max(found, 0.5 * step * count * float(np.mean(np.var(means, axis=0))) / variance)
+    return found
+
+
 def arms_from_sizes(samples: Samples, link: Link) -> Floats:
     """Arms (2, 3) that make the forces of both sides equally large at the joint, which needs no attitude.
 
@@ -184,6 +198,7 @@ def fit_arms(terms: Terms, link: Link, prior: Prior) -> Fit:
     sides = 1.0 if link.parent == GROUND else 2.0
     return fit._replace(
         residual=max(float(np.sqrt(np.mean(means**2) / sides)), LEAST_FORCE_SD),
+        lasts=lasting(means, MEAN_OVER),
         shake=float(np.sqrt(np.mean(left**2))),
     )
 
@@ -198,7 +213,7 @@ def _solved(a: Floats, y: Floats, prior: Prior, alike: float, least: float) -> F
         off = np.abs(y - a @ x)
         sd = max(1.4826 * float(np.median(off)), least)
         weight = 1.0 / np.maximum(1.0, off / (2.0 * sd))
-    return Fit(np.asarray(x).reshape(2, 3), np.asarray(np.linalg.inv(normal)), sd)
+    return Fit(np.asarray(x).reshape(2, 3), np.asarray(np.linalg.inv(normal)), sd, MEAN_OVER)
 
 
 def first_axes(terms: Terms, link: Link) -> Floats:
@@ -222,7 +237,7 @@ def _parent(terms: Terms, link: Link) -> Floats:
     return np.broadcast_to(np.eye(3), terms.matrix[0].shape) if link.parent == GROUND else terms.matrix[link.parent]
 
 
-def fit_axes(terms: Terms, link: Link, prior: Prior | None, play_time: float) -> Fit:
+def fit_axes(terms: Terms, link: Link, prior: Prior | None) -> Fit:
     """Axes of a hinge, a universal or a fixed joint.
 
     Parameters
@@ -233,15 +248,14 @@ def fit_axes(terms: Terms, link: Link, prior: Prior | None, play_time: float) ->
         The joint; its axes are where the search begins.
     prior : Prior or None
         What is known before; None: nothing.
-    play_time : float
-        How long what they differ by lasts, s.
     """
     one, other = _parent(terms, link), terms.matrix[link.child]
     every = max(1, len(terms.t) // 3000)
     one, other = one[::every], other[::every]
-    alike = max(1.0, 2.0 * play_time / (float(np.median(np.diff(terms.t))) * every))
+    step = float(np.median(np.diff(terms.t))) * every
+    alike = max(1.0, 2.0 * link.play_time / step)
     if link.joint.kind == "fixed":
-        return _fixed(one, other, link, alike)
+        return _fixed(one, other, link, alike, step)
     value = link.axes[:, 0]
     for _ in range(_ROUNDS):
         around = [np.eye(3) / (_UNKNOWN_AXIS if prior is None else prior.sd) ** 2 + np.outer(v, v) / _LENGTH_SD**2
@@ -263,14 +277,15 @@ def fit_axes(terms: Terms, link: Link, prior: Prior | None, play_time: float) ->
         value = value / np.linalg.norm(value, axis=1, keepdims=True)
     # of a hinge, two of three components vary
     share = 3.0 / 2.0 if link.joint.kind == "hinge" else 1.0
-    return Fit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)))
+    lasts = lasting(off.reshape(len(one), -1), step)
+    return Fit(value[:, np.newaxis], np.linalg.inv(normal), sd * float(np.sqrt(share)), lasts)
 
 
-def _fixed(one: Floats, other: Floats, link: Link, alike: float) -> Fit:
+def _fixed(one: Floats, other: Floats, link: Link, alike: float, step: float) -> Fit:
     mean = np.mean(np.swapaxes(one, 1, 2) @ other, axis=0)
     left, _, right = np.linalg.svd(mean)
     turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
     off = one @ turn - other
     sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
     axes = np.stack((link.axes[0], link.axes[0] @ turn))
-    return Fit(axes, np.eye(6) * sd**2 * alike / len(one), sd)
+    return Fit(axes, np.eye(6) * sd**2 * alike / len(one), sd, lasting(off.reshape(len(one), -1), step))

@@ -19,6 +19,9 @@ PLAY: Final = deg(1.5)
 """A joint's axis strays from that of a perfect hinge by so much, rad, where nothing better is known."""
 FORCE_SD: Final = 0.3
 """Forces at a joint, as both sides have it, differ by so much, m/s², where nothing better is known."""
+PLAY_TIME: Final = 1.0
+FORCE_TIME: Final = 0.15
+"""And for so long, s."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,8 @@ class Link:
         Standard deviation of what both sides say of an axis, of each component, rad.
     force_sd : float
         Standard deviation of the force at the centre as one side has it, m/s².
+    play_time, force_time : float
+        How long either lasts, s.
     """
 
     joint: Joint
@@ -49,6 +54,8 @@ class Link:
     axes: Floats
     play: float = PLAY
     force_sd: float = FORCE_SD
+    play_time: float = PLAY_TIME
+    force_time: float = FORCE_TIME
 
 
 def unit_numbers(chain: Chain) -> dict[str, int]:

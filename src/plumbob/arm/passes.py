@@ -236,17 +236,17 @@ def _headings(
 
 def _agree(looking: ChainFilter, sums: NDArray[np.complex128], weights: Floats, span: float) -> None:
     """Add what a keyframe says of the turn of each child against its parent: a phasor, and its weight, 1/rad²."""
-    p, matrices = looking.params, dcm_from_quat(looking.q)
+    matrices = dcm_from_quat(looking.q)
     for k, link in enumerate(looking.links):
         ground = link.parent == GROUND
         parent, child = np.eye(3) if ground else matrices[link.parent], matrices[link.child]
         pairs = []
         if link.joint.kind in ("hinge", "fixed"):
-            var = link.play**2 * max(1.0, 2.0 * p.play_time / span)
+            var = link.play**2 * max(1.0, 2.0 * link.play_time / span)
             pairs += [(parent @ a, child @ b, var) for a, b in zip(*link.axes, strict=True)]
         forces = looking.forces[2 * k : 2 * k + 2]
         if not ground and np.isfinite(forces).all():
-            pairs.append((forces[0], forces[1], 2.0 * link.force_sd**2 * max(1.0, 2.0 * p.force_time / span)))
+            pairs.append((forces[0], forces[1], 2.0 * link.force_sd**2 * max(1.0, 2.0 * link.force_time / span)))
         for one, other, var in pairs:
             product = complex(one[0], one[1]) * complex(other[0], -other[1])
             sums[k] += product / var
