@@ -58,8 +58,8 @@ SHORTEST: Final = 5.0
 MOUNT_ANGLE: Final = deg(5.0)
 MOUNT_SHIFT: Final = 0.02
 """A unit sits as the chain says to these standard deviations, rad and m."""
-LENGTH_SD: Final = 0.003
-AXIS_SD: Final = deg(0.5)
+LENGTH_SD: Final = 0.002
+AXIS_SD: Final = deg(0.2)
 """The chain's own lengths, m, and axes, rad, are right to these."""
 
 CALIBRATED_BIAS: Final = dps(0.1)
@@ -287,10 +287,9 @@ def align(
             f"the motion lasts {samples.t[-1] - samples.t[0]:.3g} s, but {SHORTEST:g} s are needed at least; a minute "
             "in which every joint turns is good."
         )
-    found = _Search(chain, samples, settings, mount_angle, mount_shift).found()
-    if chain.known:
-        mounted, sd = _mounts(chain, found, poses, pose_sd, mount_angle, mount_shift)
-    else:
+    search = _Search(chain, samples, settings, _Mounting(poses, pose_sd, mount_angle, mount_shift))
+    found, mounted, sd = search.found(), search.chain, search.mount_sd
+    if not chain.known:
         mounted, sd = _geometry(chain, found, poses), _found_sd(chain, found)
     joints = tuple(_card(one, found, k) for k, one in enumerate(found.links))
     for joint in joints:
@@ -350,33 +349,55 @@ class _Found(NamedTuple):
     arms: list[Fit]
     axes: list[Fit | None]
     motion: Motion
-    terms: Terms
+
+
+class _Mounting(NamedTuple):
+    """What is known of mounts before: postures and how exactly they were held, turns, rad, and shifts, m."""
+
+    poses: Sequence[Pose]
+    pose_sd: float
+    angle: float
+    shift: float
 
 
 class _Search:
-    """Attitudes and geometry in turn."""
+    """Attitudes and geometry in turn.
 
-    def __init__(self, chain: Chain, samples: Samples, params: Params, angle: float, shift: float) -> None:
-        self._samples, self._params = samples, params
-        self._chain, self._sds = chain, (angle, shift)
+    Where the chain says where its joints lie, arms and axes are those of units that are mounted a little differently:
+    what motion shows badly, a neighbouring joint or a posture may show well.
+    """
+
+    def __init__(self, chain: Chain, samples: Samples, params: Params, mounting: "_Mounting") -> None:
+        self._samples, self._params, self._chain, self._mounting = samples, params, chain, mounting
         self._links = links_of(chain) if chain.known else _unknown_links(chain, samples)
-        self._before = self._links
+        self.chain, self.mount_sd = chain, dict[str, Any]()
 
     def found(self) -> _Found:
         """What it comes to."""
-        arms, axes, rounds = list[Fit](), list[Fit | None](), 0
+        rounds = 0
         while True:
             motion = self._motion()
             terms = terms_of(self._samples, motion, mean_rate=self._params.mean_rate)
             if not self._chain.known:
                 self._begin_axes(terms)
-            arms = [fit_arms(terms, link, self._arm_prior(k)) for k, link in enumerate(self._links)]
-            axes = [self._axes(terms, k) for k in range(len(self._links))]
+            arms = [fit_arms(terms, link, Prior(self._before(link), ARM_SD)) for link in self._links]
+            axes = [None if link.joint.kind == "ball" else fit_axes(terms, link) for link in self._links]
             new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
-            moved, turned = _change(self._links, new)
-            self._links, rounds = new, rounds + 1
+            found = _Found(new, arms, axes, motion)
+            if self._chain.known:
+                found = found._replace(links=self._mounted(found))
+            moved, turned = _change(self._links, found.links)
+            self._links, rounds = found.links, rounds + 1
             if (moved < SETTLED[0] and turned < SETTLED[1]) or rounds == ROUNDS:
-                return _Found(new, arms, axes, self._motion(), terms)
+                return found
+
+    def _mounted(self, found: _Found) -> list[Link]:
+        """Links of the chain whose mounts explain best what was found."""
+        self.chain, self.mount_sd = _mounts(self._chain, found, self._mounting)
+        return [
+            replace(link, arms=one.arms, axes=one.axes)
+            for link, one in zip(found.links, links_of(self.chain), strict=True)
+        ]
 
     def _motion(self) -> Motion:
         start = begin(self._samples, self._links, self._params, north=0.0)
@@ -390,19 +411,8 @@ class _Search:
             elif link.joint.kind == "fixed" and not link.axes.shape[1]:
                 self._links[k] = replace(link, axes=np.stack([np.eye(3), np.eye(3)]))
 
-    def _arm_prior(self, k: int) -> Prior:
-        if not self._chain.known:
-            return Prior(np.zeros((2, 3)), ARM_SD)
-        before = self._before[k]
-        reach = float(np.linalg.norm(before.arms, axis=1).max())
-        return Prior(before.arms, float(np.hypot(self._sds[1], reach * self._sds[0])))
-
-    def _axes(self, terms: Terms, k: int) -> Fit | None:
-        link = self._links[k]
-        if link.joint.kind == "ball":
-            return None
-        prior = Prior(self._before[k].axes, self._sds[0]) if self._chain.known else None
-        return fit_axes(terms, link, prior)
+    def _before(self, link: Link) -> Floats:
+        return link.arms if self._chain.known else np.zeros((2, 3))
 
 
 def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
@@ -427,9 +437,14 @@ def _fitted(link: Link, arm: Fit, axis: Fit | None) -> Link:
     if axis is None:
         return replace(link, arms=arm.value, force_sd=force, force_time=max(arm.lasts, FORCE_TIME))
     return replace(
-        link, arms=arm.value, axes=axis.value, play=max(axis.residual, LEAST_PLAY), play_time=max(axis.lasts, PLAY_TIME),
-        force_sd=force, force_time=max(arm.lasts, FORCE_TIME),
-    )  # fmt: skip
+        link,
+        arms=arm.value,
+        axes=axis.value,
+        play=max(axis.residual, LEAST_PLAY),
+        play_time=max(axis.lasts, PLAY_TIME),
+        force_sd=force,
+        force_time=max(arm.lasts, FORCE_TIME),
+    )
 
 
 def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
@@ -552,9 +567,7 @@ def _found_sd(chain: Chain, found: _Found) -> dict[str, Any]:
     return sd
 
 
-def _mounts(
-    chain: Chain, found: _Found, poses: Sequence[Pose], pose_sd: float, angle: float, shift: float
-) -> tuple[Chain, dict[str, Any]]:
+def _mounts(chain: Chain, found: _Found, mounting: _Mounting) -> tuple[Chain, dict[str, Any]]:
     """Chain with the mounts that explain arms, axes and postures best, and their standard deviations.
 
     A damped least squares over a small turn and a shift of each unit's mount, and, on the ground, the heading of the
@@ -563,7 +576,7 @@ def _mounts(
     from scipy.optimize import least_squares
 
     mounted = [one for one in chain.segments if one.unit]
-    problem = _MountProblem(chain, mounted, found, poses, pose_sd, angle, shift)
+    problem = _MountProblem(chain, mounted, found, mounting)
     fit = least_squares(problem.residuals, np.zeros(problem.size), method="trf", x_scale="jac", loss="linear")
     jacobian = np.asarray(fit.jac)
     cov = np.linalg.inv(jacobian.T @ jacobian)
@@ -579,14 +592,14 @@ def _mounts(
 class _MountProblem:
     """Residuals, in standard deviations, of mounts that are off by small turns and shifts."""
 
-    def __init__(
-        self, chain: Chain, mounted: Sequence[Segment], found: _Found, poses: Sequence[Pose], pose_sd: float,
-        angle: float, shift: float,
-    ) -> None:  # fmt: skip
+    def __init__(self, chain: Chain, mounted: Sequence[Segment], found: _Found, mounting: _Mounting) -> None:
         self._chain, self._mounted, self._found = chain, mounted, found
-        self._prior_sd, self._pose_sd = np.tile([angle] * 3 + [shift] * 3, len(mounted)), pose_sd
-        self._poses = [(self._attitudes(pose), chain.split(np.array(pose[2], dtype=np.float64)[np.newaxis]))
-                       for pose in poses]  # fmt: skip
+        self._prior_sd = np.tile(np.repeat([mounting.angle, mounting.shift], 3), len(mounted))
+        self._pose_sd = mounting.pose_sd
+        self._poses = [
+            (self._attitudes(pose), chain.split(np.array(pose[2], dtype=np.float64)[np.newaxis]))
+            for pose in mounting.poses
+        ]
         self.size = 6 * len(mounted) + 1
 
     def _attitudes(self, pose: Pose) -> Floats:
@@ -631,10 +644,10 @@ class _MountProblem:
                 continue
             own = slice(3 * side, 3 * side + 3)
             reach = mounts[name].dcm.T @ (place - np.array(mounts[name].lever_b))
-            rows.append(_whitened(arm.cov[own, own] + LENGTH_SD**2 * np.eye(3), link.arms[side] - reach))
+            rows.append(_whitened(arm.cov[own, own] + LENGTH_SD**2 * np.eye(3), arm.value[side] - reach))
             if axis is not None and joint.kind != "fixed":
                 cov = axis.cov[own, own] + AXIS_SD**2 * np.eye(3)
-                rows.append(_whitened(cov, link.axes[side, 0] - expected[side, 0]))
+                rows.append(_whitened(cov, axis.value[side, 0] - expected[side, 0]))
         return rows
 
     def _of_pose(

@@ -145,6 +145,7 @@ def run(
     frame: Frame | str | None = None,
     causal: bool = False,
     pose: str | Sequence[float] | None = None,
+    pose_sd: float = deg(1.0),
     params: Mapping[str, Any] | None = None,
     note: Callable[[str], None] | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -167,6 +168,8 @@ def run(
     pose : "zero" or sequence of float, optional
         The angles, rad, that were held at the first sample. A ball joint on a fixed base needs it, as nothing else
         says where the arm points.
+    pose_sd : float
+        How exactly they were held, rad.
     params : mapping, optional
         Of the filter, `plumbob.arm.filter.Params`; what is not named follows from what is known of the units.
     note : callable, optional
@@ -193,7 +196,7 @@ def run(
     inside = _Z_UP[wanted]
     north = float(np.arctan2(inside.north[1], inside.north[0]))
     posture = None if pose is None else _posture(known, pose)
-    start = begin(samples, links, settings, north=north, pose=posture)
+    start = begin(samples, links, settings, north=north, pose=posture, pose_sd=pose_sd)
     count = _counter(len(samples), progress)
     motion = estimated(samples, links, settings, start, smooth=not causal, progress=count)
     anchor = _anchor(known, samples, motion, settings, start, north, posed=posture is not None, smooth=not causal)

@@ -237,7 +237,7 @@ def _parent(terms: Terms, link: Link) -> Floats:
     return np.broadcast_to(np.eye(3), terms.matrix[0].shape) if link.parent == GROUND else terms.matrix[link.parent]
 
 
-def fit_axes(terms: Terms, link: Link, prior: Prior | None) -> Fit:
+def fit_axes(terms: Terms, link: Link) -> Fit:
     """Axes of a hinge, a universal or a fixed joint.
 
     Parameters
@@ -246,8 +246,6 @@ def fit_axes(terms: Terms, link: Link, prior: Prior | None) -> Fit:
         Attitudes.
     link : Link
         The joint; its axes are where the search begins.
-    prior : Prior or None
-        What is known before; None: nothing.
     """
     one, other = _parent(terms, link), terms.matrix[link.child]
     every = max(1, len(terms.t) // 3000)
@@ -258,9 +256,7 @@ def fit_axes(terms: Terms, link: Link, prior: Prior | None) -> Fit:
         return _fixed(one, other, link, alike, step)
     value = link.axes[:, 0]
     for _ in range(_ROUNDS):
-        around = [np.eye(3) / (_UNKNOWN_AXIS if prior is None else prior.sd) ** 2 + np.outer(v, v) / _LENGTH_SD**2
-                  for v in value]  # fmt: skip
-        before = value if prior is None else prior.value[:, 0]
+        around = [np.eye(3) / _UNKNOWN_AXIS**2 + np.outer(v, v) / _LENGTH_SD**2 for v in value]
         if link.joint.kind == "universal":
             turned = np.swapaxes(one, 1, 2) @ other
             a = np.concatenate((turned @ value[1], value[0] @ turned), axis=1)
@@ -271,9 +267,8 @@ def fit_axes(terms: Terms, link: Link, prior: Prior | None) -> Fit:
         sd = max(float(np.sqrt(np.mean(off**2))), LEAST_PLAY)
         information = np.zeros((6, 6))
         information[:3, :3], information[3:, 3:] = around
-        pull = information @ (before - value).ravel()
         normal = a.T @ a / (alike * sd**2) + information
-        value = value + np.linalg.solve(normal, a.T @ off / (alike * sd**2) + pull).reshape(2, 3)
+        value = value + np.linalg.solve(normal, a.T @ off / (alike * sd**2)).reshape(2, 3)
         value = value / np.linalg.norm(value, axis=1, keepdims=True)
     # of a hinge, two of three components vary
     share = 3.0 / 2.0 if link.joint.kind == "hinge" else 1.0

@@ -32,8 +32,6 @@ SETTLED: Final = deg(20.0)
 """Headings have begun when neighbours know theirs against each other to this, rad;"""
 LONGEST_START: Final = 60.0
 """or after this, s, whatever they know."""
-POSE_SD: Final = deg(3.0)
-"""A posture that somebody takes up is known to this, rad."""
 POSE_LIMIT: Final = deg(20.0)
 """Further than this, rad, a unit is not tilted away from its place in a posture."""
 LOST: Final = deg(90.0)
@@ -107,7 +105,13 @@ def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
 
 
 def begin(
-    samples: Samples, links: Sequence[Link], params: Params, *, north: float, pose: Floats | None = None
+    samples: Samples,
+    links: Sequence[Link],
+    params: Params,
+    *,
+    north: float,
+    pose: Floats | None = None,
+    pose_sd: float = deg(1.0),
 ) -> Start:
     """First attitudes: tilts of the first forces, headings that make neighbours agree, North where fields show it.
 
@@ -124,6 +128,8 @@ def begin(
     pose : ndarray (U, 4), optional
         Attitudes of the units in the root's axes at the first sample, where somebody took up a known posture; in the
         frame itself where the root stands still.
+    pose_sd : float
+        How exactly it was held, rad.
     """
     q = first_tilts(samples)
     units = len(q)
@@ -134,7 +140,7 @@ def begin(
     else:
         _require_pose(q, pose, links)
         turns, free = _heading_of_pose(q, pose, links), not _grounded(links)
-        sd[:, 2], ready = POSE_SD, float(samples.t[0])
+        sd[:, 2], ready = pose_sd, float(samples.t[0])
         fields.add(q, fields.first)
     if free:
         sd[0, 2] = FRAME_SD  # it is what the frame's heading means

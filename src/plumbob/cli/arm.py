@@ -49,6 +49,10 @@ def _add_chain_and_sources(p: argparse.ArgumentParser, what: str) -> None:
     p.add_argument("--params", metavar="NAME=VALUE,...", help="of the chain filter, as mean_rate=off,bias_sd=0.1deg/s")
 
 
+def _add_pose_sd(p: argparse.ArgumentParser) -> None:
+    p.add_argument("--pose-sd", default="1 deg", metavar="ANGLE", help="how exactly a pose was held (1deg)")
+
+
 def _files(args: argparse.Namespace) -> list[Path]:
     return [Path(one.partition("=")[2] or one) for one in args.sources]
 
@@ -91,7 +95,7 @@ def add_align(kinds: common.Adder) -> None:
         "--pose", action="append", default=[], metavar="FROM,TO[,ANGLE...]",
         help="when all angles were held at zero, or at these angles, as 0s,2s or 5s,7s,0deg,90deg",
     )  # fmt: skip
-    p.add_argument("--pose-sd", default="1 deg", metavar="ANGLE", help="how exactly they were held (1deg)")
+    _add_pose_sd(p)
     p.add_argument("--out", type=Path, required=True, metavar="JSON", help="card to write")
     common.add_force(p)
     common.add_json(p)
@@ -149,6 +153,7 @@ def add_run(kinds: common.Adder) -> None:
     p.add_argument(
         "--pose", metavar="zero|ANGLE,...", help="angles at the first sample; a ball joint on a fixed base needs it"
     )
+    _add_pose_sd(p)
     p.add_argument("--out", type=Path, metavar="FILE", help="table of angles: .csv or .parquet")
     common.add_page(p)
     common.add_force(p)
@@ -159,7 +164,7 @@ def add_run(kinds: common.Adder) -> None:
 def do_run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob import arm
-    from plumbob.core.units import to_deg
+    from plumbob.core.units import Quantity, parse, to_deg
 
     common.check_pages(args, args.out, inputs=(args.chain, *_files(args)))
     chain = arm.opened_chain(args.chain)
@@ -172,6 +177,7 @@ def do_run(args: argparse.Namespace) -> int:
             frame=args.frame,
             causal=args.causal,
             pose=None if args.pose is None else _angles(args.pose.split(","), geometry),
+            pose_sd=parse(args.pose_sd, Quantity.ANGLE),
             params=dict(common.pairs(args.params)),
             progress=lambda done, total: bars("arm", done, total),
         )
