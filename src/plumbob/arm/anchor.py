@@ -76,6 +76,12 @@ def anchored(
     return Anchored(states[:, 0], np.maximum(covs[:, 0, 0], 0.0))
 
 
+def drifting(motion: Motion, turn_sd: float) -> Anchored:
+    """The frame where nothing holds it: not turned, and known ever worse."""
+    t = motion.t[motion.rows]
+    return Anchored(np.zeros(len(t)), turn_sd**2 + np.cumsum(_drift(motion)) + LEAST_DRIFT**2 * (t - t[0]))
+
+
 def _directions(samples: Samples, motion: Motion) -> Floats:
     """Direction of the sum of all level fields at each keyframe (K,), rad; NaN where there is none."""
     assert samples.mag is not None

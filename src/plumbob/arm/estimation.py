@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.arm.alignment import ArmCard, opened_array, opened_chain, samples_of, settings_of
-from plumbob.arm.anchor import UNKNOWN, Anchored, anchored
+from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, drifting
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
 from plumbob.arm.links import GROUND, links_of, unit_numbers
@@ -199,7 +199,9 @@ def run(
     start = begin(samples, links, settings, north=north, pose=posture, pose_sd=pose_sd)
     count = _counter(len(samples), progress)
     motion = estimated(samples, links, settings, start, smooth=not causal, progress=count)
-    anchor = _anchor(known, samples, motion, settings, start, north, posed=posture is not None, smooth=not causal)
+    anchor = _anchor(
+        known, samples, motion, settings, start, north, posed=None if posture is None else pose_sd, smooth=not causal
+    )
     posed = posture is not None
     estimate = _Reading(known, card, motion, anchor, inside, wanted, array).estimate(
         north=_north(known, start, anchor, posed=posed, causal=causal),
@@ -250,22 +252,25 @@ def _posture(chain: Chain, pose: str | Sequence[float]) -> Floats:
 
 def _anchor(
     chain: Chain, samples: Samples, motion: Motion, params: Params, start: Start, north: float, *,
-    posed: bool, smooth: bool,
+    posed: float | None, smooth: bool,
 ) -> Anchored | None:  # fmt: skip
-    """Common heading from the fields, where it is not held by the ground."""
-    if samples.mag is None or not start.free:
+    """Common heading from the fields, where the ground does not hold it; `posed` is how well a posture set it, rad."""
+    if not start.free:
         return None
+    on_base = posed is not None and chain.base_fixed
     # as of a moment, a frame that moves to North would carry all with it: fields hold it where it began
-    steady = not smooth or (posed and chain.base_fixed)
-    return anchored(
+    steady = not smooth or on_base
+    sd = (posed or FRAME_SD) if on_base else FRAME_SD
+    found = None if samples.mag is None else anchored(
         samples,
         motion,
         params,
         north=_first_direction(samples, motion) if steady else north,
-        turn_sd=FRAME_SD if steady else UNKNOWN,
+        turn_sd=sd if steady else UNKNOWN,
         north_sd=UNKNOWN if steady else FRAME_SD,
         smooth=smooth,
-    )
+    )  # fmt: skip
+    return drifting(motion, sd) if found is None and on_base else found
 
 
 def _first_direction(samples: Samples, motion: Motion) -> float:
@@ -332,11 +337,11 @@ class _Reading:
         self._sway_var = {} if card is None else {one.name: one.sway**2 for one in card.joints}
         self._q = self._segments()
 
-    def _var_of_mount(self, unit: str) -> float:
-        """Variance of a mount's turn about each axis, rad²."""
+    def _var_of_mount(self, unit: str) -> Floats:
+        """Variances (3,) of a mount's turn about the segment's axes, rad²."""
         if not unit or self._card is None or unit not in self._card.mount_sd:
-            return 0.0
-        return float(np.mean(np.square(self._card.mount_sd[unit][:3])))
+            return np.zeros(3)
+        return np.square(np.array(self._card.mount_sd[unit][:3], dtype=np.float64))
 
     def _segments(self) -> dict[str, Floats]:
         """Attitude of each segment at each sample, by name."""
@@ -388,7 +393,8 @@ class _Reading:
             found += self._motion.cov[:, 3 * a : 3 * a + 3, 3 * b : 3 * b + 3]
             found[:, 2, 2] += self._turn_var
             if a == b:
-                found += (self._mount_var[one] + self._own_sway(one)) * np.eye(3)
+                turn = dcm_from_quat(self._q[one][self._rows])
+                found += (turn * (self._mount_var[one] + self._own_sway(one))) @ np.swapaxes(turn, 1, 2)
         return found
 
     def _own_sway(self, segment: str) -> float:

@@ -34,6 +34,8 @@ LONGEST_START: Final = 60.0
 """or after this, s, whatever they know."""
 POSE_LIMIT: Final = deg(20.0)
 """Further than this, rad, a unit is not tilted away from its place in a posture."""
+LEVEL: Final = 0.2
+"""Length of the level part of an axis that shows a heading."""
 LOST: Final = deg(90.0)
 FRAME_SD: Final = deg(0.01)
 SPAN: Final = 300.0
@@ -139,12 +141,12 @@ def begin(
         turns, sd[:, 2], ready, free = _headings(samples, links, params, q, fields, north)
     else:
         _require_pose(q, pose, links)
-        turns, free = _heading_of_pose(q, pose, links), not _grounded(links)
+        turns, free = _heading_of_pose(q, pose, links), not _held(links)
         sd[:, 2], ready = pose_sd, float(samples.t[0])
         fields.add(q, fields.first)
     if free:
         sd[0, 2] = FRAME_SD  # it is what the frame's heading means
-        turns = turns + fields.common_turn(turns, north)
+        turns = turns if pose is not None and _grounded(links) else turns + fields.common_turn(turns, north)
     return Start(_turned(q, turns), sd, ready, free)
 
 
@@ -174,6 +176,12 @@ def first_tilts(samples: Samples) -> Floats:
     upside_down = (sine < 1e-9 * np.linalg.norm(total, axis=1)) & (total[:, 2] < 0.0)
     level[upside_down] = [0.0, 1.0, 0.0, 0.0]
     return level
+
+
+def _held(links: Sequence[Link]) -> bool:
+    """Whether a joint on the ground holds the heading: a fixed one, or a hinge that does not stand upright."""
+    on_ground = [link for link in links if link.parent == GROUND and link.joint.kind in ("hinge", "fixed")]
+    return any(float(np.hypot(*axis[:2])) > LEVEL for link in on_ground for axis in link.axes[0])
 
 
 def _require_pose(q: Floats, pose: Floats, links: Sequence[Link]) -> None:
