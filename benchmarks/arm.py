@@ -300,9 +300,9 @@ def one_arm(chain, program, seed, *, exact):
         pose = sim.angles[0].tolist() if exact else held(sim, seed)
         sd = deg(0.01 if exact else HELD_DEG)
         est = run(known, sim.array, frame="ENU", causal=causal, pose=pose, pose_sd=sd, params=INSTANT)
-        joints, hand = scored(est.joints.angles, est.joints.hand_n, sim)
+        joints, hand = scored(est.joints.angles, est.joints.hand, sim)
         off = [np.abs(wrapped(est.joints.angles - sim.angles)) < est.joints.sd]
-        off.append(np.abs(est.joints.hand_n - sim.hand_n) < est.joints.hand_sd)
+        off.append(np.abs(est.joints.hand - sim.hand_n) < est.joints.hand_sd)
         found[causal] = joints, hand, 100.0 * np.mean(np.hstack(off))
     return found, scored(*alone(sim), sim)
 

@@ -21,7 +21,7 @@ def some_track(count: int = 50) -> JointTrack:
         ("shoulder, left", "elbow"),
         angles,
         sd=rng.uniform(0.0, 0.1, (count, 2)),
-        hand_n=rng.normal(size=(count, 3)),
+        hand=rng.normal(size=(count, 3)),
         hand_sd=rng.uniform(0.0, 0.1, (count, 3)),
         flags=words,
         source="by hand",
@@ -33,7 +33,7 @@ def test_a_table_is_read_back_to_the_bit(tmp_path: Path, suffix: str) -> None:
     track = some_track()
     found = JointTrack.load(track.save(tmp_path / f"angles{suffix}"))
     assert found.names == track.names
-    for name in ("t", "angles", "sd", "hand_n", "hand_sd", "flags"):
+    for name in ("t", "angles", "sd", "hand", "hand_sd", "flags"):
         np.testing.assert_array_equal(getattr(found, name), getattr(track, name), err_msg=name)
 
 
@@ -42,7 +42,7 @@ def test_angles_alone_and_in_degrees(tmp_path: Path) -> None:
     file.write_text("t [s],elbow [deg]\n0,180\n0.5,\n1,-90\n")
     found = JointTrack.load(file)
     np.testing.assert_array_equal(found.angles[:, 0], [np.pi, np.nan, -np.pi / 2])
-    assert found.sd is None and found.hand_n is None and found.flags is None
+    assert found.sd is None and found.hand is None and found.flags is None
 
 
 @pytest.mark.parametrize(

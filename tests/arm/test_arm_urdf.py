@@ -175,10 +175,10 @@ def test_a_taught_program_moves_the_urdf_where_the_hand_truly_was(tmp_path: Path
     assert done.length == pytest.approx(0.65 + np.hypot(0.1, 0.02) - 0.1)
     assert error.rms_share < 0.005 and error.max_share < 0.02
     ours = replay(program, chain)
-    np.testing.assert_allclose(ours.hand_n, done.hand_n, atol=1e-12)
+    np.testing.assert_allclose(ours.hand, done.hand, atol=1e-12)
     assert set(ours.postures) == {"base", "upper", "lower", "hand"}
     again = replay(Program.load(export(program, tmp_path / "p.csv")), tmp_path / "arm.urdf")
-    np.testing.assert_allclose(again.hand_n, done.hand_n, atol=1e-12)
+    np.testing.assert_allclose(again.hand, done.hand, atol=1e-12)
     with pytest.raises(ClockError, match="give truth for all of it"):
         done.against(clean.t[:100], truth[:100])
 

@@ -24,7 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     noise = np.random.default_rng(1).normal(0.0, np.radians(0.1), clean.angles.shape)
     JointTrack(clean.t, chain.angles, clean.angles + noise).save(made / "angles.parquet")
     hand = chain.hand_at(chain.postures(clean.angles))
-    JointTrack(clean.t, chain.angles, clean.angles, hand_n=hand).save(made / "truth.csv")
+    JointTrack(clean.t, chain.angles, clean.angles, hand=hand).save(made / "truth.csv")
     return made
 
 
@@ -47,7 +47,7 @@ def test_export_is_export_and_replay_is_replay(folder: Path) -> None:
     words = ("arm", "replay", "program.csv", "arm.urdf", "--truth", "truth.csv")
     found = json.loads(ok(*words, "--json", cwd=folder).stdout)
     truth = JointTrack.load(folder / "truth.csv")
-    error = replay(Program.load(folder / "program.csv"), folder / "arm.urdf").against(truth.t, truth.hand_n)
+    error = replay(Program.load(folder / "program.csv"), folder / "arm.urdf").against(truth.t, truth.hand)
     assert found["hand_rms"] == error.rms and found["hand_max_share"] == error.max_share < 0.02
     printed = ok(*words, "--out", "hand.csv", cwd=folder).stdout
     assert f"rms {1e3 * error.rms:.2f} mm" in printed

@@ -62,6 +62,9 @@ LENGTH_SD: Final = 0.002
 AXIS_SD: Final = deg(0.2)
 """The chain's own lengths, m, and axes, rad, are right to these."""
 
+POOR_ARM: Final = 0.015
+POOR_AXIS: Final = deg(3.0)
+"""A joint is poorly known whose arms, m, or axis, rad, are more uncertain than this."""
 CALIBRATED_BIAS: Final = dps(0.1)
 CALIBRATED_SCALE: Final = 0.0005
 """What is left of a calibrated gyroscope's bias, rad/s, and scale: it was some other day, at another temperature."""
@@ -291,7 +294,8 @@ def align(
     found, mounted, sd = search.found(), search.chain, search.mount_sd
     if not chain.known:
         mounted, sd = _geometry(chain, found, poses), _found_sd(chain, found)
-    joints = tuple(_card(one, found, k) for k, one in enumerate(found.links))
+    units = {one.name: one.unit for one in chain.segments}
+    joints = tuple(_card(one, found, k, search.mount_sd, units) for k, one in enumerate(found.links))
     for joint in joints:
         if note and not joint.rating.startswith("good"):
             note(f"{joint.name}: {joint.rating}")
@@ -458,12 +462,18 @@ def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
     return moved, max(turned, default=0.0)
 
 
-def _card(link: Link, found: _Found, k: int) -> JointCard:
+def _card(link: Link, found: _Found, k: int, mounts: Mapping[str, Any], units: Mapping[str, str]) -> JointCard:
+    """Card of a joint; where mounts were found, `mounts` by unit, arms and axes are as uncertain as these."""
     arm, axis = found.arms[k], found.axes[k]
     arm_sd = np.sqrt(np.diag(arm.cov)).reshape(2, 3)
     axis_sd = np.zeros(2)
     if axis is not None:
         axis_sd = np.array([_across(axis.cov[:3, :3], link.axes[0, 0]), _across(axis.cov[3:, 3:], link.axes[1, 0])])
+    for side, segment in enumerate((link.joint.parent, link.joint.child) if mounts else ()):
+        sd = np.array(mounts.get(units[segment], np.zeros(6)))
+        turn = float(sd[:3].max())
+        arm_sd[side] = np.hypot(sd[3:], turn * float(np.linalg.norm(link.arms[side])))
+        axis_sd[side] = turn if axis is not None else 0.0
     return JointCard(
         name=link.joint.name,
         arms=link.arms.tolist(),
@@ -489,11 +499,10 @@ def _rating(link: Link, arm_sd: Floats, axis_sd: Floats) -> str:
     """Word for how much a joint can be relied on, and what it lacks."""
     own = arm_sd if link.parent != GROUND else arm_sd[1:]
     lacks = []
-    # along a hinge's own axis an arm moves nothing, and is not needed
-    free = 1 if link.joint.kind == "hinge" else 0
-    if np.sort(own, axis=1)[:, : 3 - free].max() > 0.01:
+    # along an axis about which alone a unit turns, an arm moves nothing, and is not needed
+    if np.sort(own, axis=1)[:, :2].max() > POOR_ARM:
         lacks.append("too little motion to find its arms")
-    if axis_sd.max(initial=0.0) > deg(2.0):
+    if axis_sd.max(initial=0.0) > POOR_AXIS:
         lacks.append("too little motion to find its axis")
     if link.axes.size and link.play > deg(4.0):
         lacks.append(f"its axis strays by {to_deg(link.play):.1f}°: much play, or not a {link.joint.kind}")

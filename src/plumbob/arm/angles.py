@@ -49,8 +49,9 @@ class JointTrack(Series):
         rad; NaN where one is not known.
     sd : array_like (N, K), optional
         Standard deviation of each, rad.
-    hand_n : array_like (N, 3), optional
-        Position of the hand, navigation frame, m.
+    hand : array_like (N, 3), optional
+        Position of the hand from the origin of the chain's root, m: in the axes of a root that stands still, in the
+        navigation frame where the root moves.
     hand_sd : array_like (N, 3), optional
         Standard deviation of each of its coordinates, m.
     flags : array_like (N,), optional
@@ -70,7 +71,7 @@ class JointTrack(Series):
     names: tuple[str, ...]
     angles: Floats
     sd: Floats | None = None
-    hand_n: Floats | None = None
+    hand: Floats | None = None
     hand_sd: Floats | None = None
     flags: NDArray[np.uint32] | None = None
     source: str = ""
@@ -84,14 +85,14 @@ class JointTrack(Series):
         self._set("t", t)
         object.__setattr__(self, "names", names)
         self._set("angles", _no_infinity("angles", check.rows("angles", self.angles, len(names), t.size)))
-        for name, width in (("sd", len(names)), ("hand_n", 3), ("hand_sd", 3)):
+        for name, width in (("sd", len(names)), ("hand", 3), ("hand_sd", 3)):
             if (value := getattr(self, name)) is not None:
                 self._set(name, _no_infinity(name, check.rows(name, value, width, t.size)))
         for name in ("sd", "hand_sd"):
             if (value := getattr(self, name)) is not None and (value < 0.0).any():
                 raise ShapeError(f"{name} must not be negative, but its least value is {np.nanmin(value):g}.")
-        if self.hand_sd is not None and self.hand_n is None:
-            raise ShapeError("hand_sd belongs to hand_n, which is not given.")
+        if self.hand_sd is not None and self.hand is None:
+            raise ShapeError("hand_sd belongs to hand, which is not given.")
         if self.flags is not None:
             self._set("flags", check.bits("flags", self.flags, t.size))
 
@@ -103,13 +104,13 @@ class JointTrack(Series):
 
     def __getitem__(self, rows: slice) -> Self:
         """Samples of a slice."""
-        parts = {name: getattr(self, name) for name in ("sd", "hand_n", "hand_sd", "flags")}
+        parts = {name: getattr(self, name) for name in ("sd", "hand", "hand_sd", "flags")}
         cut = {name: None if value is None else value[rows] for name, value in parts.items()}
         return type(self)(self.t[rows], self.names, self.angles[rows], source=self.source, **cut)
 
     def facts(self) -> Mapping[str, str]:
         """Angles, samples and what else it has."""
-        more = [name for name in ("sd", "hand_n", "hand_sd", "flags") if getattr(self, name) is not None]
+        more = [name for name in ("sd", "hand", "hand_sd", "flags") if getattr(self, name) is not None]
         return {
             "angles": ", ".join(self.names),
             "samples": f"{len(self)} from {self.t[0]:.6g} to {self.t[-1]:.6g} s",
@@ -123,7 +124,7 @@ class JointTrack(Series):
         found |= {f"{name} [rad]": self.angles[:, k] for k, name in enumerate(self.names)}
         if self.sd is not None:
             found |= {f"{name}{_SD} [rad]": self.sd[:, k] for k, name in enumerate(self.names)}
-        for values, end in ((self.hand_n, ""), (self.hand_sd, _SD)):
+        for values, end in ((self.hand, ""), (self.hand_sd, _SD)):
             if values is not None:
                 found |= {f"{name}{end} [m]": values[:, k] for k, name in enumerate(_HAND)}
         if self.flags is not None:
@@ -312,7 +313,7 @@ def _parts(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         "names": names,
         "angles": _stacked(angles, names, len(columns[TIME])),
         "sd": _group(angles, [name + _SD for name in names]),
-        "hand_n": _group(lengths, _HAND),
+        "hand": _group(lengths, _HAND),
         "hand_sd": _group(lengths, [name + _SD for name in _HAND]),
         "flags": columns.get("flags"),
     }

@@ -61,7 +61,7 @@ class ArmEstimate(Series):
     chain : Chain
         The chain.
     frame : Frame
-        Navigation frame of tracks and hand.
+        Navigation frame of the tracks, and of the hand where the root moves.
     rows : ndarray (K,)
         Samples that are keyframes, about 0.1 s apart.
     joint_cov : mapping of str to ndarray (K, 3, 3)
@@ -106,7 +106,7 @@ class ArmEstimate(Series):
         """All numbers, as JSON can hold them; angles in degrees."""
         joints = self.joints
         assert joints.sd is not None
-        assert joints.hand_n is not None
+        assert joints.hand is not None
         assert joints.flags is not None
         return {
             "chain": self.chain.name,
@@ -118,7 +118,7 @@ class ArmEstimate(Series):
                 name: {"last": float(to_deg(last)), "sd": float(to_deg(sd)), "median_sd": float(to_deg(median))}
                 for (name, last, sd), median in zip(self.at_end(), np.nanmedian(joints.sd, axis=0), strict=True)
             },
-            "hand_m": joints.hand_n[-1].tolist(),
+            "hand_m": joints.hand[-1].tolist(),
             "flags": flags.counts(joints.flags),
             "method": joints.source,
             "notes": list(self.notes),
@@ -133,8 +133,10 @@ class ArmEstimate(Series):
         return self.joints.save(path, overwrite=overwrite)
 
     def postures(self) -> dict[str, Posture]:
-        """Where every segment is; the root's origin stays where it is."""
-        root = self.tracks[self.chain.segments[0].name].q_nb
+        """Where every segment is: in the axes of a root that stands still, else in ENU; the root's origin stays."""
+        if self.chain.base_fixed:
+            return self.chain.postures(self.joints.angles)
+        root = change_frame(self.tracks[self.chain.segments[0].name].q_nb, to=Frame.ENU, from_=self.frame)
         return self.chain.postures(self.joints.angles, root)
 
 
@@ -425,7 +427,7 @@ class _Reading:
         return np.asarray(np.sqrt(np.maximum(np.einsum("kdi,kij,kdj->kd", slope, cov, slope), 0.0)))
 
     def _hand(self, angles: Floats) -> tuple[Floats, Floats]:
-        """Position of the hand (N, 3), m, in the frame asked for, and its standard deviations at keyframes (K, 3)."""
+        """Position of the hand (N, 3), m, as a `JointTrack` has it, and its standard deviations at keyframes (K, 3)."""
         root = self._q[self._chain.segments[0].name]
         postures = self._chain.postures(angles, root)
         hand = self._chain.hand_at(postures)
@@ -443,7 +445,7 @@ class _Reading:
             for other, b in path:
                 left, right = _crosses(a), _crosses(b)
                 cov += left @ self._block(one, other) @ np.swapaxes(right, 1, 2)
-        if self._inside is not self._frame:
+        if self._inside is not self._frame and not self._chain.base_fixed:  # the base's axes are those inside
             turn = dcm_from_quat(frame_rotation(self._frame, self._inside))
             hand, cov = hand @ turn.T, turn @ cov @ turn.T
         return hand, np.sqrt(np.maximum(np.einsum("kii->ki", cov), 0.0))

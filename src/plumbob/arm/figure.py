@@ -125,7 +125,7 @@ def arm_report(
     true = None if truth is None else in_order(chain, truth)
     tables = [_angles_table(chain, angles, track, true)]
     figures = [_angles_figure(chain, track, angles, program, true)]
-    if track.hand_n is not None or np.isfinite(angles).all():
+    if track.hand is not None or np.isfinite(angles).all():
         figures.append(_hand_figure(chain, track, angles, true))
     parts = [] if program is None else [_program_part(chain, program)]
     return Report(
@@ -217,7 +217,7 @@ def _band(ax: "Axes", t: Floats, middle: Floats, sd: Floats, colour: str) -> Non
 
 
 def _hand_figure(chain: Chain, track: JointTrack, angles: Floats, true: Floats | None) -> Figure:
-    hand = chain.hand_at(chain.postures(angles)) if track.hand_n is None else track.hand_n
+    hand = chain.hand_at(chain.postures(angles)) if track.hand is None else track.hand
     there = None if true is None else chain.hand_at(chain.postures(true))
 
     def draw(canvas: "FigureBase") -> None:

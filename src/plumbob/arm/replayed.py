@@ -43,7 +43,7 @@ class Replay(Series):
     ----------
     t : ndarray (N,)
         Times of the program, s.
-    hand_n : ndarray (N, 3)
+    hand : ndarray (N, 3)
         The hand, in the axes of the root, m.
     length : float
         Of the arm, m.
@@ -54,14 +54,14 @@ class Replay(Series):
     """
 
     t: Floats
-    hand_n: Floats
+    hand: Floats
     length: float
     recorded: Floats
     postures: Mapping[str, Posture] = field(default_factory=dict)
 
     def facts(self) -> Mapping[str, str]:
         """Samples, and how far the hand goes."""
-        way = float(np.linalg.norm(np.diff(self.hand_n, axis=0), axis=1).sum())
+        way = float(np.linalg.norm(np.diff(self.hand, axis=0), axis=1).sum())
         return {
             "samples": f"{self.t.size} over {self.t[-1] - self.t[0]:.3f} s",
             "hand's way": f"{way:.3f} m",
@@ -70,9 +70,9 @@ class Replay(Series):
 
     def columns(self) -> Mapping[str, Floats]:
         """Time and the hand."""
-        return {"t [s]": self.t} | {f"hand_{axis} [m]": self.hand_n[:, k] for k, axis in enumerate("xyz")}
+        return {"t [s]": self.t} | {f"hand_{axis} [m]": self.hand[:, k] for k, axis in enumerate("xyz")}
 
-    def against(self, t: Floats, hand_n: Floats) -> HandError:
+    def against(self, t: Floats, hand: Floats) -> HandError:
         """Distance from a true path of the hand (M, 3) at times (M,) of the recording, at the same recorded times.
 
         Raises
@@ -82,7 +82,7 @@ class Replay(Series):
         """
         times = check.column("t", t)
         check.increasing_time("t", times)
-        truth = check.rows("hand_n", hand_n, 3, times.size)
+        truth = check.rows("hand", hand, 3, times.size)
         slack = 2.0 * float(np.median(np.diff(times))) if times.size > 1 else 0.0
         if self.recorded[0] < times[0] - slack or self.recorded[-1] > times[-1] + slack:
             raise ClockError(
@@ -90,7 +90,7 @@ class Replay(Series):
                 f"{self.recorded[0]:.3f} to {self.recorded[-1]:.3f} s; give truth for all of it."
             )
         there = np.stack([np.interp(self.recorded, times, one) for one in truth.T], axis=1)
-        away = np.linalg.norm(self.hand_n - there, axis=1)
+        away = np.linalg.norm(self.hand - there, axis=1)
         rms, most = float(np.sqrt(np.mean(away**2))), float(away.max())
         return HandError(rms, most, rms / self.length, most / self.length)
 
@@ -133,8 +133,8 @@ def replay(
 
         chain = urdf.chain_from_urdf(model, hand=hand)
         poses = urdf.moved(urdf.urdf_of(model), done.names, done.angles, chain.hand)
-        hand_n = quat_rotate(np.asarray(q_nb, dtype=np.float64), poses[:, :3, 3]) + np.asarray(pos_n)
-        return Replay(done.t, hand_n, chain.length, recorded)
+        path = quat_rotate(np.asarray(q_nb, dtype=np.float64), poses[:, :3, 3]) + np.asarray(pos_n)
+        return Replay(done.t, path, chain.length, recorded)
     chain = model if isinstance(model, Chain) else load_chain(model)
     postures = chain.postures(in_order(chain, done), q_nb, pos_n)
     return Replay(done.t, chain.hand_at(postures), chain.length, recorded, postures)

@@ -344,10 +344,10 @@ def do_replay(args: argparse.Namespace) -> int:
     if args.hand and args.model.suffix.lower() == ".toml":
         raise ParameterError("--hand names a link of a URDF; a chain says itself where its hand is. Leave it out.")
     truth = None if args.truth is None else JointTrack.load(args.truth)
-    if truth is not None and truth.hand_n is None:
+    if truth is not None and truth.hand is None:
         raise ParameterError(f"{args.truth} has no place of the hand; it needs hand_x [m], hand_y [m] and hand_z [m].")
     done = replay(Program.load(args.program), args.model, hand=args.hand)
-    error = None if truth is None or truth.hand_n is None else done.against(truth.t, truth.hand_n)
+    error = None if truth is None or truth.hand is None else done.against(truth.t, truth.hand)
     if args.out is not None:
         write_table(args.out, done.columns(), source=f"{args.model.name} moved", overwrite=args.force)
     if args.json:

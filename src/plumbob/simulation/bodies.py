@@ -15,7 +15,7 @@ from plumbob.core.units import Quantity, given
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray, Mount, Quat
 from plumbob.data.chain import Chain, Posture, Segment
-from plumbob.rotations import Frame, North
+from plumbob.rotations import Frame, North, quat_conjugate, quat_rotate
 from plumbob.simulation.chains import named_chain
 from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.fields import Disturbance, bent_at
@@ -215,9 +215,13 @@ class ChainSimulation(Series):
         return {"chain": self.chain.name, "program": self.program.name, **self.array.facts()}
 
     def columns(self) -> Mapping[str, NDArray[Any]]:
-        """Time, true angles, and the hand's true position."""
+        """Time, true angles, and the hand's place: in the axes of a root that stands still, else in the frame."""
+        root = next(iter(self.bodies.values()))
+        hand = self.hand_n
+        if self.chain.base_fixed:
+            hand = quat_rotate(quat_conjugate(root.q_nb), hand - root.pos_n)
         turned = {f"{name} [rad]": self.angles[:, k] for k, name in enumerate(self.chain.angles)}
-        return {"t [s]": self.t, **turned, **{f"hand_{a} [m]": self.hand_n[:, k] for k, a in enumerate("xyz")}}
+        return {"t [s]": self.t, **turned, **{f"hand_{a} [m]": hand[:, k] for k, a in enumerate("xyz")}}
 
 
 def simulate_chain(
