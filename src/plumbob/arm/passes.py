@@ -376,7 +376,7 @@ class _Kept:
 
 
 def backward(frames: Sequence[Keyframe]) -> list[Keyframe]:
-    """Rauch–Tung–Striebel: each keyframe as those behind it have it [Sarkka2013]."""
+    """Rauch–Tung–Striebel: each keyframe as those behind it have it [Rauch1965]."""
     found = [frames[-1]]
     for one, after in zip(frames[-2::-1], frames[:0:-1], strict=True):
         known = found[-1]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 KINDS: tuple[str, ...] = ("align", "run", "export", "replay")
 """What can be done with a chain: `add_` declares it."""
-PAGE = "arm-teach.md"
+PAGE = "arm.md"
 
 
 def add_parser(verbs: common.Adder) -> None:
