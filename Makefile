@@ -92,6 +92,10 @@ array: setup
 accuracy: $(VENV)/.bench
 	$(BIN)/python -m benchmarks.accuracy
 
+# Chains of units: a real one beside its peers, simulated arms with truth, and programs that are taught: about ten minutes.
+arm: $(VENV)/.bench
+	$(BIN)/python -m benchmarks.arm
+
 endurance: setup
 	$(BIN)/python -m benchmarks.endurance
 

@@ -355,7 +355,7 @@ def teach_section(seeds):
         error = done.against(sim.t, sim.hand_n)
         shares.append(100.0 * error.rms_share)
         used.append(100.0 * max(program.used(sim.chain).values()))
-        rows[f"seed {seed}"] = (shares[-1], 100.0 * error.max_share, used[-1], str(program.slowed))
+        rows[f"seed {seed}"] = (shares[-1], 100.0 * error.max_share, used[-1], f"{program.slowed:.3f}")
     bars = (
         Bar("hand of the taught program against the simulated truth, % of the arm", float(np.mean(shares)), 0.0, 1.0),
         Bar("limits used, %", max(used), 0.0, 100.0),
