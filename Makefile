@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint docs pages dist house mutants bench noise array accuracy endurance wire fuzz killed clean other-processor
+.PHONY: setup demo test test-long lint docs pages dist house mutants bench noise array arm accuracy endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
