@@ -24,7 +24,7 @@ from plumbob.arm.geometry import (
     terms_of,
 )
 from plumbob.arm.links import FORCE_SD, GROUND, Link, axes_of, links_of, unit_numbers
-from plumbob.arm.passes import Motion, begin, estimated
+from plumbob.arm.passes import Motion, followed
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
@@ -34,6 +34,8 @@ from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
+from plumbob.filters.smoother.arriving import watched
+from plumbob.filters.smoother.keyframes import trusted
 from plumbob.rotations import (
     dcm_from_quat,
     quat_conjugate,
@@ -289,7 +291,7 @@ def align(
 
 
 def samples_of(chain: Chain, array: ImuArray) -> Samples:
-    """Samples of the units of a chain, in the order of its segments.
+    """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing.
 
     Raises
     ------
@@ -310,11 +312,10 @@ def samples_of(chain: Chain, array: ImuArray) -> Samples:
         lacking = [triad for triad in ("gyr", "acc") if triad not in array.units[name].triads]
         if lacking:
             raise ShapeError(f"the unit '{name}' has no {' and no '.join(lacking)}, which a chain needs of every unit.")
-    gyr, acc, mag = (
-        np.ascontiguousarray(np.stack([array.units[name].usable(triad) for name in names]))
-        for triad in ("gyr", "acc", "mag")
-    )
-    return Samples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None)
+    units = [watched(array.units[name]) for name in names]
+    gyr, acc, mag = (np.stack(triad) for triad in zip(*(trusted(one, mag=True) for one in units), strict=True))
+    words = np.bitwise_or.reduce([one.flags for one in units])
+    return Samples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None, words)
 
 
 class _Found(NamedTuple):
@@ -351,8 +352,7 @@ class _Search:
                 return _Found(new, arms, axes, self._motion(), terms)
 
     def _motion(self) -> Motion:
-        start = begin(self._samples, self._links, self._params, north=0.0)
-        return estimated(self._samples, self._links, self._params, start, smooth=True)
+        return followed(self._samples, self._links, self._params, north=0.0, smooth=True)[1]
 
     def _begin_axes(self, terms: Terms) -> None:
         """First axes of joints that have none yet."""

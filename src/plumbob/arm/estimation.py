@@ -14,7 +14,7 @@ from plumbob.arm.anchor import UNKNOWN, Anchored, anchored
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
 from plumbob.arm.links import GROUND, links_of, unit_numbers
-from plumbob.arm.passes import FRAME_SD, POSE_SD, Motion, Start, begin, estimated
+from plumbob.arm.passes import FRAME_SD, LOST, POSE_SD, Motion, Start, followed
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -187,11 +187,12 @@ def run(
     inside = _Z_UP[wanted]
     north = float(np.arctan2(inside.north[1], inside.north[0]))
     posture = None if pose is None else _posture(known, pose)
-    start = begin(samples, links, settings, north=north, pose=posture)
-    count = _counter(len(samples), progress)
-    motion = estimated(samples, links, settings, start, smooth=not causal, progress=count)
+    start, motion = followed(
+        samples, links, settings, north=north, pose=posture, smooth=not causal,
+        progress=_counter(len(samples), progress),
+    )  # fmt: skip
     anchor = _anchor(known, samples, motion, settings, start, north, posed=posture is not None, smooth=not causal)
-    estimate = _Reading(known, card, motion, anchor, inside, wanted, array).estimate(
+    estimate = _Reading(known, card, motion, anchor, inside, wanted, samples.flags).estimate(
         north=_north(known, start, anchor, posed=posture is not None), source=_source(settings, causal=causal),
         notes=_notes(known, card, start, anchor, posed=posture is not None, causal=causal),
     )  # fmt: skip
@@ -304,14 +305,16 @@ class _Reading:
 
     def __init__(
         self, chain: Chain, card: ArmCard | None, motion: Motion, anchor: Anchored | None, inside: Frame,
-        frame: Frame, array: ImuArray,
+        frame: Frame, words: NDArray[np.uint32] | None,
     ) -> None:  # fmt: skip
-        self._chain, self._card, self._motion, self._array = chain, card, motion, array
+        self._chain, self._card, self._motion, self._words = chain, card, motion, words
         self._inside, self._frame = inside, frame
         self._numbers = unit_numbers(chain)
         self._times, self._rows = motion.t[motion.rows], motion.rows
         self._turn = np.zeros(len(motion.rows)) if anchor is None else anchor.turn
         self._turn_var = np.zeros(len(motion.rows)) if anchor is None else anchor.var
+        if anchor is None and motion.begun.size:  # nothing says how the whole turned in a gap
+            self._turn_var[motion.begun[0] :] = LOST**2
         self._mount_var = {one.name: self._var_of_mount(one.unit) for one in chain.segments}
         self._sway_var = {} if card is None else {one.name: one.sway**2 for one in card.joints}
         self._q = self._segments()
@@ -355,9 +358,8 @@ class _Reading:
 
     def _flags(self, sd: Floats, north: North) -> NDArray[np.uint32]:
         words = np.zeros(len(self._motion.t), dtype=np.uint32)
-        for one in self._chain.segments:
-            if one.unit:
-                words |= self._array.units[one.unit].flags
+        if self._words is not None:
+            words |= self._words
         words[(sd > DOUBT).any(axis=1)] |= np.uint32(flags.NOT_CONVERGED)
         if north is North.FREE:
             words |= np.uint32(flags.HEADING_FREE)

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.filter import WIDTH, ChainFilter, Keyframe, Params, Samples
+from plumbob.arm.filter import GAP, WIDTH, ChainFilter, Keyframe, Params, Samples
 from plumbob.arm.links import GROUND, Link
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
@@ -84,6 +84,8 @@ class Motion:
         Biases of the gyroscopes there, rad/s.
     ready : float
         Time from which on a live system would have known this, s.
+    begun : ndarray (S,)
+        Keyframes at which a gap ends, behind which the heading of the whole has begun again; `cov` leaves that out.
     """
 
     t: Floats
@@ -92,6 +94,7 @@ class Motion:
     cov: Floats
     bias: Floats
     ready: float
+    begun: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
 
 def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
@@ -298,6 +301,44 @@ def _to_north(samples: Samples, q: Floats, turns: Floats, north: float) -> float
     level = quat_rotate(_turned(moved, turns), np.nan_to_num(field))
     total = complex(level[:, 0].sum(), level[:, 1].sum())
     return north - float(np.angle(total)) if abs(total) > 0.0 else 0.0
+
+
+def stretches(samples: Samples) -> list[tuple[int, int]]:
+    """First samples, and those behind the last, of stretches between which all gyroscopes are silent for a `GAP`."""
+    seen = np.flatnonzero(np.isfinite(samples.gyr[:, :, 0]).any(axis=0))
+    firsts = [0, *seen[1:][np.diff(samples.t[seen]) > GAP].tolist()]
+    return list(zip(firsts, [*firsts[1:], len(samples)], strict=True))
+
+
+def followed(
+    samples: Samples, links: Sequence[Link], params: Params, *,
+    north: float, pose: Floats | None = None, smooth: bool, progress: Callable[[int], None] | None = None,
+) -> tuple[Start, Motion]:  # fmt: skip
+    """How a recording begins, and attitudes over all of it; behind a gap, everything begins as at the start.
+
+    Parameters are as of `begin` and `estimated`. A filter that turned on through a gap would be wrong by more than a
+    linear filter can mend.
+    """
+    starts, parts, begun, count = list[Start](), list[Motion](), list[int](), 0
+    for first, last in stretches(samples):
+        part = samples.rows(first, last)
+        starts.append(begin(part, links, params, north=north, pose=None if starts else pose))
+        parts.append(estimated(part, links, params, starts[-1], smooth=smooth, progress=progress))
+        if first and starts[-1].free:
+            begun.append(count)
+        parts[-1] = replace(parts[-1], rows=parts[-1].rows + first)
+        count += len(parts[-1].rows)
+    if len(parts) == 1:
+        return starts[0], parts[0]
+    return starts[0], Motion(
+        t=samples.t,
+        q=np.concatenate([one.q for one in parts], axis=1),
+        rows=np.concatenate([one.rows for one in parts]),
+        cov=np.concatenate([one.cov for one in parts]),
+        bias=np.concatenate([one.bias for one in parts]),
+        ready=parts[0].ready,
+        begun=np.array(begun, dtype=np.intp),
+    )
 
 
 def estimated(
