@@ -64,6 +64,11 @@ LENGTH_SD: Final = 0.003
 AXIS_SD: Final = deg(0.5)
 """The chain's own lengths, m, and axes, rad, are right to these."""
 
+ODD: Final = 3.5
+"""A mount farther off than so many standard deviations, each of its three components, is not believed;"""
+FAR: Final = 5.0
+"""nor is a length, an axis or a pose that is farther off."""
+
 Pose = tuple[float, float, Sequence[float]]
 """From when to when, s, which angles were held, rad."""
 
@@ -279,10 +284,10 @@ def align(
         )
     found = _Search(chain, samples, settings, mount_angle, mount_shift).found()
     if chain.known:
-        mounted, sd = _mounts(chain, found, poses, pose_sd, mount_angle, mount_shift)
+        mounted, sd, odd = _mounts(chain, found, poses, pose_sd, mount_angle, mount_shift)
     else:
-        mounted, sd = _geometry(chain, found, poses), _found_sd(chain, found)
-    joints = tuple(_card(one, found, k) for k, one in enumerate(found.links))
+        mounted, sd, odd = _geometry(chain, found, poses), _found_sd(chain, found), {}
+    joints = tuple(_card(one, found, k, odd.get(one.joint.child, "")) for k, one in enumerate(found.links))
     for joint in joints:
         if note and not joint.rating.startswith("good"):
             note(f"{joint.name}: {joint.rating}")
@@ -412,7 +417,7 @@ def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
     return moved, max(turned, default=0.0)
 
 
-def _card(link: Link, found: _Found, k: int) -> JointCard:
+def _card(link: Link, found: _Found, k: int, odd: str) -> JointCard:
     arm, axis = found.arms[k], found.axes[k]
     arm_sd = np.sqrt(np.diag(arm.cov)).reshape(2, 3)
     axis_sd = np.zeros(2)
@@ -427,7 +432,7 @@ def _card(link: Link, found: _Found, k: int) -> JointCard:
         play=link.play,
         force_sd=link.force_sd,
         sway=sway(arm.shake, link.arms),
-        rating=_rating(link, arm_sd, axis_sd),
+        rating=_rating(link, arm_sd, axis_sd, odd),
     )
 
 
@@ -437,10 +442,10 @@ def _across(cov: Floats, axis: Floats) -> float:
     return float(np.sqrt(max(np.linalg.eigvalsh(flat @ cov @ flat)[-1], 0.0)))
 
 
-def _rating(link: Link, arm_sd: Floats, axis_sd: Floats) -> str:
+def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
     """Word for how much a joint can be relied on, and what it lacks."""
     own = arm_sd if link.parent != GROUND else arm_sd[1:]
-    lacks = []
+    lacks = [odd] if odd else []
     # along a hinge's own axis an arm moves nothing, and is not needed
     free = 1 if link.joint.kind == "hinge" else 0
     if np.sort(own, axis=1)[:, : 3 - free].max() > 0.01:
@@ -521,8 +526,8 @@ def _found_sd(chain: Chain, found: _Found) -> dict[str, Any]:
 
 def _mounts(
     chain: Chain, found: _Found, poses: Sequence[Pose], pose_sd: float, angle: float, shift: float
-) -> tuple[Chain, dict[str, Any]]:
-    """Chain with the mounts that explain arms, axes and postures best, and their standard deviations.
+) -> tuple[Chain, dict[str, Any], dict[str, str]]:
+    """Chain with the mounts that explain arms, axes and postures best, their standard deviations, and what is odd.
 
     A damped least squares over a small turn and a shift of each unit's mount, and, on the ground, the heading of the
     frame in which attitudes were found.
@@ -540,6 +545,7 @@ def _mounts(
     return (
         replace(chain, segments=segments),
         {one.unit: sd[6 * k : 6 * k + 6].tolist() for k, one in enumerate(mounted)},
+        problem.odd(fit.x),
     )
 
 
@@ -578,6 +584,27 @@ class _MountProblem:
             turn, moved = x[6 * k : 6 * k + 3], x[6 * k + 3 : 6 * k + 6]
             q = quat_multiply(quat_from_rotvec(turn), np.array(one.mount.q_bs))
             found[one.name] = replace(one.mount, q_bs=_quat(q), lever_b=_vec(np.array(one.mount.lever_b) + moved))
+        return found
+
+    def odd(self, x: Floats) -> dict[str, str]:
+        """What is farther off than can be believed, in words, by segment."""
+        mounts, found = self.mounts(x), dict[str, str]()
+        for k, one in enumerate(self._mounted):
+            own, prior = x[6 * k : 6 * k + 6], self._prior_sd[6 * k : 6 * k + 6]
+            if np.linalg.norm(own[:3]) > ODD * prior[0] or np.linalg.norm(own[3:]) > ODD * prior[3]:
+                found[one.name] = (
+                    f"the unit '{one.unit}' sits {to_deg(float(np.linalg.norm(own[:3]))):.0f}° and "
+                    f"{1e3 * float(np.linalg.norm(own[3:])):.0f} mm away from where the chain says: a wrong length, "
+                    "axis, pose or unit"
+                )
+        for link, arm, axis in zip(self._found.links, self._found.arms, self._found.axes, strict=True):
+            off = np.concatenate(self._of_joint(link, arm, axis, mounts))
+            if np.abs(off).max() > FAR:
+                found.setdefault(link.joint.child, "motion shows another place or axis than the chain says")
+        for attitudes, angles in self._poses:
+            for joint, off in zip(self._chain.joints, self._of_pose(attitudes, angles, mounts, x[-1]), strict=True):
+                if np.abs(off).max() > FAR:
+                    found.setdefault(joint.child, "a pose is not the one that was held")
         return found
 
     def residuals(self, x: Floats) -> Floats:

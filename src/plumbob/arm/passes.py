@@ -403,6 +403,18 @@ class _Kept:
                 end = frames[k + 1].row if k + 1 < len(frames) else one.row
                 fill(self._samples.t, self._samples.gyr, one.row, end, self._params.mean_rate, one.q, one.linear[:, :3],
                      path)  # fmt: skip
+                if k + 1 < len(frames):
+                    self._bridge(one, frames[k + 1], path)
+
+    def _bridge(self, one: Keyframe, after: Keyframe, path: Floats) -> None:
+        """Turn evenly from keyframe to keyframe where a unit has no rate."""
+        inside = np.arange(one.row + 1, after.row)
+        for u in np.flatnonzero(np.isnan(self._samples.gyr[:, one.row + 1 : after.row + 1, 0]).any(axis=1)):
+            turn = rotvec_from_quat(quat_multiply(after.q[u], quat_conjugate(one.q[u])))
+            share = (self._samples.t[inside] - self._samples.t[one.row]) / (
+                self._samples.t[after.row] - self._samples.t[one.row]
+            )
+            path[u, inside] = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * turn), one.q[u])
 
     def motion(self, path: Floats, ready: float) -> Motion:
         """All of it."""
