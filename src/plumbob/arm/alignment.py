@@ -274,6 +274,9 @@ def align(
         If the recording is too short or a unit lacks a gyroscope or an accelerometer.
     """
     chain = check.kind("chain", opened_chain(chain), Chain)
+    for name, value in (("pose_sd", pose_sd), ("mount_angle", mount_angle), ("mount_shift", mount_shift)):
+        if not 0.0 < value < np.inf:
+            raise ParameterError(f"{name} must be above 0 and finite, but it is {value:g}.")
     samples = samples_of(chain, opened_array(array))
     settings = build(Params, params or {}, of="arm")
     samples = samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
@@ -301,11 +304,13 @@ def samples_of(chain: Chain, array: ImuArray) -> Samples:
     Raises
     ------
     ParameterError
-        If the recording lacks a unit.
+        If the recording lacks a unit, or the chain has no joint.
     ShapeError
         If a unit lacks a gyroscope or an accelerometer.
     """
     check.kind("array", array, ImuArray)
+    if not chain.joints:
+        raise ParameterError(f"{chain.name} has no joint, so one unit is all there is; plumbob run estimates one unit.")
     names = [segment.unit for segment in chain.segments if segment.unit]
     for segment in chain.segments:
         if segment.unit and segment.unit not in array.units:
@@ -570,6 +575,8 @@ class _MountProblem:
                 f"a pose of {self._chain.name} has {len(self._chain.angles)} angles "
                 f"({', '.join(self._chain.angles)}), but {len(angles)} were given."
             )
+        if not np.isfinite(np.array(angles, dtype=np.float64)).all():
+            raise ParameterError(f"the angles of a pose must be finite, but they are {check.said(angles)}.")
         t = self._found.motion.t
         if not t[0] <= start < end <= t[-1]:
             raise ParameterError(
