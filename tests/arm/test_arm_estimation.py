@@ -29,7 +29,7 @@ def moved(name, seconds=20.0, *, program="calibration", seed=2, rate=50.0, frame
 
 @pytest.fixture(scope="module")
 def five():
-    made = moved("five")
+    made = moved("five", 25.0)
     return made, align(made.chain, made.array, params=INSTANT, poses=[(0.0, 1.5, made.angles[0])])
 
 
@@ -143,7 +143,7 @@ def test_without_a_magnetometer_the_heading_is_free_and_less_and_less_certain(fi
     found = run(card, ImuArray(units), params=INSTANT, causal=True)
     assert (found.joints.flags & flags.HEADING_FREE).all()
     assert "no magnetometer and no fixed base" in " ".join(found.notes)
-    assert heading_var(found, "s1")[-1] > 2.0 * heading_var(found, "s1")[200] > 0.0
+    assert heading_var(found, "s1")[-1] > 1.5 * heading_var(found, "s1")[200] > 0.0
     for error in errors(made, found.tracks, made.t > 5.0).values():
         assert rms(error) < 2.0
 
@@ -249,7 +249,12 @@ def test_a_card_keeps_every_bit_from_file_to_file(five, tmp_path):
     again = ArmCard.load(tmp_path / "card.json")
     for one, other in zip(card.links(), again.links(), strict=True):
         assert np.array_equal(one.arms, other.arms) and np.array_equal(one.axes, other.axes)
-        assert (one.play, one.force_sd, one.parent, one.child) == (other.play, other.force_sd, other.parent, other.child)
+        assert (one.play, one.force_sd, one.parent, one.child) == (
+            other.play,
+            other.force_sd,
+            other.parent,
+            other.child,
+        )
     assert again.text() == card.text()
 
 

@@ -1,5 +1,7 @@
 """The filter of a chain: its linear model against finite differences, and forces at joints against exact motion."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -54,11 +56,13 @@ def test_forces_at_a_joint_are_what_its_centre_feels(name):
         force = quat_rotate(body.q_nb, body.specific_force_b)[first + 1 : first + last - 1].mean(axis=0)
         for side in (0, 1):
             if np.isfinite(found.forces[2 * k + side]).all() and not (side == 0 and joint.parent == "base"):
-                np.testing.assert_allclose(found.forces[2 * k + side], force, atol=1.1 * turn * float(np.linalg.norm(force)) + 0.003)
+                np.testing.assert_allclose(
+                    found.forces[2 * k + side], force, atol=1.1 * turn * float(np.linalg.norm(force)) + 0.003
+                )
 
 
 def test_the_ground_carries_no_more_than_gravity():
-    made, samples, found = filter_at_truth("teach")
+    _, samples, found = filter_at_truth("teach")
     path = np.zeros((*samples.gyr.shape[:2], 4))
     found.look(samples, 1, 20, path)
     np.testing.assert_allclose(found.forces[1], [0.0, 0.0, G0], atol=0.05)  # as above: 5 rad/s × 1 ms × 9.8 m/s²
@@ -154,7 +158,7 @@ def test_smoothing_of_one_keyframe_changes_nothing_and_of_many_never_adds_doubt(
     path = np.zeros((*samples.gyr.shape[:2], 4))
     rows = keyframe_rows(samples.t, 0.1)
     frames = [found.now()]
-    for first, last in zip(rows[:-1], rows[1:], strict=True):
+    for first, last in pairwise(rows):
         frames.append(found.advance(samples, int(first) + 1, int(last) + 1, path))
     (one,) = backward(frames[-1:])
     assert one is frames[-1]

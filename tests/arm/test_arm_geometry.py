@@ -35,13 +35,15 @@ def test_exact_motion_gives_the_arms_and_axes_of_the_chain(name):
     made, terms = ideal(name)
     for link in links_of(made.chain):
         arms = fit_arms(terms, link, Prior(link.arms + 0.01, 1.0))
-        sides = slice(1, 2) if link.parent == GROUND else slice(0, 2)
-        across = np.eye(3)
-        for side in range(*sides.indices(2)):
-            if link.joint.kind in ("hinge", "universal"):  # along an axis an arm moves nothing, or hardly
-                across = np.eye(3) - np.outer(link.axes[side, 0], link.axes[side, 0])
-            # forces are compared below 3 Hz, which leaves an arm right to a millimetre or so; 5 mm where it hardly moves
-            np.testing.assert_allclose(across @ (arms.value - link.arms)[side], 0.0, atol=0.006)
+        size, way = np.linalg.eigh(arms.cov)
+        if link.parent == GROUND:  # its own arm on the ground feels nothing
+            size, way = np.linalg.eigh(arms.cov[3:, 3:])
+        off = (arms.value - link.arms)[1 if link.parent == GROUND else slice(None)].ravel() @ way
+        shown = np.sqrt(size) < 0.03
+        assert shown.sum() >= 2
+        # forces are compared below 3 Hz, and differences of rates 10 ms apart: right to some millimetres
+        np.testing.assert_allclose(off[shown], 0.0, atol=0.003)
+        np.testing.assert_allclose(off[~shown], 0.0, atol=0.01 * np.sqrt(6.0) + 0.001)  # where the prior is
         if link.joint.kind != "ball":
             axes = fit_axes(terms, link, Prior(link.axes, deg(5.0)), 1.0)
             np.testing.assert_allclose(np.abs(np.einsum("ski,ski->sk", axes.value, link.axes)), 1.0, atol=1e-6)

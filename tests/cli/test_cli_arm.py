@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
+import plumbob
 from plumbob.arm import ArmCard, JointTrack, Program, export, replay, run, taught
 from plumbob.data.chain_toml import chain_text
 from plumbob.simulation import simulate_chain
@@ -87,7 +88,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )  # fmt: skip
     where = tmp_path_factory.mktemp("five")
     for name, one in made.array.units.items():
-        one.to_parquet(where / f"{name}.parquet")
+        plumbob.write(where / f"{name}.parquet", plumbob.Recording(imu=one))
     (where / "five.toml").write_text(chain_text(made.chain))
     return where
 
