@@ -55,7 +55,7 @@ class Start:
     sd : ndarray (U, 3)
         Their standard deviations about the navigation axes, rad.
     ready : float
-        Time from which on it is known, s.
+        First time at which it is known, s.
     free : bool
         Whether the heading of the whole means nothing yet; with magnetometers it is near North.
     """
@@ -83,7 +83,7 @@ class Motion:
     bias : ndarray (K, U, 3)
         Biases of the gyroscopes there, rad/s.
     ready : float
-        Time from which on a live system would have known this, s.
+        First time at which a live system would have known this, s.
     begun : ndarray (S,)
         Keyframes at which a gap ends, behind which the heading of the whole has begun again; `cov` leaves that out.
     """
