@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 import yaml
 
-from plumbob.arm import JointTrack, Program, export, replay, taught
+import plumbob
+from plumbob.arm import ArmCard, JointTrack, Program, export, replay, run, taught
 from plumbob.data.chain_toml import chain_text
+from plumbob.simulation import simulate_chain
 from tests.arm.test_arm_program import pick_and_place
 from tests.arm.test_arm_urdf import arm
 from tests.battery.commandline import call, ok
@@ -75,3 +77,57 @@ def test_what_cannot_be_done_is_one_line(folder: Path, words: tuple[str, ...], m
 def test_without_a_kind_they_are_listed() -> None:
     done = call("arm")
     assert done.returncode == 2 and "align, run, export, replay" in done.stderr
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file for each unit of a chain of five bars, and the chain."""
+    made = simulate_chain(
+        "five", "calibration", frame="ENU", unit="calibrated", sensors="mpu6000+hmc5983", seed=2, rate=50.0,
+        duration=15.0, gyr_range="1000 deg/s",
+    )  # fmt: skip
+    where = tmp_path_factory.mktemp("five")
+    for name, one in made.array.units.items():
+        plumbob.write(where / f"{name}.parquet", plumbob.Recording(imu=one))
+    (where / "five.toml").write_text(chain_text(made.chain))
+    return where
+
+
+UNITS = tuple(f"u{k}.parquet" for k in range(1, 6))
+
+
+def test_align_and_run_are_align_and_run(recording: Path) -> None:
+    given = ("--params", "mean_rate=off")
+    text = ok("arm", "align", "five.toml", *UNITS, *given, "--out", "card.json", "--force", cwd=recording).stdout
+    assert "j45" in text and "card.json" in text
+    said = json.loads(
+        ok("arm", "run", "card.json", *UNITS, *given, "--frame", "NED", "--out", "a.parquet", "--force", "--json",
+           cwd=recording).stdout
+    )  # fmt: skip
+    card = ArmCard.load(recording / "card.json")
+    ours = run(card, [recording / name for name in UNITS], frame="NED", params={"mean_rate": False})
+    assert said["samples"] == len(ours.joints) and said["frame"] == "NED"
+    again = JointTrack.load(recording / "a.parquet")
+    np.testing.assert_array_equal(again.angles, ours.joints.angles)
+
+
+@pytest.mark.parametrize(
+    ("words", "match"),
+    [
+        (("align", "five.toml", *UNITS[:4], "--out", "x.json"), "Name the units"),
+        (("align", "five.toml", *UNITS, "--out", "five.toml"), "input"),
+        (("align", "five.toml", *UNITS, "--out", "x.json", "--pose", "0s"), "--pose takes"),
+        (("align", "five.toml", *UNITS, "--out", "x.json", "--pose", "0s,99s"), "not in the recording"),
+        (("align", "five.toml", *UNITS, "--out", "x.json", "--pose-sd", "0deg"), "above 0"),
+        (("align", "u1.parquet", *UNITS, "--out", "x.json"), "UTF-8"),
+        (("run", "five.toml", *UNITS, "--pose", "1deg"), "needs 6 finite angles"),
+        (("run", "five.toml", *UNITS, "--params", "foo=1"), "no parameter"),
+        (("run", "five.toml", "u1=u1.parquet", "u2.parquet"), "either every SOURCE"),
+        (("run", "five.toml", *UNITS, "--out", "x.json"), "end"),
+        (("run", "none.toml", *UNITS), "none.toml"),
+    ],
+)
+def test_what_an_arm_cannot_do_is_one_line(recording: Path, words: tuple[str, ...], match: str) -> None:
+    done = call("arm", *words, cwd=recording)
+    assert done.returncode == 1 and match in done.stderr and len(done.stderr.splitlines()) == 1
+    assert not (recording / "x.json").exists()

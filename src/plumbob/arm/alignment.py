@@ -24,7 +24,7 @@ from plumbob.arm.geometry import (
     terms_of,
 )
 from plumbob.arm.links import FORCE_SD, FORCE_TIME, GROUND, PLAY_TIME, Link, axes_of, links_of, unit_numbers
-from plumbob.arm.passes import Motion, begin, estimated
+from plumbob.arm.passes import Motion, followed
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import CalibrationError, ParameterError, ShapeError
@@ -34,6 +34,8 @@ from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards.file import Card, built, kind_of
 from plumbob.data.chain import Chain, Joint, Segment
 from plumbob.data.chain_toml import chain_text, load_chain, parse_chain
+from plumbob.filters.smoother.arriving import watched
+from plumbob.filters.smoother.keyframes import trusted
 from plumbob.rotations import (
     dcm_from_quat,
     quat_conjugate,
@@ -70,6 +72,10 @@ CALIBRATED_SCALE: Final = 0.0005
 """What is left of a calibrated gyroscope's bias, rad/s, and scale: it was some other day, at another temperature."""
 NOISE_MARGIN: Final = 2.0
 """Arms shake units more than a table at rest, where noise cards come from."""
+ODD: Final = 3.5
+"""A mount farther off than so many standard deviations, each of its three components, is not believed;"""
+FAR: Final = 5.0
+"""nor is a length, an axis or a pose that is farther off."""
 
 Pose = tuple[float, float, Sequence[float]]
 """From when to when, s, which angles were held, rad."""
@@ -282,6 +288,9 @@ def align(
         If the recording is too short or a unit lacks a gyroscope or an accelerometer.
     """
     chain = check.kind("chain", opened_chain(chain), Chain)
+    for name, value in (("pose_sd", pose_sd), ("mount_angle", mount_angle), ("mount_shift", mount_shift)):
+        if not 0.0 < value < np.inf:
+            raise ParameterError(f"{name} must be above 0 and finite, but it is {value:g}.")
     array = opened_array(array)
     samples, settings = samples_of(chain, array), settings_of(chain, array, params)
     samples = samples.rows(0, int(np.searchsorted(samples.t, samples.t[0] + LONGEST)))
@@ -295,7 +304,10 @@ def align(
     if not chain.known:
         mounted, sd = _geometry(chain, found, poses), _found_sd(chain, found)
     units = {one.name: one.unit for one in chain.segments}
-    joints = tuple(_card(one, found, k, search.mount_sd, units) for k, one in enumerate(found.links))
+    joints = tuple(
+        _card(one, found, k, search.mount_sd, units, search.odd.get(one.joint.child, ""))
+        for k, one in enumerate(found.links)
+    )
     for joint in joints:
         if note and not joint.rating.startswith("good"):
             note(f"{joint.name}: {joint.rating}")
@@ -320,16 +332,18 @@ def settings_of(chain: Chain, array: ImuArray, params: Mapping[str, Any] | None)
 
 
 def samples_of(chain: Chain, array: ImuArray) -> Samples:
-    """Samples of the units of a chain, in the order of its segments.
+    """Samples of the units of a chain, in the order of its segments; what is stuck or beyond its range is missing.
 
     Raises
     ------
     ParameterError
-        If the recording lacks a unit.
+        If the recording lacks a unit, or the chain has no joint.
     ShapeError
         If a unit lacks a gyroscope or an accelerometer.
     """
     check.kind("array", array, ImuArray)
+    if not chain.joints:
+        raise ParameterError(f"{chain.name} has no joint, so one unit is all there is; plumbob run estimates one unit.")
     names = [segment.unit for segment in chain.segments if segment.unit]
     for segment in chain.segments:
         if segment.unit and segment.unit not in array.units:
@@ -341,11 +355,10 @@ def samples_of(chain: Chain, array: ImuArray) -> Samples:
         lacking = [triad for triad in ("gyr", "acc") if triad not in array.units[name].triads]
         if lacking:
             raise ShapeError(f"the unit '{name}' has no {' and no '.join(lacking)}, which a chain needs of every unit.")
-    gyr, acc, mag = (
-        np.ascontiguousarray(np.stack([array.units[name].usable(triad) for name in names]))
-        for triad in ("gyr", "acc", "mag")
-    )
-    return Samples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None)
+    units = [watched(array.units[name]) for name in names]
+    gyr, acc, mag = (np.stack(triad) for triad in zip(*(trusted(one, mag=True) for one in units), strict=True))
+    words = np.bitwise_or.reduce([one.flags for one in units])
+    return Samples(np.array(array.t), gyr, acc, mag if np.isfinite(mag).any() else None, words)
 
 
 class _Found(NamedTuple):
@@ -374,7 +387,7 @@ class _Search:
     def __init__(self, chain: Chain, samples: Samples, params: Params, mounting: "_Mounting") -> None:
         self._samples, self._params, self._chain, self._mounting = samples, params, chain, mounting
         self._links = links_of(chain) if chain.known else _unknown_links(chain, samples)
-        self.chain, self.mount_sd = chain, dict[str, Any]()
+        self.chain, self.mount_sd, self.odd = chain, dict[str, Any](), dict[str, str]()
 
     def found(self) -> _Found:
         """What it comes to."""
@@ -397,15 +410,14 @@ class _Search:
 
     def _mounted(self, found: _Found) -> list[Link]:
         """Links of the chain whose mounts explain best what was found."""
-        self.chain, self.mount_sd = _mounts(self._chain, found, self._mounting)
+        self.chain, self.mount_sd, self.odd = _mounts(self._chain, found, self._mounting)
         return [
             replace(link, arms=one.arms, axes=one.axes)
             for link, one in zip(found.links, links_of(self.chain), strict=True)
         ]
 
     def _motion(self) -> Motion:
-        start = begin(self._samples, self._links, self._params, north=0.0)
-        return estimated(self._samples, self._links, self._params, start, smooth=True)
+        return followed(self._samples, self._links, self._params, north=0.0, smooth=True)[1]
 
     def _begin_axes(self, terms: Terms) -> None:
         """First axes of joints that have none yet."""
@@ -462,7 +474,9 @@ def _change(old: Sequence[Link], new: Sequence[Link]) -> tuple[float, float]:
     return moved, max(turned, default=0.0)
 
 
-def _card(link: Link, found: _Found, k: int, mounts: Mapping[str, Any], units: Mapping[str, str]) -> JointCard:
+def _card(
+    link: Link, found: _Found, k: int, mounts: Mapping[str, Any], units: Mapping[str, str], odd: str
+) -> JointCard:
     """Card of a joint; where mounts were found, `mounts` by unit, arms and axes are as uncertain as these."""
     arm, axis = found.arms[k], found.axes[k]
     arm_sd = np.sqrt(np.diag(arm.cov)).reshape(2, 3)
@@ -485,7 +499,7 @@ def _card(link: Link, found: _Found, k: int, mounts: Mapping[str, Any], units: M
         play_time=link.play_time,
         force_time=link.force_time,
         sway=sway(arm.shake, link.arms),
-        rating=_rating(link, arm_sd, axis_sd),
+        rating=_rating(link, arm_sd, axis_sd, odd),
     )
 
 
@@ -495,12 +509,13 @@ def _across(cov: Floats, axis: Floats) -> float:
     return float(np.sqrt(max(np.linalg.eigvalsh(flat @ cov @ flat)[-1], 0.0)))
 
 
-def _rating(link: Link, arm_sd: Floats, axis_sd: Floats) -> str:
+def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
     """Word for how much a joint can be relied on, and what it lacks."""
     own = arm_sd if link.parent != GROUND else arm_sd[1:]
-    lacks = []
-    # along an axis about which alone a unit turns, an arm moves nothing, and is not needed
-    if np.sort(own, axis=1)[:, :2].max() > POOR_ARM:
+    lacks = [odd] if odd else []
+    # along an axis about which alone a unit turns, an arm moves nothing, and is not needed; what a fixed joint leaves
+    # open of its arms, both have in common, and nothing needs it
+    if link.joint.kind != "fixed" and np.sort(own, axis=1)[:, :2].max() > POOR_ARM:
         lacks.append("too little motion to find its arms")
     if axis_sd.max(initial=0.0) > POOR_AXIS:
         lacks.append("too little motion to find its axis")
@@ -576,8 +591,8 @@ def _found_sd(chain: Chain, found: _Found) -> dict[str, Any]:
     return sd
 
 
-def _mounts(chain: Chain, found: _Found, mounting: _Mounting) -> tuple[Chain, dict[str, Any]]:
-    """Chain with the mounts that explain arms, axes and postures best, and their standard deviations.
+def _mounts(chain: Chain, found: _Found, mounting: _Mounting) -> tuple[Chain, dict[str, Any], dict[str, str]]:
+    """Chain with the mounts that explain arms, axes and postures best, their standard deviations, and what is odd.
 
     A damped least squares over a small turn and a shift of each unit's mount, and, on the ground, the heading of the
     frame in which attitudes were found.
@@ -595,6 +610,7 @@ def _mounts(chain: Chain, found: _Found, mounting: _Mounting) -> tuple[Chain, di
     return (
         replace(chain, segments=segments),
         {one.unit: sd[6 * k : 6 * k + 6].tolist() for k, one in enumerate(mounted)},
+        problem.odd(fit.x),
     )
 
 
@@ -619,6 +635,8 @@ class _MountProblem:
                 f"a pose of {self._chain.name} has {len(self._chain.angles)} angles "
                 f"({', '.join(self._chain.angles)}), but {len(angles)} were given."
             )
+        if not np.isfinite(np.array(angles, dtype=np.float64)).all():
+            raise ParameterError(f"the angles of a pose must be finite, but they are {check.said(angles)}.")
         t = self._found.motion.t
         if not t[0] <= start < end <= t[-1]:
             raise ParameterError(
@@ -633,6 +651,27 @@ class _MountProblem:
             turn, moved = x[6 * k : 6 * k + 3], x[6 * k + 3 : 6 * k + 6]
             q = quat_multiply(quat_from_rotvec(turn), np.array(one.mount.q_bs))
             found[one.name] = replace(one.mount, q_bs=_quat(q), lever_b=_vec(np.array(one.mount.lever_b) + moved))
+        return found
+
+    def odd(self, x: Floats) -> dict[str, str]:
+        """What is farther off than can be believed, in words, by segment."""
+        mounts, found = self.mounts(x), dict[str, str]()
+        for k, one in enumerate(self._mounted):
+            own, prior = x[6 * k : 6 * k + 6], self._prior_sd[6 * k : 6 * k + 6]
+            if np.linalg.norm(own[:3]) > ODD * prior[0] or np.linalg.norm(own[3:]) > ODD * prior[3]:
+                found[one.name] = (
+                    f"the unit '{one.unit}' sits {to_deg(float(np.linalg.norm(own[:3]))):.0f}° and "
+                    f"{1e3 * float(np.linalg.norm(own[3:])):.0f} mm away from where the chain says: a wrong length, "
+                    "axis, pose or unit"
+                )
+        for link, arm, axis in zip(self._found.links, self._found.arms, self._found.axes, strict=True):
+            off = np.concatenate(self._of_joint(link, arm, axis, mounts))
+            if np.abs(off).max() > FAR:
+                found.setdefault(link.joint.child, "motion shows another place or axis than the chain says")
+        for attitudes, angles in self._poses:
+            for joint, off in zip(self._chain.joints, self._of_pose(attitudes, angles, mounts, x[-1]), strict=True):
+                if np.abs(off).max() > FAR:
+                    found.setdefault(joint.child, "a pose is not the one that was held")
         return found
 
     def residuals(self, x: Floats) -> Floats:

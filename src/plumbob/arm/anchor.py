@@ -98,7 +98,9 @@ def _directions(samples: Samples, motion: Motion) -> Floats:
 def _drift(motion: Motion) -> Floats:
     """By how much the variance of the mean heading grows up to each keyframe (K,), rad²."""
     headings = motion.cov[:, 2::3, 2::3].mean(axis=(1, 2))
-    return np.asarray(np.maximum(np.diff(headings, prepend=headings[0]), 0.0))
+    found = np.asarray(np.maximum(np.diff(headings, prepend=headings[0]), 0.0))
+    found[motion.begun] = UNKNOWN**2
+    return found
 
 
 def _backward(states: Floats, covs: Floats, priors: Floats, fades: Floats) -> None:

@@ -13,8 +13,8 @@ from plumbob.arm.alignment import ArmCard, opened_array, opened_chain, samples_o
 from plumbob.arm.anchor import UNKNOWN, Anchored, anchored, drifting
 from plumbob.arm.angles import JointTrack
 from plumbob.arm.filter import Params, Samples
-from plumbob.arm.links import GROUND, links_of, unit_numbers
-from plumbob.arm.passes import FRAME_SD, Motion, Start, begin, estimated
+from plumbob.arm.links import GROUND, Link, links_of, unit_numbers
+from plumbob.arm.passes import FRAME_SD, LOST, Motion, Start, followed
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -42,6 +42,10 @@ if TYPE_CHECKING:
 
 DOUBT: Final = deg(10.0)
 """A sample at which an angle is uncertain by more than this, rad, is said to be not converged."""
+ODD: Final = 6.0
+"""A sample is inconsistent where an axis strays by more standard deviations than this;"""
+STRAYS: Final = 3.0
+"""a recording where one does so on average."""
 _SMALL: Final = 1e-4
 """Turn by which derivatives of angles are taken, rad."""
 _Z_UP: Final = {Frame.ENU: Frame.ENU, Frame.NWU: Frame.NWU, Frame.NED: Frame.NWU}
@@ -198,17 +202,19 @@ def run(
     inside = _Z_UP[wanted]
     north = float(np.arctan2(inside.north[1], inside.north[0]))
     posture = None if pose is None else _posture(known, pose)
-    start = begin(samples, links, settings, north=north, pose=posture, pose_sd=pose_sd)
-    count = _counter(len(samples), progress)
-    motion = estimated(samples, links, settings, start, smooth=not causal, progress=count)
-    anchor = _anchor(
-        known, samples, motion, settings, start, north, posed=None if posture is None else pose_sd, smooth=not causal
-    )
     posed = posture is not None
-    estimate = _Reading(known, card, motion, anchor, inside, wanted, array).estimate(
+    start, motion = followed(
+        samples, links, settings, north=north, pose=posture, pose_sd=pose_sd, smooth=not causal,
+        progress=_counter(len(samples), progress),
+    )  # fmt: skip
+    anchor = _anchor(
+        known, samples, motion, settings, start, north, posed=pose_sd if posed else None, smooth=not causal
+    )
+    strays = _strays(links, motion)
+    estimate = _Reading(known, card, motion, anchor, inside, wanted, samples.flags, strays).estimate(
         north=_north(known, start, anchor, posed=posed, causal=causal),
         source=_source(settings, causal=causal),
-        notes=_notes(known, card, start, anchor, posed=posed, causal=causal),
+        notes=_notes(known, card, start, anchor, posed=posed, causal=causal) + _contradicted(links, strays),
     )
     for one in estimate.notes if note else ():
         note(one)  # type: ignore[misc]
@@ -322,19 +328,56 @@ def _notes(
     return tuple(found)
 
 
+def _without_common_heading(cov: Floats) -> Floats:
+    """Covariance (K, 3U, 3U) but for the mean of all headings, whose variance the anchor has."""
+    size = cov.shape[1]
+    keep = np.eye(size)
+    keep[2::3, 2::3] -= 3.0 / size
+    return np.asarray(keep @ cov @ keep.T)
+
+
+def _strays(links: Sequence[Link], motion: Motion) -> Floats:
+    """By how many standard deviations both sides of each joint disagree about its axis at keyframes (K, L)."""
+    matrices = dcm_from_quat(motion.q[:, motion.rows])
+    found = np.zeros((len(motion.rows), len(links)))
+    for k, link in enumerate(links):
+        if link.axes.shape[1]:
+            own = np.broadcast_to(np.eye(3), matrices[0].shape) if link.parent == GROUND else matrices[link.parent]
+            one, other = own @ link.axes[0, 0], matrices[link.child] @ link.axes[1, 0]
+            cosine = np.clip(np.einsum("ki,ki->k", one, other), -1.0, 1.0)
+            right = 0.5 * math.pi if link.joint.kind == "universal" else 0.0
+            found[:, k] = np.abs(np.arccos(cosine) - right) / link.play
+    return found
+
+
+def _contradicted(links: Sequence[Link], strays: Floats) -> tuple[str, ...]:
+    """Joints whose axis strays by much more than it did when the chain was aligned, in words."""
+    rms = np.sqrt(np.mean(strays**2, axis=0))
+    return tuple(
+        f"{link.joint.name}: both sides disagree about its axis by {to_deg(one * link.play):.0f}°, and "
+        f"{to_deg(link.play):.1f}° were expected; a unit has slipped, was exchanged or fails, or the card is of another"
+        for link, one in zip(links, rms, strict=True)
+        if one > STRAYS
+    )
+
+
 class _Reading:
     """Reads angles, attitudes and the hand from attitudes of units."""
 
     def __init__(
         self, chain: Chain, card: ArmCard | None, motion: Motion, anchor: Anchored | None, inside: Frame,
-        frame: Frame, array: ImuArray,
+        frame: Frame, words: NDArray[np.uint32] | None, strays: Floats,
     ) -> None:  # fmt: skip
-        self._chain, self._card, self._motion, self._array = chain, card, motion, array
+        self._strays = strays
+        self._chain, self._card, self._motion, self._words = chain, card, motion, words
         self._inside, self._frame = inside, frame
         self._numbers = unit_numbers(chain)
         self._times, self._rows = motion.t[motion.rows], motion.rows
         self._turn = np.zeros(len(motion.rows)) if anchor is None else anchor.turn
+        self._cov = motion.cov if anchor is None else _without_common_heading(motion.cov)
         self._turn_var = np.zeros(len(motion.rows)) if anchor is None else anchor.var
+        if anchor is None and motion.begun.size:  # nothing says how the whole turned in a gap
+            self._turn_var[motion.begun[0] :] = LOST**2
         self._mount_var = {one.name: self._var_of_mount(one.unit) for one in chain.segments}
         self._sway_var = {} if card is None else {one.name: one.sway**2 for one in card.joints}
         self._q = self._segments()
@@ -379,10 +422,11 @@ class _Reading:
 
     def _flags(self, sd: Floats, north: North) -> NDArray[np.uint32]:
         words = np.zeros(len(self._motion.t), dtype=np.uint32)
-        for one in self._chain.segments:
-            if one.unit:
-                words |= self._array.units[one.unit].flags
+        if self._words is not None:
+            words |= self._words
         words[(sd > DOUBT).any(axis=1)] |= np.uint32(flags.NOT_CONVERGED)
+        odd = np.interp(self._motion.t, self._times, self._strays.max(axis=1, initial=0.0)) > ODD
+        words[odd] |= np.uint32(flags.INCONSISTENT)
         if north is North.FREE:
             words |= np.uint32(flags.HEADING_FREE)
         return words
@@ -392,7 +436,7 @@ class _Reading:
         a, b = self._numbers[one], self._numbers[other]
         found = np.zeros((len(self._rows), 3, 3))
         if GROUND not in (a, b):
-            found += self._motion.cov[:, 3 * a : 3 * a + 3, 3 * b : 3 * b + 3]
+            found += self._cov[:, 3 * a : 3 * a + 3, 3 * b : 3 * b + 3]
             found[:, 2, 2] += self._turn_var
             if a == b:
                 turn = dcm_from_quat(self._q[one][self._rows])

@@ -30,6 +30,7 @@ from dataclasses import dataclass
 from typing import Annotated, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from plumbob.arm.links import GROUND, Link
 from plumbob.core._jit import njit
@@ -50,6 +51,8 @@ GAP: Final = 0.5
 """A step that takes longer, s, is a gap: nothing is known of what happened in it."""
 UNSEEN_RATE: Final = 1.0
 """A body may turn so fast, rad/s, where no gyroscope looks,"""
+UNSEEN_TIME: Final = 1.0
+"""into one direction for so long, s,"""
 UNSEEN_FORCE: Final = 3.0
 """and be accelerated by so much, m/s², where no accelerometer does."""
 BEND: Final = 0.2
@@ -101,12 +104,16 @@ class Params(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Samples of units in their own axes: ``t`` (N,); ``gyr``, ``acc`` and, where there is one, ``mag`` (U, N, 3)."""
+    """Samples of units in their own axes: ``t`` (N,); ``gyr``, ``acc`` and, where there is one, ``mag`` (U, N, 3).
+
+    ``flags`` (N,) are those of any unit.
+    """
 
     t: Floats
     gyr: Floats
     acc: Floats
     mag: Floats | None = None
+    flags: NDArray[np.uint32] | None = None
 
     def __len__(self) -> int:
         return int(self.t.size)
@@ -114,7 +121,8 @@ class Samples:
     def rows(self, first: int, last: int) -> "Samples":
         """Samples of a slice."""
         mag = None if self.mag is None else self.mag[:, first:last]
-        return Samples(self.t[first:last], self.gyr[:, first:last], self.acc[:, first:last], mag)
+        flags = None if self.flags is None else self.flags[first:last]
+        return Samples(self.t[first:last], self.gyr[:, first:last], self.acc[:, first:last], mag, flags)
 
 
 @njit
@@ -316,7 +324,7 @@ class ChainFilter:
             turn[first + 6 : first + 9, first + 3 : first + 6] = 0.5 * push @ rotation
             blind = max(gap, one[BLIND])
             noise[first : first + 3] = p.gyro_noise**2 * span + p.gyr_scale_sd**2 * BEND * one[TURNED]
-            noise[first : first + 3] += (UNSEEN_RATE * blind) ** 2 * (blind > 0.0)
+            noise[first : first + 3] += UNSEEN_RATE**2 * blind * max(blind, UNSEEN_TIME)
             noise[first + 3 : first + 6] = p.bias_walk**2 * span
             noise[first + 6 : first + 9] = p.acc_noise**2 * span + (UNSEEN_FORCE * max(gap, one[PUSHED])) ** 2
         self.cov = turn @ self.cov @ turn.T

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.arm.filter import WIDTH, ChainFilter, Keyframe, Params, Samples
+from plumbob.arm.filter import GAP, WIDTH, ChainFilter, Keyframe, Params, Samples
 from plumbob.arm.links import GROUND, Link
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
@@ -84,6 +84,8 @@ class Motion:
         Biases of the gyroscopes there, rad/s.
     ready : float
         When a live system would have known this, s.
+    begun : ndarray (S,)
+        Keyframes at which a gap ends, behind which the heading of the whole has begun again; `cov` leaves that out.
     """
 
     t: Floats
@@ -92,6 +94,7 @@ class Motion:
     cov: Floats
     bias: Floats
     ready: float
+    begun: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
 
 def keyframe_rows(t: Floats, spacing: float) -> NDArray[np.intp]:
@@ -307,6 +310,45 @@ class _Fields:
         return north - float(np.angle(self._sum[unit])) if abs(self._sum[unit]) > 0.0 else 0.0
 
 
+def stretches(samples: Samples) -> list[tuple[int, int]]:
+    """First samples, and those behind the last, of stretches between which all gyroscopes are silent for a `GAP`."""
+    seen = np.flatnonzero(np.isfinite(samples.gyr[:, :, 0]).any(axis=0))
+    firsts = [0, *seen[1:][np.diff(samples.t[seen]) > GAP].tolist()]
+    return list(zip(firsts, [*firsts[1:], len(samples)], strict=True))
+
+
+def followed(
+    samples: Samples, links: Sequence[Link], params: Params, *,
+    north: float, pose: Floats | None = None, pose_sd: float = deg(1.0), smooth: bool,
+    progress: Callable[[int], None] | None = None,
+) -> tuple[Start, Motion]:  # fmt: skip
+    """How a recording begins, and attitudes over all of it; behind a gap, everything begins as at the start.
+
+    Parameters are as of `begin` and `estimated`. A filter that turned on through a gap would be wrong by more than a
+    linear filter can mend.
+    """
+    starts, parts, begun, count = list[Start](), list[Motion](), list[int](), 0
+    for first, last in stretches(samples):
+        part = samples.rows(first, last)
+        starts.append(begin(part, links, params, north=north, pose=None if starts else pose, pose_sd=pose_sd))
+        parts.append(estimated(part, links, params, starts[-1], smooth=smooth, progress=progress))
+        if first and starts[-1].free:
+            begun.append(count)
+        parts[-1] = replace(parts[-1], rows=parts[-1].rows + first)
+        count += len(parts[-1].rows)
+    if len(parts) == 1:
+        return starts[0], parts[0]
+    return starts[0], Motion(
+        t=samples.t,
+        q=np.concatenate([one.q for one in parts], axis=1),
+        rows=np.concatenate([one.rows for one in parts]),
+        cov=np.concatenate([one.cov for one in parts]),
+        bias=np.concatenate([one.bias for one in parts]),
+        ready=parts[0].ready,
+        begun=np.array(begun, dtype=np.intp),
+    )
+
+
 def estimated(
     samples: Samples, links: Sequence[Link], params: Params, start: Start, *,
     smooth: bool, progress: Callable[[int], None] | None = None,
@@ -369,6 +411,18 @@ class _Kept:
                 end = frames[k + 1].row if k + 1 < len(frames) else one.row
                 fill(self._samples.t, self._samples.gyr, one.row, end, self._params.mean_rate, one.q, one.linear[:, :3],
                      path)  # fmt: skip
+                if k + 1 < len(frames):
+                    self._bridge(one, frames[k + 1], path)
+
+    def _bridge(self, one: Keyframe, after: Keyframe, path: Floats) -> None:
+        """Turn evenly from keyframe to keyframe where a unit has no rate."""
+        inside = np.arange(one.row + 1, after.row)
+        for u in np.flatnonzero(np.isnan(self._samples.gyr[:, one.row + 1 : after.row + 1, 0]).any(axis=1)):
+            turn = rotvec_from_quat(quat_multiply(after.q[u], quat_conjugate(one.q[u])))
+            share = (self._samples.t[inside] - self._samples.t[one.row]) / (
+                self._samples.t[after.row] - self._samples.t[one.row]
+            )
+            path[u, inside] = quat_multiply(quat_from_rotvec(share[:, np.newaxis] * turn), one.q[u])
 
     def motion(self, path: Floats, ready: float) -> Motion:
         """All of it."""

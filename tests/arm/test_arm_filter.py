@@ -1,0 +1,224 @@
+"""The filter of a chain: its linear model against finite differences, and forces at joints against exact motion."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from plumbob.arm.filter import WIDTH, ChainFilter, Params, Samples
+from plumbob.arm.links import links_of
+from plumbob.arm.passes import backward, begin, estimated, followed, keyframe_rows, stretches
+from plumbob.core.constants import G0
+from plumbob.rotations import quat_conjugate, quat_from_rotvec, quat_multiply, quat_rotate, rotvec_from_quat
+from plumbob.simulation import simulate_chain
+
+STEP = 1e-5
+INSTANT = Params(mean_rate=False)
+
+
+def samples_of_ideal(name, seconds, rate=200.0, seed=3):
+    made = simulate_chain(name, "fast", frame="ENU", unit="calibrated", seed=seed, rate=rate, duration=seconds)
+    units = [made.array.units[one.unit] for one in made.chain.segments if one.unit]
+    return made, Samples(
+        made.t, np.stack([one.gyr for one in units]), np.stack([one.acc for one in units]),
+        np.stack([one.mag for one in units]),
+    )  # fmt: skip
+
+
+def true_units(made):
+    """Attitudes of the units (U, N, 4), exact."""
+    return np.stack([
+        quat_multiply(made.tracks[one.name].q_nb, np.array(one.mount.q_bs)) for one in made.chain.segments if one.unit
+    ])  # fmt: skip
+
+
+def filter_at_truth(name):
+    """A filter that begins with the truth in the middle of a motion."""
+    made, samples = samples_of_ideal(name, 4.2, rate=500.0)
+    first = len(samples) - 100
+    part = samples.rows(first, len(samples))
+    assert np.abs(part.gyr[:, :50]).max() > 0.5  # it moves
+    q = true_units(made)[:, first]
+    return made, part, ChainFilter(links_of(made.chain), len(q), INSTANT, q, np.full((len(q), 3), 0.05))
+
+
+@pytest.mark.parametrize("name", ["arm7", "teach", "five"])
+def test_forces_at_a_joint_are_what_its_centre_feels(name):
+    # exact: the child's origin is the joint's centre, whose specific force the simulator differentiates by hand. The
+    # filter's attitudes are late by half a step at most, which turns a force f by ω dt / 2.
+    made, samples, found = filter_at_truth(name)
+    path = np.zeros((*samples.gyr.shape[:2], 4))
+    last = 20
+    found.look(samples, 1, last, path)
+    first, turn = len(made.t) - 100, float(np.linalg.norm(samples.gyr, axis=2).max() * 0.002 / 2)
+    for k, joint in enumerate(made.chain.joints):
+        body = made.bodies[joint.child]
+        force = quat_rotate(body.q_nb, body.specific_force_b)[first + 1 : first + last - 1].mean(axis=0)
+        for side in (0, 1):
+            if np.isfinite(found.forces[2 * k + side]).all() and not (side == 0 and joint.parent == "base"):
+                np.testing.assert_allclose(
+                    found.forces[2 * k + side], force, atol=1.1 * turn * float(np.linalg.norm(force)) + 0.003
+                )
+
+
+def test_the_ground_carries_no_more_than_gravity():
+    _, samples, found = filter_at_truth("teach")
+    path = np.zeros((*samples.gyr.shape[:2], 4))
+    found.look(samples, 1, 20, path)
+    np.testing.assert_allclose(found.forces[1], [0.0, 0.0, G0], atol=0.05)  # as above: 5 rad/s × 1 ms × 9.8 m/s²
+
+
+def shifted(found, error):
+    """The same filter whose state is off by an error."""
+    other = ChainFilter(found.links, found.units, found.params, found.q, np.full((found.units, 3), 0.05))
+    other.inject(error)
+    return other
+
+
+def off(other, found):
+    """Error (D,) that takes one state to the other."""
+    turn = rotvec_from_quat(quat_multiply(other.q, quat_conjugate(found.q)))
+    return np.hstack((turn, other.bias - found.bias, other.v - found.v)).ravel()
+
+
+def test_the_transition_is_the_derivative_of_the_integration():
+    _, samples, found = filter_at_truth("five")
+    path = np.zeros((*samples.gyr.shape[:2], 4))
+    size = WIDTH * found.units
+    begun = shifted(found, np.zeros(size))
+    begun.look(samples, 1, 51, path)
+    transition = begun._predict(float(samples.t[50] - samples.t[0]), 0.0)
+    for place in range(size):
+        ends = []
+        for sign in (1.0, -1.0):
+            other = shifted(found, sign * STEP * np.eye(size)[place])
+            other.look(samples, 1, 51, path)
+            ends.append(off(other, begun))
+        # a bias lowers the rate: its own column is first-order in the step of 0.1 s, of which 3 % may be missing
+        np.testing.assert_allclose((ends[0] - ends[1]) / (2.0 * STEP), transition[:, place], atol=0.04)
+
+
+@pytest.mark.parametrize("name", ["arm7", "teach", "five"])
+def test_each_row_is_minus_the_derivative_of_what_it_says(name):
+    made, samples, found = filter_at_truth(name)
+    path = np.zeros((*samples.gyr.shape[:2], 4))
+    size = WIDTH * found.units
+    rng = np.random.default_rng(2)
+    found.inject(0.01 * rng.normal(size=size))
+    found.look(samples, 1, 51, path)
+    at = samples.mag[:, 50]
+
+    def numbers(error):
+        other = ChainFilter(found.links, found.units, found.params, found.q, np.full((found.units, 3), 0.05))
+        other.bias, other.v = found.bias.copy(), found.v.copy()
+        other.inject(error)
+        own = error.reshape(-1, WIDTH)[:, :3]
+        ends = found.forces.copy()
+        for k, unit in enumerate(found._at):  # a small turn of a unit turns the force that it computes
+            if unit >= 0:
+                ends[k] = quat_rotate(quat_from_rotvec(own[int(unit)]), ends[k])
+        other._forces = ends
+        return other._rows(0.1, 0.0, at)
+
+    rows = numbers(np.zeros(size))
+    fields = sum(joint.parent != "base" for joint in made.chain.joints)
+    for place in range(size):
+        pairs = zip(numbers(STEP * np.eye(size)[place]), numbers(-STEP * np.eye(size)[place]), strict=True)
+        for number, (row, (ahead, behind)) in enumerate(zip(rows, pairs, strict=True)):
+            if number >= len(rows) - fields and place % WIDTH in (0, 1):
+                assert not row.h[:, place].any()  # a field that iron bends must not tilt anything
+                continue
+            slope = -(ahead.z - behind.z) / (2.0 * STEP)
+            # the state is 0.01 rad off: rows linearise at truth, so they may differ by about that share of 10 m/s²
+            np.testing.assert_allclose(slope, row.h[:, place], atol=0.05 * max(1.0, np.abs(row.h).max()))
+
+
+def test_all_rows_at_once_are_one_row_after_the_other():
+    # the information of independent rows adds up, whatever their order (Bayes); Huber's weights are left out
+    _, samples, found = filter_at_truth("five")
+    path = np.zeros((*samples.gyr.shape[:2], 4))
+    found.look(samples, 1, 51, path)
+    rows = [row._replace(robust=False) for row in found._rows(0.1, 0.0, samples.mag[:, 50])]
+    together, alone = shifted(found, np.zeros(45)), shifted(found, np.zeros(45))
+    start = together.q.copy()
+    together._use(rows)
+    total = np.zeros(45)
+    cov = alone.cov
+    for row in rows:
+        gain = np.linalg.solve(row.h @ cov @ row.h.T + row.var * np.eye(len(row.z)), row.h @ cov).T
+        total, cov = total + gain @ (row.z - row.h @ total), cov - gain @ row.h @ cov
+    np.testing.assert_allclose(together.cov, cov, atol=1e-12)
+    alone.inject(total)
+    np.testing.assert_allclose(together.q, alone.q, atol=1e-12)
+    assert not np.array_equal(together.q, start)
+
+
+def test_smoothing_of_one_keyframe_changes_nothing_and_of_many_never_adds_doubt():
+    _, samples, found = filter_at_truth("five")
+    path = np.zeros((*samples.gyr.shape[:2], 4))
+    rows = keyframe_rows(samples.t, 0.1)
+    frames = [found.now()]
+    for first, last in pairwise(rows):
+        frames.append(found.advance(samples, int(first) + 1, int(last) + 1, path))
+    (one,) = backward(frames[-1:])
+    assert one is frames[-1]
+    for before, after in zip(frames, backward(frames), strict=True):
+        # knowing more, the covariance cannot grow (Gauss–Markov)
+        assert np.linalg.eigvalsh(before.cov - after.cov).min() > -1e-9
+
+
+def test_what_is_not_seen_becomes_uncertain():
+    _, samples, found = filter_at_truth("five")
+    gyr = samples.gyr.copy()
+    gyr[2, 1:51] = np.nan
+    hidden = Samples(samples.t, gyr, samples.acc)
+    path = np.zeros((*gyr.shape[:2], 4))
+    found.look(hidden, 1, 51, path)
+    found._predict(0.1, 0.0)
+    var = np.diag(found.cov).reshape(-1, WIDTH)[:, 0]
+    assert var[2] - var[1] == pytest.approx(1.0**2 * 0.1 * 1.0, rel=0.1)  # UNSEEN_RATE² × 0.1 s × UNSEEN_TIME
+
+
+def test_a_gap_of_all_units_parts_a_recording_and_one_of_a_single_unit_does_not():
+    t = np.arange(0.0, 10.0, 0.01)
+    gyr = np.zeros((2, t.size, 3))
+    gyr[0, 300:500] = np.nan
+    assert stretches(Samples(t, gyr, gyr)) == [(0, 1000)]
+    gyr[1, 300:500] = np.nan
+    assert stretches(Samples(t, gyr, gyr)) == [(0, 500), (500, 1000)]
+    cut = np.r_[0:300, 500:1000]
+    assert stretches(Samples(t[cut], gyr[:, cut], gyr[:, cut])) == [(0, 300), (300, 800)]
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_behind_a_gap_the_chain_is_as_right_as_before(smooth):
+    made, samples = samples_of_ideal("five", 20.0, rate=50.0)
+    keep = (samples.t < 8.0) | (samples.t >= 10.0)
+    cut = Samples(samples.t[keep], samples.gyr[:, keep], samples.acc[:, keep], samples.mag[:, keep])
+    _, motion = followed(cut, links_of(made.chain), INSTANT, north=np.pi / 2, smooth=smooth)
+    assert motion.begun.size == 1 and np.isfinite(motion.q).all() and np.isfinite(motion.cov).all()
+    truth, late = true_units(made)[:, keep], cut.t > 13.0
+    for u in range(1, 5):
+        ours = quat_multiply(quat_conjugate(motion.q[u - 1, late]), motion.q[u, late])
+        theirs = quat_multiply(quat_conjugate(truth[u - 1, late]), truth[u, late])
+        error = rotvec_from_quat(quat_multiply(ours, quat_conjugate(theirs)))
+        assert np.degrees(np.sqrt((error**2).sum(axis=1).mean())) < 2.0  # the bar of a joint
+
+
+def test_a_filter_knows_nothing_of_what_comes_later():
+    made, samples = samples_of_ideal("five", 12.0, rate=50.0)
+    links = links_of(made.chain)
+    start = begin(samples, links, INSTANT, north=np.pi / 2)
+    whole = estimated(samples, links, INSTANT, start, smooth=False)
+    part = estimated(samples.rows(0, 400), links, INSTANT, start, smooth=False)
+    assert np.array_equal(whole.q[:, :395], part.q[:, :395])
+
+
+def test_tilts_begin_where_gravity_says():
+    made, samples = samples_of_ideal("arm7", 3.0, rate=100.0)
+    start = begin(samples, links_of(made.chain), INSTANT, north=np.pi / 2)
+    up = np.array([0.0, 0.0, 1.0])
+    off_up = np.einsum(
+        "ui,ui->u", quat_rotate(quat_conjugate(start.q), up), quat_rotate(quat_conjugate(true_units(made)[:, 0]), up)
+    )
+    assert np.degrees(np.arccos(np.clip(off_up, -1.0, 1.0))).max() < 9.0  # three standard deviations of TILT_SD, 3°

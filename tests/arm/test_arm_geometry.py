@@ -1,0 +1,125 @@
+"""Links, arms and axes of exact motion, and the common heading of a few numbers."""
+
+import numpy as np
+import pytest
+
+from plumbob.arm.anchor import anchored
+from plumbob.arm.filter import Params, Samples
+from plumbob.arm.geometry import Prior, fit_arms, fit_axes, lever_matrices, sway, terms_of, whole
+from plumbob.arm.links import GROUND, links_of, unit_numbers
+from plumbob.arm.passes import Motion, keyframe_rows
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg
+from plumbob.data.array import Mount
+from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.rotations import dcm_from_quat, quat_multiply, quat_rotate
+from plumbob.simulation import simulate_chain
+
+T = np.arange(0.0, 10.0, 0.01)
+
+
+def ideal(name):
+    """Exact motion, what units say of it, and their exact attitudes."""
+    made = simulate_chain(name, "calibration", frame="ENU", unit="calibrated", seed=4, rate=100.0, duration=15.0)
+    riders = [one for one in made.chain.segments if one.unit]
+    gyr, acc = (np.stack([getattr(made.array.units[one.unit], triad) for one in riders]) for triad in ("gyr", "acc"))
+    q = np.stack([quat_multiply(made.tracks[one.name].q_nb, np.array(one.mount.q_bs)) for one in riders])
+    rows = keyframe_rows(made.t, 0.1)
+    cov, bias = np.zeros((len(rows), 3 * len(q), 3 * len(q))), np.zeros((len(rows), len(q), 3))
+    samples = Samples(made.t, gyr, acc)
+    return made, terms_of(samples, Motion(made.t, q, rows, cov, bias, 0.0), mean_rate=False)
+
+
+@pytest.mark.parametrize("name", ["arm7", "teach", "five"])
+def test_exact_motion_gives_the_arms_and_axes_of_the_chain(name):
+    made, terms = ideal(name)
+    for link in links_of(made.chain):
+        arms = fit_arms(terms, link, Prior(link.arms + 0.01, 1.0))
+        size, way = np.linalg.eigh(arms.cov)
+        if link.parent == GROUND:  # its own arm on the ground feels nothing
+            size, way = np.linalg.eigh(arms.cov[3:, 3:])
+        off = (arms.value - link.arms)[1 if link.parent == GROUND else slice(None)].ravel() @ way
+        shown = np.sqrt(size) < 0.03
+        assert shown.sum() >= 2
+        # forces are compared below 3 Hz, and differences of rates 10 ms apart: right to some millimetres
+        np.testing.assert_allclose(off[shown], 0.0, atol=0.003)
+        np.testing.assert_allclose(off[~shown], 0.0, atol=0.01 * np.sqrt(6.0) + 0.001)  # where the prior is
+        if link.joint.kind != "ball":
+            axes = fit_axes(terms, link, Prior(link.axes, deg(5.0)), 1.0)
+            np.testing.assert_allclose(np.abs(np.einsum("ski,ski->sk", axes.value, link.axes)), 1.0, atol=1e-6)
+
+
+def test_links_are_the_lever_arms_in_unit_axes():
+    # closed form: a quarter turn about z carries the unit's x axis to the segment's y axis
+    quarter = Mount((np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)), (0.1, 0.0, 0.0))
+    chain = Chain(
+        "two",
+        (Segment("a", "a", quarter), Segment("b", "b", Mount(lever_b=(0.0, 0.2, 0.0)))),
+        (Joint("j", "a", "b", "hinge", origin=(0.4, 0.0, 0.0), axes=((1.0, 0.0, 0.0),)),),
+    )
+    (link,) = links_of(chain, play={"j": 0.1}, force_sd={"j": 0.2})
+    np.testing.assert_allclose(link.arms, [[0.0, -0.3, 0.0], [0.0, -0.2, 0.0]], atol=1e-15)
+    np.testing.assert_allclose(link.axes[:, 0], [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0]], atol=1e-15)
+    assert (link.parent, link.child, link.play, link.force_sd) == (0, 1, 0.1, 0.2)
+
+
+def test_a_root_that_stands_still_needs_no_unit_and_every_other_segment_one():
+    joint = (Joint("j", "a", "b", "ball"),)
+    grounded = Chain("g", (Segment("a"), Segment("b", "b")), joint, base_fixed=True)
+    assert unit_numbers(grounded) == {"a": GROUND, "b": 0}
+    with pytest.raises(ParameterError, match="has no unit"):
+        unit_numbers(Chain("g", (Segment("a", "a"), Segment("b")), joint, base_fixed=True))
+    with pytest.raises(ParameterError, match="has no unit"):
+        unit_numbers(Chain("g", (Segment("a"), Segment("b", "b")), joint))
+
+
+def test_lever_matrices_of_a_constant_turn_pull_to_the_axis():
+    # ω² r towards the axis (centripetal acceleration), nothing along it
+    spin = np.tile([0.0, 0.0, 2.0], (1, len(T), 1))
+    np.testing.assert_allclose(lever_matrices(T, spin)[0, 5] @ [0.3, 0.0, 0.7], [-1.2, 0.0, 0.0], atol=1e-12)
+
+
+def test_missing_values_lie_on_straight_lines():
+    line = np.stack([T, 2.0 * T, -T], axis=1)[np.newaxis]
+    holes = line.copy()
+    holes[0, 100:200] = np.nan
+    np.testing.assert_allclose(whole(holes, T), line, atol=1e-12)
+    assert not whole(np.full((1, 10, 3), np.nan), T[:10]).any()
+
+
+def test_sway_is_the_swing_of_a_point_that_shakes_at_three_hertz():
+    # a = (2π f)² r φ
+    assert sway((6.0 * np.pi) ** 2 * 0.2 * 0.01, np.array([[0.2, 0, 0], [0, 0.2, 0]])) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_the_common_heading_is_the_turn_that_the_field_shows(smooth):
+    # a frame that is turned by 0.5 rad from where the field points at North
+    turn, rows = 0.5, keyframe_rows(T, 0.1)
+    q = np.tile([1.0, 0.0, 0.0, 0.0], (2, len(T), 1))
+    field = np.tile([20.0 * np.cos(1.0 - turn), 20.0 * np.sin(1.0 - turn), -40.0], (2, len(T), 1))
+    motion = Motion(T, q, rows, np.zeros((len(rows), 6, 6)), np.zeros((len(rows), 2, 3)), 0.0)
+    samples = Samples(T, np.zeros_like(field), np.zeros_like(field), field)
+    sure = {"turn_sd": np.pi, "north_sd": deg(0.01), "smooth": smooth}
+    found = anchored(samples, motion, Params(), north=1.0, **sure)
+    assert found is not None
+    assert found.turn[-1] == pytest.approx(turn, abs=1e-2)
+    # a field bent by 15° (1 σ) for 10 s at a time cannot be averaged away in 10 s
+    assert deg(8.0) < np.sqrt(found.var[-1]) < deg(15.5)
+    assert anchored(Samples(T, field, field, np.full_like(field, np.nan)), motion, Params(), north=1.0, **sure) is None
+    # behind a gap it may have turned by anything, and the field says by how much
+    half = rows.size // 2
+    field[:, rows[half] :] = [20.0 * np.cos(1.0 + 1.0), 20.0 * np.sin(1.0 + 1.0), -40.0]
+    motion = Motion(T, q, rows, motion.cov, motion.bias, 0.0, np.array([half]))
+    found = anchored(samples, motion, Params(), north=1.0, **sure)
+    assert found.turn[half - 5] == pytest.approx(turn, abs=0.02)
+    assert found.turn[-1] == pytest.approx(-1.0, abs=0.02)
+
+
+def test_terms_turn_forces_as_attitudes_do():
+    made, terms = ideal("five")
+    body, unit = made.bodies["s1"], made.chain.segments[0]
+    lever = np.array(unit.mount.lever_b)
+    force = quat_rotate(body.q_nb, body.at_lever(lever).specific_force_b)
+    np.testing.assert_allclose(np.einsum("nij,nj->ni", terms.matrix[0], terms.force[0]), force, atol=1e-9)
+    np.testing.assert_allclose(terms.matrix[0], dcm_from_quat(made.tracks["s1"].q_nb) @ unit.mount.dcm, atol=1e-12)
