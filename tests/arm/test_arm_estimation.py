@@ -282,3 +282,22 @@ def test_what_cannot_be_done_says_why(five, tmp_path):
     cut.write_text(card.text()[:500])
     with pytest.raises(PlumbobError):
         ArmCard.load(cut)
+
+
+def test_units_at_a_fixed_joint_are_turned_as_motion_shows():
+    joints = (
+        Joint("bend", "a", "b", "hinge", origin=(0.2, 0.0, 0.0), axes=((0.0, 0.0, 1.0),)),
+        Joint("stiff", "b", "c", "fixed", origin=(0.2, 0.0, 0.0)),
+    )
+    made = moved(Chain("stiff", (Segment("a", "a"), Segment("b", "b"), Segment("c", "c")), joints))
+    card = align(made.chain, made.array, params=INSTANT)
+    assert card.joints[1].rating == "good"
+    ours, theirs = (
+        quat_multiply(quat_conjugate(np.array(b.q_bs)), np.array(c.q_bs))
+        for b, c in (
+            [one.mount for one in card.chain.segments[1:]],
+            [made.mounts["b"], made.mounts["c"]],
+        )
+    )
+    # b's axes against c's: as well as attitudes of units on one body agree, AXIS_SD
+    assert np.degrees(quat_angle(ours, theirs)) < 3 * 0.5

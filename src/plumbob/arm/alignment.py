@@ -453,7 +453,8 @@ def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
     lacks = [odd] if odd else []
     # along a hinge's own axis an arm moves nothing, and is not needed
     free = 1 if link.joint.kind == "hinge" else 0
-    if np.sort(own, axis=1)[:, : 3 - free].max() > 0.01:
+    # what a fixed joint leaves open of its arms, both have in common, and nothing needs it
+    if link.joint.kind != "fixed" and np.sort(own, axis=1)[:, : 3 - free].max() > 0.01:
         lacks.append("too little motion to find its arms")
     if axis_sd.max(initial=0.0) > deg(2.0):
         lacks.append("too little motion to find its axis")
@@ -636,6 +637,9 @@ class _MountProblem:
             if axis is not None and joint.kind != "fixed":
                 cov = axis.cov[own, own] + AXIS_SD**2 * np.eye(3)
                 rows.append(_whitened(cov, link.axes[side, 0] - expected[side, 0]))
+        if joint.kind == "fixed":
+            off = (link.axes[0].T @ link.axes[1]).T @ expected[0].T @ expected[1]
+            rows.append(rotvec_from_quat(quat_from_dcm(off)) / AXIS_SD)
         return rows
 
     def _of_pose(
