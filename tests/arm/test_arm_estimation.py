@@ -77,7 +77,7 @@ def test_joints_and_hand_are_within_the_bars(name, causal):
     for joint, error in errors(made, found.tracks, settled).items():
         assert rms(error) < 2.0, joint
     if made.chain.base_fixed:
-        off = np.linalg.norm(found.joints.hand_n - made.hand_n, axis=1)[settled]
+        off = np.linalg.norm(found.joints.hand - made.hand_n, axis=1)[settled]
         assert rms(off) < 0.02 * made.chain.length
     # errors within three standard deviations: 99.7 % of normal ones
     off = (found.joints.angles - made.angles + np.pi) % (2.0 * np.pi) - np.pi
@@ -160,7 +160,7 @@ def test_with_magnetometers_the_heading_does_not_lose_itself():
 def test_a_unit_that_is_silent_for_a_while_bends_no_joint_for_long(five, triad, seconds):
     made, card = five
     found = run(card, with_hole(made.array, "u3", triad, 10.0, 10.0 + seconds), params=INSTANT)
-    for values in (found.joints.angles, found.joints.sd, found.joints.hand_n, found.tracks["s3"].cov_b):
+    for values in (found.joints.angles, found.joints.sd, found.joints.hand, found.tracks["s3"].cov_b):
         assert np.isfinite(values).all()
     assert max(rms(one) for one in errors(made, found.tracks, made.t > 3.0).values()) < 2.0
     inside = (made.t >= 10.0) & (made.t < 10.0 + seconds)
@@ -282,3 +282,22 @@ def test_what_cannot_be_done_says_why(five, tmp_path):
     cut.write_text(card.text()[:500])
     with pytest.raises(PlumbobError):
         ArmCard.load(cut)
+
+
+def test_units_at_a_fixed_joint_are_turned_as_motion_shows():
+    joints = (
+        Joint("bend", "a", "b", "hinge", origin=(0.2, 0.0, 0.0), axes=((0.0, 0.0, 1.0),)),
+        Joint("stiff", "b", "c", "fixed", origin=(0.2, 0.0, 0.0)),
+    )
+    made = moved(Chain("stiff", (Segment("a", "a"), Segment("b", "b"), Segment("c", "c")), joints))
+    card = align(made.chain, made.array, params=INSTANT)
+    assert card.joints[1].rating == "good"
+    ours, theirs = (
+        quat_multiply(quat_conjugate(np.array(b.q_bs)), np.array(c.q_bs))
+        for b, c in (
+            [one.mount for one in card.chain.segments[1:]],
+            [made.mounts["b"], made.mounts["c"]],
+        )
+    )
+    # b's axes against c's: as well as attitudes of units on one body agree, AXIS_SD
+    assert np.degrees(quat_angle(ours, theirs)) < 3 * 0.5

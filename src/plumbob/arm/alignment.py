@@ -696,6 +696,9 @@ class _MountProblem:
             if axis is not None and joint.kind != "fixed":
                 cov = axis.cov[own, own] + AXIS_SD**2 * np.eye(3)
                 rows.append(_whitened(cov, axis.value[side, 0] - expected[side, 0]))
+        if joint.kind == "fixed" and axis is not None:
+            off = (axis.value[0].T @ axis.value[1]).T @ expected[0].T @ expected[1]
+            rows.append(rotvec_from_quat(quat_from_dcm(off)) / AXIS_SD)
         return rows
 
     def _of_pose(
