@@ -45,7 +45,7 @@ def test_exact_motion_gives_the_arms_and_axes_of_the_chain(name):
         np.testing.assert_allclose(off[shown], 0.0, atol=0.003)
         np.testing.assert_allclose(off[~shown], 0.0, atol=0.01 * np.sqrt(6.0) + 0.001)  # where the prior is
         if link.joint.kind != "ball":
-            axes = fit_axes(terms, link, Prior(link.axes, deg(5.0)), 1.0)
+            axes = fit_axes(terms, link)
             np.testing.assert_allclose(np.abs(np.einsum("ski,ski->sk", axes.value, link.axes)), 1.0, atol=1e-6)
 
 

@@ -49,8 +49,12 @@ from plumbob.rotations import (
 if TYPE_CHECKING:
     from plumbob.session.reading import Source
 
-ROUNDS: Final = 8
+ROUNDS: Final = 10
 """Attitudes and geometry are found in turn, so often at most,"""
+SURE: Final = 0.1
+"""when less than this share of the first doubt about mounts is left;"""
+SHARP: Final = 30.0
+"""An arm that is wrong by 1 m makes forces wrong by this, m/s², where joints move briskly: 300 °/s."""
 SETTLED: Final = (5e-4, deg(0.1))
 """or until arms, m, and axes, rad, change by less."""
 LONGEST: Final = 600.0
@@ -393,31 +397,46 @@ class _Search:
         """What it comes to."""
         rounds = 0
         while True:
-            motion = self._motion()
+            doubt = self._doubt(rounds)
+            motion = self._motion(doubt)
             terms = terms_of(self._samples, motion, mean_rate=self._params.mean_rate)
             if not self._chain.known:
                 self._begin_axes(terms)
-            arms = [fit_arms(terms, link, Prior(self._before(link), ARM_SD)) for link in self._links]
-            axes = [None if link.joint.kind == "ball" else fit_axes(terms, link) for link in self._links]
+            arms = [fit_arms(terms, link, self._before(link)) for link in self._links]
+            axes = [None if link.joint.kind == "ball" else self._axes(terms, link) for link in self._links]
             new = [_fitted(link, arm, axis) for link, arm, axis in zip(self._links, arms, axes, strict=True)]
             found = _Found(new, arms, axes, motion)
             if self._chain.known:
-                found = found._replace(links=self._mounted(found))
+                found = found._replace(links=self._mounted(found, doubt))
             moved, turned = _change(self._links, found.links)
             self._links, rounds = found.links, rounds + 1
-            if (moved < SETTLED[0] and turned < SETTLED[1]) or rounds == ROUNDS:
+            if (moved < SETTLED[0] and turned < SETTLED[1] and doubt < SURE) or rounds == ROUNDS:
                 return found
 
-    def _mounted(self, found: _Found) -> list[Link]:
+    def _doubt(self, rounds: int) -> float:
+        """Share of what mounts may be off by that is still to be found: attitudes are no better than the geometry."""
+        return 0.5**rounds if self._chain.known else 0.0
+
+    def _mounted(self, found: _Found, doubt: float) -> list[Link]:
         """Links of the chain whose mounts explain best what was found."""
+        both = np.repeat([(doubt * self._mounting.shift) ** 2, (doubt * self._mounting.angle) ** 2], 6).reshape(2, 6)
+        found = found._replace(
+            arms=[one._replace(cov=one.cov + np.diag(both[0])) for one in found.arms],
+            axes=[None if one is None else one._replace(cov=one.cov + np.diag(both[1])) for one in found.axes],
+        )
         self.chain, self.mount_sd, self.odd = _mounts(self._chain, found, self._mounting)
         return [
             replace(link, arms=one.arms, axes=one.axes)
             for link, one in zip(found.links, links_of(self.chain), strict=True)
         ]
 
-    def _motion(self) -> Motion:
-        return followed(self._samples, self._links, self._params, north=0.0, smooth=True)[1]
+    def _motion(self, doubt: float) -> Motion:
+        angle, force = doubt * self._mounting.angle, doubt * self._mounting.shift * SHARP
+        links = [
+            replace(one, play=float(np.hypot(one.play, angle)), force_sd=float(np.hypot(one.force_sd, force)))
+            for one in self._links
+        ]
+        return followed(self._samples, links, self._params, north=0.0, smooth=True)[1]
 
     def _begin_axes(self, terms: Terms) -> None:
         """First axes of joints that have none yet."""
@@ -427,8 +446,15 @@ class _Search:
             elif link.joint.kind == "fixed" and not link.axes.shape[1]:
                 self._links[k] = replace(link, axes=np.stack([np.eye(3), np.eye(3)]))
 
-    def _before(self, link: Link) -> Floats:
-        return link.arms if self._chain.known else np.zeros((2, 3))
+    def _before(self, link: Link) -> Prior:
+        """Arms before a round: what motion does not show stays where the round before had it."""
+        if not self._chain.known:
+            return Prior(np.zeros((2, 3)), ARM_SD)
+        reach = float(np.linalg.norm(link.arms, axis=1).max())
+        return Prior(link.arms, float(np.hypot(self._mounting.shift, reach * self._mounting.angle)))
+
+    def _axes(self, terms: Terms, link: Link) -> Fit:
+        return fit_axes(terms, link, self._mounting.angle) if self._chain.known else fit_axes(terms, link)
 
 
 def _unknown_links(chain: Chain, samples: Samples) -> list[Link]:
@@ -517,7 +543,7 @@ def _rating(link: Link, arm_sd: Floats, axis_sd: Floats, odd: str) -> str:
     # open of its arms, both have in common, and nothing needs it
     if link.joint.kind != "fixed" and np.sort(own, axis=1)[:, :2].max() > POOR_ARM:
         lacks.append("too little motion to find its arms")
-    if axis_sd.max(initial=0.0) > POOR_AXIS:
+    if link.joint.kind != "fixed" and axis_sd.max(initial=0.0) > POOR_AXIS:
         lacks.append("too little motion to find its axis")
     if link.axes.size and link.play > deg(4.0):
         lacks.append(f"its axis strays by {to_deg(link.play):.1f}°: much play, or not a {link.joint.kind}")

@@ -273,7 +273,7 @@ def _anchor(
         samples,
         motion,
         params,
-        north=_first_direction(samples, motion) if steady else north,
+        north=_first_direction(samples, motion, start.ready) if steady else north,
         turn_sd=sd if steady else UNKNOWN,
         north_sd=UNKNOWN if steady else FRAME_SD,
         smooth=smooth,
@@ -281,10 +281,10 @@ def _anchor(
     return drifting(motion, sd) if found is None and on_base else found
 
 
-def _first_direction(samples: Samples, motion: Motion) -> float:
-    """Direction of all level fields together at the first keyframes, rad."""
+def _first_direction(samples: Samples, motion: Motion, ready: float) -> float:
+    """Direction of all level fields together at the keyframes from which headings begin, rad."""
     assert samples.mag is not None
-    rows = motion.rows[: max(1, len(motion.rows) // 100)]
+    rows = motion.rows[motion.t[motion.rows] <= ready]
     level = np.nan_to_num(quat_rotate(motion.q[:, rows], samples.mag[:, rows])).sum(axis=(0, 1))
     return math.atan2(level[1], level[0])
 

@@ -237,7 +237,7 @@ def _parent(terms: Terms, link: Link) -> Floats:
     return np.broadcast_to(np.eye(3), terms.matrix[0].shape) if link.parent == GROUND else terms.matrix[link.parent]
 
 
-def fit_axes(terms: Terms, link: Link) -> Fit:
+def fit_axes(terms: Terms, link: Link, sd_before: float = _UNKNOWN_AXIS) -> Fit:
     """Axes of a hinge, a universal or a fixed joint.
 
     Parameters
@@ -246,6 +246,8 @@ def fit_axes(terms: Terms, link: Link) -> Fit:
         Attitudes.
     link : Link
         The joint; its axes are where the search begins.
+    sd_before : float
+        How well those are known already, rad.
     """
     one, other = _parent(terms, link), terms.matrix[link.child]
     every = max(1, len(terms.t) // 3000)
@@ -254,9 +256,9 @@ def fit_axes(terms: Terms, link: Link) -> Fit:
     alike = max(1.0, 2.0 * link.play_time / step)
     if link.joint.kind == "fixed":
         return _fixed(one, other, link, alike, step)
-    value = link.axes[:, 0]
+    before = value = link.axes[:, 0]
     for _ in range(_ROUNDS):
-        around = [np.eye(3) / _UNKNOWN_AXIS**2 + np.outer(v, v) / _LENGTH_SD**2 for v in value]
+        around = [np.eye(3) / sd_before**2 + np.outer(v, v) / _LENGTH_SD**2 for v in value]
         if link.joint.kind == "universal":
             turned = np.swapaxes(one, 1, 2) @ other
             a = np.concatenate((turned @ value[1], value[0] @ turned), axis=1)
@@ -268,7 +270,9 @@ def fit_axes(terms: Terms, link: Link) -> Fit:
         information = np.zeros((6, 6))
         information[:3, :3], information[3:, 3:] = around
         normal = a.T @ a / (alike * sd**2) + information
-        value = value + np.linalg.solve(normal, a.T @ off / (alike * sd**2)).reshape(2, 3)
+        value = value + np.linalg.solve(
+            normal, a.T @ off / (alike * sd**2) + information @ (before - value).ravel()
+        ).reshape(2, 3)
         value = value / np.linalg.norm(value, axis=1, keepdims=True)
     # of a hinge, two of three components vary
     share = 3.0 / 2.0 if link.joint.kind == "hinge" else 1.0
