@@ -84,7 +84,8 @@ noise: $(VENV)/.bench
 	$(BIN)/python -m benchmarks.allan_coverage
 	$(BIN)/python -m benchmarks.allan_bands
 
-# The teaching-arm paper's tables beside ours, its recovery, the monitor's faults, and 64 units at 1 kHz: two minutes.
+# The teaching-arm paper's tables beside ours, its figures in array-out, its recovery, the monitor's faults, and 64 units
+# at 1 kHz: two minutes.
 array: setup
 	$(BIN)/python -m benchmarks.array
 

@@ -1,7 +1,8 @@
 """The six-unit array of the teaching-arm paper and arrays of many units: ``python -m benchmarks.array PART``.
 
-PART is tables (both tables of the paper), recovery (from a wrong start), monitor (faults) or large (64 units at 1 kHz);
-without one, all run. Every figure of the paper stands beside ours, and every bar says whether it is met.
+PART is tables (both tables of the paper), figures (its Figures 3 to 9, as two pages in a folder), recovery (from a
+wrong start), monitor (faults) or large (64 units at 1 kHz); without one, all run. Every figure of the paper stands
+beside ours, and every bar says whether it is met.
 """
 
 import argparse
@@ -9,7 +10,7 @@ import resource
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -19,28 +20,22 @@ from plumbob import Filter, Frame, ImuData
 from plumbob.array import Monitor, estimate, monitor
 from plumbob.array.monitoring import Monitored, Settings
 from plumbob.array.paper import Scheme, paper
+from plumbob.array.paper_report import AXES, PAPER, arm, paper_report, statistics
+from plumbob.array.paper_report import SCHEMES as CONTENDERS
+from plumbob.array.paper_report import errors_deg as errors
 from plumbob.core.check import Floats
-from plumbob.core.units import deg, dps, to_deg
+from plumbob.core.units import deg, dps
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import NoiseCard
 from plumbob.data.cards.noise import TriadNoise
 from plumbob.rotations import (
     dcm_from_quat,
-    euler_zyx_from_quat,
-    quat_conjugate,
     quat_from_euler_zyx,
     quat_multiply,
 )
 from plumbob.rotations.quaternions import quat_chained
-from plumbob.simulation import simulate
-from plumbob.simulation.rigs.plan import PLANS, Mounted
-from plumbob.simulation.scenarios import Arm
+from plumbob.simulation.rigs.plan import PLANS
 
-AXES = ("roll", "pitch", "yaw")
-PAPER = {  # std, deg: the papers' tables, in the order of AXES
-    False: {"none": (0.507, 0.643, 0.519), "PI": (0.136, 0.157, 0.206), "fuzzy-PI": (0.096, 0.098, 0.142)},
-    True: {"none": (0.792, 0.997, 1.135), "PI": (0.298, 0.275, 0.608), "fuzzy-PI": (0.193, 0.188, 0.308)},
-}
 LIMITS = {
     False: {"fuzzy-PI": (0.11, 0.11, 0.155), "two": (0.07, 0.09, 0.155), "six": (0.04, 0.04, 0.08)},
     True: {"fuzzy-PI": (0.24, 0.25, 0.32), "two": (0.17, 0.17, 0.26), "six": (0.12, 0.11, 0.20)},
@@ -50,39 +45,11 @@ STEP_LIMIT = {False: 0.80, True: 0.85}
 BIAS = {False: dps(0.13), True: dps(0.25)}
 """Half width of the gyroscopes' biases."""
 SCHEMES: Mapping[str, Scheme] = {
-    "none": Scheme(set1="none", sets=1, ekf=False),
-    "PI": Scheme(set1="pi", sets=1),
-    "fuzzy-PI": Scheme(),
-    "PI on both sets": Scheme(set1="pi"),
+    **CONTENDERS,
     "fuzzy-PI, sum table": Scheme(sum_table=True),
     "fuzzy-PI, no EKF": Scheme(ekf=False),
 }
 MOUNTS = tuple(unit.q_bs for unit in PLANS["arm"].units)
-
-
-def arm(seed: int, *, turns: bool, units: int = 6, rate: float = 10.0) -> tuple[ImuArray, Floats]:
-    """The paper's array at rest or in its turn, and the true attitude of the body."""
-    plan = PLANS["arm"]
-    found, mounts, truth = {}, {}, np.empty(0)
-    for k, unit in enumerate(plan.units):
-        if units == 2 and k not in (0, 3):  # one of each set
-            continue
-        scenario = Mounted(plan=Arm(turn=deg(-90.0) if turns else 0.0), frame=Frame.NED, q_bs=unit.q_bs, seed=seed)
-        made = simulate(
-            scenario, frame=Frame.NED, sensors="arm:turn" if turns else "arm:rest", unit="random",
-            seed=10 * seed + k, rate=rate, duration=30.0,
-        )  # fmt: skip
-        found[unit.prefix] = replace(made.imu, meta=replace(made.imu.meta, declination=None))
-        mounts[unit.prefix] = Mount(q_bs=unit.q_bs, noise=made.noise)
-        if not truth.size:
-            truth = quat_multiply(made.truth.q_nb, quat_conjugate(np.array(unit.q_bs)))
-    return ImuArray(found, mounts), truth
-
-
-def errors(q_nb: Floats, truth: Floats) -> Floats:
-    """Errors of roll, pitch and yaw (N, 3), deg."""
-    e = euler_zyx_from_quat(quat_multiply(quat_conjugate(truth), q_nb))
-    return np.asarray(to_deg(np.unwrap(e, axis=0)))[:, ::-1]
 
 
 def ours(turns: bool) -> dict[str, Callable[[int, float], tuple[Floats, Floats]]]:
@@ -111,10 +78,10 @@ def measured(turns: bool, seeds: int, rate: float = 10.0) -> dict[str, Floats]:
         array, truth = arm(seed, turns=turns, rate=rate)
         for name, scheme in SCHEMES.items():
             e = errors(paper(array, frame=Frame.NED, scheme=scheme).q_nb, truth)
-            found.setdefault(name, []).append(_figures(e))
+            found.setdefault(name, []).append(statistics(e))
         for name, run in ours(turns).items():
             q_nb, own = run(seed, rate)
-            found.setdefault(name, []).append(_figures(errors(q_nb, own)))
+            found.setdefault(name, []).append(statistics(errors(q_nb, own)))
     return {name: _over_seeds(np.array(rows)) for name, rows in found.items()}
 
 
@@ -122,10 +89,6 @@ def _over_seeds(rows: Floats) -> Floats:
     found: Floats = np.mean(rows, axis=0)
     found[2] = np.sqrt(np.mean(rows[:, 2] ** 2, axis=0))
     return found
-
-
-def _figures(e: Floats) -> Floats:
-    return np.array([e.std(axis=0), np.ptp(e, axis=0), np.sqrt(np.mean(e**2, axis=0))])
 
 
 def tables(seeds: int) -> Iterator[str]:
@@ -173,6 +136,13 @@ def _wide(title: str, columns: tuple[str, ...], rows: Mapping[str, tuple[str, ..
     yield " " * wide + "".join(f"{c:>{w}}" for c, w in zip(columns, widths, strict=True))
     for name, row in rows.items():
         yield f"{name:{wide}}" + "".join(f"{v:>{w}}" for v, w in zip(row, widths, strict=True))
+
+
+def figures(folder: Path) -> Iterator[str]:
+    """Figures 3 to 9 of the paper as two pages."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, turns in (("static", False), ("turn", True)):
+        yield f"written  {paper_report(turns=turns).write_html(folder / f'arm_{name}.html', overwrite=True)}"
 
 
 def recovery(seeds: int) -> Iterator[str]:
@@ -313,7 +283,7 @@ def fault_row(kind: str, triad: str, *, moving: bool, seeds: int) -> tuple[float
             right += 1
             again += not seen.excluded(triad)[-1].any()
     share = 100.0 / seeds
-    median = float(np.median(delays)) if delays else float("inf")
+    median = float(np.median(delays)) if delays else "-"
     return share * found, share * right / max(found, 1) * seeds, median, wrong, share * again
 
 
@@ -400,14 +370,22 @@ def _later(part: ImuArray, start: float, rng: np.random.Generator) -> ImuArray:
 def main(argv: list[str] | None = None) -> int:
     """Run a part, or all."""
     p = argparse.ArgumentParser(prog="python -m benchmarks.array", description=__doc__)
-    p.add_argument("part", nargs="?", choices=("tables", "recovery", "monitor", "large"))
+    p.add_argument("part", nargs="?", choices=("tables", "figures", "recovery", "monitor", "large"))
     p.add_argument("--seeds", type=int, default=100, metavar="N", help="runs of each table (default: 100)")
     p.add_argument(
         "--duration", type=float, default=600.0, metavar="S", help="of the stream of 64 units (default: 600)"
     )
+    p.add_argument(
+        "--out",
+        type=Path,
+        default=Path("array-out"),
+        metavar="FOLDER",
+        help="of the two pages of figures (default: array-out)",
+    )
     args = p.parse_args(argv)
     parts = {
         "tables": lambda: tables(args.seeds),
+        "figures": lambda: figures(args.out),
         "recovery": lambda: recovery(args.seeds),
         "monitor": lambda: faults(max(args.seeds // 4, 2)),
         "large": lambda: large(64, 1000.0, args.duration),

@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 import plumbob
+from plumbob.array.paper_report import paper_report
 from plumbob.calibration.report import certificate
 from plumbob.calibration.static_test import static_test
 from plumbob.core import flags
@@ -24,7 +25,7 @@ from plumbob.report.style import CHINESE, said
 from tests.battery.labels import labels
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "random", "seed": 1}
-SYMBOLS = r"Gauss-Markov|IEEE|BIC|Hz|RMS|rms|\[[^\]]*\]|\b[QNBKR] = \S+ .*"
+SYMBOLS = r"Gauss-Markov|\bPI\b|IEEE|BIC|Hz|RMS|rms|\[[^\]]*\]|\b[QNBKR] = \S+ .*"
 """What has no other word in Chinese: names, symbols, and values with their units."""
 
 
@@ -71,7 +72,11 @@ def static(hand):
     return (static_test(poses.imu, poses.truth, found.card).report(facts=[("recording", ""), ("reference", "")]),)
 
 
-@pytest.mark.parametrize("subject", [evaluations, certificates, noise, static])
+def teaching_arm(_):
+    return paper_report(turns=False), paper_report(turns=True)
+
+
+@pytest.mark.parametrize("subject", [evaluations, certificates, noise, static, teaching_arm])
 def test_every_label_of_a_page_has_its_chinese_word(subject, hand):
     for report in subject(hand):
         names = ("a", "b", "values", "column", *load("mekf").Params._fields, *CommonParams._fields)

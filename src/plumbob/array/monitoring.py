@@ -186,10 +186,16 @@ class Monitored(Series):
         rows = [
             (f.unit, f.triad, f.kind, f"{f.begin:.2f}", "-" if np.isnan(f.end) else f"{f.end:.2f}") for f in self.faults
         ]
-        if not rows:
-            return Report("Array monitor", facts, remarks=("No unit contradicts the others.",))
         table = Table("Units left out", ("unit", "triad", "fault", "from [s]", "to [s]"), rows, words=(1, 2))
-        return Report("Array monitor", facts, (table,))
+        unsolved = int(np.count_nonzero(self.imu.flags & flags.CANNOT_ISOLATE))
+        remarks = ["No unit contradicts the others."] if not (rows or unsolved) else []
+        if unsolved:
+            remarks.append(
+                f"In {counted(unsolved, 'sample')} units contradict each other, and nothing says which one is wrong."
+            )
+        if 2 * unsolved > len(self):
+            remarks.append("This is most of the time: check how the units are mounted, and their calibration.")
+        return Report("Array monitor", facts, (table,) if rows else (), remarks)
 
     def text(self) -> str:
         """Report as text."""

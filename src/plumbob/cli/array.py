@@ -1,6 +1,7 @@
 """plumbob array: several units on one body: how they differ, what they measure together, and which one is wrong."""
 
 import argparse
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 from plumbob.cli import common
 
 if TYPE_CHECKING:
-    from plumbob.data import ImuData
     from plumbob.data.array import ImuArray
 
 KINDS: tuple[str, ...] = ("info", "combine", "monitor")
 """What can be done: `add_` declares it."""
+_SUFFIXES = (".mcap", ".parquet", ".csv")
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -85,18 +86,37 @@ def _add_files(p: argparse.ArgumentParser) -> None:
     p.add_argument(
         "files", type=Path, nargs="+", metavar="FILE", help="recording with several units, or one file for each unit"
     )
+    p.add_argument(
+        "--mounts", type=Path, metavar="TOML|NAME",
+        help="how the units sit on the body, instead of what the files say; 'arm': as the six of the teaching arm",
+    )  # fmt: skip
     common.add_json(p)
 
 
 def _add_out(p: argparse.ArgumentParser, *, required: bool) -> None:
-    p.add_argument("--out", type=Path, required=required, metavar="FILE", help="write the virtual unit")
+    p.add_argument(
+        "--out", type=Path, required=required, metavar="FILE", help="write the virtual unit: " + ", ".join(_SUFFIXES)
+    )
     common.add_force(p)
 
 
-def _read(args: argparse.Namespace) -> "ImuArray":
+def _read(args: argparse.Namespace, out: Path | None = None) -> "ImuArray":
+    """The units, once it is known that the virtual unit can be written."""
+    from plumbob.core.errors import ParameterError
+    from plumbob.data.array import Mount
+    from plumbob.files import found_in
     from plumbob.session.reading import read_array
 
-    array: ImuArray = read_array(args.files if len(args.files) > 1 else args.files[0])
+    if out is not None:
+        if out.suffix.lower() not in _SUFFIXES:
+            raise ParameterError(f"{out}: the virtual unit is written as {', '.join(_SUFFIXES)}, not '{out.suffix}'.")
+        common.check_outputs(args, *common.with_profile(out), inputs=(*args.files, args.mounts))
+    notes: list[str] = []
+    files = args.files if len(args.files) > 1 else args.files[0]
+    array = read_array(files, mounts=args.mounts, note=notes.append)
+    common.note(*found_in(notes))
+    if args.mounts is None and all(replace(mount, noise=None) == Mount() for mount in array.mounts.values()):
+        common.note("no mount is known, so all units are taken to lie along the body's axes; see --mounts")
     return array
 
 
@@ -105,29 +125,24 @@ def _show(args: argparse.Namespace, verb: str) -> int:
     from plumbob import array
 
     out = getattr(args, "out", None)
-    if out is not None:
-        common.check_outputs(args, out, inputs=args.files)
-    found: Any = getattr(array, verb)(_read(args))
-    common.print_json(found.summary()) if args.json else print(found.text())
-    if out is not None:
-        _write(args, found.imu)
-    return 0
+    found: Any = getattr(array, verb)(_read(args, out))
+    return _finish(args, found, out)
 
 
 def _combine(args: argparse.Namespace) -> int:
     from plumbob.array import combine
 
-    common.check_outputs(args, args.out, inputs=args.files)
-    found = combine(_read(args), weights=args.weights, correct=args.correct)
+    return _finish(args, combine(_read(args, args.out), weights=args.weights, correct=args.correct), args.out)
+
+
+def _finish(args: argparse.Namespace, found: Any, out: Path | None) -> int:
+    from plumbob.files import Recording
+    from plumbob.session.recorded import export
+
     common.print_json(found.summary()) if args.json else print(found.text())
-    _write(args, found.imu)
+    if out is not None:
+        note = f"virtual unit of the array in {', '.join(path.name for path in args.files)}"
+        export(Recording(imu=found.imu, name=out.stem, notes=(note,)), out, overwrite=args.force)
+        if not args.json:
+            print(f"written      {out}")
     return 0
-
-
-def _write(args: argparse.Namespace, imu: "ImuData") -> None:
-    from plumbob.files import write
-
-    names = ", ".join(path.name for path in args.files)
-    write(args.out, imu, notes=(f"virtual unit of the array in {names}",), overwrite=args.force)
-    if not args.json:
-        print(f"written      {args.out}")

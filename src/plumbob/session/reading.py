@@ -148,7 +148,10 @@ def read_array(
 def _by_stem(sources: Sequence[Source]) -> dict[str, Source]:
     named = {check.path("sources", one).stem: one for one in sources}
     if len(named) < len(sources):
-        raise ParameterError("two of the files have the same stem; name the units: {'left': path, 'right': path}.")
+        raise ParameterError(
+            "two of the files have the same stem, by which their units are called; rename one, or in Python name the "
+            "units: {'left': path, 'right': path}."
+        )
     return named
 
 
@@ -160,7 +163,9 @@ def _of_file(file: Path) -> "tuple[ImuArray, list[str]]":
     else:
         found = read(file)
     if found.array is None:
-        raise ParameterError(f"{file} holds one unit; give a list of such files, or raw bytes with their format.")
+        raise ParameterError(
+            f"{file} holds one unit; give one such file for each unit, or raw bytes with their format."
+        )
     return found.array, list(found.notes)
 
 
@@ -214,6 +219,11 @@ def _mounted(array: "ImuArray", mounts: "Source | Mapping[str, Mount]") -> "ImuA
         told = load_units(Path(mounts))
     units = dict(array.units)
     if str(mounts) in PRESETS:
+        if not told.keys() & units.keys():
+            raise ParameterError(
+                f"the units of '{mounts}' are {', '.join(told)}, but those of the array are {', '.join(units)}; "
+                "name them so, or the files, or write a mount for each in a TOML file."
+            )
         told = {name: one for name, one in told.items() if name in units}  # one that died has been left out
     for name in told.keys() & units.keys():
         card, device = told[name].card, told[name].device

@@ -166,7 +166,10 @@ def _from_rows(log: Log, file: Path, *, estimated: bool) -> Recording:
                 found.setdefault(message.topic, []).append(rows.parsed(message.topic, message.data))
         about = rows.parsed_object(f"the metadata '{_META}'", log.metadata.get(_META, "{}"))
         if not any(found.values()):
-            raise DecodeError("it has neither a session nor decoded samples; it was not made by Plumbob.")
+            raise DecodeError(
+                "it has neither a session nor decoded samples: it was not made by Plumbob, or it is cut off near its "
+                "beginning. Take a whole copy."
+            )
         imu = _imu(found[rows.IMU], about.get("imu", {})) if found[rows.IMU] else None
         array = _array(found, array_from(about["array"])) if "array" in about else None
         wanted = found[rows.ATTITUDE] and (estimated or (imu is None and array is None))
