@@ -46,3 +46,24 @@ def test_a_kind_is_needed_and_inputs_are_never_written(six):
     done = plumbob_line("array")
     assert (done.returncode, "name a KIND: info, combine, monitor" in done.stderr) == (2, True)
     assert "is an input" in refused("array", "combine", six, "--out", six)
+
+
+def test_from_bytes_with_the_mounts_of_the_rig(tmp_path):
+    """The rig's opposite units are turned by 180°: without their mounts, forces of ±1 g cancel."""
+    binary, stream, table = (tmp_path / name for name in ("arm.bin", "arm.mcap", "arm.parquet"))
+    ok("emulate", "arm", "--write", binary, "--duration", "20s", "--seed", "3")
+    ok("record", "--from", binary, "--format", "arm", "--unit", "all", "--out", stream)
+    ok("export", stream, "--out", table)
+    for source in (stream, table):
+        out = tmp_path / f"{source.suffix[1:]}.mcap"
+        ok("array", "combine", source, "--mounts", "arm", "--out", out)
+        force = np.linalg.norm(plumbob.read(out).imu.acc, axis=1)
+        assert force.mean() == pytest.approx(9.80665, rel=0.01)
+        assert json.loads(ok("array", "monitor", source, "--mounts", "arm", "--json").stdout)["faults"] == []
+    lost = plumbob_line("array", "monitor", stream)
+    assert "no mount is known" in lost.stderr
+    assert "check how the units are mounted" in " ".join(lost.stdout.split())
+    assert "is written as .mcap" in refused("array", "combine", stream, "--out", tmp_path / "one.tum")
+    assert "holds one unit" in refused("array", "info", tmp_path / "parquet.mcap")
+    (tmp_path / "left.parquet").write_bytes(table.read_bytes()[:20000])
+    assert "cut or damaged" in refused("array", "info", tmp_path / "left.parquet")

@@ -1,6 +1,7 @@
 """What an array's units say, as arrays that kernels take: values of sensor axes, their directions, their weights."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -67,6 +68,33 @@ def densities(mounts: Mapping[str, Mount], triad: str) -> Floats:
     known = np.isfinite(found)
     found[~known] = float(np.sqrt(np.mean(found[known] ** 2))) if known.any() else USUAL[triad]
     return found
+
+
+def with_noise(array: ImuArray) -> ImuArray:
+    """The array; where no unit has a noise card, with the white noise that its values show, if that is above the usual.
+
+    It is that of the second differences of what a unit measures beyond the mean of all, in which motion, biases and
+    scale errors cancel, by their median, so that a fault of less than half the time does not count.
+    """
+    if len(array) < 10 or any(mount.noise is not None for mount in array.mounts.values()):
+        return array
+    root, seen = float(np.sqrt(nominal_step(array))), {}
+    for triad in TRIADS:
+        body = array.stacked(triad)
+        there = np.isfinite(body)
+        count = there.sum(axis=1, keepdims=True)
+        mean = np.where(there, body, 0.0).sum(axis=1, keepdims=True) / np.maximum(count, 1)
+        beyond = np.diff(np.where(count > 1, body - mean, np.nan), n=2, axis=0)
+        for u, name in enumerate(array.names):
+            steps = np.abs(beyond[:, u][np.isfinite(beyond[:, u])])
+            others = 1.0 - 1.0 / len(array.names)  # share of a unit's own variance that is beyond the mean
+            sd = 1.4826 * float(np.median(steps)) / np.sqrt(6.0 * others) if steps.size else 0.0
+            seen[name, triad] = TriadNoise(np.full(3, max(sd * root, USUAL[triad])), np.zeros(3), np.zeros(3))
+    cards = {
+        name: NoiseCard(name, "its own samples", **{triad: seen[name, triad] for triad in TRIADS})
+        for name in array.names
+    }
+    return ImuArray(array.units, {k: replace(mount, noise=cards[k]) for k, mount in array.mounts.items()})
 
 
 def weights_of(array: ImuArray, triad: str, by: str) -> Floats:

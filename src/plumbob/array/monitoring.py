@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked
+from plumbob.array.channels import combined_noise, densities, directions, levers, nominal_step, stacked, with_noise
 from plumbob.array.tracker import OF_TRIAD, OUT, SCALE, STATE, TRIAD_SIZE, UNIT_SIZE, start_unit, take_rows
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
@@ -300,8 +300,8 @@ def monitor(array: ImuArray, *, settings: Settings | None = None) -> Monitored:
     Parameters
     ----------
     array : ImuArray
-        The units; the noise cards of their mounts say what may be noise. Where none has one, noise of a common part is
-        taken, and its scale is learned.
+        The units; the noise cards of their mounts say what may be noise. Where none has one, the noise that the values
+        show is taken, at least that of a common part. A `Monitor` of a stream takes that of a common part.
     settings : Settings, optional
         Times and thresholds.
 
@@ -317,11 +317,14 @@ def monitor(array: ImuArray, *, settings: Settings | None = None) -> Monitored:
     """
     from plumbob.array.timeline import aligned
 
-    array = aligned(array)
+    known = any(mount.noise is not None for mount in array.mounts.values())
+    array = with_noise(aligned(array))
     watch = Monitor(array.mounts, step=nominal_step(array), settings=settings)
     parts = [watch.take(part) for part in array.chunks(CHUNK)]
     imu = ImuData.joined([part.imu for part in parts])
-    return Monitored(imu, np.concatenate([part.words for part in parts]), array.names, parts[0].noise)
+    return Monitored(
+        imu, np.concatenate([part.words for part in parts]), array.names, parts[0].noise if known else None
+    )
 
 
 def common_flags(array: ImuArray) -> NDArray[np.uint32]:

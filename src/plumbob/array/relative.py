@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from plumbob.array.channels import densities, nominal_step, stacked
+from plumbob.array.channels import densities, nominal_step, stacked, with_noise
 from plumbob.array.combination import Combined, combine
 from plumbob.array.timeline import aligned
 from plumbob.core.check import Floats
@@ -151,6 +151,7 @@ def info(array: ImuArray) -> ArrayInfo:
     """
     if len(array.units) < 2:
         raise ParameterError("one unit cannot be compared with others; an array needs two units at least.")
+    array = with_noise(array)
     late = _coarse(array)
     found: list[_Fit] = []
     for _ in range(ROUNDS):
