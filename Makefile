@@ -87,7 +87,7 @@ noise: $(VENV)/.bench
 # The teaching-arm paper's tables beside ours, its figures in array-out, its recovery, the monitor's faults, and 64 units
 # at 1 kHz: two minutes.
 array: setup
-	$(BIN)/python -m benchmarks.array
+	$(BIN)/python -m benchmarks.arrays
 
 # Filters, smoother and other libraries on the recordings under PLUMBOB_DATA, and docs/accuracy.md of it: about an hour.
 accuracy: $(VENV)/.bench

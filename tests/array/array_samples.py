@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.array import as_array, moved
+from benchmarks.arrays import as_array, moved
 from plumbob import ImuData
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import NoiseCard

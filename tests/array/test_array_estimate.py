@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.array import BIAS, arm, errors
+from benchmarks.arrays import BIAS, arm, errors
 from plumbob import Frame, flags
 from plumbob.array import estimate
 from plumbob.array.monitoring import Settings

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.array import SCHEMES, arm, errors, quiet
+from benchmarks.arrays import SCHEMES, arm, errors, quiet
 from plumbob import Frame
 from plumbob.array.paper import Scheme, paper, sets_of
 from plumbob.core.errors import ParameterError, ShapeError

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.array import main
+from benchmarks.arrays import main
 from plumbob import Frame
 from plumbob.array.paper import Scheme, paper
 from plumbob.array.paper_report import arm, paper_report

@@ -48,7 +48,8 @@ def test_sim_teach_writes_all_units_their_truth_and_the_chain(tmp_path):
     table = pq.read_table(tmp_path / "t-angles.parquet")
     assert table.column_names == ["t [s]", *(f"j{k} [rad]" for k in range(1, 7)), *(f"hand_{a} [m]" for a in "xyz")]
     np.testing.assert_array_equal(np.array(table["j5 [rad]"]), made.angles[:, 4])
-    np.testing.assert_array_equal(np.array(table["hand_z [m]"]), made.hand_n[:, 2])
+    # in the axes of the base, whose z axis is up: in NED, half a turn about x
+    np.testing.assert_allclose(np.array(table["hand_z [m]"]), -made.hand_n[:, 2], atol=1e-12)
     assert load_chain(tmp_path / "t.chain.toml").joints == CHAINS["teach"].joints
     for known, true in zip(
         load_chain(tmp_path / "t.chain.toml").segments, load_chain(tmp_path / "t-true.chain.toml").segments, strict=True

@@ -189,7 +189,7 @@ def _table(contenders: Mapping[str, Errors], turns: bool) -> Table:
 
 def _remarks(turns: bool) -> list[str]:
     return [
-        "This is one run; 'python -m benchmarks.array tables' prints the means over 100 runs.",
+        "This is one run; 'python -m benchmarks.arrays tables' prints the means over 100 runs.",
         "The noise is assumed. The noise that the paper states would give errors 50 to 5000 times smaller than those "
         "that it prints.",
         "Without a regulator there is no Kalman filter either: the error is the integral of the gyroscopes' bias and "

@@ -65,7 +65,7 @@ def page_path(page: str) -> Path:
 
 
 def _pages() -> dict[str, Path]:
-    return {path.stem: path for path in sorted(docs_folder().glob("*.md"))}
+    return {path.stem: path for path in sorted(docs_folder().glob("*.md"), key=lambda path: path.stem)}
 
 
 def _title(page: Path) -> str:

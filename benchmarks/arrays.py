@@ -1,4 +1,4 @@
-"""The six-unit array of the teaching-arm paper and arrays of many units: ``python -m benchmarks.array PART``.
+"""The six-unit array of the teaching-arm paper and arrays of many units: ``python -m benchmarks.arrays PART``.
 
 PART is tables (both tables of the paper), figures (its Figures 3 to 9, as two pages in a folder), recovery (from a
 wrong start), monitor (faults) or large (64 units at 1 kHz); without one, all run. Every figure of the paper stands
@@ -369,7 +369,7 @@ def _later(part: ImuArray, start: float, rng: np.random.Generator) -> ImuArray:
 
 def main(argv: list[str] | None = None) -> int:
     """Run a part, or all."""
-    p = argparse.ArgumentParser(prog="python -m benchmarks.array", description=__doc__)
+    p = argparse.ArgumentParser(prog="python -m benchmarks.arrays", description=__doc__)
     p.add_argument("part", nargs="?", choices=("tables", "figures", "recovery", "monitor", "large"))
     p.add_argument("--seeds", type=int, default=100, metavar="N", help="runs of each table (default: 100)")
     p.add_argument(
