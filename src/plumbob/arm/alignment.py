@@ -414,7 +414,7 @@ class _Search:
                 return found
 
     def _doubt(self, rounds: int) -> float:
-        """Share of what mounts may be off by that is still to be found: attitudes are no better than the geometry."""
+        """How much of the first doubt about mounts is left after so many rounds; attitudes suffer from it, too."""
         return 0.5**rounds if self._chain.known else 0.0
 
     def _mounted(self, found: _Found, doubt: float) -> list[Link]:

@@ -15,7 +15,7 @@ from plumbob.arm.filter import LEAST_FIELD, Params, Samples
 from plumbob.arm.passes import Motion
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.rotations import quat_rotate
+from plumbob.rotations import quat_rotate, wrap
 
 LOOK_SD: Final = deg(3.0)
 """What a direction scatters by at once, rad."""
@@ -67,7 +67,7 @@ def anchored(
             p[1, 1] += params.anchor_sd**2 * (1.0 - fades[k] ** 2)
         priors[k] = p
         if math.isfinite(seen[k]):
-            off = (seen[k] - h @ x + math.pi) % (2.0 * math.pi) - math.pi
+            off = wrap(seen[k] - h @ x)
             gain = p @ h / (h @ p @ h + LOOK_SD**2)
             x, p = x + gain * off, p - np.outer(gain, h @ p)
         states[k], covs[k] = x, 0.5 * (p + p.T)

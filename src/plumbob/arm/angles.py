@@ -1,7 +1,6 @@
 """Joint angles over time, as an estimate or a program has them, and the tables that they are written to."""
 
 import csv
-import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,17 +13,18 @@ from numpy.typing import NDArray
 from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError, ShapeError, UnitError, excerpt
-from plumbob.core.files import existing_file, reading, replacing, require_room
+from plumbob.core.files import existing_file, reading, require_room
 from plumbob.core.series import Series
 from plumbob.core.text import counted
 from plumbob.core.time import to_ns, to_s
 from plumbob.core.units import Quantity, to_si
-from plumbob.files.arrow import column_of, numbers_of, unpacked_bytes
+from plumbob.files import table as table_of_numbers
+from plumbob.files.arrow import numbers_of, unpacked_bytes
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SUFFIXES: Final = (".csv", ".parquet")
+SUFFIXES: Final = table_of_numbers.SUFFIXES
 """Of the files of joint angles."""
 TIME: Final = "t [s]"
 RECORDED: Final = "recorded [s]"
@@ -170,12 +170,9 @@ def write_table(
 ) -> Path:
     """Write columns of numbers as ``.csv`` or ``.parquet``; errors as of `JointTrack.save`."""
     file = check.path("path", path)
-    kind = _kind(file)
-    with replacing(file, overwrite=overwrite, seeks=kind == ".parquet") as temporary:
-        if kind == ".csv":
-            _write_csv(temporary, columns)
-        else:
-            _write_parquet(temporary, columns, source)
+    _kind(file)
+    about = json.dumps({"format_version": _VERSION, "source": source})
+    table_of_numbers.write_table(file, columns, metadata={_KEY: about.encode()}, overwrite=overwrite)
     return file
 
 
@@ -210,23 +207,6 @@ def _kind(path: Path) -> str:
     return path.suffix.lower()
 
 
-def _table(columns: Mapping[str, NDArray[Any]], metadata: dict[bytes, bytes] | None = None) -> "pa.Table":
-    import pyarrow as pa
-
-    made: pa.Table = pa.table({name: column_of(values) for name, values in columns.items()})
-    return made.replace_schema_metadata(metadata)
-
-
-def _write_csv(file: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    from pyarrow import csv as arrow_csv
-
-    head = io.StringIO()
-    csv.writer(head, lineterminator="\n").writerow(columns)
-    with file.open("wb") as stream:
-        stream.write(head.getvalue().encode())
-        arrow_csv.write_csv(_table(columns), stream, arrow_csv.WriteOptions(include_header=False, quoting_style="none"))
-
-
 def _read_csv(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
@@ -245,19 +225,6 @@ def _read_csv(file: Path) -> tuple[dict[str, NDArray[Any]], str]:
     except pa.ArrowInvalid as error:
         raise DecodeError(f"a row is not numbers, one for each of {counted(len(head), 'column')}: {error}") from error
     return _columns(table), ""
-
-
-def _write_parquet(file: Path, columns: Mapping[str, NDArray[Any]], source: str) -> None:
-    import pyarrow.parquet as pq
-
-    about = json.dumps({"format_version": _VERSION, "source": source})
-    pq.write_table(
-        _table(columns, {_KEY: about.encode()}),
-        file,
-        compression="zstd",
-        use_dictionary=False,
-        write_page_checksum=True,
-    )
 
 
 def _read_parquet(file: Path) -> tuple[dict[str, NDArray[Any]], str]:

@@ -35,6 +35,8 @@ from plumbob.rotations import (
     quat_from_rotvec,
     quat_multiply,
     quat_rotate,
+    skew,
+    wrap,
 )
 
 if TYPE_CHECKING:
@@ -465,8 +467,7 @@ class _Reading:
             ahead, behind = (
                 joint.angles_of(quat_multiply(quat_from_rotvec(sign * _SMALL * axis), relative)) for sign in (1.0, -1.0)
             )
-            change = (ahead - behind + math.pi) % (2.0 * math.pi) - math.pi
-            columns.append(change / (2.0 * _SMALL))
+            columns.append(wrap(ahead - behind) / (2.0 * _SMALL))
         slope = np.stack(columns, axis=2)
         return np.asarray(np.sqrt(np.maximum(np.einsum("kdi,kij,kdj->kd", slope, cov, slope), 0.0)))
 
@@ -487,8 +488,8 @@ class _Reading:
         cov = np.zeros((len(rows), 3, 3))
         for one, a in path:
             for other, b in path:
-                left, right = _crosses(a), _crosses(b)
-                cov += left @ self._block(one, other) @ np.swapaxes(right, 1, 2)
+                # both signs turn: a point at a moves by θ × a, which is −[a]× θ
+                cov += skew(a) @ self._block(one, other) @ np.swapaxes(skew(b), 1, 2)
         if self._inside is not self._frame and not self._chain.base_fixed:  # the base's axes are those inside
             turn = dcm_from_quat(frame_rotation(self._frame, self._inside))
             hand, cov = hand @ turn.T, turn @ cov @ turn.T
@@ -507,10 +508,3 @@ class _Reading:
             cov_b=cov[nearest],
             source=f"{source}, {name}",
         )
-
-
-def _crosses(v: Floats) -> Floats:
-    """``−[v]×`` of vectors (K, 3): how a point moves as what carries it turns."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = v[:, 2], -v[:, 1], v[:, 0]
-    return np.asarray(out - np.swapaxes(out, 1, 2))

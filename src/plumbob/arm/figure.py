@@ -15,6 +15,7 @@ from plumbob.core.units import to_deg
 from plumbob.data.chain import Chain, Posture
 from plumbob.report import SERIES, SOFT, Figure, Report, Table
 from plumbob.report.scene import Scene
+from plumbob.rotations import wrap
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -152,7 +153,7 @@ def _angles_table(chain: Chain, angles: Floats, track: JointTrack, true: Floats 
             row.append(_degrees(np.nanmedian(track.sd[:, track.names.index(name)])))
     if true is not None:
         head += ["error, rms", "error, max"]
-        away = np.abs((angles - true + np.pi) % (2.0 * np.pi) - np.pi)
+        away = np.abs(wrap(angles - true))
         for one, row in zip(away.T, rows, strict=True):
             row.extend([_degrees(np.sqrt(np.nanmean(one**2))), _degrees(np.nanmax(one))])
     return Table("Joint angles [°]", head, rows)

@@ -10,7 +10,8 @@ from plumbob.arm.passes import Motion
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg
-from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.filters.smoother.keyframes import filled
+from plumbob.rotations import dcm_from_quat, quat_from_rotvec, quat_multiply, skew
 
 CUT_OFF: Final = 3.0
 """Forces are compared below this, Hz: above, noise of the angular acceleration would shorten arms."""
@@ -95,25 +96,13 @@ class Terms(NamedTuple):
 
 def lever_matrices(t: Floats, gyr: Floats) -> Floats:
     """``[ω̇]× + [ω]×²`` (U, N, 3, 3) of rates (U, N, 3), rad/s."""
-    spin, change = _skews(gyr), _skews(np.gradient(gyr, t, axis=1))
+    spin, change = skew(gyr), skew(np.gradient(gyr, t, axis=1))
     return change + spin @ spin
-
-
-def _skews(v: Floats) -> Floats:
-    out = np.zeros((*v.shape, 3))
-    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    return out - np.swapaxes(out, -1, -2)
 
 
 def whole(values: Floats, t: Floats) -> Floats:
     """Values (U, N, 3) whose missing ones are filled in on straight lines."""
-    found = values.copy()
-    for one in found:
-        known = np.isfinite(one).all(axis=1)
-        if not known.all():
-            for axis in range(3):
-                one[:, axis] = np.interp(t, t[known], one[known, axis]) if known.any() else 0.0
-    return found
+    return np.stack([filled(t, one) for one in values])
 
 
 def terms_of(samples: Samples, motion: Motion, *, mean_rate: bool) -> Terms:

@@ -16,7 +16,7 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.report import Report, Reported, Table, plain
-from plumbob.rotations import quat_from_rotvec, quat_multiply
+from plumbob.rotations import quat_from_rotvec, quat_multiply, skew
 
 PRIOR: Final = {"rotation": 0.2, "gyr": 0.1, "acc": 0.3, "mag": 5.0, "clock": 1.0}
 """Standard deviations before anything is seen: rad, rad/s, m/s², µT, s."""
@@ -259,7 +259,7 @@ def _fit(array: ImuArray, combined: Combined, u: int) -> _Fit:
             slope = np.gradient(mean, array.t, axis=0)
             reliable = _reliable(slope[moving & there], noise / np.sqrt(len(array.units)), step)
             design[moving, :, 12] = slope[moving] if reliable > RELIABLE else 0.0
-        design[moving, :, :3] = _cross(mean[moving])
+        design[moving, :, :3] = skew(mean[moving])
         a, b = design[there].reshape(-1, _SIZE), left[there].reshape(-1)
         spread = max(noise, _robust(b))
         seen = a.T @ a
@@ -291,11 +291,3 @@ def _less(matrix: Floats, size: float) -> Floats:
 def _robust(values: Floats) -> float:
     """Scatter of values about their median, as a standard deviation."""
     return 1.4826 * float(np.median(np.abs(values - np.median(values))))
-
-
-def _cross(v: Floats) -> Floats:
-    """Matrices of v × (N, 3, 3)."""
-    zero = np.zeros(len(v))
-    x, y, z = v.T
-    found: Floats = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
-    return found

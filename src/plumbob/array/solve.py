@@ -5,6 +5,7 @@ from typing import Final
 
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
+from plumbob.rotations.kernels import Vec
 
 SINGULAR: Final = 1e-9
 """A pivot that is less than this share of its own diagonal says that the axes do not span the unknowns."""
@@ -59,6 +60,27 @@ def inverse3(a: Floats, out: Floats) -> bool:
 
 
 @njit
+def add_axis(a: Floats, c0: float, c1: float, c2: float, w: float) -> None:
+    """Add an axis c of weight w to the upper half of the normal equations of three unknowns."""
+    a[0, 0] += w * c0 * c0
+    a[0, 1] += w * c0 * c1
+    a[0, 2] += w * c0 * c2
+    a[1, 1] += w * c1 * c1
+    a[1, 2] += w * c1 * c2
+    a[2, 2] += w * c2 * c2
+
+
+@njit
+def times(m: Floats, b0: float, b1: float, b2: float) -> Vec:
+    """Product of a matrix (3, 3) and a vector."""
+    return (
+        m[0, 0] * b0 + m[0, 1] * b1 + m[0, 2] * b2,
+        m[1, 0] * b0 + m[1, 1] * b1 + m[1, 2] * b2,
+        m[2, 0] * b0 + m[2, 1] * b1 + m[2, 2] * b2,
+    )
+
+
+@njit
 def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Floats) -> None:
     """Vector x (N, 3), body axes, of all sensor axes, and what each axis measures beyond it.
 
@@ -83,21 +105,14 @@ def combine_rows(y: Floats, axes: Floats, weight: Floats, x: Floats, left: Float
                 if math.isnan(value):
                     continue
                 c0, c1, c2, w = axes[u, k, 0], axes[u, k, 1], axes[u, k, 2], weight[u, k]
-                a[0, 0] += w * c0 * c0
-                a[0, 1] += w * c0 * c1
-                a[0, 2] += w * c0 * c2
-                a[1, 1] += w * c1 * c1
-                a[1, 2] += w * c1 * c2
-                a[2, 2] += w * c2 * c2
+                add_axis(a, c0, c1, c2, w)
                 b0 += w * c0 * value
                 b1 += w * c1 * value
                 b2 += w * c2 * value
         if not inverse3(a, inverse):
             x[i, 0] = x[i, 1] = x[i, 2] = math.nan
         else:
-            x[i, 0] = inverse[0, 0] * b0 + inverse[0, 1] * b1 + inverse[0, 2] * b2
-            x[i, 1] = inverse[1, 0] * b0 + inverse[1, 1] * b1 + inverse[1, 2] * b2
-            x[i, 2] = inverse[2, 0] * b0 + inverse[2, 1] * b1 + inverse[2, 2] * b2
+            x[i, 0], x[i, 1], x[i, 2] = times(inverse, b0, b1, b2)
         for u in range(y.shape[1]):
             for k in range(3):
                 left[i, u, k] = y[i, u, k] - (

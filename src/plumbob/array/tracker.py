@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.array.solve import inverse3
+from plumbob.array.solve import add_axis, inverse3, times
 from plumbob.core import flags
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
@@ -162,21 +162,14 @@ def body_value(
                 p = TH + 4 * k
                 value -= x[u, p] + x[u, p + 1] * h[0] + x[u, p + 2] * h[1] + x[u, p + 3] * h[2]
             c0, c1, c2, w = axes[u, k, 0], axes[u, k, 1], axes[u, k, 2], weight[u, k]
-            a[0, 0] += w * c0 * c0
-            a[0, 1] += w * c0 * c1
-            a[0, 2] += w * c0 * c2
-            a[1, 1] += w * c1 * c1
-            a[1, 2] += w * c1 * c2
-            a[2, 2] += w * c2 * c2
+            add_axis(a, c0, c1, c2, w)
             b0 += w * c0 * value
             b1 += w * c1 * value
             b2 += w * c2 * value
         units += took
     if not inverse3(a, inverse):
         return 0
-    found[0] = inverse[0, 0] * b0 + inverse[0, 1] * b1 + inverse[0, 2] * b2
-    found[1] = inverse[1, 0] * b0 + inverse[1, 1] * b1 + inverse[1, 2] * b2
-    found[2] = inverse[2, 0] * b0 + inverse[2, 1] * b1 + inverse[2, 2] * b2
+    found[0], found[1], found[2] = times(inverse, b0, b1, b2)
     return units
 
 

@@ -18,6 +18,7 @@ from plumbob.rotations import (
     quat_multiply,
     quat_rotate,
     rotation_from_quat,
+    wrap,
 )
 
 DEGREES_OF_FREEDOM: Final = {"fixed": 0, "hinge": 1, "universal": 2, "ball": 3}
@@ -168,7 +169,7 @@ class Joint:
         if count == 1:
             twist = turn[:, 1:] @ np.array(self.axes[0])
             angle = 2.0 * np.arctan2(twist, turn[:, 0])
-            return np.asarray((angle + np.pi) % (2.0 * np.pi) - np.pi)[:, np.newaxis]
+            return wrap(angle)[:, np.newaxis]
         axes = np.array(self.axes)
         if count == 2:
             axes = np.vstack((axes, np.cross(axes[0], axes[1])))

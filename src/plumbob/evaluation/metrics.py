@@ -31,7 +31,14 @@ from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg
-from plumbob.rotations import dcm_from_quat, euler_zyx_from_quat, quat_conjugate, quat_multiply, rotvec_from_quat
+from plumbob.rotations import (
+    dcm_from_quat,
+    euler_zyx_from_quat,
+    quat_conjugate,
+    quat_multiply,
+    rotvec_from_quat,
+    wrap,
+)
 
 QUANTITIES = ("total", "heading", "inclination", "yaw", "pitch", "roll")
 NEEDS_HEADING = ("total", "heading", "yaw")
@@ -72,11 +79,6 @@ def error_quat(q_est: Floats, q_ref: Floats) -> Floats:
 def total_rmse(q_est: Floats, q_ref: Floats) -> float:
     """Root mean square of the total error, rad, of attitudes that are all known."""
     return float(np.sqrt(np.mean(attitude_errors(q_est, q_ref)["total"] ** 2)))
-
-
-def wrap(angle: Floats) -> Floats:
-    """Bring angles, rad, to (−π, π]."""
-    return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
 
 
 def _euler_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:

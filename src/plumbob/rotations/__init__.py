@@ -36,6 +36,7 @@ from plumbob.rotations.quaternions import (
     rotation_from_quat,
     rotvec_from_quat,
     skew,
+    wrap,
 )
 
 __all__ = [
@@ -72,4 +73,5 @@ __all__ = [
     "rotvec_from_quat",
     "signed_axes",
     "skew",
+    "wrap",
 ]

@@ -230,6 +230,11 @@ def skew(v: ArrayLike) -> Floats:
     return np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=-1).reshape((*x.shape, 3, 3))
 
 
+def wrap(angle: Floats) -> Floats:
+    """Bring angles, rad, to (−π, π]."""
+    return np.pi - np.mod(np.pi - angle, 2.0 * np.pi)
+
+
 def dcm_from_quat(q: ArrayLike) -> Floats:
     """Matrices, shape (..., 3, 3), of unit quaternions, shape (..., 4)."""
     q0, q1, q2, q3 = np.moveaxis(check.last_axis("q", q, 4), -1, 0)

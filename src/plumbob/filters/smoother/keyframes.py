@@ -85,7 +85,7 @@ class Keyframes:
         t, gyr, acc, field = t[rows], gyr[rows], acc[rows], np.ascontiguousarray(field[rows])
         first, gap = _steps(t, spacing, longest)
         no_rate, no_force = np.isnan(gyr[:, 0]), np.isnan(acc[:, 0])
-        gyr, acc = _filled(t, gyr), _filled(t, acc)
+        gyr, acc = filled(t, gyr), filled(t, acc)
         dt = np.diff(t, prepend=t[0])
         rates = np.maximum(_smooth(np.abs(gyr).max(axis=1), 15), LEAST_RATE)
         # each step by itself: in a difference of running sums a short hole would vanish beside a long one
@@ -189,7 +189,7 @@ def _steps(t: Floats, spacing: float, longest: float) -> tuple[NDArray[np.int64]
     return first.astype(np.int64), gap
 
 
-def _filled(t: Floats, values: Floats) -> Floats:
+def filled(t: Floats, values: Floats) -> Floats:
     """Values, on straight lines over what is missing."""
     known = ~np.isnan(values[:, 0])
     if known.all():
