@@ -4,7 +4,10 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: setup demo test test-long lint docs pages dist house mutants bench noise array arm accuracy endurance wire fuzz killed clean other-processor
+# Of a second Python beside another, the pages are built once.
+PAGE := src/plumbob/web/view/index.html src/plumbob/web/report.js
+
+.PHONY: page pictures setup demo test test-long lint docs pages dist house mutants bench noise array arm accuracy endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -14,6 +17,17 @@ $(VENV)/.installed: pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
+
+# The live page and the script of reports, in src/plumbob/web. Without Node, Plumbob does all the rest.
+page: web/.built
+
+WEB_SOURCES := $(wildcard web/src/*.ts web/src/*/*.ts web/src/*.css web/src/*/*.css web/public/* web/index.html web/*.ts) web/package-lock.json
+web/.built: $(WEB_SOURCES)
+	@if ! command -v npm > /dev/null; then \
+		echo "There is no npm here: the live page and reports are not built, and their tests are skipped. They need Node 20 or newer."; \
+	else \
+		cd web && npm ci --no-audit --no-fund --silent && npm run --silent types && npm run --silent build && touch .built; \
+	fi
 
 $(VENV)/.bench: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[bench]'

@@ -25,7 +25,7 @@ from plumbob.evaluation.many.accuracy import KEYS, SHARES
 from plumbob.files import Recording, read
 from plumbob.filters.offline import Stage
 from plumbob.filters.smoother.model import Params
-from plumbob.report import Figure, Report
+from plumbob.reporting import Figure, Report
 
 ROOT = Path(__file__).parents[1]
 KEPT = ROOT / "bench-out" / "accuracy.json"
@@ -499,7 +499,7 @@ mean total {values.mean():.2f}, 5 to 95 %: {low:.2f} to {high:.2f}, worst {value
 
 def draw_picture(rows: Mapping[str, Any]) -> None:
     """Total errors, a row for each set and a mark for each estimator."""
-    from plumbob.report import INK, SERIES
+    from plumbob.reporting import INK, SERIES
 
     names = estimators(rows)
     colours = dict(zip(names, (*SERIES, INK), strict=True))

@@ -11,7 +11,7 @@ import pytest
 from plumbob.arm import JointTrack, arm_report, stick_figure, taught
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.data.chain import Chain, Joint, Segment
-from plumbob.report import Report
+from plumbob.reporting import Report
 from tests.arm.test_arm_program import pick_and_place
 from tests.arm.test_arm_urdf import arm, scipy_hand
 

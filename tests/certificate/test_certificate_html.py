@@ -13,7 +13,7 @@ from plumbob.calibration.predicted import NAMES, REGIONS
 from plumbob.calibration.report import certificate
 from plumbob.core.units import from_si
 from plumbob.data.cards import CalibrationCard, Mount
-from plumbob.report.drawing import svg
+from plumbob.reporting.drawing import svg
 from tests.battery.pages import HOSTILE, Outline, PageBattery
 
 

@@ -16,7 +16,7 @@ from plumbob.noise.fin import fin_report
 from plumbob.noise.findings import Candidate, Coefficient, Estimates, Mask
 from plumbob.noise.report import coefficient, datasheet
 from plumbob.noise.terms import DATASHEET
-from plumbob.report import drawing
+from plumbob.reporting import drawing
 from tests.battery.pages import HOSTILE, Outline, PageBattery
 
 

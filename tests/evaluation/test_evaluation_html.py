@@ -10,7 +10,7 @@ from plumbob.core import flags
 from plumbob.core.errors import MissingExtraError, ShapeError
 from plumbob.evaluation import comparison, evaluate
 from plumbob.evaluation.report import _share
-from plumbob.report.drawing import svg
+from plumbob.reporting.drawing import svg
 from plumbob.rotations import North, quat_conjugate, quat_from_rotvec, quat_multiply
 from tests.battery.pages import HOSTILE, Outline, PageBattery
 

@@ -29,8 +29,8 @@ from plumbob.files.mcap.layout import pack
 from plumbob.files.profile_toml import load_profile
 from plumbob.files.text import read_spans
 from plumbob.protocols.find import find_format
-from plumbob.report import Figure
-from plumbob.report.drawing import picture
+from plumbob.reporting import Figure
+from plumbob.reporting.drawing import picture
 from plumbob.rotations import IDENTITY, Frame, North
 from plumbob.session.recorded import export
 from plumbob.session.session_toml import load_session

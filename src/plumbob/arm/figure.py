@@ -13,8 +13,8 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.units import to_deg
 from plumbob.data.chain import Chain, Posture
-from plumbob.report import SERIES, SOFT, Figure, Report, Table
-from plumbob.report.scene import Scene
+from plumbob.reporting import SERIES, SOFT, Figure, Report, Table
+from plumbob.reporting.scene import Scene
 from plumbob.rotations import wrap
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def _draw_angles(
 
 
 def _line(ax: "Axes", t: Floats, values: Floats, **style: object) -> None:
-    from plumbob.report.drawing import envelope
+    from plumbob.reporting.drawing import envelope
 
     ax.plot(*envelope(t, values, _COLUMNS, jump=180.0), **style)  # type: ignore[arg-type]
 

@@ -19,7 +19,7 @@ from plumbob.core.text import number
 from plumbob.core.units import to_dps
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.array import ImuArray
-from plumbob.report import Report, Table
+from plumbob.reporting import Report, Table
 
 if TYPE_CHECKING:
     from plumbob.array.relative import ArrayInfo
@@ -72,7 +72,7 @@ class Combined(Series):
 
     def summary(self) -> dict[str, Any]:
         """What each sensor axis measures beyond the virtual unit, as JSON can hold it; SI and µT."""
-        from plumbob.report import plain
+        from plumbob.reporting import plain
 
         found: dict[str, Any] = plain(
             {"units": list(self.names), "samples": len(self), "parity_rms": self.parity_rms, "noise": self._densities}

@@ -18,7 +18,7 @@ from plumbob.core.units import dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import NoiseCard
-from plumbob.report import Report, Table
+from plumbob.reporting import Report, Table
 
 KINDS: Final = ("good", "suspect", "deviates", "noisy", "frozen", "dead")
 """What a unit's triad may be, by its number in a word of `Monitored.words`."""
@@ -165,7 +165,7 @@ class Monitored(Series):
 
     def summary(self) -> dict[str, Any]:
         """All findings, as JSON can hold them."""
-        from plumbob.report import plain
+        from plumbob.reporting import plain
 
         found: dict[str, Any] = plain(
             {

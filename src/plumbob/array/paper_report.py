@@ -17,8 +17,8 @@ from plumbob.array.paper import Scheme, paper
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, to_deg
 from plumbob.data.array import ImuArray, Mount
-from plumbob.report import Figure, Report, Table
-from plumbob.report.style import MUTED, SERIES
+from plumbob.reporting import Figure, Report, Table
+from plumbob.reporting.style import MUTED, SERIES
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from plumbob.core.text import measured
 from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData
 from plumbob.data.array import ImuArray
-from plumbob.report import Report, Reported, Table, plain
+from plumbob.reporting import Report, Reported, Table, plain
 from plumbob.rotations import quat_from_rotvec, quat_multiply, skew
 
 PRIOR: Final = {"rotation": 0.2, "gyr": 0.1, "acc": 0.3, "mag": 5.0, "clock": 1.0}

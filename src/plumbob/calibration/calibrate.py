@@ -15,7 +15,7 @@ from plumbob.data import ImuData
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.earth_field import earth_field_at, parse_place
 from plumbob.files import Recording
-from plumbob.report import Report, Reported
+from plumbob.reporting import Report, Reported
 from plumbob.rotations import Frame
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from plumbob.core.text import WIDTH, counted, listed, measured, number
 from plumbob.core.units import from_si, g, to_deg, written
 from plumbob.data import TITLES, TRIADS
 from plumbob.data.cards import UNITS, CalibrationCard, Mount, TriadCalibration
-from plumbob.report import INK, MUTED, SERIES, Figure, Report, Table, plain
+from plumbob.reporting import INK, MUTED, SERIES, Figure, Report, Table, plain
 from plumbob.rotations import euler_zyx_from_quat
 
 if TYPE_CHECKING:
@@ -433,7 +433,7 @@ def residual_figure(name: str, fit: Fitted) -> Figure:
     names = AXES if rows.shape[1] == len(AXES) else ("residual",)
 
     def draw(canvas: "FigureBase") -> None:
-        from plumbob.report.drawing import envelope
+        from plumbob.reporting.drawing import envelope
 
         ax = canvas.subplots()
         for values, colour in zip(rows.T, SERIES, strict=False):
@@ -451,7 +451,7 @@ def residual_figure(name: str, fit: Fitted) -> Figure:
 
 
 def _plot(ax: "Axes", values: Floats, colour: str) -> None:
-    from plumbob.report.drawing import envelope
+    from plumbob.reporting.drawing import envelope
 
     x, y = envelope(_numbered(values), values, _COLUMNS)
     ax.plot(x, y, color=colour, linewidth=0.9, marker="." if values.size <= _FEW else "", markersize=4.0)

@@ -17,7 +17,7 @@ from plumbob.data.cards import CalibrationCard
 from plumbob.evaluation import evaluate
 from plumbob.evaluation.evaluation import Evaluation
 from plumbob.filters.offline import Stage, run_stage
-from plumbob.report import SERIES, SOFT, Figure, Report, Reported, Table
+from plumbob.reporting import SERIES, SOFT, Figure, Report, Reported, Table
 from plumbob.rotations import euler_zyx_from_quat, quat_mean
 
 if TYPE_CHECKING:

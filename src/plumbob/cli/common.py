@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from plumbob.acquisition.transport import Stop
     from plumbob.files import Recording
     from plumbob.filters.offline import Stage
-    from plumbob.report import Report
+    from plumbob.reporting import Report
     from plumbob.rotations import Frame
     from plumbob.session.watch import Watch
 

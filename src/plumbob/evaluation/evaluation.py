@@ -42,7 +42,7 @@ from plumbob.evaluation.metrics import (
     consistency,
     total_rmse,
 )
-from plumbob.report import Report, Reported
+from plumbob.reporting import Report, Reported
 from plumbob.rotations import IDENTITY, Frame, change_frame, quat_angle
 from plumbob.rotations.headings import HeadingPolicy, heading_policy, turn_heading
 

@@ -18,7 +18,7 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack
 from plumbob.evaluation.align import Fate
 from plumbob.evaluation.metrics import CONFIDENCE, DOF, NEEDS_HEADING, QUANTITIES, Stats
-from plumbob.report import SERIES, SHADE, SOFT, Figure, Report, Table
+from plumbob.reporting import SERIES, SHADE, SOFT, Figure, Report, Table
 from plumbob.rotations import IDENTITY, North, euler_zyx_from_quat, quat_angle
 
 if TYPE_CHECKING:
@@ -419,7 +419,7 @@ def comparison_figure(evaluations: Mapping[str, "Evaluation"]) -> Figure:
 
 
 def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: float = np.inf, **style: Any) -> None:
-    from plumbob.report.drawing import envelope
+    from plumbob.reporting.drawing import envelope
 
     gap = GAP_FACTOR * float(np.median(np.diff(e.t))) if e.t.size > 1 else np.inf
     t, y = envelope(e.t, values, columns, gap=gap, jump=jump)
@@ -428,7 +428,7 @@ def _line(ax: "Axes", e: "Evaluation", values: Floats, columns: int, *, jump: fl
 
 
 def _shade(ax: "Axes", e: "Evaluation", columns: int) -> None:
-    from plumbob.report.drawing import runs
+    from plumbob.reporting.drawing import runs
 
     if e.t.size < 2:
         return

@@ -44,7 +44,7 @@ from plumbob.noise import (
 from plumbob.noise.factors import Factors, kind_of
 from plumbob.noise.static import StaticCheck, StaticReport, bridged, judge
 from plumbob.noise.static_record import Channels, StaticRecord, check_static, load_static, static_of, static_of_numbers
-from plumbob.report import Report, Reported
+from plumbob.reporting import Report, Reported
 
 IN_MEMORY: Final = 1 << 24
 """Bytes of a file of bare numbers up to which it is read whole."""

@@ -15,7 +15,7 @@ from plumbob.core.units import Quantity, from_si
 from plumbob.noise.findings import Analysis
 from plumbob.noise.report import Triad, coefficient, lowest, triads
 from plumbob.noise.terms import TERMS
-from plumbob.report import Report, Table
+from plumbob.reporting import Report, Table
 
 DURATION = 110_000 / 500.0
 """Of the paper's record, s."""

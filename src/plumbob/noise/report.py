@@ -18,7 +18,7 @@ from plumbob.noise.compare import Compared
 from plumbob.noise.curve import Curve
 from plumbob.noise.findings import Analysis, Coefficient, Deviation, Estimates
 from plumbob.noise.terms import DATASHEET, DEVIATION, TERMS, variance
-from plumbob.report import INK, SERIES, SHADE, Figure, Report, Table, plain
+from plumbob.reporting import INK, SERIES, SHADE, Figure, Report, Table, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -639,7 +639,7 @@ def _draw_curve(ax: "Axes", analysis: Analysis | Deviation, colour: str, *, band
 
 def _thinned(tau: Floats, dev: Floats) -> tuple[Floats, Floats]:
     """Least and greatest value of each column of the picture, whose axis is logarithmic."""
-    from plumbob.report.drawing import envelope
+    from plumbob.reporting.drawing import envelope
 
     x, y = envelope(np.log(tau), dev, _COLUMNS)
     return np.exp(x), y

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core.text import counted
-from plumbob.report import Report, Table
+from plumbob.reporting import Report, Table
 
 Errors = dict[str, float | None]
 

@@ -11,7 +11,7 @@ from plumbob.core.text import counted
 from plumbob.core.units import to_deg
 from plumbob.evaluation import evaluate
 from plumbob.filters.offline import Stage, bias_beyond, estimator_of, run_stage, with_noise
-from plumbob.report import Report, Table
+from plumbob.reporting import Report, Table
 from plumbob.rotations import Frame
 from plumbob.simulation import simulate
 

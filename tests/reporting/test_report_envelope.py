@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from plumbob.report.drawing import envelope, runs
+from plumbob.reporting.drawing import envelope, runs
 
 
 def test_spikes_survive_thinning():

@@ -12,7 +12,7 @@ from plumbob.core.text import WIDTH, Shown, listed
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-    from plumbob.report.scene import Scene
+    from plumbob.reporting.scene import Scene
 
 _NAME = 11  # letters of the name of a fact, at least
 
@@ -125,7 +125,7 @@ class Report:
 
     def page(self, *, lang: str = "en") -> str:
         """HTML of a page, self-contained, its labels in a language of `LANGUAGES`; needs matplotlib for figures."""
-        from plumbob.report.page import page
+        from plumbob.reporting.page import page
 
         return page(self, lang=lang)
 
@@ -137,7 +137,7 @@ class Report:
 
     def plot(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
         """Write its own figures, or those of its parts where it has none, as SVG, PNG or PDF by the name's ending."""
-        from plumbob.report.drawing import picture
+        from plumbob.reporting.drawing import picture
 
         return picture(path, self._first_figures(), lang=lang, overwrite=overwrite)
 

@@ -5,9 +5,9 @@ import re
 import pytest
 
 from plumbob.core.errors import MissingExtraError, ParameterError, ShapeError
-from plumbob.report import PALETTE, SERIES, Figure, Report, Table, plain
-from plumbob.report.drawing import CHINESE, svg, variable
-from plumbob.report.page import CSS
+from plumbob.reporting import PALETTE, SERIES, Figure, Report, Table, plain
+from plumbob.reporting.drawing import CHINESE, svg, variable
+from plumbob.reporting.page import CSS
 from tests.battery.pages import HOSTILE, PageBattery
 
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.report.style import said
+from plumbob.reporting.style import said
 
 _FRAMES: Final = 1500
 _RATE: Final = 30.0  # frames per second, which look smooth

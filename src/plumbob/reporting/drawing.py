@@ -20,12 +20,12 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.files import replacing
-from plumbob.report.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE, SOFT, said
+from plumbob.reporting.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE, SOFT, said
 
 if TYPE_CHECKING:
     from matplotlib.figure import FigureBase
 
-    from plumbob.report.report import Figure
+    from plumbob.reporting.report import Figure
 
 PICTURES: Final = (".svg", ".png", ".pdf")
 """Endings of the names of pictures."""

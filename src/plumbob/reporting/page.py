@@ -10,12 +10,12 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 from plumbob.core import check
-from plumbob.report import scene
-from plumbob.report.drawing import svg, variable
-from plumbob.report.style import LANGUAGES, said
+from plumbob.reporting import scene
+from plumbob.reporting.drawing import svg, variable
+from plumbob.reporting.style import LANGUAGES, said
 
 if TYPE_CHECKING:
-    from plumbob.report.report import Figure, Report, Table
+    from plumbob.reporting.report import Figure, Report, Table
 
 _LONG = 20  # rows of a titled table that is not folded away
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"

@@ -1,0 +1,131 @@
+"""The pipe between the process that reads a line and the one that shows it: a socket with framed messages.
+
+A message is a kind, a JSON object and arrays. Writing never waits: what does not fit into `LIMIT` is dropped whole and
+counted, for the recorder goes before the view. Reading is the server's, which has nothing else to do.
+"""
+
+import json
+import socket
+import struct
+from collections import deque
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+LIMIT: Final = 1 << 20
+"""Bytes that wait for a slow server at most."""
+_HEAD: Final = struct.Struct("<II")
+_MOST: Final = 64 << 20
+
+
+class Message(NamedTuple):
+    """A message.
+
+    Attributes
+    ----------
+    kind : str
+        From the feed: ``hello`` (`messages.Hello` as JSON), ``batch`` (`messages.Batch`), ``event`` (``t``, ``kind``,
+        ``text``), ``reset`` (a new epoch), ``answer`` (``client``, ``id``, ``ok``, ``text``), ``end``. From the server:
+        ``command`` (``client`` and `messages.Command`), ``ready`` (``port``).
+    content : dict
+        JSON object.
+    arrays : mapping of str to ndarray
+        Numbers.
+    """
+
+    kind: str
+    content: dict[str, Any]
+    arrays: Mapping[str, NDArray[Any]] = {}
+
+
+def packed(message: Message) -> bytes:
+    """Bytes of a message."""
+    arrays = {name: np.ascontiguousarray(values) for name, values in message.arrays.items()}
+    layout = {name: (values.dtype.str, values.shape) for name, values in arrays.items()}
+    head = json.dumps([message.kind, message.content, layout], allow_nan=False).encode()
+    body = b"".join(values.tobytes() for values in arrays.values())
+    return _HEAD.pack(len(head), len(body)) + head + body
+
+
+class Unpacker:
+    """Makes messages of the bytes of the pipe, however they were cut."""
+
+    def __init__(self) -> None:
+        self._pending = bytearray()
+
+    def feed(self, data: bytes) -> Iterator[Message]:
+        """Take bytes, and yield the messages that they complete."""
+        self._pending += data
+        while len(self._pending) >= _HEAD.size:
+            head, body = _HEAD.unpack_from(self._pending)
+            if head + body > _MOST:
+                raise ValueError(f"a message of {head + body} bytes on the pipe: it is out of step.")
+            whole = _HEAD.size + head + body
+            if len(self._pending) < whole:
+                return
+            content = bytes(self._pending[_HEAD.size : whole])
+            del self._pending[:whole]
+            yield _message(content[:head], content[head:])
+
+
+def _message(head: bytes, body: bytes) -> Message:
+    kind, content, layout = json.loads(head)
+    arrays, at = dict[str, NDArray[Any]](), 0
+    for name, (dtype, shape) in layout.items():
+        size = int(np.prod(shape))
+        arrays[name] = np.frombuffer(body, dtype=dtype, count=size, offset=at).reshape(shape)
+        at += size * np.dtype(dtype).itemsize
+    return Message(kind, content, arrays)
+
+
+class Writer:
+    """Writes into a pipe without ever waiting.
+
+    Parameters
+    ----------
+    end : socket
+        Its end; made non-blocking here.
+
+    Attributes
+    ----------
+    skipped : int
+        Messages that were dropped, for the reader was too slow.
+    broken : bool
+        Whether the reader is gone.
+    """
+
+    def __init__(self, end: socket.socket) -> None:
+        end.setblocking(False)
+        self._end = end
+        self._waiting: deque[bytes] = deque()
+        self._size = 0
+        self.skipped = 0
+        self.broken = False
+
+    def write(self, message: Message, *, must: bool = False) -> None:
+        """Send a message, or keep it until there is room; dropped where too much waits, unless it `must` arrive."""
+        if self._size > LIMIT and not must:
+            self.skipped += 1
+        else:
+            data = packed(message)
+            self._waiting.append(data)
+            self._size += len(data)
+        self.flush()
+
+    def flush(self) -> None:
+        """Send what fits."""
+        while self._waiting and not self.broken:
+            data = self._waiting.popleft()
+            try:
+                sent = self._end.send(data)
+            except BlockingIOError:
+                sent = 0
+            except OSError:
+                self.broken = True
+                return
+            self._size -= sent
+            if sent < len(data):
+                self._waiting.appendleft(data[sent:])
+                return

@@ -1,0 +1,18 @@
+import { defineConfig } from "vite";
+
+// Two outputs: the live page in view/, and report.js with report.css, which a report holds inside itself.
+export default defineConfig(({ mode }) =>
+  mode === "report"
+    ? {
+        build: {
+          outDir: "../src/plumbob/web",
+          emptyOutDir: false,
+          copyPublicDir: false,
+          lib: { entry: "src/report/main.ts", formats: ["iife"], name: "plumbobReport", fileName: () => "report.js", cssFileName: "report" },
+        },
+      }
+    : {
+        base: "./",
+        build: { outDir: "../src/plumbob/web/view", emptyOutDir: true, assetsInlineLimit: 0, chunkSizeWarningLimit: 900 },
+      },
+);
