@@ -4,10 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-# Of a second Python beside another, the pages are built once.
-PAGE := src/plumbob/web/view/index.html src/plumbob/web/report.js
-
-.PHONY: page pictures setup demo test test-long lint docs pages dist house mutants bench noise array arm accuracy endurance wire fuzz killed clean other-processor
+.PHONY: page pictures setup demo test test-long lint docs pages dist house mutants bench noise array arm view accuracy endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -37,8 +34,8 @@ $(VENV)/.docs: $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
 	@touch $@
 
-demo: setup
-	$(BIN)/plumbob demo --out demo-out --force
+demo: setup page
+	$(BIN)/plumbob demo --out demo-out --force --view
 
 # Two processes whose linear algebra takes two threads each wait for each other.
 lint test test-long: export OMP_NUM_THREADS := 1
@@ -47,7 +44,7 @@ lint: setup
 	$(BIN)/python tests/gates.py lint
 
 # Every gate; each runs whatever the others say.
-test: setup
+test: setup page
 	$(BIN)/python tests/gates.py test
 
 # The long statistical runs, ten times the random cases, and the kernels' own tests again as plain Python.
@@ -70,10 +67,15 @@ pages: setup
 	$(BIN)/python website/command_line.py > docs/command-line.md
 	$(BIN)/python website/equations.py > docs/equations.md
 	$(BIN)/python website/draw_house.py > docs/images/house.svg
+	$(BIN)/python website/view_types.py > web/src/messages.ts
+
+# The pictures of README and docs, taken in Chromium of the pages themselves.
+pictures: setup page
+	$(BIN)/python website/pictures.py
 
 # Source distribution, the wheel made of it, and what a user does with that: install it in a new environment, run the demo.
 DIST := .venv-dist
-dist: setup
+dist: setup page
 	rm -rf dist $(DIST)
 	$(BIN)/python -m build --outdir dist . > /dev/null
 	$(PYTHON) -m venv $(DIST)
@@ -102,6 +104,10 @@ noise: $(VENV)/.bench
 # at 1 kHz: two minutes.
 array: setup
 	$(BIN)/python -m benchmarks.arrays
+
+# The live page under load: clients, latency, what the server costs, frames in the page.
+view: setup page
+	$(BIN)/python -m benchmarks.view_load
 
 # Filters, smoother and other libraries on the recordings under PLUMBOB_DATA, and docs/accuracy.md of it: about an hour.
 accuracy: $(VENV)/.bench
@@ -134,7 +140,7 @@ killed: setup
 	$(BIN)/python -m benchmarks.interrupted
 
 clean:
-	rm -rf $(VENV) $(DIST) .mutants demo-out bench-out build dist site
+	rm -rf $(VENV) $(DIST) .mutants demo-out bench-out build dist site web/node_modules web/.built src/plumbob/web
 
 # The tests as a processor with SSE only would run them, which adds in another order, fuses no products and finds other last
 # digits of a sine. The variables are read by numpy, numba, OpenBLAS and glibc.

@@ -5,6 +5,7 @@ now and then; what they say comes last.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -26,6 +27,8 @@ RUNNERS = {
     # the kernels as plain Python: what no other gate compares with the compiled ones
     "plain Python": (*PYTEST, "-q", "tests/rotations", "tests/calibration/test_calibration_ellipsoid_fit.py"),
 }
+if shutil.which("npm") and Path("web/node_modules").is_dir():
+    RUNNERS["page"] = ("npm", "--prefix", "web", "--silent", "test")
 # The smoother's recordings take hours as plain Python; its sweeps, which are what is compiled, take a minute.
 SMOOTHED = [f"--ignore=tests/filters/smoother/test_smoother_{name}.py" for name in ("behaviour", "claims", "door")]
 LONG = {

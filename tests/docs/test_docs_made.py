@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from website import command_line, draw_house, equations
+from website import command_line, draw_house, equations, view_types
 
 ROOT = Path(__file__).parents[2]
 BY_HOOKS = {f"{name}.md" for name in ("index", "examples", "reference", "changelog", "contributing", "security")}
@@ -22,6 +22,11 @@ def test_the_drawing_of_the_house_is_up_to_date():
 def test_the_page_of_equations_is_up_to_date():
     """Otherwise: make pages."""
     assert (ROOT / "docs" / "equations.md").read_text(encoding="utf-8") == equations.page()
+
+
+def test_the_types_of_the_live_page_are_those_of_its_messages():
+    """Otherwise: make pages."""
+    assert (ROOT / "web" / "src" / "messages.ts").read_text(encoding="utf-8") == view_types.page()
 
 
 def test_every_page_is_in_the_menu_of_the_site():

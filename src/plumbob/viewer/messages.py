@@ -201,7 +201,7 @@ class Link:
     clock : str
         What tells the time: ``clock``, ``counter``, ``rate``...
     skipped : int
-        Batches that the server did not get, for it was too slow.
+        Batches that the server did not get, because it was too slow.
     """
 
     rate: float | None
