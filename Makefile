@@ -22,6 +22,8 @@ WEB_SOURCES := $(wildcard web/src/*.ts web/src/*/*.ts web/src/*.css web/src/*/*.
 web/.built: $(WEB_SOURCES)
 	@if ! command -v npm > /dev/null; then \
 		echo "There is no npm here: the live page and reports are not built, and their tests are skipped. They need Node 20 or newer."; \
+	elif ! node -e 'process.exit(parseInt(process.versions.node) >= 20 ? 0 : 1)'; then \
+		echo "The live page needs Node 20 or newer, but this is $$(node --version): it is not built, and its tests are skipped."; \
 	else \
 		cd web && npm ci --no-audit --no-fund --silent && npm run --silent types && npm run --silent build && touch .built; \
 	fi

@@ -199,7 +199,7 @@ class Link:
     drift_ppm : float or None
         Of the device's clock against this host's.
     clock : str
-        What tells the time: ``clock``, ``counter``, ``rate``...
+        What gives the time: ``clock``, ``counter``, ``rate``...
     skipped : int
         Batches that the server did not get, because it was too slow.
     """
