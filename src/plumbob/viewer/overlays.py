@@ -5,6 +5,7 @@ from typing import Final
 
 import numpy as np
 
+from plumbob.arm.figure import stick_points
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
@@ -99,8 +100,6 @@ class Follower:
     """
 
     def __init__(self, chain: Chain, frame: Frame, units: Sequence[str]) -> None:
-        from plumbob.arm.figure import stick_points
-
         if not chain.known:
             raise ParameterError(f"the chain {chain.name} does not say where its joints lie; use a card of arm align.")
         carried = {one.unit: one for one in chain.segments if one.unit}
@@ -119,37 +118,45 @@ class Follower:
 
     def take(self, units: Mapping[str, ImuData]) -> None:
         """Follow the next samples of each unit, calibrated."""
+        self._now = {name: q_nb[-1] for name, q_nb in self.along(units).items()}
+
+    def along(self, units: Mapping[str, ImuData]) -> dict[str, Floats]:
+        """Attitudes (N, 4) of the segments at the next samples of each unit; NaN where it is silent."""
+        found = {}
         for unit, segment in self._segments.items():
             imu = units[unit]
-            q_ns = self._filters[unit].process(imu, look=False).q_nb[-1]
-            silent = bool(imu.flags[-1] & _ABSENT == _ABSENT)
-            q_bs = np.array(segment.mount.q_bs)
-            self._now[segment.name] = np.full(4, np.nan) if silent else quat_multiply(q_ns, quat_conjugate(q_bs))
+            q_ns = self._filters[unit].process(imu, look=False).q_nb
+            silent = (imu.flags & _ABSENT) == _ABSENT
+            q_nb = quat_multiply(q_ns, quat_conjugate(np.array(segment.mount.q_bs)))
+            found[segment.name] = np.where(silent[:, np.newaxis], np.nan, q_nb)
+        return found
 
     @property
     def points(self) -> list[list[float] | None]:
         """Where the points of the stick figure are, m, navigation axes; None behind a unit that is missing."""
-        from plumbob.arm.figure import stick_points
+        return self.points_of(self._now)
 
-        found = stick_points(self._chain, self._postures())[0]
+    def points_of(self, attitudes: Mapping[str, Floats]) -> list[list[float] | None]:
+        """The same of attitudes (4,) of the segments that have a unit."""
+        found = stick_points(self._chain, self._postures(attitudes))[0]
         return [point[0].tolist() if np.isfinite(point).all() else None for point in map(np.atleast_2d, found.values())]
 
-    def _postures(self) -> dict[str, Posture]:
+    def _postures(self, attitudes: Mapping[str, Floats]) -> dict[str, Posture]:
         """Where each segment is; one without a unit stands as it is drawn on its parent, the root upright."""
-        root = self._chain.segments[0]
-        q_root = self._attitude(root.name, root.unit, _upright(self._frame))
-        found = {root.name: Posture(q_root[np.newaxis], np.zeros((1, 3)))}
-        units = {one.name: one.unit for one in self._chain.segments}
+        found, units = dict[str, Posture](), {one.name: one.unit for one in self._chain.segments}
+
+        def attitude(segment: str, drawn: Floats) -> Floats:
+            known = attitudes.get(segment, np.full(4, np.nan)) if units[segment] else drawn
+            return known[np.newaxis]
+
+        root = self._chain.segments[0].name
+        found[root] = Posture(attitude(root, _upright(self._frame)), np.zeros((1, 3)))
         for joint in self._chain.joints:
             parent = found[joint.parent]
             at = parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place))
             drawn = quat_multiply(parent.q_nb[0], np.array(joint.q_pc))
-            found[joint.child] = Posture(self._attitude(joint.child, units[joint.child], drawn)[np.newaxis], at)
+            found[joint.child] = Posture(attitude(joint.child, drawn), at)
         return found
-
-    def _attitude(self, segment: str, unit: str, drawn: Floats) -> Floats:
-        """Attitude (4,) of a segment: of its unit, as it is drawn where it has none, unknown where that is missing."""
-        return self._now.get(segment, np.full(4, np.nan)) if unit else drawn
 
 
 def units_of(parts: Sequence[Mapping[str, UnitPart]]) -> dict[str, ImuData]:
