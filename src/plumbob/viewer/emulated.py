@@ -5,6 +5,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -60,7 +61,7 @@ def emulated(
             asked = {name: value for name, value in line.items() if value is not None and value != {}}
             session = session_of(port=port, format=rig, **{**known, **asked})
             chain = load_chain(chain_files(truth)[1]) if isinstance(plan.scenario, Chained) else None
-            yield session, recording.track, chain
+            yield replace(session, name=rig), recording.track, chain
 
 
 @contextmanager

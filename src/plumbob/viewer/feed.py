@@ -1,5 +1,6 @@
 """The feed: a sink that makes of a stream's parts what a page shows, some sixty times a second, and never waits."""
 
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -229,6 +230,8 @@ class Feed:
         self._raw_columns = [] if probe is None else raw_columns(self._message, probe.frames.columns)
         self._frame = session.frame or (None if truth is None else truth.frame)
         self._overlays: dict[str, Overlay] = {}
+        self._preparing: dict[str, threading.Thread] = {}
+        self._started = False
         self._follower = None if chain is None else self._following(chain)
         self._own = None if session.stage is None else self._own_shown()
         self._layout = self._laid_out({})
@@ -244,6 +247,7 @@ class Feed:
         self._due_ns = self._still_ns = 0
         for name in also:
             self.add(name)
+        self._started = True
         self.hello()
 
     @property
@@ -264,19 +268,34 @@ class Feed:
             If it is not known, runs already, or cannot work here.
         """
         frame = self._frame
-        if name in self._overlays or (self._own is not None and name == self._own.name):
+        if name in (*self._overlays, *self._preparing) or (self._own is not None and name == self._own.name):
             raise ParameterError(f"{name} runs already.")
         if name not in (known := addable(self._triads)):
             raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(known)}.")
         if frame is None:
             raise ParameterError("the session names no frame, so that nothing can be estimated; give --frame.")
-        if len(self._overlays) >= MOST:
+        if len(self._overlays) + len(self._preparing) >= MOST:
             raise ParameterError(f"{MOST} estimators are the most that are shown beside the session's; remove one.")
+        if not self._started:
+            self._attach(name, frame)
+            return f"{name} runs beside"
+        ready = threading.Thread(target=lambda: Overlay(name, frame, self._stream.session.meta), daemon=True)
+        self._preparing[name] = ready  # the first use of a filter may be compiled, which the line must not wait for
+        ready.start()
+        return f"{name} will run beside"
+
+    def _attach(self, name: str, frame: Frame) -> None:
         at = self._current
         start = None if at is None or not np.isfinite(at.q_nb).all() else Start(at.q_nb[-1], at.north)
         self._overlays[name] = Overlay(name, frame, self._stream.session.meta, start)
         self._lay_out()
-        return f"{name} runs beside"
+
+    def _attach_prepared(self) -> None:
+        """Attach what is ready by now."""
+        for name, thread in list(self._preparing.items()):
+            if not thread.is_alive() and self._frame is not None:
+                del self._preparing[name]
+                self._attach(name, self._frame)
 
     def remove(self, name: str) -> str:
         """Remove an estimator.
@@ -358,6 +377,7 @@ class Feed:
         if ready is None and not all_ and now_ns < self._still_ns:
             return
         self._due_ns, self._still_ns = now_ns + EVERY_NS, now_ns + _STILL_NS
+        self._attach_prepared()
         rows = self._nothing_new() if ready is None else self._rows(ready)
         fields = {**self._known, "link": self._link(now_ns), "playback": None, "recording": None, "text": None}
         self._outlet.batch(Batch(rows, fields | dict(self._beside())))

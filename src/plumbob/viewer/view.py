@@ -343,7 +343,7 @@ def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:
     if path is None:
         return words
     if path.suffix.lower() == ".toml":
-        return {"file": path, **{name: value for name, value in words.items() if name != "baud" or value != _BAUD}}
+        return {"file": path, **words}
     if "port" in words:
         raise ParameterError(f"{path} and --port both name the line; give one of them.")
     return {"port": str(path), **words}
