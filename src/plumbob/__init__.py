@@ -92,6 +92,9 @@ if TYPE_CHECKING:
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Stream
     from plumbob.simulation import simulate, simulate_chain
+    from plumbob.viewer.remote import control
+    from plumbob.viewer.terminal import watch
+    from plumbob.viewer.view import view
 
 _HOME = {
     "AttitudeTrack": "data.imu",
@@ -120,6 +123,7 @@ _HOME = {
     "apply_card": "data.calibrated",
     "calibrate": "calibration.calibrate",
     "cite": "filters.known",
+    "control": "viewer.remote",
     "decode": "protocols.decode",
     "docs": "core.docs",
     "emulate": "session.emulated",
@@ -139,6 +143,8 @@ _HOME = {
     "simulate": "simulation",
     "simulate_chain": "simulation",
     "verify": "files.mcap",
+    "view": "viewer.view",
+    "watch": "viewer.terminal",
     "write": "files",
 }
 
@@ -170,6 +176,7 @@ __all__ = [
     "array",
     "calibrate",
     "cite",
+    "control",
     "decode",
     "docs",
     "emulate",
@@ -194,6 +201,8 @@ __all__ = [
     "simulate_chain",
     "units",
     "verify",
+    "view",
+    "watch",
     "write",
 ]
 

@@ -52,7 +52,7 @@ def stick_figure(
     caption : str
         Of the figure.
     """
-    points, lines = _points(chain, chain.postures(angles) if postures is None else postures)
+    points, lines = stick_points(chain, chain.postures(angles) if postures is None else postures)
     names = chain.angles
     return Scene(
         caption,
@@ -61,7 +61,7 @@ def stick_figure(
         lines,
         trail=_name_of_hand(chain),
         values={name: to_deg(angles[:, k]) for k, name in enumerate(names)},
-        shadow={} if shadow is None else _points(chain, chain.postures(shadow))[0],
+        shadow={} if shadow is None else stick_points(chain, chain.postures(shadow))[0],
     )
 
 
@@ -70,7 +70,7 @@ def _name_of_hand(chain: Chain) -> str:
     return at if not any(chain.hand_b) else "tip" if at == _HAND else _HAND
 
 
-def _points(chain: Chain, postures: Mapping[str, Posture]) -> tuple[dict[str, Floats], list[tuple[str, str]]]:
+def stick_points(chain: Chain, postures: Mapping[str, Posture]) -> tuple[dict[str, Floats], list[tuple[str, str]]]:
     """Origins of the segments, and the hand; and lines from each joint's parent to it."""
     points = {name: np.asarray(posture.pos_n) for name, posture in postures.items()}
     lines = [(joint.parent, joint.child) for joint in chain.joints]

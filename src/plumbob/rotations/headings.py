@@ -14,7 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, UnitError
 from plumbob.core.units import to_deg
 from plumbob.rotations.frames import Frame, North
-from plumbob.rotations.quaternions import dcm_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.rotations.quaternions import dcm_from_quat, euler_zyx_from_quat, quat_from_rotvec, quat_multiply
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +103,19 @@ def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:
     c_nb = dcm_from_quat(q_nb)
     xx, yy, zz = np.moveaxis(np.einsum("nij,njk,nik->ni", c_nb, cov_b, c_nb), -1, 0)
     return _sd(xx + yy), _sd(zz)
+
+
+def euler_sd(q_nb: Floats, cov_b: Floats) -> Floats:
+    """Standard deviations (N, 3), rad, that a covariance claims for yaw, pitch and roll, to first order.
+
+    They grow without bound toward a pitch of ±90°, where yaw and roll are one; NaN where nothing is claimed yet.
+    """
+    _, pitch, roll = np.moveaxis(euler_zyx_from_quat(q_nb), -1, 0)
+    sr, cr, cp, tp = np.sin(roll), np.cos(roll), np.cos(pitch), np.tan(pitch)
+    none, one = np.zeros_like(roll), np.ones_like(roll)
+    # derivatives of yaw, pitch and roll by a small turn in body axes
+    turns = np.stack([[none, sr / cp, cr / cp], [none, cr, -sr], [one, sr * tp, cr * tp]])
+    return _sd(np.einsum("kin,nij,kjn->nk", turns, cov_b, turns))
 
 
 def _sd(variance: Floats) -> Floats:

@@ -127,7 +127,7 @@ def record(
     chosen = named_at(chosen, time.time_ns())
     seconds = given("duration", duration, Quantity.TIME)
     stream, say = Stream(chosen), note or (lambda line: None)
-    _say_first(chosen, say)
+    announce(chosen, say)
     stream.warm_up()
     recording_sink = None if chosen.record is None else RecordingSink(chosen, chosen.record)
     watch = Watch(stream, note, progress=progress)
@@ -168,7 +168,7 @@ def _with_outputs(session: Session, out: str | Path | None, *, next_part: bool, 
     return replace(session, output=replace(session.output, text=str(text))) if text else session
 
 
-def _say_first(session: Session, say: Note) -> None:
+def announce(session: Session, say: Note) -> None:
     """What is known before the first byte: spare bytes of the format, and a filter that must be compiled."""
     told = [unassigned_told(session.form, session.form.message(session.message))]
     told += [None if session.stage is None else compiling([session.stage.filter])]

@@ -90,15 +90,15 @@ def read_recorded(
     notes += [f"units: {doubt}; check the units of the format" for doubt in doubts]
     whole = Recording(
         imu=units[""] if array is None else None,
-        track=replayed.track if estimated else _reference(replayed),
+        track=replayed.track if estimated else reference_of(replayed),
         name=file.stem,
         array=None if array is None else ImuArray(units, array.mounts),
     )
     return replace(whole, notes=(*notes, *findings_of(whole)))
 
 
-def _reference(replayed: Replayed) -> AttitudeTrack | None:
-    """Attitude of the reference that the session names; its angles are those of NED, as heading and roll are."""
+def reference_of(replayed: Replayed) -> AttitudeTrack | None:
+    """Attitude of the reference that the session of a replay names; its angles are those of NED, as heading is."""
     session = replayed.stream.session
     if session.reference is None:
         return None

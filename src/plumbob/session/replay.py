@@ -120,6 +120,7 @@ def replay(
     unit: str | None = None,
     speed: float | None = None,
     check: bool = False,
+    covariance: bool = False,
     keep: Literal["all", "track", "nothing"] = "all",
     sinks: Sequence[Sink] = (),
     note: Note | None = None,
@@ -141,6 +142,8 @@ def replay(
         How many times as fast as it was; as fast as it goes where None.
     check : bool
         Whether to compare with the attitude that was estimated live, bit for bit.
+    covariance : bool
+        Whether the track is to have the covariance that a filter claims.
     keep : {"all", "track", "nothing"}
         What the result holds in memory besides its counts.
     sinks : sequence of Sink
@@ -169,7 +172,7 @@ def replay(
     chosen = _estimated(chosen, *lagged(filter, lag, params), frame, noise, init)
     if opened is not None:
         opened(chosen)
-    stream, found, tracks = Stream(chosen), Collected(), Tracks()
+    stream, found, tracks = Stream(chosen, covariance=covariance), Collected(), Tracks()
     watch, against = Watch(stream, note, events=False), Check(log) if check else None
     kept: dict[str, Sink] = {"all": found, "track": tracks}
     wanted = [watch, *([kept[keep]] if keep in kept else []), *([against] if against else []), *sinks]

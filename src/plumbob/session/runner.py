@@ -3,10 +3,9 @@
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, Protocol
 
 from plumbob.acquisition.transport import Event, Received, Source, Stopping
-from plumbob.session.recording_sink import RecordingSink
 from plumbob.session.sinks import Sink
 from plumbob.session.stream import Part, Stream
 
@@ -14,12 +13,38 @@ _WAIT: Final = 0.02
 """Longest wait for the source, s; the recording's chunks close on time also where nothing comes."""
 
 
+class Keeper(Protocol):
+    """What keeps a run: a recording, or what starts and stops one; its methods are those of `RecordingSink`."""
+
+    failures: list[Event]
+
+    def start(self) -> Event | None:
+        """Begin."""
+        ...
+
+    def on_item(self, item: Received | Event) -> None:
+        """Keep what has come."""
+        ...
+
+    def on_part(self, part: Part, now_ns: int) -> None:
+        """Keep what the line made of it."""
+        ...
+
+    def tick(self, now_ns: int) -> list[Event]:
+        """Send off what is due, and return what has happened."""
+        ...
+
+    def close(self) -> list[Event]:
+        """End, and return what happened last."""
+        ...
+
+
 def run_stream(
     stream: Stream,
     source: Source,
     *,
     sinks: Sequence[Sink] = (),
-    recording: RecordingSink | None = None,
+    recording: Keeper | None = None,
     duration: float | None = None,
     until_lost: bool = False,
     stop: Stopping | None = None,
@@ -39,8 +64,8 @@ def run_stream(
         Where its bytes come from, open.
     sinks : sequence of Sink
         What else takes its parts.
-    recording : RecordingSink, optional
-        Recording, started here.
+    recording : Keeper, optional
+        Recording, as a `RecordingSink`, started here.
     duration : float, optional
         Longest time to run, s.
     until_lost : bool
@@ -81,7 +106,7 @@ def run_stream(
 class _Kept:
     """A sink beside a recording, which goes on when the sink fails."""
 
-    def __init__(self, sink: Sink, recording: RecordingSink, clock: Callable[[], int]) -> None:
+    def __init__(self, sink: Sink, recording: Keeper, clock: Callable[[], int]) -> None:
         self._sink: Sink | None = sink
         self._recording, self._clock = recording, clock
 
@@ -105,7 +130,7 @@ class _Kept:
             self._recording.failures.append(Event(self._clock(), "failed", what))
 
 
-def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], recording: RecordingSink | None) -> None:
+def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], recording: Keeper | None) -> None:
     if recording:
         recording.on_item(item)
     _hand_on(stream.feed(item), item.t_ns, sinks, recording)
@@ -113,7 +138,7 @@ def _feed(stream: Stream, item: Received | Event, sinks: Sequence[Sink], recordi
         _on_events([item], sinks)
 
 
-def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], recording: RecordingSink | None) -> None:
+def _hand_on(part: Part | None, now_ns: int, sinks: Sequence[Sink], recording: Keeper | None) -> None:
     if part is None:
         return
     for sink in sinks:

@@ -130,6 +130,8 @@ class Stream:
     ----------
     session : Session
         What the bytes mean and what to do with them. Its source and its recording are others' business.
+    covariance : bool
+        Whether tracks have the covariance that a filter claims, which costs time; the attitude is the same to the bit.
 
     Raises
     ------
@@ -137,8 +139,9 @@ class Stream:
         If the message does not have the unit.
     """
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, *, covariance: bool = False) -> None:
         self.session = check.kind("session", session, Session, hint="load_session(path) gives one.")
+        self._covariance = covariance
         self.decoder = Decoder(session.form)
         message = session.form.message(session.message)
         unit_of(message, session.unit)
@@ -210,7 +213,7 @@ class Stream:
         message = self.session.form.message(self.session.message)
         physical = [f.name for f in message.fields if f.physical][:1]
         rows = encode(self.session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
-        other = Stream(self.session)
+        other = Stream(self.session, covariance=self._covariance)
         other.feed(Received(0, rows.tobytes()))
         other.finish()
         if isinstance(self.filter, FixedLag):
@@ -283,7 +286,9 @@ class Stream:
         if isinstance(self.filter, FixedLag):
             ready = self.filter.take(imu)
             return ready, t_ns[:0] if ready is None else self._track_ns(ready)
-        return (None, t_ns[:0]) if self.filter is None else (self.filter.process(imu, look=False), t_ns)
+        if self.filter is None:
+            return None, t_ns[:0]
+        return self.filter.process(imu, covariance=self._covariance, look=False), t_ns
 
     def _start(self, frames: Frames, imu: ImuData) -> None:
         """Start the filter from the reference's attitude in the first frame, where the session asks for it."""

@@ -104,6 +104,11 @@ class Writer:
         self.skipped = 0
         self.broken = False
 
+    @property
+    def waiting(self) -> int:
+        """Bytes that wait for the reader."""
+        return self._size
+
     def write(self, message: Message, *, must: bool = False) -> None:
         """Send a message, or keep it until there is room; dropped where too much waits, unless it `must` arrive."""
         if self._size > LIMIT and not must:

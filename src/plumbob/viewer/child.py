@@ -1,0 +1,303 @@
+"""The server as a process of its own: started, fed through a pipe, started again where it dies, ended with the view."""
+
+import os
+import secrets
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, fields
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.core.errors import LineError, MissingExtraError, one_line
+from plumbob.core.web import asset
+from plumbob.viewer.feed import Asked
+from plumbob.viewer.messages import Batch, Command, Hello
+from plumbob.viewer.pipe import LIMIT, Message, Unpacker, Writer
+
+TOKEN: Final = "PLUMBOB_VIEW_TOKEN"
+"""Variable of the environment that tells the server its token."""
+STARTS: Final = 20
+"""How often a server that has died is started again."""
+_APART: Final = 2.0
+"""Least time between two starts, s."""
+_READY: Final = 30.0
+"""Longest wait for the first start, s; a cold disk is slow."""
+_END: Final = 0.3, 0.8, 0.3
+"""Longest waits at the end, s: for the last messages, for the server to end, and to end on being asked to."""
+_SURELY: Final = 5.0
+_NEEDED: Final = ("starlette", "uvicorn", "websockets")
+_COMMAND: Final = {one.name for one in fields(Command)}
+_PAGE: Final = "view/index.html"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Serving:
+    """How the view is served.
+
+    Attributes
+    ----------
+    host : str
+        Address that is listened at.
+    port : int
+        Port; 0 takes a free one.
+    control : bool
+        Whether commands are taken.
+    clients : int or None
+        Clients at most; None: as the server has it.
+    allow_origin : sequence of str
+        Further origins of pages that may connect.
+    folder : path
+        Where files are written.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8770
+    control: bool = False
+    clients: int | None = None
+    allow_origin: Sequence[str] = ()
+    folder: Path = Path()
+
+    def words(self, number: int, port: int) -> list[str]:
+        """Command that starts the server with its end of the pipe."""
+        words = [sys.executable, "-m", "plumbob.viewer.serve", "--fd", str(number), "--host", self.host]
+        words += ["--port", str(port), "--folder", str(self.folder)]
+        words += ["--control"] if self.control else []
+        words += [] if self.clients is None else ["--clients", str(self.clients)]
+        return words + [word for origin in self.allow_origin for word in ("--allow-origin", origin)]
+
+
+def require_view() -> None:
+    """Refuse to begin without what the server needs.
+
+    Raises
+    ------
+    MissingExtraError
+        If a package, or the built page, is missing.
+    """
+    for name in _NEEDED:
+        if find_spec(name) is None:
+            raise MissingExtraError(f'the live view needs {name}: pip install "plumbob[view]".')
+    asset(_PAGE)
+
+
+class Server:
+    """Outlet into a server process.
+
+    Parameters
+    ----------
+    serving : Serving
+        How it serves.
+    note : callable
+        Called with what happened to it.
+
+    Attributes
+    ----------
+    starts : int
+        How often it was started.
+    port : int
+        Port that it listens at.
+    """
+
+    def __init__(self, serving: Serving, note: Callable[[str], object]) -> None:
+        self._serving, self._note = serving, note
+        self._token = secrets.token_urlsafe(32)
+        self._log = tempfile.TemporaryFile()  # noqa: SIM115  as long as the view
+        self._process: subprocess.Popen[bytes] | None = None
+        self._end: socket.socket | None = None
+        self._writer: Writer | None = None
+        self._unpacker = Unpacker()
+        self._hello: Hello | None = None
+        self._commands: list[Asked] = []
+        self._started_at = 0.0
+        self._skipped = 0
+        self.starts = 0
+        self.port = serving.port
+        self._is_ready = False
+
+    @property
+    def url(self) -> str:
+        """Address of the page, with the token."""
+        host = self._serving.host
+        host = socket.gethostname() if host in ("0.0.0.0", "::") else host
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/?token={self._token}"
+
+    @property
+    def pid(self) -> int:
+        """Number of the process; 0 where there is none."""
+        return 0 if self._process is None else self._process.pid
+
+    @property
+    def skipped(self) -> int:
+        """Messages that the server did not get."""
+        return self._skipped + (0 if self._writer is None else self._writer.skipped)
+
+    def start(self) -> None:
+        """Start it, and wait until it serves.
+
+        Raises
+        ------
+        LineError
+            If it does not.
+        """
+        self._spawn()
+        until = time.monotonic() + _READY
+        while not self._is_ready:
+            self._read()
+            if self._has_ended() or time.monotonic() > until:
+                told = self._said() or "the server of the view does not answer; try another --http-port."
+                self.close()
+                raise LineError(told)
+            time.sleep(0.005)
+
+    def hello(self, hello: Hello) -> None:
+        """Begin."""
+        self._hello = hello
+        self._write(Message("hello", asdict(hello)), must=True)
+
+    def batch(self, batch: Batch) -> None:
+        """Hand on samples; dropped where the server is too slow."""
+        told = dict(batch.fields)
+        if told.get("link") is not None:
+            told["link"] = {**told["link"], "skipped": self.skipped}
+        self._write(Message("batch", told, batch.rows))
+
+    def event(self, t: float | None, kind: str, text: str) -> None:
+        """Hand on an event."""
+        self._write(Message("event", {"t": t, "kind": kind, "text": text}), must=self._has_room)
+
+    def reset(self) -> None:
+        """Let time begin again."""
+        self._write(Message("reset", {}), must=True)
+
+    def answer(self, asked: Asked, ok: bool, text: str) -> None:
+        """Answer a command."""
+        told = {"client": asked.client, "id": asked.command.id, "ok": ok, "text": text}
+        self._write(Message("answer", told), must=self._has_room)
+
+    def asked(self) -> Sequence[Asked]:
+        """Commands since the last call; looks after the process, too."""
+        if self._writer is not None:
+            self._writer.flush()
+        self._read()
+        if self._has_ended():
+            self._again()
+        found, self._commands = self._commands, []
+        return found
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can take more without dropping any."""
+        return self._writer is None or self._writer.broken or self._writer.waiting < LIMIT // 2
+
+    def close(self) -> None:
+        """End it."""
+        process, self._process = self._process, None
+        last, ending, asking = _END
+        if self._writer is not None and self._end is not None and not self._writer.broken:
+            self._writer.write(Message("end", {}), must=True)
+            until = time.monotonic() + last
+            while self._writer.waiting and not self._writer.broken and time.monotonic() < until:
+                time.sleep(0.005)
+                self._writer.flush()
+        self._let_go()
+        if process is not None:
+            _ended(process, ending, asking)
+        self._log.close()
+
+    @property
+    def _has_room(self) -> bool:
+        """Whether even what must arrive may wait still; of a server that never reads, no message may."""
+        return self._writer is not None and self._writer.waiting < 8 * LIMIT
+
+    def _write(self, message: Message, *, must: bool = False) -> None:
+        if self._writer is not None:
+            self._writer.write(message, must=must and self._has_room)
+
+    def _spawn(self) -> None:
+        ours, theirs = socket.socketpair()
+        try:
+            self._process = subprocess.Popen(
+                self._serving.words(theirs.fileno(), self.port),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=self._log,
+                pass_fds=(theirs.fileno(),),
+                env={**os.environ, TOKEN: self._token},
+                start_new_session=True,  # Ctrl-C is for the recorder, which ends the server in order
+            )
+        finally:
+            theirs.close()
+        self._end, self._writer, self._unpacker = ours, Writer(ours), Unpacker()
+        self._is_ready, self._started_at = False, time.monotonic()
+        self.starts += 1
+
+    def _has_ended(self) -> bool:
+        return self._process is not None and self._process.poll() is not None
+
+    def _again(self) -> None:
+        """Start it again, if it is time and there is hope."""
+        assert self._process is not None
+        if self._end is not None:
+            told = f"the server of the view has ended with exit code {self._process.returncode}"
+            self._let_go()
+            hope = "; it is started again" if self.starts <= STARTS else f" {self.starts} times, and is left alone"
+            self._note(f"{told}{hope}. The stream and the recording go on.")
+        if self.starts <= STARTS and time.monotonic() - self._started_at >= _APART:
+            self._spawn()
+            if self._hello is not None:
+                self.hello(self._hello)
+
+    def _let_go(self) -> None:
+        if self._writer is not None:
+            self._skipped += self._writer.skipped
+        if self._end is not None:
+            self._end.close()
+        self._end = self._writer = None
+
+    def _read(self) -> None:
+        """Take what the server says."""
+        while self._end is not None:
+            try:
+                data = self._end.recv(1 << 16)
+            except BlockingIOError:
+                return
+            except OSError:
+                data = b""
+            if not data:
+                return
+            for message in self._unpacker.feed(data):
+                self._take(message.kind, message.content)
+
+    def _take(self, kind: str, content: dict[str, Any]) -> None:
+        if kind == "ready":
+            self._is_ready, self.port = True, int(content["port"])
+        elif kind == "command":
+            known = {name: value for name, value in content.items() if name in _COMMAND}
+            self._commands.append(Asked(content.get("client"), Command(**known)))
+
+    def _said(self) -> str:
+        """Last line that the server wrote before it ended."""
+        self._log.seek(0)
+        lines = self._log.read()[-4096:].decode(errors="replace").strip().splitlines()
+        return one_line(Exception(lines[-1])).removeprefix("plumbob: ") if lines else ""
+
+
+def _ended(process: "subprocess.Popen[bytes]", ending: float, asking: float) -> None:
+    """Wait for the end of a process, and see to it."""
+    asks: tuple[tuple[Callable[[], object], float], ...] = (
+        (lambda: None, ending),
+        (process.terminate, asking),
+        (process.kill, _SURELY),
+    )
+    for ask, patience in asks:
+        ask()
+        try:
+            process.wait(patience)
+        except subprocess.TimeoutExpired:
+            continue
+        return

@@ -1,0 +1,88 @@
+"""A rig that is not there, in a process of its own on a pseudo-terminal, for a view that needs no hardware."""
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.core.errors import LineError, ParameterError
+from plumbob.data import AttitudeTrack
+from plumbob.data.cards import CalibrationCard
+from plumbob.data.chain import Chain
+from plumbob.data.chain_toml import load_chain
+from plumbob.session.emulated import chain_files, unit_file
+from plumbob.session.reading import read
+from plumbob.session.session import Session
+from plumbob.session.session_toml import session_of
+from plumbob.session.watch import Note
+from plumbob.simulation.rigs.plan import PLANS, Chained
+
+_FILTER: Final = "mekf"
+_BLIND: Final = "integrate"
+"""What estimates a rig that has a gyroscope alone."""
+_END: Final = 3.0
+
+
+@contextmanager
+def emulated(
+    rig: str, note: Note, line: Mapping[str, Any]
+) -> Iterator[tuple[Session, AttitudeTrack | None, Chain | None]]:
+    """Session of a rig that runs meanwhile, the truth of its first unit, and its chain, where it is on one.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such rig.
+    LineError
+        If it does not start.
+    """
+    if rig not in PLANS:
+        raise ParameterError(f"there is no rig '{rig}'; there are {', '.join(PLANS)}.")
+    plan = PLANS[rig]
+    first, several = plan.units[0].prefix, sum(unit.prefix != "ref" for unit in plan.units) > 1
+    with tempfile.TemporaryDirectory(prefix="plumbob-view-") as folder:
+        truth = Path(folder) / "truth.parquet"
+        note(f"the rig {rig} is emulated: {plan.title}; its truth is the reference")
+        with _running(rig, truth) as port:
+            own = unit_file(truth, first)
+            recording = read(own)
+            card = CalibrationCard.load(own.with_suffix(".card.json"))
+            has_force = recording.imu is not None and "acc" in recording.imu.triads
+            known: dict[str, Any] = {
+                "frame": str(plan.frame),
+                "filter": _FILTER if has_force else _BLIND,
+                "device": card.device,
+            }
+            known |= {"unit": "all" if several else first or None, "calibration": card if not several else None}
+            asked = {name: value for name, value in line.items() if value is not None and value != {}}
+            session = session_of(port=port, format=rig, **{**known, **asked})
+            chain = load_chain(chain_files(truth)[1]) if isinstance(plan.scenario, Chained) else None
+            yield replace(session, name=rig), recording.track, chain
+
+
+@contextmanager
+def _running(rig: str, truth: Path) -> Iterator[str]:
+    """The rig as a process; gives the name of its port."""
+    words = [sys.executable, "-m", "plumbob", "emulate", rig, "--truth", str(truth)]
+    with subprocess.Popen(
+        words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    ) as process:  # fmt: skip
+        assert process.stdout is not None
+        assert process.stderr is not None
+        try:
+            port = process.stdout.readline().strip()
+            if not port:
+                told = process.stderr.read().strip().splitlines()
+                raise LineError(f"the rig {rig} did not start: {told[-1] if told else 'it said nothing'}.")
+            yield port
+        finally:
+            process.terminate()
+            try:
+                process.communicate(timeout=_END)
+            except subprocess.TimeoutExpired:
+                process.kill()

@@ -1,0 +1,568 @@
+"""The feed: a sink that makes of a stream's parts what a page shows, some sixty times a second, and never waits."""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.acquisition.transport import Event, Received
+from plumbob.calibration.predicted import NAMES, REGIONS
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError, one_line
+from plumbob.core.version import __version__
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.chain import Chain
+from plumbob.filters import Start
+from plumbob.protocols.decode import Frames
+from plumbob.protocols.encode import encode
+from plumbob.protocols.format import Message
+from plumbob.protocols.unpack import counts_for
+from plumbob.rotations import Frame, North, quat_from_euler_zyx
+from plumbob.session.recording_sink import epoch_offset_ns
+from plumbob.session.session import Session, reference_names
+from plumbob.session.stream import Part, Stream
+from plumbob.session.watch import LONG
+from plumbob.viewer.messages import Batch, Column, Command, Hello, Link
+from plumbob.viewer.overlays import MOST, Follower, Overlay, addable, described, units_of
+from plumbob.viewer.rows import (
+    Attitudes,
+    Layout,
+    Shown,
+    attitudes_now,
+    headings_of,
+    newest,
+    rows_at,
+    sensed_rows,
+    shown_of,
+)
+
+EVERY_NS: Final = 16_000_000
+"""Least time between two batches, ns."""
+_STILL_NS: Final = 500_000_000
+"""After this time a batch without samples says how the line does."""
+_REPORT_NS: Final = 1_000_000_000
+_RATE_NS: Final = 3_000_000_000
+"""Over which the rate is counted, ns."""
+_FALLEN: Final = 2.0
+"""A flag has fallen that no sample had for so long, s."""
+_TOLD: Final = sum(flags.MEANING) & ~(
+    flags.GYR_ABSENT | flags.ACC_ABSENT | flags.MAG_ABSENT | flags.ACC_GATED | flags.MAG_GATED | flags.AT_REST
+    | flags.GAP
+)  # fmt: skip
+"""Flags whose rise and fall are events; the others come and go all the time, or have events of their own."""
+GUIDES: Final = {"mag": "mag", "accel": "acc", "gyro": "gyr"}
+"""What can be calibrated with guidance, and the triad that it takes."""
+
+
+class Asked(NamedTuple):
+    """A command, and who gave it."""
+
+    client: Any
+    command: Command
+
+
+class Outlet(Protocol):
+    """What shows a stream: the pipe to a server, or a terminal. None of its methods waits."""
+
+    def hello(self, hello: Hello) -> None:
+        """Begin, or begin again with other columns."""
+
+    def batch(self, batch: Batch) -> None:
+        """Show more samples, and the newest of everything."""
+
+    def event(self, t: float | None, kind: str, text: str) -> None:
+        """Show an event."""
+
+    def reset(self) -> None:
+        """Forget what was shown: time begins again."""
+
+    def answer(self, asked: Asked, ok: bool, text: str) -> None:
+        """Answer a command."""
+
+    def asked(self) -> Sequence[Asked]:
+        """Commands since the last call."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether it can take more without dropping any."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Aligned:
+    """Parts whose samples have their attitudes."""
+
+    parts: Sequence[Part]
+    t_ns: NDArray[np.int64]
+    imu: ImuData
+    sensed: ImuData
+    attitudes: Attitudes | None
+
+
+class Aligner:
+    """Holds parts until the attitudes of their samples are there, which with a lag come later.
+
+    Parameters
+    ----------
+    stream : Stream
+        The stream.
+    """
+
+    def __init__(self, stream: Stream) -> None:
+        self._stream = stream
+        self._parts: deque[Part] = deque()
+        self._tracks: list[tuple[NDArray[np.int64], AttitudeTrack]] = []
+
+    def add(self, part: Part) -> None:
+        """Take a part."""
+        if part.t_ns.size:
+            self._parts.append(part)
+        if part.track is not None:
+            self._tracks.append((part.track_ns, part.track))
+
+    def take(self, *, all_: bool = False) -> Aligned | None:
+        """What is complete, or `all_` that there is; None where that is nothing."""
+        known_ns = self._tracks[-1][0][-1] if self._tracks else None
+        if self._stream.filter is None or all_:
+            known_ns = np.iinfo(np.int64).max
+        parts = []
+        while self._parts and known_ns is not None and self._parts[0].t_ns[-1] <= known_ns:
+            parts.append(self._parts.popleft())
+        if not parts:
+            return None
+        t_ns = np.concatenate([part.t_ns for part in parts])
+        imu, sensed = ImuData.joined([part.imu for part in parts]), ImuData.joined([part.sensed for part in parts])
+        return Aligned(parts, t_ns, imu, sensed, self._attitudes(t_ns))
+
+    def _attitudes(self, t_ns: NDArray[np.int64]) -> Attitudes | None:
+        filter_ = self._stream.filter
+        if filter_ is None:
+            return None
+        if not self._tracks:
+            return Attitudes.unknown(t_ns.size, filter_.frame, filter_.north(False))
+        track_ns = np.concatenate([stamps for stamps, _ in self._tracks])
+        track = AttitudeTrack.joined([one for _, one in self._tracks], track_ns.size)
+        self._tracks = [(stamps, one) for stamps, one in self._tracks if stamps[-1] > t_ns[-1]]
+        rows = None if np.array_equal(track_ns, t_ns) else rows_at(t_ns, track_ns)
+        return Attitudes.of(track, rows, filter_.common.declination)
+
+
+class FlagWatch:
+    """Says which flags rise and fall."""
+
+    def __init__(self) -> None:
+        self._seen: dict[int, float] = {}
+
+    def changes(self, t: Floats, words: NDArray[np.uint32]) -> Iterator[tuple[float, str]]:
+        """What has changed with the next samples: time, and a sentence."""
+        found = int(np.bitwise_or.reduce(words)) & _TOLD
+        end = float(t[-1])
+        for bit, (name, meaning) in flags.MEANING.items():
+            if found & bit:
+                if bit not in self._seen:
+                    yield float(t[np.argmax((words & np.uint32(bit)) != 0)]), f"{name}: {meaning}"
+                self._seen[bit] = end
+            elif bit in self._seen and end - self._seen[bit] > _FALLEN:
+                yield self._seen.pop(bit), f"{name} has ended"
+
+
+class Feed:
+    """Sink that shows a stream. A fault in it ends the view, not the stream.
+
+    Parameters
+    ----------
+    stream : Stream
+        The stream, which keeps covariances.
+    outlet : Outlet
+        What shows it.
+    also : sequence of str
+        Names of further estimators.
+    chain : Chain, optional
+        Whose segments carry the units.
+    truth : AttitudeTrack, optional
+        Reference on the stream's time line, as of an emulated rig.
+    control, recording : bool
+        Whether commands are taken, and whether something can be recorded.
+    beside : callable, optional
+        Gives further fields of a batch: ``recording``, ``text``.
+    note : callable, optional
+        Called with why the view has ended, where it has.
+    clock : callable
+        Monotonic clock, ns.
+
+    Attributes
+    ----------
+    failed : str
+        Why the view has ended; empty while it goes on.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        outlet: Outlet,
+        *,
+        also: Sequence[str] = (),
+        chain: Chain | None = None,
+        truth: AttitudeTrack | None = None,
+        control: bool = False,
+        recording: bool = False,
+        beside: Callable[[], Mapping[str, Any]] | None = None,
+        note: Callable[[str], object] | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.failed = ""
+        self._stream, self._outlet, self._note, self._clock = stream, outlet, note, clock
+        self._control, self._recording = control, recording
+        self._beside = beside or dict
+        self._held = Aligner(stream)
+        self._truth = truth
+        session = stream.session
+        probe = probed(session)
+        self._triads = () if probe is None else probe.imu.triads
+        self._temperature = probe is not None and probe.imu.temp_c is not None
+        self._message = session.form.message(session.message)
+        self._raw_columns = [] if probe is None else raw_columns(self._message, probe.frames.columns)
+        self._frame = session.frame or (None if truth is None else truth.frame)
+        self._overlays: dict[str, Overlay] = {}
+        self._preparing: dict[str, threading.Thread] = {}
+        self._started = False
+        self._follower = None if chain is None else self._following(chain)
+        self._own = None if session.stage is None else self._own_shown()
+        self._layout = self._laid_out({})
+        self._samples = 0
+        self._greeted = False
+        self._north: North | None = None
+        self._counted: deque[tuple[int, int]] = deque()
+        self._told: tuple[int, dict[str, Any]] = (0, {})
+        self._flags = FlagWatch()
+        self._known: dict[str, Any] = {"raw": [None] * len(self._raw_columns), "attitudes": {}, "gravity_b": None,
+                                       "field_b": None, "points": None, "arrived_ns": None}  # fmt: skip
+        self._current: Attitudes | None = None
+        self._due_ns = self._still_ns = 0
+        for name in also:
+            self.add(name)
+        self._started = True
+        self.hello()
+
+    @property
+    def overlays(self) -> Sequence[str]:
+        """Names of the further estimators."""
+        return tuple(self._overlays)
+
+    def hello(self) -> None:
+        """Say what the columns are, again for who did not hear it."""
+        self._safely(lambda: self._outlet.hello(self._hello()))
+
+    def add(self, name: str) -> str:
+        """Add an estimator: from the current attitude, where there is one, else from its first samples.
+
+        Raises
+        ------
+        ParameterError
+            If it is not known, runs already, or cannot work here.
+        """
+        frame = self._frame
+        if name in (*self._overlays, *self._preparing) or (self._own is not None and name == self._own.name):
+            raise ParameterError(f"{name} runs already.")
+        if name not in (known := addable(self._triads)):
+            raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(known)}.")
+        if frame is None:
+            raise ParameterError("the session names no frame, so that nothing can be estimated; give --frame.")
+        if len(self._overlays) + len(self._preparing) >= MOST:
+            raise ParameterError(f"{MOST} estimators are the most that are shown beside the session's; remove one.")
+        if not self._started:
+            self._attach(name, frame)
+            return f"{name} runs beside"
+        ready = threading.Thread(target=lambda: Overlay(name, frame, self._stream.session.meta), daemon=True)
+        self._preparing[name] = ready  # the first use of a filter may be compiled, which the line must not wait for
+        ready.start()
+        return f"{name} will run beside"
+
+    def _attach(self, name: str, frame: Frame) -> None:
+        at = self._current
+        start = None if at is None or not np.isfinite(at.q_nb).all() else Start(at.q_nb[-1], at.north)
+        self._overlays[name] = Overlay(name, frame, self._stream.session.meta, start)
+        self._lay_out()
+
+    def _attach_prepared(self) -> None:
+        """Attach what is ready by now."""
+        for name, thread in list(self._preparing.items()):
+            if not thread.is_alive() and self._frame is not None:
+                del self._preparing[name]
+                self._attach(name, self._frame)
+
+    def remove(self, name: str) -> str:
+        """Remove an estimator.
+
+        Raises
+        ------
+        ParameterError
+            If it was not added.
+        """
+        if name not in self._overlays:
+            raise ParameterError(f"'{name}' was not added; these were: {', '.join(self._overlays) or 'none'}.")
+        self._overlays.pop(name).close()
+        self._lay_out()
+        return f"{name} is removed"
+
+    def on_part(self, part: Part) -> None:
+        """Take samples and attitudes; they are shown with the next batch."""
+        self._safely(lambda: self._take(part))
+
+    def on_event(self, event: Event) -> None:
+        """Show what happened."""
+        t0_ns = self._stream.t0_ns
+        self.say(None if t0_ns is None else (event.t_ns - t0_ns) / 1e9, event.kind, event.text)
+
+    def say(self, t: float | None, kind: str, text: str) -> None:
+        """Show an event at a time of the stream, s."""
+        self._safely(lambda: self._outlet.event(t, kind, text))
+
+    @property
+    def now(self) -> float | None:
+        """Time of the stream now, s; None before its first sample."""
+        t0_ns = self._stream.t0_ns
+        return None if t0_ns is None else (self._clock() - t0_ns) / 1e9
+
+    def tick(self) -> None:
+        """Send what is due; to be called often, also where nothing comes."""
+        self._safely(self._send_due)
+
+    def close(self) -> None:
+        """Show what is left."""
+        self._safely(lambda: self._send(self._clock(), all_=True))
+        for one in self._overlays.values():
+            one.close()
+        self._overlays = {}
+
+    def _safely(self, action: Callable[[], object]) -> None:
+        if self.failed:
+            return
+        try:
+            action()
+        except Exception as error:  # whatever it is, the recorder goes on
+            self.failed = f"the view has ended by a fault: {type(error).__name__}: {one_line(error)}"
+            try:
+                self._outlet.event(None, "view", self.failed)
+            finally:
+                if self._note is not None:
+                    self._note(self.failed)
+
+    def _take(self, part: Part) -> None:
+        self._held.add(part)
+        self._samples += part.t_ns.size
+        if part.t_ns.size and self._stretched:
+            self._known["arrived_ns"] = self._clock()
+        self._send_due()
+
+    @property
+    def _stretched(self) -> bool:
+        """Whether the times of reads are not those of this host."""
+        source = self._stream.session.source
+        return self._stream.session.timed_by != "frames" or (source is not None and "speed" in source.settings)
+
+    def _send_due(self) -> None:
+        now_ns = self._clock()
+        if now_ns >= self._due_ns:
+            self._send(now_ns)
+
+    def _send(self, now_ns: int, *, all_: bool = False) -> None:
+        ready = self._held.take(all_=all_)
+        if ready is None and not all_ and now_ns < self._still_ns:
+            return
+        self._due_ns, self._still_ns = now_ns + EVERY_NS, now_ns + _STILL_NS
+        self._attach_prepared()
+        rows = self._nothing_new() if ready is None else self._rows(ready)
+        fields = {**self._known, "link": self._link(now_ns), "playback": None, "recording": None, "text": None}
+        self._outlet.batch(Batch(rows, fields | dict(self._beside())))
+
+    def _nothing_new(self) -> dict[str, NDArray[Any]]:
+        none = np.zeros((0, len(self._layout.columns)))
+        return {"t": none[:, 0] if none.shape[1] else np.zeros(0), "flags": np.zeros(0, dtype=np.uint32),
+                "values": none, "sensed": np.zeros((0, 10))}  # fmt: skip
+
+    def _rows(self, ready: Aligned) -> dict[str, NDArray[Any]]:
+        """Rows of samples; what is known now changes with them."""
+        known = {} if ready.attitudes is None or self._own is None else {self._own.name: ready.attitudes}
+        known |= {name: one.take(ready.imu) for name, one in self._overlays.items()}
+        reference = self._reference(ready)
+        layout = self._laid_out(known, None if reference is None else reference.north)
+        self._current = next((at.rows(slice(-1, None)) for at in known.values()), None)
+        north = None if self._current is None else self._current.north
+        if not self._greeted or layout != self._layout or north is not self._north:
+            self._greeted, self._layout, self._north = True, layout, north
+            self._outlet.hello(self._hello())
+        imu = ready.imu
+        words = imu.flags if ready.attitudes is None or ready.attitudes.flags is None else (
+            imu.flags | ready.attitudes.flags
+        )  # fmt: skip
+        for t, text in self._flags.changes(imu.t, words):
+            self._outlet.event(t, "flag", text)
+        self._remember(ready, known, reference)
+        values = layout.values(imu, len(imu), known, reference)
+        return {"t": imu.t, "flags": words, "values": values, "sensed": sensed_rows(ready.sensed)}
+
+    def _remember(self, ready: Aligned, known: Mapping[str, Attitudes], reference: Attitudes | None) -> None:
+        """The newest of what has no rows."""
+        last, now = ready.parts[-1], self._known
+        if self._follower is not None:
+            self._follower.take(units_of([part.units for part in ready.parts]))
+            now["points"] = self._follower.points
+        now["raw"] = raw_values(self._message, last.frames)
+        now["attitudes"] |= attitudes_now(self._layout, known, reference)
+        now["gravity_b"] = newest(ready.imu.usable("acc")) or now["gravity_b"]
+        now["field_b"] = newest(ready.imu.usable("mag")) or now["field_b"]
+        if not self._stretched:
+            now["arrived_ns"] = int(last.frames.t_ns[-1])
+
+    def _reference(self, ready: Aligned) -> Attitudes | None:
+        """Reference at the samples, in its own frame."""
+        if self._truth is not None:
+            return Attitudes.read(self._truth, ready.imu.t, None)
+        told = self._stream.session.reference
+        if told is None:
+            return None
+        names = reference_names(told)
+        angles = np.concatenate([
+            np.stack([part.frames.columns[name] for name in names], axis=1) for part in ready.parts
+        ])  # fmt: skip
+        return Attitudes(quat_from_euler_zyx(angles), Frame.NED, told.north)
+
+    def _link(self, now_ns: int) -> dict[str, Any]:
+        """How the stream does."""
+        counts = self._stream.decoder.counts
+        if now_ns >= self._told[0]:
+            self._told = now_ns + _REPORT_NS, self._timed()
+        self._counted.append((now_ns, self._samples))
+        while self._counted[0][0] < now_ns - _RATE_NS and len(self._counted) > 2:
+            self._counted.popleft()
+        (begin_ns, before), (end_ns, after) = self._counted[0], self._counted[-1]
+        rate = (after - before) / (end_ns - begin_ns) * 1e9 if end_ns - begin_ns > _STILL_NS else None
+        rejected = counts.bad_checksum + counts.bad_content + counts.bad_length + counts.unknown
+        link = Link(
+            rate=rate, latency=None, age=None, samples=self._samples, junk=counts.junk, rejected=rejected,
+            unusable=self._stream.faults, skipped=0, **self._told[1],
+        )  # fmt: skip
+        return asdict(link)
+
+    def _timed(self) -> dict[str, Any]:
+        report = self._stream.time_report()
+        drift = report.drift_ppm if report.mode == "clock" and self._stream.session.timed_by == "frames" else np.nan
+        t0_ns, long_enough = self._stream.t0_ns, False
+        if t0_ns is not None:
+            long_enough = self._clock() - t0_ns >= LONG * 1e9  # before, jitter of the host passes for drift
+        mode = report.mode if self._stream.session.timed_by == "frames" else self._stream.session.timed_by
+        return {"lost": report.lost, "gaps": report.gap_count, "clock": mode,
+                "drift_ppm": float(drift) if long_enough and np.isfinite(drift) else None}  # fmt: skip
+
+    def _own_shown(self) -> Shown:
+        stage, filter_ = self._stream.session.stage, self._stream.filter
+        assert stage is not None
+        assert filter_ is not None
+        return shown_of(stage.name, stage.filter, described(filter_), primary=True)
+
+    def _following(self, chain: Chain) -> Follower:
+        session = self._stream.session
+        if self._frame is None:
+            raise ParameterError("a chain needs a navigation frame; give --frame.")
+        if not session.units:
+            raise ParameterError("a chain needs a line of several units that are all decoded; give --unit all.")
+        return Follower(chain, self._frame, [one.unit for one in session.units])
+
+    def _lay_out(self) -> None:
+        """Take over other estimators."""
+        self._layout = self._laid_out({})
+        self._known["attitudes"] = {}
+        self._greeted = False
+
+    def _laid_out(self, known: Mapping[str, Attitudes], north: North | None = None) -> Layout:
+        shown = [one.shown for one in self._overlays.values()]
+        if self._own is not None:
+            shown = [self._own, *shown]
+        elif shown:
+            shown[0] = shown[0]._replace(estimator=replace(shown[0].estimator, primary=True))
+        if known:
+            shown = headings_of(shown, known, north)
+        return Layout(self._triads, self._temperature, tuple(shown), self._reference_told())
+
+    def _reference_told(self) -> str | None:
+        if self._truth is not None:
+            return self._truth.source or "truth"
+        told = self._stream.session.reference
+        return None if told is None else f"{', '.join(reference_names(told))} in the frames"
+
+    def _hello(self) -> Hello:
+        session, stream = self._stream.session, self._stream
+        t0_ns = stream.t0_ns
+        noise = None if session.stage is None else session.stage.noise
+        running = {one.name for one in self._layout.shown}
+        return Hello(
+            session=session.name,
+            device=session.meta.device,
+            format=session.form.name,
+            calibration="uncalibrated" if session.card is None else session.card.name,
+            noise="none" if noise is None else f"{noise.device} ({noise.source})",
+            live=True,
+            frame=None if self._frame is None else str(self._frame),
+            north=None if self._north is None else str(self._north),
+            axes=axes_of(self._frame),
+            rate=session.meta.rate_nominal,
+            columns=self._layout.columns,
+            raw=self._raw_columns,
+            estimators=self._layout.estimators,
+            filters=[] if self._frame is None else [name for name in addable(self._triads) if name not in running],
+            skeleton=None if self._follower is None else self._follower.skeleton,
+            guides=[name for name, triad in GUIDES.items() if triad in self._triads],
+            regions=REGIONS.tolist(),
+            regions_names=NAMES,
+            control=self._control,
+            recording=self._recording,
+            duration=None,
+            started_utc=None if t0_ns is None else (t0_ns + epoch_offset_ns()) / 1e9,
+            gravity=G0,
+            version=__version__,
+        )
+
+
+def axes_of(frame: Frame | None) -> str:
+    """Axes of the body that go with a navigation frame."""
+    return "FRD" if frame is Frame.NED else "FLU"
+
+
+def probed(session: Session) -> Part | None:
+    """Part of made-up frames of a session, which shows what its samples have; None where none can be made."""
+    message = session.form.message(session.message)
+    physical = [one.name for one in message.fields if one.physical][:1]
+    rows = encode(session.form, dict.fromkeys(physical, np.zeros(3)), message=message.name)
+    other = Stream(replace(session, stage=None, reference=None))
+    found = other.feed(Received(0, rows.tobytes()))
+    return found or other.finish()
+
+
+def raw_columns(message: Message, names: Mapping[str, Any]) -> list[Column]:
+    """Columns of what stands in a frame of a message."""
+    return [
+        Column(key=one.name, chart="raw", label=one.name, unit="counts" if one.physical else one.role, digits=0,
+               source=one.name.rpartition(".")[0])
+        for one in message.fields if one.name in names
+    ]  # fmt: skip
+
+
+def raw_values(message: Message, frames: Frames) -> list[float | None]:
+    """What stands in the last of some frames, in counts; None for what is absent."""
+    found: list[float | None] = []
+    for one in message.fields:
+        if one.name not in frames.columns:
+            continue
+        value = frames.columns[one.name][-1]
+        if not np.isfinite(value):
+            found.append(None)
+        else:
+            found.append(float(counts_for(one, np.array([value]))[0][0] if one.physical else value))
+    return found

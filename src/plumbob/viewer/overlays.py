@@ -1,0 +1,169 @@
+"""Further estimators beside the session's own, on the same samples; and a chain's posture from its units."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from plumbob.arm.figure import stick_points
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.errors import ParameterError
+from plumbob.core.time import to_ns
+from plumbob.data import ImuData, ImuMeta
+from plumbob.data.chain import Chain, Posture
+from plumbob.filters import SMOOTHER, Filter, Start, filter_names, load
+from plumbob.filters.offline import Stage, follower_of
+from plumbob.filters.smoother import FixedLag
+from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.session.stream import UnitPart
+from plumbob.viewer.messages import Skeleton
+from plumbob.viewer.rows import Attitudes, Shown, rows_at, shown_of
+
+MOST: Final = 8
+"""Overlays at the same time."""
+_OF_UNITS: Final = "mekf"
+"""What estimates each unit of a chain."""
+_ABSENT: Final = np.uint32(flags.GYR_ABSENT | flags.ACC_ABSENT)
+
+
+def addable(triads: Sequence[str]) -> list[str]:
+    """Names of estimators that work on samples with these triads as they come."""
+    return [name for name in (*filter_names(), SMOOTHER) if set(load(name).NEEDS) <= set(triads)]
+
+
+def described(filter_: Filter | FixedLag) -> str:
+    """Filter with what differs from its defaults."""
+    told = filter_.facts()["params"]
+    return filter_.name if told == "defaults" else f"{filter_.name} ({told})"
+
+
+class Overlay:
+    """An estimator that runs beside the primary one.
+
+    Parameters
+    ----------
+    name : str
+        Name of its filter, or ``"smoother"``, which then has no lag.
+    frame : Frame
+        Navigation frame.
+    meta : ImuMeta
+        Of the samples.
+    start : Start or None
+        Attitude that it goes on from; None: its first samples give it.
+    """
+
+    def __init__(self, name: str, frame: Frame, meta: ImuMeta, start: Start | None = None) -> None:
+        self.name = name
+        self._filter = follower_of(Stage(name, {}), frame, meta, start=start)
+        self._filter.warm_up()
+        self._frame = frame
+
+    @property
+    def shown(self) -> Shown:
+        """As its columns need it."""
+        return shown_of(self.name, self.name, described(self._filter), primary=False)
+
+    def take(self, imu: ImuData) -> Attitudes:
+        """Attitudes at the next samples."""
+        if not isinstance(self._filter, FixedLag):
+            track = self._filter.process(imu, covariance=True, look=False)
+            return Attitudes.of(track, None, self._filter.common.declination)
+        ready = self._filter.take(imu)
+        if ready is None:
+            return Attitudes.unknown(len(imu), self._frame, self._filter.north(False))
+        rows = None if len(ready) == len(imu) else rows_at(to_ns(imu.t), to_ns(ready.t))
+        return Attitudes.of(ready, rows, self._filter.common.declination)
+
+    def close(self) -> None:
+        """End it."""
+        if isinstance(self._filter, FixedLag):
+            self._filter.finish()
+
+
+class Follower:
+    """Follows a chain by an estimator on each of its units.
+
+    Parameters
+    ----------
+    chain : Chain
+        The chain; the place of every joint is known.
+    frame : Frame
+        Navigation frame.
+    units : sequence of str
+        Units that there are samples of.
+
+    Attributes
+    ----------
+    skeleton : Skeleton
+        Its stick figure.
+    """
+
+    def __init__(self, chain: Chain, frame: Frame, units: Sequence[str]) -> None:
+        if not chain.known:
+            raise ParameterError(f"the chain {chain.name} does not say where its joints lie; use a card of arm align.")
+        carried = {one.unit: one for one in chain.segments if one.unit}
+        if not carried.keys() & set(units):
+            raise ParameterError(
+                f"the chain {chain.name} has the units {', '.join(carried)}, but the line has {', '.join(units)}."
+            )
+        self._chain, self._frame = chain, frame
+        self._segments = {unit: one for unit, one in carried.items() if unit in units}
+        self._filters = {unit: Filter(_OF_UNITS, frame=frame) for unit in self._segments}
+        self._now: dict[str, Floats] = {}
+        one = np.array([[1.0, 0.0, 0.0, 0.0]])
+        points, lines = stick_points(chain, chain.postures(np.zeros((1, len(chain.angles))), one[0]))
+        names = list(points)
+        self.skeleton = Skeleton(points=names, lines=[[names.index(a), names.index(b)] for a, b in lines])
+
+    def take(self, units: Mapping[str, ImuData]) -> None:
+        """Follow the next samples of each unit, calibrated."""
+        self._now = {name: q_nb[-1] for name, q_nb in self.along(units).items()}
+
+    def along(self, units: Mapping[str, ImuData]) -> dict[str, Floats]:
+        """Attitudes (N, 4) of the segments at the next samples of each unit; NaN where it is silent."""
+        found = {}
+        for unit, segment in self._segments.items():
+            imu = units[unit]
+            q_ns = self._filters[unit].process(imu, look=False).q_nb
+            silent = (imu.flags & _ABSENT) == _ABSENT
+            q_nb = quat_multiply(q_ns, quat_conjugate(np.array(segment.mount.q_bs)))
+            found[segment.name] = np.where(silent[:, np.newaxis], np.nan, q_nb)
+        return found
+
+    @property
+    def points(self) -> list[list[float] | None]:
+        """Where the points of the stick figure are, m, navigation axes; None behind a unit that is missing."""
+        return self.points_of(self._now)
+
+    def points_of(self, attitudes: Mapping[str, Floats]) -> list[list[float] | None]:
+        """The same of attitudes (4,) of the segments that have a unit."""
+        found = stick_points(self._chain, self._postures(attitudes))[0]
+        return [point[0].tolist() if np.isfinite(point).all() else None for point in map(np.atleast_2d, found.values())]
+
+    def _postures(self, attitudes: Mapping[str, Floats]) -> dict[str, Posture]:
+        """Where each segment is; one without a unit stands as it is drawn on its parent, the root upright."""
+        found, units = dict[str, Posture](), {one.name: one.unit for one in self._chain.segments}
+
+        def attitude(segment: str, drawn: Floats) -> Floats:
+            known = attitudes.get(segment, np.full(4, np.nan)) if units[segment] else drawn
+            return known[np.newaxis]
+
+        root = self._chain.segments[0].name
+        found[root] = Posture(attitude(root, _upright(self._frame)), np.zeros((1, 3)))
+        for joint in self._chain.joints:
+            parent = found[joint.parent]
+            at = parent.pos_n + quat_rotate(parent.q_nb, np.array(joint.place))
+            drawn = quat_multiply(parent.q_nb[0], np.array(joint.q_pc))
+            found[joint.child] = Posture(attitude(joint.child, drawn), at)
+        return found
+
+
+def units_of(parts: Sequence[Mapping[str, UnitPart]]) -> dict[str, ImuData]:
+    """Calibrated samples of each unit, of parts that follow each other."""
+    return {name: ImuData.joined([part[name].imu for part in parts]) for name in parts[0]} if parts else {}
+
+
+def _upright(frame: Frame) -> Floats:
+    """Attitude (4,) of a root whose z axis points up and whose x axis points to North."""
+    return change_frame(np.array([1.0, 0.0, 0.0, 0.0]), to=frame, from_=Frame.NWU)

@@ -1,0 +1,586 @@
+"""A recording that is played: read and estimated once, then shown at any place and speed."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.acquisition.transport import Event
+from plumbob.calibration.predicted import NAMES, REGIONS
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError, PlumbobError, ShapeError, one_line
+from plumbob.core.time import to_ns
+from plumbob.core.version import __version__
+from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
+from plumbob.data.array import ImuArray
+from plumbob.data.chain import Chain
+from plumbob.files import Recording
+from plumbob.files.mcap import open_log
+from plumbob.protocols.format import Message
+from plumbob.protocols.unpack import counts_for
+from plumbob.rotations import Frame
+from plumbob.session.estimated import estimate
+from plumbob.session.reading import SUFFIX, read
+from plumbob.session.recorded import read_recorded, reference_of
+from plumbob.session.replay import Replayed, replay
+from plumbob.session.session_toml import SESSION, of_unit, recorded_session
+from plumbob.session.watch import Note
+from plumbob.viewer.feed import Asked, Outlet, axes_of, raw_columns
+from plumbob.viewer.messages import Batch, Column, Hello, Link, Playback
+from plumbob.viewer.overlays import MOST, Follower, addable
+from plumbob.viewer.rows import (
+    Attitudes,
+    Layout,
+    Shown,
+    attitudes_now,
+    headings_of,
+    newest,
+    plain,
+    rows_at,
+    sensed_rows,
+    shown_of,
+    shown_of_track,
+)
+
+BEFORE: Final = 60.0
+"""Time before a place that is shown with it, s."""
+SPEEDS: Final = 0.1, 100.0
+RECORDED: Final = "recorded"
+"""Name of an estimate that the recording carries."""
+_ROWS: Final = 2000
+"""Rows that are handed over at a time."""
+_STILL_NS: Final = 250_000_000
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Estimate:
+    """An estimate of the whole recording."""
+
+    shown: Shown
+    track: AttitudeTrack
+    declination: float | None
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Loaded:
+    """A recording, read and estimated.
+
+    Attributes
+    ----------
+    name, device, format, calibration, noise : str
+        As `messages.Hello` has them.
+    t : ndarray (N,)
+        Times of the samples, s.
+    imu, sensed : ImuData or None
+        Samples, calibrated and not; None where it has an attitude alone.
+    estimates : list of Estimate
+        The primary one first.
+    reference : AttitudeTrack or None
+        The reference.
+    array : ImuArray or None
+        All units, where it has several.
+    raw : mapping of str to ndarray (N,)
+        Fields of the frames, in counts.
+    message : Message or None
+        What they are.
+    events : sequence of (float, Event)
+        Events at their time, s.
+    lost, gaps, junk, rejected, unusable : int
+        Of the whole, as `messages.Link` has them.
+    """
+
+    name: str
+    device: str
+    format: str
+    calibration: str
+    noise: str
+    t: Floats
+    imu: ImuData | None
+    sensed: ImuData | None
+    estimates: list[Estimate]
+    reference: AttitudeTrack | None = None
+    array: ImuArray | None = None
+    raw: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    message: Message | None = None
+    events: Sequence[tuple[float, Event]] = ()
+    lost: int = 0
+    gaps: int = 0
+    junk: int = 0
+    rejected: int = 0
+    unusable: int = 0
+
+    @property
+    def frame(self) -> Frame | None:
+        """Navigation frame."""
+        if self.estimates:
+            return self.estimates[0].track.frame
+        return None if self.reference is None else self.reference.frame
+
+
+def load(
+    path: Path,
+    filter: str | None = None,
+    *,
+    also: Sequence[str] = (),
+    chain: Chain | None = None,
+    unit: str | None = None,
+    profile: str | Path | None = None,
+    calibration: Any = None,
+    frame: Frame | str | None = None,
+    note: Note | None = None,
+    **options: Any,
+) -> Loaded:
+    """Read a recording, and estimate it.
+
+    Parameters
+    ----------
+    path : path
+        Anything that `plumbob.read` reads.
+    filter : str, optional
+        Instead of the estimate that the recording carries, or of the smoother.
+    also : sequence of str
+        Further estimators.
+    chain : Chain, optional
+        Whose segments carry the units, which are then all read.
+    unit : str, optional
+        Which of several units.
+    profile : path, optional
+        What the columns of a text mean.
+    calibration, frame, note : optional
+        As of `plumbob.estimate`.
+    **options
+        ``causal``, ``lag``, ``params``, ``init``, ``noise``, ``place``, ``date``, as of `plumbob.estimate`.
+    """
+    options = {name: value for name, value in options.items() if value is not None}
+    wanted = filter is not None or bool(options)
+    found = _loaded(path, unit, profile, all_=chain is not None, calibration=calibration, frame=frame)
+    if found.imu is None and (wanted or also):
+        raise ShapeError(f"{path} holds an attitude but no sensor data, so there is nothing to estimate from.")
+    recording = Recording(imu=found.imu, track=found.reference, name=path.name)
+    estimates = [] if wanted else list(found.estimates)
+
+    def estimated(name: str | None, *, primary: bool, **settings: Any) -> Estimate:
+        own = frame or (estimates[0].track.frame if estimates else None)
+        result = estimate(recording, name, frame=own, note=note if primary else None, **settings)
+        told = result.filter.facts()["params"]
+        title = result.filter.name if told == "defaults" else f"{result.filter.name} ({told})"
+        shown = shown_of(result.filter.name, result.filter.name, title, primary=primary)
+        return Estimate(shown, result.track, result.filter.common.declination)
+
+    if found.imu is not None and (wanted or not estimates):
+        estimates.append(estimated(filter, primary=True, **options))
+    for name in also:
+        estimates.append(estimated(name, primary=False))
+    _require_unlike([one.shown.name for one in estimates])
+    return replace(found, estimates=estimates)
+
+
+def _require_unlike(names: Sequence[str]) -> None:
+    twice = [name for name in names if names.count(name) > 1]
+    if twice:
+        raise ParameterError(f"{twice[0]} is asked for twice; name each estimator once.")
+
+
+def _loaded(
+    path: Path, unit: str | None, profile: str | Path | None, *, all_: bool, calibration: Any, frame: Any
+) -> Loaded:
+    if path.suffix == SUFFIX and SESSION in open_log(path).metadata:
+        return _of_line(path, unit, all_=all_, calibration=calibration, frame=frame)
+    found = read_recorded(path, estimated=True) if path.suffix == SUFFIX else read(path, profile=profile)
+    array = found.array
+    if all_ and array is None:
+        raise ParameterError(f"{path} holds one unit, but a chain has one on each segment. Leave --chain out.")
+    one = found.of_unit(unit or (array.names[0] if all_ and array is not None else None))
+    imu, sensed, track = one.imu, one.imu, one.track
+    if imu is not None and calibration is not None:
+        from plumbob.data.cards import CalibrationCard
+        from plumbob.filters.offline import calibrated
+
+        imu = calibrated(imu, CalibrationCard.of(calibration))
+    carries = track is not None and (imu is None or path.suffix == SUFFIX)
+    estimates = [_carried(track, imu)] if carries and track is not None else []
+    known = imu if imu is not None else track
+    if known is None:
+        raise ShapeError(f"{path} holds neither samples nor an attitude.")
+    meta = ImuMeta() if imu is None else imu.meta
+    return Loaded(
+        name=path.name,
+        device=meta.device,
+        format=path.suffix.removeprefix("."),
+        calibration="uncalibrated" if meta.calibration is None else calibration_told(meta.calibration),
+        noise="none",
+        t=known.t,
+        imu=imu,
+        sensed=sensed,
+        estimates=estimates,
+        reference=None if carries else track,
+        array=array if all_ else None,
+    )
+
+
+def _carried(track: AttitudeTrack, imu: ImuData | None) -> Estimate:
+    title = track.source.partition(";")[0] or RECORDED
+    declination = None if imu is None else imu.meta.declination
+    return Estimate(shown_of_track(RECORDED, track, title, primary=True), track, declination)
+
+
+def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, frame: Any) -> Loaded:
+    """Recording of a line, through its session again."""
+    log = open_log(path)
+    session = recorded_session(log.metadata, path.stem)
+    if all_ or unit is not None:
+        session = of_unit(session, unit or "all")
+    if frame is not None:
+        asked = Frame.parse(frame)
+        session = replace(session, frame=asked, meta=replace(session.meta, frame=asked))
+    found = replay(log, session=session, calibration=calibration, covariance=True)
+    imu, sensed = found.imu, found.found.imu(calibrated=False)
+    if imu is None or sensed is None:
+        raise ShapeError(f"{path} holds no sample that could be decoded; 'plumbob verify' says what is in it.")
+    stage, counts, report = found.stream.session.stage, found.stream.decoder.counts, found.stream.time_report()
+    estimates = []
+    if stage is not None and found.track is not None and found.stream.filter is not None:
+        filter_ = found.stream.filter
+        told = filter_.facts()["params"]
+        title = filter_.name if told == "defaults" else f"{filter_.name} ({told})"
+        shown = shown_of(stage.name, stage.filter, title, primary=True)
+        estimates = [Estimate(shown, found.track, filter_.common.declination)]
+    message = session.form.message(session.message)
+    card = found.stream.session.card
+    return Loaded(
+        name=path.name,
+        device=session.meta.device,
+        format=session.form.name,
+        calibration="uncalibrated" if card is None else card.name,
+        noise="none" if stage is None or stage.noise is None else f"{stage.noise.device} ({stage.noise.source})",
+        t=imu.t,
+        imu=imu.corrected(meta=replace(imu.meta, t0_ns=found.t0_ns)),
+        sensed=sensed,
+        estimates=estimates,
+        reference=reference_of(found),
+        array=found.found.array(calibrated=True),
+        raw=_raw_of(found, message),
+        message=message,
+        events=_events_of(found),
+        lost=report.lost,
+        gaps=report.gap_count,
+        junk=counts.junk,
+        rejected=counts.bad_checksum + counts.bad_content + counts.bad_length + counts.unknown,
+        unusable=found.stream.faults,
+    )
+
+
+def _raw_of(found: Replayed, message: Message) -> dict[str, NDArray[Any]]:
+    columns = {}
+    for one in message.fields:
+        parts = [part.frames.columns.get(one.name) for part in found.found.parts]
+        known = [part for part in parts if part is not None]
+        if known:
+            values = np.concatenate(known).astype(np.float64)
+            columns[one.name] = counts_for(one, values)[0] if one.physical else values
+            columns[one.name] = np.where(np.isfinite(values), columns[one.name], np.nan)
+    return columns
+
+
+def _events_of(found: Replayed) -> list[tuple[float, Event]]:
+    first = found.stream.t0_ns or 0
+    return [((event.t_ns - first) / 1e9, event) for event in found.found.events]
+
+
+class Player:
+    """Plays a recording into an outlet.
+
+    Parameters
+    ----------
+    loaded : Loaded
+        The recording.
+    outlet : Outlet
+        What shows it.
+    chain : Chain, optional
+        Whose segments carry its units.
+    control : bool
+        Whether commands are taken.
+    clock : callable
+        Monotonic clock, ns.
+    """
+
+    def __init__(
+        self,
+        loaded: Loaded,
+        outlet: Outlet,
+        *,
+        chain: Chain | None = None,
+        control: bool = False,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._loaded, self._outlet, self._clock, self._control = loaded, outlet, clock, control
+        self.playing, self.speed = True, 1.0
+        self._t = loaded.t
+        self._first, self._last = float(loaded.t[0]), float(loaded.t[-1])
+        self._position = self._first
+        self._next = 0  # row that is to be handed over next
+        self._event = 0
+        self._told_ns = clock()
+        self._still_ns = 0
+        self._chain = None if chain is None else _Postures(chain, loaded)
+        self._lay_out()
+        self._outlet.hello(self.hello())
+
+    @property
+    def position(self) -> float:
+        """Where it is, s of the recording's time."""
+        return self._position
+
+    @property
+    def duration(self) -> float:
+        """Time of the last sample, s."""
+        return self._last
+
+    def play(self) -> str:
+        """Go on; from the beginning where it has ended."""
+        if self._position >= self._last:
+            self.seek(self._first)
+        self.playing, self._told_ns = True, self._clock()
+        return "it plays"
+
+    def pause(self) -> str:
+        """Stand still."""
+        self.playing = False
+        return f"it stands at {self._position:.3f} s"
+
+    def set_speed(self, speed: float) -> str:
+        """Play faster or slower.
+
+        Raises
+        ------
+        ParameterError
+            If it is out of range.
+        """
+        low, high = SPEEDS
+        if not low <= speed <= high:
+            raise ParameterError(f"the speed must be from {low:g} to {high:g}, but it is {speed:g}.")
+        self.speed = speed
+        return f"it plays {speed:g} times as fast"
+
+    def seek(self, position: float) -> str:
+        """Go to a time, s: what is shown is the sample at or before it, and the minute before.
+
+        Raises
+        ------
+        ParameterError
+            If it is not a time.
+        """
+        if not np.isfinite(position):
+            raise ParameterError("a position is a number of seconds.")
+        self._position = min(max(position, self._first), self._last)
+        self._told_ns = self._clock()
+        self._outlet.reset()
+        self._next = int(np.searchsorted(self._t, self._position - BEFORE))
+        self._event = sum(t < self._position for t, _ in self._loaded.events)
+        self._still_ns = 0
+        self._hand_on()
+        return f"it is at {self._position:.3f} s"
+
+    def add(self, name: str) -> str:
+        """Estimate the recording by a further estimator.
+
+        Raises
+        ------
+        ParameterError
+            If it is not known, or is shown already.
+        """
+        loaded = self._loaded
+        if loaded.imu is None:
+            raise ParameterError("the recording has no samples to estimate from.")
+        if name not in (known := addable(loaded.imu.triads)):
+            raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(known)}.")
+        _require_unlike([*(one.shown.name for one in loaded.estimates), name])
+        if len(loaded.estimates) > MOST:
+            raise ParameterError(f"{MOST} estimators are the most that are shown beside the first; remove one.")
+        result = estimate(Recording(imu=loaded.imu, name=loaded.name), name, frame=loaded.frame)
+        told = result.filter.facts()["params"]
+        shown = shown_of(name, name, name if told == "defaults" else f"{name} ({told})", primary=not loaded.estimates)
+        loaded.estimates.append(Estimate(shown, result.track, result.filter.common.declination))
+        return self._changed(f"{name} runs beside")
+
+    def remove(self, name: str) -> str:
+        """Remove an estimator that is not the first.
+
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
+        others = [one for one in self._loaded.estimates[1:] if one.shown.name == name]
+        if not others:
+            raise ParameterError(f"'{name}' was not added.")
+        self._loaded.estimates.remove(others[0])
+        return self._changed(f"{name} is removed")
+
+    def _changed(self, text: str) -> str:
+        self._lay_out()
+        self._outlet.hello(self.hello())
+        self.seek(self._position)
+        return text
+
+    def tick(self) -> None:
+        """Hand on what is due."""
+        now_ns = self._clock()
+        if self.playing:
+            self._position += (now_ns - self._told_ns) / 1e9 * self.speed
+            if self._position >= self._last:
+                self._position, self.playing = self._last, False
+        self._told_ns = now_ns
+        self._tell_events()
+        self._hand_on()
+
+    def _tell_events(self) -> None:
+        events = self._loaded.events
+        while self._event < len(events) and events[self._event][0] <= self._position:
+            t, event = events[self._event]
+            self._outlet.event(t, event.kind, event.text)
+            self._event += 1
+
+    def _end_row(self, position: float) -> int:
+        """Row behind the last one at or before a position; at least one."""
+        return max(1, int(np.searchsorted(self._t, position, side="right")))
+
+    def _hand_on(self) -> None:
+        """Hand over the rows up to the position, as far as there is room, and the state where nothing is new."""
+        end, now_ns = self._end_row(self._position), self._clock()
+        while self._next < end and self._outlet.ready:
+            stop = min(end, self._next + _ROWS)
+            self._outlet.batch(self.batch(self._next, stop))
+            self._next, self._still_ns = stop, now_ns + _STILL_NS
+        if now_ns >= self._still_ns and self._outlet.ready:
+            self._still_ns = now_ns + _STILL_NS
+            self._outlet.batch(self.batch(end, end))
+
+    def batch(self, start: int, stop: int) -> Batch:
+        """Batch of some rows of the recording; without any, what is known at the place before."""
+        loaded, rows = self._loaded, slice(start, stop)
+        at = slice(max(stop - 1, 0), max(stop, 1))
+        known = {one.shown.name: held.rows(rows) for one, held in zip(loaded.estimates, self._held, strict=True)}
+        reference = None if self._reference is None else self._reference.rows(rows)
+        imu = None if loaded.imu is None or stop <= start else loaded.imu[rows]
+        count = stop - start
+        if count:
+            values = self._layout.values(imu, count, known, reference)
+            words = self._words[rows]
+            sensed = np.full((count, 10), np.nan) if loaded.sensed is None else sensed_rows(loaded.sensed[rows])
+        else:
+            values, words, sensed = np.zeros((0, len(self._layout.columns))), self._words[:0], np.zeros((0, 10))
+        arrays = {"t": self._t[rows], "flags": words, "values": values, "sensed": sensed}
+        return Batch(arrays, self._fields(at))
+
+    def _fields(self, at: slice) -> dict[str, Any]:
+        loaded = self._loaded
+        known = {one.shown.name: held.rows(at) for one, held in zip(loaded.estimates, self._held, strict=True)}
+        reference = None if self._reference is None else self._reference.rows(at)
+        imu = None if loaded.imu is None else loaded.imu[at]
+        link = Link(
+            rate=self._rate, latency=None, age=None, samples=at.stop, lost=loaded.lost, gaps=loaded.gaps,
+            junk=loaded.junk, rejected=loaded.rejected, unusable=loaded.unusable, drift_ppm=None, clock=RECORDED,
+            skipped=0,
+        )  # fmt: skip
+        return {
+            "raw": [plain(np.array([float(column[at][0])]))[0] for column in loaded.raw.values()],
+            "attitudes": attitudes_now(self._layout, known, reference),
+            "gravity_b": None if imu is None else newest(imu.usable("acc")),
+            "field_b": None if imu is None else newest(imu.usable("mag")),
+            "points": None if self._chain is None else self._chain.points(at.start),
+            "link": asdict(link),
+            "recording": None,
+            "text": None,
+            "playback": asdict(Playback(position=self._position, speed=self.speed, playing=self.playing)),
+            "arrived_ns": None,
+        }
+
+    def _lay_out(self) -> None:
+        """Columns, and every estimate at the samples."""
+        loaded = self._loaded
+        self._held = [_at(one, loaded.t) for one in loaded.estimates]
+        reference = loaded.reference
+        self._reference = None if reference is None else Attitudes.read(reference, loaded.t, None)
+        known = {one.shown.name: held for one, held in zip(loaded.estimates, self._held, strict=True)}
+        shown = headings_of(
+            [one.shown for one in loaded.estimates], known, None if reference is None else reference.north
+        )
+        triads = () if loaded.imu is None else loaded.imu.triads
+        warm = loaded.imu is not None and loaded.imu.temp_c is not None
+        told = None if reference is None else reference.source or "reference"
+        self._layout = Layout(triads, warm, tuple(shown), told)
+        self._words = np.zeros(loaded.t.size, dtype=np.uint32) if loaded.imu is None else loaded.imu.flags
+        if self._held and self._held[0].flags is not None:
+            self._words = self._words | self._held[0].flags
+        steps = np.diff(loaded.t)
+        self._rate = 1.0 / float(np.median(steps)) if steps.size else None
+
+    def hello(self) -> Hello:
+        """What the columns are, and what is played."""
+        loaded, held = self._loaded, self._held
+        running = {one.shown.name for one in loaded.estimates}
+        t0_ns = 0 if loaded.imu is None else loaded.imu.meta.t0_ns
+        triads = () if loaded.imu is None else loaded.imu.triads
+        raw: list[Column] = [] if loaded.message is None else raw_columns(loaded.message, loaded.raw)
+        return Hello(
+            session=loaded.name,
+            device=loaded.device,
+            format=loaded.format,
+            calibration=loaded.calibration,
+            noise=loaded.noise,
+            live=False,
+            frame=None if loaded.frame is None else str(loaded.frame),
+            north=str(held[0].north) if held else None,
+            axes=axes_of(loaded.frame),
+            rate=self._rate,
+            columns=self._layout.columns,
+            raw=raw,
+            estimators=self._layout.estimators,
+            filters=[name for name in addable(triads) if name not in running],
+            skeleton=None if self._chain is None else self._chain.skeleton,
+            guides=(),
+            regions=REGIONS.tolist(),
+            regions_names=NAMES,
+            control=self._control,
+            recording=False,
+            duration=self._last,
+            started_utc=t0_ns / 1e9 if t0_ns else None,
+            gravity=G0,
+            version=__version__,
+        )
+
+
+def _at(one: Estimate, t: Floats) -> Attitudes:
+    """An estimate at the samples; its covariance, bias and flags where it has these very times."""
+    if len(one.track) == len(t) and np.array_equal(one.track.t, t):
+        return Attitudes.of(one.track, None, one.declination)
+    return Attitudes.of(one.track, rows_at(to_ns(t), to_ns(one.track.t)), one.declination)
+
+
+class _Postures:
+    """A chain at every sample of a recording."""
+
+    def __init__(self, chain: Chain, loaded: Loaded) -> None:
+        if loaded.array is None or loaded.frame is None:
+            raise ParameterError("a chain needs a recording of several units, and a navigation frame.")
+        self._follower = Follower(chain, loaded.frame, loaded.array.names)
+        self._attitudes = self._follower.along(loaded.array.units)
+        self.skeleton = self._follower.skeleton
+
+    def points(self, row: int) -> list[list[float] | None]:
+        """Points of the stick figure at a sample."""
+        return self._follower.points_of({name: q[row] for name, q in self._attitudes.items()})
+
+
+def answered(asked: Asked, outlet: Outlet, action: Callable[[], str]) -> None:
+    """Do what a command asks for, and answer."""
+    try:
+        outlet.answer(asked, True, action())
+    except (PlumbobError, OSError) as error:
+        outlet.answer(asked, False, one_line(error))

@@ -1,0 +1,150 @@
+"""`plumbob control`: what the buttons of the live page do, from a script or another shell."""
+
+import json
+import urllib.error
+import urllib.request
+from typing import Any, Final, get_args
+from urllib.parse import parse_qs, urlsplit
+
+from plumbob.core import check
+from plumbob.core.errors import DecodeError, LineError, ParameterError
+from plumbob.viewer.messages import Command, Verb
+
+VERBS: Final[tuple[str, ...]] = get_args(Verb)
+NAMED: Final = ("record", "text", "add", "remove", "calibrate")
+"""Verbs that take a name."""
+NUMBERED: Final = ("seek", "speed")
+"""Verbs that take a number."""
+WRITTEN: Final = ("mark",)
+"""Verbs that take a text."""
+_TOKEN: Final = "token"
+_PATIENCE: Final = 15.0
+_MOST: Final = 1 << 16
+
+
+def control(url: str, verb: str, *, name: str = "", text: str = "", value: float | None = None) -> str:
+    """Ask a live view for something, as a button of its page does.
+
+    Parameters
+    ----------
+    url : str
+        Its address with the token, as `plumbob view` prints it.
+    verb : str
+        One of `plumbob.viewer.remote.VERBS`: ``record``, ``stop``, ``mark``, ``tare``, ``seek``...
+    name : str
+        Of what is recorded, written, added, removed or calibrated.
+    text : str
+        Of a mark.
+    value : float, optional
+        A position, s, or a speed.
+
+    Returns
+    -------
+    str
+        What the view answers.
+
+    Raises
+    ------
+    ParameterError
+        If the verb is not known, or the view refuses it.
+    LineError
+        If there is no view at the address, or it does not accept the token.
+    DecodeError
+        If what answers is not a view.
+    """
+    check.one_of("verb", verb, VERBS)
+    command = Command(id=1, verb=verb, name=name, text=text, value=value)  # type: ignore[arg-type]
+    answer = _posted(*_place(url), command)
+    if not isinstance(answer.get("ok"), bool) or not isinstance(answer.get("text"), str):
+        raise DecodeError(f"what answers at {_bare(url)} is not a view of this version of Plumbob.")
+    if not answer["ok"]:
+        raise ParameterError(f"the view refuses: {answer['text']}")
+    told: str = answer["text"]
+    return told
+
+
+def asked(verb: str, argument: str | None) -> dict[str, Any]:
+    """What a verb's argument is to `control`, by name.
+
+    Raises
+    ------
+    ParameterError
+        If the verb is not known, takes none, or needs a number.
+    """
+    check.one_of("verb", verb, VERBS)
+    if argument is None:
+        return {}
+    if verb in NAMED:
+        return {"name": argument}
+    if verb in WRITTEN:
+        return {"text": argument}
+    if verb not in NUMBERED:
+        raise ParameterError(f"'{verb}' takes nothing behind it, but got '{argument}'.")
+    try:
+        return {"value": float(argument)}
+    except ValueError:
+        raise ParameterError(f"'{verb}' needs a number, but got '{argument}'.") from None
+
+
+def _place(url: str) -> tuple[str, str]:
+    """Address without the token, and the token."""
+    parts = urlsplit(url)
+    tokens = parse_qs(parts.query).get(_TOKEN, [])
+    if parts.scheme not in ("http", "https") or not parts.netloc or len(tokens) != 1:
+        raise ParameterError(
+            "the address must be as plumbob view prints it, http://127.0.0.1:8770/?token=..., in quotation marks where "
+            "a shell reads it."
+        )
+    return f"{parts.scheme}://{parts.netloc}", tokens[0]
+
+
+def _bare(url: str) -> str:
+    """Address as it may be shown: without its token."""
+    return urlsplit(url).netloc
+
+
+def _posted(place: str, token: str, command: Command) -> dict[str, Any]:
+    given = {"id": command.id, "verb": command.verb}
+    given |= {name: value for name in ("name", "text", "value") if (value := getattr(command, name)) not in ("", None)}
+    request = urllib.request.Request(
+        f"{place}/api/command",
+        data=json.dumps(given).encode(),
+        headers={"Authorization": f"Bearer {token}", "Content-Type": "application/json"},
+        method="POST",
+    )
+    opener = urllib.request.build_opener(urllib.request.ProxyHandler({}), _NoRedirect)  # never through a proxy
+    try:
+        with opener.open(request, timeout=_PATIENCE) as reply:
+            return _object(reply.read(_MOST), place)
+    except urllib.error.HTTPError as error:
+        with error:
+            return _refused(error, place)
+    except OSError as error:
+        reason = getattr(error, "reason", error)
+        raise LineError(f"no view answers at {place}: {getattr(reason, 'strerror', None) or reason}.") from error
+
+
+class _NoRedirect(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, *_: Any) -> None:
+        """Never take the token elsewhere."""
+        return
+
+
+def _refused(error: urllib.error.HTTPError, place: str) -> dict[str, Any]:
+    """What a status says, where it is not an answer."""
+    if error.code == 401:
+        raise LineError(f"the view at {place} does not accept the token; take the address that it printed.")
+    try:
+        return _object(error.read(_MOST), place)
+    except DecodeError:
+        raise LineError(f"the view at {place} answers with status {error.code} ({error.reason}).") from error
+
+
+def _object(data: bytes, place: str) -> dict[str, Any]:
+    try:
+        found = json.loads(data)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise DecodeError(f"what answers at {place} is not a view of Plumbob.")
+    return found

@@ -1,0 +1,365 @@
+"""The rows of the charts: which columns there are, and what samples and attitudes put into them, as they are shown."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, Final, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.constants import G0
+from plumbob.core.errors import FrameError
+from plumbob.core.time import to_ns
+from plumbob.core.units import to_deg, to_dps
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.reading import default_max_gap, read_at
+from plumbob.filters import SMOOTHER, claims_covariance, filter_names, load
+from plumbob.rotations import Frame, North, change_frame, euler_zyx_from_quat, quat_rotate, wrap
+from plumbob.rotations.headings import HeadingPolicy, euler_sd, heading_policy, turn_heading
+from plumbob.viewer.messages import Attitude, Column, Estimator
+
+REFERENCE: Final = "reference"
+"""Name of the reference among the estimators."""
+Stamps = NDArray[np.int64]
+_SENSORS: Final = (("gyr", "rate", "°/s", 3), ("acc", "force", "m/s²", 3), ("mag", "field", "µT", 2))
+_ANGLES: Final = ("roll", "pitch", "yaw")
+_ORDER: Final = [2, 1, 0]
+"""Roll, pitch, yaw of yaw, pitch, roll."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Attitudes:
+    """Attitudes at samples; NaN where there is none.
+
+    Attributes
+    ----------
+    q_nb : ndarray (N, 4)
+        Body to navigation, wxyz.
+    frame : Frame
+        Navigation frame.
+    north : North
+        What headings count from.
+    declination : float or None
+        Of the place, rad, as far as is known.
+    bias_b, cov_b : ndarray (N, 3), (N, 3, 3) or None
+        Estimated bias, rad/s, and covariance of the error in body axes, rad².
+    flags : ndarray (N,) of uint32 or None
+        Of the estimator.
+    """
+
+    q_nb: Floats
+    frame: Frame
+    north: North
+    declination: float | None = None
+    bias_b: Floats | None = None
+    cov_b: Floats | None = None
+    flags: NDArray[np.uint32] | None = None
+
+    @classmethod
+    def of(cls, track: AttitudeTrack, rows: NDArray[np.intp] | None, declination: float | None) -> Self:
+        """Rows of a track, where −1 stands for no attitude; all of them where `rows` is None."""
+        q, bias, cov, words = track.q_nb, track.bias_b, track.cov_b, track.flags
+        if rows is not None:
+            q = _picked(q, rows)
+            bias, cov = (None if one is None else _picked(one, rows) for one in (bias, cov))
+            words = None if words is None else np.where(rows < 0, np.uint32(0), words[rows])
+        return cls(q, track.frame, track.north, declination, bias, cov, words)
+
+    @classmethod
+    def read(cls, track: AttitudeTrack, t: Floats, declination: float | None) -> Self:
+        """Attitudes of a track at other times (N,), s, as an evaluation reads a reference."""
+        q = read_at(track, to_ns(t), max_gap=default_max_gap(track)).q_nb
+        return cls(q, track.frame, track.north, declination)
+
+    @classmethod
+    def unknown(cls, count: int, frame: Frame, north: North) -> Self:
+        """No attitude at so many samples."""
+        return cls(_nothing(count, 4), frame, north)
+
+    def rows(self, which: slice) -> "Attitudes":
+        """Some of them."""
+        arrays = (None if one is None else one[which] for one in (self.bias_b, self.cov_b, self.flags))
+        return Attitudes(self.q_nb[which], self.frame, self.north, self.declination, *arrays)  # type: ignore[arg-type]
+
+
+def rows_at(wanted: Stamps, known: Stamps) -> NDArray[np.intp]:
+    """Rows (N,) of increasing times `known` that are the times `wanted` (N,), ns; −1 where there is none."""
+    if not known.size:
+        return np.full(wanted.size, -1, dtype=np.intp)
+    place = np.minimum(np.searchsorted(known, wanted), known.size - 1)
+    return np.where(known[place] == wanted, place, -1)
+
+
+def _picked(values: Floats, rows: NDArray[np.intp]) -> Floats:
+    found = values[rows]
+    found[rows < 0] = np.nan
+    return found
+
+
+class Shown(NamedTuple):
+    """An estimator as its columns need it.
+
+    Attributes
+    ----------
+    estimator : Estimator
+        What is said of it.
+    biased : bool
+        Whether it estimates a bias of the gyroscope.
+    headed : bool
+        Whether its heading can be compared with the reference's; where not, the error is that of the inclination.
+    """
+
+    estimator: Estimator
+    biased: bool
+    headed: bool = True
+
+    @property
+    def name(self) -> str:
+        """Name of the estimator."""
+        return self.estimator.name
+
+
+def shown_of(name: str, kind: str, title: str, *, primary: bool) -> Shown:
+    """Estimator of a filter, or of the smoother, by the name of its kind."""
+    known = kind == SMOOTHER or kind in filter_names()
+    claims = kind == SMOOTHER or (known and claims_covariance(kind))
+    biased = kind == SMOOTHER or (known and hasattr(load(kind), "BIAS"))  # its step writes that entry of the state
+    return Shown(Estimator(name=name, title=title, primary=primary, claims=claims), biased)
+
+
+def shown_of_track(name: str, track: AttitudeTrack, title: str, *, primary: bool) -> Shown:
+    """Estimator of a track that a recording carries."""
+    estimator = Estimator(name=name, title=title, primary=primary, claims=track.cov_b is not None)
+    return Shown(estimator, track.bias_b is not None and bool(np.any(track.bias_b)))
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Which columns there are.
+
+    Attributes
+    ----------
+    triads : sequence of str
+        Of the unit.
+    temperature : bool
+        Whether it has one.
+    shown : sequence of Shown
+        Estimators, the primary one first, without the reference.
+    reference : str or None
+        What the reference is; None where there is none.
+    columns : list of Column
+        The columns.
+    """
+
+    triads: Sequence[str]
+    temperature: bool
+    shown: Sequence[Shown]
+    reference: str | None = None
+    columns: list[Column] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Name the columns."""
+        object.__setattr__(self, "columns", [*self._of_sensors(), *self._of_estimators()])
+
+    @property
+    def estimators(self) -> list[Estimator]:
+        """All of them, and the reference."""
+        named = [one.estimator for one in self.shown]
+        if self.reference is None:
+            return named
+        return [*named, Estimator(name=REFERENCE, title=self.reference, primary=False, claims=False)]
+
+    def _of_sensors(self) -> Iterator[Column]:
+        for name, chart, unit, digits in _SENSORS:
+            if name in self.triads:
+                for axis in "xyz":
+                    yield _column(f"{name}.{axis}", chart, axis, unit, digits, name)
+        if self.temperature:
+            yield _column("temp", "temperature", "temperature", "°C", 2, "temp")
+        if "acc" in self.triads:
+            yield _column("acc.excess", "residual", "|force| − g", "m/s²", 3, "acc")
+
+    def _of_estimators(self) -> Iterator[Column]:
+        for one in self.shown:
+            name = one.name
+            yield from (_column(f"{name}.{angle}", "attitude", angle, "°", 2, name) for angle in _ANGLES)
+            if one.estimator.claims:
+                yield from (_column(f"{name}.sd.{angle}", "sd", angle, "°", 3, name) for angle in _ANGLES)
+            if one.biased:
+                yield from (_column(f"{name}.bias.{axis}", "bias", axis, "°/s", 4, name) for axis in "xyz")
+            if "acc" in self.triads:
+                yield _column(f"{name}.force_angle", "residual", "force to up", "°", 2, name)
+            if "mag" in self.triads:
+                yield _column(f"{name}.field_angle", "residual", "field to North", "°", 2, name)
+            if self.reference is not None:
+                yield _column(f"{name}.error", "error", "error" if one.headed else "inclination", "°", 3, name)
+        if self.reference is not None:
+            yield from (_column(f"{REFERENCE}.{angle}", "attitude", angle, "°", 2, REFERENCE) for angle in _ANGLES)
+
+    def values(
+        self, imu: ImuData | None, count: int, known: Mapping[str, Attitudes], reference: Attitudes | None
+    ) -> Floats:
+        """Values (N, M) of the columns, in their units.
+
+        Parameters
+        ----------
+        imu : ImuData or None
+            Samples, calibrated; None where a recording has none.
+        count : int
+            How many rows.
+        known : mapping of str to Attitudes
+            Of the estimators, at the samples.
+        reference : Attitudes or None
+            Of the reference, in its own frame.
+        """
+        found = [] if imu is None else list(self._sensed(imu))
+        true = None
+        if self.reference is not None:
+            primary = known[self.shown[0].name] if self.shown else None
+            true = _nothing(count, 4) if reference is None else in_frame_of(primary, reference)
+        for one in self.shown:
+            found += self._estimated(one, known[one.name], imu, true)
+        if true is not None:
+            found.append(angles_of(true))
+        return np.concatenate(found, axis=1) if found else _nothing(count, 0)
+
+    def _sensed(self, imu: ImuData) -> Iterator[Floats]:
+        for name, *_ in _SENSORS:
+            if name in self.triads:
+                values = imu.usable(name)
+                yield to_dps(values) if name == "gyr" else values
+        if self.temperature:
+            yield (np.full(len(imu), np.nan) if imu.temp_c is None else imu.temp_c)[:, np.newaxis]
+        if "acc" in self.triads:
+            yield np.sqrt(np.einsum("ij,ij->i", imu.usable("acc"), imu.usable("acc")))[:, np.newaxis] - G0
+
+    def _estimated(self, one: Shown, at: Attitudes, imu: ImuData | None, true: Floats | None) -> Iterator[Floats]:
+        count = len(at.q_nb)
+        yield angles_of(at.q_nb)
+        if one.estimator.claims:
+            yield claimed_of(at)
+        if one.biased:
+            yield _nothing(count, 3) if at.bias_b is None else to_dps(at.bias_b)
+        if imu is not None and "acc" in self.triads:
+            yield _from_up(at, imu.usable("acc"))[:, np.newaxis]
+        if imu is not None and "mag" in self.triads:
+            yield _from_north(at, imu.usable("mag"))[:, np.newaxis]
+        if true is not None:
+            yield errors_of(at.q_nb, true, headed=one.headed)[:, np.newaxis]
+
+
+def angles_of(q_nb: Floats) -> Floats:
+    """Roll, pitch and yaw (N, 3), degrees, as every report of Plumbob prints them."""
+    return to_deg(euler_zyx_from_quat(q_nb))[:, _ORDER]
+
+
+def claimed_of(at: Attitudes) -> Floats:
+    """Claimed standard deviations of roll, pitch and yaw (N, 3), degrees; none of a yaw that is free."""
+    if at.cov_b is None:
+        return _nothing(len(at.q_nb), 3)
+    found = to_deg(euler_sd(at.q_nb, at.cov_b))[:, _ORDER]
+    if at.north is North.FREE:
+        found[:, 2] = np.nan
+    return found
+
+
+def errors_of(q_nb: Floats, true: Floats, *, headed: bool) -> Floats:
+    """Angle to the reference (N,), degrees, in one frame; of the inclination alone where headings have other zeros."""
+    from plumbob.evaluation.metrics import attitude_errors
+
+    return to_deg(attitude_errors(q_nb, true)["total" if headed else "inclination"])
+
+
+def attitudes_now(
+    layout: Layout, known: Mapping[str, Attitudes], reference: Attitudes | None
+) -> dict[str, dict[str, Any]]:
+    """Newest attitude of each estimator that has one, and of the reference, as `messages.Batch` has them."""
+    found: dict[str, dict[str, Any]] = {}
+    primary = known[layout.shown[0].name] if layout.shown else None
+    true = None if reference is None or not len(reference.q_nb) else in_frame_of(primary, reference.rows(_LAST))
+    for one in layout.shown:
+        at = known[one.name].rows(_LAST)
+        if not len(at.q_nb) or not np.isfinite(at.q_nb).all():
+            continue
+        sd = plain(claimed_of(at)[0]) if one.estimator.claims else None
+        error = None if true is None else plain(errors_of(at.q_nb, true, headed=one.headed))[0]
+        found[one.name] = {"q_nb": at.q_nb[0].tolist(), "sd": sd, "error": error}
+    if true is not None and np.isfinite(true).all():
+        found[REFERENCE] = {"q_nb": true[0].tolist(), "sd": None, "error": None}
+    return found
+
+
+def attitude_told(fields: Mapping[str, Any]) -> Attitude:
+    """Newest attitude of an estimator, as a state has it, of what `attitudes_now` says; before any tare."""
+    roll, pitch, yaw = angles_of(np.array([fields["q_nb"]]))[0].tolist()
+    return Attitude(roll=roll, pitch=pitch, yaw=yaw, **fields)
+
+
+def plain(values: Floats) -> list[float | None]:
+    """Numbers for JSON; None for what is not finite."""
+    return [value if ok else None for value, ok in zip(values.tolist(), np.isfinite(values).tolist(), strict=True)]
+
+
+def newest(values: Floats) -> list[float] | None:
+    """Last row (K,) that is known; None where none is."""
+    whole = np.flatnonzero(np.isfinite(values).all(axis=1))
+    return None if not whole.size else list(map(float, values[whole[-1]]))
+
+
+def headings_of(shown: Sequence[Shown], norths: Mapping[str, Attitudes], reference: North | None) -> list[Shown]:
+    """Estimators, with whether their headings can be compared with the reference's."""
+    if reference is None:
+        return list(shown)
+    return [one._replace(headed=_policy(norths[one.name].north, reference, norths[one.name].declination).comparable)
+            for one in shown]  # fmt: skip
+
+
+def in_frame_of(primary: Attitudes | None, reference: Attitudes) -> Floats:
+    """Attitudes (N, 4) of a reference in the frame of the primary estimator, from its North as far as is known."""
+    if primary is None:
+        return reference.q_nb
+    q = change_frame(reference.q_nb, to=primary.frame, from_=reference.frame)
+    turn = _policy(primary.north, reference.north, primary.declination).turn
+    return turn_heading(q, turn, primary.frame) if turn else q
+
+
+@cache  # every flush asks
+def _policy(estimate: North, reference: North, declination: float | None) -> HeadingPolicy:
+    try:
+        return heading_policy(estimate, reference, aligned=False, declination=declination)
+    except FrameError as error:
+        return HeadingPolicy(comparable=False, reason=str(error))
+
+
+def _from_up(at: Attitudes, acc: Floats) -> Floats:
+    """Angle (N,) of the specific force to the estimate's up, degrees."""
+    force_n = quat_rotate(at.q_nb, acc)
+    return to_deg(np.arctan2(np.hypot(force_n[:, 0], force_n[:, 1]), force_n @ at.frame.up))
+
+
+def _from_north(at: Attitudes, mag: Floats) -> Floats:
+    """Angle (N,) from the estimate's magnetic North to the field's level direction, clockwise, degrees."""
+    if at.north is North.FREE or (at.north is North.TRUE and at.declination is None):
+        return np.full(len(mag), np.nan)
+    field_n = quat_rotate(at.q_nb, mag)
+    heading = np.arctan2(field_n @ at.frame.east, field_n @ at.frame.north)
+    return to_deg(wrap(heading - (at.declination or 0.0 if at.north is North.TRUE else 0.0)))
+
+
+def sensed_rows(sensed: ImuData) -> Floats:
+    """Uncalibrated samples (N, 10): rate, rad/s, specific force, m/s², field, µT, and temperature, °C."""
+    temp = np.full(len(sensed), np.nan) if sensed.temp_c is None else sensed.temp_c
+    return np.column_stack([*(sensed.usable(name) for name, *_ in _SENSORS), temp])
+
+
+_LAST: Final = slice(-1, None)
+
+
+def _nothing(count: int, width: int) -> Floats:
+    return np.full((count, width), np.nan)
+
+
+def _column(key: str, chart: str, label: str, unit: str, digits: int, source: str) -> Column:
+    return Column(key=key, chart=chart, label=label, unit=unit, digits=digits, source=source)

@@ -1,0 +1,265 @@
+"""A recording that starts and stops while the line runs, marks in it, and a text beside it."""
+
+import re
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.acquisition.transport import Event, Received
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.files.mcap.layout import SUFFIX, dated, existing_parts
+from plumbob.session.recording_sink import RecordingSink, epoch_offset_ns
+from plumbob.session.session import RecordSpec
+from plumbob.session.sinks import TextSink
+from plumbob.session.stream import Part, Stream
+
+LONGEST: Final = 80
+"""Letters of a name at most."""
+LONGEST_MARK: Final = 200
+"""Letters of a mark at most."""
+MARK: Final = "mark"
+"""Kind of the event that a mark is."""
+_NAME: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*")
+_FREE: Final = 1000
+
+
+def checked_name(name: str) -> str:
+    """Name of an output, as somebody gave it.
+
+    Raises
+    ------
+    ParameterError
+        If it could be a path, or is too long.
+    """
+    if not _NAME.fullmatch(name) or len(name) > LONGEST:
+        raise ParameterError(
+            f"a name has at most {LONGEST} letters, digits, '-', '_' and '.', and does not begin with '.', but "
+            f"got {name[:LONGEST]!r}. It is not a path."
+        )
+    return name
+
+
+def _tame(name: str) -> str:
+    """Name of a session as one of a file."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:LONGEST] or "recording"
+
+
+class Switch:
+    """Takes the place of a recording in a run, and records when it is asked to.
+
+    A recording that starts while the line runs has a stream of its own, which begins with it: its samples and attitudes
+    are those that `plumbob record` would have written, and a replay gives them again to the bit.
+
+    Parameters
+    ----------
+    stream : Stream
+        The stream that runs.
+    folder : path
+        Where files go.
+    own : RecordingSink, optional
+        The session's own recording, which is made from the start.
+
+    Attributes
+    ----------
+    recordings : list of dict
+        Of each that has ended: ``path``, and ``rows``, ``acknowledged`` and ``dropped``.
+    failures : list of Event
+        Sinks beside it that have failed.
+    text : str or None
+        Text file that is written.
+    """
+
+    def __init__(
+        self,
+        stream: Stream,
+        folder: Path,
+        own: RecordingSink | None = None,
+        clock: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._stream, self._folder, self._clock = stream, folder, clock
+        self._sink, self._second = own, None if own is None else stream
+        self._since = time.time()
+        self._behind: Event | None = None
+        self._events: list[Event] = []
+        self._text: TextSink | None = None
+        self.recordings: list[dict[str, Any]] = []
+        self.failures: list[Event] = []
+        self.text: str | None = None
+
+    @property
+    def recording(self) -> dict[str, Any] | None:
+        """What `messages.Recorded` says of the recording that is made; None where none is."""
+        if self._sink is None:
+            return None
+        return {**_told(self._sink), "since": self._since}
+
+    def record(self, name: str = "") -> str:
+        """Start a recording, and say where.
+
+        Raises
+        ------
+        ParameterError
+            If one is made already, or the name is not one.
+        DecodeError
+            If the file cannot be made.
+        """
+        if self._sink is not None:
+            raise ParameterError(f"{self._sink.recorder.path.name} is being recorded; stop it first.")
+        session = replace(self._stream.session, record=None)
+        path = self._free(name, SUFFIX)
+        sink = RecordingSink(session, RecordSpec(str(path)))
+        sink.start()
+        self._sink, self._second, self._since = sink, Stream(session), time.time()
+        self._say("recording", f"{path.name} is being recorded")
+        return str(path)
+
+    def stop(self) -> str:
+        """End the recording, and say what it holds.
+
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
+        if self._sink is None:
+            raise ParameterError("nothing is being recorded.")
+        told = self._end(self._clock())
+        text = f"{Path(told['path']).name} has ended: {told['acknowledged']} of {told['rows']} rows on disk"
+        self._say("recording", text)
+        return text
+
+    def mark(self, text: str) -> str:
+        """Put an event into the recording and the view.
+
+        Raises
+        ------
+        ParameterError
+            If the text is empty, too long, or has more than one line.
+        """
+        text = text.strip()
+        if not text or len(text) > LONGEST_MARK or not text.isprintable():
+            raise ParameterError(f"a mark is a line of at most {LONGEST_MARK} printable letters.")
+        event = Event(self._clock(), MARK, text)
+        self._events.append(event)
+        if self._sink is not None:
+            self._sink.on_item(event)
+        return f"marked: {text}"
+
+    def write_text(self, name: str = "") -> str:
+        """Start a text file, and say where.
+
+        Raises
+        ------
+        ParameterError
+            If one is written already, nothing is estimated, or the name is not one.
+        """
+        if self.text is not None:
+            raise ParameterError(f"{Path(self.text).name} is being written; stop it first.")
+        if self._stream.filter is None:
+            raise ParameterError("a text has attitudes, and nothing estimates one; give --filter.")
+        path = self._free(name, ".txt")
+        self._text, self.text = TextSink(path, self._stream.session.output.every), str(path)
+        self._say("text", f"{path.name} is being written")
+        return str(path)
+
+    def stop_text(self) -> str:
+        """End the text file.
+
+        Raises
+        ------
+        ParameterError
+            If there is none.
+        """
+        if self._text is None or self.text is None:
+            raise ParameterError("no text is being written.")
+        self._text.close()
+        name = Path(self.text).name
+        self._text = self.text = None
+        self._say("text", f"{name} has ended")
+        return f"{name} has ended"
+
+    def start(self) -> Event | None:
+        """Start the session's own recording, where there is one; as `RecordingSink.start`."""
+        return None if self._sink is None else self._sink.start()
+
+    def on_item(self, item: Received | Event) -> None:
+        """Keep what has come."""
+        if self._sink is None:
+            return
+        self._sink.on_item(item)
+        if self._second is not None and self._second is not self._stream:
+            part = self._second.feed(item)
+            if part is not None:
+                self._sink.on_part(part, item.t_ns)
+
+    def on_part(self, part: Part, now_ns: int) -> None:
+        """Keep what the line made of it."""
+        if self._sink is not None and self._second is self._stream:
+            self._sink.on_part(part, now_ns)
+        if self._text is not None:
+            try:
+                self._text.on_part(part)
+            except OSError as error:
+                self._events.append(Event(now_ns, "failed", f"{self.text} cannot be written any more: {error}."))
+                self._text = self.text = None
+
+    def tick(self, now_ns: int) -> list[Event]:
+        """Send off what is due, and return what has happened."""
+        events, self._events = self._events, []
+        if self._sink is None:
+            found, self.failures = self.failures, []
+            return [*events, *found]
+        self._sink.failures += self.failures
+        self.failures = []
+        return [*events, *self._sink.tick(now_ns)]
+
+    def close(self) -> list[Event]:
+        """End everything."""
+        if self._text is not None:
+            self._text.close()
+            self._text = self.text = None
+        if self._sink is not None:
+            self._end(self._clock())
+        events, self._events = self._events, []
+        return events
+
+    def _end(self, now_ns: int) -> dict[str, Any]:
+        sink, second = self._sink, self._second
+        assert sink is not None
+        if second is not None and second is not self._stream:
+            rest = second.finish()
+            if rest is not None:
+                sink.on_part(rest, now_ns)
+        self._events += sink.close()
+        self._sink = self._second = None
+        told = {**_told(sink), "failed": bool(sink.failures)}
+        self.recordings.append(told)
+        return told
+
+    def _free(self, name: str, suffix: str) -> Path:
+        """Path of a new file: the name and the time, and a number where that exists."""
+        stem = checked_name(name) if name else _tame(self._stream.session.name)
+        if not self._folder.is_dir():
+            raise DecodeError(f"there is no folder {self._folder}; create it first.")
+        stem = dated(f"{stem}-{{utc}}", self._clock() + epoch_offset_ns())
+        for number in range(1, _FREE):
+            path = self._folder / f"{stem}{'' if number == 1 else f'-{number}'}{suffix}"
+            if not path.exists() and not (suffix == SUFFIX and existing_parts(path)):
+                return path
+        raise ParameterError(f"{stem}{suffix} exists {_FREE} times; give another name.")
+
+    def _say(self, kind: str, text: str) -> None:
+        self._events.append(Event(self._clock(), kind, text))
+
+
+def _told(sink: RecordingSink) -> dict[str, Any]:
+    recorder = sink.recorder
+    return {"path": str(recorder.path), "rows": recorder.written, "acknowledged": recorder.acknowledged,
+            "dropped": recorder.dropped}  # fmt: skip
+
+
+def lossy(recordings: Sequence[dict[str, Any]]) -> bool:
+    """Whether rows of any are lost, or an output beside it failed."""
+    return any(one["acknowledged"] < one["rows"] or one.get("failed") for one in recordings)

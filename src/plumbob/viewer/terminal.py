@@ -1,0 +1,528 @@
+"""The view in a terminal: the same batches as text, for who has no browser, as over ssh."""
+
+import contextlib
+import os
+import select
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from plumbob.acquisition.transport import Stop, Stopping
+from plumbob.core.errors import ParameterError
+from plumbob.core.flags import names
+from plumbob.core.text import visible
+from plumbob.core.units import Quantity, given, to_deg
+from plumbob.data.chain import Chain
+from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_rotate
+from plumbob.viewer.feed import Asked
+from plumbob.viewer.messages import Batch, Command, Hello
+from plumbob.viewer.rows import REFERENCE
+from plumbob.viewer.view import Viewed, opened_up
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from plumbob.session.session import Session
+
+_EVERY: Final = 0.1
+_STALE_NS: Final = 1_000_000_000
+_EVENTS: Final = 50
+_JOIN: Final = 1.0
+_TAPE: Final = 0.2
+"""Characters for a degree of the heading's tape."""
+_SCALES: Final = {"gyr": 250.0, "acc": 20.0, "mag": 80.0}
+"""Ends of the bars, °/s, m/s², µT: wider than most motions, and not the ranges of the sensors."""
+_SENSORS: Final = (("gyr", "rate", "°/s", 2), ("acc", "force", "m/s²", 2), ("mag", "field", "µT", 1))
+
+CHINESE: Final = {
+    "live": "实时", "stale": "无数据", "playing": "播放", "paused": "暂停", "waiting": "等待数据",
+    "device": "设备", "format": "格式", "calibration": "标定", "uncalibrated": "未标定", "noise": "噪声卡",
+    "estimator": "估计器", "roll": "横滚", "pitch": "俯仰", "yaw": "偏航", "error": "误差", "tared": "已归零",
+    "reference": "参考", "heading": "航向", "rate": "角速率", "force": "比力", "field": "磁场",
+    "temperature": "温度", "flags": "标志", "none": "无", "link": "链路", "latency": "延迟", "samples": "样本",
+    "lost": "丢失", "gaps": "间断", "junk": "无效字节", "rejected": "拒绝", "clock": "时钟", "recording": "记录",
+    "nothing": "无", "rows": "行", "dropped": "丢弃", "text": "文本", "at": "位置", "of": "/",
+    "quit": "退出", "record": "记录/停止", "mark": "标记", "tare": "归零", "pause": "暂停", "events": "事件",
+    "true": "真北", "magnetic": "磁北", "free": "任意零点", "residual": "残差",
+    "not-converged": "未收敛", "at-rest": "静止", "heading-free": "航向自由", "acc-gated": "未用加速度计",
+    "mag-gated": "未用磁强计", "gap": "间断", "inconsistent": "不一致", "field-unknown": "磁场未知",
+    "gyr-absent": "无陀螺仪", "acc-absent": "无加速度计", "mag-absent": "无磁强计", "gyr-clipped": "陀螺仪饱和",
+    "acc-clipped": "加速度计饱和", "mag-clipped": "磁强计饱和", "gyr-invalid": "陀螺仪无效",
+    "acc-invalid": "加速度计无效", "mag-invalid": "磁强计无效", "time-fault": "时间错误", "gyr-held": "角速率保持",
+    "gyr-stuck": "陀螺仪卡死", "acc-stuck": "加速度计卡死", "mag-stuck": "磁强计卡死",
+}  # fmt: skip
+"""Labels in Chinese, by the English ones."""
+
+
+@dataclass(slots=True)
+class Now:
+    """What a terminal shows: the newest of everything that came.
+
+    Attributes
+    ----------
+    hello : Hello or None
+        What the columns are.
+    values : dict of str to float
+        Newest number of each column.
+    fields : mapping
+        As `messages.Batch` has them.
+    t : float or None
+        Time of the newest sample, s.
+    words : int
+        Its flags.
+    events : deque of str
+        The newest at the end.
+    tare : ndarray (4,) or None
+        Attitude that angles count from.
+    """
+
+    hello: Hello | None = None
+    values: dict[str, float] = field(default_factory=dict)
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    t: float | None = None
+    words: int = 0
+    events: deque[str] = field(default_factory=lambda: deque(maxlen=_EVENTS))
+    tare: Any = None
+
+
+class Terminal:
+    """Outlet on a terminal.
+
+    Parameters
+    ----------
+    stop : Stop
+        Set by the key q.
+    lang : {"en", "zh"}
+        Language of the labels.
+
+    Attributes
+    ----------
+    now : Now
+        What is shown.
+    """
+
+    def __init__(self, stop: Stop, lang: str = "en") -> None:
+        self.now = Now()
+        self._stop, self._words = stop, CHINESE if lang == "zh" else {}
+        self._lock = threading.Lock()
+        self._marks = 0
+        self._keys: deque[str] = deque()
+
+    def hello(self, hello: Hello) -> None:
+        """Take over the columns."""
+        with self._lock:
+            self.now.hello = hello
+            known = {column.key for column in hello.columns}
+            self.now.values = {key: value for key, value in self.now.values.items() if key in known}
+
+    def batch(self, batch: Batch) -> None:
+        """Take the newest of a batch."""
+        rows, hello = batch.rows, self.now.hello
+        with self._lock:
+            self.now.fields = batch.fields
+            if hello is None or not len(rows["t"]):
+                return
+            self.now.t, self.now.words = float(rows["t"][-1]), int(rows["flags"][-1])
+            last = rows["values"][-1]
+            self.now.values.update({
+                column.key: float(value)
+                for column, value in zip(hello.columns, last, strict=True) if np.isfinite(value)
+            })  # fmt: skip
+
+    def event(self, t: float | None, kind: str, text: str) -> None:
+        """Take an event."""
+        when = "" if t is None else f"{t:.1f} s "
+        with self._lock:
+            self.now.events.append(visible(f"{when}{kind}: {text}"))
+
+    def reset(self) -> None:
+        """Forget what was shown."""
+        with self._lock:
+            self.now.values.clear()
+
+    def answer(self, asked: Asked, ok: bool, text: str) -> None:
+        """Show what became of a key."""
+        if not ok:
+            self.event(self.now.t, asked.command.verb, text)
+
+    @property
+    def ready(self) -> bool:
+        """A terminal shows the newest, whatever comes."""
+        return True
+
+    def asked(self) -> Sequence[Asked]:
+        """What keys ask for."""
+        found = []
+        for key in _pressed():
+            command = self._command(key)
+            if command is not None:
+                found.append(Asked(None, command))
+        return found
+
+    def lines(self, width: int, height: int, now_ns: int) -> "list[Text]":
+        """What the screen shows: lines of at most `width`, `height` of them at most."""
+        with self._lock:
+            return _Page(self.now, self._words, width, now_ns).lines(height)
+
+    def _command(self, key: str) -> Command | None:
+        """What a key asks of the session; what it asks of the view is done here."""
+        live = self.now.hello is not None and self.now.hello.live
+        if key == "q":
+            self._stop.set()
+        elif key == "t":
+            self._tare()
+        elif key == "r" and live:
+            return Command(id=0, verb="record" if self.now.fields.get("recording") is None else "stop")
+        elif key == "m" and live:
+            self._marks += 1
+            return Command(id=0, verb="mark", text=f"mark {self._marks}")
+        elif key == " " and not live:
+            playing = (self.now.fields.get("playback") or {}).get("playing")
+            return Command(id=0, verb="pause" if playing else "play")
+        return None
+
+    def _tare(self) -> None:
+        with self._lock:
+            attitudes = self.now.fields.get("attitudes") or {}
+            first = next(iter(attitudes.values()), None)
+            set_now = self.now.tare is None and first is not None
+            self.now.tare = quat_conjugate(np.array(first["q_nb"])) if set_now and first is not None else None
+
+
+class _Page:
+    """A screen of text."""
+
+    def __init__(self, now: Now, words: Mapping[str, str], width: int, now_ns: int) -> None:
+        self._now, self._words, self._width = now, words, width
+        arrived = now.fields.get("arrived_ns")
+        live = now.hello is not None and now.hello.live
+        self._age = None if arrived is None or not live else (now_ns - arrived) / 1e9
+        self._stale = self._age is not None and self._age * 1e9 > _STALE_NS
+
+    def lines(self, height: int) -> "list[Text]":
+        from rich.text import Text
+
+        if self._now.hello is None:
+            return [Text(self._say("waiting"))]
+        head = [*self._head(), *self._attitudes(), *self._tape(), *self._sensors(), *self._state()]
+        room = max(0, height - len(head) - 1)
+        events = [Text(line, style="dim") for line in list(self._now.events)[-room:]] if room else []
+        found = [*head, *events]
+        found += [Text("")] * (height - 1 - len(found))
+        found = [*found[: height - 1], Text(self._keys(), style="reverse")]
+        for line in found:
+            if self._stale:
+                line.stylize("bright_black")
+            line.truncate(self._width, overflow="ellipsis")
+            line.no_wrap = True
+        return found
+
+    def _say(self, word: str) -> str:
+        return self._words.get(word, word)
+
+    def _head(self) -> "Iterator[Text]":
+        from rich.text import Text
+
+        hello, now = self._now.hello, self._now
+        assert hello is not None
+        playback = now.fields.get("playback")
+        if playback is not None:
+            status = self._say("playing" if playback["playing"] else "paused")
+        else:
+            status = self._say("stale" if self._stale else "live" if now.t is not None else "waiting")
+        line = Text(f"{visible(hello.session)}  ", style="bold")
+        line.append(status, style="bold red" if self._stale else "bold green")
+        line.append(f"  {_clock(now.t)}")
+        if now.tare is not None:
+            line.append(f"  {self._say('tared')}", style="yellow")
+        yield line
+        told = f"{visible(hello.device)}, {visible(hello.format)}, {self._say('calibration')}: "
+        line = Text(told, style="dim")
+        bare = hello.calibration == "uncalibrated"
+        line.append(visible(self._say(hello.calibration)), style="bold yellow" if bare else "dim")
+        yield line
+
+    def _attitudes(self) -> "Iterator[Text]":
+        from rich.text import Text
+
+        attitudes = self._now.fields.get("attitudes") or {}
+        if not attitudes:
+            return
+        title = [self._say(word) for word in ("estimator", "roll", "pitch", "yaw", "error")]
+        yield Text(_row(title[0], [f"{word} [°]" for word in title[1:4]], f"{title[4]} [°]"), style="dim")
+        for name, one in attitudes.items():
+            roll, pitch, yaw = _angles(one["q_nb"], self._now.tare)
+            sds = one["sd"] or [None] * 3
+            cells = [f"{angle:8.2f}{_sd(sd)}" for angle, sd in zip((roll, pitch, yaw), sds, strict=True)]
+            error = "" if one["error"] is None else f"{one['error']:.2f}"
+            label = self._say(name) if name == REFERENCE else visible(name)
+            yield Text(_row(label, cells, error), style="dim" if name == REFERENCE else "bold")
+
+    def _tape(self) -> "Iterator[Text]":
+        from rich.text import Text
+
+        hello, attitudes = self._now.hello, self._now.fields.get("attitudes") or {}
+        if hello is None or hello.frame is None or not attitudes:
+            return
+        heading = heading_of(next(iter(attitudes.values()))["q_nb"], Frame(hello.frame))
+        width = self._width - 1
+        yield Text(tape(heading, width))
+        north = self._say(hello.north or North.FREE)
+        yield Text(f"▲ {heading:05.1f}° {north}".rjust(width // 2 + len(f" {heading:05.1f}° {north}") + 1))
+
+    def _sensors(self) -> "Iterator[Text]":
+        from rich.text import Text
+
+        values = self._now.values
+        for sensor, label, unit, digits in _SENSORS:
+            if not any(f"{sensor}.{axis}" in values for axis in "xyz"):
+                continue
+            line = Text(_padded(self._say(label), 9))
+            bar = max(3, (self._width - 9 - 3 * 10 - 6) // 3)
+            for axis in "xyz":
+                value = values.get(f"{sensor}.{axis}")
+                line.append("       - " if value is None else f"{value:8.{digits}f} ")
+                line.append(_bar(value, _SCALES[sensor], bar), style="cyan")
+                line.append(" ")
+            line.append(unit, style="dim")
+            yield line
+        if "temp" in values:
+            yield Text(f"{_padded(self._say('temperature'), 9)}{values['temp']:8.2f} °C{self._residual()}")
+
+    def _residual(self) -> str:
+        """Residuals of the primary estimator."""
+        hello, values = self._now.hello, self._now.values
+        first = hello.estimators[0].name if hello is not None and hello.estimators else ""
+        told = [
+            f"{self._say(label)} {values[key]:.2f}°"
+            for label, key in (("force", f"{first}.force_angle"), ("field", f"{first}.field_angle")) if key in values
+        ]  # fmt: skip
+        return f"   {self._say('residual')}: {', '.join(told)}" if told else ""
+
+    def _state(self) -> "Iterator[Text]":
+        from rich.text import Text
+
+        fields = self._now.fields
+        risen = [self._say(name) for name in names(self._now.words)]
+        line = Text(f"{self._say('flags')}: ")
+        line.append(" ".join(risen) or self._say("none"), style="yellow" if risen else "dim")
+        yield line
+        link = fields.get("link") or {}
+        if link:
+            rate = "-" if link["rate"] is None else f"{link['rate']:.1f} Hz"
+            parts = [rate, f"{link['samples']} {self._say('samples')}"]
+            if self._age is not None:
+                parts.append(f"{self._say('latency')} {1e3 * min(self._age, 9999.0):.0f} ms")
+            drift = "" if link["drift_ppm"] is None else f" {link['drift_ppm']:+.1f} ppm"
+            parts.append(f"{self._say('clock')} {link['clock']}{drift}")
+            yield Text(", ".join(parts))
+            bad = link["lost"] or link["junk"] or link["rejected"]
+            told = ", ".join(f"{self._say(name)} {link[name]}" for name in ("lost", "gaps", "junk", "rejected"))
+            yield Text(told, style="yellow" if bad else "dim")
+        yield self._recorded()
+
+    def _recorded(self) -> "Text":
+        from rich.text import Text
+
+        fields, hello = self._now.fields, self._now.hello
+        playback, kept = fields.get("playback"), fields.get("recording")
+        if playback is not None and hello is not None:
+            whole = f" {self._say('of')} {hello.duration:.1f} s" if hello.duration is not None else ""
+            return Text(f"{self._say('at')} {playback['position']:.2f}{whole}, × {playback['speed']:g}")
+        if kept is None:
+            return Text(f"{self._say('recording')}: {self._say('nothing')}", style="dim")
+        lost = f", {self._say('dropped')} {kept['dropped']}" if kept["dropped"] else ""
+        told = f"● {Path(kept['path']).name}: {kept['acknowledged']}/{kept['rows']} {self._say('rows')}{lost}"
+        return Text(visible(told), style="bold red")
+
+    def _keys(self) -> str:
+        hello = self._now.hello
+        live = hello is not None and hello.live
+        own = (("r", "record"), ("m", "mark")) if live else (("␣", "pause"),)
+        return " " + "  ".join(f"{key} {self._say(word)}" for key, word in (("q", "quit"), *own, ("t", "tare"))) + " "
+
+
+def heading_of(q_nb: Sequence[float], frame: Frame) -> float:
+    """Direction of the body's x axis, degrees clockwise from the zero of headings, from 0 to 360."""
+    forward = quat_rotate(np.array(q_nb), [1.0, 0.0, 0.0])
+    return float(to_deg(float(np.arctan2(forward @ frame.east, forward @ frame.north)))) % 360.0
+
+
+def tape(heading: float, width: int) -> str:
+    """Tape of headings around one, which stands in the middle: a tick every 10°, a number every 30°."""
+    cells = ["·"] * width
+    middle = width // 2
+    reach = int(middle / _TAPE)
+    for tick in range(-((reach - int(heading)) // 10) * 10 - 10, int(heading) + reach + 10, 10):
+        at = middle + round((tick - heading) * _TAPE)
+        label = {0: "N", 90: "E", 180: "S", 270: "W"}.get(tick % 360, f"{tick % 360:03d}")
+        label = label if tick % 30 == 0 else "|"
+        at -= len(label) // 2
+        if at >= 0 and at + len(label) <= width:
+            cells[at : at + len(label)] = label
+    return "".join(cells)
+
+
+def _angles(q_nb: Sequence[float], tare: Any) -> tuple[float, float, float]:
+    q = np.array(q_nb) if tare is None else quat_multiply(tare, np.array(q_nb))
+    yaw, pitch, roll = map(float, to_deg(euler_zyx_from_quat(q)))
+    return roll, pitch, yaw
+
+
+def _sd(sd: float | None) -> str:
+    return " " * 6 if sd is None else f" ±{sd:.2f}"[:7].ljust(6)
+
+
+def _row(name: str, cells: Sequence[str], error: str) -> str:
+    return f"{_padded(name, 12)}{''.join(_padded(cell, 15) for cell in cells)}{error}"
+
+
+def _padded(text: str, width: int) -> str:
+    """Text with spaces behind it, by the cells that it takes: a Chinese sign takes two."""
+    from rich.cells import cell_len, set_cell_size
+
+    return set_cell_size(text, width) if cell_len(text) > width else text + " " * (width - cell_len(text))
+
+
+def _bar(value: float | None, end: float, width: int) -> str:
+    """Bar around its middle: where a value lies between −`end` and `end`."""
+    cells = ["─"] * width
+    middle = width // 2
+    cells[middle] = "┼"
+    if value is not None:
+        place = middle + round(max(-1.0, min(1.0, value / end)) * middle)
+        cells[min(place, width - 1)] = "█"
+    return "".join(cells)
+
+
+def _clock(t: float | None) -> str:
+    return "" if t is None else f"{t:.2f} s"
+
+
+def _pressed() -> str:
+    """Keys that were pressed since the last call."""
+    if not sys.stdin.isatty() or not select.select([sys.stdin], [], [], 0.0)[0]:
+        return ""
+    with contextlib.suppress(OSError):
+        return os.read(sys.stdin.fileno(), 64).decode(errors="ignore")
+    return ""
+
+
+@contextmanager
+def _keys_at_once() -> Iterator[None]:
+    """Terminal that gives each key as it is pressed, and does not show it."""
+    try:
+        import termios
+        import tty
+    except ImportError:  # a system without them: no keys, but Ctrl-C
+        yield
+        return
+    if not sys.stdin.isatty():
+        yield
+        return
+    before = termios.tcgetattr(sys.stdin)
+    tty.setcbreak(sys.stdin)
+    try:
+        yield
+    finally:
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, before)
+
+
+@contextmanager
+def _painted(terminal: Terminal) -> Iterator[None]:
+    """Screen that a thread keeps up to date: a terminal that does not take its text keeps nobody else waiting."""
+    from rich.console import Console, Group
+    from rich.live import Live
+
+    console, ended = Console(), threading.Event()
+
+    def paint() -> None:
+        with contextlib.suppress(OSError), Live(console=console, screen=True, auto_refresh=False) as live:
+            while not ended.wait(_EVERY):
+                size = console.size
+                live.update(Group(*terminal.lines(size.width, size.height, time.monotonic_ns())), refresh=True)
+
+    painter = threading.Thread(target=paint, daemon=True)
+    painter.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        painter.join(_JOIN)
+
+
+def watch(
+    what: "Session | str | Path | None" = None,
+    *,
+    lang: str = "en",
+    folder: str | Path = ".",
+    also: Sequence[str] = (),
+    chain: Chain | str | Path | None = None,
+    emulate: str | None = None,
+    duration: float | str | None = None,
+    stop: Stopping | None = None,
+    **line: Any,
+) -> Viewed:
+    """Show a line as it runs, or play a recording, as text that fills a terminal.
+
+    Keys: q ends, r starts and stops a recording, m marks, the space bar pauses a recording that is played, and t lets
+    angles count from the attitude now.
+
+    Parameters
+    ----------
+    what, folder, also, chain, emulate, duration, stop, **line
+        As of `plumbob.view`.
+    lang : {"en", "zh"}
+        Language of the labels.
+
+    Returns
+    -------
+    Viewed
+
+    Raises
+    ------
+    ParameterError
+        If standard output is not a terminal, or as of `plumbob.view`.
+    PlumbobError
+        As of `plumbob.view`.
+    """
+    if not sys.stdout.isatty():
+        raise ParameterError(
+            "watch fills a terminal, and standard output is not one. 'plumbob record' follows a line without one."
+        )
+    ended = _Either(stop)
+    terminal = Terminal(ended, lang)
+
+    def note(text: str) -> None:
+        terminal.event(terminal.now.t, "note", text)
+
+    with ExitStack() as stack:
+        shown = stack.enter_context(opened_up(what, emulate=emulate, chain=chain, note=note, line=line, also=also))
+        stack.enter_context(_keys_at_once())
+        stack.enter_context(_painted(terminal))
+        return shown.run(
+            terminal, folder=Path(folder), control=True, duration=given("duration", duration, Quantity.TIME),
+            stop=ended, note=note, opened=lambda: None,
+        )  # fmt: skip
+
+
+class _Either(Stop):
+    """Says when to end: where a key, or somebody else, says so."""
+
+    __slots__ = ("_other",)
+
+    def __init__(self, other: Stopping | None) -> None:
+        super().__init__()
+        self._other = other
+
+    def is_set(self) -> bool:
+        """Whether it is time to end."""
+        return super().is_set() or (self._other is not None and self._other.is_set())

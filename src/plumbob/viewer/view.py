@@ -1,0 +1,438 @@
+"""The live view: a line or a recording, shown by a server of its own, and what a page may ask of it."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.acquisition.transport import Event, Stopping
+from plumbob.core import check
+from plumbob.core.errors import ParameterError
+from plumbob.core.text import Shown, counted
+from plumbob.core.units import Quantity, given
+from plumbob.data import AttitudeTrack
+from plumbob.data.chain import Chain
+from plumbob.data.chain_toml import load_chain
+from plumbob.session.live import announce
+from plumbob.session.recording_sink import RecordingSink, named_at
+from plumbob.session.runner import run_stream
+from plumbob.session.session import Session
+from plumbob.session.session_toml import ALL, of_unit, session_of
+from plumbob.session.sinks import Sink, TextSink
+from plumbob.session.sources import open_source
+from plumbob.session.stream import Part, Stream
+from plumbob.session.watch import Note, Ran, Watch, nothing_of
+from plumbob.viewer.child import Server, Serving, require_view
+from plumbob.viewer.feed import Asked, Feed, Outlet
+from plumbob.viewer.messages import Command
+from plumbob.viewer.playback import Player, answered, load
+from plumbob.viewer.switch import Switch, lossy
+
+HTTP_PORT: Final = 8770
+"""Where the view is served, unless another port is asked for."""
+_PAUSE: Final = 0.01
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Viewed(Shown):
+    """A view that has ended.
+
+    Attributes
+    ----------
+    name : str
+        What was shown.
+    ran : Ran or None
+        Of a line: what it gave.
+    recordings : sequence of mapping
+        Of each recording that was made: its ``path``, ``rows``, those ``acknowledged`` by the disk, and ``dropped``.
+    restarts : int
+        How often the server had to be started again.
+    fault : str
+        Why the view ended before the line; empty where it did not.
+    """
+
+    name: str
+    ran: Ran | None
+    recordings: Sequence[Mapping[str, Any]] = ()
+    restarts: int = 0
+    fault: str = ""
+
+    @property
+    def lossy(self) -> bool:
+        """Whether rows of a recording are lost, or an output beside it failed."""
+        return lossy([dict(one) for one in self.recordings])
+
+    @property
+    def nothing(self) -> str | None:
+        """Why a line gave no sample, and where to look; None where there are some."""
+        return None if self.ran is None or self.ran.samples else nothing_of(self.ran.stream)
+
+    def facts(self) -> Mapping[str, str]:
+        """What was shown, and what was recorded."""
+        own = {"shown": self.name} if self.ran is None else dict(self.ran.facts())
+        return own | {"recorded": ", ".join(str(one["path"]) for one in self.recordings) or "nothing"}
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        own = {"shown": self.name} if self.ran is None else self.ran.summary()
+        return own | {"recordings": [dict(one) for one in self.recordings], "restarts": self.restarts}
+
+    def text(self) -> str:
+        """What a reader wants to know first, a line each."""
+        lines = [f"shown        {self.name}" if self.ran is None else self.ran.text()]
+        for one in self.recordings:
+            lines.append(f"recorded     {one['path']}: {one['acknowledged']} of {one['rows']} rows on disk")
+        if self.ran is not None and not self.recordings:
+            lines.append("recorded     nothing")
+        if self.restarts:
+            lines.append(f"server       started again {counted(self.restarts, 'time')}")
+        return "\n".join([*lines, *([f"view         {self.fault}"] if self.fault else [])])
+
+
+def view(
+    what: "Session | str | Path | None" = None,
+    *,
+    host: str = "127.0.0.1",
+    http_port: int = HTTP_PORT,
+    control: bool = False,
+    clients: int | None = None,
+    allow_origin: Sequence[str] = (),
+    folder: str | Path = ".",
+    also: Sequence[str] = (),
+    chain: Chain | str | Path | None = None,
+    emulate: str | None = None,
+    open_browser: bool = False,
+    duration: float | str | None = None,
+    stop: Stopping | None = None,
+    note: Note | None = None,
+    opened: Callable[[str], object] | None = None,
+    **line: Any,
+) -> Viewed:
+    """Show a line as it runs, or play a recording, on a page that this machine serves.
+
+    Parameters
+    ----------
+    what : Session or path, optional
+        A session file (``.toml``), a recording, or a serial port, whose ``format`` is then to be given.
+    host : str
+        Address to listen at; another one than this machine's own is asked for, and reached with the token alone.
+    http_port : int
+        Port; 0 takes a free one.
+    control : bool
+        Whether the page, and `plumbob.control`, may ask for something: to record, to mark, to seek.
+    clients : int, optional
+        Pages at most.
+    allow_origin : sequence of str
+        Origins of other pages that may connect, as of Foxglove.
+    folder : path
+        Where recordings and texts go that the page asks for.
+    also : sequence of str
+        Further estimators beside the session's.
+    chain : Chain or path, optional
+        Chain whose segments carry the units; its stick figure is shown.
+    emulate : str, optional
+        A rig of `plumbob emulate`, which is started and shown.
+    open_browser : bool
+        Whether to open the page.
+    duration : float or str, optional
+        When to stop: s, or text with a unit; by default when somebody says `stop`.
+    stop : Stopping, optional
+        Set from another thread to end.
+    note : callable, optional
+        Called with each remark as it is made.
+    opened : callable, optional
+        Called with the address of the page, with its token, once it is served.
+    **line
+        Of a line: as of `plumbob.record`; of a recording: ``filter``, ``causal``, ``lag``, ``params``, ``frame``,
+        ``init``, ``calibration``, ``noise``, ``place``, ``date``, ``profile``, ``unit`` as of `plumbob.estimate`.
+
+    Returns
+    -------
+    Viewed
+
+    Raises
+    ------
+    ParameterError
+        If not exactly one thing to show is named, or options do not fit it.
+    MissingExtraError
+        If what a server needs is not installed.
+    LineError
+        If the line or the port cannot be opened.
+    PlumbobError
+        As `plumbob.load_session`, `plumbob.estimate`.
+    """
+    require_view()
+    say = note or (lambda line: None)
+    place = check.path("folder", folder)
+    serving = Serving(host=host, port=http_port, control=control, clients=clients, allow_origin=tuple(allow_origin),
+                      folder=place)  # fmt: skip
+    with ExitStack() as stack:
+        shown = stack.enter_context(opened_up(what, emulate=emulate, chain=chain, note=say, line=line, also=also))
+        server = Server(serving, say)
+        stack.callback(server.close)
+        server.start()
+
+        def begun() -> None:
+            if opened is not None:
+                opened(server.url)
+            if open_browser:
+                import webbrowser
+
+                webbrowser.open(server.url)
+
+        seconds = given("duration", duration, Quantity.TIME)
+        found = shown.run(server, folder=place, control=control, duration=seconds, stop=stop, note=say, opened=begun)
+        return replace(found, restarts=server.starts - 1)
+
+
+class Shows:
+    """Something that can be shown: a line or a recording.
+
+    Parameters
+    ----------
+    session : Session, optional
+        Of a line.
+    path : path, optional
+        Of a recording.
+    options : mapping
+        How the recording is estimated.
+    also : sequence of str
+        Further estimators.
+    chain : Chain, optional
+        Whose segments carry the units.
+    truth : AttitudeTrack, optional
+        Of an emulated rig.
+    """
+
+    def __init__(
+        self,
+        session: Session | None = None,
+        path: Path | None = None,
+        *,
+        options: Mapping[str, Any] | None = None,
+        also: Sequence[str] = (),
+        chain: Chain | None = None,
+        truth: AttitudeTrack | None = None,
+    ) -> None:
+        self._session, self._path, self._options = session, path, dict(options or {})
+        self._also, self._chain, self._truth = also, chain, truth
+
+    def run(self, outlet: Outlet, **how: Any) -> Viewed:
+        """Show it in an outlet until its end, or until it is stopped."""
+        return self._play(outlet, **how) if self._session is None else self._follow(self._session, outlet, **how)
+
+    def _follow(
+        self,
+        session: Session,
+        outlet: Outlet,
+        *,
+        folder: Path,
+        control: bool,
+        duration: float | None,
+        stop: Stopping | None,
+        note: Note,
+        opened: Callable[[], None],
+    ) -> Viewed:
+        session = named_at(session, time.time_ns())
+        stream = Stream(session, covariance=True)
+        announce(session, note)
+        stream.warm_up()
+        switch = Switch(stream, folder, None if session.record is None else RecordingSink(session, session.record))
+        feed = Feed(
+            stream, outlet, also=self._also, chain=self._chain, truth=self._truth, control=control, recording=True,
+            beside=lambda: {"recording": switch.recording, "text": switch.text}, note=note,
+        )  # fmt: skip
+
+        def remark(line: str) -> None:
+            note(line)
+            feed.say(feed.now, "remark", line)
+
+        watch = Watch(stream, remark, events=False)
+        desk = _LineDesk(feed, switch, outlet)
+        texts = [TextSink(session.output.text, session.output.every)] if session.output.text else []
+        source = open_source(session.source)
+        opened()
+
+        def each() -> None:
+            watch.look()
+            desk.serve()
+            feed.tick()
+
+        sinks: list[Sink] = [watch, _Told(note), feed, *texts]
+        run_stream(stream, source, sinks=sinks, recording=switch, duration=duration, stop=stop, each=each)
+        return Viewed(session.name, Ran(watch), switch.recordings, fault=feed.failed)
+
+    def _play(
+        self,
+        outlet: Outlet,
+        *,
+        folder: Path,
+        control: bool,
+        duration: float | None,
+        stop: Stopping | None,
+        note: Note,
+        opened: Callable[[], None],
+    ) -> Viewed:
+        assert self._path is not None
+        loaded = load(self._path, also=self._also, chain=self._chain, note=note, **self._options)
+        player = Player(loaded, outlet, chain=self._chain, control=control)
+        desk = _PlayerDesk(player, outlet)
+        opened()
+        end = None if duration is None else time.monotonic() + duration
+        while not (stop and stop.is_set()) and (end is None or time.monotonic() < end):
+            desk.serve()
+            player.tick()
+            time.sleep(_PAUSE)
+        return Viewed(self._path.name, None)
+
+
+@contextmanager
+def opened_up(
+    what: "Session | str | Path | None",
+    *,
+    emulate: str | None,
+    chain: Chain | str | Path | None,
+    also: Sequence[str],
+    note: Note,
+    line: Mapping[str, Any],
+) -> Iterator[Shows]:
+    """What is to be shown, and a rig that runs meanwhile, where one is emulated."""
+    known = chain if chain is None or isinstance(chain, Chain) else load_chain(check.path("chain", chain))
+    if emulate is not None:
+        from plumbob.viewer.emulated import emulated
+
+        if what is not None or line.get("port"):
+            raise ParameterError("an emulated rig is the line; leave the session, the recording or the port out.")
+        with emulated(emulate, note, line) as (session, truth, its_chain):
+            yield Shows(session, also=also, chain=known or its_chain, truth=truth)
+        return
+    if isinstance(what, Session):
+        if any(value is not None for value in line.values()):
+            raise ParameterError("a Session says everything about its stream; leave the other options out.")
+        yield Shows(_with_units(what, known), also=also, chain=known)
+        return
+    path = None if what is None else check.path("what", what)
+    if path is not None and _is_recording(path):
+        yield Shows(path=path, options=_of_recording(line), also=also, chain=known)
+        return
+    session = session_of(**_of_line(path, line))
+    yield Shows(_with_units(session, known), also=also, chain=known)
+
+
+def _with_units(session: Session, chain: Chain | None) -> Session:
+    """Session that decodes all units where a chain carries them."""
+    return session if chain is None or session.units else of_unit(session, ALL)
+
+
+def _is_recording(path: Path) -> bool:
+    """Whether a path is that of a recording, by its suffix."""
+    from plumbob.files import FORMATS
+    from plumbob.session.reading import SUFFIX
+
+    return path.suffix.lower() in {SUFFIX, *(suffix for kind in FORMATS for suffix in kind.suffixes)}
+
+
+def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a line, which a session file or a port names."""
+    words = {name: value for name, value in line.items() if value is not None}
+    for name in ("causal", "profile"):
+        if words.pop(name, None):
+            raise ParameterError(f"--{name} is for a recording, and this is a line. Leave it out.")
+    if path is None:
+        return words
+    if path.suffix.lower() == ".toml":
+        return {"file": path, **words}
+    if "port" in words:
+        raise ParameterError(f"{path} and --port both name the line; give one of them.")
+    return {"port": str(path), **words}
+
+
+_BAUD: Final = 115200
+_ESTIMATE: Final = (
+    "filter", "causal", "lag", "params", "frame", "init", "calibration", "noise", "place", "date", "profile", "unit",
+)  # fmt: skip
+
+
+def _of_recording(line: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of a recording."""
+    words = {name: value for name, value in line.items() if value is not None and (name, value) != ("baud", _BAUD)}
+    unknown = sorted(words.keys() - set(_ESTIMATE))
+    if unknown:
+        raise ParameterError(f"{unknown[0]} belongs to a line, and this is a recording. Leave it out.")
+    return {name: value for name, value in words.items() if value not in (False, {})}
+
+
+class _Told:
+    """Sink that says what happened, as remarks."""
+
+    def __init__(self, note: Note) -> None:
+        self._note = note
+
+    def on_part(self, part: Part) -> None:
+        """Samples are no event."""
+
+    def on_event(self, event: Event) -> None:
+        """Say it."""
+        self._note(f"{event.kind}: {event.text}")
+
+    def close(self) -> None:
+        """Nothing is held open."""
+
+
+class _Desk:
+    """Does what is asked for, a verb each."""
+
+    verbs: Mapping[str, Callable[[Command], str]]
+
+    def __init__(self, outlet: Outlet, other: str) -> None:
+        self._outlet, self._other = outlet, other
+
+    def serve(self) -> None:
+        """Do everything that was asked for since the last call."""
+        for asked in self._outlet.asked():
+            answered(asked, self._outlet, lambda asked=asked: self._do(asked))  # type: ignore[misc]
+
+    def _do(self, asked: Asked) -> str:
+        command = asked.command
+        if command.verb not in self.verbs:
+            raise ParameterError(f"'{command.verb}' is {self._other}.")
+        return self.verbs[command.verb](command)
+
+
+class _LineDesk(_Desk):
+    """What can be asked of a line."""
+
+    def __init__(self, feed: Feed, switch: Switch, outlet: Outlet) -> None:
+        super().__init__(outlet, "for a recording that is played, and this is a line")
+        self.verbs = {
+            "record": lambda command: switch.record(command.name),
+            "stop": lambda command: switch.stop(),
+            "mark": lambda command: switch.mark(command.text),
+            "text": lambda command: switch.write_text(command.name),
+            "text-stop": lambda command: switch.stop_text(),
+            "add": lambda command: feed.add(command.name),
+            "remove": lambda command: feed.remove(command.name),
+        }
+
+
+class _PlayerDesk(_Desk):
+    """What can be asked of a recording that is played."""
+
+    def __init__(self, player: Player, outlet: Outlet) -> None:
+        super().__init__(outlet, "for a line, and this is a recording that is played")
+
+        def number(command: Command) -> float:
+            if command.value is None:
+                raise ParameterError(f"'{command.verb}' needs a number.")
+            return command.value
+
+        self.verbs = {
+            "play": lambda command: player.play(),
+            "pause": lambda command: player.pause(),
+            "seek": lambda command: player.seek(number(command)),
+            "speed": lambda command: player.set_speed(number(command)),
+            "add": lambda command: player.add(command.name),
+            "remove": lambda command: player.remove(command.name),
+        }
