@@ -7,9 +7,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
-from plumbob.rotations import euler_zyx_from_quat, quat_angle, quat_conjugate, quat_multiply
-
-REFERENCE = "reference"
+from plumbob.rotations import euler_zyx_from_quat, quat_conjugate, quat_multiply
 
 
 class Tare:
@@ -54,18 +52,7 @@ def attitudes_of(told: Mapping[str, Any], tare: Tare, hello: Mapping[str, Any]) 
     angles = np.asarray(to_deg(euler_zyx_from_quat(tare.of(q_nb))))
     if is_heading(hello) and not tare.is_set:
         angles[:, 0] %= 360.0
-    errors: list[float | None] = [None] * len(told)
-    if REFERENCE in told:
-        reference = np.asarray(told[REFERENCE]["q_nb"], dtype=np.float64)
-        errors = np.asarray(to_deg(quat_angle(reference, q_nb))).tolist()
     return {
-        name: {
-            "q_nb": one["q_nb"],
-            "roll": roll,
-            "pitch": pitch,
-            "yaw": yaw,
-            "sd": one.get("sd"),
-            "error": None if name == REFERENCE else error,
-        }
-        for (name, one), (yaw, pitch, roll), error in zip(told.items(), angles.tolist(), errors, strict=True)
+        name: {"roll": roll, "pitch": pitch, "yaw": yaw, "sd": None, "error": None} | one
+        for (name, one), (yaw, pitch, roll) in zip(told.items(), angles.tolist(), strict=True)
     }

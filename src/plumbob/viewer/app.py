@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 from plumbob.core.errors import MissingExtraError
 from plumbob.core.web import asset
 from plumbob.viewer.commands import RefusedError, command_of
+from plumbob.viewer.foxglove import Foxglove
 from plumbob.viewer.guard import App, Guard, Rules
 from plumbob.viewer.hub import Client, Hub
 from plumbob.viewer.messages import Answer, Command
@@ -94,6 +95,7 @@ def application(hub: Hub, control: "Control", rules: Rules, places: Places) -> A
         Route("/api/state", api.state, methods=["GET"]),
         Route("/api/command", api.command, methods=["POST"]),
         WebSocketRoute("/ws", _placed(places, Page(hub, control).serve)),
+        WebSocketRoute("/foxglove", _placed(places, Foxglove(hub).serve)),
     ]
     return Guard(Starlette(routes=routes), rules)
 

@@ -1,7 +1,7 @@
 """Doing what clients ask for: here what is a matter of the view, and over the pipe what is one of the session."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from itertools import count
 from typing import Any, Final
@@ -30,19 +30,20 @@ class Control:
         self._hub, self._write = hub, write
         self._numbers = count(1)
         self._asked: dict[int, asyncio.Future[dict[str, Any]]] = {}
-        self.here: dict[str, Callable[[Command], str]] = {"tare": self._tare, "untare": self._untare}
+        self.here: dict[str, Callable[[Command], str | Awaitable[str]]] = {"tare": self._tare, "untare": self._untare}
         hub.listeners.add(self._listen)
 
     async def do(self, command: Command) -> Answer:
         """Do a command, and say how it went."""
-        answer = self._do_here(command) if command.verb in self.here else await self._ask(command)
+        answer = await (self._do_here(command) if command.verb in self.here else self._ask(command))
         if answer.ok:
             self._hub.tell("command", f"{accepted(command)}: {answer.text}" if answer.text else accepted(command))
         return answer
 
-    def _do_here(self, command: Command) -> Answer:
+    async def _do_here(self, command: Command) -> Answer:
         try:
-            return Answer(id=command.id, ok=True, text=self.here[command.verb](command))
+            told = self.here[command.verb](command)
+            return Answer(id=command.id, ok=True, text=told if isinstance(told, str) else await told)
         except PlumbobError as why:
             return Answer(id=command.id, ok=False, text=one_line(why))
 

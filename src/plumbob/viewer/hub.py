@@ -15,9 +15,10 @@ from typing import Any, Final, Generic, TypeVar
 import numpy as np
 
 from plumbob.core.flags import names
+from plumbob.core.text import counted
 from plumbob.viewer.angles import Tare, attitudes_of
 from plumbob.viewer.charts import History, Rows, Thinner, tick
-from plumbob.viewer.messages import Command, Happened
+from plumbob.viewer.messages import Command, Happened, Lines
 from plumbob.viewer.pipe import Message
 
 TICK_S: Final = 1.0 / 50.0
@@ -31,6 +32,8 @@ _BEHIND: Final = 25  # ticks after which a client is given the newest one
 _FRESH: Final = 1.0  # s, for which a column shows the last value that was not absent
 _NO_LINK: Final = {"rate": None, "samples": 0, "lost": 0, "gaps": 0, "junk": 0, "rejected": 0, "unusable": 0,
                    "drift_ppm": None, "clock": "", "skipped": 0}  # fmt: skip
+_STORM: Final = 100.0  # events that may come at once, and how many in a second for long
+_EVENTS_PER_S: Final = 10.0
 _PASSED: Final = ("gravity_b", "field_b", "points", "recording", "text", "playback")
 
 Item = TypeVar("Item")
@@ -89,7 +92,7 @@ class Client:
         self._hub = hub
         self.wake = asyncio.Event()
         self.wake.set()
-        self._hello = 0
+        self._hello = self._layout = 0
         self._history: int | None = None
         self._tick = hub.ticks.end
         self._event = max(0, hub.events.end - PAST) if since is None or since >= hub.events.end else since + 1
@@ -108,7 +111,9 @@ class Client:
         if not hub.hello_text:
             return None
         if self._hello != hub.hellos:
-            self._hello, self._history = hub.hellos, hub.history.first
+            if self._layout != hub.layouts:
+                self._history = hub.history.first
+            self._hello, self._layout = hub.hellos, hub.layouts
             return hub.hello_text
         if self._history is not None:
             return self._next_history(self._history)
@@ -163,8 +168,8 @@ class Hub:
         Newest `messages.Hello`.
     hello_text : str
         The same as it is sent; empty before there is one.
-    hellos : int
-        How many there were.
+    hellos, layouts : int
+        How many there were, and how many with other columns than before.
     epoch : int
         Rises when time begins again.
     history : History
@@ -177,6 +182,8 @@ class Hub:
         Those that are connected.
     listeners : set of callable
         Called with each message of the pipe.
+    on_event : callable
+        Called with the kind and the text of each event.
     tare : Tare
         What angles count from.
     guide : str or None
@@ -187,7 +194,7 @@ class Hub:
         self.control = control
         self.hello: dict[str, Any] | None = None
         self.hello_text = ""
-        self.hellos = self.epoch = 0
+        self.hellos = self.layouts = self.epoch = 0
         self.history, self._thinner = History(()), Thinner(0)
         self.ticks: Ring[bytes] = Ring(50)
         self.events: Ring[str] = Ring(1000)
@@ -195,6 +202,7 @@ class Hub:
         self.newest: dict[str, tuple[int, str]] = {}
         self.clients: set[Client] = set()
         self.listeners: set[Listener] = set()
+        self.on_event: Callable[[str, str], None] = lambda kind, text: None
         self.tare = Tare()
         self.guide: str | None = None
         self.fields: dict[str, Any] = {}
@@ -206,6 +214,7 @@ class Hub:
         self._is_new = False
         self._timer: asyncio.TimerHandle | None = None
         self._last = -1.0
+        self._events_left, self._events_at, self._left_out = _STORM, time.monotonic(), 0
 
     def take(self, message: Message) -> None:
         """Take a message of the pipe."""
@@ -214,7 +223,7 @@ class Hub:
         elif message.kind == "batch":
             self._take_batch(message)
         elif message.kind == "event":
-            self.tell(message.content["kind"], message.content["text"], message.content.get("t"))
+            self._take_event(message.content)
         elif message.kind == "reset":
             self._reset()
         for listener in tuple(self.listeners):
@@ -224,6 +233,7 @@ class Hub:
         """Let an event be known."""
         event = Happened(id=self.events.end, t=self.t if t is None else t, kind=kind, text=text)
         self.events.add(_json(asdict(event)))
+        self.on_event(kind, text)
         self.wake()
 
     def supersede(self, kind: str, message: Mapping[str, Any] | None) -> None:
@@ -232,6 +242,11 @@ class Hub:
             self.newest.pop(kind, None)
             return
         self.newest[kind] = (time.monotonic_ns(), _json(message))
+        self.wake()
+
+    def say_lines(self, lines: Lines) -> None:
+        """Let new lines of the device's output be known."""
+        self.lines.add(_json(asdict(lines)))
         self.wake()
 
     def wake(self) -> None:
@@ -264,23 +279,47 @@ class Hub:
 
     def _take_hello(self, content: dict[str, Any]) -> None:
         keys = [column["key"] for column in content["columns"]]
-        if self.hello is None or keys != list(self.history.keys):
+        changed = self.hello is None or keys != list(self.history.keys)
+        if changed:
             self._flush()
             self.history, self._thinner = self.history.with_columns(keys), Thinner(len(keys))
             self._values = self._known = np.full(len(keys), np.nan)
             self.ticks.clear()
+            self.layouts += 1
         self.hello = content | {"control": self.control}
         self.hello_text = _json({key: value for key, value in self.hello.items() if key not in _HIDDEN})
         self.hellos += 1
         self._schedule(0.0)
         self.wake()
 
+    def _take_event(self, content: Mapping[str, Any]) -> None:
+        """Let an event of the feed be known, unless a storm of them would drown all else."""
+        now = time.monotonic()
+        self._events_left = min(_STORM, self._events_left + _EVENTS_PER_S * (now - self._events_at))
+        self._events_at = now
+        if self._events_left < 1.0:
+            self._left_out += 1
+            return
+        self._events_left -= 1.0
+        self.tell(content["kind"], content["text"], content.get("t"))
+        self._tell_left_out()
+
+    def _tell_left_out(self) -> None:
+        if self._left_out:
+            self.tell("view", f"{counted(self._left_out, 'further event')} left out here; a recording has them all.")
+            self._left_out = 0
+
+    def has_rows(self, batch: Message) -> bool:
+        """Whether a batch has samples, and the columns that are known."""
+        is_known = self.hello is not None and batch.arrays["values"].shape[1] == len(self.history.keys)
+        return is_known and len(batch.arrays["t"]) > 0
+
     def _take_batch(self, message: Message) -> None:
         if self.hello is None:
             return
         self.fields = message.content
         t, flags, values = (message.arrays[name] for name in ("t", "flags", "values"))
-        if len(t):
+        if self.has_rows(message):
             self.t, self._flags = float(t[-1]), int(flags[-1])
             self._is_new = True
             self._note_values(t, values)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.core.errors import LineError, MissingExtraError, ParameterError, PlumbobError, one_line
 from plumbob.viewer.app import Places, application
 from plumbob.viewer.control import Control
+from plumbob.viewer.derived import Derived
 from plumbob.viewer.guard import Rules
 from plumbob.viewer.hub import Hub
 from plumbob.viewer.pipe import LIMIT, Message, Unpacker, packed
@@ -78,12 +79,14 @@ async def _run(options: argparse.Namespace, token: str) -> None:
 
     sockets = listening(options.host, options.port)
     port = sockets[0].getsockname()[1]
-    hosts = [options.host] if options.host not in ("0.0.0.0", "::") else []
+    hosts = [socket.gethostname() if options.host in ("0.0.0.0", "::") else options.host]
     rules = Rules(token, port, hosts, tuple(options.allow_origin))
     places = Places(options.clients or 32, options.clients or 8)
     hub = Hub(control=options.control)
     pipe = Pipe(hub)
     control = Control(hub, pipe.write)
+    derived = Derived(hub, options.folder)
+    control.here.update(derived.commands)
     server = server_of(application(hub, control, rules, places))
     await pipe.open(socket.socket(fileno=options.fd), server)
     with _stopped_by_signals(server):
@@ -92,6 +95,7 @@ async def _run(options: argparse.Namespace, token: str) -> None:
             await asyncio.sleep(0.001)
         pipe.write(Message("ready", {"port": port}))
         await serving
+    derived.close()
 
 
 def listening(host: str, port: int) -> list[socket.socket]:
@@ -195,4 +199,6 @@ class Pipe(asyncio.Protocol):
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    code = main()
+    sys.stderr.flush()
+    os._exit(code)  # a fit that runs, or a compiler, is not waited for
