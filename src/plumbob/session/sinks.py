@@ -142,7 +142,12 @@ def text_of(track: AttitudeTrack, rows: list[int] | slice = slice(None), *, head
     angles = to_deg(euler_zyx_from_quat(track.q_nb[rows]))
     words = (np.zeros(len(track), dtype=np.uint32) if track.flags is None else track.flags)[rows]
     for t, (yaw, pitch, roll), word in zip(track.t[rows].tolist(), angles.tolist(), words.tolist(), strict=True):
-        yield f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{'+'.join(names(word))}\n"
+        yield line_of(t, roll, pitch, yaw, word) + "\n"
+
+
+def line_of(t: float, roll: float, pitch: float, yaw: float, word: int) -> str:
+    """Line of the text for an attitude: s, degrees, and the names of its flags."""
+    return f"{t:.6f}\t{roll:.4f}\t{pitch:.4f}\t{yaw:.4f}\t{'+'.join(names(word))}"
 
 
 class TextSink:

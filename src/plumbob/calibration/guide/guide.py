@@ -288,6 +288,11 @@ class Guide(ABC):
             self._take(block)
         return self.progress()
 
+    @property
+    def centre(self) -> Floats:
+        """What is measured (3,) where there is nothing to measure, as far as is known: directions count from there."""
+        return np.zeros(3)
+
     @abstractmethod
     def progress(self) -> Progress:
         """State after the last whole block."""

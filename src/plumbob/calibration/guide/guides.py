@@ -60,6 +60,11 @@ class AccelGuide(Guide):
         self._force: Floats | None = None
         self._sd: float | None = None
 
+    @property
+    def centre(self) -> Floats:
+        """Of the ellipsoid that the poses lie on."""
+        return self._centre
+
     def progress(self) -> Progress:
         """State after the last whole block."""
         count = int(self._seen.filled.sum())
@@ -153,6 +158,14 @@ class MagGuide(Guide):
         self._fit: NormFit | None = None
         self._sd: tuple[float, float] | None = None
         self._field: Floats | None = None
+
+    @property
+    def centre(self) -> Floats:
+        """Of the ellipsoid, or until there is one, the middle of what has come."""
+        vectors = self._sample.vectors
+        if self._fit is not None:
+            return self._fit.ellipsoid.centre
+        return np.asarray(vectors.mean(axis=0)) if len(vectors) else np.zeros(3)
 
     def progress(self) -> Progress:
         """State after the last whole block."""

@@ -1,0 +1,58 @@
+"""Angles as they are shown: roll, pitch, yaw in degrees, a heading where it is one, from a tare where one is set."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.units import to_deg
+from plumbob.rotations import euler_zyx_from_quat, quat_conjugate, quat_multiply
+
+
+class Tare:
+    """The attitude that shows as zero roll, pitch and yaw.
+
+    Angles then turn the body's axes at the tare into its axes now: a turn about the body's x axis is roll, in whichever
+    attitude it was tared. All estimators count from the primary one's attitude, so what they differ by stays in sight.
+    The attitudes themselves, the errors, the charts and what is recorded are not changed.
+    """
+
+    def __init__(self) -> None:
+        self._inverse: Floats | None = None
+
+    @property
+    def is_set(self) -> bool:
+        """Whether angles count from a tare."""
+        return self._inverse is not None
+
+    def set(self, q_nb: Any) -> None:
+        """Count from an attitude (4,)."""
+        self._inverse = quat_conjugate(np.asarray(q_nb, dtype=np.float64))
+
+    def clear(self) -> None:
+        """Count from the navigation frame again."""
+        self._inverse = None
+
+    def of(self, q_nb: Floats) -> Floats:
+        """Attitudes (N, 4) as they are shown."""
+        return q_nb if self._inverse is None else quat_multiply(self._inverse, q_nb)
+
+
+def is_heading(hello: Mapping[str, Any]) -> bool:
+    """Whether yaw is a heading: clockwise from a north, as in NED."""
+    return hello.get("frame") == "NED" and hello.get("north") in ("true", "magnetic")
+
+
+def attitudes_of(told: Mapping[str, Any], tare: Tare, hello: Mapping[str, Any]) -> dict[str, Any]:
+    """Attitudes of a batch as `messages.Attitude`, by estimator."""
+    if not told:
+        return {}
+    q_nb = np.array([one["q_nb"] for one in told.values()], dtype=np.float64)
+    angles = np.asarray(to_deg(euler_zyx_from_quat(tare.of(q_nb))))
+    if is_heading(hello) and not tare.is_set:
+        angles[:, 0] %= 360.0
+    return {
+        name: {"roll": roll, "pitch": pitch, "yaw": yaw, "sd": None, "error": None} | one
+        for (name, one), (yaw, pitch, roll) in zip(told.items(), angles.tolist(), strict=True)
+    }

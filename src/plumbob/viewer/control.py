@@ -1,0 +1,81 @@
+"""Doing what clients ask for: here what is a matter of the view, and over the pipe what is one of the session."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import asdict
+from itertools import count
+from typing import Any, Final
+
+from plumbob.core.errors import PlumbobError, one_line
+from plumbob.viewer.hub import Hub, accepted
+from plumbob.viewer.messages import Answer, Command
+from plumbob.viewer.pipe import Message
+
+PATIENCE: Final = 10.0
+"""How long an answer of the session is waited for, s."""
+
+
+class Control:
+    """Does commands.
+
+    Parameters
+    ----------
+    hub : Hub
+        What the server knows; it lets each command that was done be known as an event.
+    write : callable
+        Writes a message into the pipe, and says whether it was taken.
+    """
+
+    def __init__(self, hub: Hub, write: Callable[[Message], bool]) -> None:
+        self._hub, self._write = hub, write
+        self._numbers = count(1)
+        self._asked: dict[int, asyncio.Future[dict[str, Any]]] = {}
+        self.here: dict[str, Callable[[Command], str | Awaitable[str]]] = {"tare": self._tare, "untare": self._untare}
+        hub.listeners.add(self._listen)
+
+    async def do(self, command: Command) -> Answer:
+        """Do a command, and say how it went."""
+        answer = await (self._do_here(command) if command.verb in self.here else self._ask(command))
+        if answer.ok:
+            self._hub.tell("command", f"{accepted(command)}: {answer.text}" if answer.text else accepted(command))
+        return answer
+
+    async def _do_here(self, command: Command) -> Answer:
+        try:
+            told = self.here[command.verb](command)
+            return Answer(id=command.id, ok=True, text=told if isinstance(told, str) else await told)
+        except PlumbobError as why:
+            return Answer(id=command.id, ok=False, text=one_line(why))
+
+    async def _ask(self, command: Command) -> Answer:
+        """Ask the session, which knows the command by a number of ours: two clients may use the same."""
+        number = next(self._numbers)
+        if not self._write(Message("command", {"client": number, **asdict(command)})):
+            return Answer(id=command.id, ok=False, text="The session takes no command at present. Try again.")
+        asked = self._asked[number] = asyncio.get_running_loop().create_future()
+        try:
+            told = await asyncio.wait_for(asked, PATIENCE)
+        except TimeoutError:
+            return Answer(id=command.id, ok=False, text=f"The session has not answered within {PATIENCE:.0f} s.")
+        finally:
+            del self._asked[number]
+        return Answer(id=command.id, ok=bool(told["ok"]), text=str(told["text"]))
+
+    def _listen(self, message: Message) -> None:
+        if message.kind != "answer":
+            return
+        asked = self._asked.get(message.content["client"])
+        if asked is not None and not asked.done():
+            asked.set_result(message.content)
+
+    def _tare(self, _command: Command) -> str:
+        primary = next((one["name"] for one in (self._hub.hello or {}).get("estimators", ()) if one["primary"]), None)
+        attitude = self._hub.fields.get("attitudes", {}).get(primary)
+        if attitude is None:
+            raise PlumbobError("There is no attitude to count from yet. Wait for one.")
+        self._hub.tare.set(attitude["q_nb"])
+        return "Roll, pitch and yaw count from this attitude; charts, errors and recordings do not."
+
+    def _untare(self, _command: Command) -> str:
+        self._hub.tare.clear()
+        return "Roll, pitch and yaw count from the navigation frame."

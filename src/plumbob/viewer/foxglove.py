@@ -1,0 +1,398 @@
+"""The Foxglove WebSocket protocol, for Foxglove, Lichtblick and PlotJuggler: every sample, at its full rate.
+
+https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md, and the same under the name of Foxglove's SDK. Channels
+are JSON with a schema; time stamps are UTC.
+"""
+
+import asyncio
+import json
+import struct
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.errors import excerpt
+from plumbob.core.text import counted
+from plumbob.core.time import to_ns
+from plumbob.core.units import deg, dps
+from plumbob.core.version import __version__
+from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
+from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
+from plumbob.session.rows import ATTITUDE, IMU, attitude_rows, imu_rows, kind_of
+from plumbob.viewer.hub import Hub
+from plumbob.viewer.pipe import Message
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
+
+PROTOCOLS: Final = ("foxglove.websocket.v1", "foxglove.sdk.v1")
+"""Names of the protocol, of which a client names at least one."""
+QUEUE: Final = 2000
+"""Messages that wait for a client at most; the oldest go."""
+
+_DATA: Final = struct.Struct("<BIQ")
+_MESSAGE_DATA: Final = 1
+_INFO, _WARNING, _ERROR = 0, 1, 2
+_LOG_INFO, _LOG_WARNING = 2, 3
+_SPEAK_S: Final = 1.0  # between two statuses to a client
+_WARNED: Final = frozenset({"gap", "lost", "dropped", "rejected", "flag", "fault"})
+_ANGLES: Final = ("roll", "pitch", "yaw")
+
+
+def _object(title: str, **properties: Any) -> str:
+    return json.dumps({"title": title, "type": "object", "properties": properties}, ensure_ascii=False)
+
+
+def _numbers(*names: str) -> dict[str, Any]:
+    return {"type": "object", "properties": {name: {"type": "number"} for name in names}}
+
+
+_TIME: Final = {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}}
+_WORDS: Final = {"type": "string"}
+
+
+class Channel(NamedTuple):
+    """A channel as it is advertised."""
+
+    topic: str
+    name: str
+    schema: str
+
+
+def _recorded(topic: str) -> Channel:
+    """Channel with the rows of a recording's topic."""
+    schema = kind_of(topic)[1]
+    return Channel(f"/{topic}", schema.name, schema.data.decode())
+
+
+CHANNELS: Final = {
+    1: _recorded(IMU),
+    2: _recorded(ATTITUDE),
+    3: Channel(
+        "/tf",
+        "foxglove.FrameTransform",
+        _object(
+            "foxglove.FrameTransform",
+            timestamp=_TIME,
+            parent_frame_id=_WORDS,
+            child_frame_id=_WORDS,
+            translation=_numbers("x", "y", "z"),
+            rotation=_numbers("x", "y", "z", "w"),
+        ),
+    ),
+    4: Channel(
+        "/events",
+        "foxglove.Log",
+        _object(
+            "foxglove.Log",
+            timestamp=_TIME,
+            level={"type": "integer"},
+            message=_WORDS,
+            name=_WORDS,
+            file=_WORDS,
+            line={"type": "integer"},
+        ),
+    ),
+    5: Channel(
+        "/angles",
+        "plumbob.Angles",
+        _object(
+            "plumbob.Angles",
+            **{
+                name: {"type": "number", "description": f"{name} of the session's own estimator, °"} for name in _ANGLES
+            },
+        ),
+    ),
+}
+"""Channels by their number."""
+_IMU, _ATTITUDE, _TF, _EVENTS, _ANGLES_OF = CHANNELS
+
+Sample = tuple[int, bytes]
+
+
+class Samples:
+    """Messages of the samples of a batch, by channel.
+
+    Parameters
+    ----------
+    hub : Hub
+        What the samples are of.
+    message : Message
+        The batch.
+    """
+
+    def __init__(self, hub: Hub, message: Message) -> None:
+        self._hello = hub.hello or {}
+        self._keys = hub.history.keys
+        self._arrays = message.arrays
+        self._t = message.arrays["t"]
+        since = to_ns(self._t - self._t[-1])
+        started = self._hello.get("started_utc")
+        now = time.time_ns() if started is None else round(1e9 * started) + int(to_ns(self._t[-1:])[0])
+        arrived = message.content.get("arrived_ns")
+        self._utc = (now + since).tolist()
+        self._host = ((time.monotonic_ns() if arrived is None else arrived) + since).tolist()
+
+    def of(self, channel: int) -> list[Sample]:
+        """Time stamps, ns, and messages of a channel."""
+        made: dict[int, Callable[[], Iterator[Sample]]] = {
+            _IMU: self._imu,
+            _ATTITUDE: self._attitude,
+            _TF: self._transforms,
+            _ANGLES_OF: self._angles,
+        }
+        return list(made[channel]()) if channel in made else []
+
+    def _imu(self) -> Iterator[Sample]:
+        sensed = self._arrays["sensed"]
+        triads = {name: sensed[:, 3 * i : 3 * i + 3] for i, name in enumerate(TRIADS)}
+        known = {name: values for name, values in triads.items() if np.isfinite(values).any()}
+        temp = sensed[:, 9] if np.isfinite(sensed[:, 9]).any() else None
+        imu = ImuData.live(to_ns(self._t), known, temp_c=temp, flags=self._arrays["flags"], meta=ImuMeta())
+        return zip(self._utc, imu_rows(self._host, imu), strict=True)
+
+    def _attitude(self) -> Iterator[Sample]:
+        name, frame = self._primary, self._hello.get("frame")
+        q_nb = None if name is None else self._q_nb(name)
+        if q_nb is None or frame is None:
+            return iter(())
+        bias = self._columns(name, [f"bias.{axis}" for axis in "xyz"])
+        track = AttitudeTrack(
+            t=self._t,
+            q_nb=q_nb,
+            frame=Frame(frame),
+            north=North(self._hello.get("north") or "free"),
+            bias_b=None if bias is None else dps(bias),
+            flags=self._arrays["flags"],
+        )
+        return zip(self._utc, attitude_rows(self._host, track), strict=True)
+
+    def _transforms(self) -> Iterator[Sample]:
+        frame = self._hello.get("frame")
+        parent = f"navigation ({frame})"
+        if frame == Frame.NED:  # viewers draw z upwards
+            yield self._utc[-1], _transform(self._utc[-1], "world (ENU)", parent, _NED.tolist())
+        for name in [one["name"] for one in self._hello.get("estimators", ())]:
+            q_nb = self._q_nb(name)
+            child = "body" if name == self._primary else f"body ({name})"
+            for utc, q in zip(self._utc, [] if q_nb is None else q_nb.tolist(), strict=False):
+                if q[0] == q[0]:
+                    yield utc, _transform(utc, parent, child, q)
+
+    def _angles(self) -> Iterator[Sample]:
+        found = self._columns(self._primary, _ANGLES)
+        for utc, row in zip(self._utc, [] if found is None else found.tolist(), strict=False):
+            if row[0] == row[0]:
+                yield utc, _json(dict(zip(_ANGLES, row, strict=True)))
+
+    @property
+    def _primary(self) -> str | None:
+        return next((one["name"] for one in self._hello.get("estimators", ()) if one["primary"]), None)
+
+    def _q_nb(self, name: str) -> Floats | None:
+        angles = self._columns(name, _ANGLES)
+        return None if angles is None else quat_from_euler_zyx(deg(angles[:, ::-1]))
+
+    def _columns(self, name: str | None, wanted: Any) -> Floats | None:
+        keys = [f"{name}.{one}" for one in wanted]
+        if not all(key in self._keys for key in keys):
+            return None
+        found: Floats = self._arrays["values"][:, [self._keys.index(key) for key in keys]]
+        return found
+
+
+_NED: Final = frame_rotation(Frame.ENU, Frame.NED)
+
+
+def _transform(utc: int, parent: str, child: str, q: list[float]) -> bytes:
+    return _json(
+        {
+            "timestamp": _stamp(utc),
+            "parent_frame_id": parent,
+            "child_frame_id": child,
+            "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
+            "rotation": dict(zip("wxyz", q, strict=True)),
+        }
+    )
+
+
+def _stamp(utc: int) -> dict[str, int]:
+    return {"sec": utc // 1_000_000_000, "nsec": utc % 1_000_000_000}
+
+
+def _json(content: Mapping[str, Any]) -> bytes:
+    return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
+
+
+class Viewer:
+    """A client: what it has subscribed to, and what waits for it."""
+
+    def __init__(self) -> None:
+        self.wake = asyncio.Event()
+        self._subscribed: dict[int, int] = {}  # channel by subscription
+        self._queue: deque[tuple[int, int, bytes]] = deque()
+        self._texts: deque[str] = deque(maxlen=20)
+        self._lost = 0
+        self._spoke = -_SPEAK_S
+
+    @property
+    def channels(self) -> set[int]:
+        """What it gets."""
+        return set(self._subscribed.values())
+
+    def put(self, channel: int, samples: list[Sample]) -> None:
+        """Let messages of a channel wait; the oldest go where there is no room."""
+        for subscription, subscribed in self._subscribed.items():
+            if subscribed == channel:
+                self._queue.extend((subscription, utc, payload) for utc, payload in samples)
+        while len(self._queue) > QUEUE:
+            self._queue.popleft()
+            self._lost += 1
+        self.wake.set()
+
+    def say(self, level: int, text: str) -> None:
+        """Let a status wait, unless there was one just now."""
+        now = time.monotonic()
+        if now - self._spoke >= _SPEAK_S:
+            self._spoke = now
+            self._texts.append(json.dumps({"op": "status", "level": level, "message": text}))
+            self.wake.set()
+
+    def next(self) -> str | bytes | None:
+        """Message that it gets next; None where nothing waits."""
+        if self._lost and time.monotonic() - self._spoke >= _SPEAK_S:
+            self.say(_WARNING, f"You are too slow: {counted(self._lost, 'message')} left out.")
+            self._lost = 0
+        if self._texts:
+            return self._texts.popleft()
+        if not self._queue:
+            return None
+        subscription, utc, payload = self._queue.popleft()
+        return _DATA.pack(_MESSAGE_DATA, subscription, utc) + payload
+
+    def take(self, text: str) -> None:
+        """Do what it asks for."""
+        try:
+            content = json.loads(text)
+            operation = content["op"]
+            if operation == "subscribe":
+                for one in content["subscriptions"]:
+                    self._subscribe(one["id"], one["channelId"])
+            elif operation == "unsubscribe":
+                for number in content["subscriptionIds"]:
+                    self._subscribed.pop(number, None)
+            else:
+                self.say(_ERROR, f"This server does not do {excerpt(str(operation))}: it shows a stream, no more.")
+        except (ValueError, KeyError, TypeError, RecursionError):
+            self.say(_ERROR, "This is not a message of the Foxglove WebSocket protocol.")
+
+    def _subscribe(self, number: Any, channel: Any) -> None:
+        if type(number) is not int or not 0 <= number < 2**32 or type(channel) is not int or channel not in CHANNELS:
+            self.say(_ERROR, f"There is no channel {excerpt(str(channel))} to subscribe to.")
+        elif number in self._subscribed or channel in self.channels:
+            self.say(_WARNING, f"{CHANNELS[channel].topic} is subscribed to already, or the number is in use.")
+        else:
+            self._subscribed[number] = channel
+
+
+class Foxglove:
+    """Serves clients of the protocol.
+
+    Parameters
+    ----------
+    hub : Hub
+        What the server knows.
+    """
+
+    def __init__(self, hub: Hub) -> None:
+        self._hub = hub
+        self._viewers: set[Viewer] = set()
+        self._session = str(time.time_ns())
+        hub.listeners.add(self._listen)
+        hub.on_event = self._tell
+
+    async def serve(self, socket: "WebSocket") -> None:
+        """Serve a client until one of the two goes."""
+        from starlette.responses import PlainTextResponse
+        from starlette.websockets import WebSocketDisconnect
+
+        named = [one for one in socket.scope["subprotocols"] if one in PROTOCOLS]
+        if not named:
+            told = f"Name one of the subprotocols {', '.join(PROTOCOLS)}.\n"
+            await socket.send_denial_response(PlainTextResponse(told, 400))
+            return
+        await socket.accept(named[0])
+        viewer = Viewer()
+        sending = asyncio.create_task(self._send(socket, viewer))
+        self._viewers.add(viewer)
+        try:
+            while True:
+                message = await socket.receive()
+                if message["type"] == "websocket.disconnect":
+                    break
+                if message.get("text") is not None:
+                    viewer.take(message["text"])
+                else:
+                    viewer.say(_WARNING, "This server takes no data.")
+        except WebSocketDisconnect:
+            pass
+        finally:
+            self._viewers.discard(viewer)
+            sending.cancel()
+
+    async def _send(self, socket: "WebSocket", viewer: Viewer) -> None:
+        from starlette.websockets import WebSocketDisconnect
+
+        with suppress(WebSocketDisconnect):
+            await socket.send_text(json.dumps(self._info()))
+            await socket.send_text(json.dumps(_advertised(), ensure_ascii=False))
+            while True:
+                await viewer.wake.wait()
+                viewer.wake.clear()
+                while (message := viewer.next()) is not None:
+                    if isinstance(message, str):
+                        await socket.send_text(message)
+                    else:
+                        await socket.send_bytes(message)
+
+    def _info(self) -> dict[str, Any]:
+        hello = self._hub.hello or {}
+        told = {name: str(hello[name]) for name in ("session", "device", "format", "calibration") if name in hello}
+        return {
+            "op": "serverInfo",
+            "name": f"Plumbob {__version__}",
+            "capabilities": [],
+            "metadata": told,
+            "sessionId": self._session,
+        }
+
+    def _listen(self, message: Message) -> None:
+        wanted = {channel for viewer in self._viewers for channel in viewer.channels}
+        if message.kind != "batch" or not wanted or not self._hub.has_rows(message):
+            return
+        samples = Samples(self._hub, message)
+        for channel in wanted:
+            found = samples.of(channel)
+            for viewer in self._viewers:
+                viewer.put(channel, found)
+
+    def _tell(self, kind: str, text: str) -> None:
+        utc = time.time_ns()
+        told = {"timestamp": _stamp(utc), "level": _LOG_WARNING if kind in _WARNED else _LOG_INFO, "message": text,
+                "name": kind, "file": "", "line": 0}  # fmt: skip
+        for viewer in self._viewers:
+            viewer.put(_EVENTS, [(utc, _json(told))])
+
+
+def _advertised() -> dict[str, Any]:
+    channels = [
+        {"id": number, "topic": one.topic, "encoding": "json", "schemaName": one.name, "schema": one.schema,
+         "schemaEncoding": "jsonschema"}
+        for number, one in CHANNELS.items()
+    ]  # fmt: skip
+    return {"op": "advertise", "channels": channels}

@@ -1,0 +1,243 @@
+"""A stand-in for the process that reads a line: it feeds the server over a socketpair with numbers that are known."""
+
+import json
+import os
+import re
+import secrets
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from plumbob.core import flags as flag
+from plumbob.rotations import euler_zyx_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.viewer.pipe import Message, Unpacker, Writer
+
+TURN = 0.7  # rad/s, about an axis that is none of the body's
+AXIS = np.array([0.36, 0.48, 0.8])
+G = 9.80665
+SENSORS = ("gyr", "acc", "mag")
+CHARTS = {"gyr": ("rate", "°/s"), "acc": ("force", "m/s²"), "mag": ("field", "µT")}
+DEG = 180.0 / np.pi
+
+
+def column(key: str, chart: str, unit: str) -> dict[str, Any]:
+    source, _, label = key.rpartition(".")
+    return {"key": key, "chart": chart, "label": label, "unit": unit, "digits": 3, "source": source or key}
+
+
+COLUMNS = [
+    *(column(f"mekf.{name}", "attitude", "°") for name in ("roll", "pitch", "yaw")),
+    *(column(f"{name}.{axis}", *CHARTS[name]) for name in SENSORS for axis in "xyz"),
+    column("temp", "temperature", "°C"),
+]
+
+
+def hello(**changed: Any) -> dict[str, Any]:
+    """What `messages.Hello` needs of the feed."""
+    return {
+        "type": "hello", "session": "bench", "device": "B-7", "format": "made-up", "calibration": "uncalibrated",
+        "noise": "typical", "live": True, "frame": "ENU", "north": "free", "axes": "FLU", "rate": 100.0,
+        "columns": COLUMNS, "raw": [], "filters": ["mahony", "vqf"],
+        "estimators": [{"name": "mekf", "title": "MEKF", "primary": True, "claims": True}],
+        "skeleton": None, "guides": ["mag", "accel", "gyro"], "regions": [], "regions_names": [], "control": False,
+        "recording": True, "duration": None, "started_utc": 1.7e9, "gravity": G, "version": "0", "protocol": 1,
+    } | changed  # fmt: skip
+
+
+class Body:
+    """A body that turns at a constant rate, and what its sensors say; row k is of time k / rate."""
+
+    def __init__(self, rate: float = 100.0) -> None:
+        self.rate = rate
+
+    def attitude(self, k: np.ndarray) -> np.ndarray:
+        start = quat_from_rotvec(np.array([0.2, -0.3, 0.5]))
+        return quat_multiply(start, quat_from_rotvec(np.multiply.outer(TURN * k / self.rate, AXIS)))
+
+    def rows(self, first: int, count: int) -> dict[str, np.ndarray]:
+        """Arrays of a batch: rows of `COLUMNS`, and what the sensors said."""
+        k = np.arange(first, first + count, dtype=np.float64)
+        angles = DEG * euler_zyx_from_quat(self.attitude(k))[:, ::-1]
+        sensed = self.sensed(k)
+        values = np.column_stack((angles, DEG * sensed[:, :3], sensed[:, 3:]))
+        return {"t": k / self.rate, "flags": np.zeros(count, dtype=np.uint32), "values": values, "sensed": sensed}
+
+    def sensed(self, k: np.ndarray) -> np.ndarray:
+        # A sine of its own in each column: every number tells which one it is, and that it is not another.
+        phase = np.multiply.outer(k, 0.01 + 0.003 * np.arange(9))
+        mean = np.concatenate((TURN * AXIS, (0.0, 0.0, G), (20.0, 5.0, -40.0)))
+        return np.column_stack((mean + np.sin(phase), 25.0 + 1e-4 * k))
+
+    def fields(self, last: int) -> dict[str, Any]:
+        return {
+            "attitudes": {"mekf": {"q_nb": self.attitude(np.array([float(last)]))[0].tolist(), "sd": [0.1, 0.1, 1.0]}},
+            "gravity_b": [0.0, 0.0, G], "field_b": [20.0, 5.0, -40.0], "raw": [], "points": None, "recording": None,
+            "text": None, "playback": None, "arrived_ns": time.monotonic_ns(),
+            "link": {"rate": self.rate, "samples": last + 1, "lost": 0, "gaps": 0, "junk": 0, "rejected": 0,
+                     "unusable": 0, "drift_ppm": None, "clock": "rate", "skipped": 0},
+        }  # fmt: skip
+
+    def batch(self, first: int, count: int, **fields: Any) -> Message:
+        arrays = self.rows(first, count)
+        return Message("batch", self.fields(first + count - 1) | fields, arrays)
+
+
+class Feed:
+    """The feed's end of the pipe."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+        self.writer = Writer(end)
+        self._unpacker = Unpacker()
+        self.got: list[Message] = []
+        self._lock = threading.Lock()
+
+    def say(self, kind: str, content: dict[str, Any] | None = None, **arrays: np.ndarray) -> None:
+        self.write(Message(kind, content or {}, arrays))
+
+    def write(self, message: Message) -> None:
+        with self._lock:
+            self.writer.write(message, must=True)
+
+    def wait(self, kind: str, seconds: float = 30.0) -> Message:
+        """Next message of a kind; others before it are dropped."""
+        return self.until(lambda message: message.kind == kind, seconds)
+
+    def until(self, fits: Callable[[Message], bool], seconds: float = 30.0) -> Message:
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            while self.got:
+                if fits(message := self.got.pop(0)):
+                    return message
+            with self._lock:
+                self.writer.flush()
+            try:
+                data = self._end.recv(1 << 16)
+            except BlockingIOError:
+                time.sleep(0.002)
+                continue
+            if not data:
+                break
+            self.got += self._unpacker.feed(data)
+        raise AssertionError("the server has not said it")
+
+
+class Served(NamedTuple):
+    """A server that runs, and the feed's end of its pipe."""
+
+    process: subprocess.Popen[bytes]
+    feed: Feed
+    port: int
+    token: str
+    folder: Path
+
+    @property
+    def host(self) -> str:
+        return f"127.0.0.1:{self.port}"
+
+    def socket_url(self, path: str = "/ws", **query: Any) -> str:
+        told = "&".join(f"{name}={value}" for name, value in {"token": self.token, **query}.items())
+        return f"ws://{self.host}{path}?{told}"
+
+    def play(self, body: Body, first: int, stop: int, *, size: int = 10, wall: float = 0.0) -> None:
+        """Feed rows from one to another in batches, so many seconds of the clock apart."""
+        for k in range(first, stop, size):
+            self.feed.write(body.batch(k, min(size, stop - k)))
+            if wall:
+                time.sleep(wall)
+
+
+@contextmanager
+def serving(*options: str, folder: Path, token: str | None = None, host: str | None = None) -> Iterator[Served]:
+    """Run a server as a process of its own, and end it."""
+    token = token or secrets.token_urlsafe(24)
+    ours, theirs = socket.socketpair()
+    command = [sys.executable, "-m", "plumbob.viewer.serve", "--fd", str(theirs.fileno()), "--port", "0",
+               "--folder", str(folder), *(("--host", host) if host else ()), *options]  # fmt: skip
+    with (folder / "server.log").open("wb") as log:
+        process = subprocess.Popen(
+            command, pass_fds=[theirs.fileno()], env=os.environ | {"PLUMBOB_VIEW_TOKEN": token}, stdout=log, stderr=log
+        )
+    theirs.close()
+    feed = Feed(ours)
+    try:
+        port = feed.wait("ready").content["port"]
+        yield Served(process, feed, port, token, folder)
+    finally:
+        ours.close()
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+    said = (folder / "server.log").read_text()
+    assert "Traceback" not in said, said
+    assert token not in said
+
+
+class Tick(NamedTuple):
+    """A binary message, taken apart by what its layout says and nothing of the server's."""
+
+    kind: int
+    state: dict[str, Any]
+    epoch: int
+    t: np.ndarray
+    flags: np.ndarray
+    values: np.ndarray
+
+
+def parsed(message: bytes) -> Tick:
+    kind, size, n, m, epoch, nothing = struct.unpack_from("<6I", message)
+    assert size % 8 == 0 and nothing == 0
+    assert len(message) == 24 + size + 12 * n + 4 * m * n
+    state = json.loads(message[24 : 24 + size]) if size else {}
+    at = 24 + size
+    t = np.frombuffer(message, "<f8", n, at)
+    words = np.frombuffer(message, "<u4", n, at + 8 * n)
+    values = np.frombuffer(message, "<f4", n * m, at + 12 * n).reshape(m, n)
+    return Tick(kind, state, epoch, t, words, values)
+
+
+def request(
+    served: Served, method: str = "GET", path: str = "/", *, headers: dict[str, str] | None = None, body: bytes = b"",
+    token: str | None = "", host: str | None = None,
+) -> tuple[int, dict[str, str], bytes]:  # fmt: skip
+    """Answer to a request: status, headers, body; with the right token in a header unless another is given."""
+    lines = {"Host": host or served.host, "Connection": "close"}
+    if token is not None:
+        lines["Authorization"] = f"Bearer {token or served.token}"
+    if body or method == "POST":
+        lines["Content-Length"] = str(len(body))
+    head = "".join(f"{name}: {value}\r\n" for name, value in (lines | (headers or {})).items())
+    return raw_request(served, f"{method} {path} HTTP/1.1\r\n{head}\r\n".encode() + body)
+
+
+def raw_request(served: Served, data: bytes) -> tuple[int, dict[str, str], bytes]:
+    """Answer to bytes; status 0 where the server closed without one."""
+    with socket.create_connection(("127.0.0.1", served.port), timeout=20.0) as line:
+        line.sendall(data)
+        found = b""
+        try:
+            while part := line.recv(1 << 16):
+                found += part
+        except ConnectionResetError:
+            pass
+    head, _, body = found.partition(b"\r\n\r\n")
+    if not head:
+        return 0, {}, b""
+    first, *rest = head.decode("latin-1").split("\r\n")
+    status = int(re.fullmatch(r"HTTP/1\.1 (\d{3}) .*", first)[1])  # type: ignore[index]
+    pairs = (line.partition(": ") for line in rest)
+    return status, {name.lower(): value for name, _, value in pairs}, body
+
+
+CLIPPED = flag.GYR_CLIPPED
