@@ -121,19 +121,25 @@ export function runs(
   return found;
 }
 
-const STEPS = [1, 2, 2.5, 5, 10];
+const STEPS = [1, 2, 5, 10];
+const TURNS = [15, 30, 45, 90];
 
-/** A step of 1, 2, 2.5 or 5 times a power of ten that is at least so large. */
-export function niceStep(least: number): number {
+/** A step of 1, 2 or 5 times a power of ten that is at least so large; of angles, of parts of a turn above 10°. */
+export function niceStep(least: number, angle = false): number {
+  if (angle && least > 10) return TURNS.find((step) => step >= least * 0.999999) ?? 90;
   const power = 10 ** Math.floor(Math.log10(least));
   return power * (STEPS.find((step) => step * power >= least * 0.999999) ?? 10);
 }
 
 /** Limits of an axis for values, on steps that change seldom, and never closer together than `least`. */
-export function limits(low: number, high: number, least: number): [number, number] {
+export function limits(low: number, high: number, least: number, angle = false): [number, number] {
   if (!(low <= high)) return [0, Math.max(least, 1)];
   const middle = (low + high) / 2;
-  const half = Math.max((high - low) * 0.53, least / 2);
-  const step = niceStep(half / 4);
-  return [Math.floor((middle - half) / step) * step, Math.ceil((middle + half) / step) * step];
+  const half = Math.max((high - low) * 0.52, least / 2);
+  const step = niceStep(half / 4, angle);
+  const found: [number, number] = [Math.floor((middle - half) / step) * step, Math.ceil((middle + half) / step) * step];
+  // A circle ends where it ends.
+  if (angle && low >= 0 && found[0] < 0) found[0] = 0;
+  if (angle && high <= 360 && found[1] > 360) found[1] = 360;
+  return found;
 }

@@ -10,7 +10,7 @@ import type { Column, Happened, Hello } from "../messages";
 import type { Rows } from "../panel";
 import type { OwnPanel, Shell } from "../shell";
 import { placeOf } from "../store";
-import { NAMES } from "../names";
+import { ANGLE_NAMES, headed, NAMES, SHORT } from "../names";
 
 export const WINDOWS = [5, 10, 20, 30, 60, 120, 180, 300, 600];
 const ORDER = ["attitude", "error", "rate", "force", "field", "flags", "residual", "sd", "bias", "temperature"];
@@ -21,6 +21,7 @@ const PLOT = 84;
 const LANE = 15;
 const AXIS = 54;
 const RULER = 18;
+const DEGREES = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90, 180];
 const INCREMENTS = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600];
 
 interface Line {
@@ -177,7 +178,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     }
     const names = [...new Set(strips.map((strip) => strip.chart))];
     chooser.replaceChildren(
-      ...names.map((chart) => button({ class: "chip", say: NAMES[chart] ?? chart, attributes: { "data-chart": chart } }, () => choose(chart))),
+      ...names.map((chart) => button({ class: "chip", say: SHORT[chart] ?? chart, attributes: { "data-chart": chart } }, () => choose(chart))),
     );
     arrange();
     tools();
@@ -206,6 +207,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     private readonly hair = h("div", { class: "hair" });
     private readonly unit: string;
     private readonly least: number;
+    private readonly angle: boolean;
     private readonly bands: { line: Line; sd: number; points: Points }[] = [];
     private lanes: number[] = [];
     private spans = new Map<number, number[]>();
@@ -215,6 +217,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       this.chart = group.chart;
       const columns = group.columns.map((i) => hello.columns[i]!);
       this.unit = columns[0]?.unit ?? "";
+      this.angle = this.chart === "attitude" && this.unit === "°";
       this.least = 10 ** -(columns[0]?.digits ?? 0) * 8;
       this.bySource = this.chart === "attitude" || new Set(columns.map((column) => column.source)).size > 1;
       this.lines = columns.map((of, k) => ({
@@ -230,7 +233,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     private head(): HTMLElement {
       const { label } = this.group;
       const name = h("h3");
-      if (this.chart === "attitude") say(name, label === "yaw" && this.hello.north !== "free" ? "heading" : label);
+      if (this.chart === "attitude") say(name, ANGLE_NAMES[label === "yaw" && headed(this.hello) ? "heading" : label] ?? label);
       else say(name, NAMES[this.chart] ?? this.chart);
       const legend = h("div", { class: "legend" });
       for (const line of this.lines) {
@@ -272,13 +275,13 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         grid: { stroke: () => colours().grid, width: 1 }, ticks: { show: false }, ...more,
       });
       const options: uPlot.Options = {
-        width: 320, height: this.height + RULER, pxAlign: false, legend: { show: false }, padding: [4, 8, 0, 0],
+        width: 320, height: this.height + RULER, pxAlign: false, legend: { show: false }, padding: [8, 8, 0, 0],
         cursor: { y: false, x: false, points: { show: false }, drag: { x: true, y: false, setScale: false, dist: 6 } },
         scales: { x: { time: false, auto: false, range: (_, low, high) => [low, high] }, y: { auto: false, range: (_, low, high) => [low, high] } },
         axes: [
           axis({ size: RULER, space: 70, incrs: INCREMENTS, values: (_, at, __, ___, step) => at.map((time) => clock(time, step < 1 ? Math.ceil(-Math.log10(step)) : 0)) }),
           axis({
-            size: AXIS, space: 24, show: this.chart !== "flags",
+            size: AXIS, space: 24, show: this.chart !== "flags", ...(this.angle ? { incrs: DEGREES } : {}),
             values: (_, at, __, ___, step) => at.map((value) => fixed(value, step < 1 ? Math.ceil(-Math.log10(step) - 0.001) : 0)),
           }),
         ],
@@ -297,7 +300,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
           setSelect: [(plot) => this.selected(plot)],
         },
       };
-      if (this.chart === "flags") options.padding = [4, 8, 0, AXIS];
+      if (this.chart === "flags") options.padding = [8, 8, 0, AXIS];
       const data = [[0, 1], ...this.lines.map(() => [0, 0])] as uPlot.AlignedData;
       return new uPlot(options, data, this.host);
     }
@@ -358,21 +361,19 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         }
         [low, high] = [0, 1];
       }
-      const angle = this.chart === "attitude" && this.unit === "°";
       for (const line of this.lines) {
         if (!line.shown) continue;
-        envelope(store.t, store.values[line.column]!, start, stop, width, { gap, step: angle ? 180 : Infinity }, line.points);
+        envelope(store.t, store.values[line.column]!, start, stop, width, { gap, step: this.angle ? 180 : Infinity }, line.points);
         low = Math.min(low, line.points.low);
         high = Math.max(high, line.points.high);
       }
       for (const band of this.bands) {
         if (band.line.shown) envelope(store.t, store.values[band.sd]!, start, stop, 4 * width, { gap, step: Infinity }, band.points);
       }
-      const [bottom, top] = this.chart === "flags" ? [low, high] : limits(low, high, this.least);
+      const [bottom, top] = this.chart === "flags" ? [low, high] : limits(low, high, this.least, this.angle);
       this.plot.batch(() => {
         this.plot.setScale("x", { min: from, max: to });
         this.plot.setScale("y", { min: bottom, max: top });
-        this.plot.redraw();
       });
       this.cursor();
     }
@@ -390,7 +391,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       for (const band of this.bands) if (band.line.shown) this.claim(plot, band.line.points, band.points, sky, x);
       if (this.chart === "flags") this.lanesOf(plot, x, ratio);
       ctx.fillStyle = amber;
-      for (const mark of marks) if (mark.t >= drawn.from) ctx.fillRect(x(mark.t) - ratio, bbox.top, 2 * ratio, bbox.height);
+      for (const mark of marks) if (mark.t >= drawn.from) ctx.fillRect(x(mark.t) - ratio / 2, bbox.top, ratio, bbox.height);
       ctx.restore();
     }
 
@@ -427,6 +428,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       const lane = LANE * ratio;
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       ctx.textBaseline = "middle";
+      ctx.textAlign = "left";
       if (this.lanes.length === 0) {
         ctx.fillStyle = muted;
         ctx.fillText(shell.t("no flags"), bbox.left + 6 * ratio, bbox.top + lane);
@@ -530,7 +532,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     rows(rows: Rows) {
       if (rows.epoch !== epoch) span = null;
       epoch = rows.epoch;
-      dirty = true;
+      dirty ||= span === null;
     },
     event(event: Happened) {
       if ((event.kind === "mark" || event.kind === "remark") && event.t !== null) marks = [...marks.slice(-200), { t: event.t, text: event.text }];

@@ -31,13 +31,14 @@ export function controls(shell: Shell): OwnPanel {
   const filters = h("select", { aria: "Estimator to add" });
   const add = button({ say: "Add", hint: "plumbob control URL add" }, () => void shell.ask({ verb: "add", name: filters.value }));
   const list = h("ul", { class: "estimators" });
-  const estimators = h("div", { class: "row" }, h("label", {}, h("span", { say: "Estimator" }), filters), add);
+  const saving = h("div", { class: "row needs" }, nameLabel, record, stop);
+  const estimators = h("div", { class: "row needs" }, h("label", {}, h("span", { say: "Estimator" }), filters), add);
   const element = h(
     "form", { class: "controls" }, why,
-    h("div", { class: "row" }, nameLabel, record, stop), kept,
-    h("div", { class: "row" }, markLabel, marker),
-    h("div", { class: "row" }, h("span", { class: "name", say: "Zero of the angles" }), tare, untare),
-    h("div", { class: "row" }, textLabel, write, end), wrote,
+    saving, kept,
+    h("div", { class: "row needs" }, markLabel, marker),
+    h("div", { class: "row needs" }, h("span", { class: "name", say: "Zero of the angles" }), tare, untare),
+    h("div", { class: "row needs" }, textLabel, write, end), wrote,
     estimators, list,
   );
   element.addEventListener("submit", (event) => event.preventDefault());
@@ -66,6 +67,9 @@ export function controls(shell: Shell): OwnPanel {
     off.add(recording ? record : stop);
     off.add(state?.text ? write : end);
     if (recording) off.add(name);
+    saving.hidden = !hello.recording;
+    write.hidden = Boolean(state?.text);
+    end.hidden = !write.hidden;
     if (state && !state.tared) off.add(untare);
     if (!hello.estimators.length) for (const one of [tare, untare]) off.add(one);
     for (const one of all) one.disabled = off.has(one);

@@ -19,19 +19,19 @@ export function judged(link: Link, hello: Hello, silent: number | null): Record<
   return {
     Stream:
       silent !== null
-        ? { health: "wrong", words: "no data for {} s", values: [fixed(silent, 1)] }
+        ? { health: "wrong", words: "silent {} s", values: [fixed(silent, 1)] }
         : slow ? { health: "watch", words: "slower than {} Hz", values: [fixed(hello.rate, 0)] } : { health: "well", words: "flowing" },
     Frames:
       link.lost === 0 ? { health: "well", words: "none lost" }
       : { health: share > 0.01 ? "wrong" : "watch", words: "{} % lost", values: [fixed(100 * share, share < 0.001 ? 3 : 2)] },
-    Bytes: bad === 0 ? { health: "well", words: "clean" } : { health: link.rejected > 0.001 * link.samples ? "wrong" : "watch", words: "damaged: {}", values: [count(bad)] },
+    Bytes: bad === 0 ? { health: "well", words: "clean" } : { health: link.rejected > 0.001 * link.samples ? "wrong" : "watch", words: "{} damaged", values: [count(bad)] },
     Clock:
       link.drift_ppm === null ? { health: "unknown", words: "not measured" }
       : { health: Math.abs(link.drift_ppm) > 1000 ? "wrong" : Math.abs(link.drift_ppm) > 200 ? "watch" : "well", words: "{} ppm", values: [signed(link.drift_ppm, 1)] },
     Delay:
       link.latency === null ? { health: "unknown", words: "not measured" }
       : { health: link.latency > 0.5 ? "wrong" : link.latency > 0.1 ? "watch" : "well", words: "{}", values: [brief(link.latency)] },
-    Server: link.skipped === 0 ? { health: "well", words: "keeps up" } : { health: "watch", words: "skipped: {}", values: [count(link.skipped)] },
+    Server: link.skipped === 0 ? { health: "well", words: "keeps up" } : { health: "watch", words: "{} skipped", values: [count(link.skipped)] },
   };
 }
 
@@ -64,7 +64,7 @@ export const link: Own = (shell) => {
   }
   fact("rate", "rate", "Samples per second over the last seconds");
   fact("latency", "latency", "From the arrival of the newest sample to the sending of the message");
-  fact("age", "age of the last sample", "Since the newest sample arrived");
+  fact("age", "age", "Since the newest sample arrived");
   fact("drift_ppm", "clock drift", "Of the device's clock against this host's");
   fact("clock", "time from", "What tells the time of a sample");
   for (const [key, english, why] of COUNTS) fact(key, english, why);

@@ -3,7 +3,7 @@ import { h, put, say, set } from "../dom";
 import { flagNamed } from "../flags";
 import { fixed, NONE, signed, wrapped } from "../format";
 import type { Attitude, Column, Hello, State } from "../messages";
-import { NAMES } from "../names";
+import { ANGLE_NAMES, headed, NAMES } from "../names";
 import type { Own, OwnPanel, Shell } from "../shell";
 
 const ANGLES = ["roll", "pitch", "yaw"] as const;
@@ -31,7 +31,7 @@ function digitsOf(hello: Hello, name: string, angle: string): number {
 }
 
 function calledOf(hello: Hello, angle: string): string {
-  return angle === "yaw" && (hello.north === "true" || hello.north === "magnetic") ? "heading" : angle;
+  return ANGLE_NAMES[angle === "yaw" && headed(hello) ? "heading" : angle] ?? angle;
 }
 
 /** Roll, pitch and heading of the primary estimator, and the others beside it. */
@@ -50,16 +50,16 @@ export const attitude: Own = (shell) => {
 
   function build(shell: Shell, now: Hello): void {
     hello = now;
-    cells = ANGLES.map((angle) => ({ value: h("span", { class: "value live", text: NONE }), sd: h("span", { class: "sd live", text: "" }) }));
+    cells = ANGLES.map(() => ({ value: h("span", { class: "value live", text: NONE }), sd: h("span", { class: "sd live", text: "" }) }));
     big.replaceChildren(
       ...ANGLES.map((angle, i) =>
         h("div", {}, h("dt", { say: calledOf(now, angle) }), h("dd", {}, cells[i]!.value, h("span", { class: "degree", text: "°", attributes: { "aria-hidden": "true" } }), cells[i]!.sd)),
       ),
     );
     head.replaceChildren(
-      h("th", { say: "estimator", attributes: { scope: "col" } }),
+      h("th", { say: "Estimator", attributes: { scope: "col" } }),
       ...ANGLES.map((angle) => h("th", { say: calledOf(now, angle), attributes: { scope: "col" } })),
-      h("th", { say: "to reference", attributes: { scope: "col" } }),
+      h("th", { say: "Error", hint: "Angle to the reference", attributes: { scope: "col" } }),
     );
     rows = new Map();
     table.replaceChildren();
@@ -138,7 +138,7 @@ export const channels: Own = (shell) => {
   function line(title: HTMLElement, columns: readonly Column[], of: number[], unit: string): [HTMLElement, Cells] {
     const cells = of.map(() => h("span", { class: "value live", text: NONE }));
     const named = (column: Column) => h("span", { class: "label", say: column.label });
-    const values = of.map((i, k) => h("span", { class: "cell" }, named(columns[i]!), cells[k]!));
+    const values = of.map((i, k) => h("span", { class: "cell" }, of.length > 1 ? named(columns[i]!) : null, cells[k]!));
     return [h("div", { class: "line" }, h("div", { class: "title" }, title, h("span", { class: "unit", text: unit })), h("div", { class: "cells" }, ...values)), { columns: of, cells }];
   }
 
@@ -147,7 +147,7 @@ export const channels: Own = (shell) => {
     physical = [];
     raw = [];
     const lines: HTMLElement[] = [];
-    const shown = now.columns.map((column, i) => ({ column, i })).filter(({ column }) => column.chart !== "attitude");
+    const shown = now.columns.map((column, i) => ({ column, i })).filter(({ column }) => column.chart !== "attitude" && column.chart !== "error");
     for (const [first, places] of grouped(shown.map(({ column }) => column), (column) => `${column.chart} ${column.source}`)) {
       const title = h("h3", { say: NAMES[first.chart] ?? first.chart });
       const own = now.estimators.some((one) => one.name === first.source);
