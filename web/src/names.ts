@@ -1,0 +1,14 @@
+// Names of charts and channels, in English; what is not here is shown as the server says it.
+import type { Hello } from "./messages";
+
+export const NAMES: Readonly<Record<string, string>> = {
+  attitude: "Attitude", error: "Error to the reference", sd: "Claimed standard deviation", bias: "Estimated bias", residual: "Residual",
+  rate: "Angular rate", force: "Specific force", field: "Magnetic field", temperature: "Temperature", flags: "Flags",
+};
+export const SHORT: Readonly<Record<string, string>> = { ...NAMES, error: "Error", sd: "Claimed sd", bias: "Bias", rate: "Rate", force: "Force", field: "Field" };
+export const ANGLE_NAMES: Readonly<Record<string, string>> = { roll: "Roll", pitch: "Pitch", yaw: "Yaw", heading: "Heading" };
+
+/** Whether yaw is a heading: it counts from a north. */
+export function headed(hello: Hello): boolean {
+  return hello.north === "true" || hello.north === "magnetic";
+}

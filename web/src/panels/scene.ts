@@ -1,0 +1,3 @@
+import type { PanelFactory } from "../panel";
+
+export const scene: PanelFactory = () => ({ element: document.createElement("div") });
