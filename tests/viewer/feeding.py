@@ -105,8 +105,13 @@ class Feed:
         self.write(Message(kind, content or {}, arrays))
 
     def write(self, message: Message) -> None:
+        """Write a message, and wait until the pipe has taken it."""
+        deadline = time.monotonic() + 20.0
         with self._lock:
             self.writer.write(message, must=True)
+            while self.writer._waiting and not self.writer.broken and time.monotonic() < deadline:
+                time.sleep(0.001)
+                self.writer.flush()
 
     def wait(self, kind: str, seconds: float = 30.0) -> Message:
         """Next message of a kind; others before it are dropped."""

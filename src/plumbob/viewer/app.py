@@ -97,7 +97,9 @@ def application(hub: Hub, control: "Control", rules: Rules, places: Places) -> A
         WebSocketRoute("/ws", _placed(places, Page(hub, control).serve)),
         WebSocketRoute("/foxglove", _placed(places, Foxglove(hub).serve)),
     ]
-    return Guard(Starlette(routes=routes), rules)
+    starlette = Starlette(routes=routes)
+    starlette.router.redirect_slashes = False
+    return Guard(starlette, rules)
 
 
 def _file(content: bytes, kind: str) -> Callable[["Request"], Awaitable["Response"]]:

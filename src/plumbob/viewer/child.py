@@ -147,8 +147,9 @@ class Server:
         self._spawn()
         until = time.monotonic() + _READY
         while not self._is_ready:
-            self._read()
-            if self._has_ended() or time.monotonic() > until:
+            ended = self._has_ended()
+            self._read()  # what it said before
+            if not self._is_ready and (ended or time.monotonic() > until):
                 told = self._said() or "the server of the view does not answer; try another --http-port."
                 self.close()
                 raise LineError(told)

@@ -34,6 +34,7 @@ _NO_LINK: Final = {"rate": None, "samples": 0, "lost": 0, "gaps": 0, "junk": 0, 
                    "drift_ppm": None, "clock": "", "skipped": 0}  # fmt: skip
 _STORM: Final = 100.0  # events that may come at once, and how many in a second for long
 _EVENTS_PER_S: Final = 10.0
+_QUIET_S: Final = 1.0  # without events, after which a storm is over
 _PASSED: Final = ("gravity_b", "field_b", "points", "recording", "text", "playback")
 
 Item = TypeVar("Item")
@@ -301,8 +302,8 @@ class Hub:
             self._left_out += 1
             return
         self._events_left -= 1.0
-        self.tell(content["kind"], content["text"], content.get("t"))
         self._tell_left_out()
+        self.tell(content["kind"], content["text"], content.get("t"))
 
     def _tell_left_out(self) -> None:
         if self._left_out:
@@ -345,6 +346,7 @@ class Hub:
         self.history.forget()
         self.ticks.clear()
         self.epoch += 1
+        self.t = None
         self._known = np.full(len(self._known), np.nan)
         self._values = np.full(len(self._values), np.nan)
         self._schedule(TICK_S)
@@ -363,6 +365,8 @@ class Hub:
         loop = asyncio.get_running_loop()
         self._timer, self._last = None, loop.time()
         rows = self._flush()
+        if time.monotonic() - self._events_at > _QUIET_S:
+            self._tell_left_out()
         if self.clients:
             self.ticks.add(tick(self.state(), rows, self.epoch))
             self.wake()

@@ -161,10 +161,10 @@ def load(
     found = _loaded(path, unit, profile, all_=chain is not None, calibration=calibration, frame=frame)
     if found.imu is None and (wanted or also):
         raise ShapeError(f"{path} holds an attitude but no sensor data, so there is nothing to estimate from.")
-    recording = Recording(imu=found.imu, track=found.reference, name=path.name)
     estimates = [] if wanted else list(found.estimates)
 
     def estimated(name: str | None, *, primary: bool, **settings: Any) -> Estimate:
+        recording = Recording(imu=found.imu, track=found.reference, name=path.name)
         own = frame or (estimates[0].track.frame if estimates else None)
         result = estimate(recording, name, frame=own, note=note if primary else None, **settings)
         told = result.filter.facts()["params"]

@@ -6,7 +6,6 @@ import urllib.request
 from typing import Any, Final, get_args
 from urllib.parse import parse_qs, urlsplit
 
-from plumbob.core import check
 from plumbob.core.errors import DecodeError, LineError, ParameterError
 from plumbob.viewer.messages import Command, Verb
 
@@ -52,7 +51,7 @@ def control(url: str, verb: str, *, name: str = "", text: str = "", value: float
     DecodeError
         If what answers is not a view.
     """
-    check.one_of("verb", verb, VERBS)
+    _require_known(verb)
     command = Command(id=1, verb=verb, name=name, text=text, value=value)  # type: ignore[arg-type]
     answer = _posted(*_place(url), command)
     if not isinstance(answer.get("ok"), bool) or not isinstance(answer.get("text"), str):
@@ -71,7 +70,7 @@ def asked(verb: str, argument: str | None) -> dict[str, Any]:
     ParameterError
         If the verb is not known, takes none, or needs a number.
     """
-    check.one_of("verb", verb, VERBS)
+    _require_known(verb)
     if argument is None:
         return {}
     if verb in NAMED:
@@ -84,6 +83,11 @@ def asked(verb: str, argument: str | None) -> dict[str, Any]:
         return {"value": float(argument)}
     except ValueError:
         raise ParameterError(f"'{verb}' needs a number, but got '{argument}'.") from None
+
+
+def _require_known(verb: str) -> None:
+    if verb not in VERBS:
+        raise ParameterError(f"the view knows no verb '{verb}'; there are {', '.join(VERBS)}.")
 
 
 def _place(url: str) -> tuple[str, str]:

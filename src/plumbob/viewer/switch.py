@@ -182,7 +182,7 @@ class Switch:
 
     def start(self) -> Event | None:
         """Start the session's own recording, where there is one; as `RecordingSink.start`."""
-        return None if self._sink is None else self._sink.start()
+        return self._sink.start() if self._sink is not None and self._second is self._stream else None
 
     def on_item(self, item: Received | Event) -> None:
         """Keep what has come."""

@@ -36,6 +36,9 @@ _EVERY: Final = 0.1
 _STALE_NS: Final = 1_000_000_000
 _EVENTS: Final = 50
 _JOIN: Final = 1.0
+_LABEL: Final = 12
+_NARROW: Final = 76
+"""Columns below which a table of estimators stands closer."""
 _TAPE: Final = 0.2
 """Characters for a degree of the heading's tape."""
 _SCALES: Final = {"gyr": 250.0, "acc": 20.0, "mag": 80.0}
@@ -256,15 +259,16 @@ class _Page:
         attitudes = self._now.fields.get("attitudes") or {}
         if not attitudes:
             return
+        narrow = self._width < _NARROW
         title = [self._say(word) for word in ("estimator", "roll", "pitch", "yaw", "error")]
-        yield Text(_row(title[0], [f"{word} [°]" for word in title[1:4]], f"{title[4]} [°]"), style="dim")
+        yield Text(_row(title[0], [f"{word} [°]" for word in title[1:4]], title[4], narrow=narrow), style="dim")
         for name, one in attitudes.items():
             roll, pitch, yaw = _angles(one["q_nb"], self._now.tare)
             sds = one["sd"] or [None] * 3
-            cells = [f"{angle:8.2f}{_sd(sd)}" for angle, sd in zip((roll, pitch, yaw), sds, strict=True)]
+            cells = [f"{round(angle, 2) + 0.0:7.2f}{_sd(sd)}" for angle, sd in zip((roll, pitch, yaw), sds, strict=True)]
             error = "" if one["error"] is None else f"{one['error']:.2f}"
             label = self._say(name) if name == REFERENCE else visible(name)
-            yield Text(_row(label, cells, error), style="dim" if name == REFERENCE else "bold")
+            yield Text(_row(label, cells, error, narrow=narrow), style="dim" if name == REFERENCE else "bold")
 
     def _tape(self) -> "Iterator[Text]":
         from rich.text import Text
@@ -285,8 +289,8 @@ class _Page:
         for sensor, label, unit, digits in _SENSORS:
             if not any(f"{sensor}.{axis}" in values for axis in "xyz"):
                 continue
-            line = Text(_padded(self._say(label), 9))
-            bar = max(3, (self._width - 9 - 3 * 10 - 6) // 3)
+            line = Text(_padded(self._say(label), _LABEL))
+            bar = max(3, (self._width - _LABEL - 3 * 10 - 6) // 3)
             for axis in "xyz":
                 value = values.get(f"{sensor}.{axis}")
                 line.append("       - " if value is None else f"{value:8.{digits}f} ")
@@ -295,7 +299,7 @@ class _Page:
             line.append(unit, style="dim")
             yield line
         if "temp" in values:
-            yield Text(f"{_padded(self._say('temperature'), 9)}{values['temp']:8.2f} °C{self._residual()}")
+            yield Text(f"{_padded(self._say('temperature'), _LABEL)}{values['temp']:8.2f} °C{self._residual()}")
 
     def _residual(self) -> str:
         """Residuals of the primary estimator."""
@@ -378,11 +382,15 @@ def _angles(q_nb: Sequence[float], tare: Any) -> tuple[float, float, float]:
 
 
 def _sd(sd: float | None) -> str:
-    return " " * 6 if sd is None else f" ±{sd:.2f}"[:7].ljust(6)
+    if sd is None:
+        return ""
+    return f" ±{sd:.{2 if sd < 9.995 else 1 if sd < 99.95 else 0}f}"
 
 
-def _row(name: str, cells: Sequence[str], error: str) -> str:
-    return f"{_padded(name, 12)}{''.join(_padded(cell, 15) for cell in cells)}{error}"
+def _row(name: str, cells: Sequence[str], error: str, *, narrow: bool) -> str:
+    return (
+        f"{_padded(name, 11 if narrow else 16)}{''.join(_padded(cell, 14 if narrow else 17) for cell in cells)}{error}"
+    )
 
 
 def _padded(text: str, width: int) -> str:
@@ -442,7 +450,7 @@ def _painted(terminal: Terminal) -> Iterator[None]:
     from rich.console import Console, Group
     from rich.live import Live
 
-    console, ended = Console(), threading.Event()
+    console, ended = Console(file=sys.__stdout__), threading.Event()  # what steers it is our own
 
     def paint() -> None:
         with contextlib.suppress(OSError), Live(console=console, screen=True, auto_refresh=False) as live:
@@ -510,7 +518,7 @@ def watch(
         stack.enter_context(_painted(terminal))
         return shown.run(
             terminal, folder=Path(folder), control=True, duration=given("duration", duration, Quantity.TIME),
-            stop=ended, note=note, opened=lambda: None,
+            stop=ended, note=note, echo=lambda text: None, opened=lambda: None,
         )  # fmt: skip
 
 

@@ -220,7 +220,7 @@ class Shows:
         self._also, self._chain, self._truth = also, chain, truth
 
     def run(self, outlet: Outlet, **how: Any) -> Viewed:
-        """Show it in an outlet until its end, or until it is stopped."""
+        """Show it in an outlet until its end, or until it is stopped; `echo` gets what the outlet shows as events."""
         return self._play(outlet, **how) if self._session is None else self._follow(self._session, outlet, **how)
 
     def _follow(
@@ -233,6 +233,7 @@ class Shows:
         duration: float | None,
         stop: Stopping | None,
         note: Note,
+        echo: Note,
         opened: Callable[[], None],
     ) -> Viewed:
         session = named_at(session, time.time_ns())
@@ -246,7 +247,7 @@ class Shows:
         )  # fmt: skip
 
         def remark(line: str) -> None:
-            note(line)
+            echo(line)
             feed.say(feed.now, "remark", line)
 
         watch = Watch(stream, remark, events=False)
@@ -260,7 +261,7 @@ class Shows:
             desk.serve()
             feed.tick()
 
-        sinks: list[Sink] = [watch, _Told(note), feed, *texts]
+        sinks: list[Sink] = [watch, _Told(echo), feed, *texts]
         run_stream(stream, source, sinks=sinks, recording=switch, duration=duration, stop=stop, each=each)
         return Viewed(session.name, Ran(watch), switch.recordings, fault=feed.failed)
 
@@ -273,6 +274,7 @@ class Shows:
         duration: float | None,
         stop: Stopping | None,
         note: Note,
+        echo: Note,
         opened: Callable[[], None],
     ) -> Viewed:
         assert self._path is not None

@@ -168,8 +168,8 @@ class Allan implements Panel {
       cursor: { y: false, points: { size: 7 }, drag: { x: false, y: false } },
       padding: [10, 14, 0, 0],
       axes: [
-        { ...axis, label: `${t("averaging time")} τ [s]`, values: (_, splits) => splits.map(power), space: 34, size: 34 },
-        { ...axis, label: `${t("Allan deviation")} [${this.unit()}]`, values: (_, splits) => splits.map(power), space: 22, size: 52 },
+        { ...axis, label: `${t("averaging time")} τ [s]`, values: (_, splits) => splits.map(tick), space: 34, size: 34 },
+        { ...axis, label: `${t("Allan deviation")} [${this.unit()}]`, values: (_, splits) => splits.map(tick), space: 22, size: 52 },
       ],
       series: [
         {},
@@ -207,7 +207,7 @@ class Allan implements Panel {
     ctx.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
     for (const [slope, text] of SLOPES) {
       const at = (time: number): number => (slope < 0 && white.length > 0 ? mean(white) * time ** slope : deviation * (time / tau) ** slope);
-      const [from, to] = [slope > 0 ? tau : min, slope < 0 ? max : max];
+      const [from, to] = [slope > 0 ? tau : min, max];
       const [x0, y0, x1, y1] = [plot.valToPos(from, "x", true), plot.valToPos(at(from), "y", true), plot.valToPos(to, "x", true), plot.valToPos(at(to), "y", true)];
       ctx.globalAlpha = 0.55;
       ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
@@ -253,7 +253,7 @@ class Allan implements Panel {
     const isRate = this.sensor === "gyr";
     const root = unit.replace("/s", "").replace("²", "");
     const head = ["", `N [${unit}/√Hz]`, isRate ? `N [${root}/√h]` : `N [${root}/s/√h]`, `${t("lowest")} [${unit}]`, `τ [s]`];
-    if (under !== null) head.push(`σ(${power(under, 3)} s)`);
+    if (under !== null) head.push(`σ(${figure(under)} s)`);
     const colours = this.context.colours();
     const shades = [colours.red, colours.green, colours.blue];
     const rows = AXES.map((axis, n) => {
@@ -308,17 +308,15 @@ function scientific(value: number): string {
 const RAISED = "⁰¹²³⁴⁵⁶⁷⁸⁹";
 const raised = (exponent: number): string => (exponent < 0 ? "⁻" : "") + [...String(Math.abs(exponent))].map((digit) => RAISED[Number(digit)]).join("");
 
-/** A mark of a logarithmic axis: powers of ten alone have words. */
-function power(value: number | null, digits = 0): string {
+/** Words at a mark of a logarithmic axis. */
+function tick(value: number | null): string {
   if (value === null) return "";
-  if (digits > 0) return figure(value);
-  const exponent = Math.log10(value);
-  if (Math.abs(exponent - Math.round(exponent)) > 1e-6) return "";
-  const whole = Math.round(exponent);
-  return whole >= -2 && whole <= 3 ? String(10 ** whole).replace("0.010", "0.01") : `10${raised(whole)}`;
+  const exponent = Math.round(Math.log10(value));
+  const isSmall = value < 0.9e-4 && Math.abs(value / 10 ** exponent - 1) < 1e-6;
+  return isSmall ? `10${raised(exponent)}` : figure(value);
 }
 
-/** Whole thirds of decades about the data. */
+/** The data with a margin, and half a decade at least. */
 function decades(_: uPlot, low: number, high: number): [number, number] {
   if (!(low > 0) || !(high > 0)) return [0.1, 10];
   const wide = Math.max(0.5, Math.log10(high / low) + 0.3) - Math.log10(high / low);

@@ -144,7 +144,7 @@ class Guide implements Panel {
     const said = make("div");
     said.append(this.amount, this.step);
     now.append(this.turning, said);
-    right.append(now, this.bar, this.facts, this.warnings, this.result);
+    right.append(now, this.warnings, this.result, this.bar, this.facts);
     this.work.append(left, right);
     this.element.append(this.closed, bar, this.answer, this.work);
   }
@@ -212,7 +212,7 @@ class Guide implements Panel {
     const isRest = this.kind === "gyro"; // which has neither directions nor a prediction
     this.fact("Seen", isRest ? "" : `${seen} / ${this.regions.length}`);
     this.fact("At rest", guidance ? `${guidance.still_for.toFixed(1)} s` : "—");
-    this.fact("Predicted", isRest ? "" : guidance?.predicted || "—");
+    this.fact("Predicted", isRest ? "" : this.predicted(guidance?.predicted || "—"));
     this.fact("Grade", isRest ? "" : guidance?.grade ? t(GRADES[guidance.grade] ?? guidance.grade) : "—");
     this.fact("Elapsed", guidance ? `${guidance.elapsed.toFixed(0)} s` : "—");
     this.values.get("Grade")!.dataset.grade = guidance?.grade ?? "";
@@ -231,8 +231,9 @@ class Guide implements Panel {
   private say(): void {
     const { t } = this.context;
     const { guidance } = this;
-    if (!guidance) {
-      put(this.step, this.running === null ? t(this.told?.control ? "Choose a sensor and start" : "No calibration is running") : t("Waiting for samples"));
+    const isRunning = this.running !== null;
+    if (!guidance || !isRunning) {
+      put(this.step, t(this.idleWords(isRunning)));
       put(this.amount, "");
     } else {
       const { label, parts } = stepOf(guidance.next_step);
@@ -243,11 +244,23 @@ class Guide implements Panel {
     this.amount.hidden = this.amount.textContent === "";
     this.turning.hidden = this.amount.hidden;
     this.step.classList.toggle("done", guidance?.done ?? false);
-    const warnings = guidance?.warnings ?? [];
+    const warnings = isRunning ? (guidance?.warnings ?? []) : [];
     if (warnings.join("\n") !== [...this.warnings.children].map(({ textContent }) => textContent).join("\n")) {
       this.warnings.replaceChildren(...warnings.map((text) => make("li", "", t(text))));
     }
     this.warnings.hidden = warnings.length === 0;
+  }
+
+  private idleWords(isRunning: boolean): string {
+    if (isRunning) return "Waiting for samples";
+    if (this.guidance?.card) return "Done";
+    if (this.guidance?.refused?.length) return "Not enough yet: start again";
+    return this.told?.control ? "Choose a sensor and start" : "No calibration is running";
+  }
+
+  /** A figure such as "heading ±0.6° (1 sd)", whose first word alone differs between languages. */
+  private predicted(words: string): string {
+    return words.replace(/^(heading|tilt)(?= )/, (word) => this.context.t(word));
   }
 
   private outcome(): void {

@@ -138,7 +138,7 @@ function names(ctx: CanvasRenderingContext2D, coverage: Coverage, see: See, radi
   ctx.textBaseline = "middle";
   coverage.regions.forEach((region, k) => {
     const [x, y, depth] = see(region);
-    if (depth < 0.35) return;
+    if (depth < 0.45) return;
     const standing = standingOf(k, coverage.filled, coverage.here, coverage.goal);
     const isStrong = standing === "goal" || standing === "here";
     ctx.font = `${isStrong ? 700 : 500} ${Math.max(10, radius * (isStrong ? 0.115 : 0.095))}px system-ui, sans-serif`;

@@ -1,0 +1,270 @@
+"""The feed: its numbers are those of the estimate, whatever came when; a fault in it costs the view alone."""
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.core.constants import G0
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import to_deg, to_dps
+from plumbob.data.chain import Chain, Joint, Segment
+from plumbob.rotations import Frame, North, quat_from_euler_zyx
+from plumbob.session.recording_sink import RecordingSink
+from plumbob.session.runner import run_stream
+from plumbob.session.session import RecordSpec
+from plumbob.session.sinks import Collected
+from plumbob.session.stream import Stream
+from plumbob.viewer.feed import Feed, FlagWatch
+from plumbob.viewer.rows import Attitudes, Layout, angles_of, shown_of
+from tests.session import live_samples
+from tests.viewer.outlets import Kept
+
+PLAIN = live_samples.SESSION.partition("[estimate]")[0]
+
+
+def text_of(estimate):
+    return f"{PLAIN}[estimate]\n{estimate}"
+
+
+def shown(estimate='filter = "mekf"', *, duration=10.0, outlet=None, **options):
+    """What a feed shows of a stream, and the parts that it gave."""
+    stream = Stream(live_samples.session(text_of(estimate) if estimate else PLAIN), covariance=True)
+    outlet, found = outlet or Kept(), Collected()
+    feed = Feed(stream, outlet, **options)
+    source = live_samples.Handed(live_samples.reads(live_samples.stream(duration)))
+    run_stream(stream, source, sinks=[found, feed], each=feed.tick)
+    assert not feed.failed, feed.failed
+    return outlet, found
+
+
+@pytest.mark.parametrize("name", ["mekf", "vqf", "mahony"])
+def test_angles_bias_and_sd_are_those_of_an_estimate(name):
+    outlet, found = shown(f'filter = "{name}"')
+    imu = found.imu(calibrated=True)
+    track = plumbob.estimate(imu, name, frame="NED").track
+    assert len(outlet.rows("t")) == len(imu) == 2000
+    yaw, pitch, roll = to_deg(track.euler_zyx).T
+    for angle, true in (("roll", roll), ("pitch", pitch), ("yaw", yaw)):
+        np.testing.assert_array_equal(outlet.column(f"{name}.{angle}"), true)
+    np.testing.assert_allclose(outlet.column(f"{name}.bias.x"), np.degrees(track.bias_b[:, 0]), rtol=1e-15)
+    if track.cov_b is not None:  # at this small tilt that of the yaw is that of the heading, to first order
+        from plumbob.rotations.headings import claimed_sd
+
+        heading = np.degrees(claimed_sd(track.q_nb, track.cov_b)[1])
+        np.testing.assert_allclose(outlet.column(f"{name}.sd.yaw")[100:], heading[100:], rtol=0.05)
+
+
+def test_angles_are_those_that_a_text_has(tmp_path):
+    outlet, found = shown()
+    from plumbob.session.sinks import text_of as lines_of
+
+    last = next(iter(lines_of(found.track(), [-1], head=False))).split("\t")
+    told = [outlet.column(f"mekf.{angle}")[-1] for angle in ("roll", "pitch", "yaw")]
+    assert [f"{value:.4f}" for value in told] == last[1:4]
+
+
+def test_sensors_are_those_of_the_samples_in_the_units_that_are_shown():
+    outlet, found = shown()
+    imu, sensed = found.imu(calibrated=True), found.imu(calibrated=False)
+    np.testing.assert_allclose(outlet.column("gyr.y"), np.degrees(imu.gyr[:, 1]), rtol=1e-15)
+    np.testing.assert_array_equal(outlet.column("acc.z"), imu.acc[:, 2])
+    np.testing.assert_array_equal(outlet.column("mag.x"), imu.mag[:, 0])
+    np.testing.assert_array_equal(outlet.column("temp"), imu.temp_c)
+    np.testing.assert_allclose(outlet.column("acc.excess"), np.linalg.norm(imu.acc, axis=1) - G0, atol=1e-12)
+    np.testing.assert_array_equal(outlet.rows("sensed")[:, 3:6], sensed.acc)
+    np.testing.assert_array_equal(outlet.rows("flags") & 0x1FF, imu.flags & 0x1FF)
+    assert {column.key: column.unit for column in outlet.hellos[-1].columns}["gyr.x"] == "°/s"
+
+
+def test_the_raw_counts_are_those_that_were_sent():
+    outlet, _ = shown()
+    names = [column.key for column in outlet.hellos[-1].raw]
+    raw = dict(zip(names, outlet.fields["raw"], strict=True))
+    assert raw["counter"] == 1999  # one for each frame, from 0
+    imu = live_samples.motion().imu
+    assert raw["acc.z"] == round(imu.acc[-1, 2] / 9.80665 * 8192)  # 8192 counts are 1 g in this format
+    assert raw["temp_c"] == round(100.0 * imu.temp_c[-1])
+
+
+def test_with_a_lag_rows_wait_for_their_attitude_and_agree_with_it():
+    outlet, found = shown('filter = "smoother"\nparams = { lag = "2 s" }')
+    track, imu = found.track(), found.imu(calibrated=True)
+    np.testing.assert_array_equal(outlet.rows("t"), imu.t)
+    np.testing.assert_array_equal(track.t, imu.t)
+    np.testing.assert_array_equal(outlet.column("gyr.x"), to_dps(imu.gyr[:, 0]))
+    np.testing.assert_array_equal(outlet.column("smoother.roll"), to_deg(track.euler_zyx[:, 2]))
+
+
+def test_with_a_lag_nothing_is_shown_before_its_attitude_is_there():
+    stream = Stream(live_samples.session(text_of('filter = "smoother"\nparams = { lag = "2 s" }')))
+    outlet = Kept()
+    feed, known = Feed(stream, outlet), -1.0
+    for item in live_samples.reads(live_samples.stream(10.0)):
+        part = stream.feed(item)
+        if part is not None:
+            feed.on_part(part)
+            feed._send(0)  # whatever the time
+            known = known if part.track is None else part.track.t[-1]
+            last = outlet.rows("t")[-1] if outlet.batches and len(outlet.rows("t")) else -1.0
+            assert last <= known
+            assert part.imu.t[-1] - last < 3.1  # a stretch of half the lag may wait for its end
+    assert known > 6.0
+    assert np.isfinite(outlet.column("smoother.roll")).all()
+    stream.finish()
+
+
+def test_without_a_filter_the_sensors_are_shown():
+    outlet, _ = shown(None)
+    assert outlet.hellos[-1].frame == "NED"
+    assert outlet.hellos[-1].estimators == []
+    assert len(outlet.column("gyr.x")) == 2000
+
+
+def test_a_further_estimator_from_the_start_is_its_own_estimate():
+    outlet, found = shown(also=["mahony", "smoother"])
+    track = plumbob.estimate(found.imu(calibrated=True), "mahony", frame="NED").track
+    np.testing.assert_array_equal(outlet.column("mahony.yaw"), to_deg(track.yaw))
+    assert [one.name for one in outlet.hellos[-1].estimators] == ["mekf", "mahony", "smoother"]
+    assert np.isfinite(outlet.column("smoother.roll")).all()
+
+
+def test_an_added_estimator_goes_on_from_the_attitude_now_and_a_removed_one_is_gone():
+    stream = Stream(live_samples.session(text_of('filter = "mekf"')), covariance=True)
+    outlet = Kept()
+    feed = Feed(stream, outlet)
+    items = live_samples.reads(live_samples.stream(10.0))
+
+    def take(some):
+        for item in some:
+            part = stream.feed(item)
+            if part is not None:
+                feed.on_part(part)
+                feed._send(0)
+
+    take(items[: len(items) // 2])
+    with pytest.raises(ParameterError, match="runs already"):
+        feed.add("mekf")
+    with pytest.raises(ParameterError, match="there is no estimator"):
+        feed.add("nothing")
+    feed.add("mahony")
+    feed._preparing["mahony"].join(60)
+    before = len(outlet.rows("t"))
+    take(items[len(items) // 2 :])
+    assert "mahony" in feed.overlays
+    apart = (outlet.column("mahony.yaw") - outlet.column("mekf.yaw"))[before + 1 :]
+    assert abs(apart[0]) < 0.2  # one sample of 5 ms at rates of some 10 °/s
+    feed.remove("mahony")
+    feed._send(0)
+    with pytest.raises(ParameterError, match="was not added"):
+        feed.remove("mahony")
+    assert not any("mahony" in column.key for column in feed._layout.columns)
+
+
+def test_residuals_are_the_angles_that_were_planted():
+    """A unit that is level and points to magnetic North, seen by an estimate that is off by 5° and 7°."""
+    acc, mag = np.array([[0.0, 0.0, -G0]]), np.array([[20.0, 0.0, 40.0]])
+    imu = plumbob.ImuData(t=[0.0], acc=acc, mag=mag)
+    layout = Layout(("acc", "mag"), False, (shown_of("a", "mahony", "a", primary=True),))
+    keys = [column.key for column in layout.columns]
+
+    def residual(key, yaw, roll, north=North.MAGNETIC, declination=None):
+        q = quat_from_euler_zyx(np.radians([[yaw, 0.0, roll]]))
+        values = layout.values(imu, 1, {"a": Attitudes(q, Frame.NED, north, declination)}, None)
+        return values[0, keys.index(f"a.{key}")]
+
+    assert residual("force_angle", 0.0, 5.0) == pytest.approx(5.0)
+    assert residual("field_angle", 7.0, 0.0) == pytest.approx(7.0)
+    # a heading that is true by 3° of declination says 3° where the field points to magnetic North
+    assert residual("field_angle", 3.0, 0.0, North.TRUE, np.radians(3.0)) == pytest.approx(0.0, abs=1e-12)
+    assert np.isnan(residual("field_angle", 3.0, 0.0, North.FREE))
+
+
+@pytest.mark.parametrize(("declination", "quantity", "label"), [("0 deg", "total", "error"),
+                                                                 (None, "inclination", "inclination")])  # fmt: skip
+def test_the_error_is_that_of_an_evaluation(declination, quantity, label):
+    """Of the inclination alone, where the estimate's heading is magnetic and the truth's is true."""
+    told = f'declination = "{declination}"\n' if declination else ""
+    stream = Stream(live_samples.session(f'{PLAIN}{told}[estimate]\nfilter = "smoother"'), covariance=True)
+    truth, outlet, found = live_samples.motion().truth, Kept(), Collected()
+    feed = Feed(stream, outlet, truth=truth)
+    source = live_samples.Handed(live_samples.reads(live_samples.stream(10.0)))
+    run_stream(stream, source, sinks=[found, feed], each=feed.tick)
+    errors = plumbob.evaluate(found.track(), truth, declination="0 deg").errors[quantity]
+    known = np.isfinite(errors)
+    assert known.sum() > 1500
+    # the stream's times are those that the reads told, some µs off those of the truth
+    np.testing.assert_allclose(outlet.column("smoother.error")[known], np.degrees(errors)[known], atol=1e-6)
+    assert outlet.hellos[-1].estimators[-1].name == "reference"
+    assert next(one.label for one in outlet.hellos[-1].columns if one.key == "smoother.error") == label
+    assert outlet.fields["attitudes"]["smoother"]["error"] == pytest.approx(outlet.column("smoother.error")[-1])
+
+
+def test_flags_that_rise_and_fall_are_events():
+    watch, t = FlagWatch(), np.arange(0.0, 1.0, 0.1)
+    word = np.full(10, plumbob.flags.GYR_CLIPPED, dtype=np.uint32)
+    assert [text.partition(":")[0] for _, text in watch.changes(t, word)] == ["gyr-clipped"]
+    assert not list(watch.changes(t + 1.0, word))
+    assert not list(watch.changes(t + 2.0, 0 * word))  # not before it has been away for 2 s
+    assert list(watch.changes(t + 4.0, 0 * word)) == [(pytest.approx(1.9), "gyr-clipped has ended")]
+
+
+class Broken(Kept):
+    """Outlet with a fault."""
+
+    def batch(self, batch):
+        raise RuntimeError("planted")
+
+
+def test_a_fault_of_the_view_ends_the_view_and_not_the_recording(tmp_path):
+    session = live_samples.session(text_of('filter = "mekf"'))
+    stream, outlet, notes = Stream(session, covariance=True), Broken(), []
+    feed, found = Feed(stream, outlet, note=notes.append), Collected()
+    sink = RecordingSink(session, RecordSpec(str(tmp_path / "a.mcap")))
+    source = live_samples.Handed(live_samples.reads(live_samples.stream(5.0)))
+    run_stream(stream, source, sinks=[feed, found], recording=sink, each=feed.tick)
+    assert sink.recorder.acknowledged == sink.recorder.written > 0
+    assert len(found.imu(calibrated=True)) == 1000
+    assert notes == [feed.failed]
+    assert "planted" in feed.failed
+    assert [kind for _, kind, _ in outlet.events if kind != "flag"] == ["view"]
+
+
+ARM_TEXT = """
+kind = "plumbob session"
+version = 1
+[format]
+name = "teach"
+units = "all"
+[imu]
+frame = "NED"
+"""
+
+
+def test_a_chain_gives_the_points_of_its_stick_figure():
+    from plumbob.session.session_toml import parse_session
+    from plumbob.viewer.overlays import Follower
+
+    session = parse_session(ARM_TEXT, {}.__getitem__, name="teach")
+    names = [one.unit for one in session.units]
+    chain = Chain(
+        "two",
+        (Segment("base"), Segment("lower", unit=names[0]), Segment("upper", unit=names[1])),
+        (
+            Joint("a", "base", "lower", "ball", origin=(0.0, 0.0, 1.0)),
+            Joint("b", "lower", "upper", "ball", origin=(2.0, 0.0, 0.0)),
+        ),
+        hand_b=(1.0, 0.0, 0.0),
+    )
+    follower = Follower(chain, Frame.NED, names)
+    assert follower.skeleton.points == ["base", "lower", "upper", "hand"]
+    east = quat_from_euler_zyx([np.pi / 2.0, 0.0, 0.0])
+    north = quat_from_euler_zyx([0.0, 0.0, 0.0])
+    points = follower.points_of({"lower": east, "upper": north})
+    np.testing.assert_allclose(points, [[0, 0, 0], [0, 0, -1], [0, 2, -1], [1, 2, -1]], atol=1e-12)
+    assert follower.points_of({"lower": np.full(4, np.nan), "upper": north})[2:] == [None, None]
+    with pytest.raises(ParameterError, match="has the units"):
+        Follower(chain, Frame.NED, ["other"])
+
+
+def test_angles_are_roll_pitch_yaw_in_degrees():
+    np.testing.assert_allclose(angles_of(quat_from_euler_zyx([[-1.0, 0.2, 0.3]])), np.degrees([[0.3, 0.2, -1.0]]))

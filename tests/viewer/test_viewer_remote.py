@@ -1,0 +1,119 @@
+"""plumbob control: what it sends, and what it makes of what comes back."""
+
+import json
+import threading
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import pytest
+
+from plumbob.core.errors import DecodeError, LineError, ParameterError
+from plumbob.viewer.remote import VERBS, asked, control
+from tests.battery.commandline import call
+
+
+@contextmanager
+def answering(status, body, kept=None):
+    """Server that answers every command so; gives its address."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_POST(self):
+            size = int(self.headers["Content-Length"])
+            if kept is not None:
+                kept.append((self.path, dict(self.headers), json.loads(self.rfile.read(size))))
+            self.send_response(status)
+            if status == 302:
+                self.send_header("Location", "http://127.0.0.1:1/")
+            self.end_headers()
+            self.wfile.write(body)
+
+        def log_message(self, *_):
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}/?token=secret"
+        finally:
+            server.shutdown()
+
+
+def answer(ok, text):
+    return json.dumps({"type": "answer", "id": 1, "ok": ok, "text": text}).encode()
+
+
+def test_a_command_is_posted_with_the_token_in_a_header_and_answered():
+    kept = []
+    with answering(200, answer(True, "marked: a"), kept) as url:
+        assert control(url, "mark", text="a") == "marked: a"
+    ((path, headers, body),) = kept
+    assert path == "/api/command"
+    assert headers["Authorization"] == "Bearer secret"
+    assert headers["Content-Type"] == "application/json"
+    assert body == {"id": 1, "verb": "mark", "text": "a"}
+
+
+@pytest.mark.parametrize(("status", "body", "error", "says"), [
+    (200, answer(False, "it is not so."), ParameterError, "the view refuses: it is not so"),
+    (400, answer(False, "a name is long."), ParameterError, "the view refuses: a name"),
+    (403, answer(False, "This view takes no commands."), ParameterError, "takes no commands"),
+    (401, b"", LineError, "does not accept the token"),
+    (500, b"oops", LineError, "status 500"),
+    (302, b"", LineError, "status 302"),
+    (200, b"<html>", DecodeError, "not a view"),
+    (200, b"{}", DecodeError, "not a view"),
+])  # fmt: skip
+def test_what_is_refused_is_an_error_in_words(status, body, error, says):
+    with answering(status, body) as url, pytest.raises(error, match=says) as raised:
+        control(url, "stop")
+    assert "secret" not in str(raised.value)
+
+
+@pytest.mark.parametrize("url", ["", "http://127.0.0.1:8770/", "127.0.0.1:8770/?token=a", "file:///x?token=a"])
+def test_an_address_without_its_token_is_refused(url):
+    with pytest.raises(ParameterError, match="as plumbob view prints it"):
+        control(url, "stop")
+
+
+def test_no_view_is_an_error_in_words():
+    with pytest.raises(LineError, match="no view answers at"):
+        control("http://127.0.0.1:1/?token=secret", "stop")
+
+
+def test_every_verb_has_its_argument():
+    assert asked("record", "a") == {"name": "a"}
+    assert asked("mark", "a b") == {"text": "a b"}
+    assert asked("seek", "3.5") == {"value": 3.5}
+    assert asked("stop", None) == {}
+    assert set(VERBS) >= {
+        "record",
+        "stop",
+        "mark",
+        "tare",
+        "untare",
+        "text",
+        "text-stop",
+        "add",
+        "remove",
+        "play",
+        "pause",
+        "seek",
+        "speed",
+        "calibrate",
+        "calibrate-end",
+        "calibrate-cancel",
+        "allan-reset",
+    }
+    for verb, argument in (("stop", "a"), ("seek", "x"), ("nothing", None)):
+        with pytest.raises(ParameterError):
+            asked(verb, argument)
+
+
+def test_the_verb_prints_the_answer_and_exits_1_where_it_is_refused():
+    with answering(200, answer(True, "it is at 3.000 s")) as url:
+        done = call("control", url, "seek", "3")
+    assert (done.returncode, done.stdout) == (0, "it is at 3.000 s\n")
+    with answering(200, answer(False, "no.")) as url:
+        done = call("control", url, "seek", "3")
+    assert done.returncode == 1
+    assert done.stderr == "plumbob control: the view refuses: no.\n"

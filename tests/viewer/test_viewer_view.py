@@ -1,0 +1,321 @@
+"""The view as a whole: a server of its own process, whose loss or sloth costs the recorder nothing."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import plumbob
+from plumbob.acquisition.transport import Stop
+from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.web import FOLDER
+from plumbob.session.session_toml import session_of
+from plumbob.viewer import child
+from plumbob.viewer.child import Server, Serving
+from plumbob.viewer.feed import Asked
+from plumbob.viewer.messages import Command
+from plumbob.viewer.pipe import LIMIT
+from plumbob.viewer.view import Shows, opened_up, view
+from tests.battery.commandline import PLUMBOB
+from tests.session import live_samples
+from tests.viewer.outlets import Kept, StandIn, emulated
+
+BUILT = (Path(plumbob.__file__).parent / FOLDER / "view" / "index.html").is_file()
+SERVES = find_spec("plumbob.viewer.serve") is not None
+needs_server = pytest.mark.skipif(not (SERVES and BUILT), reason="the page is not built ('make page')")
+PATIENCE = 60.0
+
+
+def until(condition, what):
+    """Wait for a condition, and fail where it does not come."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, what
+        time.sleep(0.01)
+
+
+class Acting:
+    """Server whose commands a test gives, in the loop of the stream."""
+
+    def __init__(self, server, commands=()):
+        self._server, self._commands, self.answers = server, list(commands), []
+
+    def __getattr__(self, name):
+        return getattr(self._server, name)
+
+    def asked(self):
+        self._server.asked()
+        found, self._commands = self._commands, []
+        return [Asked(None, Command(id=1, **one)) for one in found]
+
+    def answer(self, asked, ok, text):
+        self.answers.append((asked.command.verb, ok, text))
+
+
+def followed(session, outlet, folder, *, during, duration=None):
+    """Run a session into an outlet while `during` goes on beside; what was viewed, and notes."""
+    stop, notes, found = Stop(), [], []
+
+    def aside():
+        try:
+            during()
+        finally:
+            stop.set()
+
+    def opened():
+        threading.Thread(target=aside).start()
+
+    found = Shows(session).run(
+        outlet, folder=folder, control=True, duration=duration, stop=stop, note=notes.append, echo=notes.append,
+        opened=opened,
+    )  # fmt: skip
+    return found, notes
+
+
+def of_port(port):
+    return session_of(port=port, format="buoy", frame="NED", filter="mekf")
+
+
+def test_killing_the_server_touches_neither_the_stream_nor_the_recording(tmp_path, monkeypatch):
+    monkeypatch.setattr(child, "_APART", 0.2)
+    log, notes = tmp_path / "log", []
+    with emulated("buoy", duration="60s") as port:
+        server = Server(StandIn(kind="reader", log=str(log)), notes.append)
+        server.start()
+        outlet = Acting(server, [{"verb": "record", "name": "kept"}])
+
+        def during():
+            until(lambda: log.exists() and log.read_text().count("batch") > 20, "no batch came")
+            os.kill(server.pid, signal.SIGKILL)
+            before = log.read_text().count('"hello"')
+            until(lambda: server.starts == 2, "it was not started again")
+            until(lambda: log.read_text().count('"hello"') > before, "the new one got no hello")
+            time.sleep(0.5)
+
+        try:
+            found, _ = followed(of_port(port), outlet, tmp_path, during=during)
+        finally:
+            server.close()
+    assert any("exit code -9" in note and "go on" in note for note in notes)
+    (told,) = found.recordings
+    assert told["acknowledged"] == told["rows"]
+    assert not told["dropped"]
+    assert found.ran.stream.time_report().lost == 0
+    assert plumbob.verify(told["path"]).whole
+    assert plumbob.replay(told["path"], check=True).comparison.equal
+    assert found.ran.samples >= 50
+
+
+def test_a_server_that_never_reads_costs_its_own_batches_alone(tmp_path):
+    server = Server(StandIn(kind="deaf"), lambda line: None)
+    server.start()
+    session = live_samples.session(live_samples.SESSION)
+    items = live_samples.reads(live_samples.stream(60.0))
+    outlet = Acting(server, [{"verb": "record"}])
+    most = []
+
+    class Source(live_samples.Handed):
+        def read(self, timeout):
+            most.append(server._writer.waiting)
+            time.sleep(0.002)
+            return super().read(timeout)
+
+    try:
+        from plumbob.session.runner import run_stream
+        from plumbob.session.stream import Stream
+        from plumbob.viewer.feed import Feed
+        from plumbob.viewer.switch import Switch
+
+        stream = Stream(session, covariance=True)
+        switch = Switch(stream, tmp_path)
+        switch.record("all")
+        feed = Feed(stream, outlet)
+
+        def each():
+            outlet.asked()
+            feed._send(0)  # each time, far more often than it would
+
+        run_stream(stream, Source(items), sinks=[feed], recording=switch, each=each)
+        skipped = server.skipped
+    finally:
+        server.close()
+    assert skipped > 0
+    assert max(most) < LIMIT + (1 << 18)  # what waits is bounded: the limit, and a message beyond it
+    (told,) = switch.recordings
+    assert told["acknowledged"] == told["rows"]
+    assert plumbob.verify(told["path"]).whole
+    assert not feed.failed
+
+
+def test_a_server_that_does_not_start_is_an_error_with_its_words(tmp_path):
+    class Silent(StandIn):
+        def words(self, number, port):
+            return [sys.executable, "-c", "import sys; sys.exit('plumbob: the port is taken.')"]
+
+    server = Server(Silent(), lambda line: None)
+    with pytest.raises(LineError, match="the port is taken"):
+        server.start()
+
+
+def test_a_server_is_left_alone_in_the_end(monkeypatch):
+    monkeypatch.setattr(child, "_APART", 0.0)
+    monkeypatch.setattr(child, "STARTS", 2)
+    notes = []
+
+    class Dying(StandIn):
+        def words(self, number, port):
+            return [sys.executable, "-c", f"import os; os.write({number}, {_ready()!r})"]
+
+    server = Server(Dying(), notes.append)
+    server.start()
+    until(lambda: server.asked() is not None and any("left alone" in note for note in notes), "it never gave up")
+    assert server.starts == 3
+    server.close()
+
+
+def _ready():
+    from plumbob.viewer.pipe import Message, packed
+
+    return packed(Message("ready", {"port": 1}))
+
+
+def test_the_token_is_on_no_command_line_and_long_enough():
+    server = Server(Serving(), lambda line: None)
+    token = server.url.partition("token=")[2]
+    assert len(token) >= 43  # 32 bytes, 6 bits to a letter: 256 bits
+    assert token not in " ".join(Serving(control=True, allow_origin=("http://a",)).words(3, 8770))
+    assert server.url.startswith("http://127.0.0.1:8770/?token=")
+    server.close()
+
+
+def test_an_ipv6_address_stands_in_brackets():
+    server = Server(Serving(host="::1"), lambda line: None)
+    assert server.url.startswith("http://[::1]:8770/")
+    server.close()
+
+
+@pytest.mark.parametrize(("what", "line", "says"), [
+    ("a.mcap", {"port": "/dev/ttyUSB0"}, "port belongs to a line"),
+    ("s.toml", {"causal": True}, "--causal is for a recording"),
+    ("/dev/ttyUSB0", {"port": "/dev/ttyUSB1", "format": "buoy"}, "both name the line"),
+    ("/dev/ttyUSB0", {}, "need --format"),
+    (None, {}, "give either a session file"),
+])  # fmt: skip
+def test_what_does_not_go_together_is_refused(what, line, says):
+    with (
+        pytest.raises(ParameterError, match=says),
+        opened_up(what, emulate=None, chain=None, also=(), note=print, line=line),
+    ):
+        pass
+
+
+def test_a_rig_that_is_not_known_is_refused():
+    with (
+        pytest.raises(ParameterError, match="there is no rig"),
+        opened_up(None, emulate="nothing", chain=None, also=(), note=print, line={}),
+    ):
+        pass
+
+
+def test_a_session_file_is_shown_and_its_own_recording_made(tmp_path):
+    with emulated("buoy", duration="60s") as port:
+        (tmp_path / "s.toml").write_text(f"""
+kind = "plumbob session"
+version = 1
+[source]
+kind = "serial"
+port = "{port}"
+baud = 115200
+[format]
+name = "buoy"
+[imu]
+frame = "NED"
+[estimate]
+filter = "mekf"
+[record]
+path = "{tmp_path}/own.mcap"
+""")
+        outlet = Kept()
+        with opened_up(tmp_path / "s.toml", emulate=None, chain=None, also=["mahony"], note=print, line={}) as shows:
+            stop, notes = Stop(), []
+            outlet_batches = outlet.batches
+            threading.Thread(target=lambda: (until(lambda: len(outlet_batches) > 60, "no batches"), stop.set())).start()
+            found = shows.run(outlet, folder=tmp_path, control=False, duration=PATIENCE, stop=stop, note=notes.append,
+                              echo=notes.append, opened=lambda: None)  # fmt: skip
+    assert plumbob.replay(tmp_path / "own.mcap", check=True).comparison.equal
+    assert found.recordings[0]["path"] == str(tmp_path / "own.mcap")
+    assert outlet.batches[30][1].fields["recording"]["path"] == str(tmp_path / "own.mcap")
+    assert outlet.fields["link"]["rate"] == pytest.approx(100.0, rel=0.2)
+    assert outlet.fields["link"]["lost"] == 0
+    assert not outlet.hellos[-1].control
+    assert outlet.hellos[-1].started_utc == pytest.approx(time.time(), abs=60.0)
+
+
+def test_an_emulated_rig_is_shown_with_its_truth():
+    outlet = Kept()
+    with opened_up(None, emulate="buoy", chain=None, also=(), note=lambda line: None, line={}) as shows:
+        stop = Stop()
+        threading.Thread(target=lambda: (until(lambda: len(outlet.batches) > 100, "no batches"), stop.set())).start()
+        shows.run(outlet, folder=Path(), control=False, duration=PATIENCE, stop=stop, note=print,
+                  echo=lambda line: None, opened=lambda: None)  # fmt: skip
+    assert [one.name for one in outlet.hellos[-1].estimators] == ["mekf", "reference"]
+    assert outlet.hellos[-1].calibration != "uncalibrated"
+    # the truth is on the stream's time line: the estimate of a calibrated unit is near it
+    assert outlet.fields["attitudes"]["mekf"]["error"] < 15.0
+
+
+@needs_server
+def test_the_view_answers_commands_over_http(tmp_path):
+    said = {}
+    with emulated("buoy", duration="60s") as port:
+        stop = Stop()
+
+        def opened(url):
+            def aside():
+                try:
+                    said["record"] = plumbob.control(url, "record", name="http")
+                    said["mark"] = plumbob.control(url, "mark", text="now")
+                    with pytest.raises(ParameterError, match="the view refuses"):
+                        plumbob.control(url, "record")
+                    with pytest.raises(ParameterError, match="the view refuses"):
+                        plumbob.control(url, "seek", value=3.0)
+                    said["stop"] = plumbob.control(url, "stop")
+                    with pytest.raises(LineError, match="does not accept the token"):
+                        plumbob.control(url[:-1] + ("a" if url[-1] != "a" else "b"), "stop")
+                finally:
+                    stop.set()
+
+            threading.Thread(target=aside).start()
+
+        found = view(port, format="buoy", frame="NED", filter="mekf", http_port=0, control=True, folder=tmp_path,
+                     stop=stop, opened=opened, duration=PATIENCE)  # fmt: skip
+    assert set(said) == {"record", "mark", "stop"}
+    assert found.recordings[0]["path"] == said["record"]
+    assert plumbob.verify(said["record"]).whole
+
+
+@needs_server
+def test_a_signal_ends_the_verb_in_time_and_the_recording_whole(tmp_path):
+    with emulated("buoy", duration="60s") as port:
+        words = ["view", port, "--format", "buoy", "--frame", "NED", "--filter", "mekf", "--http-port", "0",
+                 "--control", "--no-open", "--json"]  # fmt: skip
+        with subprocess.Popen([*PLUMBOB, *words], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                              text=True) as process:  # fmt: skip
+            url = next(line for line in process.stderr if line.startswith("http"))
+            drained = threading.Thread(target=process.stderr.read)
+            drained.start()
+            plumbob.control(url.strip(), "record", name="signal")
+            began = time.monotonic()
+            process.send_signal(signal.SIGTERM)
+            told = json.loads(process.stdout.read())
+            assert process.wait(10) == 0
+            assert time.monotonic() - began < 2.0 + 1.0  # 1 s for a host that is busy
+            drained.join(10)
+    assert plumbob.verify(told["recordings"][0]["path"]).whole
