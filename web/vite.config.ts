@@ -13,6 +13,8 @@ export default defineConfig(({ mode }) =>
       }
     : {
         base: "./",
+        // Tests compare tables with the library that they are of.
+        server: { fs: { allow: [".."] } },
         build: { outDir: "../src/plumbob/web/view", emptyOutDir: true, assetsInlineLimit: 0, chunkSizeWarningLimit: 900 },
       },
 );

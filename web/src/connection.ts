@@ -1,7 +1,7 @@
 // The connection: it opens again by itself, and says how it stands.
 import { decodeBinary, decodeText } from "./decode";
 import type { Answer, Command, FromServer, Hello, State } from "./messages";
-import { PROTOCOL } from "./messages";
+import { HISTORY, PROTOCOL } from "./messages";
 import type { Rows } from "./panel";
 
 export type Standing = "connecting" | "connected" | "waiting" | "refused" | "version";
@@ -10,7 +10,8 @@ const LONGEST = 5000;
 const UNANSWERED = 10_000;
 
 export interface Sockets {
-  open(): WebSocket;
+  /** Open one; `since` is the number of the newest event that is known. */
+  open(since: number | null): WebSocket;
   /** Status of the page itself: 401 where the token is missing; 0 where nobody answers. */
   status(): Promise<number>;
 }
@@ -25,10 +26,11 @@ export interface Heard {
 
 /** Sockets of the page's own address. */
 export const ownSockets: Sockets = {
-  open() {
+  open(since) {
     const address = new URL("./ws", location.href);
     address.protocol = address.protocol.replace("http", "ws");
-    address.search = address.hash = "";
+    address.search = since === null ? "" : `?since=${since}`;
+    address.hash = "";
     return new WebSocket(address);
   },
   async status() {
@@ -46,14 +48,15 @@ export class Connection {
   private wait = SHORTEST;
   private next = 1;
   private first = true;
+  private event: number | null = null;
   private readonly asked = new Map<number, (answer: Answer) => void>();
 
   constructor(private readonly heard: Heard, private readonly sockets: Sockets = ownSockets) {}
 
   start(): void {
-    this.say("connecting", "");
+    this.stand("connecting", "");
     this.first = true;
-    const socket = this.sockets.open();
+    const socket = this.sockets.open(this.event);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
     let opened = false;
@@ -82,7 +85,7 @@ export class Connection {
     });
   }
 
-  private say(standing: Standing, why: string): void {
+  private stand(standing: Standing, why: string): void {
     this.standing = standing;
     this.heard.standing(standing, why);
   }
@@ -91,7 +94,7 @@ export class Connection {
     if (this.standing === "version") return;
     if (typeof data !== "string") {
       const { kind, state, rows } = decodeBinary(data);
-      this.heard.rows(rows, kind === 2);
+      this.heard.rows(rows, kind === HISTORY);
       if (state) this.heard.state(state);
       return;
     }
@@ -100,17 +103,20 @@ export class Connection {
     if (message.type === "hello") this.greeted(message);
     else if (message.type === "answer") this.answered(message);
     else if (message.type === "state") this.heard.state(message);
-    else this.heard.other(message);
+    else {
+      if (message.type === "event") this.event = message.id;
+      this.heard.other(message);
+    }
   }
 
   private greeted(hello: Hello): void {
     if (hello.protocol !== PROTOCOL) {
-      this.say("version", String(hello.protocol));
+      this.stand("version", String(hello.protocol));
       this.socket?.close();
       return;
     }
     this.wait = SHORTEST;
-    this.say("connected", "");
+    this.stand("connected", "");
     this.heard.hello(hello, this.first);
     this.first = false;
   }
@@ -126,9 +132,9 @@ export class Connection {
     if (this.standing === "version") return;
     const wait = this.wait;
     this.wait = Math.min(LONGEST, wait * 2);
-    this.say("waiting", reason);
+    this.stand("waiting", reason);
     // A browser does not say why a socket did not open: the page's own address does.
-    if (!opened && (await this.sockets.status()) === 401) this.say("refused", "");
+    if (!opened && (await this.sockets.status()) === 401) this.stand("refused", "");
     setTimeout(() => this.start(), wait);
   }
 }

@@ -44,11 +44,20 @@ export interface Breaks {
   step: number;
 }
 
+/** Usual time between two values: a sensor that is slower than the rows has none in most of them. */
+function spacing(t: Float64Array, values: Float32Array | Float64Array, from: number, to: number): number {
+  let absent = 0;
+  for (let i = from; i < to; i++) if (values[i]! !== values[i]!) absent++;
+  if (absent === 0 || absent === to - from) return 0;
+  return (t[to - 1]! - t[from]!) / (to - from - absent);
+}
+
 /** Take samples from one place to another, at most two for each `width` of time and piece. */
 export function envelope(
   t: Float64Array, values: Float32Array | Float64Array, from: number, to: number, width: number, breaks: Breaks, points: Points,
 ): void {
   points.clear();
+  const gap = Math.max(breaks.gap, 3.5 * spacing(t, values, from, to));
   let column = NaN;
   let before = NaN;
   let last = NaN;
@@ -70,12 +79,9 @@ export function envelope(
     const value = values[i]!;
     const time = t[i]!;
     if (value !== value) {
-      flush();
-      points.break();
-      before = NaN;
       continue;
     }
-    const broken = time - last > breaks.gap || Math.abs(value - before) > breaks.step;
+    const broken = time - last > gap || Math.abs(value - before) > breaks.step;
     const here = Math.floor(time / width);
     if (broken || here !== column) {
       flush();

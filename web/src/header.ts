@@ -7,11 +7,11 @@ import type { Hello, State } from "./messages";
 import { PROTOCOL } from "./messages";
 import { setTheme, theme, THEMES, type Theme } from "./theme";
 
-const WORDS: Record<Standing, string> = {
+export const STANDINGS: Record<Standing, string> = {
   connecting: "connecting", connected: "connected", waiting: "connection lost: trying again", refused: "refused", version: "another version",
 };
-const THEME_WORDS: Record<Theme, string> = { auto: "Auto", light: "Light", dark: "Dark", sun: "Sun" };
-const NORTHS: Record<string, string> = { true: "true north", magnetic: "magnetic north", free: "free heading" };
+export const THEME_WORDS: Record<Theme, string> = { auto: "Auto", light: "Light", dark: "Dark", sun: "Sun" };
+export const NORTHS: Record<string, string> = { true: "true north", magnetic: "magnetic north", free: "free heading" };
 
 export class Header {
   readonly element: HTMLElement;
@@ -70,7 +70,8 @@ export class Header {
     set(this.calibration, "data-none", String(none));
     if (none) say(this.calibration, "UNCALIBRATED");
     else say(this.calibration, "calibration {}", hello.calibration);
-    hint(this.calibration, none ? "The values are as the sensor gives them: no card of a calibration is used." : "Card of the calibration that is used");
+    if (none) hint(this.calibration, "The values are as the sensor gives them: no card of a calibration is used.");
+    else hint(this.calibration, "Card of the calibration that is used: {}", hello.calibration);
     if (hello.frame === null) unsay(this.frame, hello.axes);
     else say(this.frame, NORTHS[hello.north ?? ""] ?? "no north");
     if (hello.frame !== null) put(this.frame, `${hello.frame} · ${hello.axes} · ${this.frame.textContent}`);
@@ -78,7 +79,7 @@ export class Header {
 
   standing(standing: Standing, why: string): void {
     set(this.link, "data-standing", standing);
-    say(this.link, WORDS[standing]);
+    say(this.link, STANDINGS[standing]);
     const text = why && standing === "waiting" ? why : "";
     this.link.title = text;
     this.notice.hidden = standing !== "refused" && standing !== "version";

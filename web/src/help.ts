@@ -1,7 +1,7 @@
 // The help that lies over the page.
 import { button, h } from "./dom";
 
-const KEYS: [string, string][] = [
+export const KEYS: [string, string][] = [
   ["Space", "Play or pause a recording; hold the charts of a live stream"],
   ["h", "Hold the charts, or let them go on"],
   ["1 … 9", "Span of the charts: 5 s to 10 min"],
@@ -15,7 +15,7 @@ const KEYS: [string, string][] = [
   ["t", "Tare: count angles from here"],
   ["?", "This help"],
 ];
-const WAYS: string[] = [
+export const WAYS: string[] = [
   "Drag across a chart to look closer; a double click goes back to the latest samples.",
   "The wheel changes the span with Ctrl or Shift, and always while the charts are held.",
   "Press a name above a chart to hide its line or show it again.",

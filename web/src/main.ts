@@ -62,7 +62,7 @@ const shell: Shell = {
   send: (command) => connection.send(command),
   async ask(command) {
     const answer = await connection.send(command);
-    toast(answer.text || t(answer.ok ? "done" : "not done"), answer.ok);
+    toast(t(answer.text) || t(answer.ok ? "done" : "not done"), answer.ok);
     return answer.ok;
   },
   colourOf(source) {

@@ -1,1 +1,91 @@
-export const ZH: Record<string, string> = {};
+// Labels in Chinese, in the words of src/plumbob/reporting/style.py.
+
+export const ZH: Record<string, string> = {
+  // Head
+  connecting: "连接中", connected: "已连接", "connection lost: trying again": "连接中断，正在重连", refused: "被拒绝", "another version": "版本不符",
+  Auto: "自动", Light: "浅色", Dark: "深色", Sun: "强光", Colours: "配色", Help: "帮助", "Keys and help (key ?)": "按键与帮助（? 键）",
+  "true north": "真北", "magnetic north": "磁北", "free heading": "航向自由", "no north": "无北向", UNCALIBRATED: "未标定", "calibration {}": "标定 {}",
+  "The values are as the sensor gives them: no card of a calibration is used.": "数值为传感器原始输出：未使用标定卡。",
+  "Card of the calibration that is used: {}": "所用标定卡：{}", "Plumbob {}; noise: {}": "Plumbob {}；噪声：{}",
+  "The server does not let this page in (401). Ask for the address with its token, which plumbob view prints when it starts.":
+    "服务器拒绝了本页面（401）。请使用 plumbob view 启动时给出的带令牌的地址。",
+  "This page speaks version {} of the protocol, the server version {}. Reload the page.": "本页面的协议版本为 {}，服务器为 {}。请重新加载页面。",
+  recording: "记录", "paused recording": "回放已暂停", "played recording": "回放中", "not recorded": "未记录",
+  "no data for {}": "已 {} 无数据", "no data yet": "尚无数据", "age {}": "延时 {}", "To the panels": "跳到面板",
+  // Panels
+  Playback: "回放", Attitude: "姿态", Instruments: "仪表", "Recording and control": "记录与控制", Body: "载体", Charts: "曲线", Flags: "标志",
+  Link: "链路", Events: "事件", Channels: "通道", "Guided calibration": "引导标定", "Allan deviation": "艾伦偏差", "Output lines": "输出行",
+  "Fold or unfold": "折叠或展开", "{} new": "{} 条新事件", done: "完成", "not done": "未完成",
+  "there is no connection": "没有连接", "the server has not answered": "服务器没有应答", "the connection was lost": "连接已中断",
+  "There is no connection yet.": "尚未连接。", "Commands are not taken: plumbob view was started without --control.": "不接受命令：plumbob view 启动时未加 --control。",
+  // Charts
+  "Error to the reference": "与参考之差", "Claimed standard deviation": "自报标准差", "Estimated bias": "零偏估计", Residual: "残差",
+  "Angular rate": "角速率", "Specific force": "比力", "Magnetic field": "磁场", Temperature: "温度", Error: "误差", "Claimed sd": "自报标准差",
+  Bias: "零偏", Rate: "角速率", Force: "比力", Field: "磁场", Roll: "横滚", Pitch: "俯仰", Yaw: "偏航", Heading: "航向",
+  roll: "横滚", pitch: "俯仰", yaw: "偏航", heading: "航向", error: "误差", total: "总误差", inclination: "倾角", temperature: "温度", reference: "参考",
+  "|force| − g": "|比力| − g", "force to up": "比力与天向夹角", "field to North": "磁场与北向夹角",
+  "Show the last {} s (key {})": "显示最近 {} s（{} 键）", Hold: "冻结", Held: "已冻结", "Hold the charts and look at them (key h)": "冻结曲线以便查看（h 键）",
+  Latest: "最新", "Back to the latest samples (Esc, or a double click on a chart)": "回到最新样本（Esc 键，或双击曲线）",
+  "Charts that are shown": "显示的曲线", "Charts: arrow keys move the cursor, + and − change the span of time, h holds": "曲线：方向键移动光标，+ 和 − 改变时间跨度，h 冻结",
+  "No samples yet.": "尚无样本。", "Span of time": "时间跨度", "Show or hide this line": "显示或隐藏此曲线", "no flags": "无标志",
+  // Numbers
+  "Attitude by estimator": "各估计器的姿态", Estimator: "估计器", "Angle to the reference": "与参考的夹角", "Nothing estimates an attitude here.": "此处没有姿态估计。",
+  "Angles count from the tare.": "角度以置零处为准。", "Raw, as decoded": "原始值（解码后）", "No flag has been set.": "尚无标志。", set: "有效", "not set": "无效",
+  // Link
+  Stream: "数据流", Frames: "帧", Bytes: "字节", Clock: "时钟", Delay: "延迟", Server: "服务器", "silent {} s": "静默 {} s", "slower than {} Hz": "低于 {} Hz",
+  flowing: "正常", "none lost": "无丢失", "{} % lost": "丢失 {} %", clean: "无误", "{} damaged": "损坏 {}", "not measured": "未测", "{} ppm": "{} ppm", "{}": "{}",
+  "keeps up": "跟得上", "{} skipped": "跳过 {}", rate: "采样率", latency: "延迟", age: "样本延时", "clock drift": "时钟漂移", "time from": "时间来源",
+  samples: "样本数", "lost frames": "丢帧", gaps: "缺样次数", rejected: "校验失败", "junk bytes": "无效字节", unusable: "不可用", skipped: "跳过",
+  "Samples per second over the last seconds": "最近几秒每秒的样本数", "From the arrival of the newest sample to the sending of the message": "从最新样本到达至消息发出",
+  "Since the newest sample arrived": "最新样本到达以来的时间", "Of the device's clock against this host's": "器件时钟相对本机时钟", "What tells the time of a sample": "样本时间的来源",
+  "Samples since the start": "开始以来的样本数", "Frames that are missing in the stream": "数据流中缺失的帧", "How many times frames were missing": "缺帧的次数",
+  "Frames whose check failed": "校验未通过的帧", "Bytes that belong to no frame": "不属于任何帧的字节", "Frames that were repeated or late": "重复或迟到的帧",
+  "Batches that the server did not get, because it was too slow": "服务器过慢而未收到的批次", clock: "器件时钟", frames: "帧计数", host: "本机", counter: "计数器",
+  // Events
+  opened: "已打开", reopened: "已重新打开", lost: "断开", stalled: "停滞", resumed: "恢复", late: "迟到", gap: "缺样", dropped: "丢弃", damaged: "损坏", failed: "失败",
+  flag: "标志", mark: "标记", remark: "备注", note: "说明", text: "文本", command: "命令", view: "页面", calibration: "标定", "wall-clock": "系统时钟",
+  "all kinds": "全部类型", Seen: "已读", "Events, the newest first": "事件，最新在前", "Show events that contain": "只显示包含此文字的事件", "Show events of a kind": "只显示某类事件",
+  "Nothing has happened yet.": "尚无事件。",
+  // Control
+  Name: "名称", Record: "开始记录", Stop: "停止", Mark: "标记", Tare: "置零", Untare: "取消置零", "Text file": "文本文件", "Write text": "写文本", "End text": "结束文本",
+  Add: "添加", Remove: "移除", "Estimator to add": "要添加的估计器", primary: "主估计器", "Zero of the angles": "角度零点",
+  "{}: {} rows, {} on disk, {} dropped, {}": "{}：{} 行，已写盘 {}，丢弃 {}，{}", "Nothing is recorded.": "未在记录。", "There is nothing that can be recorded here.": "此处没有可记录的数据。",
+  "Text goes to {}.": "文本写入 {}。",
+  "plumbob control URL record (key r)": "plumbob control URL record（r 键）", "plumbob control URL stop (keys Shift r)": "plumbob control URL stop（Shift r 键）",
+  "plumbob control URL mark (key m, then Enter)": "plumbob control URL mark（m 键，再按 Enter）", "plumbob control URL tare (key t)": "plumbob control URL tare（t 键）",
+  // Playback
+  Play: "播放", Pause: "暂停", Paused: "已暂停", "−10 s": "−10 s", "+10 s": "+10 s", Speed: "速度", "Position in the recording": "记录中的位置",
+  // Output lines
+  Copy: "复制", copied: "已复制", "selected: copy with Ctrl C": "已选中：按 Ctrl C 复制", "Output lines of the device": "器件的输出行",
+  // Help
+  Keys: "按键", "Charts and numbers": "曲线与数值", Close: "关闭",
+  "Play or pause a recording; hold the charts of a live stream": "播放或暂停回放；实时数据时冻结曲线", "Hold the charts, or let them go on": "冻结曲线，或继续",
+  "Span of the charts: 5 s to 10 min": "曲线的时间跨度：5 s 至 10 min", "Back to the latest samples; close this help": "回到最新样本；关闭帮助",
+  "Move the cursor of the charts that have the focus; with Shift, by tenths": "移动焦点所在曲线的光标；加 Shift 每次移动十分之一", "Change the span of time about the cursor": "以光标为中心改变时间跨度",
+  "10 s back or on in a recording": "回放后退或前进 10 s", "Start a recording": "开始记录", "Stop the recording": "停止记录", "Write a mark; Enter sets it": "写标记；按 Enter 确认",
+  "Tare: count angles from here": "置零：角度从此处算起", "This help": "本帮助",
+  "Drag across a chart to look closer; a double click goes back to the latest samples.": "在曲线上拖动可放大；双击回到最新样本。",
+  "The wheel changes the span with Ctrl or Shift, and always while the charts are held.": "按住 Ctrl 或 Shift 时滚轮改变跨度；曲线冻结时滚轮直接有效。",
+  "Press a name above a chart to hide its line or show it again.": "点按曲线上方的名称可隐藏或显示该曲线。",
+  "Grey numbers are old: no sample has come for a second or more.": "灰色数值已过时：一秒以上没有样本。",
+  "Every button's title names the command that does the same: plumbob control URL …": "每个按钮的提示给出作用相同的命令：plumbob control URL …",
+  // Flags
+  "gyr-absent": "无陀螺仪值", "acc-absent": "无加速度计值", "mag-absent": "无磁力计值", "gyr-clipped": "陀螺仪饱和", "acc-clipped": "加速度计饱和", "mag-clipped": "磁力计饱和",
+  "gyr-invalid": "陀螺仪值无效", "acc-invalid": "加速度计值无效", "mag-invalid": "磁力计值无效", "time-fault": "时间错误", "acc-gated": "未用加速度计", "mag-gated": "未用磁力计",
+  "gyr-held": "角速率保持", "not-converged": "未收敛", "gyr-stuck": "陀螺仪卡滞", "acc-stuck": "加速度计卡滞", "mag-stuck": "磁力计卡滞", "at-rest": "静止",
+  inconsistent: "传感器矛盾", "heading-free": "航向自由", "field-unknown": "地磁场未证实", "unit-suspect": "单元可疑", "unit-excluded": "单元已剔除", "cannot-isolate": "无法隔离",
+  "no gyroscope value in this sample": "该样本没有陀螺仪值", "no accelerometer value in this sample": "该样本没有加速度计值", "no magnetometer value in this sample": "该样本没有磁力计值",
+  "a gyroscope axis is at the end of its range": "陀螺仪某轴已达量程上限", "an accelerometer axis is at the end of its range": "加速度计某轴已达量程上限", "a magnetometer axis is at the end of its range": "磁力计某轴已达量程上限",
+  "a gyroscope value is infinite or impossible": "陀螺仪值为无穷大或不可能的值", "an accelerometer value is infinite or impossible": "加速度计值为无穷大或不可能的值", "a magnetometer value is infinite or impossible": "磁力计值为无穷大或不可能的值",
+  "samples are missing before this one": "该样本之前有缺失", "the time step is zero, negative or not finite; the sample was not used": "时间步长为零、为负或非有限值；该样本未使用",
+  "the filter did not use the accelerometer": "滤波器未使用加速度计", "the filter did not use the magnetometer": "滤波器未使用磁力计",
+  "the filter turned on with the last good rate, or with none": "滤波器沿用上一个有效角速率，或没有角速率", "nothing has shown yet, or not yet again, that the attitude is right": "尚无（或尚未再次有）依据表明姿态正确",
+  "no magnetometer has set the heading; it counts from where it began": "航向未由磁力计确定；从起始处算起",
+  "the gyroscope, or an axis of it, says the same for longer than noise allows": "陀螺仪或其某轴保持同值，超过噪声所能解释的时间",
+  "the accelerometer, or an axis of it, says the same for longer than noise allows": "加速度计或其某轴保持同值，超过噪声所能解释的时间",
+  "the magnetometer, or an axis of it, says the same for longer than noise allows": "磁力计或其某轴保持同值，超过噪声所能解释的时间",
+  "the filter takes the unit to be at rest": "滤波器判定器件静止", "the sensors contradict each other more than their noise explains": "传感器之间的矛盾超出噪声所能解释",
+  "the unit has not turned in the field that gives the heading, or none was found": "器件尚未在给出航向的磁场中转动，或未找到磁场",
+  "a unit of the array deviates from the others by more than noise explains": "阵列中某单元的偏差超出噪声所能解释", "a unit of the array is left out: it is dead, or it contradicts the others": "阵列中某单元已剔除：失效或与其他单元矛盾",
+  "units of the array contradict each other, and nothing says which one is wrong": "阵列各单元互相矛盾，无法判定哪个有误",
+};

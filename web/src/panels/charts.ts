@@ -9,6 +9,7 @@ import { rememberedNames, rememberNames } from "../memory";
 import type { Column, Happened, Hello } from "../messages";
 import type { Rows } from "../panel";
 import type { OwnPanel, Shell } from "../shell";
+import { theme } from "../theme";
 import { placeOf } from "../store";
 import { ANGLE_NAMES, headed, NAMES, SHORT } from "../names";
 
@@ -45,7 +46,7 @@ export interface Group {
   columns: number[];
 }
 
-/** One strip for each chart; where several sources have several values each, one for each of these. */
+/** One strip for each chart; where several sources have several values each, or units differ, one for each of these. */
 export function groups(columns: readonly Column[]): Group[] {
   const found: Group[] = [];
   const charts = [...new Set(columns.map((column) => column.chart))];
@@ -54,7 +55,9 @@ export function groups(columns: readonly Column[]): Group[] {
     const of = columns.map((_, i) => i).filter((i) => columns[i]!.chart === chart);
     const sources = new Set(of.map((i) => columns[i]!.source));
     const labels = [...new Set(of.map((i) => columns[i]!.label))];
-    if (chart !== "attitude" && (sources.size === 1 || labels.length === 1)) found.push({ chart, label: "", columns: of });
+    const units = new Set(of.map((i) => columns[i]!.unit));
+    const one = chart === "error" || (chart !== "attitude" && units.size === 1 && (sources.size === 1 || labels.length === 1));
+    if (one) found.push({ chart, label: "", columns: of });
     else for (const label of labels) found.push({ chart, label, columns: of.filter((i) => columns[i]!.label === label) });
   }
   return found;
@@ -188,6 +191,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
   function colour(strip: Strip, line: Line): string {
     if (strip.bySource) return shell.colourOf(line.of.source);
     const { red, green, blue } = shell.colours();
+    if (strip.lines.length === 1) return blue;
     return [red, green, blue][line.axis] ?? shell.series(line.axis);
   }
 
@@ -219,7 +223,8 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       this.unit = columns[0]?.unit ?? "";
       this.angle = this.chart === "attitude" && this.unit === "°";
       this.least = 10 ** -(columns[0]?.digits ?? 0) * 8;
-      this.bySource = this.chart === "attitude" || new Set(columns.map((column) => column.source)).size > 1;
+      const sources = new Set(columns.map((column) => column.source));
+      this.bySource = sources.size > 1 || (columns.length === 1 && hello.estimators.some((one) => sources.has(one.name)));
       this.lines = columns.map((of, k) => ({
         column: group.columns[k]!, of, axis: k, shown: true, points: new Points(), value: h("span", { class: "value" }),
       }));
@@ -250,6 +255,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         });
         hint(one, "Show or hide this line");
         one.append(swatch, called, line.value);
+        if (this.chart === "error" && line.of.label !== "error") called.after(h("span", { class: "label", say: line.of.label }));
         legend.append(one);
       }
       const title = h("div", { class: "title" }, name);
@@ -289,7 +295,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
           {},
           ...this.lines.map((line): uPlot.Series => ({
             stroke: () => colour(this, line),
-            width: line.of.source === this.hello.estimators[0]?.name && this.bySource ? 1.75 : 1.25,
+            width: (line.of.source === this.hello.estimators[0]?.name && this.bySource ? 1.75 : 1.25) * (theme() === "sun" ? 1.6 : 1),
             ...(line.of.source === "reference" ? { dash: [6, 4] } : {}),
             points: { show: false }, auto: false, pxAlign: 0,
             paths: (plot) => ({ stroke: path(plot, line.points), fill: null, clip: null, band: null, flags: 0 }),
@@ -542,8 +548,9 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       follow();
     },
     restyle() {
+      const hello = shell.hello();
+      if (hello) build(hello);
       for (const strip of strips) strip.restyle();
-      dirty = true;
     },
     frame(now) {
       const newest = shell.store.newest;

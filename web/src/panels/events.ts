@@ -5,9 +5,12 @@ import type { Happened } from "../messages";
 import type { Own, OwnPanel } from "../shell";
 
 const MOST = 500;
-export const KINDS: Readonly<Record<string, string>> = {
-  gap: "gap", lost: "lost", reopened: "reopened", flag: "flag", mark: "mark", remark: "remark", recording: "recording", command: "command", view: "view",
-};
+export const KINDS: Readonly<Record<string, string>> = Object.fromEntries(
+  [
+    "opened", "reopened", "lost", "stalled", "resumed", "late", "gap", "dropped", "damaged", "failed", "flag", "mark", "remark", "note",
+    "recording", "text", "command", "view", "calibration", "wall-clock",
+  ].map((kind) => [kind, kind]),
+);
 
 /** Events by their number; those that come twice, as after a connection was lost, are kept once. */
 export class Queue {

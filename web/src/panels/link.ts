@@ -36,7 +36,7 @@ export function judged(link: Link, hello: Hello, silent: number | null): Record<
 }
 
 const MARKS: Record<Health, string> = { well: "✓", watch: "!", wrong: "✕", unknown: "–" };
-const COUNTS: [keyof Link, string, string][] = [
+export const COUNTS: [keyof Link, string, string][] = [
   ["samples", "samples", "Samples since the start"],
   ["lost", "lost frames", "Frames that are missing in the stream"],
   ["gaps", "gaps", "How many times frames were missing"],

@@ -122,6 +122,11 @@ interface Cells {
   cells: HTMLElement[];
 }
 
+/** Label of a column without its source: a field's is gyr.x. */
+function shortened(column: Column): string {
+  return column.source && column.label.startsWith(`${column.source}.`) ? column.label.slice(column.source.length + 1) : column.label;
+}
+
 function grouped(columns: readonly Column[], key: (column: Column) => string): [Column, number[]][] {
   const found = new Map<string, number[]>();
   columns.forEach((column, i) => found.set(key(column), [...(found.get(key(column)) ?? []), i]));
@@ -137,7 +142,7 @@ export const channels: Own = (shell) => {
 
   function line(title: HTMLElement, columns: readonly Column[], of: number[], unit: string): [HTMLElement, Cells] {
     const cells = of.map(() => h("span", { class: "value live", text: NONE }));
-    const named = (column: Column) => h("span", { class: "label", say: column.label });
+    const named = (column: Column) => h("span", { class: "label", say: shortened(column) });
     const values = of.map((i, k) => h("span", { class: "cell" }, of.length > 1 ? named(columns[i]!) : null, cells[k]!));
     return [h("div", { class: "line" }, h("div", { class: "title" }, title, h("span", { class: "unit", text: unit })), h("div", { class: "cells" }, ...values)), { columns: of, cells }];
   }
@@ -148,7 +153,7 @@ export const channels: Own = (shell) => {
     raw = [];
     const lines: HTMLElement[] = [];
     const shown = now.columns.map((column, i) => ({ column, i })).filter(({ column }) => column.chart !== "attitude" && column.chart !== "error");
-    for (const [first, places] of grouped(shown.map(({ column }) => column), (column) => `${column.chart} ${column.source}`)) {
+    for (const [first, places] of grouped(shown.map(({ column }) => column), (column) => `${column.chart} ${column.source} ${column.unit}`)) {
       const title = h("h3", { say: NAMES[first.chart] ?? first.chart });
       const own = now.estimators.some((one) => one.name === first.source);
       const whose = h("span", {}, title, own ? h("span", { class: "source", text: first.source }) : null);
@@ -157,8 +162,8 @@ export const channels: Own = (shell) => {
       lines.push(made);
     }
     if (now.raw.length) lines.push(h("h3", { class: "divider", say: "Raw, as decoded" }));
-    for (const [first, places] of grouped(now.raw, (column) => column.source)) {
-      const [made, cells] = line(h("h3", { text: first.source }), now.raw, places, first.unit);
+    for (const [first, places] of grouped(now.raw, (column) => `${column.source || column.label} ${column.unit}`)) {
+      const [made, cells] = line(h("h3", { text: first.source || first.label }), now.raw, places, first.unit);
       raw.push(cells);
       lines.push(made);
     }
