@@ -1,0 +1,336 @@
+"""The live page in a real browser, on real servers: what it shows against what the server says, and what its buttons do."""
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import threading
+import time
+import urllib.request
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.core.units import to_deg
+from plumbob.data.cards import CalibrationCard
+from plumbob.rotations import euler_zyx_from_quat
+from tests.battery.commandline import PLUMBOB, ok
+
+AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
+PATIENCE = 60.0
+WIDE = {"width": 1440, "height": 900}
+
+
+def until(condition, what, patience=PATIENCE):
+    """Wait for a condition, and fail where it does not come; what it gave."""
+    end = time.monotonic() + patience
+    while not (found := condition()):
+        assert time.monotonic() < end, what() if callable(what) else what
+        time.sleep(0.02)
+    return found
+
+
+class View:
+    """A `plumbob view` that runs."""
+
+    def __init__(self, process, said):
+        self.process, self.said = process, said
+        self.url = until(self._url, lambda: f"no address: {''.join(said)}")
+
+    def _url(self):
+        return next((found[0] for line in self.said if (found := re.search(r"http://\S+", line))), None)
+
+    @property
+    def token(self):
+        return parse_qs(urlsplit(self.url).query)["token"][0]
+
+    def get(self, path):
+        """JSON of a route."""
+        request = urllib.request.Request(urlsplit(self.url)._replace(path=path, query="").geturl())
+        request.add_header("Authorization", f"Bearer {self.token}")
+        with urllib.request.urlopen(request, timeout=10) as answer:
+            return json.load(answer)
+
+    @property
+    def server(self):
+        """Process of its server."""
+        port = urlsplit(self.url).port
+        for folder in Path("/proc").iterdir():
+            with contextlib.suppress(OSError):
+                words = (folder / "cmdline").read_bytes().split(b"\0") if folder.name.isdigit() else []
+                status = (folder / "status").read_text() if b"plumbob.viewer.serve" in words else ""
+                if f"PPid:\t{self.process.pid}\n" in status:
+                    return int(folder.name)
+        raise AssertionError(f"no server of port {port}")
+
+
+@contextlib.contextmanager
+def viewed(*words, folder):
+    """A view of something, which takes commands."""
+    said = []
+    command = [
+        *PLUMBOB,
+        "view",
+        *map(str, words),
+        "--http-port",
+        "0",
+        "--no-open",
+        "--control",
+        "--folder",
+        str(folder),
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        reader = threading.Thread(target=lambda: said.extend(process.stdout))
+        reader.start()
+        try:
+            yield View(process, said)
+        finally:
+            process.terminate()
+            process.wait(20)
+            reader.join()
+
+
+@contextlib.contextmanager
+def opened(chromium, view, *, query="", **options):
+    """The page of a view, with what it asked for and complained of."""
+    context = chromium.new_context(**{"viewport": WIDE, **options})
+    page = context.new_page()
+    page.asked, page.wrong = [], []
+    page.on("request", lambda request: page.asked.append(request.url))
+    page.on("websocket", lambda socket: page.asked.append(socket.url))
+    page.on("pageerror", lambda error: page.wrong.append(str(error)))
+    page.on("console", lambda said: page.wrong.append(said.text) if said.type == "error" else None)
+    page.goto(view.url)
+    if query:
+        page.goto(urlsplit(view.url)._replace(query=query).geturl())
+    page.wait_for_selector('html[data-connection="connected"]')
+    try:
+        yield page
+    finally:
+        context.close()
+
+
+def unfolded(page):
+    """Open every panel, so that all are drawn."""
+    for folder in page.query_selector_all('.fold[aria-expanded="false"]'):
+        folder.click()
+
+
+def number(text):
+    """Number of a text of the page."""
+    return float(re.sub(r"[^\d.]", "", text.replace("−", "")) or "nan") * (-1 if "−" in text else 1)
+
+
+def shown(page, selector):
+    return page.text_content(selector) or ""
+
+
+@pytest.fixture(scope="module")
+def buoy(tmp_path_factory):
+    """The emulated buoy, with further estimators beside its own."""
+    folder = tmp_path_factory.mktemp("view")
+    with viewed("--emulate", "buoy", "--also", "mahony,vqf", folder=folder) as view:
+        view.folder = folder
+        yield view
+
+
+@pytest.fixture(scope="module")
+def sea(tmp_path_factory):
+    """A recording of 40 s of the buoy's line, estimated as it came."""
+    folder = tmp_path_factory.mktemp("sea")
+    ok("emulate", "buoy", "--seed", "3", "--duration", "40s", "--write", folder / "sea.bin")
+    ok("record", "--from", folder / "sea.bin", "--format", "buoy", "--filter", "mekf", "--frame", "NED",
+       "--out", folder / "sea.mcap")  # fmt: skip
+    return folder / "sea.mcap"
+
+
+def test_every_panel_moves_and_nothing_but_this_machine_is_asked(chromium, buoy):
+    with opened(chromium, buoy, viewport={"width": 1440, "height": 4200}) as page:
+        unfolded(page)
+        page.wait_for_selector(".panel-scene canvas", state="visible")
+        drawn = ("attitude", "instruments", "scene", "charts", "link", "channels", "allan", "terminal")
+        page.wait_for_function("document.querySelectorAll('.panel-terminal .body').item(0).textContent.length > 200")
+
+        def looks():
+            return {name: page.locator(f".panel-{name} .body").screenshot() for name in drawn}
+
+        before = looks()
+        waiting = set(drawn)
+        end = time.monotonic() + PATIENCE
+        while waiting and time.monotonic() < end:
+            now = {name: page.locator(f".panel-{name} .body").screenshot() for name in waiting}
+            waiting = {name for name in waiting if now[name] == before[name]}
+        assert not waiting
+        hosts = {urlsplit(url).hostname for url in page.asked if not url.startswith(("data:", "blob:"))}
+        assert hosts == {"127.0.0.1"}
+        assert page.wrong == []
+
+
+def test_numbers_are_those_of_the_server_to_the_printed_digit(chromium, sea, tmp_path):
+    """A recording that stands still: the page, the server's state and the recording's own attitude say the same."""
+    again = plumbob.replay(sea)
+    with viewed(sea, folder=tmp_path) as view, opened(chromium, view) as page:
+        hello = view.get("/api/hello")
+        ok("control", view.url, "pause")
+        for goal in (12.34, 33.0, 5.55):
+            ok("control", view.url, "seek", goal)
+            state = until(lambda: (now := view.get("/api/state"))["t"] is not None and abs(now["t"] - goal) < 0.011 and now,
+                          "it did not get there")  # fmt: skip
+            k = int(np.searchsorted(again.track.t, goal + 1e-9, side="right")) - 1
+            assert state["t"] == pytest.approx(again.track.t[k], abs=1e-9)
+            yaw, pitch, roll = to_deg(euler_zyx_from_quat(again.track.q_nb[k]))
+            own = state["attitudes"]["mekf"]
+            assert [own["roll"], own["pitch"]] == pytest.approx([roll, pitch], abs=1e-9)
+            assert (own["yaw"] - yaw + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-9)
+
+            def as_shown(name, value):
+                digits = next((c["digits"] for c in hello["columns"] if c["key"] == name), 2)
+                return f"{value:.{digits}f}".replace("-", "−") if round(value, digits) else f"{0:.{digits}f}"
+
+            wanted = [as_shown(f"mekf.{name}", own[name]) for name in ("roll", "pitch", "yaw")]
+            big = page.locator(".panel-attitude .big .value")
+            until(lambda: big.all_text_contents() == wanted, lambda: f"{big.all_text_contents()} is not {wanted}")  # noqa: B023
+            columns = [i for i, c in enumerate(hello["columns"]) if c["chart"] not in ("attitude", "error")]
+            expected = [as_shown(hello["columns"][i]["key"], state["values"][i]) if state["values"][i] is not None else "–"
+                        for i in columns]  # fmt: skip
+            cells = page.locator(".panel-channels .value").all_text_contents()
+            assert sorted(cells[: len(expected)]) == sorted(expected)
+            counts = [f"{value:.{c['digits']}f}".replace("-", "−") if value is not None else "–"
+                      for c, value in zip(hello["raw"], state["raw"], strict=True)]  # fmt: skip
+            assert sorted(cells[len(expected) :]) == sorted(counts)
+
+
+def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path):
+    with opened(chromium, buoy) as page:
+        panel = page.locator(".panel-controls")
+        panel.get_by_label("Name").fill("trip")
+        panel.get_by_role("button", name="Record", exact=True).click()
+        page.wait_for_selector('header .recording[data-on="true"]')
+        panel.get_by_label("Mark", exact=True).fill("wave <b>1</b>")
+        panel.get_by_role("button", name="Mark", exact=True).click()
+        page.wait_for_function("document.querySelector('.panel-events').textContent.includes('wave <b>1</b>')")
+        started = buoy.get("/api/state")["t"]
+        until(lambda: buoy.get("/api/state")["t"] > started + 3.0, "the stream stands still")
+        panel.get_by_role("button", name="Stop", exact=True).click()
+        page.wait_for_selector('header .recording[data-on="false"]')
+    (made,) = buoy.folder.glob("trip*.mcap")
+    assert plumbob.verify(made).whole
+    assert plumbob.replay(made, check=True).comparison.equal
+    with viewed(made, folder=tmp_path) as view, opened(chromium, view) as page:
+        player = page.locator(".panel-playback")
+        if player.get_by_role("button", name="Pause").count():
+            player.get_by_role("button", name="Pause").click()
+        slider = player.locator('input[type="range"]')
+        slider.fill("1.5")
+        state = until(
+            lambda: abs((now := view.get("/api/state"))["playback"]["position"] - 1.5) < 0.02 and now, "no seek"
+        )
+        assert not state["playback"]["playing"]
+        player.get_by_role("button", name="Play").click()
+        until(lambda: view.get("/api/state")["playback"]["position"] > 2.0, "it does not play")
+
+
+def test_a_guided_calibration_ends_in_a_card(chromium, tmp_path):
+    """The buoy turned by hand, ten times as fast as a hand would: its magnetometer, by the page's buttons alone."""
+    link = tmp_path / "port"
+    rig = [*PLUMBOB, "emulate", "buoy", "--scenario", "poses", "--set", "move=2s", "--speed", "10", "--link", link]
+    with subprocess.Popen([*map(str, rig)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as emulated:
+        try:
+            assert emulated.stdout.readline()
+            line = ("--port", link, "--format", "buoy", "--time", "count", "--frame", "NED", "--device", "unit 7")
+            with viewed(*line, folder=tmp_path) as view, opened(chromium, view) as page:
+                unfolded(page)
+                panel = page.locator(".panel-guide")
+                panel.get_by_role("button", name="Magnetometer").click()
+                panel.get_by_role("button", name="Start").click()
+                panel.get_by_role("button", name="Finish").wait_for()
+                seen = panel.locator("dd").first
+                until(
+                    lambda: number(seen.text_content().partition("/")[0]) >= 15, lambda: f"seen {seen.text_content()}"
+                )
+                until(lambda: view.get("/api/state")["guide"] == "mag", "no guide runs")
+                panel.get_by_role("button", name="Finish").click()
+                card = panel.locator("code")
+                card.wait_for(timeout=60_000)
+                made = tmp_path / Path(card.text_content()).name
+        finally:
+            emulated.terminate()
+    found = CalibrationCard.load(made)
+    assert found.device == "unit 7"
+    assert set(found.parts) == {"mag"}
+
+
+def test_the_page_finds_its_server_again_and_doubles_nothing(chromium, buoy):
+    with opened(chromium, buoy) as page:
+        page.wait_for_function("Number(document.querySelector('.panel-link dd').textContent.length) > 0")
+        os.kill(buoy.server, signal.SIGKILL)
+        page.wait_for_selector('html:not([data-connection="connected"])')
+        page.wait_for_selector('html[data-connection="connected"]')
+        page.wait_for_selector('html:not([data-stale="true"])')
+        before = buoy.get("/api/state")["link"]["samples"]
+        until(lambda: buoy.get("/api/state")["link"]["samples"] > before, "nothing comes any more")
+        value = page.locator(".panel-attitude .big .value").first
+        first = value.text_content()
+        until(lambda: value.text_content() != first, "the page stands still")
+
+
+def test_two_pages_show_the_same_and_a_tare_holds_for_both(chromium, buoy):
+    with opened(chromium, buoy) as one, opened(chromium, buoy) as other:
+        one.locator(".panel-controls").get_by_role("button", name="Tare", exact=True).click()
+        for page in (one, other):
+            page.wait_for_selector(".panel-attitude .tared:visible")
+        one.locator(".panel-controls").get_by_role("button", name="Untare", exact=True).click()
+        for page in (one, other):
+            page.wait_for_selector(".panel-attitude .tared", state="hidden")
+
+
+HOSTILE = "<img src=x onerror=document.title=1>"
+
+
+def test_names_of_devices_are_text(chromium, tmp_path):
+    ok("emulate", "buoy", "--duration", "5s", "--write", tmp_path / "a.bin")
+    ok("record", "--from", tmp_path / "a.bin", "--format", "buoy", "--filter", "mekf", "--frame", "NED",
+       "--device", HOSTILE, "--out", tmp_path / "a.mcap")  # fmt: skip
+    with viewed(tmp_path / "a.mcap", folder=tmp_path) as view, opened(chromium, view) as page:
+        assert HOSTILE in shown(page, "header.page")
+        assert page.locator("header.page img").count() == 0
+        assert page.title() != "1"
+        assert page.wrong == []
+
+
+@pytest.mark.parametrize("look", ["theme=light", "theme=dark", "theme=sun&lang=zh", "theme=dark&lang=zh"])
+@pytest.mark.parametrize("size", [WIDE, {"width": 390, "height": 844}], ids=["wide", "phone"])
+def test_axe_has_no_serious_finding(chromium, buoy, look, size):
+    if not AXE.is_file():
+        pytest.skip("axe-core is not installed; 'make page' does it")
+    with opened(chromium, buoy, query=look, viewport=size) as page:
+        unfolded(page)
+        page.evaluate(AXE.read_text(encoding="utf-8"))
+        found = page.evaluate("axe.run({resultTypes: ['violations']})")
+        serious = [
+            (one["id"], one["help"], [node["html"][:120] for node in one["nodes"]][:5])
+            for one in found["violations"]
+            if one["impact"] in ("serious", "critical")
+        ]
+        assert serious == []
+
+
+def test_nothing_is_wider_than_a_phone(chromium, buoy):
+    for query in ("lang=en", "lang=zh"):
+        with opened(chromium, buoy, query=query, viewport={"width": 390, "height": 844}) as page:
+            unfolded(page)
+            assert page.evaluate("document.documentElement.scrollWidth") <= 390
+
+
+def test_a_page_without_its_token_is_not_shown(chromium, buoy):
+    context = chromium.new_context()
+    page = context.new_page()
+    answer = page.goto(urlsplit(buoy.url)._replace(query="").geturl())
+    assert answer.status == 401
+    assert page.locator(".panel").count() == 0
+    context.close()
