@@ -1,4 +1,4 @@
-"""The live page in a real browser, on real servers: what it shows against what the server says, and what its buttons do."""
+"""The live page in a real browser on real servers: what it shows, and what its buttons do."""
 
 import contextlib
 import json
@@ -171,38 +171,55 @@ def test_every_panel_moves_and_nothing_but_this_machine_is_asked(chromium, buoy)
         assert page.wrong == []
 
 
+def printed(value, digits):
+    """A number as the page prints it."""
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
+
+
+def sought(view, goal):
+    """State of the server when a recording that stands still has gone to a time."""
+    ok("control", view.url, "seek", goal)
+
+    def there():
+        state = view.get("/api/state")
+        return state if state["t"] is not None and abs(state["t"] - goal) < 0.011 else None
+
+    return until(there, "it did not get there")
+
+
 def test_numbers_are_those_of_the_server_to_the_printed_digit(chromium, sea, tmp_path):
     """A recording that stands still: the page, the server's state and the recording's own attitude say the same."""
-    again = plumbob.replay(sea)
+    track = plumbob.replay(sea).track
     with viewed(sea, folder=tmp_path) as view, opened(chromium, view) as page:
         hello = view.get("/api/hello")
+        digits = {column["key"]: column["digits"] for column in hello["columns"]}
         ok("control", view.url, "pause")
         for goal in (12.34, 33.0, 5.55):
-            ok("control", view.url, "seek", goal)
-            state = until(lambda: (now := view.get("/api/state"))["t"] is not None and abs(now["t"] - goal) < 0.011 and now,
-                          "it did not get there")  # fmt: skip
-            k = int(np.searchsorted(again.track.t, goal + 1e-9, side="right")) - 1
-            assert state["t"] == pytest.approx(again.track.t[k], abs=1e-9)
-            yaw, pitch, roll = to_deg(euler_zyx_from_quat(again.track.q_nb[k]))
+            state = sought(view, goal)
+            k = int(np.searchsorted(track.t, goal + 1e-9, side="right")) - 1
+            assert state["t"] == pytest.approx(track.t[k], abs=1e-9)
+            yaw, pitch, roll = to_deg(euler_zyx_from_quat(track.q_nb[k]))
             own = state["attitudes"]["mekf"]
             assert [own["roll"], own["pitch"]] == pytest.approx([roll, pitch], abs=1e-9)
             assert (own["yaw"] - yaw + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=1e-9)
+            angles = [printed(own[name], digits[f"mekf.{name}"]) for name in ("roll", "pitch", "yaw")]
+            values = [
+                printed(value, column["digits"])
+                for column, value in zip(hello["columns"], state["values"], strict=True)
+                if column["chart"] not in ("attitude", "error")
+            ]
+            raw = [printed(value, c["digits"]) for c, value in zip(hello["raw"], state["raw"], strict=True)]
+            wanted = [angles, sorted(values), sorted(raw)]
+            count = len(values)
 
-            def as_shown(name, value):
-                digits = next((c["digits"] for c in hello["columns"] if c["key"] == name), 2)
-                return f"{value:.{digits}f}".replace("-", "−") if round(value, digits) else f"{0:.{digits}f}"
+            def on_the_page(count=count):
+                big = page.locator(".panel-attitude .big .value").all_text_contents()
+                cells = page.locator(".panel-channels .value").all_text_contents()
+                return [big, sorted(cells[:count]), sorted(cells[count:])]
 
-            wanted = [as_shown(f"mekf.{name}", own[name]) for name in ("roll", "pitch", "yaw")]
-            big = page.locator(".panel-attitude .big .value")
-            until(lambda: big.all_text_contents() == wanted, lambda: f"{big.all_text_contents()} is not {wanted}")  # noqa: B023
-            columns = [i for i, c in enumerate(hello["columns"]) if c["chart"] not in ("attitude", "error")]
-            expected = [as_shown(hello["columns"][i]["key"], state["values"][i]) if state["values"][i] is not None else "–"
-                        for i in columns]  # fmt: skip
-            cells = page.locator(".panel-channels .value").all_text_contents()
-            assert sorted(cells[: len(expected)]) == sorted(expected)
-            counts = [f"{value:.{c['digits']}f}".replace("-", "−") if value is not None else "–"
-                      for c, value in zip(hello["raw"], state["raw"], strict=True)]  # fmt: skip
-            assert sorted(cells[len(expected) :]) == sorted(counts)
+            until(
+                lambda wanted=wanted: on_the_page() == wanted, lambda wanted=wanted: f"{on_the_page()} is not {wanted}"
+            )
 
 
 def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path):
@@ -223,15 +240,15 @@ def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path)
     assert plumbob.replay(made, check=True).comparison.equal
     with viewed(made, folder=tmp_path) as view, opened(chromium, view) as page:
         player = page.locator(".panel-playback")
-        if player.get_by_role("button", name="Pause").count():
-            player.get_by_role("button", name="Pause").click()
+        if player.get_by_role("button", name="Pause", exact=True).count():
+            player.get_by_role("button", name="Pause", exact=True).click()
         slider = player.locator('input[type="range"]')
         slider.fill("1.5")
         state = until(
             lambda: abs((now := view.get("/api/state"))["playback"]["position"] - 1.5) < 0.02 and now, "no seek"
         )
         assert not state["playback"]["playing"]
-        player.get_by_role("button", name="Play").click()
+        player.get_by_role("button", name="Play", exact=True).click()
         until(lambda: view.get("/api/state")["playback"]["position"] > 2.0, "it does not play")
 
 
@@ -303,8 +320,13 @@ def test_names_of_devices_are_text(chromium, tmp_path):
         assert page.wrong == []
 
 
-@pytest.mark.parametrize("look", ["theme=light", "theme=dark", "theme=sun&lang=zh", "theme=dark&lang=zh"])
-@pytest.mark.parametrize("size", [WIDE, {"width": 390, "height": 844}], ids=["wide", "phone"])
+PHONE = {"width": 390, "height": 844}
+
+
+@pytest.mark.parametrize(
+    ("look", "size"),
+    [("theme=light", WIDE), ("theme=dark&lang=zh", WIDE), ("theme=dark", PHONE), ("theme=sun&lang=zh", PHONE)],
+)
 def test_axe_has_no_serious_finding(chromium, buoy, look, size):
     if not AXE.is_file():
         pytest.skip("axe-core is not installed; 'make page' does it")
@@ -322,7 +344,7 @@ def test_axe_has_no_serious_finding(chromium, buoy, look, size):
 
 def test_nothing_is_wider_than_a_phone(chromium, buoy):
     for query in ("lang=en", "lang=zh"):
-        with opened(chromium, buoy, query=query, viewport={"width": 390, "height": 844}) as page:
+        with opened(chromium, buoy, query=query, viewport=PHONE) as page:
             unfolded(page)
             assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
