@@ -103,7 +103,7 @@ export class Stage implements Drawer {
   private readonly link = new MeshLambertMaterial();
   private model: Model | null = null;
   private name: ModelName | null = null;
-  private own: Model | null = null;
+  private readonly made = new Map<ModelName, Model>();
   private size = { width: 1, height: 1 };
   private reach = 0.05;
   private bent = 0;
@@ -152,12 +152,15 @@ export class Stage implements Drawer {
 
   /** Take the reader's own model. */
   take(model: Model): void {
-    this.own = model;
+    const before = this.made.get("own");
+    before?.group.traverse((part) => part instanceof Mesh && part.geometry.dispose());
+    before?.outline.dispose();
+    this.made.set("own", model);
     this.name = null;
   }
 
   get hasOwn(): boolean {
-    return this.own !== null;
+    return this.made.has("own");
   }
 
   resize(width: number, height: number): void {
@@ -237,12 +240,19 @@ export class Stage implements Drawer {
     if (name === this.name) return;
     this.name = name;
     if (this.model) this.body.remove(this.model.group);
-    this.model = name === "own" ? (this.own ?? modelOf("board")) : modelOf(name);
+    this.model = this.modelOf(name === "own" && !this.hasOwn ? "board" : name);
     if (this.model) this.body.add(this.model.group);
+    for (const ghost of this.ghosts.children) (ghost as ReturnType<typeof ghostOf>).material.dispose();
     this.ghosts.clear();
     this.sphere.visible = name === "ball";
     this.water.visible = name === "buoy";
     for (const child of this.ground.children.slice(0, 1)) child.visible = name !== "buoy";
+  }
+
+  private modelOf(name: ModelName): Model | null {
+    const known = this.made.get(name) ?? modelOf(name);
+    if (known) this.made.set(name, known);
+    return known;
   }
 
   private drawGhosts(view: View, options: Options): void {
