@@ -131,8 +131,7 @@ class Guide implements Panel {
       key.append(one);
     }
     const left = make("div", "guide-left");
-    key.append(this.front);
-    left.append(this.sphere, key);
+    left.append(this.sphere, this.front, key);
     this.step.setAttribute("role", "status");
     this.warnings.setAttribute("role", "alert");
     this.result.setAttribute("role", "status");
