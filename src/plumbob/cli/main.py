@@ -36,6 +36,8 @@ VERBS = (
     "profile",
     "sim",
     "run",
+    "report",
+    "plot",
     "eval",
     "allan",
     "calibrate",

@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import to_deg
 from plumbob.overview.gathered import SPECTRAL, Gathered
 from plumbob.overview.subject import Subject
-from plumbob.overview.tables import SPECTRAL_UNITS, shown_scale
+from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
 from plumbob.reporting import INK, SERIES, Figure
 
 if TYPE_CHECKING:
@@ -26,11 +27,14 @@ SD: Final = {"roll": "roll_sd", "pitch": "pitch_sd", "heading": "heading_sd"}
 
 
 def figures(subject: Subject) -> dict[str, Figure]:
-    """Figures by the names that ``plumbob plot --what`` takes; those that the recording has nothing for are not there."""
+    """Figures by the names that ``plumbob plot --what`` takes, as far as the recording has something for them."""
     g = subject.gathered
     found: dict[str, Figure] = {}
     if g.tilt is not None:
-        keys = [("estimate", SERIES[0], "solid"), *([("claimed ± 1 sd", SERIES[5], "block")] if g.has("roll_sd") else [])]
+        keys = [
+            ("estimate", SERIES[0], "solid"),
+            *([("claimed ± 1 sd", SERIES[5], "block")] if g.has("roll_sd") else []),
+        ]
         found["angles"] = Figure("Roll, pitch and heading", partial(_angles, g), keys, height=4.2)
         limit = ("limit", SERIES[1], "dashed")
         found["tilt"] = Figure("Inclination from the vertical", partial(_tilt, g), [limit], height=2.2)
@@ -39,7 +43,9 @@ def figures(subject: Subject) -> dict[str, Figure]:
             draw = partial(_triad, g, stem, label)
             found[what] = Figure(caption, draw, [(axis, colour, "solid") for axis, colour in _XYZ], height=3.6)
     if g.has("temp"):
-        found["temperature"] = Figure("Temperature", partial(_lines, g, [("temp", INK)], "temperature [°C]"), height=2.0)
+        found["temperature"] = Figure(
+            "Temperature", partial(_lines, g, [("temp", INK)], "temperature [°C]"), height=2.0
+        )
     if g.has("roll_sd"):
         names = [("roll_sd", SERIES[0]), ("pitch_sd", SERIES[1]), ("heading_sd", SERIES[2])]
         keys = [(name.removesuffix("_sd"), colour, "solid") for name, colour in names]
@@ -91,7 +97,7 @@ def _gap(g: Gathered) -> float:
 def _line(ax: "Axes", g: Gathered, channel: str, colour: str, *, jump: float = np.inf) -> None:
     from plumbob.reporting.drawing import envelope
 
-    y = g.traces.of(channel) * shown_scale(channel)
+    y = _shown(g, channel)
     known = np.isfinite(y)
     t, own = g.traces.t[known], y[known]
     gap = max(_gap(g), GAP_FACTOR * float(np.median(np.diff(t)))) if t.size > 1 else np.inf
@@ -99,11 +105,18 @@ def _line(ax: "Axes", g: Gathered, channel: str, colour: str, *, jump: float = n
     ax.set_xlim(g.begin, g.end)
 
 
+def _shown(g: Gathered, channel: str) -> Floats:
+    """Values of a channel in the unit that is shown; headings on the circle of `heading_circle`."""
+    values = g.traces.of(channel) * shown_scale(channel)
+    start = heading_circle(g)[0]
+    return (values - start) % 360.0 + start if channel == "heading" else values
+
+
 def _band(ax: "Axes", g: Gathered, channel: str, *, circular: bool) -> None:
     """Value ± one claimed standard deviation, as far as both are known."""
     if not g.has(SD[channel]):
         return
-    y, sd = (g.traces.of(name) * shown_scale(name) for name in (channel, SD[channel]))
+    y, sd = (_shown(g, name) for name in (channel, SD[channel]))
     size = -(-y.size // COLUMNS)
     starts = np.arange(0, y.size, size)
     low, high = np.fmin.reduceat(y - sd, starts), np.fmax.reduceat(y + sd, starts)
@@ -121,8 +134,10 @@ def _angles(g: Gathered, canvas: "FigureBase") -> None:
         ax.set_ylabel(f"{name} [°]")
     low, high = axes[2].get_ylim()
     if high - low > 180.0:
-        axes[2].set_ylim(0.0, 360.0)
-        axes[2].set_yticks((0, 90, 180, 270, 360))
+        start = heading_circle(g)[0]
+        axes[2].set_ylim(start, start + 360.0)
+        axes[2].set_yticks(start + np.arange(0.0, 361.0, 90.0))
+    axes[2].yaxis.set_major_formatter(lambda value, _: f"{value % 360.0:g}")
     axes[2].set_xlabel("time [s]")
 
 
@@ -194,7 +209,9 @@ def _bursts(g: Gathered, canvas: "FigureBase") -> None:
     own += [(lambda b: b.tilt.roll.tz, 1), (lambda b: b.tilt.pitch.tz, 1)]
     for number, (of, panel) in enumerate(own):
         scale = to_deg(1.0) if panel == 0 else 1.0
-        axes[panel].plot(t, [scale * of(b) for b in g.bursts], "o-", color=SERIES[number % 2], markersize=2.5, linewidth=0.8)
+        axes[panel].plot(
+            t, [scale * of(b) for b in g.bursts], "o-", color=SERIES[number % 2], markersize=2.5, linewidth=0.8
+        )
     for of, style in ((lambda b: b.tilt.inclination.mean, "o-"), (lambda b: b.tilt.inclination.greatest, "o--")):
         axes[2].plot(t, [to_deg(of(b)) for b in g.bursts], style, color=SERIES[2], markersize=2.5, linewidth=0.8)
     for ax, label in zip(axes, ("significant [°]", "Tz [s]", "mean, greatest [°]"), strict=True):
@@ -216,4 +233,3 @@ def _flags(g: Gathered, canvas: "FigureBase") -> None:
     ax.set_xlim(g.begin, max(g.end, g.begin + g.step))
     ax.grid(visible=True, axis="x")
     ax.set_xlabel("time [s]")
-

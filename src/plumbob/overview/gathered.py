@@ -4,7 +4,7 @@ Statistics are those of bursts, and of all of them together; a burst is held unt
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -24,8 +24,6 @@ from plumbob.rotations import Frame, dcm_from_quat, euler_zyx_from_quat, quat_ro
 
 BURST: Final = 1200.0
 """Length of a burst unless another is given, s: buoys report every 20 to 30 minutes."""
-FEWEST_BURSTS = 0.01
-"""Seconds of a rest after the last whole burst that is one of its own."""
 
 TRACED: Final = (
     "roll", "pitch", "heading", "tilt", "roll_sd", "pitch_sd", "heading_sd",
@@ -232,6 +230,8 @@ class Gatherer:
         self._gaps: list[tuple[float, float]] = []
         self._missing = self._samples = 0
         self._attitude = False
+        self._number = 0
+        self._before: float | None = None
         self._last: tuple[float, float] | None = None  # time and heading of the last sample
         self._tracing: Tracing | None = None
 
@@ -385,7 +385,8 @@ class _Part:
         return self.traced[:, TRACED.index(name)]
 
     def rows(self, which: NDArray[np.intp]) -> "_Part":
-        return _Part(*(one[which] for one in (self.t, self.traced, self.rate, self.vertical, self.words)))
+        rate, vertical, words = self.rate[which], self.vertical[which], self.words[which]
+        return _Part(self.t[which], self.traced[which], rate, vertical, words)
 
     @classmethod
     def joined(cls, parts: "Sequence[_Part]") -> "_Part":
@@ -476,6 +477,3 @@ def _usual_step(t: Floats) -> float:
         return float(np.median(np.diff(t)))
     starts = np.linspace(0, t.size - size, places).astype(np.int64)
     return float(np.median(np.concatenate([np.diff(t[start : start + size]) for start in starts])))
-
-
-Progress = Callable[[int, int], None]

@@ -128,8 +128,8 @@ def remarks(subject: Subject) -> list[str]:
         )
     if g.traces.each > 1:
         found.append(
-            f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, spectra "
-            "and flags are of all samples"
+            f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
+            "spectra and flags are of all samples"
         )
     return found
 
@@ -148,12 +148,12 @@ def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
     return (
         "Roll, pitch and yaw are ZYX Euler angles from the navigation frame to the body; heading is that of the body's "
         "x axis, clockwise from North; inclination is the angle between the body's vertical axis and the vertical. std "
-        "is the standard deviation about the mean, rms that about zero. The band about a line is ± 1 standard deviation "
-        "as the filter claims it; where it claims none, there is not a band.",
+        "is the standard deviation about the mean, rms that about zero. The band about a line is ± 1 standard "
+        "deviation as the filter claims it; where it claims none, there is not a band.",
         "Waves of roll and pitch lie between zero up-crossings about the mean of their burst; the angle must have been "
-        f"{DEAD:g} std below and above it on the two sides. A double amplitude is the highest less the lowest value of a "
-        "wave; the significant one is the mean of the highest third (for a narrow-banded Gaussian process 4.00 std; "
-        "Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period of "
+        f"{DEAD:g} std below and above it on the two sides. A double amplitude is the highest less the lowest value "
+        "of a wave; the significant one is the mean of the highest third (for a narrow-banded Gaussian process 4.00 "
+        "std; Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period of "
         f"the spectrum's peak. A burst lasts {first.burst:g} s; statistics of the whole are of all samples and of the "
         "waves of all bursts.",
         f"Spectra: Welch's method (1967, doi:10.1109/TAU.1967.1161901). {welch}Hann window, half overlapping, mean "
@@ -162,8 +162,8 @@ def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
         "Heading statistics are circular: the mean is the direction of the mean vector, the spread √(−2 ln R) with its "
         "length R, the resultant (Mardia and Jupp 2000, doi:10.1002/9780470316979).",
         f"Quality flags are in the words of QARTOD: {flagged}; each is the worst of its tests. Tests and recommended "
-        "thresholds follow its table for the time series of waves (cdip.ucsd.edu); thresholds that it leaves to the user "
-        "are those of the table above.",
+        "thresholds follow its table for the time series of waves (cdip.ucsd.edu); thresholds that it leaves to the "
+        "user are those of the table above.",
     )
 
 
@@ -227,7 +227,7 @@ def report(
     Raises
     ------
     ParameterError
-        If an option is not known or two of them contradict each other, or the file holds no attitude that was asked for.
+        If an option is not known, two of them contradict each other, or the file lacks the attitude that was asked for.
     ShapeError, FrameError, CalibrationError, DecodeError
         As of `plumbob.estimate`.
     MissingExtraError

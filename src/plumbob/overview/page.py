@@ -23,7 +23,7 @@ from plumbob.core.units import to_deg
 from plumbob.core.web import asset
 from plumbob.overview import quality
 from plumbob.overview.figures import SD, SECTORS
-from plumbob.overview.gathered import SPECTRAL, TRACED, Gathered
+from plumbob.overview.gathered import SPECTRAL, Gathered
 from plumbob.overview.overview import remarks
 from plumbob.overview.subject import Subject
 from plumbob.overview.tables import (
@@ -31,7 +31,10 @@ from plumbob.overview.tables import (
     burst_table,
     comparison_table,
     flag_table,
+    heading_circle,
+    heading_table,
     quality_table,
+    sector_table,
     sensor_table,
     shown_scale,
     tables,
@@ -66,7 +69,8 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
         f"script-src 'sha256-{digest}'"
     )
     blocks: list[str] = []
-    data, body = [], []
+    data: list[dict[str, Any]] = []
+    body: list[str] = []
     for number, subject in enumerate(subjects):
         charts = _charts(subject, lang)
         data.append(_data(subject, charts, f"v{number}", blocks))
@@ -107,7 +111,9 @@ def _named(table: Table) -> Table:
 # --- what is said ---------------------------------------------------------------------------------------------------
 
 
-def _subject(subject: Subject, charts: Sequence[dict[str, Any]], number: int, lang: str, *, alone: bool) -> Iterator[str]:
+def _subject(
+    subject: Subject, charts: Sequence[dict[str, Any]], number: int, lang: str, *, alone: bool
+) -> Iterator[str]:
     """HTML of one recording."""
     level = "h2" if alone else "h3"
     if not alone:
@@ -127,7 +133,7 @@ def _subject(subject: Subject, charts: Sequence[dict[str, Any]], number: int, la
 
 
 _SECTIONS: Final = (
-    ("Tilt and heading", ("tables:tilt", "rose")),
+    ("Tilt and heading", ("table:tilt", "rose")),
     ("Attitude", ("hint", "chart:roll", "chart:pitch", "chart:heading", "chart:tilt")),
     ("Spectra", ("chart:angles", "chart:heading rate", "chart:vertical acceleration")),
     ("Bursts", ("chart:bursts", "chart:burst tilt", "table:bursts")),
@@ -149,17 +155,22 @@ def _block(kind: str, subject: Subject, charts: Sequence[dict[str, Any]], number
         words = f"<button type='button' data-reset='{number}'>{escape(said('show all', lang))}</button>"
         return f"<p class='hint'>{escape(said(hint, lang))} {words}</p>" if g.tilt is not None else ""
     if what == "rose":
-        return rose(g, lang) if g.headings is not None and g.headings.samples else ""
+        if g.headings is None or not g.headings.samples:
+            return ""
+        told = table_html(heading_table(g.headings), lang)
+        return f"<div class='beside'><div>{told}{_folded(sector_table(g.headings), lang)}</div>{rose(g, lang)}</div>"
     if what == "quality":
         return _quality(subject, lang)
-    return "".join(table_html(table, lang) if not folded else _folded(table, lang) for table, folded in _of(name, subject))
+    return "".join(
+        table_html(table, lang) if not folded else _folded(table, lang) for table, folded in _of(name, subject)
+    )
 
 
 def _of(name: str, subject: Subject) -> Iterator[tuple[Table, bool]]:
     """Tables of a section, and whether they are folded away."""
     g = subject.gathered
     if name == "tilt" and g.tilt is not None:
-        yield from ((table, False) for table in tables(subject)[:3])
+        yield from ((table, False) for table in tables(subject)[:2])
     elif name == "bursts" and g.tilt is not None:
         table = burst_table(subject)
         yield replace(table, title=table.title if len(table.rows) > _LONG else ""), len(table.rows) > _LONG
@@ -183,9 +194,11 @@ def _figure(chart: dict[str, Any], place: str, lang: str) -> str:
     )
     if any("sd" in line for line in chart["lines"]):
         band = escape(said("claimed ± 1 sd", lang))
-        key += f"<span><i class='block' style='color: color-mix(in srgb, var(--sky) 40%, transparent)'></i>{band}</span>"
-    caption = f"<figcaption>{escape(chart['caption'])}<span class='key'>{key}</span></figcaption>"
-    label = escape(f"{chart['caption']} [{chart['unit']}]")
+        key += (
+            f"<span><i class='block' style='color: color-mix(in srgb, var(--sky) 40%, transparent)'></i>{band}</span>"
+        )
+    label = escape(f"{chart['caption']} [{chart['unit']}]" if chart["unit"] else chart["caption"])
+    caption = f"<figcaption>{label}<span class='key'>{key}</span></figcaption>"
     return (
         f"<figure class='chart' data-chart='{place}'>{caption}<div class='plot' tabindex='0' role='img' "
         f"aria-label='{label}'></div><noscript>This plot needs JavaScript.</noscript></figure>"
@@ -207,7 +220,8 @@ def _quality(subject: Subject, lang: str) -> str:
         )
         rows.append(f"<div><b>{escape(said(_CHANNEL[name], lang))}</b><span>{cells}</span></div>")
     key = "".join(
-        f"<span><i class='q{flag}'>{flag}</i>{escape(said(word, lang))}</span>" for flag, word in quality.MEANING.items()
+        f"<span><i class='q{flag}'>{flag}</i>{escape(said(word, lang))}</span>"
+        for flag, word in quality.MEANING.items()
     )
     return (
         f"<div class='grid'>{''.join(rows)}</div><p class='grid key'>{key}</p>"
@@ -237,7 +251,9 @@ def rose(g: Gathered, lang: str) -> str:
         parts.append(f"<circle r='{radius * ring:.1f}' class='ring'/>")
         if ring in (0.5, 1.0):
             text = f"{top * ring:g} %"
-            parts.append(f"<text x='{radius * ring * 0.707 + 3:.1f}' y='{-radius * ring * 0.707 - 3:.1f}'>{text}</text>")
+            parts.append(
+                f"<text x='{radius * ring * 0.707 + 3:.1f}' y='{-radius * ring * 0.707 - 3:.1f}'>{text}</text>"
+            )
     for k in range(12):
         x, y = _polar(radius, math.radians(30.0 * k))
         parts.append(f"<line x2='{x:.1f}' y2='{y:.1f}' class='ring'/>")
@@ -260,10 +276,10 @@ def rose(g: Gathered, lang: str) -> str:
     caption = escape(said("Share of time by heading, sectors of 10°", lang))
     mean = escape(said("mean vector", lang))
     key = f"<span class='key'><span><i class='solid' style='color: var(--red)'></i>{mean}</span></span>"
-    return (
-        f"<figure class='rose'><figcaption>{caption}{key}</figcaption>"
-        f"<svg viewBox='{-size} {-size} {2 * size} {2 * size}' role='img' aria-label='{caption}'>{''.join(parts)}</svg></figure>"
+    drawing = (
+        f"<svg viewBox='{-size} {-size} {2 * size} {2 * size}' role='img' aria-label='{caption}'>{''.join(parts)}</svg>"
     )
+    return f"<figure class='rose'><figcaption>{caption}{key}</figcaption>{drawing}</figure>"
 
 
 def _polar(r: float, angle: float) -> tuple[float, float]:
@@ -290,8 +306,15 @@ def _charts(subject: Subject, lang: str) -> list[dict[str, Any]]:
     if g.tilt is not None:
         for name in ("roll", "pitch", "heading"):
             sd = {"sd": SD[name]} if g.has(SD[name]) else {}
-            circle = {"roll": {"period": (-180.0, 180.0)}, "heading": {"period": (0.0, 360.0)}}.get(name, {})
-            add(name, name.capitalize(), "time", "°", [{"label": name, "colour": "blue", "channel": name} | sd], **circle)
+            circle = {"roll": {"period": (-180.0, 180.0)}, "heading": {"period": heading_circle(g)}}.get(name, {})
+            add(
+                name,
+                name.capitalize(),
+                "time",
+                "°",
+                [{"label": name, "colour": "blue", "channel": name} | sd],
+                **circle,
+            )
         limit = to_deg(g.tilt.inclination.limit)
         line = {"label": "inclination", "colour": "blue", "channel": "tilt"}
         add("tilt", "Inclination from the vertical", "time", "°", [line], floor=0.0,
@@ -300,15 +323,19 @@ def _charts(subject: Subject, lang: str) -> list[dict[str, Any]]:
         _add_bursts(g, add)
     for name, stem, caption, unit in _TRIADS:
         if g.has(f"{stem}_x"):
-            lines = [{"label": axis, "colour": c, "channel": f"{stem}_{axis}"} for axis, c in zip("xyz", _COLOURS, strict=True)]
+            lines = [
+                {"label": axis, "colour": c, "channel": f"{stem}_{axis}"}
+                for axis, c in zip("xyz", _COLOURS, strict=True)
+            ]
             add(name, caption, "time", unit, lines)
     if g.has("temp"):
         line = {"label": "temperature", "colour": "blue", "channel": "temp"}
         add("temperature", "Temperature", "time", "°C", [line])
-    rows = [("gaps", g.gaps), *((name, one.stretches) for name, one in g.flags.items() if name != "gap")]
+    rows = [("gaps", g.gaps, False)]
+    rows += [(name, one.stretches, one.coarse) for name, one in g.flags.items() if name != "gap"]
     add("flags", "Flags over time", "flags", "", [], rows=[
-        {"label": said(name, lang), "colour": "red" if name == "gaps" else "blue", "runs": _rounded(runs)}
-        for name, runs in rows
+        {"label": said(name, lang), "colour": "red" if name == "gaps" else "soft" if coarse else "blue",
+         "runs": _rounded(runs)} for name, runs, coarse in rows
     ])  # fmt: skip
     return found
 
@@ -395,7 +422,10 @@ def _times(t: Floats, name: str, blocks: list[str]) -> dict[str, Any]:
 
 def _channel(g: Gathered, channel: str, name: str, blocks: list[str]) -> dict[str, Any]:
     """Codes of a channel, and what they mean."""
-    values = g.traces.values[:, TRACED.index(channel)].astype(np.float64) * shown_scale(channel)
+    values = g.traces.of(channel) * shown_scale(channel)
+    if channel == "heading":
+        start = heading_circle(g)[0]
+        values = (values - start) % 360.0 + start
     known = np.isfinite(values)
     low, high = (float(values[known].min()), float(values[known].max())) if known.any() else (0.0, 0.0)
     step = (high - low) / _CODES or 1e-9
@@ -414,7 +444,10 @@ def _block_of(name: str, values: NDArray[Any]) -> str:
 
 
 STYLE: Final = """\
-.loud { margin: 1.25rem 0 0; padding: 0.5rem 0.9rem; border: 2px solid var(--red); color: var(--red); font-weight: 700; }
+thead th { white-space: normal; vertical-align: bottom; }
+.beside { display: grid; grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: 0 2rem; align-items: start; }
+.loud { margin: 1.25rem 0 0; padding: 0.5rem 0.9rem; border: 2px solid var(--red); color: var(--red);
+  font-weight: 700; }
 .hint { color: var(--muted); font-size: 0.85rem; margin: 0.6rem 0 0; }
 .hint button { font: inherit; color: var(--ink); background: var(--band); border: 1px solid var(--muted);
   border-radius: 3px; padding: 0.1rem 0.6rem; cursor: pointer; }
@@ -440,13 +473,18 @@ figure.rose svg { min-width: 0; max-width: 25rem; margin: 0.4rem auto 0; font-si
 section.recording { border-top: 1px solid var(--ink); margin-top: 2.5rem; }
 footer h2 { font-size: 1rem; margin-top: 1.25rem; color: var(--ink); }
 :root[data-paper] {
-  --paper: #ffffff; --ink: #1b1f24; --muted: #5b6570; --soft: #aab4be; --grid: #d8dde2; --shade: #e9edf1; --band: #f5f7f9;
-  --blue: #0072b2; --red: #d55e00; --green: #009e73; --pink: #cc79a7; --amber: #e69f00; --sky: #56b4e9; --olive: #8a6d00;
+  --paper: #ffffff; --ink: #1b1f24; --muted: #5b6570; --soft: #aab4be;
+  --grid: #d8dde2; --shade: #e9edf1; --band: #f5f7f9;
+  --blue: #0072b2; --red: #d55e00; --green: #009e73; --pink: #cc79a7; --amber: #e69f00;
+  --sky: #56b4e9; --olive: #8a6d00;
 }
+@media (max-width: 45rem) { .beside { display: block; } }
 @media (max-width: 30rem) { .grid > div { display: block; padding: 0.3rem 0; } }
 @media print {
   .hint { display: none; }
-  .grid span span, .q4, .loud { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+  .grid span span, .q4, thead th { white-space: normal; vertical-align: bottom; }
+.beside { display: grid; grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: 0 2rem; align-items: start; }
+.loud { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
   figure.rose svg { width: 55%; }
   section, h2, h3 { break-inside: auto; }
 }

@@ -33,8 +33,8 @@ def browser() -> str:
     found = next((path for name in BROWSERS if (path := shutil.which(name))), None)
     if found is None:
         raise MissingExtraError(
-            "a PDF is printed by Chromium or Chrome, and none was found. Install one, as 'apt install chromium' does, or "
-            "write the page with --out and print it from your browser."
+            "a PDF is printed by Chromium or Chrome, and none was found. Install one, as 'apt install chromium' does, "
+            "or write the page with --out and print it from your browser."
         )
     return found
 
@@ -60,7 +60,12 @@ def print_pdf(page: str, path: Path, *, overwrite: bool = False) -> Path:
             words.append("--no-sandbox")  # Chromium refuses its sandbox to the superuser
         try:
             done = subprocess.run(
-                [*words, html.as_uri()], capture_output=True, text=True, errors="replace", timeout=_PATIENCE, check=False
+                [*words, html.as_uri()],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=_PATIENCE,
+                check=False,
             )
         except subprocess.TimeoutExpired as error:
             raise DecodeError(

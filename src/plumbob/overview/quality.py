@@ -1,4 +1,4 @@
-"""Quality flags for each burst and channel, in the words of QARTOD: 1 pass, 2 not evaluated, 3 suspect, 4 fail, 9 missing.
+"""Quality flags of each burst and channel in QARTOD's words: 1 pass, 2 not evaluated, 3 suspect, 4 fail, 9 missing.
 
 The tests are those of its table for the time series of waves [CDIPWaves]: gaps, spikes, range, mean shift, acceleration
 and percent of good points; and rate of change and flat line, which it has for other sensors. Thresholds that the table
@@ -103,7 +103,7 @@ def thresholds() -> tuple[tuple[str, str, str, str], ...]:
         ("field", f"median of |mag| outside of the Earth's {low:g} to {high:g} µT", "outside", "-"),
         ("flat line", f"all axes the same to the last bit, in {STUCK_SAMPLES} samples or more",
          f"≥ {FLAT[0]:g} s", f"≥ {FLAT[1]:g} s"),
-        ("mean shift", f"change of the mean from one eighth of a burst to the next over its standard deviation; of "
+        ("mean shift", "change of the mean from one eighth of a burst to the next over its standard deviation; of "
          "gyr, |acc|, |mag|, roll and pitch", f"> {SHIFT[0]:g}", f"> {SHIFT[1]:g}"),
         ("acceleration", f"samples whose vertical acceleration is beyond {HARD:g} g", "> 0", f"> {percent[1]}"),
     )  # fmt: skip

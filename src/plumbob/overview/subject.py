@@ -132,7 +132,7 @@ def subject_from(
         *_sensors(meta, gathered.triads),
         ("calibration", calibration_told(meta.calibration)),
         ("noise card", result.noise_card or "none; the filter's own figures"),
-        ("estimate", result.told),
+        ("estimate", result.told.partition("; --causal")[0]),
         ("frame", f"{last.frame}, heading from {counted_from(last.north, numbers['declination_deg'])}"),
         *_software(),
     ]
@@ -225,8 +225,9 @@ def _opened(
             yield found
         return
     profile = how.get("profile")
-    found = read_one(path, profile=None if profile is None else Path(profile), whole=False, unit=how.get("unit"))
-    yield replace(found, name=path.name), (path,), None
+    profile = None if profile is None else Path(profile)
+    read = read_one(path, profile=profile, whole=False, unit=how.get("unit"))
+    yield replace(read, name=path.name), (path,), None
 
 
 @contextmanager
@@ -260,7 +261,7 @@ def _provenance(
     yield "recording", name
     for path in paths[:8]:
         digest, size = _sha256(path)
-        yield "SHA-256", f"{digest} ({path.name}, {size:,} bytes)".replace(",", " ")
+        yield "SHA-256", f"{digest} ({path.name}, {size} bytes)"
     if len(paths) > 8:
         yield "SHA-256", f"and of {counted(len(paths) - 8, 'further part')}, not shown"
     if meta is not None:
@@ -307,5 +308,3 @@ def duration(seconds: float) -> str:
     if hours:
         return f"{hours} h {minutes} min {rest} s"
     return f"{minutes} min {rest} s" if minutes else f"{seconds:.3g} s"
-
-

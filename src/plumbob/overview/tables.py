@@ -19,6 +19,8 @@ from plumbob.reporting import Table, plain
 UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}
 SPECTRAL_UNITS: Final = dict(zip(SPECTRAL, ("°²/Hz", "°²/Hz", "(°/s)²/Hz", "(m/s²)²/Hz"), strict=True))
 """Of densities, by channel."""
+NARROW: Final = 0.7
+"""Spread of headings, rad, up to which they are drawn about their mean."""
 _MOTION: Final = ("mean", "std", "rms", "least", "greatest", "significant", "largest")
 
 
@@ -33,7 +35,7 @@ def tables(subject: Subject) -> list[Table]:
     g = subject.gathered
     found = []
     if g.tilt is not None and g.headings is not None:
-        found += [_motions(g.tilt.roll, g.tilt.pitch), _inclination(g.tilt.inclination), _headings(g.headings)]
+        found += [_motions(g.tilt.roll, g.tilt.pitch), _inclination(g.tilt.inclination), heading_table(g.headings)]
     if g.triads or g.has("temp"):
         found.append(sensor_table(g))
     found.append(flag_table(g))
@@ -42,7 +44,7 @@ def tables(subject: Subject) -> list[Table]:
     if quality_table(subject).rows:
         found += [quality_table(subject), threshold_table()]
     if g.headings is not None:
-        found.append(_sectors(g.headings))
+        found.append(sector_table(g.headings))
     return found
 
 
@@ -64,13 +66,15 @@ def _inclination(one: Inclination) -> Table:
     return Table("Inclination from the vertical", head, [row])
 
 
-def _headings(one: Headings) -> Table:
+def heading_table(one: Headings) -> Table:
+    """Circular mean and spread."""
     head = ("", "mean [°]", "spread [°]", "resultant", "samples")
     return Table("Heading", head, [("heading", degrees(one.mean), degrees(one.spread), number(one.resultant),
                                     str(one.samples))])  # fmt: skip
 
 
-def _sectors(one: Headings) -> Table:
+def sector_table(one: Headings) -> Table:
+    """Share of the samples in each of 16 sectors."""
     rows = [(f"{22.5 * k:g}°", percent(float(share))) for k, share in enumerate(one.sectors(16))]
     return Table("Share of time by heading", ("sector about", "share [%]"), rows, detail="heading")
 
@@ -150,10 +154,11 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
     rows = []
     for one in subjects:
         g = one.gathered
-        tilt = [
-            degrees(g.tilt.roll.sd), degrees(g.tilt.roll.significant), seconds(g.tilt.roll.tz), degrees(g.tilt.pitch.sd),
-            degrees(g.tilt.pitch.significant), seconds(g.tilt.pitch.tz), degrees(g.tilt.inclination.greatest),
-        ] if g.tilt is not None else ["-"] * 7  # fmt: skip
+        tilt = ["-"] * 7
+        if g.tilt is not None:
+            moves = (g.tilt.roll, g.tilt.pitch)
+            each = [(degrees(move.sd), degrees(move.significant), seconds(move.tz)) for move in moves]
+            tilt = [*each[0], *each[1], degrees(g.tilt.inclination.greatest)]
         heading = "-" if g.headings is None else degrees(g.headings.mean)
         loss = percent(g.lost / max(g.duration, g.step))
         told = "yes" if one.calibrated else "none"
@@ -161,9 +166,19 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
     return Table("Recordings", head, rows)
 
 
+def heading_circle(g: Gathered) -> tuple[float, float]:
+    """Ends of the circle on which headings are drawn, degrees: where all are near one, it stands in the middle."""
+    narrow = g.headings is not None and g.headings.samples > 0 and g.headings.spread < NARROW
+    if not narrow:
+        return 0.0, 360.0
+    assert g.headings is not None
+    middle = 10.0 * round(float(to_deg(g.headings.mean)) / 10.0)
+    return (middle - 180.0, middle + 180.0) if abs(middle - 180.0) > 90.0 else (0.0, 360.0)
+
+
 def degrees(angle: float) -> str:
     """Angle in degrees with two decimals; a dash where it is not known."""
-    return f"{to_deg(angle):.2f}" if math.isfinite(angle) else "-"
+    return f"{round(to_deg(angle), 2) + 0.0:.2f}" if math.isfinite(angle) else "-"  # without a sign of zero
 
 
 def seconds(value: float) -> str:
@@ -248,7 +263,8 @@ def _spectra(g: Gathered) -> dict[str, Any] | None:
         "segments": dict(zip(SPECTRAL, g.spectra.segments.tolist(), strict=True)),
         "frequency_hz": frequency,
         "density": {
-            f"{name} [{SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2 for i, name in enumerate(SPECTRAL)
+            f"{name} [{SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2
+            for i, name in enumerate(SPECTRAL)
         },
     }  # fmt: skip
 
@@ -261,7 +277,9 @@ def _sensor_numbers(g: Gathered) -> dict[str, Any]:
             scale = shown_scale(name)
             values: Floats = scale * np.array([m.mean[i], m.sd[i], m.least[i], m.greatest[i]])
             keys = ("mean", "std", "least", "greatest")
-            found[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {"samples": int(m.count[i])}
+            found[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {
+                "samples": int(m.count[i])
+            }
     return found
 
 

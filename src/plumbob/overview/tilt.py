@@ -238,13 +238,17 @@ class Headings:
     def spread(self) -> float:
         """Circular standard deviation √(−2 ln R), rad, of the resultant R; NaN where there are no headings."""
         r = self.resultant
-        return math.inf if r == 0.0 else math.sqrt(max(0.0, -2.0 * math.log(r))) if r == r else math.nan
+        if math.isnan(r):
+            return math.nan
+        return math.sqrt(max(0.0, -2.0 * math.log(r))) if r > 0.0 else math.inf
 
     def sectors(self, count: int) -> Floats:
         """Share of the samples in each of `count` equal sectors, the first about North: 36 of 10°, or 16 of 22.5°."""
         width = _BINS // count
         if width * count != _BINS or width % 2:
-            raise ShapeError(f"headings are counted in sectors of 2.5° and multiples of it, but {count} were asked for.")
+            raise ShapeError(
+                f"headings are counted in sectors of 2.5° and multiples of it, but {count} were asked for."
+            )
         turned = np.roll(self.counts, width // 2).reshape(count, width).sum(axis=1)
         return np.asarray(turned / max(1, self.samples), dtype=np.float64)
 

@@ -1,6 +1,7 @@
 """Values over time for a plot: every sample of a short recording, smallest and largest values of a long one."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -63,7 +64,9 @@ class Tracing:
         Channels that are angles, rad, whose smallest and largest value are meant about the first.
     """
 
-    def __init__(self, names: tuple[str, ...], total: int, *, most: int = WHOLE, circular: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, names: tuple[str, ...], total: int, *, most: int = WHOLE, circular: tuple[str, ...] = ()
+    ) -> None:
         self._names = names
         self._each = 1 if total <= most else -(-total // max(1, min(BUCKETS, most // 2)))
         self._circular = [names.index(name) for name in circular if name in names]
@@ -81,7 +84,7 @@ class Tracing:
         begins = np.concatenate((np.zeros(self._left_t.size, dtype=bool), broken))
         t, values = np.concatenate((self._left_t, t)), np.concatenate((self._left, values))
         edges = [0, *np.flatnonzero(begins).tolist(), t.size]
-        for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        for start, stop in pairwise(edges):
             if start and stop > start:
                 self._break(t[start - 1], t[start])
             last = stop == t.size

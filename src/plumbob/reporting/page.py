@@ -30,7 +30,10 @@ def page(report: "Report", *, lang: str = "en") -> str:
     policy = f"{_POLICY}; {scene.policy()}" if moves else _POLICY
     style = CSS + scene.STYLE if moves else CSS
     script = f"<script>{scene.SCRIPT}</script>\n" if moves else ""
-    body = [f"<header><h1>{title}</h1>{facts_html(report.facts, lang)}</header>", *_body(report, lang, count(), depth=1)]
+    body = [
+        f"<header><h1>{title}</h1>{facts_html(report.facts, lang)}</header>",
+        *_body(report, lang, count(), depth=1),
+    ]
     return (
         f'<!DOCTYPE html>\n<html lang="{lang}">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'

@@ -107,7 +107,7 @@ class Plot {
   }
 
   private get height(): number {
-    return this.chart.kind === "flags" ? 40 + ROW * (this.chart.rows ?? []).length : HEIGHT[this.chart.kind];
+    return this.chart.kind === "flags" ? 56 + ROW * (this.chart.rows ?? []).length : HEIGHT[this.chart.kind];
   }
 
   private data(): Drawn {
@@ -176,7 +176,8 @@ class Plot {
       range: (_plot, min, max) => {
         if (min === null || max === null || !Number.isFinite(min)) return period ?? [0, 1];
         if (period && max - min > 0.5 * (period[1] - period[0])) return period;
-        const [low, high] = uPlot.rangeNum(min, max, 0.08, true);
+        if (max - min < 1e-9 * Math.max(1, Math.abs(max))) return [min - 1, max + 1];
+        const [low, high] = uPlot.rangeNum(min, max, 0.08, false);
         return [floor === undefined ? (low ?? min) : floor, high ?? max];
       },
     };
@@ -184,25 +185,23 @@ class Plot {
 
   private xAxis(time: boolean): uPlot.Axis {
     const axis = this.axis();
-    if (!this.timed) return { ...axis, label: this.chart.xlabel ?? "", labelSize: 18, labelFont: FONT, labelGap: 0, size: 34, values: (_p, splits) => splits.map(power) };
+    if (!this.timed) return { ...axis, label: this.chart.xlabel ?? "", labelSize: 18, labelFont: FONT, labelGap: 0, size: 34, values: (_p, splits) => splits.map(power), ...decades };
     if (time) return { ...axis, size: 42, space: 70 };
-    return { ...axis, size: 34, label: this.group.words.time, labelSize: 16, labelFont: FONT, labelGap: 0 };
+    return { ...axis, size: 34, label: this.group.words.time, labelSize: 16, labelFont: FONT, labelGap: 0, values: (_p, splits) => splits.map((value) => signed(value)) };
   }
 
   private yAxis(): uPlot.Axis {
     const axis = this.axis();
     if (this.chart.kind === "flags") return { ...axis, show: true, size: 112, values: () => [], grid: { show: false }, ticks: { show: false } };
     const circle = this.chart.period ? this.chart.period[1] - this.chart.period[0] : 0;
+    const turned = this.chart.period !== undefined && this.chart.period[0] !== -180;
     const wide = (plot: uPlot) => circle > 0 && (plot.scales.y?.max ?? 0) - (plot.scales.y?.min ?? 0) >= 0.75 * circle;
     return {
       ...axis,
-      size: 62,
-      label: this.chart.unit,
-      labelSize: 18,
-      labelGap: 0,
-      labelFont: FONT,
+      size: 58,
+      ...(this.chart.kind === "spectrum" ? decades : {}),
       ...(circle > 0 ? { incrs: (plot: uPlot) => (wide(plot) ? [90, 180] : [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]) } : {}),
-      values: (_plot, splits) => splits.map((value) => (this.chart.kind === "spectrum" ? power(value) : value === null ? "" : signed(value))),
+      values: (_plot, splits) => splits.map((value) => (this.chart.kind === "spectrum" ? power(value) : value === null ? "" : signed(turned && value < 0 ? value + 360 : turned && value >= 360 ? value - 360 : value))),
     };
   }
 
@@ -258,7 +257,8 @@ class Plot {
       const sd = line.sd ? this.group.values.nearest(line.sd, at - this.epoch) : null;
       if (value === null) return "–";
       const digits = sd !== null ? Math.max(1, Math.min(4, 1 - Math.floor(Math.log10(Math.max(sd, 1e-4))))) : 3;
-      return `${signed(value, digits)}${sd === null ? "" : ` ± ${sd.toFixed(digits)}`} ${this.chart.unit}`;
+      const shown = this.chart.period && this.chart.period[0] !== -180 ? ((value % 360) + 360) % 360 : value;
+      return `${signed(shown, digits)}${sd === null ? "" : ` ± ${sd.toFixed(digits)}`} ${this.chart.unit}`;
     }
     const value = (line.y ?? [])[plot.cursor.idx ?? -1];
     return value === null || value === undefined ? "" : Number(value.toPrecision(3)).toString().replace("-", "−");
@@ -333,6 +333,12 @@ function signed(value: number, digits?: number): string {
   const text = digits === undefined ? Number(value.toPrecision(7)).toString() : value.toFixed(digits);
   return text.replace("-", "−");
 }
+
+/** Of a logarithmic axis, lines and words at the powers of ten alone. */
+const decades: Partial<uPlot.Axis> = {
+  filter: (_plot, splits) => splits.map((value) => (power(value) === "" ? null : value)),
+  grid: { stroke: () => colour("grid"), width: 1, filter: (_plot: uPlot, splits: number[]) => splits.map((value) => (power(value) === "" ? null : value)) } as uPlot.Axis.Grid,
+};
 
 function power(value: number | null): string {
   if (value === null) return "";
