@@ -1,7 +1,6 @@
 """plumbob report: what recordings hold, on one page, without a reference."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -92,12 +91,15 @@ def run(args: argparse.Namespace) -> int:
         common.warn_of_compiling([args.filter or SMOOTHER])
     with common.progress_bars() as bars:
         found = report(args.files, **how_of(args), note=common.note, progress=bars)
-    common.print_json(found.summary()) if args.json else print(found.text())
-    if sys.stdout:
-        sys.stdout.flush()
-    for what, path, write in (("page", args.out, found.write_html), ("pdf", args.pdf, found.write_pdf)):
+    written = {"page": (args.out, found.write_html), "pdf": (args.pdf, found.write_pdf)}
+    for path, write in written.values():  # first: who reads the text may go away
         if path is not None:
             write(path, lang=args.lang or "en", overwrite=args.force)
-            if not args.json:
-                print(f"{what:12} {path}")
+    if args.json:
+        common.print_json(found.summary())
+        return 0
+    print(found.text())
+    for what, (path, _) in written.items():
+        if path is not None:
+            print(f"{what:12} {path}")
     return 0

@@ -111,7 +111,7 @@ class Burst:
     Attributes
     ----------
     begin, end : float
-        Its time, s; the last one ends with the recording.
+        Its time, s; the last one ends with the recording, and may be half as long or half as long again.
     samples : int
         Samples in it.
     tilt : TiltStatistics
@@ -247,7 +247,9 @@ class Gatherer:
         self._begin, self._end, total = float(t[low]), float(t[high - 1]), int(high - low)
         self._step = _usual_step(t[low:high])
         self._triads = samples.triads if isinstance(samples, ImuData) else ()
-        whole = min(self._burst, self._end - self._begin + self._step)
+        duration = self._end - self._begin + self._step
+        self._count = max(1, round(duration / self._burst))  # a rest of less than half a burst is the last one's
+        whole = min(self._burst, duration)
         self._segment = segment_of(whole)
         self._tracing = Tracing(TRACED, total, most=self._most, circular=("roll", "heading"))
 
@@ -265,7 +267,7 @@ class Gatherer:
         self._tracing.add(part.t, part.traced, (part.words & np.uint32(flags.GAP)) != 0)
         self._moments.add(part.traced)
         self._samples += part.t.size
-        place = np.floor((part.t - self._begin) / self._burst).astype(np.int64)
+        place = np.minimum(np.floor((part.t - self._begin) / self._burst).astype(np.int64), self._count - 1)
         for number in np.unique(place).tolist():
             if self._held and number != self._number:
                 self._close()
@@ -334,7 +336,7 @@ class Gatherer:
         """Judge the burst that is over."""
         part, self._held = _Part.joined(self._held), []
         begin = self._begin + self._number * self._burst
-        end = min(begin + self._burst, self._end + self._step)
+        end = self._end + self._step if self._number == self._count - 1 else begin + self._burst
         roll, pitch, heading, tilt = (part.column(name) for name in ("roll", "pitch", "heading", "tilt"))
         spectral = np.stack((roll, pitch, part.rate, part.vertical), axis=1)
         spectra = welch(part.t, spectral, step=self._step, segment=self._segment, turns=(0, 1))

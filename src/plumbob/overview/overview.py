@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 Source = str | PathLike[str] | Recording | ImuData
 
 TITLE: Final = "Attitude report"
+BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values."
+"""What is said loudly where no card was applied."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,7 +115,12 @@ def remarks(subject: Subject) -> list[str]:
     """What a reader must know of a recording, a sentence each."""
     g, found = subject.gathered, []
     if not subject.calibrated:
-        found.append(f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values.")
+        found.append(BARE)
+    if g.traces.each > 1:
+        found.append(
+            f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
+            "spectra and flags are of all samples"
+        )
     found += [line for line in subject.remarks if not line.startswith("calibration: ")]
     if g.tilt is not None:
         for name, one in (("roll", g.tilt.roll), ("pitch", g.tilt.pitch)):
@@ -125,11 +132,6 @@ def remarks(subject: Subject) -> list[str]:
         found.append(
             f"spectra: the samples of {g.spectra.interpolated} segments are not even in time and were interpolated, "
             "which damps high frequencies"
-        )
-    if g.traces.each > 1:
-        found.append(
-            f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
-            "spectra and flags are of all samples"
         )
     return found
 
@@ -153,9 +155,9 @@ def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
         "Waves of roll and pitch lie between zero up-crossings about the mean of their burst; the angle must have been "
         f"{DEAD:g} std below and above it on the two sides. A double amplitude is the highest less the lowest value "
         "of a wave; the significant one is the mean of the highest third (for a narrow-banded Gaussian process 4.00 "
-        "std; Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period of "
-        f"the spectrum's peak. A burst lasts {first.burst:g} s; statistics of the whole are of all samples and of the "
-        "waves of all bursts.",
+        "std; Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period "
+        f"of the spectrum's peak. A burst lasts {first.burst:g} s, the last one up to half as much more; statistics of the "
+        "whole are of all samples and of the waves of all bursts.",
         f"Spectra: Welch's method (1967, doi:10.1109/TAU.1967.1161901). {welch}Hann window, half overlapping, mean "
         "removed, one-sided, none across a gap or from burst to burst; from the 100th frequency on, values shown are "
         "means of bands of 1/60 decade.",

@@ -24,7 +24,7 @@ from plumbob.core.web import asset
 from plumbob.overview import quality
 from plumbob.overview.figures import SD, SECTORS
 from plumbob.overview.gathered import SPECTRAL, Gathered
-from plumbob.overview.overview import remarks
+from plumbob.overview.overview import BARE, remarks
 from plumbob.overview.subject import Subject
 from plumbob.overview.tables import (
     SPECTRAL_UNITS,
@@ -47,6 +47,8 @@ from plumbob.reporting.style import said
 _NONE: Final = -32768
 _CODES: Final = 65534
 """Steps that the range of a channel is divided in."""
+_REMARKS: Final = 8
+"""That are shown at once."""
 _LONG: Final = 12  # bursts whose table is not folded away
 _COLOURS: Final = ("blue", "red", "green")
 _EVEN: Final = 1e-6  # s that times may depart from even ones and be written as such
@@ -75,7 +77,7 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
         charts = _charts(subject, lang)
         data.append(_data(subject, charts, f"v{number}", blocks))
         body += _subject(subject, charts, number, lang, alone=len(subjects) == 1)
-    words = {"time": said("time [s]", lang), "utc": "UTC"}
+    words = {"time": said("time [s]", lang), "clock": said("time [h:min:s]", lang)}
     text = json.dumps({"subjects": data, "words": words}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     head = escape(said(title, lang))
     beside = [] if len(subjects) == 1 else [table_html(_named(comparison_table(subjects)), lang)]
@@ -120,10 +122,13 @@ def _subject(
         yield f"<section class='recording'><h2>{escape(visible(subject.name))}</h2>"
         yield facts_html(_visible(subject.facts), lang)
     if not subject.calibrated:
-        yield f"<p class='loud'>{escape(said('UNCALIBRATED', lang))}</p>"
-    lines = "".join(f"<li>{escape(visible(line))}</li>" for line in remarks(subject))
+        yield f"<p class='loud'>{escape(said(BARE, lang))}</p>"
+    lines = [f"<li>{escape(visible(line))}</li>" for line in remarks(subject) if line != BARE]
     if lines:
-        yield f"<ul class='note'>{lines}</ul>"
+        yield f"<ul class='note'>{''.join(lines[:_REMARKS])}</ul>"
+    if len(lines) > _REMARKS:
+        title = escape(said(f"{len(lines) - _REMARKS} further remarks", lang))
+        yield f"<details><summary>{title}</summary><ul class='note'>{''.join(lines[_REMARKS:])}</ul></details>"
     for title, kinds in _SECTIONS:
         inside = "".join(_block(kind, subject, charts, number, lang) for kind in kinds)
         if inside:
@@ -306,7 +311,10 @@ def _charts(subject: Subject, lang: str) -> list[dict[str, Any]]:
     if g.tilt is not None:
         for name in ("roll", "pitch", "heading"):
             sd = {"sd": SD[name]} if g.has(SD[name]) else {}
-            circle = {"roll": {"period": (-180.0, 180.0)}, "heading": {"period": heading_circle(g)}}.get(name, {})
+            circle = {
+                "roll": {"period": (-180.0, 180.0)},
+                "heading": {"period": heading_circle(g), "compass": True},
+            }.get(name, {})
             add(
                 name,
                 name.capitalize(),

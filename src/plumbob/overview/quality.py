@@ -38,6 +38,8 @@ SHARE: Final = (1e-4, 1e-2)
 SHIFT: Final = (1.0, 1.7)
 """Change of the mean from an eighth of a burst to the next, in standard deviations of the burst; a step is 2."""
 EIGHTHS: Final = 8
+LONG: Final = 480.0
+"""Length of a burst from which on means of its eighths are those of many waves, s."""
 HARD: Final = 0.5
 """Vertical acceleration without gravity that is too large, g, as [CDIPWaves] recommends."""
 FLAT: Final = (STUCK_FOR, 5.0)
@@ -103,7 +105,8 @@ def thresholds() -> tuple[tuple[str, str, str, str], ...]:
         ("field", f"median of |mag| outside of the Earth's {low:g} to {high:g} µT", "outside", "-"),
         ("flat line", f"all axes the same to the last bit, in {STUCK_SAMPLES} samples or more",
          f"≥ {FLAT[0]:g} s", f"≥ {FLAT[1]:g} s"),
-        ("mean shift", "change of the mean from one eighth of a burst to the next over its standard deviation; of "
+        ("mean shift", "change of the mean from one eighth of a burst to the next over its standard "
+            f"deviation, in bursts of {LONG:g} s and more; of "
          "gyr, |acc|, |mag|, roll and pitch", f"> {SHIFT[0]:g}", f"> {SHIFT[1]:g}"),
         ("acceleration", f"samples whose vertical acceleration is beyond {HARD:g} g", "> 0", f"> {percent[1]}"),
     )  # fmt: skip
@@ -148,7 +151,7 @@ def verdict(
     found |= _values(channel, own, marks)
     if channel in _BEYOND:
         found["flat line"] = _above(_flat(at, own), FLAT, equal=True)
-    if channel != "temp":
+    if channel != "temp" and span[1] - span[0] >= LONG:
         found["mean shift"] = _above(_shift(_shifting(channel, own)), SHIFT)
     if channel == "acc" and vertical is not None and np.isfinite(vertical).any():
         hard = float(np.nanmean(np.abs(vertical) > HARD * G0))

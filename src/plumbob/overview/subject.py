@@ -108,7 +108,9 @@ def subject_of(
         which = given.get("filter")
         if which in (OWN, NONE) or recording.imu is None:
             return _held(recording, paths, session, gatherer, which != NONE)
-        name = recording.name
+        name, told = recording.name, _told(recording)
+        for line in told if note is not None else ():
+            note(f"{name}: {line}")  # type: ignore[misc]
         result = estimate(
             recording,
             **given,
@@ -117,13 +119,17 @@ def subject_of(
             note=note,
             progress=None if progress is None else lambda done, total: progress(name, done, total),
         )
-        return subject_from(result, gatherer, paths, session)
+        return subject_from(result, gatherer, paths, session, told)
 
 
 def subject_from(
-    result: Estimated, gatherer: Gatherer, paths: Sequence[Path] = (), session: "Session | None" = None
+    result: Estimated,
+    gatherer: Gatherer,
+    paths: Sequence[Path] = (),
+    session: "Session | None" = None,
+    told: Sequence[str] = (),
 ) -> Subject:
-    """Of an estimate that a gatherer has followed."""
+    """Of an estimate that a gatherer has followed; `told` are remarks about the file."""
     gathered, last = gatherer.done(), result.outline.last
     numbers = result.summary()
     meta = result.imu.meta
@@ -136,7 +142,7 @@ def subject_from(
         ("frame", f"{last.frame}, heading from {counted_from(last.north, numbers['declination_deg'])}"),
         *_software(),
     ]
-    remarks = tuple(line.removeprefix(f"{result.name}: ") for line in result.notes)
+    remarks = (*told, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
     calibrated = meta.calibration is not None
     return Subject(
         result.name, tuple(paths), gathered, tuple(facts), remarks, calibrated, last.north, numbers, meta.t0_ns
@@ -164,7 +170,7 @@ def _held(
     else:
         facts.append(("estimate", f"as the file holds it: {track.source or 'source not named'}"))
         facts.append(("frame", f"{track.frame}, heading from {counted_from(track.north, None)}"))
-    notes = (*found_in(recording.notes), *inferred_in(recording.notes))
+    notes = (*_told(recording), *found_in(recording.notes), *inferred_in(recording.notes))
     numbers = {} if track is None else {"frame": str(track.frame), "north": str(track.north), "filter": track.source}
     calibrated = meta is None or meta.calibration is not None
     return Subject(
@@ -178,6 +184,14 @@ def _held(
         numbers=numbers | {"calibration": None if meta is None else meta.calibration},
         t0_ns=0 if meta is None else meta.t0_ns,
     )
+
+
+_FILE: Final = ("damaged: ", "recorded in ", "units: ", "unit ")
+
+
+def _told(recording: Recording) -> tuple[str, ...]:
+    """What the notes say of the file itself: damage, restarts, units that are missing."""
+    return tuple(dict.fromkeys(line for line in recording.notes if line.startswith(_FILE)))
 
 
 def _follow(imu: ImuData | None, track: AttitudeTrack | None, gatherer: Gatherer) -> None:

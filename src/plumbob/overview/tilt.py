@@ -127,7 +127,7 @@ class Motion:
             greatest=max(one.greatest for one in known),
             heights=np.concatenate([one.heights for one in known]),
             periods=np.concatenate([one.periods for one in known]),
-            tp=tp,
+            tp=math.nan if any(one.wrapped for one in known) else tp,
             wrapped=any(one.wrapped for one in known),
         )
 

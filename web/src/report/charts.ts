@@ -1,11 +1,13 @@
 // Charts of one recording: they share their time, their zoom and their cursor.
 
 import uPlot from "uplot";
-import { Values, type Chart, type Line, type Subject } from "./data";
+import { Values, type Chart, type Line, type Subject, type Words } from "./data";
 import { cut, thin, type Column, type Drawn } from "./thin";
 
 const HEIGHT = { time: 170, points: 190, spectrum: 280, flags: 0 };
 const FONT = '12px system-ui, -apple-system, "Segoe UI", Roboto, "Noto Sans", "Noto Sans CJK SC", sans-serif';
+const LONG = 10800; // a longer recording has hours on its time axis, s
+const CLOCK = [0.001, 0.01, 0.1, 1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 1200, 1800, 3600, 7200, 10800, 21600, 43200, 86400, 172800, 604800];
 const ROW = 20; // height of a row of flags, px
 
 export function colour(name: string, alpha = ""): string {
@@ -19,7 +21,7 @@ export class Group {
 
   constructor(
     readonly subject: Subject,
-    readonly words: { time: string; utc: string },
+    readonly words: Words,
     readonly key: string,
   ) {
     this.values = new Values(subject);
@@ -187,21 +189,31 @@ class Plot {
     const axis = this.axis();
     if (!this.timed) return { ...axis, label: this.chart.xlabel ?? "", labelSize: 18, labelFont: FONT, labelGap: 0, size: 34, values: (_p, splits) => splits.map(power), ...decades };
     if (time) return { ...axis, size: 42, space: 70 };
-    return { ...axis, size: 34, label: this.group.words.time, labelSize: 16, labelFont: FONT, labelGap: 0, values: (_p, splits) => splits.map((value) => signed(value)) };
+    const [begin, end] = this.group.whole;
+    const long = end - begin > LONG;
+    return {
+      ...axis,
+      size: 34,
+      label: long ? this.group.words.clock : this.group.words.time,
+      labelSize: 16,
+      labelFont: FONT,
+      labelGap: 0,
+      values: (_p, splits) => splits.map((value) => (long ? clock(value) : signed(value))),
+      ...(long ? { incrs: CLOCK, space: 64 } : {}),
+    };
   }
 
   private yAxis(): uPlot.Axis {
     const axis = this.axis();
     if (this.chart.kind === "flags") return { ...axis, show: true, size: 112, values: () => [], grid: { show: false }, ticks: { show: false } };
     const circle = this.chart.period ? this.chart.period[1] - this.chart.period[0] : 0;
-    const turned = this.chart.period !== undefined && this.chart.period[0] !== -180;
     const wide = (plot: uPlot) => circle > 0 && (plot.scales.y?.max ?? 0) - (plot.scales.y?.min ?? 0) >= 0.75 * circle;
     return {
       ...axis,
       size: 58,
       ...(this.chart.kind === "spectrum" ? decades : {}),
       ...(circle > 0 ? { incrs: (plot: uPlot) => (wide(plot) ? [90, 180] : [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]) } : {}),
-      values: (_plot, splits) => splits.map((value) => (this.chart.kind === "spectrum" ? power(value) : value === null ? "" : signed(turned && value < 0 ? value + 360 : turned && value >= 360 ? value - 360 : value))),
+      values: (_plot, splits) => splits.map((value) => (this.chart.kind === "spectrum" ? power(value) : value === null ? "" : signed(this.chart.compass ? ((value % 360) + 360) % 360 : value))),
     };
   }
 
@@ -257,7 +269,7 @@ class Plot {
       const sd = line.sd ? this.group.values.nearest(line.sd, at - this.epoch) : null;
       if (value === null) return "–";
       const digits = sd !== null ? Math.max(1, Math.min(4, 1 - Math.floor(Math.log10(Math.max(sd, 1e-4))))) : 3;
-      const shown = this.chart.period && this.chart.period[0] !== -180 ? ((value % 360) + 360) % 360 : value;
+      const shown = this.chart.compass ? ((value % 360) + 360) % 360 : value;
       return `${signed(shown, digits)}${sd === null ? "" : ` ± ${sd.toFixed(digits)}`} ${this.chart.unit}`;
     }
     const value = (line.y ?? [])[plot.cursor.idx ?? -1];
@@ -327,6 +339,15 @@ function banded([x, y, sd]: Drawn): Drawn {
       return typeof value === "number" && typeof s === "number" ? value + sign * s : null;
     });
   return [x, y as Column, edge(-1), edge(1)];
+}
+
+/** Hours, minutes and, where they are not zero, seconds. */
+function clock(value: number): string {
+  const whole = Math.round(value * 1000) / 1000;
+  const minutes = Math.floor(whole / 60);
+  const seconds = whole - 60 * minutes;
+  const text = `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, "0")}`;
+  return seconds === 0 ? text : `${text}:${Number(seconds.toFixed(3)).toString().padStart(2, "0")}`;
 }
 
 function signed(value: number, digits?: number): string {

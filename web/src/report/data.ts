@@ -21,6 +21,7 @@ export interface Chart {
   unit: string;
   lines: Line[];
   period?: [number, number]; // both ends of an angle's circle
+  compass?: boolean; // an angle that is said from 0 to 360
   limit?: number;
   floor?: number;
   x?: number[];
@@ -39,9 +40,14 @@ export interface Subject {
   charts: Chart[];
 }
 
+export interface Words {
+  time: string;
+  clock: string;
+}
+
 export interface Page {
   subjects: Subject[];
-  words: { time: string; utc: string };
+  words: Words;
 }
 
 function bytes(id: string): Uint8Array {
