@@ -156,8 +156,8 @@ def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
         f"{DEAD:g} std below and above it on the two sides. A double amplitude is the highest less the lowest value "
         "of a wave; the significant one is the mean of the highest third (for a narrow-banded Gaussian process 4.00 "
         "std; Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period "
-        f"of the spectrum's peak. A burst lasts {first.burst:g} s, the last one up to half as much more; statistics of the "
-        "whole are of all samples and of the waves of all bursts.",
+        f"of the spectrum's peak. A burst lasts {first.burst:g} s, the last one up to half as much more; statistics of "
+        "the whole are of all samples and of the waves of all bursts.",
         f"Spectra: Welch's method (1967, doi:10.1109/TAU.1967.1161901). {welch}Hann window, half overlapping, mean "
         "removed, one-sided, none across a gap or from burst to burst; from the 100th frequency on, values shown are "
         "means of bands of 1/60 decade.",
