@@ -77,7 +77,7 @@ def page(subjects: Sequence[Subject], title: str, definitions: Sequence[str], *,
         charts = _charts(subject, lang)
         data.append(_data(subject, charts, f"v{number}", blocks))
         body += _subject(subject, charts, number, lang, alone=len(subjects) == 1)
-    words = {"time": said("time [s]", lang), "clock": said("time [h:min:s]", lang)}
+    words = {"time": said("time [s]", lang), "clock": said("time [h:min:s]", lang), "utc": said("UTC", lang)}
     text = json.dumps({"subjects": data, "words": words}, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     head = escape(said(title, lang))
     beside = [] if len(subjects) == 1 else [table_html(_named(comparison_table(subjects)), lang)]
@@ -311,10 +311,9 @@ def _charts(subject: Subject, lang: str) -> list[dict[str, Any]]:
     if g.tilt is not None:
         for name in ("roll", "pitch", "heading"):
             sd = {"sd": SD[name]} if g.has(SD[name]) else {}
-            circle = {
-                "roll": {"period": (-180.0, 180.0)},
-                "heading": {"period": heading_circle(g), "compass": True},
-            }.get(name, {})
+            circle: dict[str, Any] = {"period": (-180.0, 180.0)} if name == "roll" else {}
+            if name == "heading":
+                circle = {"period": heading_circle(g), "compass": True}
             add(
                 name,
                 name.capitalize(),
@@ -453,6 +452,7 @@ def _block_of(name: str, values: NDArray[Any]) -> str:
 
 STYLE: Final = """\
 thead th { white-space: normal; vertical-align: bottom; }
+tbody th[scope=row] { overflow-wrap: anywhere; max-width: 15rem; }
 .beside { display: grid; grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: 0 2rem; align-items: start; }
 .loud { margin: 1.25rem 0 0; padding: 0.5rem 0.9rem; border: 2px solid var(--red); color: var(--red);
   font-weight: 700; }
@@ -491,6 +491,7 @@ footer h2 { font-size: 1rem; margin-top: 1.25rem; color: var(--ink); }
 @media print {
   .hint { display: none; }
   .grid span span, .q4, thead th { white-space: normal; vertical-align: bottom; }
+tbody th[scope=row] { overflow-wrap: anywhere; max-width: 15rem; }
 .beside { display: grid; grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: 0 2rem; align-items: start; }
 .loud { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
   figure.rose svg { width: 55%; }

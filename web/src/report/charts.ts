@@ -188,7 +188,8 @@ class Plot {
   private xAxis(time: boolean): uPlot.Axis {
     const axis = this.axis();
     if (!this.timed) return { ...axis, label: this.chart.xlabel ?? "", labelSize: 18, labelFont: FONT, labelGap: 0, size: 34, values: (_p, splits) => splits.map(power), ...decades };
-    if (time) return { ...axis, size: 42, space: 70 };
+    if (time)
+      return { ...axis, size: 34, space: 76, label: this.group.words.utc, labelSize: 16, labelFont: FONT, labelGap: 0, values: (_p, splits) => splits.map(utc) };
     const [begin, end] = this.group.whole;
     const long = end - begin > LONG;
     return {
@@ -213,7 +214,7 @@ class Plot {
       size: 58,
       ...(this.chart.kind === "spectrum" ? decades : {}),
       ...(circle > 0 ? { incrs: (plot: uPlot) => (wide(plot) ? [90, 180] : [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 45, 90]) } : {}),
-      values: (_plot, splits) => splits.map((value) => (this.chart.kind === "spectrum" ? power(value) : value === null ? "" : signed(this.chart.compass ? ((value % 360) + 360) % 360 : value))),
+      values: (_plot, splits) => splits.map((value) => (this.chart.kind === "spectrum" ? power(value) : value === null ? "" : signed(this.chart.compass && this.chart.period?.[0] !== 0 ? ((value % 360) + 360) % 360 : value))),
     };
   }
 
@@ -339,6 +340,14 @@ function banded([x, y, sd]: Drawn): Drawn {
       return typeof value === "number" && typeof s === "number" ? value + sign * s : null;
     });
   return [x, y as Column, edge(-1), edge(1)];
+}
+
+/** Time of day in UTC; at midnight and at the first mark with the day. */
+function utc(value: number, place: number): string {
+  const text = new Date(value * 1e3).toISOString();
+  const seconds = value % 60 === 0 ? "" : Number.isInteger(value) ? text.slice(16, 19) : text.slice(16, 23);
+  const clock = text.slice(11, 16) + seconds;
+  return place === 0 || value % 86400 === 0 ? `${text.slice(0, 10)} ${clock}` : clock;
 }
 
 /** Hours, minutes and, where they are not zero, seconds. */

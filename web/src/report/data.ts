@@ -43,6 +43,7 @@ export interface Subject {
 export interface Words {
   time: string;
   clock: string;
+  utc: string;
 }
 
 export interface Page {
