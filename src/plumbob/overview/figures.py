@@ -13,7 +13,7 @@ from plumbob.core.units import to_deg
 from plumbob.overview.gathered import SPECTRAL, Gathered
 from plumbob.overview.subject import Subject
 from plumbob.overview.tables import SPECTRAL_UNITS, heading_circle, shown_scale
-from plumbob.reporting import INK, SERIES, Figure
+from plumbob.reporting import INK, SERIES, SOFT, Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -183,8 +183,19 @@ def _spectrum(g: Gathered, canvas: "FigureBase") -> None:
         if len(names) > 1:
             ax.legend(frameon=False, loc="upper right")
         ax.set_ylabel(f"{label} [{SPECTRAL_UNITS[names[0]]}]", fontsize=6.0)
+        ax.yaxis.set_major_formatter(lambda value, _: _power(value))
+    axes[-1].xaxis.set_major_formatter(lambda value, _: _power(value))
     axes[-1].set_xlabel("frequency [Hz]")
     axes[-1].set_xlim(frequency[0], frequency[-1])
+
+
+_RAISED: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def _power(value: float) -> str:
+    """Power of ten as a mark of an axis."""
+    exponent = round(np.log10(value)) if value > 0.0 else 0
+    return f"{value:g}" if -2 <= exponent <= 3 else f"10{str(exponent).translate(_RAISED)}"
 
 
 def _rose(g: Gathered, canvas: "FigureBase") -> None:
@@ -197,7 +208,9 @@ def _rose(g: Gathered, canvas: "FigureBase") -> None:
     ax.bar(width * np.arange(SECTORS), 100.0 * share, width=0.94 * width, color=SERIES[0], linewidth=0.0)
     ax.plot([g.headings.mean] * 2, [0.0, 100.0 * float(share.max())], color=SERIES[1], linewidth=1.2)
     ax.set_xticks(np.radians(np.arange(0, 360, 30)))
+    ax.set_xticklabels(["N", "30°", "60°", "E", "120°", "150°", "S", "210°", "240°", "W", "300°", "330°"])
     ax.yaxis.set_major_formatter(lambda value, _: f"{value:g} %")
+    ax.set_rlabel_position(45.0)
     ax.tick_params(axis="y", labelsize=6.0)
 
 
@@ -223,12 +236,14 @@ def _bursts(g: Gathered, canvas: "FigureBase") -> None:
 
 def _flags(g: Gathered, canvas: "FigureBase") -> None:
     ax = canvas.subplots()
-    rows = [("gap", g.gaps), *((name, runs.stretches) for name, runs in g.flags.items() if name != "gap")]
+    rows = [("gap", g.gaps, SERIES[1])]
+    others = ((name, runs) for name, runs in g.flags.items() if name != "gap")
+    rows += [(name, runs.stretches, SOFT if runs.coarse else SERIES[0]) for name, runs in others]
     least = g.duration / COLUMNS
-    for place, (_, stretches) in enumerate(rows):
+    for place, (_, stretches, colour) in enumerate(rows):
         bars = [(begin, max(end - begin, least)) for begin, end in stretches]
-        ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=SERIES[1] if place == 0 else SERIES[0], linewidth=0)
-    ax.set_yticks(range(len(rows)), [name for name, _ in rows])
+        ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=colour, linewidth=0)
+    ax.set_yticks(range(len(rows)), [name for name, *_ in rows])
     ax.set_ylim(len(rows) - 0.5, -0.5)
     ax.set_xlim(g.begin, max(g.end, g.begin + g.step))
     ax.grid(visible=True, axis="x")

@@ -489,6 +489,8 @@ footer h2 { font-size: 1rem; margin-top: 1.25rem; color: var(--ink); }
 @media (max-width: 45rem) { .beside { display: block; } }
 @media (max-width: 30rem) { .grid > div { display: block; padding: 0.3rem 0; } }
 @media print {
+  table, figcaption, .grid { font-size: 8pt; }
+  figure.chart { break-inside: avoid; }
   .hint { display: none; }
   .grid span span, .q4, thead th { white-space: normal; vertical-align: bottom; }
 tbody th[scope=row] { overflow-wrap: anywhere; max-width: 15rem; }
