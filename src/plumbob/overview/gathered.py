@@ -302,14 +302,14 @@ class Gatherer:
         )
 
     def _rates(self, part: "_Part") -> None:
-        """Rate of the heading, from the sample before."""
+        """Rate of the heading, from the sample before; the first has none."""
         heading = part.column("heading")
         before = heading[:1] if self._last is None else np.array([self._last[1]])
         since = part.t[:1] - self._step if self._last is None else np.array([self._last[0]])
         turn = (np.diff(heading, prepend=before) + np.pi) % (2.0 * np.pi) - np.pi
         part.rate[:] = turn / np.diff(part.t, prepend=since)
         if self._last is None:
-            part.rate[:1] = part.rate[1:2] if part.rate.size > 1 else np.nan
+            part.rate[:1] = np.nan
         self._before = None if self._last is None else self._last[0]
         self._last = (float(part.t[-1]), float(heading[-1]))
 

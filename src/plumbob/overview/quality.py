@@ -31,9 +31,9 @@ GOOD: Final = (0.95, 0.90)
 """Share of good samples: suspect below the first, fail below the second, which [CDIPWaves] recommends."""
 SPIKE: Final = 4.0
 """Standard deviations of a spike from the mean, and from both neighbours, as [CDIPWaves] recommends."""
-STEP: Final = 6.0
+STEP: Final = 7.0
 """Standard deviations from one sample to the next that are too fast."""
-SHARE: Final = (1e-4, 1e-2)
+SHARE: Final = (2e-4, 1e-2)
 """Share of samples that are spikes, too fast, or beyond the range: suspect above the first, fail above the second."""
 SHIFT: Final = (1.0, 1.7)
 """Change of the mean from an eighth of a burst to the next, in standard deviations of the burst; a step is 2."""
