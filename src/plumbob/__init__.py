@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from plumbob.filters.known import cite
     from plumbob.filters.smoother import FixedLag
     from plumbob.noise.allan import allan
+    from plumbob.overview.overview import plot, report
     from plumbob.protocols.decode import Decoder, decode
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
@@ -135,10 +136,12 @@ _HOME = {
     "info": "cli.info",
     "load_session": "session.session_toml",
     "open_card": "data.cards",
+    "plot": "overview.overview",
     "profile": "files.draft",
     "read": "session.reading",
     "record": "session.live",
     "repair": "files.mcap",
+    "report": "overview.overview",
     "replay": "session.replay",
     "simulate": "simulation",
     "simulate_chain": "simulation",
@@ -191,12 +194,14 @@ __all__ = [
     "load_chain",
     "load_session",
     "open_card",
+    "plot",
     "profile",
     "read",
     "read_array",
     "record",
     "repair",
     "replay",
+    "report",
     "simulate",
     "simulate_chain",
     "units",

@@ -318,4 +318,4 @@ def test_a_signal_ends_the_verb_in_time_and_the_recording_whole(tmp_path):
             assert process.wait(10) == 0
             assert time.monotonic() - began < 2.0 + 1.0  # 1 s for a host that is busy
             drained.join(10)
-    assert plumbob.verify(told["recordings"][0]["path"]).whole
+    assert plumbob.verify(tmp_path / told["recordings"][0]["path"]).whole

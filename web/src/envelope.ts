@@ -145,7 +145,10 @@ export function limits(low: number, high: number, least: number, angle = false):
   const step = niceStep(half / 4, angle);
   const found: [number, number] = [Math.floor((middle - half) / step) * step, Math.ceil((middle + half) / step) * step];
   // A circle ends where it ends.
-  if (angle && low >= 0 && found[0] < 0) found[0] = 0;
-  if (angle && high <= 360 && found[1] > 360) found[1] = 360;
+  if (angle && high - low > 180) {
+    const [first, last] = low < 0 ? [-180, 180] : [0, 360];
+    if (low >= first && found[0] < first) found[0] = first;
+    if (high <= last && found[1] > last) found[1] = last;
+  }
   return found;
 }

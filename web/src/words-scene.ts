@@ -8,7 +8,7 @@ export const SCENE_ZH: Record<string, string> = {
   "Body in three dimensions; arrow keys turn the view, + and − come closer and go away": "载体三维视图；方向键旋转，+ 和 − 缩放",
   "Model file, glTF or GLB; it stays in this browser": "模型文件（glTF 或 GLB），仅在本浏览器中读取",
   "Choose a .glb or .gltf file; it stays in this browser.": "请选择 .glb 或 .gltf 文件；文件仅在本浏览器中读取。",
-  "Reading the model…": "正在读取模型…",
+  "Open…": "打开…", "Reading the model…": "正在读取模型…",
   "A model of your own needs WebGL.": "自选模型需要 WebGL。",
   "WebGL is not available here: a plain drawing is shown.": "此处不支持 WebGL，改用简图显示。",
   "The graphics card has dropped the drawing; it comes back by itself, or with the page loaded again.": "显卡中断了绘图；将自动恢复，或请重新加载页面。",
@@ -32,7 +32,7 @@ export const SCENE_ZH: Record<string, string> = {
   "Guided calibration": "引导标定", "What is calibrated": "标定对象", "Magnetometer": "磁力计", "Accelerometer": "加速度计", "Gyroscope": "陀螺仪",
   "Start": "开始", "Finish": "完成", "Cancel": "取消", "Beep": "提示音",
   "Directions that were seen; arrow keys turn the sphere": "已覆盖方向；方向键旋转球面",
-  "Turn to the goal": "转向目标", "seen": "已覆盖", "missing": "缺失", "here": "当前", "goal": "目标", "Share that is done": "完成比例",
+  "Show the goal": "显示目标", "seen": "已覆盖", "missing": "缺失", "here": "当前", "goal": "目标", "Share that is done": "完成比例",
   "Seen": "已覆盖", "At rest": "静止", "Predicted": "预测误差", "Grade": "评级", "Elapsed": "已用时间",
   "Good": "良好", "Fair": "中等", "Poor": "较差", "heading": "航向", "tilt": "倾角",
   "The command was not sent: there is no connection.": "命令未发送：没有连接。",
@@ -63,5 +63,5 @@ export const SCENE_ZH: Record<string, string> = {
   "The unit must be at rest. Figures are provisional: a data sheet is made from a recording with plumbob noise.":
     "器件必须静止。数值仅供参考：正式数据表请用 plumbob noise 由记录文件生成。",
   "Allan deviation over averaging time, both logarithmic; the figures are in the table": "艾伦偏差与平均时间（双对数）；数值见表",
-  "The curve appears after some seconds at rest": "静止数秒后显示曲线", "lowest": "最低", "still falling": "仍在下降",
+  "The curve appears after some seconds at rest": "静止数秒后显示曲线", "axis": "轴", "lowest": "最低", "still falling": "仍在下降",
 };

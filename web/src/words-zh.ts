@@ -30,7 +30,7 @@ export const ZH: Record<string, string> = {
   "No samples yet.": "尚无样本。", "Span of time": "时间跨度", "Show or hide this line": "显示或隐藏此曲线", "no flags": "无标志",
   // Numbers
   "Attitude by estimator": "各估计器的姿态", Estimator: "估计器", "Angle to the reference": "与参考的夹角", "Nothing estimates an attitude here.": "此处没有姿态估计。",
-  "Angles count from the tare.": "角度以置零处为准。", "Raw, as decoded": "原始值（解码后）", "No flag has been set.": "尚无标志。", set: "有效", "not set": "无效",
+  "Angles count from the tare; charts do not.": "角度以置零处为准；曲线不受影响。", "Raw, as decoded": "原始值（解码后）", "No flag has been set.": "尚无标志。", set: "有效", "not set": "无效",
   // Link
   Stream: "数据流", Frames: "帧", Bytes: "字节", Clock: "时钟", Delay: "延迟", Server: "服务器", "silent {} s": "静默 {} s", "slower than {} Hz": "低于 {} Hz",
   flowing: "正常", "none lost": "无丢失", "{} % lost": "丢失 {} %", clean: "无误", "{} damaged": "损坏 {}", "not measured": "未测", "{} ppm": "{} ppm", "{}": "{}",

@@ -117,7 +117,7 @@ test("a turn of 30° to the right in half a second is 60°/s, in every frame and
   }
 });
 
-test("a product with its conjugate is no turn", () => {
+test("a product with its conjugate is the identity", () => {
   const q = quatOf(10, 20, 30);
   same(multiply(q, conjugate(q)), [1, 0, 0, 0]);
 });

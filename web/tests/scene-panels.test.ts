@@ -163,7 +163,7 @@ test("the Allan table reads N of white noise for each axis, and waits without a 
   const white = (n: number): number[] => tau.map((time) => n / Math.sqrt(time));
   panel.allan!({ type: "allan", duration: 1000, tau, deviation: { "gyr.x": white(0.004), "gyr.y": white(0.005), "gyr.z": white(0.006) } });
   const rows = [...panel.element.querySelectorAll("tr")].map((row) => [...row.children].map(({ textContent }) => textContent));
-  expect(rows[0]).toEqual(["", "N [°/s/√Hz]", "N [°/√h]", "lowest [°/s]", "τ [s]"]);
+  expect(rows[0]).toEqual(["axis", "N [°/s/√Hz]", "N [°/√h]", "lowest [°/s]", "τ [s]"]);
   expect(rows[1]!.slice(0, 4)).toEqual(["x", "0.004", "0.24", "still falling"]);
   expect(rows[3]!.slice(0, 3)).toEqual(["z", "0.006", "0.36"]);
 });

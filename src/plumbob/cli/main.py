@@ -39,6 +39,8 @@ VERBS = (
     "profile",
     "sim",
     "run",
+    "report",
+    "plot",
     "eval",
     "allan",
     "calibrate",

@@ -9,6 +9,8 @@ from plumbob.core.text import counted
 
 if TYPE_CHECKING:
     from plumbob.data import AttitudeTrack
+    from plumbob.overview.gathered import Gatherer
+    from plumbob.session.estimated import Estimated
 
 
 def add_parser(verbs: common.Adder) -> None:
@@ -43,6 +45,12 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument(
         "--card", type=Path, metavar="FILE", help="where to write the card with what was found of the gyroscope"
     )
+    p.add_argument(
+        "--report",
+        type=Path,
+        metavar="HTML",
+        help="also write a page about it, as 'plumbob report' does, of this estimate",
+    )
     common.add_force(p)
     common.add_json(p)
     p.set_defaults(run=run)
@@ -61,8 +69,11 @@ def run(args: argparse.Namespace) -> int:
     if args.card and stage.filter != SMOOTHER:
         raise ParameterError(f"--card is for the smoother, but the filter is {stage.filter}. Leave one of them out.")
     inputs = (args.file, args.profile, args.calibration, args.noise)
-    common.check_outputs(args, *common.with_profile(args.out), args.card, inputs=inputs)
+    if args.report and args.report.suffix.lower() not in common.ENDINGS["html"]:
+        raise ParameterError(f"--report needs a name that ends in .html or .htm, but got {args.report}.")
+    common.check_outputs(args, *common.with_profile(args.out), args.card, args.report, inputs=inputs)
     common.warn_of_compiling([stage.filter])
+    gatherer = _gatherer() if args.report else None
     with common.progress_bars() as bars:
         result = estimate(
             args.file,
@@ -80,11 +91,14 @@ def run(args: argparse.Namespace) -> int:
             unit=args.unit,
             out=args.out,
             overwrite=args.force,
+            follow=gatherer,
             note=common.note,
             progress=lambda done, total: bars(stage.filter, done, total),
         )
     if args.card:
         result.card().save(args.card, overwrite=args.force)
+    if gatherer is not None:
+        _report(args, result, gatherer)
     errors = {} if result.reference is None else _errors(result.track, result.reference)
     if args.json:
         named = {"file": str(args.file), "out": str(args.out) if args.out else None}
@@ -96,7 +110,22 @@ def run(args: argparse.Namespace) -> int:
         print(f"written      {args.out}")
     if args.card:
         print(f"card         {args.card}")
+    if args.report:
+        print(f"page         {args.report}")
     return 0
+
+
+def _gatherer() -> "Gatherer":
+    from plumbob.overview.gathered import Gatherer
+
+    return Gatherer()
+
+
+def _report(args: argparse.Namespace, result: "Estimated", gatherer: "Gatherer") -> None:
+    """Page of the estimate that was made."""
+    from plumbob.overview.overview import of_estimate
+
+    of_estimate(result, gatherer, args.file).write_html(args.report, overwrite=args.force)
 
 
 def _errors(track: "AttitudeTrack", reference: "AttitudeTrack") -> dict[str, Any]:

@@ -76,8 +76,28 @@ def svg(figure: "Figure", *, lang: str = "en", salt: str) -> str:
     return _for_page(buffer.getvalue())
 
 
-def picture(path: str | Path, figures: "Sequence[Figure]", *, lang: str = "en", overwrite: bool = False) -> Path:
+def picture(
+    path: str | Path,
+    figures: "Sequence[Figure]",
+    *,
+    lang: str = "en",
+    overwrite: bool = False,
+    width: float | None = None,
+) -> Path:
     """Write figures one below the other on white, each with its caption and key, as the ending of the name says.
+
+    Parameters
+    ----------
+    path : path
+        The picture.
+    figures : sequence of Figure
+        To draw.
+    lang : str
+        Of the labels.
+    overwrite : bool
+        Whether a picture that lies there may be replaced.
+    width : float, optional
+        Inches; 7.5 without it.
 
     Raises
     ------
@@ -92,11 +112,11 @@ def picture(path: str | Path, figures: "Sequence[Figure]", *, lang: str = "en", 
     if not figures:
         raise ParameterError(f"{target} would be empty: this report has no figure. Write the page instead.")
     heights = [figure.height + _TITLE for figure in figures]
-    with _canvas(sum(heights), lang, embedded=kind != "svg") as canvas:
+    with _canvas(sum(heights), lang, embedded=kind != "svg", width=width or _WIDTH) as canvas:
         panels = canvas.subfigures(len(figures), 1, squeeze=False, height_ratios=heights)[:, 0]
         for panel, figure in zip(panels, figures, strict=True):
             figure.draw(panel)
-            _explain(panel, figure)
+            _explain(panel, figure, _LETTERS if width is None else round(_LETTERS * width / _WIDTH))
             _finish(panel, lang)
         with replacing(target, overwrite=overwrite) as temporary:
             undated = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
@@ -118,7 +138,9 @@ def picture_kind(path: Path) -> str:
 
 
 @contextmanager
-def _canvas(height: float, lang: str, *, salt: str = "picture", embedded: bool = False) -> Iterator[Any]:
+def _canvas(
+    height: float, lang: str, *, salt: str = "picture", embedded: bool = False, width: float = _WIDTH
+) -> Iterator[Any]:
     """A figure of matplotlib in our style, which holds as long as it is drawn on."""
     try:
         import matplotlib as mpl
@@ -136,7 +158,7 @@ def _canvas(height: float, lang: str, *, salt: str = "picture", embedded: bool =
             warnings.filterwarnings("ignore", "Glyph .* missing from font")  # the reader of an SVG has another font
             fonts.setLevel(logging.ERROR)  # many of these fonts have one weight, which it would tell
         try:
-            yield Canvas(figsize=(_WIDTH, height), layout="constrained")
+            yield Canvas(figsize=(width, height), layout="constrained")
         finally:
             fonts.setLevel(level)
 
@@ -154,7 +176,7 @@ def _chinese_font(embedded: bool) -> list[str]:
     return ["DejaVu Sans", *found]
 
 
-def _explain(panel: "FigureBase", figure: "Figure") -> None:
+def _explain(panel: "FigureBase", figure: "Figure", letters: int) -> None:
     """Caption and key of a figure without a page around it."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -168,7 +190,7 @@ def _explain(panel: "FigureBase", figure: "Figure") -> None:
     panel.suptitle(figure.caption, x=0.01, ha="left", fontsize=8.0, fontweight="bold")
     if handles:
         widths = [8 + len(name) for name, *_ in figure.key]
-        columns = len(widths) if sum(widths) <= _LETTERS else max(1, _LETTERS // max(widths))
+        columns = len(widths) if sum(widths) <= letters else max(1, letters // max(widths))
         panel.legend(handles=handles, loc="outside lower left", ncols=columns, frameon=False)
 
 

@@ -3,7 +3,7 @@
 No script is in it but the one that moves its scenes, where it has any.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from html import escape
 from itertools import count
@@ -30,7 +30,10 @@ def page(report: "Report", *, lang: str = "en") -> str:
     policy = f"{_POLICY}; {scene.policy()}" if moves else _POLICY
     style = CSS + scene.STYLE if moves else CSS
     script = f"<script>{scene.SCRIPT}</script>\n" if moves else ""
-    body = [f"<header><h1>{title}</h1>{_facts(report, lang)}</header>", *_body(report, lang, count(), depth=1)]
+    body = [
+        f"<header><h1>{title}</h1>{facts_html(report.facts, lang)}</header>",
+        *_body(report, lang, count(), depth=1),
+    ]
     return (
         f'<!DOCTYPE html>\n<html lang="{lang}">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
@@ -47,15 +50,15 @@ def _moves(report: "Report") -> bool:
 
 def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> Iterator[str]:
     folded = [table for table in report.tables if table.detail or (table.title and len(table.rows) > _LONG)]
-    yield from (_table(table, lang) for table in report.tables if table not in folded)
+    yield from (table_html(table, lang) for table in report.tables if table not in folded)
     if depth > 1:
-        yield _facts(report, lang)
+        yield facts_html(report.facts, lang)
     if report.remarks:
         yield f"<ul class='note'>{''.join(f'<li>{escape(remark)}</li>' for remark in report.remarks)}</ul>"
     yield from (scene.scene_html(one, lang) for one in report.scenes)
     yield from (_figure(figure, lang, f"{next(number)}") for figure in report.figures)
     for table in folded:
-        inside = _table(replace(table, title=""), lang)
+        inside = table_html(replace(table, title=""), lang)
         yield f"<details><summary>{escape(said(table.title, lang))}</summary>{inside}</details>"
     for part in report.parts:
         yield f"<section><h{min(depth + 1, 6)}>{escape(said(part.title, lang))}</h{min(depth + 1, 6)}>"
@@ -63,14 +66,13 @@ def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> I
         yield "</section>"
 
 
-def _facts(report: "Report", lang: str) -> str:
-    items = "".join(
-        f"<div><dt>{escape(said(name, lang))}</dt><dd>{escape(value)}</dd></div>" for name, value in report.facts
-    )
+def facts_html(facts: Sequence[tuple[str, str]], lang: str) -> str:
+    """List of names and values; any text in it is safe."""
+    items = "".join(f"<div><dt>{escape(said(name, lang))}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
     return f"<dl>{items}</dl>" if items else ""
 
 
-def _table(table: "Table", lang: str) -> str:
+def table_html(table: "Table", lang: str) -> str:
     """A table that scrolls in a narrow window, with its first column standing still."""
     words = {0, *table.words}
 

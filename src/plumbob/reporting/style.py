@@ -117,4 +117,57 @@ CHINESE: Final[dict[str, str]] = {
     "As printed, and its errors recomputed for # samples at # Hz": "原表，误差按 # 个样本、# Hz 重新计算",
     "  its ± at T": "  对应 ± 与 T", "  likelihood": "  最大似然", "axis": "轴", "printed": "原值",
     "±/value": "相对误差", "implied T": "对应 T", "remark": "备注",
+    # report of a recording
+    "Attitude report": "姿态报告", "Recordings": "记录", "Tilt and heading": "倾斜与航向",
+    "Roll and pitch": "横滚与俯仰",
+    "Inclination from the vertical": "相对铅垂线的倾角", "Heading": "航向", "Roll": "横滚", "Pitch": "俯仰",
+    "Share of time by heading": "各航向所占时间", "Share of time by heading, sectors of #°": "各航向所占时间（每 #°）",
+    "mean vector": "平均矢量", "Attitude": "姿态", "Spectra": "频谱", "Power spectral density": "功率谱密度",
+    "Power spectral density of roll and pitch": "横滚与俯仰的功率谱密度",
+    "Power spectral density of the heading rate": "航向角速率的功率谱密度",
+    "Power spectral density of the vertical acceleration": "垂向加速度的功率谱密度", "Bursts": "分段",
+    "Sensors": "传感器",
+    "Significant double amplitude by burst": "各段有效双幅值", "Inclination by burst": "各段倾角",
+    "Angular rate": "角速率", "Specific force": "比力", "Magnetic flux density": "磁感应强度", "Temperature": "温度",
+    "Estimated gyroscope bias": "陀螺零偏估计", "Claimed standard deviation": "滤波器给出的标准差",
+    "claimed ± # sd": "滤波器给出的 ± # 倍标准差", "# sd": "# 倍标准差", "Gaps and flags": "缺样与标志",
+    "Flags over time": "标志随时间变化", "Quality": "质量", "Quality flags by burst": "各段质量标志",
+    "Tests and their thresholds": "检验及其门限", "Definitions": "定义", "Roll, pitch and heading": "横滚、俯仰与航向",
+    "# further remarks": "另有 # 条说明", "show all": "显示全部",
+    "Drag to zoom; double-click or Escape for all; arrow keys, + and − move":
+        "拖动放大；双击或 Escape 显示全部；方向键、+、− 移动与缩放",
+    "Calibration: NONE: these sensor values are uncalibrated. All numbers of this page are of uncalibrated values.":
+        "标定：无。传感器数据未经标定，本页所有数值均基于未标定数据。",
+    "SHA-256": "SHA-256", "session": "会话", "time (UTC)": "时间（UTC）", "duration": "时长", "rate": "采样率",
+    "noise card": "噪声卡", "frame": "坐标系", "least": "最小", "greatest": "最大", "significant": "有效值",
+    "largest": "最大双幅值", "waves": "波数", "limit": "限值", "beyond": "超限占比", "spread": "离散度",
+    "resultant": "合矢量长", "sector about": "扇区中心", "count": "个数", "begin": "开始", "length": "长度",
+    "time in gaps": "缺样时间", "gaps": "缺样", "heading rate": "航向角速率", "vertical acceleration": "垂向加速度",
+    "vertical": "垂向加速度", "frequency": "频率", "UTC": "UTC",
+    **{f"{name} {word}": f"{chinese}{meaning}" for (name, chinese), (word, meaning) in product(
+        {"roll": "横滚", "pitch": "俯仰", "heading": "航向", "tilt": "倾角"}.items(),
+        {"std": "标准差", "significant": "有效双幅值", "Tz": " Tz", "mean": "均值", "greatest": "最大值",
+         "spread": "离散度"}.items())},
+    **{f"{name} {axis}": f"{chinese} {axis}" for (name, chinese), axis in product(
+        {"rate": "角速率", "force": "比力", "field": "磁场", "bias": "零偏"}.items(), "xyz")},
+    # quality flags
+    "gyr": "陀螺仪", "acc": "加速度计", "mag": "磁力计", "temp": "温度", "attitude": "姿态", "test": "检验",
+    "looks at": "检验内容", "suspect (#)": "可疑（#）", "fail (#)": "不合格（#）", "pass": "通过", "suspect": "可疑",
+    "fail": "不合格", "not evaluated": "未评估", "# pass": "# 通过", "# suspect": "# 可疑", "# fail": "# 不合格",
+    "# missing": "# 缺失", "# not evaluated": "# 未评估", "percent good": "有效率", "spike": "尖峰",
+    "rate of change": "变化率", "field": "磁场", "flat line": "恒定不变", "mean shift": "均值偏移",
+    "acceleration": "加速度", "outside": "超出", "longest time without a usable value": "无可用数据的最长时间",
+    "samples neither absent, clipped, invalid nor stuck; attitudes that are known and trusted":
+        "未缺失、未饱和、有效且未卡滞的样本；已知且可信的姿态",
+    "samples more than # standard deviations off the mean and off both neighbours":
+        "偏离均值及前后样本均超过 # 倍标准差的样本",
+    "steps of more than # standard deviations from sample to sample": "相邻样本之差超过 # 倍标准差",
+    "samples at the end of the sensor's range or impossible; temperatures outside -# to # °C":
+        "达到量程端或不可能的样本；超出 -# 至 # °C 的温度",
+    "median of |mag| outside of the Earth's # to # µT": "|mag| 的中值超出地磁场 # 至 # µT",
+    "all axes the same to the last bit, in # samples or more": "各轴连续 # 个以上样本逐位相同",
+    "change of the mean from one eighth of a burst to the next over its standard deviation, in bursts of # s and more; "
+    "of gyr, |acc|, |mag|, roll and pitch":
+        "相邻八分之一段均值之差与标准差之比，限 # s 以上的段；gyr、|acc|、|mag|、横滚与俯仰",
+    "samples whose vertical acceleration is beyond # g": "垂向加速度超过 # g 的样本",
 }  # fmt: skip

@@ -1,13 +1,13 @@
 """From a recording to an attitude, with what a reader should know of both: `plumbob run`, and `plumbob.estimate`."""
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,18 @@ _OFTEN = 0.05
 """Share of samples behind a gap from which on the declared unit of time is in doubt."""
 
 
+class Follower(Protocol):
+    """What looks at samples and attitudes while they are estimated."""
+
+    def begin(self, samples: ImuData) -> None:
+        """Be ready for these samples, as the filter is given them."""
+        ...
+
+    def take(self, imu: ImuData, track: AttitudeTrack) -> None:
+        """Take consecutive samples and their attitudes."""
+        ...
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimated(Series):
     """An estimated attitude, and what belongs to it.
@@ -58,7 +70,8 @@ class Estimated(Series):
     Attributes
     ----------
     attitude : AttitudeTrack or Path
-        The attitude at every sample, with its covariance where the filter claims one, or the file that has it.
+        The attitude at every sample, with its covariance where the filter claims one, or the file that has it; the last
+        one alone where it was not to be kept.
     outline : Outline
         How long it is, its end, and its flags.
     imu : ImuData
@@ -258,6 +271,8 @@ def estimate(
     unit: str | None = None,
     out: str | Path | None = None,
     overwrite: bool = False,
+    follow: Follower | None = None,
+    keep: bool = True,
     note: Note | None = None,
     progress: Progress | None = None,
 ) -> Estimated:
@@ -298,6 +313,11 @@ def estimate(
         without a reference are read meanwhile, so that neither is in memory as a whole.
     overwrite : bool
         Whether a file that lies there may be replaced.
+    follow : Follower, optional
+        What looks at samples and attitudes as they are estimated, part by part.
+    keep : bool
+        Whether the result holds the attitude at every sample; without it, and without `out`, neither the track nor the
+        samples of a ``.parquet`` file are in memory as a whole.
     note : callable, optional
         Called with each note as soon as it is known; the result holds them too.
     progress : callable, optional
@@ -323,7 +343,7 @@ def estimate(
     notes: list[str] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
-    label, source, imu = _recording_of(recording, profile, unit, whole=not native)
+    label, source, imu = _recording_of(recording, profile, unit, whole=keep and not native)
     stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
@@ -342,12 +362,15 @@ def estimate(
     used, runs = started(imu, stage, frame, source.track)
     made_by = runs if isinstance(runs, Smoother) else estimator_of(stage, frame, imu.meta)
     outline = Outline()
-    parts = outline.of(parts_of(used, runs, done))
+    parts = outline.of(_followed(used, parts_of(used, runs, done), follow))
     attitude: AttitudeTrack | Path
     if written is not None and native and source.track is None:
         attitude = _streamed(written, parts, source.name, doubt, overwrite)
-    else:
+    elif keep or written is not None:
         attitude = AttitudeTrack.joined(parts, len(used))
+    else:
+        deque(parts, maxlen=0)
+        attitude = outline.last
     for line in made_by.remarks if isinstance(made_by, Smoother) else _restarts(imu, outline):
         say(line)
     if (contradiction := bias_beyond(made_by, outline.last)) is not None:
@@ -360,6 +383,21 @@ def estimate(
     if written is not None and attitude is not written:
         result.save(written, overwrite=overwrite)
     return result
+
+
+def _followed(imu: ImuData, parts: Iterator[AttitudeTrack], follow: Follower | None) -> Iterator[AttitudeTrack]:
+    """The parts, each shown with its samples to who follows."""
+    if follow is None:
+        yield from parts
+        return
+    follow.begin(imu)
+    again = imu.each(lambda part: part)  # a reader of its own: the filter's goes on from where that is
+    at = 0
+    for part in parts:
+        follow.take(again[at : at + len(part)], part)
+        at += len(part)
+        yield part
+        del part  # the next one may need its room
 
 
 def _found(

@@ -265,7 +265,9 @@ class _Page:
         for name, one in attitudes.items():
             roll, pitch, yaw = _angles(one["q_nb"], self._now.tare)
             sds = one["sd"] or [None] * 3
-            cells = [f"{round(angle, 2) + 0.0:7.2f}{_sd(sd)}" for angle, sd in zip((roll, pitch, yaw), sds, strict=True)]
+            cells = [
+                f"{round(angle, 2) + 0.0:7.2f}{_sd(sd)}" for angle, sd in zip((roll, pitch, yaw), sds, strict=True)
+            ]
             error = "" if one["error"] is None else f"{one['error']:.2f}"
             label = self._say(name) if name == REFERENCE else visible(name)
             yield Text(_row(label, cells, error, narrow=narrow), style="dim" if name == REFERENCE else "bold")

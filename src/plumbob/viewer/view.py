@@ -183,7 +183,9 @@ def view(
                 webbrowser.open(server.url)
 
         seconds = given("duration", duration, Quantity.TIME)
-        found = shown.run(server, folder=place, control=control, duration=seconds, stop=stop, note=say, opened=begun)
+        found = shown.run(
+            server, folder=place, control=control, duration=seconds, stop=stop, note=say, echo=say, opened=begun
+        )
         return replace(found, restarts=server.starts - 1)
 
 

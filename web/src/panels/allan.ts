@@ -252,7 +252,7 @@ class Allan implements Panel {
     const under = k === null ? null : (this.curve?.tau[k] ?? null);
     const isRate = this.sensor === "gyr";
     const root = unit.replace("/s", "").replace("²", "");
-    const head = ["", `N [${unit}/√Hz]`, isRate ? `N [${root}/√h]` : `N [${root}/s/√h]`, `${t("lowest")} [${unit}]`, `τ [s]`];
+    const head = [t("axis"), `N [${unit}/√Hz]`, isRate ? `N [${root}/√h]` : `N [${root}/s/√h]`, `${t("lowest")} [${unit}]`, `τ [s]`];
     if (under !== null) head.push(`σ(${figure(under)} s)`);
     const colours = this.context.colours();
     const shades = [colours.red, colours.green, colours.blue];

@@ -11,12 +11,12 @@ import type { Rows } from "../panel";
 import type { OwnPanel, Shell } from "../shell";
 import { theme } from "../theme";
 import { placeOf } from "../store";
-import { ANGLE_NAMES, headed, NAMES, SHORT } from "../names";
+import { ANGLE_NAMES, NAMES, SHORT } from "../names";
 
 export const WINDOWS = [5, 10, 20, 30, 60, 120, 180, 300, 600];
 const ORDER = ["attitude", "error", "rate", "force", "field", "flags", "residual", "sd", "bias", "temperature"];
 const QUIET = new Set(["sd", "bias", "temperature"]);
-const EVERY = 42;
+const EVERY = 48;
 const BUDGET = 6;
 const PLOT = 84;
 const LANE = 15;
@@ -238,9 +238,10 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     private head(): HTMLElement {
       const { label } = this.group;
       const name = h("h3");
-      if (this.chart === "attitude") say(name, ANGLE_NAMES[label === "yaw" && headed(this.hello) ? "heading" : label] ?? label);
+      if (this.chart === "attitude") say(name, ANGLE_NAMES[label] ?? label);
       else say(name, NAMES[this.chart] ?? this.chart);
       const legend = h("div", { class: "legend" });
+      const labels = new Set(this.lines.map((line) => line.of.label)).size;
       for (const line of this.lines) {
         const swatch = h("i", { class: line.of.source === "reference" ? "dashed" : "", attributes: { "data-line": line.of.key } });
         const called = h("span");
@@ -255,7 +256,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         });
         hint(one, "Show or hide this line");
         one.append(swatch, called, line.value);
-        if (this.chart === "error" && line.of.label !== "error") called.after(h("span", { class: "label", say: line.of.label }));
+        if (this.bySource && labels > 1) called.after(h("span", { class: "label", say: line.of.label }));
         legend.append(one);
       }
       const title = h("div", { class: "title" }, name);
@@ -293,13 +294,8 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         ],
         series: [
           {},
-          ...this.lines.map((line): uPlot.Series => ({
-            stroke: () => colour(this, line),
-            width: (line.of.source === this.hello.estimators[0]?.name && this.bySource ? 1.75 : 1.25) * (theme() === "sun" ? 1.6 : 1),
-            ...(line.of.source === "reference" ? { dash: [6, 4] } : {}),
-            points: { show: false }, auto: false, pxAlign: 0,
-            paths: (plot) => ({ stroke: path(plot, line.points), fill: null, clip: null, band: null, flags: 0 }),
-          })),
+          // uPlot scales and strokes axes; lines are drawn here, with joins that cost less.
+          ...this.lines.map((): uPlot.Series => ({ points: { show: false }, auto: false, paths: () => null })),
         ],
         hooks: {
           drawAxes: [(plot) => this.under(plot)],
@@ -398,7 +394,24 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       if (this.chart === "flags") this.lanesOf(plot, x, ratio);
       ctx.fillStyle = amber;
       for (const mark of marks) if (mark.t >= drawn.from) ctx.fillRect(x(mark.t) - ratio / 2, bbox.top, ratio, bbox.height);
+      const wide = theme() === "sun" ? 2 : 1;
+      ctx.lineJoin = "bevel";
+      for (const line of [...this.lines].sort((one, other) => this.order(one) - this.order(other))) {
+        if (!line.shown) continue;
+        ctx.strokeStyle = colour(this, line);
+        ctx.lineWidth = ratio * wide * (this.order(line) === 1 ? 1.5 : 1);
+        ctx.setLineDash(line.of.source === "reference" ? [6 * ratio, 4 * ratio] : []);
+        ctx.beginPath();
+        trace(ctx, plot, line.points);
+        ctx.stroke();
+      }
+      ctx.setLineDash([]);
       ctx.restore();
+    }
+
+    /** The primary estimator is drawn over the others, and the reference over it. */
+    private order(line: Line): number {
+      return !this.bySource ? 0 : line.of.source === "reference" ? 2 : line.of.source === this.hello.estimators[0]?.name ? 1 : 0;
     }
 
     private claim(plot: uPlot, line: Points, sd: Points, fill: string, x: (time: number) => number): void {
@@ -492,8 +505,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     return at > store.first && time - store.t[at - 1]! < store.t[at]! - time ? at - 1 : at;
   }
 
-  function path(plot: uPlot, points: Points): Path2D {
-    const stroke = new Path2D();
+  function trace(ctx: CanvasRenderingContext2D, plot: uPlot, points: Points): void {
     const { left, top, width, height } = plot.bbox;
     const { min, max } = plot.scales["y"]!;
     const kx = width / (drawn.to - drawn.from);
@@ -507,15 +519,14 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       }
       const x = left + (points.x[i]! - drawn.from) * kx;
       const y = top + (max! - value) * ky;
-      if (begun) stroke.lineTo(x, y);
+      if (begun) ctx.lineTo(x, y);
       else {
-        stroke.moveTo(x, y);
+        ctx.moveTo(x, y);
         // A sample that stands alone is a dot.
-        if (i + 1 >= points.n || Number.isNaN(points.y[i + 1]!)) stroke.lineTo(x + 0.5, y);
+        if (i + 1 >= points.n || Number.isNaN(points.y[i + 1]!)) ctx.lineTo(x + 0.5, y);
         begun = true;
       }
     }
-    return stroke;
   }
 
   let written = 0;

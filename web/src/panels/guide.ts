@@ -21,6 +21,7 @@ class Guide implements Panel {
   private readonly start: HTMLButtonElement;
   private readonly finish: HTMLButtonElement;
   private readonly cancel: HTMLButtonElement;
+  private readonly front: HTMLButtonElement;
   private readonly beep = make("input");
   private readonly closed = make("p", "guide-closed");
   private readonly answer = make("p", "guide-answer");
@@ -32,7 +33,8 @@ class Guide implements Panel {
   private readonly bar = make("progress", "guide-share");
   private readonly facts = make("dl", "guide-facts");
   private readonly values = new Map<string, HTMLElement>();
-  private readonly warnings = make("ul", "guide-warnings");
+  private readonly warnings = make("div", "guide-warnings");
+  private readonly warned = make("ul");
   private readonly result = make("div", "guide-result");
   private readonly eye = new Eye();
   private readonly ask: () => void;
@@ -52,6 +54,8 @@ class Guide implements Panel {
     this.start = words.text(button("primary", () => void this.command("calibrate", this.kind)), "Start");
     this.finish = words.text(button("primary", () => void this.command("calibrate-end")), "Finish");
     this.cancel = words.text(button("", () => void this.command("calibrate-cancel")), "Cancel");
+    this.front = words.text(button("", () => this.follow()), "Show the goal");
+    this.front.hidden = true;
     this.build();
     this.isSeen = watched(this.element, this.ask);
     this.show();
@@ -106,18 +110,20 @@ class Guide implements Panel {
     sound.append(this.beep, words.text(make("span"), "Beep"));
     const bar = make("div", "guide-bar");
     bar.append(this.kinds, this.start, this.finish, this.cancel, sound);
-    for (const canvas of [this.sphere, this.turning]) canvas.setAttribute("role", "img");
+    this.sphere.setAttribute("role", "img");
+    this.turning.setAttribute("aria-hidden", "true"); // the words beside it say the same
+    this.warnings.append(this.warned);
     this.sphere.tabIndex = 0;
     words.attribute(this.sphere, "aria-label", "Directions that were seen; arrow keys turn the sphere");
     turnable(this.sphere, {
       turn: (right, up) => {
         this.byHand = true;
+        this.front.hidden = false;
         this.eye.turn(right, up);
         this.ask();
       },
       zoom: () => undefined,
     });
-    const front = words.text(button("guide-front", () => this.follow()), "Turn to the goal");
     const key = make("p", "guide-key");
     for (const [name, english] of [["seen", "seen"], ["missing", "missing"], ["here", "here"], ["goal", "goal"]] as const) {
       const one = make("span");
@@ -125,7 +131,7 @@ class Guide implements Panel {
       key.append(one);
     }
     const left = make("div", "guide-left");
-    left.append(this.sphere, key, front);
+    left.append(this.sphere, this.front, key);
     this.step.setAttribute("role", "status");
     this.warnings.setAttribute("role", "alert");
     this.result.setAttribute("role", "status");
@@ -165,6 +171,7 @@ class Guide implements Panel {
 
   private follow(): void {
     this.byHand = false;
+    this.front.hidden = true;
     this.ask();
   }
 
@@ -245,8 +252,9 @@ class Guide implements Panel {
     this.turning.hidden = this.amount.hidden;
     this.step.classList.toggle("done", guidance?.done ?? false);
     const warnings = isRunning ? (guidance?.warnings ?? []) : [];
-    if (warnings.join("\n") !== [...this.warnings.children].map(({ textContent }) => textContent).join("\n")) {
-      this.warnings.replaceChildren(...warnings.map((text) => make("li", "", t(text))));
+    const words = warnings.map((text) => t(text));
+    if (words.join("\n") !== [...this.warned.children].map(({ textContent }) => textContent).join("\n")) {
+      this.warned.replaceChildren(...words.map((text) => make("li", "", text)));
     }
     this.warnings.hidden = warnings.length === 0;
   }

@@ -3,7 +3,7 @@ import { h, put, say, set } from "../dom";
 import { flagNamed } from "../flags";
 import { fixed, NONE, signed, wrapped } from "../format";
 import type { Attitude, Column, Hello, State } from "../messages";
-import { ANGLE_NAMES, headed, NAMES } from "../names";
+import { ANGLE_NAMES, compass, headed, NAMES } from "../names";
 import type { Own, OwnPanel, Shell } from "../shell";
 
 const ANGLES = ["roll", "pitch", "yaw"] as const;
@@ -30,8 +30,8 @@ function digitsOf(hello: Hello, name: string, angle: string): number {
   return hello.columns.find((column) => column.key === `${name}.${angle}`)?.digits ?? 2;
 }
 
-function calledOf(hello: Hello, angle: string): string {
-  return ANGLE_NAMES[angle === "yaw" && headed(hello) ? "heading" : angle] ?? angle;
+function calledOf(hello: Hello, tared: boolean, angle: string): string {
+  return ANGLE_NAMES[angle === "yaw" && headed(hello, tared) ? "heading" : angle] ?? angle;
 }
 
 /** Roll, pitch and heading of the primary estimator, and the others beside it. */
@@ -41,24 +41,27 @@ export const attitude: Own = (shell) => {
   const head = h("tr");
   const others = h("div", { class: "scroll", attributes: { tabindex: "0", role: "group" }, aria: "Attitude by estimator" }, h("table", { class: "grid" }, h("thead", {}, head), table));
   const none = h("p", { class: "none", say: "Nothing estimates an attitude here." });
-  const tared = h("p", { class: "tared", say: "Angles count from the tare." });
+  const tared = h("p", { class: "tared", say: "Angles count from the tare; charts do not." });
   tared.hidden = true;
   const element = h("div", { class: "attitude" }, big, tared, others, none);
   let hello: Hello | null = null;
-  let cells: { value: HTMLElement; sd: HTMLElement }[] = [];
+  let cells: { name: HTMLElement; value: HTMLElement; sd: HTMLElement }[] = [];
+  let heads: HTMLElement[] = [];
+  const yaw = h("small", { class: "live" });
   let rows = new Map<string, HTMLElement[]>();
 
   function build(shell: Shell, now: Hello): void {
     hello = now;
-    cells = ANGLES.map(() => ({ value: h("span", { class: "value live", text: NONE }), sd: h("span", { class: "sd live", text: "" }) }));
+    cells = ANGLES.map((angle) => ({ name: h("span", { say: calledOf(now, false, angle) }), value: h("span", { class: "value live", text: NONE }), sd: h("span", { class: "sd live", text: "" }) }));
     big.replaceChildren(
       ...ANGLES.map((angle, i) =>
-        h("div", {}, h("dt", { say: calledOf(now, angle) }), h("dd", {}, cells[i]!.value, h("span", { class: "degree", text: "°", attributes: { "aria-hidden": "true" } }), cells[i]!.sd)),
+        h("div", {}, h("dt", {}, cells[i]!.name, angle === "yaw" ? yaw : null), h("dd", {}, cells[i]!.value, h("span", { class: "degree", text: "°", attributes: { "aria-hidden": "true" } }), cells[i]!.sd)),
       ),
     );
+    heads = ANGLES.map((angle) => h("th", { say: calledOf(now, false, angle), attributes: { scope: "col" } }));
     head.replaceChildren(
       h("th", { say: "Estimator", attributes: { scope: "col" } }),
-      ...ANGLES.map((angle) => h("th", { say: calledOf(now, angle), attributes: { scope: "col" } })),
+      ...heads,
       h("th", { say: "Error", hint: "Angle to the reference", attributes: { scope: "col" } }),
     );
     rows = new Map();
@@ -88,7 +91,15 @@ export const attitude: Own = (shell) => {
     tared.hidden = !state.tared;
     ANGLES.forEach((angle, i) => {
       const digits = digitsOf(hello!, primary?.name ?? "", angle);
-      put(cells[i]!.value, fixed(main?.[angle], digits));
+      const turned = angle === "yaw" && main ? compass(hello!, state.tared, main.yaw) : null;
+      put(cells[i]!.value, fixed(turned ?? main?.[angle], digits));
+      if (angle === "yaw") {
+        const called = calledOf(hello!, state.tared, angle);
+        say(cells[i]!.name, turned === null ? called : "Heading");
+        say(heads[i]!, called);
+        if (turned === null || called === "Heading") put(yaw, "");
+        else put(yaw, `${shell.t("yaw")} ${fixed(main?.yaw, digits)}°`);
+      }
       const sd = main?.sd?.[i];
       put(cells[i]!.sd, sd === undefined || sd === null ? "" : `± ${fixed(sd, Math.max(1, digits))}`);
     });

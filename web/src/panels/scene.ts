@@ -32,7 +32,8 @@ class SceneView implements Panel {
   private readonly note = make("p", "scene-note");
   private readonly badge = make("p", "stale-badge");
   private readonly models = make("select");
-  private readonly file = make("input", "scene-file");
+  private readonly file = make("input");
+  private readonly opener: HTMLButtonElement;
   private readonly presets = new Map<Preset, HTMLButtonElement>();
   private readonly toggles = { vectors: make("input"), ghosts: make("input") };
   private readonly orbit = new Orbit();
@@ -47,6 +48,7 @@ class SceneView implements Panel {
   private trail: { t: number; at: Vec }[] = [];
   private lastTip: Quat | null = null;
   private isStale = false;
+  private said = "";
   private began = performance.now();
   private heading: number | null = null;
   /** Frames that were drawn: what a test of speed counts. */
@@ -54,6 +56,7 @@ class SceneView implements Panel {
 
   constructor(private readonly context: Context) {
     this.words = new Words(context);
+    this.opener = this.words.text(button("", () => this.file.click()), "Open…");
     this.model = MODELS.some(([name]) => name === kept("model", "")) ? (kept("model", "board") as ModelName) : "board";
     this.ask = oncePerFrame((now) => this.draw(now));
     this.build();
@@ -92,7 +95,7 @@ class SceneView implements Panel {
 
   restyle(): void {
     this.words.again();
-    this.say("");
+    this.say(this.said);
     this.drawer?.restyle(this.context.colours());
     this.ask();
   }
@@ -127,7 +130,7 @@ class SceneView implements Panel {
     this.note.hidden = true;
     words.text(this.badge, "No new samples");
     this.view.append(this.canvas, this.labels, this.legend, this.note, this.badge);
-    this.element.append(bar, this.view);
+    this.element.append(bar, this.file, this.view);
     turnable(this.view, {
       turn: (right, up) => {
         if (this.preset !== "free") this.mark("free");
@@ -155,17 +158,18 @@ class SceneView implements Panel {
     return label;
   }
 
-  private chooser(): HTMLElement {
+  private chooser(): HTMLButtonElement {
     this.file.type = "file";
     this.file.accept = ".glb,.gltf,model/gltf-binary,model/gltf+json";
-    this.words.attribute(this.file, "aria-label", "Model file, glTF or GLB; it stays in this browser");
+    this.file.hidden = true;
+    this.words.attribute(this.opener, "title", "Model file, glTF or GLB; it stays in this browser");
     this.file.addEventListener("change", () => {
       const file = this.file.files?.[0];
       this.file.value = "";
       if (file) void this.open(file);
     });
-    this.file.hidden = this.model !== "own";
-    return this.file;
+    this.opener.hidden = this.model !== "own";
+    return this.opener;
   }
 
   /** The part that is large comes after the first paint. */
@@ -181,7 +185,10 @@ class SceneView implements Panel {
       event.preventDefault();
       this.say("The graphics card has dropped the drawing; it comes back by itself, or with the page loaded again.");
     });
-    this.canvas.addEventListener("webglcontextrestored", () => this.restyle());
+    this.canvas.addEventListener("webglcontextrestored", () => {
+      this.say("");
+      this.restyle();
+    });
     this.drawer.restyle(this.context.colours());
     if (this.model === "own") this.say("Choose a .glb or .gltf file; it stays in this browser.");
     this.resized();
@@ -201,7 +208,7 @@ class SceneView implements Panel {
   private choose(model: ModelName, isKept: boolean): void {
     this.model = model;
     this.models.value = model;
-    this.file.hidden = model !== "own";
+    this.opener.hidden = model !== "own";
     if (isKept) keep("model", model);
     this.say(model === "own" && this.stage && !this.stage.hasOwn ? "Choose a .glb or .gltf file; it stays in this browser." : "");
     this.clear();
@@ -221,6 +228,7 @@ class SceneView implements Panel {
   }
 
   private say(english: string): void {
+    this.said = english;
     put(this.note, english && this.context.t(english));
     this.note.hidden = english === "";
   }

@@ -10,7 +10,7 @@ export interface Course {
   others: { heading: number; colour: string }[];
   /** °/s, clockwise; null where it is not known. */
   rate: number | null;
-  /** The zero is no north: letters would lie. */
+  /** The zero is arbitrary: letters of the compass would lie. */
   isFree: boolean;
 }
 

@@ -36,7 +36,7 @@ import { type Drawer, figureScale, groundOf, type Label, type Options, RIM, type
 
 const UP = new Vector3(0, 1, 0); // of a cylinder
 const TRAIL = 900;
-const WAVES = 14; // rings
+const WAVES = 11; // rings
 const WATER = 2.3;
 
 /** Whether a browser draws WebGL by its processor alone; null where it has no WebGL. */
@@ -97,13 +97,13 @@ export class Stage implements Drawer {
   private readonly drop: Line<BufferGeometry, LineDashedMaterial>;
   private readonly trail: Line<BufferGeometry, LineBasicMaterial>;
   private readonly sphere = new LineSegments(globe(), new LineBasicMaterial({ transparent: true, opacity: 0.7 }));
-  private readonly water: Mesh<RingGeometry, MeshPhongMaterial>;
+  private readonly water: Mesh<RingGeometry, MeshLambertMaterial | MeshPhongMaterial>;
   private readonly mats = { grid: new LineBasicMaterial(), rim: new LineBasicMaterial(), north: new MeshBasicMaterial({ side: DoubleSide }) };
   private readonly joint = new MeshLambertMaterial();
   private readonly link = new MeshLambertMaterial();
   private model: Model | null = null;
   private name: ModelName | null = null;
-  private own: Model | null = null;
+  private readonly made = new Map<ModelName, Model>();
   private size = { width: 1, height: 1 };
   private reach = 0.05;
   private bent = 0;
@@ -121,7 +121,7 @@ export class Stage implements Drawer {
   }
 
   private constructor(canvas: HTMLCanvasElement, private readonly isSlow: boolean) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "low-power", stencil: false });
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isSlow, powerPreference: "low-power", stencil: false });
     this.camera.up.set(0, 0, 1);
     const sun = new DirectionalLight(0xffffff, 1.9);
     sun.position.set(-2, -3, 5);
@@ -137,8 +137,10 @@ export class Stage implements Drawer {
     this.trail.frustumCulled = false;
     this.trail.geometry.setAttribute("position", new BufferAttribute(new Float32Array(3 * TRAIL), 3).setUsage(DynamicDrawUsage));
     this.trail.geometry.setAttribute("color", new BufferAttribute(new Float32Array(3 * TRAIL), 3).setUsage(DynamicDrawUsage));
-    const waves = new RingGeometry(0.02, WATER, 48, WAVES);
-    this.water = new Mesh(waves, new MeshPhongMaterial({ color: "#3f8ab3", specular: "#9fc4d8", shininess: 40, transparent: true, opacity: 0.72, flatShading: true, side: DoubleSide, depthWrite: false }));
+    const waves = new RingGeometry(0.02, WATER, 40, WAVES);
+    const look = { color: "#3f8ab3", transparent: true, opacity: 0.72, flatShading: true, side: DoubleSide, depthWrite: false, forceSinglePass: true };
+    // Glitter costs a processor too much.
+    this.water = new Mesh(waves, isSlow ? new MeshLambertMaterial(look) : new MeshPhongMaterial({ ...look, specular: "#9fc4d8", shininess: 40 }));
     this.buildGround();
     this.figure.add(this.joints, this.links);
     const { force, field, body, frame } = this.arrows;
@@ -152,12 +154,15 @@ export class Stage implements Drawer {
 
   /** Take the reader's own model. */
   take(model: Model): void {
-    this.own = model;
+    const before = this.made.get("own");
+    before?.group.traverse((part) => part instanceof Mesh && part.geometry.dispose());
+    before?.outline.dispose();
+    this.made.set("own", model);
     this.name = null;
   }
 
   get hasOwn(): boolean {
-    return this.own !== null;
+    return this.made.has("own");
   }
 
   resize(width: number, height: number): void {
@@ -237,12 +242,19 @@ export class Stage implements Drawer {
     if (name === this.name) return;
     this.name = name;
     if (this.model) this.body.remove(this.model.group);
-    this.model = name === "own" ? (this.own ?? modelOf("board")) : modelOf(name);
+    this.model = this.modelOf(name === "own" && !this.hasOwn ? "board" : name);
     if (this.model) this.body.add(this.model.group);
+    for (const ghost of this.ghosts.children) (ghost as ReturnType<typeof ghostOf>).material.dispose();
     this.ghosts.clear();
     this.sphere.visible = name === "ball";
     this.water.visible = name === "buoy";
     for (const child of this.ground.children.slice(0, 1)) child.visible = name !== "buoy";
+  }
+
+  private modelOf(name: ModelName): Model | null {
+    const known = this.made.get(name) ?? modelOf(name);
+    if (known) this.made.set(name, known);
+    return known;
   }
 
   private drawGhosts(view: View, options: Options): void {

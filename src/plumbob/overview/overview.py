@@ -1,0 +1,349 @@
+"""One's recordings on one page: `plumbob report`, and single figures of them: `plumbob plot`."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from plumbob.core import check, units
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import Quantity, to_deg
+from plumbob.data import UNCALIBRATED, ImuData
+from plumbob.files import Recording
+from plumbob.overview import quality
+from plumbob.overview.figures import figure, figures
+from plumbob.overview.gathered import BURST, Gatherer
+from plumbob.overview.subject import Progress, Subject, duration, subject_from, subject_of
+from plumbob.overview.tables import comparison_table, summary, tables
+from plumbob.overview.tilt import DEAD, LIMIT
+from plumbob.overview.traces import WHOLE
+from plumbob.reporting import Report, Reported
+from plumbob.rotations import Frame, North
+
+if TYPE_CHECKING:
+    from plumbob.data.cards import CalibrationCard, NoiseCard
+    from plumbob.session.estimated import Estimated
+
+Source = str | PathLike[str] | Recording | ImuData
+
+TITLE: Final = "Attitude report"
+BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values."
+"""What is said loudly where no card was applied."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Overview(Reported):
+    """Recordings, each with its statistics and traces.
+
+    Attributes
+    ----------
+    subjects : tuple of Subject
+        In the order in which they were given.
+    """
+
+    subjects: tuple[Subject, ...]
+
+    def facts(self) -> Mapping[str, str]:
+        """Recordings, and the first one's tilt."""
+        g = self.subjects[0].gathered
+        found = {"recordings": ", ".join(one.name for one in self.subjects), "duration": duration(g.duration)}
+        if g.tilt is not None:
+            found["roll"] = f"std {to_deg(g.tilt.roll.sd):.2f}°"
+            found["pitch"] = f"std {to_deg(g.tilt.pitch.sd):.2f}°"
+        return found
+
+    def report(self) -> Report:
+        """What is to be said, with figures for a paper."""
+        if len(self.subjects) == 1:
+            return _report(self.subjects[0], TITLE, definitions=definitions(self.subjects))
+        return Report(
+            TITLE,
+            tables=[comparison_table(self.subjects)],
+            parts=[_report(one, one.name) for one in self.subjects],
+            definitions=definitions(self.subjects),
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """All numbers, as JSON can hold them."""
+        return {"recordings": [summary(one) for one in self.subjects]}
+
+    def page(self, *, lang: str = "en") -> str:
+        """HTML of the page, self-contained, its labels in a language of `plumbob.reporting.LANGUAGES`.
+
+        Raises
+        ------
+        MissingExtraError
+            If the pages of Plumbob are not built here.
+        """
+        from plumbob.overview.page import page
+
+        return page(self.subjects, TITLE, definitions(self.subjects), lang=lang)
+
+    def write_html(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
+        """Write the page, a single file that opens offline; errors as of `page` and of an output that exists."""
+        from plumbob.core.files import write_text
+
+        return write_text(path, self.page(lang=lang), overwrite=overwrite)
+
+    def write_pdf(self, path: str | Path, *, lang: str = "en", overwrite: bool = False) -> Path:
+        """Write the page as a PDF, which Chromium or Chrome prints.
+
+        Raises
+        ------
+        MissingExtraError
+            If neither is installed, or the pages of Plumbob are not built here.
+        """
+        from plumbob.overview.printed import print_pdf
+
+        return print_pdf(self.page(lang=lang), Path(path), overwrite=overwrite)
+
+
+def _report(subject: Subject, title: str, *, definitions: Sequence[str] = ()) -> Report:
+    return Report(
+        title,
+        facts=subject.facts,
+        tables=tables(subject),
+        remarks=remarks(subject),
+        figures=list(figures(subject).values()),
+        definitions=definitions,
+    )
+
+
+def remarks(subject: Subject) -> list[str]:
+    """What a reader must know of a recording, a sentence each."""
+    g, found = subject.gathered, []
+    if not subject.calibrated:
+        found.append(BARE)
+    if g.traces.each > 1:
+        found.append(
+            f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
+            "spectra and flags are of all samples"
+        )
+    found += [line for line in subject.remarks if not line.startswith("calibration: ")]
+    if g.tilt is not None:
+        for name, one in (("roll", g.tilt.roll), ("pitch", g.tilt.pitch)):
+            if one.wrapped:
+                found.append(f"{name} went through ±180°, so that its mean, its deviation and its waves are left out")
+    if subject.north is North.FREE:
+        found.append("headings count from an arbitrary zero, so that the rose shows directions against it")
+    if g.spectra is not None and g.spectra.interpolated:
+        found.append(
+            f"spectra: the samples of {g.spectra.interpolated} segments are not even in time and were interpolated, "
+            "which damps high frequencies"
+        )
+    return found
+
+
+def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
+    """What the words of the page mean."""
+    first = subjects[0].gathered
+    spectra = next((one.gathered.spectra for one in subjects if one.gathered.spectra is not None), None)
+    welch = (
+        ""
+        if spectra is None
+        else f"Segments of {spectra.length * spectra.step:.4g} s at {1.0 / spectra.step:.6g} Hz, resolution "
+        f"{spectra.resolution:.3g} Hz; "
+    )
+    flagged = ", ".join(f"{flag} {word}" for flag, word in quality.MEANING.items())
+    return (
+        "Roll, pitch and yaw are ZYX Euler angles from the navigation frame to the body; heading is that of the body's "
+        "x axis, clockwise from North; inclination is the angle between the body's vertical axis and the vertical. std "
+        "is the standard deviation about the mean, rms that about zero. The band about a line is ± 1 standard "
+        "deviation as the filter claims it; where it claims none, there is not a band.",
+        "Waves of roll and pitch lie between zero up-crossings about the mean of their burst; the angle must have been "
+        f"{DEAD:g} std below and above it on the two sides. A double amplitude is the highest less the lowest value "
+        "of a wave; the significant one is the mean of the highest third (for a narrow-banded Gaussian process 4.00 "
+        "std; Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period "
+        f"of the spectrum's peak. A burst lasts {first.burst:g} s, the last one up to half as much more; statistics of "
+        "the whole are of all samples and of the waves of all bursts.",
+        f"Spectra: Welch's method (1967, doi:10.1109/TAU.1967.1161901). {welch}Hann window, half overlapping, mean "
+        "removed, one-sided, none across a gap or from burst to burst; from the 100th frequency on, values shown are "
+        "means of bands of 1/60 decade.",
+        "Heading statistics are circular: the mean is the direction of the mean vector, the spread √(−2 ln R) with its "
+        "length R, the resultant (Mardia and Jupp 2000, doi:10.1002/9780470316979).",
+        f"Quality flags are in the words of QARTOD: {flagged}; each is the worst of its tests. Tests and recommended "
+        "thresholds follow its table for the time series of waves (cdip.ucsd.edu); thresholds that it leaves to the "
+        "user are those of the table above.",
+    )
+
+
+def report(
+    files: Source | Sequence[Source],
+    *,
+    filter: str | None = None,
+    causal: bool = False,
+    lag: float | str | None = None,
+    params: Mapping[str, Any] | None = None,
+    frame: Frame | str | None = None,
+    init: str | None = None,
+    calibration: "CalibrationCard | str | Path | None" = None,
+    noise: "NoiseCard | str | Path | None" = None,
+    place: str | None = None,
+    date: str | None = None,
+    profile: str | Path | None = None,
+    unit: str | None = None,
+    burst: float | str = BURST,
+    tilt_limit: float | str = LIMIT,
+    out: str | Path | None = None,
+    pdf: str | Path | None = None,
+    lang: str = "en",
+    overwrite: bool = False,
+    note: Callable[[str], object] | None = None,
+    progress: Progress | None = None,
+) -> Overview:
+    """Say on one page what recordings hold: attitude with its statistics, sensors, spectra, gaps and quality.
+
+    Parameters
+    ----------
+    files : path, Recording or ImuData, or a sequence of them
+        Recordings of any format that `plumbob.read` takes. Several: a part for each, and a table beside each other.
+    filter : str, optional
+        As of `plumbob.estimate`, by default "smoother"; "track": the attitude that the file holds, of a recorded stream
+        what was estimated live; "none": no attitude. A file that holds only an attitude is taken as it is.
+    causal, lag, params, frame, init, calibration, noise, place, date, profile, unit : optional
+        As of `plumbob.estimate`. Without `calibration`, a recorded stream takes the card of its session.
+    burst : float or str
+        Length of a burst, s, or text with a unit; statistics are given for each.
+    tilt_limit : float or str
+        Inclination that counts as large, rad, or text with a unit.
+    out : path, optional
+        Where to write the page, HTML.
+    pdf : path, optional
+        Where to write it as a PDF, which Chromium or Chrome prints.
+    lang : str
+        Language of the labels, "en" or "zh".
+    overwrite : bool
+        Whether files that lie there may be replaced.
+    note : callable, optional
+        Called with each remark as it is found.
+    progress : callable, optional
+        Called with the name of a recording, the number of its samples done, and of all.
+
+    Returns
+    -------
+    Overview
+        Its `text`, `summary`, `write_html`, `write_pdf` and `plot` give the same again.
+
+    Raises
+    ------
+    ParameterError
+        If an option is not known, two of them contradict each other, or the file lacks the attitude that was asked for.
+    ShapeError, FrameError, CalibrationError, DecodeError
+        As of `plumbob.estimate`.
+    MissingExtraError
+        If a page is asked for and those of Plumbob are not built, or a PDF and neither Chromium nor Chrome is there.
+    """
+    given = list(files) if isinstance(files, list | tuple) else [files]
+    if not given:
+        raise ParameterError("a report needs a recording, but none was given. Name one.")
+    how = {
+        "filter": filter, "causal": causal, "lag": lag, "params": params, "frame": frame, "init": init,
+        "calibration": calibration, "noise": noise, "place": place, "date": date, "profile": profile, "unit": unit,
+    }  # fmt: skip
+    most = max(2, WHOLE // len(given))
+    subjects = []
+    for one in given:
+        gatherer = gatherer_of(burst=burst, tilt_limit=tilt_limit, most=most)
+        source = one if isinstance(one, Recording | ImuData) else check.path("files", one)
+        subjects.append(subject_of(source, gatherer, how, note=note, progress=progress))  # type: ignore[arg-type]
+    made = Overview(tuple(subjects))
+    if out is not None:
+        made.write_html(out, lang=lang, overwrite=overwrite)
+    if pdf is not None:
+        made.write_pdf(pdf, lang=lang, overwrite=overwrite)
+    return made
+
+
+def gatherer_of(
+    *, burst: float | str = BURST, tilt_limit: float | str = LIMIT, most: int = WHOLE, **more: Any
+) -> Gatherer:
+    """Gatherer with options that may be text with a unit.
+
+    Raises
+    ------
+    ParameterError
+        If one of them is not positive.
+    """
+    length = units.given("burst", burst, Quantity.TIME)
+    limit = units.given("tilt_limit", tilt_limit, Quantity.ANGLE)
+    assert length is not None and limit is not None
+    for name, value in (("burst", length), ("tilt_limit", limit)):
+        if not 0.0 < value < math.inf:
+            raise ParameterError(f"{name} must be above 0, but it is {value:g}. Give a positive one.")
+    return Gatherer(burst=length, limit=limit, most=most, **more)
+
+
+def of_estimate(result: "Estimated", gatherer: Gatherer, file: str | Path) -> Overview:
+    """Overview of an estimate that a gatherer has followed, and the file that it is of."""
+    return Overview((subject_from(result, gatherer, (Path(file),)),))
+
+
+def plot(
+    file: Source,
+    path: str | Path,
+    *,
+    what: str = "angles",
+    begin: float | str | None = None,
+    end: float | str | None = None,
+    width: float | str | None = None,
+    lang: str = "en",
+    overwrite: bool = False,
+    burst: float | str = BURST,
+    tilt_limit: float | str = LIMIT,
+    note: Callable[[str], object] | None = None,
+    progress: Progress | None = None,
+    **how: Any,
+) -> Path:
+    """Draw one figure of a recording for a paper.
+
+    Parameters
+    ----------
+    file : path, Recording or ImuData
+        The recording.
+    path : path
+        The picture; its ending says whether it is SVG, PNG or PDF.
+    what : str
+        One of "angles", "tilt", "rates", "forces", "field", "temperature", "bias", "sd", "spectrum", "rose", "bursts"
+        and "flags".
+    begin, end : float or str, optional
+        Times between which samples count, s, or text with a unit; the attitude is estimated of the whole recording.
+    width : float or str, optional
+        Of the picture, m, or text with a unit, as "85 mm" for a column.
+    lang : str
+        Language of the labels, "en" or "zh".
+    overwrite : bool
+        Whether a picture that lies there may be replaced.
+    burst, tilt_limit, note, progress : optional
+        As of `report`.
+    **how
+        As of `report`: `filter`, `calibration` and the others of `plumbob.estimate`.
+
+    Returns
+    -------
+    Path
+        Where it is.
+
+    Raises
+    ------
+    ParameterError
+        If there is no such figure, the recording has nothing for it, or the name has another ending.
+    MissingExtraError
+        If matplotlib is not installed.
+    """
+    from plumbob.overview.figures import WHATS
+    from plumbob.reporting.drawing import picture, picture_kind
+
+    target = check.path("path", path)
+    picture_kind(target)
+    if what not in WHATS:
+        raise ParameterError(f"there is not a figure '{what}'. Give one of {', '.join(WHATS)}.")
+    window = (units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME))
+    low, high = (-math.inf if window[0] is None else window[0], math.inf if window[1] is None else window[1])
+    metres = units.given("width", width, Quantity.LENGTH)
+    gatherer = gatherer_of(burst=burst, tilt_limit=tilt_limit, window=(low, high))
+    source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
+    subject = subject_of(source, gatherer, how, note=note, progress=progress)  # type: ignore[arg-type]
+    inches = None if metres is None else metres / 0.0254
+    return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=inches)

@@ -1,0 +1,171 @@
+"""Power spectra by Welch's method [Welch1967], of stretches without a gap.
+
+Segments of equal length, half of each the same as half of the next, are freed of their mean, multiplied by a Hann
+window and transformed; the density is one-sided, and its integral over frequency is the variance.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core.check import Floats
+from plumbob.core.time import GAP_FACTOR
+
+SEGMENT: Final = 256.0
+"""Length of a segment at most, s: the waves of a sea stand in steps of 0.004 Hz."""
+FEWEST: Final = 4
+"""A stretch is cut in so many segments at least, so that a density is a mean of several."""
+LEAST: Final = 16
+"""Samples of a segment at least."""
+UNEVEN: Final = 0.25
+"""Samples that depart from even times by more than this part of a step are interpolated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Densities of several channels.
+
+    Attributes
+    ----------
+    frequency : ndarray (F,)
+        From one step above zero to half the rate, Hz.
+    density : ndarray (F, C)
+        One-sided, unit²/Hz; NaN where a channel has no segment.
+    segments : ndarray (C,) of int64
+        How many segments of each channel were averaged.
+    step : float
+        Between samples, s.
+    length : int
+        Samples of a segment.
+    interpolated : int
+        Segments whose samples were not even in time.
+    """
+
+    frequency: Floats
+    density: Floats
+    segments: NDArray[np.int64]
+    step: float
+    length: int
+    interpolated: int = 0
+
+    @property
+    def resolution(self) -> float:
+        """Step of frequency, Hz."""
+        return 1.0 / (self.length * self.step)
+
+    @classmethod
+    def joined(cls, parts: "list[Self]") -> Self:
+        """Mean of several, each by its number of segments."""
+        first = parts[0]
+        segments = np.sum([one.segments for one in parts], axis=0)
+        total = np.sum([np.where(one.segments > 0, one.density * one.segments, 0.0) for one in parts], axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            density = np.where(segments > 0, total / segments, np.nan)
+        interpolated = sum(one.interpolated for one in parts)
+        return cls(first.frequency, density, segments, first.step, first.length, interpolated)
+
+    def gathered(self, per_decade: int = 60, single: int = 100) -> tuple[Floats, Floats]:
+        """Frequencies (G,) and densities (G, C) for a picture: the lowest one by one, others as means of bands."""
+        count = self.frequency.size
+        decades = math.log10(max(count, 1) / single) if count > single else 0.0
+        wide = np.rint(single * 10.0 ** np.linspace(0.0, decades, int(per_decade * decades) + 2)).astype(np.int64)
+        starts = np.unique(np.concatenate((np.arange(min(single, count)), wide[wide < count])))
+        sizes = np.diff(np.append(starts, count))
+        frequency = np.add.reduceat(self.frequency, starts) / sizes
+        return frequency, np.add.reduceat(self.density, starts, axis=0) / sizes[:, np.newaxis]
+
+
+def segment_of(duration: float) -> float:
+    """Length of the segments of a stretch of this duration, s."""
+    return min(SEGMENT, duration / FEWEST)
+
+
+def welch(
+    t: Floats, values: Floats, *, step: float | None = None, segment: float | None = None, turns: tuple[int, ...] = ()
+) -> Spectra:
+    """Spectra of channels over a time.
+
+    Parameters
+    ----------
+    t : ndarray (N,)
+        Increasing times, s.
+    values : ndarray (N, C)
+        Channels; NaN where not known, which ends a stretch.
+    step : float, optional
+        Usual time between samples, s; the median step without it.
+    segment : float, optional
+        Length of a segment, s; that of `segment_of` without it.
+    turns : tuple of int
+        Channels that are angles, rad, which go on through ±180°.
+    """
+    duration = float(t[-1] - t[0]) if t.size > 1 else 0.0
+    if step is None:
+        step = float(np.median(np.diff(t))) if t.size > 1 else 1.0
+    length = max(LEAST, round((segment_of(duration) if segment is None else segment) / step))
+    frequency = np.arange(1, length // 2 + 1) / (length * step)
+    total = np.zeros((frequency.size, values.shape[1]))
+    segments = np.zeros(values.shape[1], dtype=np.int64)
+    uneven = 0
+    for channel in range(values.shape[1]):
+        for start in _starts(t, values[:, channel], length, step):
+            own, even = _even(t, values[:, channel], start, length, step, channel in turns)
+            total[:, channel] += _density(own, step)
+            segments[channel] += 1
+            uneven += not even
+    with np.errstate(divide="ignore", invalid="ignore"):
+        density = np.where(segments > 0, total / segments, np.nan)
+    return Spectra(frequency, density, segments, step, length, uneven)
+
+
+def _starts(t: Floats, values: Floats, length: int, step: float) -> list[int]:
+    """First sample of each segment: half-overlapping ones of every stretch without a gap or an unknown value."""
+    known = np.isfinite(values)
+    broken = np.zeros(t.size + 1, dtype=bool)
+    broken[0] = broken[-1] = True
+    broken[1:-1] = (np.diff(t) > GAP_FACTOR * step) | (known[1:] != known[:-1])
+    edges = np.flatnonzero(broken)
+    found: list[int] = []
+    for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+        if stop - start >= length and known[start]:
+            found += range(start, stop - length + 1, max(1, length // 2))
+    return found
+
+
+def _even(t: Floats, values: Floats, start: int, length: int, step: float, turns: bool) -> tuple[Floats, bool]:
+    """Values of a segment at even times, and whether they were so."""
+    own = values[start : start + length]
+    own = np.unwrap(own) if turns else own
+    at = t[start : start + length]
+    grid = at[0] + (at[-1] - at[0]) / (length - 1) * np.arange(length)
+    even = bool(np.max(np.abs(at - grid)) <= UNEVEN * step)
+    return (own if even else np.interp(grid, at, own)), even
+
+
+def _density(x: Floats, step: float) -> Floats:
+    from scipy.fft import rfft
+
+    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(x.size) / x.size)
+    power = np.abs(rfft((x - np.mean(x)) * window)) ** 2 * (2.0 * step / np.sum(window**2))
+    if x.size % 2 == 0:
+        power[-1] *= 0.5  # half the rate has no partner
+    return np.asarray(power[1:], dtype=np.float64)
+
+
+def peak_period(spectra: Spectra, channel: int) -> float:
+    """Period of the peak of a density, s: a parabola through the logarithms of the highest value and its neighbours.
+
+    NaN where there is no density.
+    """
+    density = spectra.density[:, channel]
+    if not density.size or not np.isfinite(density).all() or not density.max() > 0.0:
+        return math.nan
+    top = int(np.argmax(density))
+    shift = 0.0
+    if 0 < top < density.size - 1 and density[top - 1 : top + 2].min() > 0.0:
+        below, middle, above = np.log(density[top - 1 : top + 2])
+        bend = below - 2.0 * middle + above
+        shift = 0.5 * (below - above) / bend if bend < 0.0 else 0.0
+    return float(1.0 / (spectra.frequency[top] + shift * spectra.resolution))

@@ -1,0 +1,299 @@
+"""Tables and numbers of a page: degrees, seconds and per cent, with the unit in every head."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.text import number
+from plumbob.core.units import to_deg
+from plumbob.overview import quality
+from plumbob.overview.gathered import AXES, SPECTRAL, TRACED, Burst, Gathered, Runs
+from plumbob.overview.subject import Subject
+from plumbob.overview.tilt import Headings, Inclination, Motion
+from plumbob.reporting import Table, plain
+
+UNITS: Final = {"gyr": "°/s", "acc": "m/s²", "mag": "µT", "temp": "°C"}
+SPECTRAL_UNITS: Final = dict(zip(SPECTRAL, ("°²/Hz", "°²/Hz", "(°/s)²/Hz", "(m/s²)²/Hz"), strict=True))
+"""Of densities, by channel."""
+NARROW: Final = 0.7
+"""Spread of headings, rad, up to which they are drawn about their mean."""
+_MOTION: Final = ("mean", "std", "rms", "least", "greatest", "significant", "largest")
+
+
+def shown_scale(channel: str) -> float:
+    """What turns a traced or spectral channel from SI to what is shown: rad to degrees; 1 for all others."""
+    stem = channel.partition("_")[0]
+    return float(to_deg(1.0)) if stem in ("roll", "pitch", "heading", "tilt", "gyr", "bias") else 1.0
+
+
+def tables(subject: Subject) -> list[Table]:
+    """Tables of one recording, those for every reader first."""
+    g = subject.gathered
+    found = []
+    if g.tilt is not None and g.headings is not None:
+        found += [_motions(g.tilt.roll, g.tilt.pitch), _inclination(g.tilt.inclination), heading_table(g.headings)]
+    if g.triads or g.has("temp"):
+        found.append(sensor_table(g))
+    found.append(flag_table(g))
+    if g.tilt is not None:
+        found.append(burst_table(subject))
+    if quality_table(subject).rows:
+        found += [quality_table(subject), threshold_table()]
+    if g.headings is not None:
+        found.append(sector_table(g.headings))
+    return found
+
+
+def _motions(roll: Motion, pitch: Motion) -> Table:
+    head = ("", *(f"{name} [°]" for name in _MOTION), "Tz [s]", "Tp [s]", "waves")
+    rows = [(name, *_motion(one)) for name, one in (("roll", roll), ("pitch", pitch))]
+    return Table("Roll and pitch", head, rows)
+
+
+def _motion(one: Motion) -> tuple[str, ...]:
+    angles = (one.mean, one.sd, one.rms, one.least, one.greatest, one.significant, one.largest)
+    return (*map(degrees, angles), seconds(one.tz), seconds(one.tp), str(one.waves) if one.samples else "-")
+
+
+def _inclination(one: Inclination) -> Table:
+    head = ("", "mean [°]", "std [°]", "rms [°]", "greatest [°]", "at [s]", "limit [°]", "beyond [%]")
+    row = ("inclination", *map(degrees, (one.mean, one.sd, one.rms, one.greatest)), seconds(one.greatest_at),
+           degrees(one.limit), percent(one.share_beyond))  # fmt: skip
+    return Table("Inclination from the vertical", head, [row])
+
+
+def heading_table(one: Headings) -> Table:
+    """Circular mean and spread."""
+    head = ("", "mean [°]", "spread [°]", "resultant", "samples")
+    return Table("Heading", head, [("heading", degrees(one.mean), degrees(one.spread), number(one.resultant),
+                                    str(one.samples))])  # fmt: skip
+
+
+def sector_table(one: Headings) -> Table:
+    """Share of the samples in each of 16 sectors."""
+    rows = [(f"{22.5 * k:g}°", percent(float(share))) for k, share in enumerate(one.sectors(16))]
+    return Table("Share of time by heading", ("sector about", "share [%]"), rows, detail="heading")
+
+
+def sensor_table(g: Gathered) -> Table:
+    """Mean, deviation and extremes of each axis."""
+    rows = []
+    names = [(name, axis) for name in g.triads for axis in AXES[name]] + ([("temp", "temp")] if g.has("temp") else [])
+    for triad, channel in names:
+        i, scale = TRACED.index(channel), shown_scale(channel)
+        m = g.moments
+        known = m.count[i] > 0
+        values = (m.mean[i], m.sd[i], m.least[i], m.greatest[i]) if known else (math.nan,) * 4
+        label = channel.replace("_", " ") if triad != "temp" else "temperature"
+        rows.append((f"{label} [{UNITS[triad]}]", *(number(float(v) * scale, 4) for v in values), str(int(m.count[i]))))
+    return Table("Sensors", ("", "mean", "std", "least", "greatest", "samples"), rows)
+
+
+def flag_table(g: Gathered) -> Table:
+    """Gaps and flags with their counts."""
+    meaning = dict(flags.MEANING.values())
+    longest = max((end - begin for begin, end in g.gaps), default=0.0)
+    whole = f"longest step {longest:.6g} s, {g.missing} samples missing by the usual step of {1e3 * g.step:.6g} ms"
+    rows = [("time in gaps", str(len(g.gaps)), percent(g.lost / max(g.duration, g.step)), whole if g.gaps else "none")]
+    rows += [
+        (name, str(runs.samples), percent(runs.samples / g.samples), meaning[name]) for name, runs in g.flags.items()
+    ]
+    return Table("Gaps and flags", ("", "count", "share [%]", "meaning"), rows, words=(3,))
+
+
+def burst_table(subject: Subject) -> Table:
+    """Tilt and heading of each burst."""
+    head = ("begin", "length [s]", "roll std [°]", "roll significant [°]", "roll Tz [s]", "pitch std [°]",
+            "pitch significant [°]", "pitch Tz [s]", "tilt mean [°]", "tilt greatest [°]", "beyond [%]",
+            "heading mean [°]", "heading spread [°]")  # fmt: skip
+    rows = []
+    for one in subject.gathered.bursts:
+        roll, pitch, tilt = one.tilt.roll, one.tilt.pitch, one.tilt.inclination
+        rows.append((
+            subject.utc(one.begin) or f"{one.begin:.6g} s", f"{one.end - one.begin:.6g}",
+            degrees(roll.sd), degrees(roll.significant), seconds(roll.tz),
+            degrees(pitch.sd), degrees(pitch.significant), seconds(pitch.tz),
+            degrees(tilt.mean), degrees(tilt.greatest), percent(tilt.share_beyond),
+            degrees(one.headings.mean), degrees(one.headings.spread),
+        ))  # fmt: skip
+    return Table("Bursts", head, rows, detail="bursts")
+
+
+def quality_table(subject: Subject) -> Table:
+    """Quality flag of each burst and channel, with the tests that did not pass."""
+    channels = [name for name in quality.CHANNELS if any(name in one.verdicts for one in subject.gathered.bursts)]
+    rows = [
+        (subject.utc(one.begin) or f"{one.begin:.6g} s", *(_verdict(one, name) for name in channels))
+        for one in subject.gathered.bursts
+    ]
+    return Table("Quality flags by burst", ("begin", *channels), rows if channels else [], detail="quality")
+
+
+def _verdict(burst: Burst, channel: str) -> str:
+    one = burst.verdicts.get(channel)
+    if one is None:
+        return "-"
+    return f"{one.flag} {quality.MEANING[one.flag]}{f': {one.why}' if one.why else ''}"
+
+
+def threshold_table() -> Table:
+    """What the tests ask."""
+    head = ("test", "looks at", "suspect (3)", "fail (4)")
+    return Table("Tests and their thresholds", head, quality.thresholds(), words=(1,), detail="quality")
+
+
+def comparison_table(subjects: Sequence[Subject]) -> Table:
+    """Recordings beside each other."""
+    head = ("recording", "duration [s]", "rate [Hz]", "time in gaps [%]", "roll std [°]", "roll significant [°]",
+            "roll Tz [s]", "pitch std [°]", "pitch significant [°]", "pitch Tz [s]", "tilt greatest [°]",
+            "heading mean [°]", "calibration")  # fmt: skip
+    rows = []
+    for one in subjects:
+        g = one.gathered
+        tilt = ["-"] * 7
+        if g.tilt is not None:
+            moves = (g.tilt.roll, g.tilt.pitch)
+            each = [(degrees(move.sd), degrees(move.significant), seconds(move.tz)) for move in moves]
+            tilt = [*each[0], *each[1], degrees(g.tilt.inclination.greatest)]
+        heading = "-" if g.headings is None else degrees(g.headings.mean)
+        loss = percent(g.lost / max(g.duration, g.step))
+        told = "yes" if one.calibrated else "none"
+        rows.append((one.name, f"{g.duration:.6g}", f"{1.0 / g.step:.6g}", loss, *tilt, heading, told))
+    return Table("Recordings", head, rows)
+
+
+def heading_circle(g: Gathered) -> tuple[float, float]:
+    """Ends of the circle on which headings are drawn, degrees: where all are near one, it stands in the middle."""
+    narrow = g.headings is not None and g.headings.samples > 0 and g.headings.spread < NARROW
+    if not narrow:
+        return 0.0, 360.0
+    assert g.headings is not None
+    middle = 10.0 * round(float(to_deg(g.headings.mean)) / 10.0)
+    return (middle - 180.0, middle + 180.0) if abs(middle - 180.0) > 90.0 else (0.0, 360.0)
+
+
+def degrees(angle: float) -> str:
+    """Angle in degrees with two decimals; a dash where it is not known."""
+    return f"{round(to_deg(angle), 2) + 0.0:.2f}" if math.isfinite(angle) else "-"  # without a sign of zero
+
+
+def seconds(value: float) -> str:
+    """Time with two decimals; a dash where it is not known."""
+    return f"{value:.2f}" if math.isfinite(value) else "-"
+
+
+def percent(share: float) -> str:
+    """Share in per cent, with more decimals where it is small."""
+    value = 100.0 * share
+    if not math.isfinite(value):
+        return "-"
+    return f"{value:.2f}" if value >= 0.1 or value == 0.0 else f"{value:.1g}"
+
+
+def summary(subject: Subject) -> dict[str, Any]:
+    """All numbers of a recording, as JSON can hold them; degrees, seconds, units in every name."""
+    g = subject.gathered
+    found: dict[str, Any] = {
+        "recording": subject.name,
+        "provenance": [list(fact) for fact in subject.facts],
+        "remarks": list(subject.remarks),
+        "calibrated": subject.calibrated,
+        "estimate": dict(subject.numbers),
+        "time": {
+            "begin_s": g.begin, "end_s": g.end, "begin_utc": subject.utc(g.begin), "samples": g.samples,
+            "duration_s": g.duration, "rate_hz": 1.0 / g.step, "gaps": len(g.gaps), "missing_samples": g.missing,
+            "lost_s": g.lost, "lost_share": g.lost / max(g.duration, g.step),
+            "gap_list_s": [list(gap) for gap in g.gaps[:1000]],
+        },
+        "tilt": None if g.tilt is None else {
+            "roll": motion_numbers(g.tilt.roll), "pitch": motion_numbers(g.tilt.pitch),
+            "inclination": inclination_numbers(g.tilt.inclination),
+        },
+        "heading": None if g.headings is None else heading_numbers(g.headings),
+        "spectra": _spectra(g),
+        "sensors": _sensor_numbers(g),
+        "flags": {name: _runs(runs, g.samples) for name, runs in g.flags.items()},
+        "bursts": [_burst(subject, one) for one in g.bursts],
+        "quality_thresholds": [list(row) for row in quality.thresholds()],
+        "plot": {"samples_per_pair": g.traces.each, "rows": int(g.traces.t.size)},
+    }  # fmt: skip
+    return dict(plain(found))
+
+
+def motion_numbers(one: Motion) -> dict[str, Any]:
+    """Of roll or pitch."""
+    angles = (one.mean, one.sd, one.rms, one.least, one.greatest, one.significant, one.largest)
+    found: dict[str, Any] = {f"{name}_deg": _deg(value) for name, value in zip(_MOTION, angles, strict=True)}
+    return found | {"tz_s": one.tz, "tp_s": one.tp, "waves": one.waves, "samples": one.samples, "wrapped": one.wrapped}
+
+
+def inclination_numbers(one: Inclination) -> dict[str, Any]:
+    """Of the angle from the vertical."""
+    return {
+        "mean_deg": _deg(one.mean), "std_deg": _deg(one.sd), "rms_deg": _deg(one.rms),
+        "greatest_deg": _deg(one.greatest), "greatest_at_s": one.greatest_at, "limit_deg": _deg(one.limit),
+        "beyond": one.beyond, "beyond_share": one.share_beyond, "samples": one.samples,
+    }  # fmt: skip
+
+
+def heading_numbers(one: Headings) -> dict[str, Any]:
+    """Of headings."""
+    return {
+        "mean_deg": _deg(one.mean), "spread_deg": _deg(one.spread), "resultant": one.resultant, "samples": one.samples,
+        "share_by_10_deg": one.sectors(36), "share_by_22_5_deg": one.sectors(16),
+    }  # fmt: skip
+
+
+def _deg(angle: float) -> float:
+    return float(to_deg(angle))
+
+
+def _spectra(g: Gathered) -> dict[str, Any] | None:
+    if g.spectra is None:
+        return None
+    frequency, density = g.spectra.gathered()
+    return {
+        "method": "Welch, Hann window, half overlapping, one-sided",
+        "rate_hz": 1.0 / g.spectra.step, "segment_s": g.spectra.length * g.spectra.step,
+        "resolution_hz": g.spectra.resolution, "interpolated_segments": g.spectra.interpolated,
+        "segments": dict(zip(SPECTRAL, g.spectra.segments.tolist(), strict=True)),
+        "frequency_hz": frequency,
+        "density": {
+            f"{name} [{SPECTRAL_UNITS[name]}]": density[:, i] * shown_scale(name) ** 2
+            for i, name in enumerate(SPECTRAL)
+        },
+    }  # fmt: skip
+
+
+def _sensor_numbers(g: Gathered) -> dict[str, Any]:
+    m, found = g.moments, {}
+    for i, name in enumerate(TRACED):
+        stem = name.partition("_")[0]
+        if stem in UNITS and m.count[i] > 0:
+            scale = shown_scale(name)
+            values: Floats = scale * np.array([m.mean[i], m.sd[i], m.least[i], m.greatest[i]])
+            keys = ("mean", "std", "least", "greatest")
+            found[f"{name} [{UNITS[stem]}]"] = dict(zip(keys, values.tolist(), strict=True)) | {
+                "samples": int(m.count[i])
+            }
+    return found
+
+
+def _runs(runs: Runs, samples: int) -> dict[str, Any]:
+    return {"samples": runs.samples, "share": runs.samples / samples, "stretches": len(runs.stretches)}
+
+
+def _burst(subject: Subject, one: Burst) -> dict[str, Any]:
+    return {
+        "begin_s": one.begin, "end_s": one.end, "begin_utc": subject.utc(one.begin), "samples": one.samples,
+        "roll": motion_numbers(one.tilt.roll), "pitch": motion_numbers(one.tilt.pitch),
+        "inclination": inclination_numbers(one.tilt.inclination), "heading": heading_numbers(one.headings),
+        "quality": {
+            name: {"flag": found.flag, "tests": dict(found.tests), "good_share": found.good}
+            for name, found in one.verdicts.items()
+        },
+    }  # fmt: skip
