@@ -151,6 +151,9 @@ PAGE: Final = "report.html"
 FILES: Final = (
     CARD, CERTIFICATE, HAND, MOUNTING, TRUTH, "truth.card.json", SESSION_FILE, RECORDING, TEXT, PAGE,
 )  # fmt: skip
+WITHOUT_BROWSER: Final = 20.0
+WITH_BROWSER: Final = 600.0
+"""How long the live page is served, s."""
 SEED: Final = 1
 SPEED: Final = 60
 DURATION: Final = "600s"
@@ -208,6 +211,11 @@ def add_parser(verbs: common.Adder) -> None:
         epilog=common.more("plumbob demo --out demo-out", "start.md"),
     )
     p.add_argument("--out", type=Path, default=Path("demo-out"), metavar="DIR", help="folder to write (demo-out)")
+    p.add_argument(
+        "--view",
+        action="store_true",
+        help="then show the emulated buoy on the live page: in a browser until Ctrl-C, or for 20 s where there is none",
+    )
     p.add_argument("--duration", default=DURATION, metavar="TIME", help=f"of the sea ({DURATION})")
     common.add_force(p)
     common.add_json(p)
@@ -263,7 +271,35 @@ def run(args: argparse.Namespace) -> int:
         common.print_json({"report": str(page), "certificate": str(certificate), "filters": found})
         return 0
     print(f"\ncertificate  {certificate.resolve()}\nreport       {page.resolve()}")
+    if args.view:
+        _show(args.out)
     return 0
+
+
+def _show(out: Path) -> None:
+    """Show the buoy on the live page for a while; where that cannot be, say why."""
+    from plumbob.acquisition.transport import Stop
+    from plumbob.cli.view import has_display
+    from plumbob.core.errors import MissingExtraError
+    from plumbob.viewer.view import view
+
+    browser, stop = has_display(), Stop()
+    wait = WITH_BROWSER if browser else WITHOUT_BROWSER
+    how = f"for {wait / 60.0:.0f} min, or until Ctrl-C" if browser else f"for {wait:.0f} s"
+
+    def opened(url: str) -> None:
+        print(f"live page    {url}\n             {how}; 'plumbob view --emulate buoy' shows it again", flush=True)
+
+    try:
+        with common.stopped_by_signals(stop):
+            shown = view(
+                emulate="buoy", also=("mahony",), control=True, http_port=0, folder=out, duration=wait,
+                open_browser=browser, stop=stop, opened=opened,
+            )  # fmt: skip
+    except MissingExtraError as missing:
+        common.note(f"the live page is not shown: {missing}")
+        return
+    print(f"shown        {counted(0 if shown.ran is None else shown.ran.samples, 'sample')} as they came")
 
 
 @contextmanager

@@ -86,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
             control=args.control,
             clients=args.clients,
             allow_origin=args.allow_origin,
-            open_browser=not args.no_open and _has_display(),
+            open_browser=not args.no_open and has_display(),
             stop=stop,
             note=status.note,
             opened=opened,
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     return LOSSY if result.lossy else 0
 
 
-def _has_display() -> bool:
+def has_display() -> bool:
     """Whether there is a screen that a browser could open on."""
     if sys.platform in ("win32", "darwin"):
         return True
