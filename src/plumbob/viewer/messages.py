@@ -199,9 +199,9 @@ class Link:
     drift_ppm : float or None
         Of the device's clock against this host's.
     clock : str
-        What tells the time: ``clock``, ``counter``, ``rate``...
+        What gives the time: ``clock``, ``counter``, ``rate``...
     skipped : int
-        Batches that the server did not get, for it was too slow.
+        Batches that the server did not get, because it was too slow.
     """
 
     rate: float | None
@@ -220,7 +220,10 @@ class Link:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """The recording that is made: rows written, acknowledged by the disk, dropped."""
+    """The recording that is made: rows written, acknowledged by the disk, dropped.
+
+    Its start, `since`, is UTC, s since 1970.
+    """
 
     path: str
     rows: int
