@@ -204,8 +204,8 @@ def test_one_estimator_is_not_shown_twice(sea):
 
 def test_a_chain_that_is_played_stands_as_it_did(tmp_path):
     """The hand of the machine `teach` against its true angles: 1° is 10 mm at the end of an arm of 0.6 m."""
-    from plumbob.data.chain_toml import load_chain
     from plumbob.arm.angles import JointTrack
+    from plumbob.data.chain_toml import load_chain
     from plumbob.rotations import Frame, change_frame
     from plumbob.session.emulated import chain_files
 

@@ -179,6 +179,8 @@ class Screen:
         if self.pid == 0:
             os.chdir(cwd)
             os.environ["TERM"] = "xterm-256color"
+            for name in ("COLUMNS", "LINES"):  # where they are set, they go before the size of the terminal
+                os.environ.pop(name, None)
             os.execv(words[0], words)
         fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
