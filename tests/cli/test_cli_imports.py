@@ -69,6 +69,7 @@ SIMULATED = PARQUET | {"data.cards.calibration", "simulation"}
 RUN = READ | {"evaluation", "numba"}
 LIVE = {"acquisition.timing.timebase", "calibration", "data.cards.calibration", "files.mcap", "filters", "mcap",
         "numba", "numpy", "protocols", "session.stream", "zstandard"}  # fmt: skip
+VIEW = LIVE - {"numba"}
 
 LINES = {
     "sim": (["sim", "buoy", *SIM, "calibrated", "--duration", "12s", "--out", "sea.parquet"], SIMULATED),
@@ -96,6 +97,9 @@ LINES = {
     ),
     "decode": (["decode", "sea.bin", "--format", "buoy", "--out", "sea-decoded.csv"], {"numba", "numpy", "protocols"}),
     "record": (["record", "--from", "sea.bin", "--format", "buoy", "--out", "sea.mcap"], LIVE),
+    "view, refused": (["view", "none.mcap", "--no-open"], VIEW),
+    "watch, refused": (["watch", "none.mcap"], VIEW),
+    "control, refused": (["control", "http://127.0.0.1:1/?token=a", "stop"], set()),
     "verify": (["verify", "sea.mcap"], {"mcap", "files.mcap", "zstandard"}),
     "repair": (["repair", "sea.mcap", "--out", "repaired.mcap"], {"mcap", "files.mcap", "zstandard"}),
     "replay": (["replay", "sea.mcap"], LIVE),

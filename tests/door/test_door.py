@@ -44,6 +44,10 @@ PACKAGES = {"arm": ("align", "run", "export", "replay"), "array": ("info", "comb
 """Verbs whose kinds are functions of the package of the same name."""
 
 
+FIRST = {"record", "docs", "run", "view", "watch"}
+"""Verbs whose first argument has a default: the session, the page, the filter, what is shown."""
+
+
 def test_every_verb_has_its_function_with_keyword_only_options():
     functions = {verb: RENAMED.get(verb, verb) for verb in set(VERBS) - OF_THE_PROGRAM - set(PACKAGES)}
     functions |= {f"{verb}.{kind}": f"{verb}.{kind}" for verb, kinds in PACKAGES.items() for kind in kinds}
@@ -51,7 +55,7 @@ def test_every_verb_has_its_function_with_keyword_only_options():
         function = attrgetter(name)(plumbob)
         assert callable(function)
         kinds = [one.kind for one in inspect.signature(function).parameters.values() if one.default is not one.empty]
-        optional = kinds[1:] if verb in {"record", "docs", "run"} else kinds  # session, page and filter have defaults
+        optional = kinds[1:] if verb in FIRST else kinds
         assert set(optional) <= {inspect.Parameter.KEYWORD_ONLY}
 
 

@@ -19,7 +19,7 @@ def main(number, kind, log):
         while data := end.recv(1 << 16):
             for message in unpacker.feed(data):
                 rows = {name: len(values) for name, values in message.arrays.items()}
-                file.write(json.dumps([message.kind, rows]) + "\n")
+                file.write(json.dumps([message.kind, rows, message.content.get("card")]) + "\n")
                 file.flush()
                 if message.kind == "end":
                     return

@@ -178,8 +178,9 @@ class Screen:
         self.pid, self._fd = pty.fork()
         if self.pid == 0:
             os.chdir(cwd)
-            os.environ["TERM"] = "xterm-256color"
-            os.execv(words[0], words)
+            unset = ("COLUMNS", "LINES")  # which go before the size of the terminal, and which readline sets
+            known = {name: value for name, value in os.environ.items() if name not in unset}
+            os.execve(words[0], words, {**known, "TERM": "xterm-256color"})
         fcntl.ioctl(self._fd, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
     def until(self, pattern):

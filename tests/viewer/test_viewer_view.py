@@ -271,6 +271,29 @@ def test_an_emulated_rig_is_shown_with_its_truth():
     assert outlet.fields["attitudes"]["mekf"]["error"] < 15.0
 
 
+def test_the_server_gets_the_sessions_card_which_is_not_on_the_page(tmp_path):
+    with opened_up(None, emulate="buoy", chain=None, also=(), note=lambda line: None, line={}) as shows:
+        path = shows.card_in(tmp_path)
+        card = plumbob.CalibrationCard.load(path)
+    assert card.device == "mpu6000+hmc5983 #0"
+    log = tmp_path / "log"
+    server = Server(StandIn(kind="reader", log=str(log)), lambda line: None)
+    server.card = path
+    server.start()
+    server.hello(kept_hello())
+    server.close()
+    assert json.loads(log.read_text().splitlines()[0]) == ["hello", {}, str(path)]
+
+
+def kept_hello():
+    from plumbob.session.stream import Stream
+    from plumbob.viewer.feed import Feed
+
+    outlet = Kept()
+    Feed(Stream(live_samples.session(live_samples.SESSION)), outlet)
+    return outlet.hellos[0]
+
+
 @needs_server
 def test_the_view_answers_commands_over_http(tmp_path):
     said = {}

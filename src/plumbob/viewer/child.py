@@ -101,6 +101,8 @@ class Server:
         How often it was started.
     port : int
         Port that it listens at.
+    card : path or None
+        Copy of the session's calibration card, with which a guided calibration begins; set before the first hello.
     """
 
     def __init__(self, serving: Serving, note: Callable[[str], object]) -> None:
@@ -115,6 +117,7 @@ class Server:
         self._commands: list[Asked] = []
         self._started_at = 0.0
         self._skipped = 0
+        self.card: Path | None = None
         self.starts = 0
         self.port = serving.port
         self._is_ready = False
@@ -158,7 +161,8 @@ class Server:
     def hello(self, hello: Hello) -> None:
         """Begin."""
         self._hello = hello
-        self._write(Message("hello", asdict(hello)), must=True)
+        card = None if self.card is None else str(self.card)
+        self._write(Message("hello", {**asdict(hello), "card": card}), must=True)
 
     def batch(self, batch: Batch) -> None:
         """Hand on samples; dropped where the server is too slow."""

@@ -1,15 +1,17 @@
 """A rig that is not there, in a process of its own on a pseudo-terminal, for a view that needs no hardware."""
 
+import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
 from plumbob.core.errors import LineError, ParameterError
+from plumbob.core.files import text_of
 from plumbob.data import AttitudeTrack
 from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain import Chain
@@ -17,7 +19,7 @@ from plumbob.data.chain_toml import load_chain
 from plumbob.session.emulated import chain_files, unit_file
 from plumbob.session.reading import read
 from plumbob.session.session import Session
-from plumbob.session.session_toml import session_of
+from plumbob.session.session_toml import SESSION, parse_session, session_of
 from plumbob.session.watch import Note
 from plumbob.simulation.rigs.plan import PLANS, Chained
 
@@ -60,8 +62,24 @@ def emulated(
             known |= {"unit": "all" if several else first or None, "calibration": card if not several else None}
             asked = {name: value for name, value in line.items() if value is not None and value != {}}
             session = session_of(port=port, format=rig, **{**known, **asked})
+            if several:
+                session = _calibrated(session, truth, [unit.prefix for unit in plan.units])
             chain = load_chain(chain_files(truth)[1]) if isinstance(plan.scenario, Chained) else None
             yield replace(session, name=rig), recording.track, chain
+
+
+def _calibrated(session: Session, truth: Path, units: Sequence[str]) -> Session:
+    """Session whose units have their cards, which a recording of it then holds."""
+    tables, cards = [session.texts[SESSION]], dict[str, str]()
+    for unit in units:
+        path = unit_file(truth, unit).with_suffix(".card.json")
+        name = f"{unit}.card.json"
+        cards[name] = text_of(path)
+        device = CalibrationCard.load(path).device
+        tables.append(
+            f"[[unit]]\nname = {json.dumps(unit)}\ndevice = {json.dumps(device)}\ncard = {json.dumps(name)}\n"
+        )
+    return parse_session("\n".join(tables), {**session.texts, **cards}.__getitem__, name=session.name)
 
 
 @contextmanager

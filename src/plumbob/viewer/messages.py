@@ -220,7 +220,10 @@ class Link:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """The recording that is made: rows written, acknowledged by the disk, dropped."""
+    """The recording that is made: rows written, acknowledged by the disk, dropped.
+
+    Its start, `since`, is UTC, s since 1970.
+    """
 
     path: str
     rows: int

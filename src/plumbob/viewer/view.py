@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from plumbob.acquisition.transport import Event, Stopping
@@ -172,6 +173,7 @@ def view(
         shown = stack.enter_context(opened_up(what, emulate=emulate, chain=chain, note=say, line=line, also=also))
         server = Server(serving, say)
         stack.callback(server.close)
+        server.card = shown.card_in(Path(stack.enter_context(TemporaryDirectory(prefix="plumbob-view-"))))
         server.start()
 
         def begun() -> None:
@@ -220,6 +222,14 @@ class Shows:
     ) -> None:
         self._session, self._path, self._options = session, path, dict(options or {})
         self._also, self._chain, self._truth = also, chain, truth
+
+    def card_in(self, folder: Path) -> Path | None:
+        """Copy of the session's card in a folder; None where there is none."""
+        if self._session is None or self._session.card is None:
+            return None
+        path = folder / "card.json"
+        self._session.card.save(path)
+        return path
 
     def run(self, outlet: Outlet, **how: Any) -> Viewed:
         """Show it in an outlet until its end, or until it is stopped; `echo` gets what the outlet shows as events."""
