@@ -27,7 +27,7 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.session.sinks import line_of
 from plumbob.viewer.hub import Hub
-from plumbob.viewer.messages import AllanCurve, Command, Guidance, Lines
+from plumbob.viewer.messages import AllanCurve, Command, Guidance
 from plumbob.viewer.pipe import Message
 
 if TYPE_CHECKING:
@@ -447,8 +447,8 @@ class Derived:
             for at, (roll, pitch, yaw), word in zip(t[due].tolist(), angles, words[due].tolist(), strict=True)
             if math.isfinite(roll)
         ]
-        if lines and self._hub.clients:
-            self._hub.say_lines(Lines(lines=lines))
+        for line in lines:
+            self._hub.lines.add(line)  # the tick that follows wakes the clients
 
     def _angles(self) -> list[int] | None:
         """Columns of roll, pitch and yaw of the primary estimator."""

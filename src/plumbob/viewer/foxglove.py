@@ -6,6 +6,7 @@ are JSON with a schema; time stamps are UTC.
 
 import asyncio
 import json
+import math
 import struct
 import time
 from collections import deque
@@ -39,7 +40,7 @@ _DATA: Final = struct.Struct("<BIQ")
 _MESSAGE_DATA: Final = 1
 _INFO, _WARNING, _ERROR = 0, 1, 2
 _LOG_INFO, _LOG_WARNING = 2, 3
-_SPEAK_S: Final = 1.0  # between two statuses to a client
+_SPEAK_S: Final = 1.0  # after which a client is told again that it is too slow
 _WARNED: Final = frozenset({"gap", "lost", "dropped", "rejected", "flag", "fault"})
 _ANGLES: Final = ("roll", "pitch", "yaw")
 
@@ -238,7 +239,7 @@ class Viewer:
         self._queue: deque[tuple[int, int, bytes]] = deque()
         self._texts: deque[str] = deque(maxlen=20)
         self._lost = 0
-        self._spoke = -_SPEAK_S
+        self._spoke = -math.inf
 
     @property
     def channels(self) -> set[int]:
@@ -256,18 +257,15 @@ class Viewer:
         self.wake.set()
 
     def say(self, level: int, text: str) -> None:
-        """Let a status wait, unless there was one just now."""
-        now = time.monotonic()
-        if now - self._spoke >= _SPEAK_S:
-            self._spoke = now
-            self._texts.append(json.dumps({"op": "status", "level": level, "message": text}))
-            self.wake.set()
+        """Let a status wait."""
+        self._texts.append(json.dumps({"op": "status", "level": level, "message": text}))
+        self.wake.set()
 
     def next(self) -> str | bytes | None:
         """Message that it gets next; None where nothing waits."""
         if self._lost and time.monotonic() - self._spoke >= _SPEAK_S:
             self.say(_WARNING, f"You are too slow: {counted(self._lost, 'message')} left out.")
-            self._lost = 0
+            self._lost, self._spoke = 0, time.monotonic()
         if self._texts:
             return self._texts.popleft()
         if not self._queue:
@@ -284,7 +282,7 @@ class Viewer:
                 for one in content["subscriptions"]:
                     self._subscribe(one["id"], one["channelId"])
             elif operation == "unsubscribe":
-                for number in content["subscriptionIds"]:
+                for number in map(int, content["subscriptionIds"]):
                     self._subscribed.pop(number, None)
             else:
                 self.say(_ERROR, f"This server does not do {excerpt(str(operation))}: it shows a stream, no more.")
@@ -381,8 +379,9 @@ class Foxglove:
             for viewer in self._viewers:
                 viewer.put(channel, found)
 
-    def _tell(self, kind: str, text: str) -> None:
-        utc = time.time_ns()
+    def _tell(self, kind: str, text: str, t: float | None) -> None:
+        started = (self._hub.hello or {}).get("started_utc")
+        utc = time.time_ns() if t is None or started is None else round(1e9 * (started + t))
         told = {"timestamp": _stamp(utc), "level": _LOG_WARNING if kind in _WARNED else _LOG_INFO, "message": text,
                 "name": kind, "file": "", "line": 0}  # fmt: skip
         for viewer in self._viewers:

@@ -18,6 +18,9 @@ Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
+HEADERS: Final = 16 << 10
+"""Bytes of a request's headers at most."""
+
 _LOOPBACK: Final = ("localhost", "127.0.0.1", "[::1]")
 _ALWAYS: Final = {
     "x-content-type-options": "nosniff",
@@ -90,8 +93,11 @@ class Guard:
             await self._app(scope, receive, send)
             return
         headers = _headers(scope)
+        size = sum(len(key) + len(value) + 4 for key, value in scope["headers"]) + len(scope["query_string"])
         protecting = _protecting(send, headers.get("host", ""))
         try:
+            if size > HEADERS:
+                raise Refusal(431, f"The headers of a request have at most {HEADERS} bytes.")
             entered = self._judge(scope, headers)
         except Refusal as why:
             await _refuse(scope, receive, protecting, why)

@@ -100,6 +100,7 @@ class Client:
         self._lines = hub.lines.end
         self._newest: dict[str, int] = {}
         self._answers: deque[str] = deque()
+        self._is_ticks_turn = False
 
     def answer(self, text: str) -> None:
         """Let it have an answer."""
@@ -107,7 +108,7 @@ class Client:
         self.wake.set()
 
     def next(self) -> str | bytes | None:
-        """Message that it gets next: what queues before what supersedes itself; None where it has got all."""
+        """Message that it gets next, by turns of what queues and what supersedes itself; None where it has got all."""
         hub = self._hub
         if not hub.hello_text:
             return None
@@ -118,6 +119,10 @@ class Client:
             return hub.hello_text
         if self._history is not None:
             return self._next_history(self._history)
+        if self._is_ticks_turn and (message := self._next_tick()) is not None:
+            self._is_ticks_turn = False
+            return message
+        self._is_ticks_turn = True  # a queue that is long leaves every second message to the ticks
         return self._next_queued() or self._next_newest() or self._next_tick()
 
     def _next_history(self, start: int) -> bytes:
@@ -133,10 +138,11 @@ class Client:
             number = max(self._event, self._hub.events.first)
             self._event = number + 1
             return self._hub.events[number]
-        if self._lines < self._hub.lines.end:
-            number = max(self._lines, self._hub.lines.first)
-            self._lines = number + 1
-            return self._hub.lines[number]
+        lines = self._hub.lines
+        if self._lines < lines.end:
+            found = [lines[number] for number in range(max(self._lines, lines.first), lines.end)]
+            self._lines = lines.end
+            return _json(asdict(Lines(lines=found)))
         return None
 
     def _next_newest(self) -> str | None:
@@ -175,8 +181,10 @@ class Hub:
         Rises when time begins again.
     history : History
         Rows of the last minute.
-    ticks, events, lines : Ring
+    ticks, events : Ring
         Encoded messages.
+    lines : Ring
+        Lines of the device's output.
     newest : dict of str to (int, str)
         Messages that supersede the ones before them, with how many there were: ``allan``, ``guide``.
     clients : set of Client
@@ -184,7 +192,7 @@ class Hub:
     listeners : set of callable
         Called with each message of the pipe.
     on_event : callable
-        Called with the kind and the text of each event.
+        Called with kind, text and time of each event.
     tare : Tare
         What angles count from.
     guide : str or None
@@ -203,7 +211,7 @@ class Hub:
         self.newest: dict[str, tuple[int, str]] = {}
         self.clients: set[Client] = set()
         self.listeners: set[Listener] = set()
-        self.on_event: Callable[[str, str], None] = lambda kind, text: None
+        self.on_event: Callable[[str, str, float | None], None] = lambda kind, text, t: None
         self.tare = Tare()
         self.guide: str | None = None
         self.fields: dict[str, Any] = {}
@@ -234,7 +242,7 @@ class Hub:
         """Let an event be known."""
         event = Happened(id=self.events.end, t=self.t if t is None else t, kind=kind, text=text)
         self.events.add(_json(asdict(event)))
-        self.on_event(kind, text)
+        self.on_event(kind, text, event.t)
         self.wake()
 
     def supersede(self, kind: str, message: Mapping[str, Any] | None) -> None:
@@ -243,11 +251,6 @@ class Hub:
             self.newest.pop(kind, None)
             return
         self.newest[kind] = (time.monotonic_ns(), _json(message))
-        self.wake()
-
-    def say_lines(self, lines: Lines) -> None:
-        """Let new lines of the device's output be known."""
-        self.lines.add(_json(asdict(lines)))
         self.wake()
 
     def wake(self) -> None:

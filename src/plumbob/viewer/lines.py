@@ -9,18 +9,19 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from plumbob.viewer.guard import App
+from plumbob.viewer.guard import HEADERS, App
 
 ASKING_S: Final = 5.0
 """How long a request may take to come, s."""
 LISTENING_S: Final = 5.0
 """How long a client may take nothing of what it is sent, s."""
-HEADERS: Final = 16 << 10
-"""Bytes of a request's headers at most."""
+BODY: Final = 1 << 20
+"""Bytes of a request's body at most, also of one that nobody reads."""
 MESSAGE: Final = 64 << 10
 """Bytes of a client's message at most."""
 SLOW: Final = 1013, "Too slow: nothing could be sent for 5 s. Connect again."
 
+_NO_HANDSHAKE: Final = b"HTTP/1.1 431 Request Header Fields Too Large\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
 _CLOSING_S: Final = 5.0  # in which who was slow can still read why
 _ASKING_MOST: Final = 64
 _LAST_S: Final = 0.5
@@ -45,6 +46,7 @@ class HttpLine(H11Protocol):
         super().connection_made(transport)
         self._deadline: asyncio.TimerHandle | None = None
         self._stalled: asyncio.TimerHandle | None = None
+        self._body = 0
         transport.set_write_buffer_limits(high=_WAITING)
         self._expect()
 
@@ -61,6 +63,9 @@ class HttpLine(H11Protocol):
             self._asked()  # it has become a WebSocket, which was asked for in time
         elif self.conn.their_state is h11.SEND_BODY or self.conn.trailing_data[0]:
             self._expect()
+            self._body += len(data)
+            if self._body > BODY:
+                self.transport.abort()
         else:
             self._asked()
 
@@ -90,6 +95,7 @@ class HttpLine(H11Protocol):
     def _asked(self) -> None:
         _cancel(self._deadline)
         self._deadline = None
+        self._body = 0
         self._asking.pop(self, None)
 
 
@@ -108,6 +114,13 @@ class SocketLine(WebSocketsSansIOProtocol):
         _cancel(self._slow)
         _cancel(self._opening)
         super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Take what comes; a handshake comes whole, so what is none then is none."""
+        super().data_received(data)
+        if not self.handshake_initiated:
+            self.transport.write(_NO_HANDSHAKE)
+            self.transport.close()
 
     def pause_writing(self) -> None:
         """Give who does not read a while."""

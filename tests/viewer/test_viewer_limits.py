@@ -1,0 +1,321 @@
+"""What one client can do to the others, and to the server: bombs, floods, and who is slow to ask or to listen."""
+
+import base64
+import json
+import os
+import socket
+import struct
+import time
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from tests.viewer.feeding import Body, hello, parsed, raw_request, request, serving
+
+BODY = Body(1000.0)
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    with serving("--control", "--clients", "40", folder=tmp_path_factory.mktemp("view")) as found:
+        found.feed.say("hello", hello(rate=1000.0))
+        yield found
+
+
+def memory(served):
+    """MiB of the server."""
+    pages = int(Path(f"/proc/{served.process.pid}/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def opened(served, *, room=None, path=None):
+    """WebSocket over a bare socket: no library reads ahead of the test."""
+    line = socket.socket()
+    if room is not None:
+        line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
+    line.settimeout(20.0)
+    line.connect(("127.0.0.1", served.port))
+    target = path or f"/ws?token={served.token}"
+    key = base64.b64encode(b"0123456789abcdef").decode()
+    line.sendall(
+        f"GET {target} HTTP/1.1\r\nHost: {served.host}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+        f"Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: {key}\r\n"
+        "Sec-WebSocket-Extensions: permessage-deflate; client_max_window_bits\r\n\r\n".encode()
+    )
+    head = b""
+    while b"\r\n\r\n" not in head:
+        head += line.recv(1)
+    return line, head
+
+
+def frames(line):
+    """Opcodes and contents of the frames that come until the line ends."""
+
+    def exactly(count):
+        found = b""
+        while len(found) < count:
+            part = line.recv(count - len(found))
+            if not part:
+                raise EOFError
+            found += part
+        return found
+
+    try:
+        while True:
+            first, size = exactly(2)
+            if size == 126:
+                (size,) = struct.unpack(">H", exactly(2))
+            elif size == 127:
+                (size,) = struct.unpack(">Q", exactly(8))
+            yield first & 15, exactly(size)
+    except (EOFError, ConnectionResetError):
+        return
+
+
+def is_served(served, within=2.0):
+    begin = time.monotonic()
+    assert request(served, path="/api/hello")[0] == 200
+    assert time.monotonic() - begin < within
+
+
+def test_a_message_over_64_kib_closes_its_connection_with_1009(served):
+    for text in ("x" * (65 << 10), b"x" * (1 << 20)):
+        with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
+            line.send(text)
+            while True:
+                line.recv(timeout=20.0)
+        assert why.value.rcvd.code == 1009
+    is_served(served)
+
+
+def test_a_message_of_many_pieces_over_64_kib_closes_its_connection_with_1009(served):
+    with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
+        line.send("x" * 1000 for _ in range(100))
+        while True:
+            line.recv(timeout=20.0)
+    assert why.value.rcvd.code == 1009
+
+
+def test_bytes_are_no_command_and_close_with_1003(served):
+    with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
+        line.send(b"\x00")
+        while True:
+            line.recv(timeout=20.0)
+    assert why.value.rcvd.code == 1003
+
+
+def test_compression_is_not_agreed_on(served):
+    line, head = opened(served)
+    line.close()
+    assert b"101 " in head and b"sec-websocket-extensions" not in head.lower()
+
+
+def test_a_compressed_bomb_is_a_fault_of_the_protocol(served):
+    line, _ = opened(served)
+    with line:
+        line.sendall(b"\xc1\x84\0\0\0\0bomb")  # reserved bit 1: compressed
+        codes = [struct.unpack(">H", content[:2])[0] for opcode, content in frames(line) if opcode == 8]
+    assert codes == [1002]
+    is_served(served)
+
+
+@pytest.mark.parametrize(
+    "bomb",
+    [
+        b"X: " + b"a" * (32 << 10) + b"\r\n",
+        b"".join(b"X-%d: a\r\n" % k for k in range(5000)),
+        b"X" * (32 << 10),
+    ],
+)
+def test_headers_beyond_16_kib_are_refused(served, bomb):
+    token = f"Authorization: Bearer {served.token}\r\nHost: {served.host}\r\n".encode()
+    before = memory(served)
+    for path in (b"/api/hello", b"/ws"):
+        status, _, body = raw_request(served, b"GET " + path + b" HTTP/1.1\r\n" + token + bomb + b"\r\n")
+        assert status in (0, 400, 431) and b"B-7" not in body
+    assert memory(served) - before < 5.0
+    is_served(served)
+
+
+def test_a_body_without_end_is_cut(served):
+    before = memory(served)
+    for chunked in (False, True):
+        size = "Transfer-Encoding: chunked" if chunked else "Content-Length: 1000000000"
+        head = (
+            f"POST /api/command HTTP/1.1\r\nHost: {served.host}\r\nAuthorization: Bearer {served.token}\r\n"
+            f"Content-Type: application/json\r\n{size}\r\n\r\n"
+        )
+        piece = b" " * 4096
+        sent, begin = 0, time.monotonic()
+        with socket.create_connection(("127.0.0.1", served.port), timeout=20.0) as line:
+            line.sendall(head.encode())
+            try:
+                while sent < 200 << 20 and time.monotonic() - begin < 20.0:
+                    line.sendall(b"1000\r\n" + piece + b"\r\n" if chunked else piece)
+                    sent += len(piece)
+            except (ConnectionError, TimeoutError):
+                pass
+        assert sent < 200 << 20
+    assert memory(served) - before < 5.0
+    is_served(served)
+
+
+def test_a_command_over_64_kib_is_refused_with_words(served):
+    told = {"Content-Type": "application/json", "Origin": f"http://{served.host}"}
+    status, _, body = request(served, "POST", "/api/command", headers=told, body=b" " * (65 << 10))
+    assert status == 413 and "at most" in json.loads(body)["text"]
+
+
+def test_who_drips_a_request_is_cut_after_five_seconds_and_others_are_served_meanwhile(served):
+    begin = time.monotonic()
+    head = f"GET / HTTP/1.1\r\nHost: {served.host}\r\n".encode()
+    with ExitStack() as held:
+        lines = [held.enter_context(socket.create_connection(("127.0.0.1", served.port))) for _ in range(100)]
+        for k, line in enumerate(lines):
+            line.sendall(head[: 10 + k % 20] if k % 2 else b"")
+        cut = 0
+        while time.monotonic() - begin < 12.0 and cut < len(lines):
+            is_served(served)
+            cut = 0
+            for line in lines:
+                line.settimeout(0.001)
+                try:
+                    line.sendall(b"X")
+                    cut += line.recv(1) == b""
+                except TimeoutError:
+                    pass
+                except OSError:
+                    cut += 1
+            time.sleep(0.2)
+        assert cut == len(lines)
+        assert time.monotonic() - begin < 8.0
+
+
+def test_a_handshake_whose_headers_no_websocket_has_is_cut(served):
+    # h11 takes as many headers as fit into its bytes; the WebSocket library at most 128.
+    head = f"GET /ws?token={served.token} HTTP/1.1\r\nHost: {served.host}\r\n" + "".join(
+        f"X-{k}: a\r\n" for k in range(300)
+    )
+    data = head + "Upgrade: websocket\r\nConnection: Upgrade\r\n\r\n"
+    begin = time.monotonic()
+    assert raw_request(served, data.encode())[0] in (0, 400, 431)
+    assert time.monotonic() - begin < 8.0
+
+
+def test_clients_beyond_the_limit_are_refused_with_words(tmp_path):
+    with serving(folder=tmp_path) as served, ExitStack() as held:
+        served.feed.say("hello", hello())
+        for _ in range(8):
+            held.enter_context(connect(served.socket_url()))
+        with connect(served.socket_url()) as line, pytest.raises(ConnectionClosed) as why:
+            line.recv(timeout=20.0)
+        assert why.value.rcvd.code == 1013
+        assert why.value.rcvd.reason == "8 clients of your address are connected; raise it with --clients."
+        held.close()
+        deadline = time.monotonic() + 10.0
+        while time.monotonic() < deadline:
+            with connect(served.socket_url()) as line:
+                try:
+                    assert json.loads(line.recv(timeout=20.0))["type"] == "hello"
+                    break
+                except ConnectionClosed:
+                    time.sleep(0.05)
+        else:
+            raise AssertionError("no place was given back")
+
+
+def test_clients_that_never_read_cost_little_are_dropped_and_told_while_others_miss_nothing(tmp_path):
+    many = [{**hello()["columns"][0], "key": f"c.{k}"} for k in range(200)]
+    with serving(folder=tmp_path) as served, ExitStack() as held:
+        served.feed.say("hello", hello(rate=1000.0, columns=many))
+        line = held.enter_context(connect(served.socket_url(), max_size=None))
+        begin, first, seen, late, silent, before, most = time.monotonic(), 0, [], [], [], 0.0, 0.0
+        while (now := time.monotonic() - begin) < 14.0:
+            batch = BODY.batch(first, 16)
+            values = np.resize(batch.arrays["values"], (16, 200))
+            served.feed.write(batch._replace(arrays={**batch.arrays, "values": values}))
+            first += 16
+            while isinstance(message := line.recv(timeout=20.0), str) or parsed(message).state.get("t") is None:
+                pass
+            seen.append(parsed(message))
+            late.append(time.time() - seen[-1].state["sent"])
+            if now > 6.0 and not silent:  # the Allan deviation has compiled what it needs
+                before = memory(served)
+                silent = [held.enter_context(opened(served, room=4096)[0]) for _ in range(7)]
+            most = max(most, memory(served))
+            time.sleep(0.01)
+        heard = [list(frames(one)) for one in silent]
+    for opcodes in heard:
+        assert opcodes[-1][0] == 8
+        code, reason = struct.unpack(">H", opcodes[-1][1][:2])[0], opcodes[-1][1][2:].decode()
+        assert (code, reason) == (1013, "Too slow: nothing could be sent for 5 s. Connect again.")
+        # It got what fits into its own buffer and the server's, a part of what the other one got.
+        assert sum(len(content) for _, content in opcodes) < 1 << 20
+    assert most - before < 7.0
+    t = [one.t for one in seen if one.t.size]
+    assert all(b[0] - a[-1] < 0.035 for a, b in pairwise(t))
+    assert sorted(late)[len(late) * 99 // 100] < 0.1
+
+
+def test_who_reads_slowly_gets_the_newest_and_is_not_dropped(tmp_path):
+    many = [{**hello()["columns"][0], "key": f"c.{k}"} for k in range(400)]
+    with serving(folder=tmp_path) as served:
+        served.feed.say("hello", hello(rate=100.0, columns=many))
+        slow, _ = opened(served, room=4096)
+        found = frames(slow)
+        got, first, begin = [], 0, time.monotonic()
+        with slow:
+            while time.monotonic() - begin < 8.0:
+                batch = BODY.batch(first, 8)
+                values = np.resize(batch.arrays["values"], (8, 400))
+                served.feed.write(batch._replace(arrays={**batch.arrays, "values": values}))
+                first += 8
+                if first % 80 == 0:
+                    for _ in range(2):
+                        opcode, content = next(found)
+                        assert opcode in (1, 2)
+                        if opcode == 2:
+                            got.append(parsed(content))
+                time.sleep(0.02)
+            assert got
+        steps = [b.t[0] - a.t[-1] for a, b in pairwise(got) if a.t.size and b.t.size]
+        assert max(steps) > 0.1
+        is_served(served)
+
+
+def test_a_flood_of_commands_is_answered_in_part_and_hurts_nobody(served):
+    with connect(served.socket_url()) as line:
+        for k in range(200):
+            line.send(json.dumps({"id": k, "verb": "mark", "text": "x"}))
+        answers = []
+        while len(answers) < 192:
+            message = line.recv(timeout=20.0)
+            if isinstance(message, str) and json.loads(message)["type"] == "answer":
+                answers.append(json.loads(message))
+        assert {one["text"] for one in answers} == {"Too many commands wait for their answers."}
+        is_served(served)
+
+
+def test_who_asks_for_the_page_and_does_not_read_it_is_let_go(served):
+    line = socket.socket()
+    line.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    line.connect(("127.0.0.1", served.port))
+    one = f"GET /api/state HTTP/1.1\r\nHost: {served.host}\r\nAuthorization: Bearer {served.token}\r\n\r\n".encode()
+    line.settimeout(0.5)
+    begin = time.monotonic()
+    with line:
+        while time.monotonic() - begin < 15.0:
+            try:
+                line.sendall(100 * one)
+            except TimeoutError:
+                continue
+            except ConnectionError:
+                break
+        else:
+            raise AssertionError("it was never cut")
+    is_served(served)
