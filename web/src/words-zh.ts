@@ -24,8 +24,7 @@ export const ZH: Record<string, string> = {
   Bias: "零偏", Rate: "角速率", Force: "比力", Field: "磁场", Roll: "横滚", Pitch: "俯仰", Yaw: "偏航", Heading: "航向",
   roll: "横滚", pitch: "俯仰", yaw: "偏航", heading: "航向", error: "误差", total: "总误差", inclination: "倾角", temperature: "温度", reference: "参考",
   "|force| − g": "|比力| − g", "force to up": "比力与天向夹角", "field to North": "磁场与北向夹角",
-  "Show the last {} s (key {})": "显示最近 {} s（{} 键）", Hold: "冻结", Held: "已冻结", "Hold the charts and look at them (key h)": "冻结曲线以便查看（h 键）",
-  Latest: "最新", "Back to the latest samples (Esc, or a double click on a chart)": "回到最新样本（Esc 键，或双击曲线）",
+  "Show the last {} s (key {})": "显示最近 {} s（{} 键）", Hold: "冻结", Held: "已冻结", "Hold the charts, or go back to the latest samples (key h; Esc; a double click on a chart)": "冻结曲线，或回到最新样本（h 键；Esc 键；双击曲线）",
   "Charts that are shown": "显示的曲线", "Charts: arrow keys move the cursor, + and − change the span of time, h holds": "曲线：方向键移动光标，+ 和 − 改变时间跨度，h 冻结",
   "No samples yet.": "尚无样本。", "Span of time": "时间跨度", "Show or hide this line": "显示或隐藏此曲线", "no flags": "无标志",
   // Numbers

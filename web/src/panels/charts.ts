@@ -87,8 +87,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       () => follow(seconds),
     ),
   );
-  const holder = button({ class: "chip hold", say: "Hold", hint: "Hold the charts and look at them (key h)" }, () => hold());
-  const whole = button({ class: "chip", say: "Latest", hint: "Back to the latest samples (Esc, or a double click on a chart)" }, () => follow());
+  const holder = button({ class: "chip hold", say: "Hold", hint: "Hold the charts, or go back to the latest samples (key h; Esc; a double click on a chart)" }, () => hold());
   const readout = h("output", { class: "readout", attributes: { "aria-live": "off" } });
   const chooser = h("div", { class: "chooser", aria: "Charts that are shown", attributes: { role: "group" } });
   const area = h("div", { class: "strips", attributes: { tabindex: "0", role: "group" } });
@@ -98,7 +97,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     "div", { class: "charts" },
     h("div", { class: "tools" },
       h("div", { class: "chips", aria: "Span of time", attributes: { role: "group" } }, ...times),
-      h("div", { class: "chips" }, holder, whole),
+      holder,
       readout,
     ),
     chooser, area, empty,
@@ -146,7 +145,6 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     times.forEach((one, i) => set(one, "aria-pressed", String(span === null && WINDOWS[i] === reach)));
     set(holder, "aria-pressed", String(span !== null));
     say(holder, span === null ? "Hold" : "Held");
-    whole.disabled = span === null;
     element.classList.toggle("held", span !== null);
   }
 
@@ -226,7 +224,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       const sources = new Set(columns.map((column) => column.source));
       this.bySource = sources.size > 1 || (columns.length === 1 && hello.estimators.some((one) => sources.has(one.name)));
       this.lines = columns.map((of, k) => ({
-        column: group.columns[k]!, of, axis: k, shown: true, points: new Points(), value: h("span", { class: "value" }),
+        column: group.columns[k]!, of, axis: k, shown: true, points: new Points(), value: h("span", { class: "value live" }),
       }));
       this.element = h("section", { class: "strip" }, this.head(), this.host);
       this.plot = this.make();
@@ -399,7 +397,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       for (const line of [...this.lines].sort((one, other) => this.order(one) - this.order(other))) {
         if (!line.shown) continue;
         ctx.strokeStyle = colour(this, line);
-        ctx.lineWidth = ratio * wide * (this.order(line) === 1 ? 1.5 : 1);
+        ctx.lineWidth = ratio * wide * (this.order(line) ? 1.5 : 1);
         ctx.setLineDash(line.of.source === "reference" ? [6 * ratio, 4 * ratio] : []);
         ctx.beginPath();
         trace(ctx, plot, line.points);
@@ -536,8 +534,8 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     for (const strip of strips) if (strip.visible && !strip.element.hidden) strip.values();
     const hello = shell.hello();
     const time = cursor === null ? null : shell.store.length ? shell.store.t[nearest(cursor)]! : null;
-    const day = time !== null && hello?.started_utc ? `   ${utc(hello.started_utc + time, 3)}` : "";
-    put(readout, time === null ? "" : `t = ${clock(time, 3)}${day}`);
+    const day = time !== null && hello?.started_utc ? `  ${utc(hello.started_utc + time, 3)}` : "";
+    put(readout, time === null ? "" : `${clock(time, 3)}${day}`);
   }
 
   return {

@@ -3,7 +3,7 @@ import { h, put, say, set } from "../dom";
 import { flagNamed } from "../flags";
 import { fixed, NONE, signed, wrapped } from "../format";
 import type { Attitude, Column, Hello, State } from "../messages";
-import { ANGLE_NAMES, compass, headed, NAMES } from "../names";
+import { ANGLE_NAMES, compass, headed, SHORT } from "../names";
 import type { Own, OwnPanel, Shell } from "../shell";
 
 const ANGLES = ["roll", "pitch", "yaw"] as const;
@@ -154,8 +154,8 @@ export const channels: Own = (shell) => {
   function line(title: HTMLElement, columns: readonly Column[], of: number[], unit: string): [HTMLElement, Cells] {
     const cells = of.map(() => h("span", { class: "value live", text: NONE }));
     const named = (column: Column) => h("span", { class: "label", say: shortened(column) });
-    const values = of.map((i, k) => h("span", { class: "cell" }, of.length > 1 ? named(columns[i]!) : null, cells[k]!));
-    return [h("div", { class: "line" }, h("div", { class: "title" }, title, h("span", { class: "unit", text: unit })), h("div", { class: "cells" }, ...values)), { columns: of, cells }];
+    const values = of.map((i, k) => h("span", { class: "one" }, of.length > 1 ? named(columns[i]!) : null, cells[k]!));
+    return [h("div", { class: "line" }, h("div", { class: "title" }, title, h("span", { class: "unit", text: unit })), h("div", { class: of.length > 1 && of.some((i) => shortened(columns[i]!).length > 2) ? "triad stacked" : "triad" }, ...values)), { columns: of, cells }];
   }
 
   function build(now: Hello): void {
@@ -165,10 +165,10 @@ export const channels: Own = (shell) => {
     const lines: HTMLElement[] = [];
     const shown = now.columns.map((column, i) => ({ column, i })).filter(({ column }) => column.chart !== "attitude" && column.chart !== "error");
     for (const [first, places] of grouped(shown.map(({ column }) => column), (column) => `${column.chart} ${column.source} ${column.unit}`)) {
-      const title = h("h3", { say: NAMES[first.chart] ?? first.chart });
+      const title = h("h3", { say: SHORT[first.chart] ?? first.chart });
       const own = now.estimators.some((one) => one.name === first.source);
-      const whose = h("span", {}, title, own ? h("span", { class: "source", text: first.source }) : null);
-      const [made, cells] = line(whose, now.columns, places.map((place) => shown[place]!.i), first.unit);
+      const [made, cells] = line(title, now.columns, places.map((place) => shown[place]!.i), first.unit);
+      if (own) made.firstElementChild!.append(h("span", { class: "source", text: first.source }));
       physical.push(cells);
       lines.push(made);
     }
