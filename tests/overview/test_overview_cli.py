@@ -178,7 +178,7 @@ def test_plot_is_plot(folder, tmp_path):
         (["report", "sea.parquet", "--filter", "mahony,mekf"], "report takes one filter"),
         (["report", "sea.parquet", "--filter", "track"], "holds no attitude, which filter 'track' takes"),
         (["report", "sea.parquet", "--burst", "0 s"], "burst must be above 0"),
-        (["report", "sea.parquet", "--tilt-limit", "3 m"], "tilt_limit"),
+        (["report", "sea.parquet", "--tilt-limit", "3 m"], "'m' is not a unit of angle"),
         (["report", "none.parquet"], "none.parquet"),
         (["report", "none.mcap"], "none.mcap"),
         (["plot", "sea.parquet", "--what", "rates", "--out", "a.txt"], "the name of a picture must end in"),
