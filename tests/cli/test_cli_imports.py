@@ -80,6 +80,11 @@ LINES = {
     "run": (["run", "sea.parquet", "--filter", "mekf"], RUN),
     "run --out": (["run", "sea.parquet", "--filter", "mahony", "--out", "track.parquet"], RUN),
     "run, refused": (["run", "none.parquet", "--filter", "mekf"], {"numpy", "filters"}),
+    "report": (["report", "sea.parquet", "--filter", "mekf"], RUN | {"scipy", "scipy.fft", "scipy.special"}),
+    "plot": (
+        ["plot", "sea.parquet", "--filter", "none", "--what", "rates", "--out", "rates.svg"],
+        READ | {"matplotlib", "scipy", "scipy.fft", "scipy.special"},
+    ),
     "eval": (["eval", "track.parquet", "sea.parquet"], READ | {"evaluation"}),
     "rest": (["sim", "static", *SIM, "random", "--duration", "90s", "--out", "rest.parquet"], SIMULATED),
     "allan": (

@@ -39,9 +39,9 @@ def test_noise_at_rest_passes(seed):
 
 def test_spikes_are_found():
     t, values, words = burst()
-    for count, flag in ((5, SUSPECT), (400, FAIL)):
+    for count, flag in ((8, SUSPECT), (400, FAIL)):
         own = values.copy()
-        own[100 : 100 + 7 * count : 7, 1] += 30.0 if count == 5 else 40.0
+        own[100 : 100 + 7 * count : 7, 1] += 30.0 if count == 8 else 40.0
         assert verdict("gyr", t, own, words, SPAN).tests["spike"] == flag
 
 

@@ -127,9 +127,9 @@ def subject_from(
     gatherer: Gatherer,
     paths: Sequence[Path] = (),
     session: "Session | None" = None,
-    told: Sequence[str] = (),
+    of_file: Sequence[str] = (),
 ) -> Subject:
-    """Of an estimate that a gatherer has followed; `told` are remarks about the file."""
+    """Of an estimate that a gatherer has followed; `of_file` are remarks about the file."""
     gathered, last = gatherer.done(), result.outline.last
     numbers = result.summary()
     meta = result.imu.meta
@@ -142,7 +142,7 @@ def subject_from(
         ("frame", f"{last.frame}, heading from {counted_from(last.north, numbers['declination_deg'])}"),
         *_software(),
     ]
-    remarks = (*told, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
+    remarks = (*of_file, *(line.removeprefix(f"{result.name}: ") for line in result.notes))
     calibrated = meta.calibration is not None
     return Subject(
         result.name, tuple(paths), gathered, tuple(facts), remarks, calibrated, last.north, numbers, meta.t0_ns

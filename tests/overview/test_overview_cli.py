@@ -1,0 +1,195 @@
+"""plumbob report, plot and run --report: files of every kind, options, numbers, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.core.errors import MissingExtraError
+from plumbob.core.web import asset
+from plumbob.overview import subject
+from tests.battery.commandline import call, ok
+
+SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
+
+
+def is_built():
+    try:
+        asset("report.js")
+    except MissingExtraError:
+        return False
+    return True
+
+
+BUILT = pytest.mark.skipif(not is_built(), reason="the pages are not built: run 'make page'")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A recording, its track, and a recorded line with its card and a filter."""
+    place = tmp_path_factory.mktemp("overview")
+    made = plumbob.simulate("buoy", duration=30.0, seed=1, **SIM)
+    plumbob.write(place / "sea.parquet", made.imu)
+    plumbob.estimate(made.imu, "mekf").save(place / "track.parquet")
+    plumbob.emulate("buoy", seed=1, duration=20.0, write=place / "b.bin", truth=place / "t.parquet")
+    card = plumbob.CalibrationCard.load(place / "t.card.json")
+    for name, options in (("line", {"calibration": card, "device": card.device}), ("bare", {})):
+        plumbob.record(
+            capture=place / "b.bin", format="buoy", frame="NED", filter="mekf", out=place / f"{name}.mcap", **options
+        )
+    return place
+
+
+@BUILT
+def test_report_writes_the_page_and_prints_what_it_says(folder, tmp_path):
+    done = ok("report", folder / "sea.parquet", "--filter", "mekf", "--burst", "10 s", "--out", tmp_path / "a.html")
+    assert "Roll and pitch" in done.stdout and "SHA-256" in done.stdout
+    assert done.stdout.splitlines()[-1].split() == ["page", str(tmp_path / "a.html")]
+    assert "<html" in (tmp_path / "a.html").read_text(encoding="utf-8")
+    again = call("report", folder / "sea.parquet", "--out", tmp_path / "a.html")
+    assert again.returncode == 1 and "exists already" in again.stderr
+
+
+def test_json_has_all_numbers(folder):
+    found = json.loads(ok("report", folder / "sea.parquet", "--filter", "mekf", "--burst", "10 s", "--json").stdout)
+    (one,) = found["recordings"]
+    ours = plumbob.report(folder / "sea.parquet", filter="mekf", burst=10.0).summary()["recordings"][0]
+    for report in (one, ours):
+        report["provenance"] = [fact for fact in report["provenance"] if fact[0] != "made by"]
+    assert one == json.loads(json.dumps(ours))
+    assert len(one["bursts"]) == 3
+    assert one["tilt"]["roll"]["std_deg"] == pytest.approx(3.5, abs=2.0)
+    assert sum(one["heading"]["share_by_10_deg"]) == pytest.approx(1.0)
+    assert set(one["spectra"]["density"]) >= {"roll [°²/Hz]", "vertical [(m/s²)²/Hz]"}
+    assert one["bursts"][0]["quality"]["gyr"]["flag"] == 1
+    assert one["estimate"]["filter"].startswith("mekf")
+
+
+def test_the_page_of_run_is_of_its_own_estimate(folder, tmp_path, monkeypatch):
+    """Estimated once, with the numbers that report has."""
+    from plumbob.overview import overview
+    from plumbob.overview.gathered import Gatherer
+
+    gatherer = Gatherer(burst=10.0)
+    result = plumbob.estimate(folder / "sea.parquet", "mekf", follow=gatherer)
+    made = overview.of_estimate(result, gatherer, folder / "sea.parquet").summary()["recordings"][0]
+    other = plumbob.report(folder / "sea.parquet", filter="mekf", burst=10.0).summary()["recordings"][0]
+    for key in ("tilt", "heading", "spectra", "bursts", "flags", "remarks"):
+        assert made[key] == other[key]
+
+
+@BUILT
+@pytest.mark.parametrize("out", [[], ["--out", "track.parquet"], ["--out", "track.csv"]], ids=str)
+def test_run_writes_the_page_beside_its_track(folder, tmp_path, out):
+    words = [tmp_path / word if word.startswith("track") else word for word in out]
+    done = ok("run", folder / "sea.parquet", "--filter", "mekf", *words, "--report", tmp_path / "a.html")
+    assert f"page         {tmp_path / 'a.html'}" in done.stdout
+    assert (tmp_path / "a.html").stat().st_size > 100_000
+
+
+def test_estimating_without_keeping_holds_the_last_attitude(folder):
+    whole = plumbob.estimate(folder / "sea.parquet", "mekf")
+    lean = plumbob.estimate(folder / "sea.parquet", "mekf", keep=False)
+    assert lean.summary() == whole.summary()
+    assert len(lean.track) == 1
+    assert np.array_equal(lean.track.q_nb[-1], whole.track.q_nb[-1])
+
+
+def test_a_track_is_taken_as_it_is(folder):
+    """And of samples with an attitude beside them, that attitude where it is asked for."""
+    alone = plumbob.report(folder / "track.parquet").subjects[0]
+    assert alone.gathered.triads == ()
+    imu, track = plumbob.read(folder / "sea.parquet").imu, plumbob.read(folder / "track.parquet").track
+    both = plumbob.report(plumbob.Recording(imu=imu, track=track, name="both"), filter="track").subjects[0]
+    made = plumbob.report(folder / "sea.parquet", filter="mekf").subjects[0]
+    for one in (alone, both):
+        assert one.gathered.tilt.roll.sd == pytest.approx(made.gathered.tilt.roll.sd, rel=1e-9)
+    assert both.gathered.triads == ("gyr", "acc", "mag")
+    assert "as the file holds it: mekf" in dict(both.facts)["estimate"]
+
+
+def test_sensors_alone_need_no_frame_and_have_no_attitude(folder):
+    found = plumbob.report(folder / "bare.mcap", filter="none").subjects[0]
+    assert found.gathered.tilt is None and found.gathered.spectra is None
+    assert dict(found.facts)["estimate"] == "none"
+    assert "Roll and pitch" not in plumbob.report(folder / "bare.mcap", filter="none").text()
+
+
+def test_a_recorded_line_takes_the_card_of_its_session(folder):
+    card = plumbob.CalibrationCard.load(folder / "t.card.json")
+    with_card = plumbob.report(folder / "line.mcap", filter="mekf").subjects[0]
+    assert with_card.calibrated and dict(with_card.facts)["calibration"] == card.name
+    bare = plumbob.report(folder / "bare.mcap", filter="mekf").subjects[0]
+    assert not bare.calibrated
+    told = plumbob.report(folder / "bare.mcap", filter="mekf").text()
+    assert "All numbers of this page are of uncalibrated" in " ".join(told.split())
+
+
+def test_what_was_estimated_live_is_taken_where_it_is_asked_for(folder):
+    live = plumbob.report(folder / "line.mcap", filter="track").subjects[0].gathered
+    again = plumbob.replay(folder / "line.mcap").track
+    assert live.tilt.roll.samples == len(again)
+    assert live.tilt.inclination.greatest == pytest.approx(np.max(np.arccos(np.cos(again.roll) * np.cos(again.pitch))))
+
+
+def test_a_large_recorded_line_is_decoded_to_a_file_with_the_same_numbers(folder, monkeypatch):
+    small = plumbob.report(folder / "line.mcap", filter="mekf").summary()["recordings"][0]
+    monkeypatch.setattr(subject, "LARGE", 0)
+    large = plumbob.report(folder / "line.mcap", filter="mekf").summary()["recordings"][0]
+    for key in ("tilt", "heading", "spectra", "bursts", "flags", "remarks", "time", "sensors"):
+        assert large[key] == small[key], key
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_damage_is_said(folder, tmp_path, monkeypatch, large):
+    raw = bytearray((folder / "line.mcap").read_bytes())
+    at = len(raw) // 2
+    raw[at : at + 40] = bytes(40)
+    (tmp_path / "bad.mcap").write_bytes(raw[: len(raw) * 9 // 10])
+    if large:
+        monkeypatch.setattr(subject, "LARGE", 0)
+    notes = []
+    found = plumbob.report(tmp_path / "bad.mcap", filter="mekf", note=notes.append)
+    assert any("damaged: " in line for line in notes)
+    assert any(line.startswith("damaged: ") for line in found.subjects[0].remarks)
+
+
+def test_a_tilt_limit_is_a_limit(folder):
+    found = plumbob.report(folder / "track.parquet", tilt_limit="3 deg").subjects[0].gathered.tilt.inclination
+    assert found.limit == pytest.approx(np.radians(3.0))
+    assert found.beyond > 0
+
+
+def test_plot_is_plot(folder, tmp_path):
+    pytest.importorskip("matplotlib")
+    words = ("--filter", "mekf", "--from", "5s", "--to", "20s")
+    ok("plot", folder / "sea.parquet", "--what", "angles", *words, "--out", tmp_path / "a.svg")
+    plumbob.plot(folder / "sea.parquet", tmp_path / "b.svg", what="angles", filter="mekf", begin="5s", end="20s")
+    assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["report", "sea.parquet", "--out", "a.pdf"], "--out needs a name that ends in .html or .htm"),
+        (["report", "sea.parquet", "--pdf", "a.html"], "--pdf needs a name that ends in .pdf"),
+        (["report", "sea.parquet", "--lang", "zh"], "--lang is for --out or --pdf"),
+        (["report", "sea.parquet", "--filter", "mahony,mekf"], "report takes one filter"),
+        (["report", "sea.parquet", "--filter", "track"], "holds no attitude, which filter 'track' takes"),
+        (["report", "sea.parquet", "--burst", "0 s"], "burst must be above 0"),
+        (["report", "sea.parquet", "--tilt-limit", "3 m"], "'m' is not a unit of angle"),
+        (["report", "none.parquet"], "none.parquet"),
+        (["report", "none.mcap"], "none.mcap"),
+        (["plot", "sea.parquet", "--what", "rates", "--out", "a.txt"], "the name of a picture must end in"),
+        (["plot", "sea.parquet", "--what", "rates", "--filter", "none", "--from", "90s", "--out", "a.svg"],
+         "no sample lies between"),
+        (["run", "sea.parquet", "--report", "a.txt"], "--report needs a name that ends in .html"),
+    ],
+)  # fmt: skip
+def test_what_does_not_go_together_is_refused(folder, words, said):
+    before = sorted(folder.iterdir())
+    done = call(*words, cwd=folder)
+    assert done.returncode == 1
+    assert said in done.stderr
+    assert sorted(folder.iterdir()) == before

@@ -1,0 +1,207 @@
+"""The page of a recording: self-contained, safe, every sample in it, drawn by a browser that has no network."""
+
+import json
+import re
+import shutil
+from base64 import b64decode, b64encode
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob.core.errors import MissingExtraError, ParameterError
+from plumbob.core.units import to_deg
+from plumbob.core.web import asset
+from plumbob.overview import printed, traces
+from plumbob.reporting.style import said
+from tests.battery.labels import labels
+
+SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
+HOSTILE = '</script><script>document.title="taken"</script><img src=x onerror=alert(1)>'
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def built():
+    try:
+        asset("report.js")
+    except MissingExtraError:
+        pytest.skip("the pages are not built: run 'make page', which needs Node 20 or newer")
+
+
+@pytest.fixture(scope="module")
+def imu():
+    """Forty seconds with a gap of 2 s, of a device with a name that is a script."""
+    made = plumbob.simulate("buoy", duration=40.0, seed=2, **SIM).imu
+    t = made.t.copy()
+    t[1500:] += 2.0
+    meta = replace(made.meta, device=HOSTILE, t0_ns=1_800_000_000_000_000_000)
+    return replace(made, t=t, meta=meta)
+
+
+@pytest.fixture(scope="module")
+def overview(imu):
+    return plumbob.report(plumbob.Recording(imu=imu, name=HOSTILE), filter="mekf", burst="10 s")
+
+
+@pytest.fixture(scope="module")
+def page(overview):
+    return overview.page()
+
+
+def data_of(page):
+    return json.loads(re.search(r'<script type="application/json" id="report-data">(.*?)</script>', page, re.S)[1])
+
+
+def block(page, name):
+    return b64decode(re.search(rf'id="{name}">([^<]*)</script>', page)[1])
+
+
+def values(page, name, subject=0):
+    """A channel as the page's script unpacks it."""
+    channel = data_of(page)["subjects"][subject]["channels"][name]
+    codes = np.frombuffer(block(page, channel["block"]), dtype="<i2")
+    return np.where(codes == -32768, np.nan, channel["low"] + channel["step"] * codes), channel["step"]
+
+
+def test_one_script_may_run_and_it_is_named_by_its_hash(page):
+    scripts = re.findall(r"<script>(.*?)</script>", page, re.S)
+    assert len(scripts) == 1
+    digest = b64encode(sha256(scripts[0].encode()).digest()).decode()
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page)[1]
+    assert policy.startswith("default-src 'none'")
+    assert f"script-src 'sha256-{digest}'" in policy and "unsafe-eval" not in policy
+
+
+def test_nothing_is_fetched_and_names_are_text(page):
+    outside = re.sub(r"<script.*?</script>", "", page, flags=re.S)
+    assert not [tag for tag in re.findall(r"<[a-z][^>]*>", outside) if re.search(r"\b(src|href)\s*=", tag)]
+    assert not re.search(r"@import|url\(", outside)
+    assert HOSTILE not in page
+    assert "&lt;img src=x onerror" in page
+
+
+def test_every_sample_is_in_it(page, imu):
+    """Within half a step of its channel, which the range of the channel divides in 65 534."""
+    found, step = values(page, "gyr_y")
+    known = np.delete(found, 1500)  # the gap
+    assert np.isnan(found[1500])
+    assert step == pytest.approx(np.ptp(to_deg(imu.gyr[:, 1])) / 65534, rel=1e-4)
+    assert np.max(np.abs(known - to_deg(imu.gyr[:, 1]))) <= 0.51 * step + 1e-5  # and a float32
+    subject = data_of(page)["subjects"][0]
+    times = np.frombuffer(block(page, subject["t"]["block"]), dtype="<f8")
+    assert np.array_equal(np.delete(times, 1500), imu.t)
+    assert subject["breaks"] == [1500]
+    assert subject["epoch"] == 1.8e9
+
+
+def test_a_long_recording_says_how_many_samples_a_pair_is(imu, monkeypatch):
+    monkeypatch.setattr("plumbob.overview.overview.WHOLE", 1000)
+    monkeypatch.setattr(traces, "BUCKETS", 100)
+    page = plumbob.report(imu, filter="mekf").page()
+    assert "each pair of points is the smallest and the largest of 40 samples" in page
+    found, step = values(page, "acc_z")
+    assert np.nanmax(found) == pytest.approx(imu.acc[:, 2].max(), abs=step)
+    assert np.nanmin(found) == pytest.approx(imu.acc[:, 2].min(), abs=step)
+
+
+def test_uncalibrated_values_are_said_loudly(imu):
+    bare = replace(imu, meta=replace(imu.meta, calibration=None))
+    assert "class='loud'" in plumbob.report(bare, filter="mekf").page()
+    assert "class='loud'" not in plumbob.report(imu, filter="mekf").page()
+
+
+def test_several_recordings_stand_beside_each_other(imu):
+    two = plumbob.report([imu, imu[:2000]], filter="mekf")
+    page = two.page()
+    assert page.count("class='recording'") == 2
+    assert len(data_of(page)["subjects"]) == 2
+    assert len(two.report().tables[0].rows) == 2
+
+
+def test_every_label_has_its_chinese_word(overview):
+    symbols = r"Hz|rms|SHA-256|UTC|T[zp]|\[[^\]]*\]|\|\w+\||gyr|Escape|µT|" + re.escape(HOSTILE)
+    found = labels(overview.report())
+    meanings = {row[3] for table in overview.report().tables if table.title == "Gaps and flags" for row in table.rows}
+    left = {one: said(one, "zh") for one in found - meanings}
+    assert not {k: v for k, v in left.items() if re.search("[A-Za-z]{2,}", re.sub(symbols, "", v))}
+    chinese = overview.page(lang="zh")
+    heads = re.findall(r"<h[1-4]>(.*?)</h|<figcaption>(.*?)<span|<summary>(.*?)</summary>", chinese)
+    words = ["".join(one) for one in heads]
+    assert words and not [one for one in words if re.search("[A-Za-z]{3,}", re.sub(symbols, "", one))]
+    assert '<html lang="zh">' in chinese
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+def test_a_browser_draws_it_and_zooms(page, tmp_path):
+    """All plots are drawn, nothing is asked of the network, nothing fails, and the name did not run."""
+    sync = pytest.importorskip("playwright.sync_api")
+    file = tmp_path / "page.html"
+    file.write_text(page, encoding="utf-8")
+    with sync.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        tab = browser.new_page(viewport={"width": 390, "height": 844})
+        said_, asked = [], []
+        tab.on("console", lambda message: said_.append(message.text))
+        tab.on("pageerror", lambda error: said_.append(str(error)))
+        tab.on("request", lambda request: asked.append(request.url))
+        tab.goto(file.as_uri())
+        tab.wait_for_selector("html[data-drawn]", state="attached")
+        assert tab.title().startswith("Attitude report")
+        figures = tab.locator("figure[data-chart]").count()
+        assert tab.locator("figure[data-chart] canvas").count() == figures > 8
+        assert tab.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+        before = pixels(tab, 3)
+        tab.locator("figure[data-chart] .plot").first.focus()
+        tab.keyboard.press("+")
+        assert pixels(tab, 3) != before
+        tab.keyboard.press("Escape")
+        assert pixels(tab, 3) == before
+        browser.close()
+    assert said_ == []
+    assert asked == [file.as_uri()]
+
+
+def pixels(tab, number):
+    """What a plot shows."""
+    tab.evaluate("() => new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    return tab.evaluate(f"() => document.querySelectorAll('figure[data-chart] canvas')[{number}].toDataURL()")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
+def test_a_browser_prints_it(overview, tmp_path):
+    path = overview.write_pdf(tmp_path / "page.pdf")
+    raw = path.read_bytes()
+    assert raw.startswith(b"%PDF-") and len(raw) > 20_000
+    assert [one.name for one in tmp_path.iterdir()] == ["page.pdf"]
+    with pytest.raises(ParameterError, match="exists already"):
+        overview.write_pdf(path)
+
+
+def test_without_a_browser_a_pdf_is_refused_in_plain_words(overview, tmp_path, monkeypatch):
+    monkeypatch.setattr(printed, "BROWSERS", ("a-browser-that-is-not-there",))
+    with pytest.raises(MissingExtraError, match="a PDF is printed by Chromium or Chrome, and none was found"):
+        overview.write_pdf(tmp_path / "page.pdf")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_figures_are_pictures_of_their_own(imu, tmp_path):
+    pytest.importorskip("matplotlib")
+    for what in ("angles", "spectrum", "rose", "flags", "bursts"):
+        written = plumbob.plot(imu, tmp_path / f"{what}.svg", what=what, filter="mekf", begin=5.0, end="30 s")
+        assert "<svg" in Path(written).read_text(encoding="utf-8")
+    with pytest.raises(ParameterError, match="there is not a figure 'roses'"):
+        plumbob.plot(imu, tmp_path / "a.svg", what="roses")
+    with pytest.raises(ParameterError, match="has nothing to draw for 'rose'"):
+        plumbob.plot(imu, tmp_path / "a.svg", what="rose", filter="none")
+
+
+def test_the_width_of_a_picture_is_that_which_was_asked_for(imu, tmp_path):
+    """85 mm are 240.9 points."""
+    pytest.importorskip("matplotlib")
+    plumbob.plot(imu, tmp_path / "a.svg", what="rates", filter="none", width="85 mm")
+    head = re.search(r'<svg[^>]* width="([\d.]+)pt"', (tmp_path / "a.svg").read_text(encoding="utf-8"))
+    assert float(head[1]) == pytest.approx(85.0 / 25.4 * 72.0, abs=0.1)
