@@ -1,7 +1,7 @@
 """Pictures of README and docs, taken of the pages themselves in Chromium: ``python website/pictures.py``.
 
-They are of the emulated buoy: its live page after half a minute, in light and dark and on a telephone, and the report of
-its recording. Another run gives other waves' moments, so that the files differ; what they show does not.
+They show the emulated buoy: its live page after half a minute, in light, in dark and on a telephone, and the report of a
+recording. Another run catches other moments of the waves, so that the files differ; what they show does not.
 """
 
 import subprocess
