@@ -113,11 +113,20 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     }
     dirty = true;
   }, { rootMargin: "80px" });
-  const sized = new ResizeObserver(() => {
-    for (const strip of strips) strip.fit();
+  function fit(): void {
+    const height = tall();
+    for (const strip of strips) strip.fit(height);
     dirty = true;
-  });
+  }
+  const sized = new ResizeObserver(fit);
   sized.observe(area);
+
+  /** Height of the plots: what a large screen has room for. */
+  function tall(): number {
+    const columns = getComputedStyle(area).gridTemplateColumns.split(" ").length;
+    const rows = Math.ceil(strips.filter((strip) => !strip.element.hidden).length / columns) || 1;
+    return Math.round(Math.min(170, Math.max(PLOT, (innerHeight - 170) / rows - RULER - 24)));
+  }
 
   function follow(seconds = reach): void {
     reach = seconds;
@@ -165,7 +174,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
   function arrange(): void {
     for (const one of chooser.children) set(one, "aria-pressed", String(shown((one as HTMLElement).dataset["chart"] ?? "")));
     for (const strip of strips) strip.element.hidden = !shown(strip.chart);
-    dirty = true;
+    fit();
   }
 
   function build(hello: Hello): void {
@@ -176,10 +185,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     const at = strips.findIndex((strip) => ORDER.indexOf(strip.chart) > ORDER.indexOf("flags"));
     strips.splice(at < 0 ? strips.length : at, 0, new Strip({ chart: "flags", label: "", columns: [] }, hello));
     area.replaceChildren(...strips.map((strip) => strip.element));
-    for (const strip of strips) {
-      strip.fit();
-      seen.observe(strip.element);
-    }
+    for (const strip of strips) seen.observe(strip.element);
     const names = [...new Set(strips.map((strip) => strip.chart))];
     chooser.replaceChildren(
       ...names.map((chart) => button({ class: "chip", say: SHORT[chart] ?? chart, attributes: { "data-chart": chart } }, () => choose(chart))),
@@ -339,7 +345,8 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       );
     }
 
-    fit(): void {
+    fit(height = this.height): void {
+      if (this.chart !== "flags") this.height = height;
       const width = Math.floor(this.host.clientWidth);
       if (width > 80 && (width !== this.plot.width || this.height + RULER !== this.plot.height)) this.plot.setSize({ width, height: this.height + RULER });
     }
