@@ -2,6 +2,7 @@
 import { t } from "./i18n";
 
 type Value = string | number;
+type Said = "say" | "hint" | "aria" | "place";
 export interface Look {
   class?: string;
   /** Label in English. */
@@ -48,7 +49,7 @@ export function set(element: Element, name: string, value: string): void {
   if (element.getAttribute(name) !== value) element.setAttribute(name, value);
 }
 
-function kept(element: HTMLElement, key: "say" | "hint" | "aria", english: string, values: Value[]): string {
+function kept(element: HTMLElement, key: Said, english: string, values: Value[]): string {
   element.dataset[key] = JSON.stringify([english, ...values]);
   return t(english, ...values);
 }
@@ -74,9 +75,14 @@ export function aria(element: HTMLElement, english: string, ...values: Value[]):
   set(element, "aria-label", kept(element, "aria", english, values));
 }
 
+/** Say what stands in an empty field. */
+export function place(element: HTMLInputElement, english: string): void {
+  set(element, "placeholder", kept(element, "place", english, []));
+}
+
 /** Say everything again, for the language has changed. */
 export function sayAgain(root: ParentNode): void {
-  const again = (key: "say" | "hint" | "aria", done: (element: HTMLElement, text: string) => void) => {
+  const again = (key: Said, done: (element: HTMLElement, text: string) => void) => {
     for (const element of root.querySelectorAll<HTMLElement>(`[data-${key}]`)) {
       const [english, ...values] = JSON.parse(element.dataset[key] ?? '[""]') as [string, ...Value[]];
       done(element, t(english, ...values));
@@ -84,5 +90,6 @@ export function sayAgain(root: ParentNode): void {
   };
   again("say", put);
   again("hint", (element, text) => element.setAttribute("title", text));
+  again("place", (element, text) => element.setAttribute("placeholder", text));
   again("aria", (element, text) => element.setAttribute("aria-label", text));
 }

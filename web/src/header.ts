@@ -99,6 +99,7 @@ export class Header {
     set(this.age, "data-late", String(silent !== null));
     if (silent !== null) say(this.age, "no data for {}", silent < 100 ? `${fixed(silent, 1)} s` : clock(silent, 0));
     else if (state === null) say(this.age, "no data yet");
+    else if (state.link.age === null) unsay(this.age, "");
     else say(this.age, "age {}", brief(state.link.age));
   }
 

@@ -33,6 +33,9 @@ export class Store {
   columns: readonly Column[] = [];
   private capacity = FIRST;
 
+  /** Keep at most so many bytes. */
+  constructor(private readonly bytes = BYTES) {}
+
   /** Time of the newest row, or null. */
   get newest(): number | null {
     return this.end > this.first ? this.t[this.end - 1]! : null;
@@ -90,7 +93,7 @@ export class Store {
   /** Make room for n more rows: grow, up to the memory that there is, then lose the oldest. */
   private room(n: number): void {
     if (this.end + n <= this.capacity) return;
-    const most = Math.floor(BYTES / (12 + 4 * this.values.length));
+    const most = Math.floor(this.bytes / (12 + 4 * this.values.length));
     const needed = this.length + n;
     let capacity = this.capacity;
     while (capacity < needed * 1.25 && capacity < most) capacity *= 2;

@@ -39,14 +39,14 @@ export const ZH: Record<string, string> = {
   "Since the newest sample arrived": "最新样本到达以来的时间", "Of the device's clock against this host's": "器件时钟相对本机时钟", "What tells the time of a sample": "样本时间的来源",
   "Samples since the start": "开始以来的样本数", "Frames that are missing in the stream": "数据流中缺失的帧", "How many times frames were missing": "缺帧的次数",
   "Frames whose check failed": "校验未通过的帧", "Bytes that belong to no frame": "不属于任何帧的字节", "Frames that were repeated or late": "重复或迟到的帧",
-  "Batches that the server did not get, because it was too slow": "服务器过慢而未收到的批次", clock: "器件时钟", frames: "帧计数", host: "本机", counter: "计数器",
+  "Batches that the server did not get, because it was too slow": "服务器过慢而未收到的批次", clock: "器件时钟", frames: "帧计数", host: "本机", counter: "计数器", recorded: "记录文件",
   // Events
   opened: "已打开", reopened: "已重新打开", lost: "断开", stalled: "停滞", resumed: "恢复", late: "迟到", gap: "缺样", dropped: "丢弃", damaged: "损坏", failed: "失败",
   flag: "标志", mark: "标记", remark: "备注", note: "说明", text: "文本", command: "命令", view: "页面", calibration: "标定", "wall-clock": "系统时钟",
-  "all kinds": "全部类型", Seen: "已读", "Events, the newest first": "事件，最新在前", "Show events that contain": "只显示包含此文字的事件", "Show events of a kind": "只显示某类事件",
+  "all kinds": "全部类型", filter: "筛选", Seen: "已读", "Events, the newest first": "事件，最新在前", "Show events that contain": "只显示包含此文字的事件", "Show events of a kind": "只显示某类事件",
   "Nothing has happened yet.": "尚无事件。",
   // Control
-  Name: "名称", Record: "开始记录", Stop: "停止", Mark: "标记", Tare: "置零", Untare: "取消置零", "Text file": "文本文件", "Write text": "写文本", "End text": "结束文本",
+  Name: "名称", "by the time": "按时间命名", Record: "开始记录", Stop: "停止", Mark: "标记", Tare: "置零", Untare: "取消置零", "Text file": "文本文件", "Write text": "写文本", "End text": "结束文本",
   Add: "添加", Remove: "移除", "Estimator to add": "要添加的估计器", primary: "主估计器", "Zero of the angles": "角度零点",
   "{}: {} rows, {} on disk, {} dropped, {}": "{}：{} 行，已写盘 {}，丢弃 {}，{}", "Nothing is recorded.": "未在记录。", "There is nothing that can be recorded here.": "此处没有可记录的数据。",
   "Text goes to {}.": "文本写入 {}。",

@@ -16,7 +16,7 @@ const SOURCES = import.meta.glob<string>(["../src/**/*.ts", "!../src/report/**",
   query: "?raw", import: "default", eager: true,
 });
 const LOOKED_UP = [
-  /\b(?:t|say|hint|aria|fact)\((?:[\w.!$[\]]+, )?(?:"\w+", )?"((?:[^"\\]|\\.)*)"/g,
+  /\b(?:t|say|hint|aria|place|fact)\((?:[\w.!$[\]]+, )?(?:"\w+", )?"((?:[^"\\]|\\.)*)"/g,
   /\b(?:say|hint|aria|title|words): "((?:[^"\\]|\\.)*)"/g,
   /\b(?:t|say)\([^";]*\? "((?:[^"\\]|\\.)*)" : "/g,
   /\b(?:t|say)\([^";]*\? "(?:[^"\\]|\\.)*" : "((?:[^"\\]|\\.)*)"/g,

@@ -77,6 +77,9 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
   let epoch = -1;
   let dirty = true;
   let spent = 0;
+  let before = 0;
+  let late = 16;
+  let share = 1;
 
   const times = WINDOWS.map((seconds, i) =>
     button(
@@ -110,11 +113,20 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     }
     dirty = true;
   }, { rootMargin: "80px" });
-  const sized = new ResizeObserver(() => {
-    for (const strip of strips) strip.fit();
+  function fit(): void {
+    const height = tall();
+    for (const strip of strips) strip.fit(height);
     dirty = true;
-  });
+  }
+  const sized = new ResizeObserver(fit);
   sized.observe(area);
+
+  /** Height of the plots: what a large screen has room for. */
+  function tall(): number {
+    const columns = getComputedStyle(area).gridTemplateColumns.split(" ").length;
+    const rows = Math.ceil(strips.filter((strip) => !strip.element.hidden).length / columns) || 1;
+    return Math.round(Math.min(170, Math.max(PLOT, (innerHeight - 170) / rows - RULER - 24)));
+  }
 
   function follow(seconds = reach): void {
     reach = seconds;
@@ -162,7 +174,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
   function arrange(): void {
     for (const one of chooser.children) set(one, "aria-pressed", String(shown((one as HTMLElement).dataset["chart"] ?? "")));
     for (const strip of strips) strip.element.hidden = !shown(strip.chart);
-    dirty = true;
+    fit();
   }
 
   function build(hello: Hello): void {
@@ -173,10 +185,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     const at = strips.findIndex((strip) => ORDER.indexOf(strip.chart) > ORDER.indexOf("flags"));
     strips.splice(at < 0 ? strips.length : at, 0, new Strip({ chart: "flags", label: "", columns: [] }, hello));
     area.replaceChildren(...strips.map((strip) => strip.element));
-    for (const strip of strips) {
-      strip.fit();
-      seen.observe(strip.element);
-    }
+    for (const strip of strips) seen.observe(strip.element);
     const names = [...new Set(strips.map((strip) => strip.chart))];
     chooser.replaceChildren(
       ...names.map((chart) => button({ class: "chip", say: SHORT[chart] ?? chart, attributes: { "data-chart": chart } }, () => choose(chart))),
@@ -284,7 +293,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         cursor: { y: false, x: false, points: { show: false }, drag: { x: true, y: false, setScale: false, dist: 6 } },
         scales: { x: { time: false, auto: false, range: (_, low, high) => [low, high] }, y: { auto: false, range: (_, low, high) => [low, high] } },
         axes: [
-          axis({ size: RULER, space: 70, incrs: INCREMENTS, values: (_, at, __, ___, step) => at.map((time) => clock(time, step < 1 ? Math.ceil(-Math.log10(step)) : 0)) }),
+          axis({ size: RULER, space: 70, incrs: INCREMENTS, values: (_, at, __, ___, step) => at.map((time) => (time < Math.min(0, shell.store.oldest ?? 0) ? "" : clock(time, step < 1 ? Math.ceil(-Math.log10(step)) : 0))) }),
           axis({
             size: AXIS, space: 24, show: this.chart !== "flags", ...(this.angle ? { incrs: DEGREES } : {}),
             values: (_, at, __, ___, step) => at.map((value) => fixed(value, step < 1 ? Math.ceil(-Math.log10(step) - 0.001) : 0)),
@@ -336,7 +345,8 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       );
     }
 
-    fit(): void {
+    fit(height = this.height): void {
+      if (this.chart !== "flags") this.height = height;
       const width = Math.floor(this.host.clientWidth);
       if (width > 80 && (width !== this.plot.width || this.height + RULER !== this.plot.height)) this.plot.setSize({ width, height: this.height + RULER });
     }
@@ -354,7 +364,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         const now = FLAGS.filter((flag) => this.spans.has(flag.bit)).map((flag) => flag.bit);
         for (const bit of now) if (!this.lanes.includes(bit)) this.lanes.push(bit);
         this.lanes.sort((a, b) => a - b);
-        const height = Math.max(2, this.lanes.length) * LANE + 6;
+        const height = Math.max(2, this.lanes.length) * LANE + 12;
         if (height !== this.height) {
           this.height = height;
           this.fit();
@@ -441,7 +451,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
 
     private lanesOf(plot: uPlot, x: (time: number) => number, ratio: number): void {
       const { ctx, bbox } = plot;
-      const { red, amber, green, ink, muted, grid, paper } = shell.colours();
+      const { red, amber, blue, ink, muted, grid, paper } = shell.colours();
       const lane = LANE * ratio;
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       ctx.textBaseline = "middle";
@@ -455,7 +465,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         const top = bbox.top + (3 + k * LANE) * ratio;
         ctx.fillStyle = grid;
         ctx.fillRect(bbox.left, top + lane - ratio, bbox.width, ratio);
-        ctx.fillStyle = { bad: red, warn: amber, note: green }[flag.weight];
+        ctx.fillStyle = { bad: red, warn: amber, note: blue }[flag.weight];
         const pieces = this.spans.get(bit) ?? [];
         for (let i = 0; i < pieces.length; i += 2) {
           const left = x(pieces[i]!);
@@ -565,16 +575,20 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       const newest = shell.store.newest;
       empty.hidden = newest !== null;
       write(now);
+      // Where frames come late, the charts are drawn less often: what is painted is not in the time that is spent here.
+      late += 0.1 * (Math.min(100, now - before) - late);
+      before = now;
       if (queue.length === 0) {
-        if (!dirty || newest === null || now - round < Math.max(EVERY, 3 * spent)) return;
+        if (!dirty || newest === null || now - round < Math.max(EVERY * Math.min(3, Math.max(1, late / 18)), 3 * spent)) return;
         round = now;
         dirty = false;
         spent = 0;
         drawn = span ?? { from: newest - reach, to: newest };
         queue = strips.filter((strip) => strip.visible && !strip.element.hidden);
+        share = Math.ceil(queue.length / 3);
       }
       const begun = performance.now();
-      while (queue.length && performance.now() - begun < BUDGET) queue.shift()!.draw();
+      for (let n = 0; n < share && queue.length && performance.now() - begun < BUDGET; n++) queue.shift()!.draw();
       spent += performance.now() - begun;
     },
     key(key, event) {

@@ -1,5 +1,5 @@
 // What can be asked for: recording, marks, the tare, a text file, estimators.
-import { button, h, hint, put, say, set } from "../dom";
+import { button, h, hint, place, put, say, set } from "../dom";
 import { clock, count } from "../format";
 import type { Hello, State } from "../messages";
 import type { OwnPanel, Shell } from "../shell";
@@ -14,7 +14,7 @@ function field(label: string, attributes: Record<string, string>): [HTMLLabelEle
 
 export function controls(shell: Shell): OwnPanel {
   const why = h("p", { class: "refusal" });
-  const [nameLabel, name] = field("Name", { pattern: NAME, maxlength: "100", placeholder: "auto" });
+  const [nameLabel, name] = field("Name", { pattern: NAME, maxlength: "100" });
   const record = button({ class: "main record", say: "Record", hint: "plumbob control URL record (key r)" }, () => start());
   const stop = button({ class: "main", say: "Stop", hint: "plumbob control URL stop (keys Shift r)" }, () => void shell.ask({ verb: "stop" }));
   const kept = h("p", { class: "kept" });
@@ -22,7 +22,7 @@ export function controls(shell: Shell): OwnPanel {
   const marker = button({ say: "Mark", hint: "plumbob control URL mark (key m, then Enter)" }, () => void note());
   const tare = button({ say: "Tare", hint: "plumbob control URL tare (key t)" }, () => void shell.ask({ verb: "tare" }));
   const untare = button({ say: "Untare", hint: "plumbob control URL untare" }, () => void shell.ask({ verb: "untare" }));
-  const [textLabel, text] = field("Text file", { pattern: NAME, maxlength: "100", placeholder: "auto" });
+  const [textLabel, text] = field("Text file", { pattern: NAME, maxlength: "100" });
   const write = button({ say: "Write text", hint: "plumbob control URL text" }, () => {
     if (text.reportValidity()) void shell.ask({ verb: "text", name: text.value });
   });
@@ -31,7 +31,7 @@ export function controls(shell: Shell): OwnPanel {
   const filters = h("select", { aria: "Estimator to add" });
   const add = button({ say: "Add", hint: "plumbob control URL add" }, () => void shell.ask({ verb: "add", name: filters.value }));
   const list = h("ul", { class: "estimators" });
-  const saving = h("div", { class: "row needs" }, nameLabel, record, stop);
+  const saving = h("div", { class: "row saving needs" }, nameLabel, record, stop);
   const estimators = h("div", { class: "row needs" }, h("label", {}, h("span", { say: "Estimator" }), filters), add);
   const element = h(
     "form", { class: "controls" }, why,
@@ -46,6 +46,7 @@ export function controls(shell: Shell): OwnPanel {
     if (event.key === "Enter") void note();
     if (event.key === "Escape") mark.blur();
   });
+  for (const input of [name, text]) place(input, "by the time");
   const all = [name, record, stop, mark, marker, tare, untare, text, write, end, filters, add];
 
   function start(): void {
@@ -92,9 +93,10 @@ export function controls(shell: Shell): OwnPanel {
       filters.replaceChildren(...hello.filters.map((filter) => h("option", { text: filter, attributes: { value: filter } })));
       estimators.hidden = hello.filters.length === 0;
       list.replaceChildren(
-        ...hello.estimators.map((one) => {
+        ...hello.estimators.filter((one) => one.name !== "reference").map((one) => {
           const swatch = h("i", { class: "swatch" });
           swatch.style.color = shell.colourOf(one.name);
+          swatch.dataset["of"] = one.name;
           const remove = button({ say: "Remove" }, () => void shell.ask({ verb: "remove", name: one.name }));
           hint(remove, "plumbob control URL remove");
           remove.setAttribute("aria-description", one.name);
@@ -111,10 +113,7 @@ export function controls(shell: Shell): OwnPanel {
       show(hello, shell.latest());
     },
     restyle() {
-      list.querySelectorAll<HTMLElement>("i.swatch").forEach((swatch, k) => {
-        const one = shell.hello()?.estimators[k];
-        if (one) swatch.style.color = shell.colourOf(one.name);
-      });
+      for (const swatch of list.querySelectorAll<HTMLElement>("i.swatch")) swatch.style.color = shell.colourOf(swatch.dataset["of"] ?? "");
     },
     key(key, event) {
       if (!shell.hello()?.control) return false;

@@ -1,5 +1,5 @@
 // Events: they queue, the newest first.
-import { aria, button, h, put, say } from "../dom";
+import { aria, button, h, place, put, say } from "../dom";
 import { clock } from "../format";
 import type { Happened } from "../messages";
 import type { Own, OwnPanel } from "../shell";
@@ -24,6 +24,7 @@ export class Queue {
     if (before === key) return false;
     if (before !== undefined) this.known.clear();
     this.known.set(event.id, key);
+    if (this.known.size > 4 * MOST) this.known.delete(this.known.keys().next().value!);
     this.events.push(event);
     if (this.events.length > MOST) this.events.shift();
     return true;
@@ -33,7 +34,8 @@ export class Queue {
 export const events: (onUnseen: (n: number) => void) => Own = (onUnseen) => (): OwnPanel => {
   const queue = new Queue();
   const list = h("ol", { class: "events", attributes: { tabindex: "0" }, aria: "Events, the newest first" });
-  const filter = h("input", { attributes: { type: "search", "data-placeholder": "" }, aria: "Show events that contain" });
+  const filter = h("input", { attributes: { type: "search" }, aria: "Show events that contain" });
+  place(filter, "filter");
   const kinds = h("select", { aria: "Show events of a kind" }, h("option", { say: "all kinds", attributes: { value: "" } }));
   const none = h("p", { class: "none", say: "Nothing has happened yet." });
   const seen = button({ class: "chip", say: "Seen" }, () => look());

@@ -58,11 +58,12 @@ export const attitude: Own = (shell) => {
         h("div", {}, h("dt", {}, cells[i]!.name, angle === "yaw" ? yaw : null), h("dd", {}, cells[i]!.value, h("span", { class: "degree", text: "°", attributes: { "aria-hidden": "true" } }), cells[i]!.sd)),
       ),
     );
+    const erring = now.columns.some((one) => one.chart === "error");
     heads = ANGLES.map((angle) => h("th", { say: calledOf(now, false, angle), attributes: { scope: "col" } }));
     head.replaceChildren(
       h("th", { say: "Estimator", attributes: { scope: "col" } }),
       ...heads,
-      h("th", { say: "Error", hint: "Angle to the reference", attributes: { scope: "col" } }),
+      ...(erring ? [h("th", { say: "Error", hint: "Angle to the reference", attributes: { scope: "col" } })] : []),
     );
     rows = new Map();
     table.replaceChildren();
@@ -74,13 +75,13 @@ export const attitude: Own = (shell) => {
       const called = name === "reference" ? h("span", { say: "reference" }) : h("span", { text: name });
       const titled = h("th", { attributes: { scope: "row" } }, swatch, called);
       if (estimator && estimator.title !== name) titled.title = estimator.title;
-      const made = [0, 1, 2, 3].map(() => h("td", { class: "live" }, h("span"), h("small")));
+      const made = (erring ? [0, 1, 2, 3] : [0, 1, 2]).map(() => h("td", { class: "live" }, h("span"), h("small")));
       rows.set(name, made);
       table.append(h("tr", {}, titled, ...made));
     }
-    const empty = now.estimators.length === 0;
+    const empty = !now.estimators.some((one) => one.name !== "reference");
     big.hidden = empty;
-    others.hidden = rows.size < 2 && !now.columns.some((one) => one.chart === "error");
+    others.hidden = rows.size < 2 && !erring;
     none.hidden = !empty;
   }
 
@@ -113,7 +114,7 @@ export const attitude: Own = (shell) => {
       put(value, fixed(own?.[angle], digits));
       put(difference, own && main ? `Δ ${signed(wrapped(own[angle] - main[angle]), digits)}` : "");
     });
-    put(made[3]!.children[0]!, name === "reference" ? "" : fixed(own?.error, 2));
+    if (made[3]) put(made[3].children[0]!, name === "reference" ? "" : fixed(own?.error, 2));
   }
 
   return {
@@ -155,7 +156,7 @@ export const channels: Own = (shell) => {
     const cells = of.map(() => h("span", { class: "value live", text: NONE }));
     const named = (column: Column) => h("span", { class: "label", say: shortened(column) });
     const values = of.map((i, k) => h("span", { class: "one" }, of.length > 1 ? named(columns[i]!) : null, cells[k]!));
-    return [h("div", { class: "line" }, h("div", { class: "title" }, title, h("span", { class: "unit", text: unit })), h("div", { class: of.length > 1 && of.some((i) => shortened(columns[i]!).length > 2) ? "triad stacked" : "triad" }, ...values)), { columns: of, cells }];
+    return [h("div", { class: "line" }, h("div", { class: "title" }, title, h("span", { class: "unit", text: unit === title.textContent ? "" : unit })), h("div", { class: of.length > 1 && of.some((i) => shortened(columns[i]!).length > 2) ? "triad stacked" : "triad" }, ...values)), { columns: of, cells }];
   }
 
   function build(now: Hello): void {

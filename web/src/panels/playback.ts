@@ -27,7 +27,7 @@ export function playback(shell: Shell): OwnPanel & { toggle(): void } {
 
   function seek(to: number): void {
     const end = shell.hello()?.duration ?? to;
-    void shell.ask({ verb: "seek", value: Math.min(end, Math.max(0, to)) });
+    void shell.ask({ verb: "seek", value: Math.round(1000 * Math.min(end, Math.max(0, to))) / 1000 });
   }
 
   function jump(by: number): void {
