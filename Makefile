@@ -18,7 +18,7 @@ $(VENV)/.installed: pyproject.toml
 # The live page and the script of reports, in src/plumbob/web. Without Node, Plumbob does all the rest.
 page: web/.built
 
-WEB_SOURCES := $(wildcard web/src/*.ts web/src/*/*.ts web/src/*.css web/src/*/*.css web/public/* web/index.html web/*.ts) web/package-lock.json
+WEB_SOURCES := $(wildcard web/src/*.ts web/src/*/*.ts web/src/*/*/*.ts web/src/*.css web/src/*/*.css web/public/* web/index.html web/*.ts) web/package-lock.json
 web/.built: $(WEB_SOURCES)
 	@if ! command -v npm > /dev/null; then \
 		echo "There is no npm here: the live page and reports are not built, and their tests are skipped. They need Node 20 or newer."; \

@@ -154,7 +154,12 @@ def test_every_panel_moves_and_nothing_but_this_machine_is_asked(chromium, buoy)
         unfolded(page)
         page.wait_for_selector(".panel-scene canvas", state="visible")
         drawn = ("attitude", "instruments", "scene", "charts", "link", "channels", "allan", "terminal")
-        page.wait_for_function("document.querySelectorAll('.panel-terminal .body').item(0).textContent.length > 200")
+        until(
+            lambda: page.evaluate(
+                "document.querySelectorAll('.panel-terminal .body').item(0).textContent.length > 200"
+            ),
+            "it does not show",
+        )
 
         def looks():
             return {name: page.locator(f".panel-{name} .body").screenshot() for name in drawn}
@@ -230,7 +235,10 @@ def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path)
         page.wait_for_selector('header .recording[data-on="true"]')
         panel.get_by_label("Mark", exact=True).fill("wave <b>1</b>")
         panel.get_by_role("button", name="Mark", exact=True).click()
-        page.wait_for_function("document.querySelector('.panel-events').textContent.includes('wave <b>1</b>')")
+        until(
+            lambda: page.evaluate("document.querySelector('.panel-events').textContent.includes('wave <b>1</b>')"),
+            "it does not show",
+        )
         started = buoy.get("/api/state")["t"]
         until(lambda: buoy.get("/api/state")["t"] > started + 3.0, "the stream stands still")
         panel.get_by_role("button", name="Stop", exact=True).click()
@@ -284,7 +292,10 @@ def test_a_guided_calibration_ends_in_a_card(chromium, tmp_path):
 
 def test_the_page_finds_its_server_again_and_doubles_nothing(chromium, buoy):
     with opened(chromium, buoy) as page:
-        page.wait_for_function("Number(document.querySelector('.panel-link dd').textContent.length) > 0")
+        until(
+            lambda: page.evaluate("Number(document.querySelector('.panel-link dd').textContent.length) > 0"),
+            "it does not show",
+        )
         os.kill(buoy.server, signal.SIGKILL)
         page.wait_for_selector('html:not([data-connection="connected"])')
         page.wait_for_selector('html[data-connection="connected"]')
