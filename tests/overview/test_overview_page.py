@@ -160,9 +160,30 @@ def test_a_browser_draws_it_and_zooms(page, tmp_path):
         assert pixels(tab, 3) != before
         tab.keyboard.press("Escape")
         assert pixels(tab, 3) == before
+        assert dragged(tab, 0.25, 0.5) == pytest.approx((10.5, 21.0), abs=0.3)  # of 42 s
+        tab.locator("button[data-reset]").click()
+        assert shown(tab) == pytest.approx((0.0, 41.99))
         browser.close()
     assert said_ == []
     assert asked == [file.as_uri()]
+
+
+def dragged(tab, begin, end):
+    """What all plots show after a drag over the second one, from and to these shares of its width."""
+    plot = tab.locator("figure[data-chart] .u-over").nth(1)
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    tab.mouse.move(box["x"] + begin * box["width"], box["y"] + 20)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + end * box["width"], box["y"] + 30, steps=4)
+    tab.mouse.up()
+    return shown(tab)
+
+
+def shown(tab):
+    """Begin and end of what the plots show; all the same."""
+    (found,) = set(tab.eval_on_selector_all("[data-shown]", "all => all.map(one => one.dataset.shown)"))
+    return tuple(map(float, found.split()))
 
 
 def pixels(tab, number):

@@ -194,7 +194,7 @@ def _figure(chart: dict[str, Any], place: str, lang: str) -> str:
     lines = chart["lines"] if len(chart["lines"]) > 1 or chart["kind"] in ("time", "points") else []
     key = "".join(
         f"<span><i class='{'dashed' if line.get('dash') else 'solid'}' style='color: var(--{line['colour']})'></i>"
-        f"{escape(line['label'])} <b data-line='{i}'></b></span>"
+        f"{escape(line['label'])} <b data-line='{i}' class='{'sd' if 'sd' in line else ''}'></b></span>"
         for i, line in enumerate(lines)
     )
     if any("sd" in line for line in chart["lines"]):

@@ -18,6 +18,7 @@ export class Group {
   readonly values: Values;
   private readonly plots: Plot[] = [];
   private range: [number, number];
+  private chosen = false;
 
   constructor(
     readonly subject: Subject,
@@ -50,6 +51,14 @@ export class Group {
     const start = Math.max(low, Math.min(begin, high - length));
     this.range = [start, start + length];
     for (const plot of this.plots) plot.refresh();
+  }
+
+  /** Show what was dragged over; the charts that follow the cursor say the same, and are not heard. */
+  choose(begin: number, end: number): void {
+    if (this.chosen) return;
+    this.chosen = true;
+    setTimeout(() => (this.chosen = false));
+    this.show(begin, end);
   }
 
   reset(): void {
@@ -91,6 +100,7 @@ class Plot {
   refresh(): void {
     if (!this.timed) return;
     const [begin, end] = this.group.shown;
+    this.place.dataset.shown = `${begin} ${end}`;
     this.plot.batch(() => {
       this.plot.setData(this.data() as uPlot.AlignedData, false);
       this.plot.setScale("x", { min: this.epoch + begin, max: this.epoch + end });
@@ -189,7 +199,7 @@ class Plot {
     const axis = this.axis();
     if (!this.timed) return { ...axis, label: this.chart.xlabel ?? "", labelSize: 18, labelFont: FONT, labelGap: 0, size: 34, values: (_p, splits) => splits.map(power), ...decades };
     if (time)
-      return { ...axis, size: 34, space: 76, label: this.group.words.utc, labelSize: 16, labelFont: FONT, labelGap: 0, values: (_p, splits) => splits.map(utc) };
+      return { ...axis, size: 34, space: 76, label: this.group.words.utc, labelSize: 16, labelFont: FONT, labelGap: 0, incrs: CLOCK, values: (_p, splits) => splits.map(utc) };
     const [begin, end] = this.group.whole;
     const long = end - begin > LONG;
     return {
@@ -250,7 +260,7 @@ class Plot {
     const begin = plot.posToVal(left, "x");
     const end = plot.posToVal(left + width, "x");
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-    if (this.timed) this.group.show(begin - this.epoch, end - this.epoch);
+    if (this.timed) this.group.choose(begin - this.epoch, end - this.epoch);
     else plot.setScale("x", { min: begin, max: end });
   }
 
