@@ -228,10 +228,10 @@ def test_a_hello_with_other_columns_is_followed_by_their_history_and_one_with_th
         page = Page(line)
         page.until_time(0.99)
         served.feed.say("hello", hello(north="magnetic"))
-        assert page.until(lambda one: isinstance(one, dict))["north"] == "magnetic"
+        page.until(lambda one: isinstance(one, dict) and one.get("north") == "magnetic")
         assert page.until(lambda one: not isinstance(one, dict)).kind == 1
         served.feed.say("hello", hello(columns=more))
-        page.until(lambda one: isinstance(one, dict))
+        page.until(lambda one: isinstance(one, dict) and len(one.get("columns", ())) == len(more))
         again = page.get()
     assert again.kind == 2 and len(again.values) == len(more)
     np.testing.assert_array_equal(again.values[:-1], BODY.rows(0, 100)["values"].T.astype(np.float32))
@@ -321,8 +321,8 @@ def test_who_lags_gets_the_newest_tick_and_every_event():
         got = []
         while (message := client.next()) is not None:
             got.append(message)
-        assert [json.loads(one)["text"] for one in got[:-1]] == [str(k) for k in range(40)]
-        assert parsed(got[-1]).state["t"] == 3.99
+        assert [json.loads(one)["text"] for one in got if isinstance(one, str)] == [str(k) for k in range(40)]
+        assert [parsed(one).state["t"] for one in got if isinstance(one, bytes)] == [3.99]
         hub.take(BODY.batch(400, 10))
         hub._beat()
         assert parsed(client.next()).t[0] == 4.0

@@ -290,7 +290,7 @@ class Derived:
     Parameters
     ----------
     hub : Hub
-        What the server knows, and whom it tells.
+        What the server knows, and who its clients are.
     folder : Path
         Where cards are written.
     """

@@ -69,7 +69,7 @@ class Rules:
 
     @property
     def cookie(self) -> str:
-        """Name of the cookie: cookies do not tell ports apart."""
+        """Name of the cookie, with the port: the cookies of all ports of a host are in one jar."""
         return f"plumbob-{self.port}"
 
 

@@ -100,7 +100,7 @@ class HttpLine(H11Protocol):
 
 
 class SocketLine(WebSocketsSansIOProtocol):
-    """A WebSocket that is closed, and told why, where its client takes nothing for a while."""
+    """A WebSocket that is closed, with the reason, where its client takes nothing for a while."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Keep little for it in this process."""

@@ -106,14 +106,16 @@ def listening(host: str, port: int) -> list[socket.socket]:
     LineError
         If the address is not one of this machine, or the port is taken.
     """
+    is_own = host in (LOOPBACK[0], "localhost")
     try:
-        kind, *_, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
+        place = LOOPBACK[0] if is_own else host
+        kind, *_, address = socket.getaddrinfo(place, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)[0]
         first = _bound(kind, address)
     except OSError as error:
         raise LineError(
             f"the view cannot listen at {host}, port {port}: {error.strerror}. Name another with --host or --port."
         ) from error
-    if host not in (LOOPBACK[0], "localhost"):
+    if not is_own:
         return [first]
     with contextlib.suppress(OSError):  # a machine without IPv6, or another program there
         return [first, _bound(socket.AF_INET6, (LOOPBACK[1], first.getsockname()[1]))]
