@@ -98,7 +98,7 @@ def flag_table(g: Gathered) -> Table:
     meaning = dict(flags.MEANING.values())
     longest = max((end - begin for begin, end in g.gaps), default=0.0)
     whole = f"longest step {longest:.6g} s, {g.missing} samples missing by the usual step of {1e3 * g.step:.6g} ms"
-    rows = [("time in gaps", str(len(g.gaps)), percent(g.lost / max(g.duration, g.step)), whole if g.gaps else "none")]
+    rows = [("time in gaps", str(len(g.gaps)), percent(g.lost / max(g.duration, g.step)), whole if g.gaps else "–")]
     rows += [
         (name, str(runs.samples), percent(runs.samples / g.samples), meaning[name]) for name, runs in g.flags.items()
     ]
@@ -161,7 +161,7 @@ def comparison_table(subjects: Sequence[Subject]) -> Table:
             tilt = [*each[0], *each[1], degrees(g.tilt.inclination.greatest)]
         heading = "-" if g.headings is None else degrees(g.headings.mean)
         loss = percent(g.lost / max(g.duration, g.step))
-        told = "yes" if one.calibrated else "none"
+        told = "yes" if one.calibrated else "no"
         rows.append((one.name, f"{g.duration:.6g}", f"{1.0 / g.step:.6g}", loss, *tilt, heading, told))
     return Table("Recordings", head, rows)
 
