@@ -232,13 +232,13 @@ def test_clients_beyond_the_limit_are_refused_with_words(tmp_path):
 class Feeding:
     """Feeds wide rows, and reads what a client gets that keeps up."""
 
-    def __init__(self, served, line, count, size):
-        self._served, self._line, self._count, self._size = served, line, count, size
+    def __init__(self, served, line, body, count, size):
+        self._served, self._line, self._body, self._count, self._size = served, line, body, count, size
         self.first, self.heard, self.ticks, self.late = 0, 0, [], []
 
     def step(self):
         """Feed a batch, and read a tick."""
-        batch = BODY.batch(self.first, self._size)
+        batch = self._body.batch(self.first, self._size)
         values = np.resize(batch.arrays["values"], (self._size, self._count))
         absent = np.full((self._size, 10), np.nan)  # without an Allan deviation, whose memory comes and goes
         self._served.feed.write(batch._replace(arrays={**batch.arrays, "values": values, "sensed": absent}))
@@ -256,7 +256,7 @@ def test_clients_that_never_read_cost_little_are_dropped_and_told_while_others_m
     many = [{**hello()["columns"][0], "key": f"c.{k}"} for k in range(200)]
     with serving(folder=tmp_path) as served, ExitStack() as held:
         served.feed.say("hello", hello(rate=1000.0, columns=many))
-        feeding = Feeding(served, held.enter_context(connect(served.socket_url(), max_size=None)), 200, 40)
+        feeding = Feeding(served, held.enter_context(connect(served.socket_url(), max_size=None)), BODY, 200, 40)
         begin = time.monotonic()
         while time.monotonic() - begin < 3.0:
             feeding.step()
@@ -285,7 +285,7 @@ def test_who_reads_slowly_gets_the_newest_and_is_not_dropped(tmp_path):
     with serving(folder=tmp_path) as served:
         served.feed.say("hello", hello(rate=100.0, columns=many))
         with connect(served.socket_url(), max_size=None) as line:
-            feeding = Feeding(served, line, 400, 8)
+            feeding = Feeding(served, line, Body(100.0), 400, 8)
             slow, _ = opened(served, room=32 << 10)
             found = frames(slow)
             last, begin = None, time.monotonic()

@@ -132,6 +132,20 @@ class SocketLine(WebSocketsSansIOProtocol):
         super().resume_writing()
         _cancel(self._slow)
 
+    def handle_parser_exception(self) -> None:
+        """Say what was wrong, and read on for a moment: who still sends would be cut off before it has read that."""
+        if self.close_sent:
+            return
+        assert self.conn.close_sent is not None
+        code, reason = self.conn.close_sent.code, self.conn.close_sent.reason
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": code, "reason": reason})
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        if self.read_paused:
+            self.read_paused = False
+            self.transport.resume_reading()
+        self.close_timer = self.loop.call_later(_LAST_S, self.transport.close)
+
     def shutdown(self) -> None:
         """Close, and wait for nobody who does not read."""
         super().shutdown()
