@@ -22,7 +22,7 @@ MESSAGE: Final = 64 << 10
 SLOW: Final = 1013, "Too slow: nothing could be sent for 5 s. Connect again."
 
 _NO_HANDSHAKE: Final = b"HTTP/1.1 431 Request Header Fields Too Large\r\nConnection: close\r\nContent-Length: 0\r\n\r\n"
-_CLOSING_S: Final = 5.0  # in which who was slow can still read why
+_CLOSING_S: Final = 10.0  # in which who was slow can still read why
 _ASKING_MOST: Final = 64
 _LAST_S: Final = 0.5
 _WAITING: Final = 64 << 10  # bytes that wait in this process for a client at most, and a message
@@ -107,7 +107,7 @@ class SocketLine(WebSocketsSansIOProtocol):
         super().connection_made(transport)
         self._slow: asyncio.TimerHandle | None = None
         self._opening = self.loop.call_later(ASKING_S, self._require_open)
-        self.transport.set_write_buffer_limits(high=_WAITING)
+        self.transport.set_write_buffer_limits(high=_WAITING, low=_WAITING // 4 * 3)  # so that 5 s mean a standstill
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop waiting."""
@@ -131,6 +131,20 @@ class SocketLine(WebSocketsSansIOProtocol):
         """Take it back."""
         super().resume_writing()
         _cancel(self._slow)
+
+    def handle_parser_exception(self) -> None:
+        """Say what was wrong, and read on for a moment: who still sends would be cut off before it has read that."""
+        if self.close_sent:
+            return
+        assert self.conn.close_sent is not None
+        code, reason = self.conn.close_sent.code, self.conn.close_sent.reason
+        self.queue.put_nowait({"type": "websocket.disconnect", "code": code, "reason": reason})
+        self.transport.write(b"".join(self.conn.data_to_send()))
+        self.close_sent = True
+        if self.read_paused:
+            self.read_paused = False
+            self.transport.resume_reading()
+        self.close_timer = self.loop.call_later(_LAST_S, self.transport.close)
 
     def shutdown(self) -> None:
         """Close, and wait for nobody who does not read."""

@@ -77,6 +77,8 @@ def _require(token: str) -> None:
 async def _run(options: argparse.Namespace, token: str) -> None:
     from plumbob.viewer.lines import server_of
 
+    # Each send gives the interpreter away; a thread that computes would keep it for 5 ms each time.
+    sys.setswitchinterval(0.0005)
     sockets = listening(options.host, options.port)
     port = sockets[0].getsockname()[1]
     hosts = [socket.gethostname() if options.host in ("0.0.0.0", "::") else options.host]
