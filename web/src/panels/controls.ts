@@ -2,6 +2,7 @@
 import { button, h, hint, place, put, say, set } from "../dom";
 import { clock, count } from "../format";
 import type { Hello, State } from "../messages";
+import { REFERENCE } from "../names";
 import type { OwnPanel, Shell } from "../shell";
 import { refusal } from "../shell";
 
@@ -93,7 +94,7 @@ export function controls(shell: Shell): OwnPanel {
       filters.replaceChildren(...hello.filters.map((filter) => h("option", { text: filter, attributes: { value: filter } })));
       estimators.hidden = hello.filters.length === 0;
       list.replaceChildren(
-        ...hello.estimators.filter((one) => one.name !== "reference").map((one) => {
+        ...hello.estimators.filter((one) => one.name !== REFERENCE).map((one) => {
           const swatch = h("i", { class: "swatch" });
           swatch.style.color = shell.colourOf(one.name);
           swatch.dataset["of"] = one.name;
