@@ -17,16 +17,13 @@ from plumbob.core.errors import ParameterError, one_line
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.chain import Chain
 from plumbob.filters import Start
-from plumbob.protocols.decode import Frames
 from plumbob.protocols.encode import encode
-from plumbob.protocols.format import Message
-from plumbob.protocols.unpack import counts_for
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.session.recording_sink import epoch_offset_ns
 from plumbob.session.session import Session, reference_names
 from plumbob.session.stream import Part, Stream
 from plumbob.session.watch import LONG
-from plumbob.viewer.messages import Batch, Column, Hello, Link
+from plumbob.viewer.messages import Batch, Hello, Link, numbers
 from plumbob.viewer.outlet import Outlet
 from plumbob.viewer.overlays import Follower, Overlay, described, greeting, require_addable, units_of
 from plumbob.viewer.rows import (
@@ -36,6 +33,8 @@ from plumbob.viewer.rows import (
     attitudes_now,
     headings_of,
     newest,
+    raw_columns,
+    raw_of,
     rows_at,
     sensed_rows,
     shown_of,
@@ -376,7 +375,8 @@ class Feed:
         if self._follower is not None:
             self._follower.take(units_of([part.units for part in ready.parts]))
             now["points"] = self._follower.points
-        now["raw"] = raw_values(self._message, last.frames)
+        fields = {name: values[-1:] for name, values in last.frames.columns.items()}
+        now["raw"] = [numbers(one)[0] for one in raw_of(self._message, fields).values()]
         now["attitudes"] |= attitudes_now(self._layout, known, reference)
         now["gravity_b"] = newest(ready.imu.usable("acc")) or now["gravity_b"]
         now["field_b"] = newest(ready.imu.usable("mag")) or now["field_b"]
@@ -490,26 +490,3 @@ def probed(session: Session) -> Part | None:
     other = Stream(replace(session, stage=None, reference=None))
     found = other.feed(Received(0, rows.tobytes()))
     return found or other.finish()
-
-
-def raw_columns(message: Message, names: Mapping[str, Any]) -> list[Column]:
-    """Columns of what stands in a frame of a message."""
-    return [
-        Column(key=one.name, chart="raw", label=one.name, unit="counts" if one.physical else one.role, digits=0,
-               source=one.name.rpartition(".")[0])
-        for one in message.fields if one.name in names
-    ]  # fmt: skip
-
-
-def raw_values(message: Message, frames: Frames) -> list[float | None]:
-    """What stands in the last of some frames, in counts; None for what is absent."""
-    found: list[float | None] = []
-    for one in message.fields:
-        if one.name not in frames.columns:
-            continue
-        value = frames.columns[one.name][-1]
-        if not np.isfinite(value):
-            found.append(None)
-        else:
-            found.append(float(counts_for(one, np.array([value]))[0][0] if one.physical else value))
-    return found

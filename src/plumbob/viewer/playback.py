@@ -19,7 +19,6 @@ from plumbob.data.chain import Chain
 from plumbob.files import Recording
 from plumbob.files.mcap import open_log
 from plumbob.protocols.format import Message
-from plumbob.protocols.unpack import counts_for
 from plumbob.rotations import Frame
 from plumbob.session.estimated import estimate
 from plumbob.session.reading import SUFFIX, read
@@ -27,7 +26,6 @@ from plumbob.session.recorded import read_recorded, reference_of
 from plumbob.session.replay import Replayed, replay
 from plumbob.session.session_toml import SESSION, of_unit, recorded_session
 from plumbob.session.watch import Note
-from plumbob.viewer.feed import raw_columns
 from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
 from plumbob.viewer.outlet import Outlet
 from plumbob.viewer.overlays import Follower, described, greeting, require_addable
@@ -38,6 +36,8 @@ from plumbob.viewer.rows import (
     attitudes_now,
     headings_of,
     newest,
+    raw_columns,
+    raw_of,
     rows_at,
     sensed_rows,
     shown_of,
@@ -281,10 +281,8 @@ def _raw_of(found: Replayed, message: Message) -> dict[str, NDArray[Any]]:
         parts = [part.frames.columns.get(one.name) for part in found.found.parts]
         known = [part for part in parts if part is not None]
         if known:
-            values = np.concatenate(known).astype(np.float64)
-            columns[one.name] = counts_for(one, values)[0] if one.physical else values
-            columns[one.name] = np.where(np.isfinite(values), columns[one.name], np.nan)
-    return columns
+            columns[one.name] = np.concatenate(known).astype(np.float64)
+    return raw_of(message, columns)
 
 
 def _events_of(found: Replayed) -> list[tuple[float, Event]]:

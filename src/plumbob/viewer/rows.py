@@ -16,6 +16,8 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.filters import SMOOTHER, claims_covariance, filter_names, load
+from plumbob.protocols.format import Message
+from plumbob.protocols.unpack import counts_for
 from plumbob.rotations import Frame, North, change_frame, quat_rotate, wrap
 from plumbob.rotations.headings import HeadingPolicy, euler_sd, heading_policy, turn_heading
 from plumbob.viewer.angles import angles_of
@@ -330,6 +332,26 @@ def _from_north(at: Attitudes, mag: Floats) -> Floats:
     field_n = quat_rotate(at.q_nb, mag)
     heading = np.arctan2(field_n @ at.frame.east, field_n @ at.frame.north)
     return to_deg(wrap(heading - (at.declination or 0.0 if at.north is North.TRUE else 0.0)))
+
+
+def raw_columns(message: Message, names: Mapping[str, Any]) -> list[Column]:
+    """Columns of what stands in a frame of a message."""
+    return [
+        Column(key=one.name, chart="raw", label=one.name, unit="counts" if one.physical else one.role, digits=0,
+               source=one.name.rpartition(".")[0])
+        for one in message.fields if one.name in names
+    ]  # fmt: skip
+
+
+def raw_of(message: Message, columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
+    """Fields of a message as they stood in the frames, (N,) in counts or words; NaN where one was absent."""
+    found = {}
+    for one in message.fields:
+        if one.name in columns:
+            values = np.asarray(columns[one.name], dtype=np.float64)
+            counts = counts_for(one, values)[0] if one.physical else values
+            found[one.name] = np.where(np.isfinite(values), counts, np.nan)
+    return found
 
 
 def sensed_rows(sensed: ImuData) -> Floats:
