@@ -13,10 +13,10 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    from plumbob.core.check import Floats
 
 PROTOCOL: Final = 1
 """Version of these messages; a page of another version says so instead of drawing."""
@@ -479,6 +479,6 @@ def as_json(content: Mapping[str, Any]) -> str:
     return json.dumps(content, allow_nan=False, separators=(",", ":"))
 
 
-def numbers(values: NDArray[np.float64]) -> list[float | None]:
+def numbers(values: "Floats") -> list[float | None]:
     """Numbers (N,) as JSON has them: None where one is not finite."""
     return [value if abs(value) < math.inf else None for value in values.tolist()]
