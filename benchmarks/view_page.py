@@ -15,8 +15,9 @@ from importlib import resources
 from pathlib import Path
 
 from benchmarks.view_load import used
-from tests.viewer.conftest import CHROMIUM, FLAGS
-from tests.viewer.test_viewer_browser import PLUMBOB, until, viewed
+from tests.battery.browser import CHROMIUM, FLAGS, until
+from tests.battery.commandline import PLUMBOB
+from tests.viewer.test_viewer_browser import viewed
 
 COUNT_FRAMES = """seconds => new Promise(done => {
   let frames = 0, longest = 0, before = performance.now();

@@ -1,7 +1,7 @@
 """Pictures of README and docs, taken of the pages themselves in Chromium: ``python website/pictures.py``.
 
-They show the emulated buoy: its live page after half a minute, in light, in dark and on a telephone, and the report of a
-recording. Another run catches other moments of the waves, so that the files differ; what they show does not.
+They show the emulated buoy: its live page after half a minute, in light, in dark and on a telephone, and the report
+of a recording. Another run catches other moments of the waves, so that the files differ; what they show does not.
 """
 
 import subprocess
@@ -20,8 +20,9 @@ def main() -> None:
     sys.path.insert(0, str(Path(__file__).parents[1]))
     from playwright.sync_api import Browser, sync_playwright
 
-    from tests.viewer.conftest import CHROMIUM, FLAGS
-    from tests.viewer.test_viewer_browser import PLUMBOB, viewed
+    from tests.battery.browser import CHROMIUM, FLAGS
+    from tests.battery.commandline import PLUMBOB
+    from tests.viewer.test_viewer_browser import viewed
 
     def shoot(browser: Browser, name: str, url: str, width: int, height: int, *, dark: bool = False) -> None:
         page = browser.new_page(viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light")

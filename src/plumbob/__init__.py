@@ -93,7 +93,7 @@ if TYPE_CHECKING:
     from plumbob.session.session_toml import load_session
     from plumbob.session.stream import Stream
     from plumbob.simulation import simulate, simulate_chain
-    from plumbob.viewer.remote import control
+    from plumbob.viewer.control_client import control
     from plumbob.viewer.terminal import watch
     from plumbob.viewer.view import view
 
@@ -124,7 +124,7 @@ _HOME = {
     "apply_card": "data.calibrated",
     "calibrate": "calibration.calibrate",
     "cite": "filters.known",
-    "control": "viewer.remote",
+    "control": "viewer.control_client",
     "decode": "protocols.decode",
     "docs": "core.docs",
     "emulate": "session.emulated",

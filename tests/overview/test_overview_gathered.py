@@ -10,9 +10,10 @@ import plumbob
 from plumbob.core.errors import ShapeError
 from plumbob.data import AttitudeTrack
 from plumbob.overview import traces
-from plumbob.overview.gathered import TRACED, Gatherer, angle_sd, heading_of
+from plumbob.overview.gathered import TRACED, Gatherer, attitude_channels
 from plumbob.overview.traces import Tracing
 from plumbob.rotations import Frame, euler_zyx_from_quat, quat_from_euler_zyx, quat_from_rotvec, quat_multiply
+from plumbob.rotations.headings import heading_of
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 
@@ -147,10 +148,11 @@ def test_claimed_angles_are_those_of_small_errors():
     half = 1e-4 * rng.normal(size=(3, 3))
     errors = rng.normal(size=(n, 3)) @ half.T
     spread = np.std(euler_zyx_from_quat(quat_multiply(q, quat_from_rotvec(errors))), axis=0)
-    yaw, pitch, roll = euler_zyx_from_quat(q[np.newaxis]).T
-    found = angle_sd(q[np.newaxis], (half @ half.T)[np.newaxis], yaw, pitch)
-    assert [float(one[0]) for one in found] == pytest.approx(spread[::-1], rel=4.0 / math.sqrt(2.0 * n))
-    assert np.degrees(roll[0]) == pytest.approx(-25.0)
+    cov_b = (half @ half.T)[np.newaxis]
+    found = attitude_channels(AttitudeTrack(t=[0.0], q_nb=q[np.newaxis], frame="NED", north="magnetic", cov_b=cov_b))
+    own = [float(found[name][0]) for name in ("heading_sd", "pitch_sd", "roll_sd")]
+    assert own == pytest.approx(spread, rel=4.0 / math.sqrt(2.0 * n))
+    assert np.degrees(found["roll"][0]) == pytest.approx(-25.0)
 
 
 def test_traced_channels_have_their_names():

@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 from base64 import b64decode, b64encode
 from dataclasses import replace
 from hashlib import sha256
@@ -17,11 +16,11 @@ from plumbob.core.units import to_deg
 from plumbob.core.web import asset
 from plumbob.overview import printed, traces
 from plumbob.reporting.style import said
+from tests.battery.browser import CHROMIUM, browser
 from tests.battery.labels import labels
 
 SIM = {"frame": "NED", "sensors": "mpu6000+hmc5983", "unit": "calibrated"}
 HOSTILE = '</script><script>document.title="taken"</script><img src=x onerror=alert(1)>'
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -135,15 +134,12 @@ def test_every_label_has_its_chinese_word(overview):
     assert '<html lang="zh">' in chinese
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium is installed")
 def test_a_browser_draws_it_and_zooms(page, tmp_path):
     """All plots are drawn, nothing is asked of the network, nothing fails, and the name did not run."""
-    sync = pytest.importorskip("playwright.sync_api")
     file = tmp_path / "page.html"
     file.write_text(page, encoding="utf-8")
-    with sync.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
-        tab = browser.new_page(viewport={"width": 390, "height": 844})
+    with browser() as chromium:
+        tab = chromium.new_page(viewport={"width": 390, "height": 844})
         said_, asked = [], []
         tab.on("console", lambda message: said_.append(message.text))
         tab.on("pageerror", lambda error: said_.append(str(error)))
@@ -163,7 +159,6 @@ def test_a_browser_draws_it_and_zooms(page, tmp_path):
         assert dragged(tab, 0.25, 0.5) == pytest.approx((10.5, 21.0), abs=0.3)  # of 42 s
         tab.locator("button[data-reset]").click()
         assert shown(tab) == pytest.approx((0.0, 41.99))
-        browser.close()
     assert said_ == []
     assert asked == [file.as_uri()]
 

@@ -11,8 +11,8 @@ import numpy as np
 from plumbob import emulate
 from plumbob.acquisition.transport import Stop
 from plumbob.viewer.child import Serving
-from plumbob.viewer.feed import Asked
 from plumbob.viewer.messages import Command
+from plumbob.viewer.outlet import Asked
 
 
 class Kept:

@@ -19,20 +19,11 @@ import plumbob
 from plumbob.core.units import to_deg
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import euler_zyx_from_quat
+from tests.battery.browser import PATIENCE, until
 from tests.battery.commandline import PLUMBOB, ok
 
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
-PATIENCE = 60.0
 WIDE = {"width": 1440, "height": 900}
-
-
-def until(condition, what, patience=PATIENCE):
-    """Wait for a condition, and fail where it does not come; what it gave."""
-    end = time.monotonic() + patience
-    while not (found := condition()):
-        assert time.monotonic() < end, what() if callable(what) else what
-        time.sleep(0.02)
-    return found
 
 
 class View:

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -19,10 +20,11 @@ from plumbob.core.web import FOLDER
 from plumbob.session.session_toml import session_of
 from plumbob.viewer import child
 from plumbob.viewer.child import Server, Serving
-from plumbob.viewer.feed import Asked
 from plumbob.viewer.messages import Command
+from plumbob.viewer.outlet import Asked
 from plumbob.viewer.pipe import LIMIT
 from plumbob.viewer.view import Shows, opened_up, view
+from tests.battery.browser import PATIENCE, until
 from tests.battery.commandline import PLUMBOB
 from tests.session import live_samples
 from tests.viewer.outlets import Kept, StandIn, emulated
@@ -30,15 +32,6 @@ from tests.viewer.outlets import Kept, StandIn, emulated
 BUILT = (Path(plumbob.__file__).parent / FOLDER / "view" / "index.html").is_file()
 SERVES = find_spec("plumbob.viewer.serve") is not None
 needs_server = pytest.mark.skipif(not (SERVES and BUILT), reason="the page is not built ('make page')")
-PATIENCE = 60.0
-
-
-def until(condition, what):
-    """Wait for a condition, and fail where it does not come."""
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < end, what
-        time.sleep(0.01)
 
 
 class Acting:
@@ -324,6 +317,14 @@ def test_the_view_answers_commands_over_http(tmp_path):
     assert plumbob.verify(said["record"]).whole
 
 
+def recorded(url):
+    """What the view says of the recording that is made."""
+    address, _, token = url.partition("?token=")
+    request = urllib.request.Request(f"{address}api/state", headers={"Authorization": f"Bearer {token}"})
+    with urllib.request.urlopen(request, timeout=10) as answer:
+        return json.load(answer)["recording"]
+
+
 @needs_server
 def test_a_signal_ends_the_verb_in_time_and_the_recording_whole(tmp_path):
     with emulated("buoy", duration="60s") as port:
@@ -335,6 +336,7 @@ def test_a_signal_ends_the_verb_in_time_and_the_recording_whole(tmp_path):
             drained = threading.Thread(target=process.stderr.read)
             drained.start()
             plumbob.control(url.strip(), "record", name="signal")
+            until(lambda: (recorded(url.strip()) or {}).get("rows", 0) > 0, "no row was recorded")
             began = time.monotonic()
             process.send_signal(signal.SIGTERM)
             told = json.loads(process.stdout.read())

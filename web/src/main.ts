@@ -7,6 +7,7 @@ import { helpDialog } from "./help";
 import { chooseLanguage, t } from "./i18n";
 import { Layout, type Frame } from "./layout";
 import type { Hello, State } from "./messages";
+import { colourOf, REFERENCE } from "./names";
 import type { PanelFactory, Rows } from "./panel";
 import { allan } from "./panels/allan";
 import { charts } from "./panels/charts";
@@ -65,12 +66,8 @@ const shell: Shell = {
     toast(t(answer.text) || t(answer.ok ? "done" : "not done"), answer.ok);
     return answer.ok;
   },
-  colourOf(source) {
-    if (source === "reference") return colours().ink;
-    const k = hello?.estimators.findIndex((one) => one.name === source) ?? -1;
-    return k < 0 ? colours().muted : series(k);
-  },
-  nameOf: (source) => (source === "reference" ? t("reference") : source),
+  colourOf: (source) => colourOf(source, hello, shell),
+  nameOf: (source) => (source === REFERENCE ? t("reference") : source),
   gap: () => 3.5 * Math.max(1 / (hello?.rate ?? 60), (state?.playback?.speed ?? 1) / 60),
 };
 

@@ -83,7 +83,7 @@ test("instruments show the numbers of the state at two digits, and the compass h
   expect(cells.slice(0, 4)).toEqual([
     ["Heading", "349.87°", "from magnetic north"],
     ["Yaw (ENU)", "100.13°", "±1.50° (1 σ)"],
-    ["Pitch", "-3.00°", "±0.25° (1 σ)"],
+    ["Pitch", "−3.00°", "±0.25° (1 σ)"],
     ["Roll", "0.50°", "±0.13° (1 σ)"],
   ]);
 });
@@ -105,6 +105,22 @@ test("instruments without an attitude say why", async () => {
   panel.state!(state(0, 0, 0, { attitudes: {} }));
   await frame();
   expect(panel.element.querySelector(".cell")!.textContent).toBe("Heading—not estimated");
+});
+
+test("the reference is in ink among the others of a scene, as in the charts, and not in the colour of an estimator", async () => {
+  const panel = scene({ ...context, colours: () => ({ ...COLOURS, ink: "#000001" }) });
+  seen(panel.element);
+  const reference = { name: "reference", title: "truth", primary: false, claims: false };
+  const mahony = { name: "mahony", title: "mahony", primary: false, claims: false };
+  panel.hello!(hello({ estimators: [...hello().estimators, mahony, reference] }));
+  const { attitudes } = state(1, 2, 3);
+  panel.state!(state(1, 2, 3, { attitudes: { ...attitudes, mahony: attitudes.mekf!, reference: attitudes.mekf! } }));
+  await vi.waitFor(async () => {
+    await frame();
+    const legend = [...panel.element.querySelectorAll<HTMLElement>(".scene-legend span")].map((one) => [one.textContent, (one.children[0] as HTMLElement).style.color]);
+    expect(legend).toContainEqual(["mahony", "rgb(0, 114, 178)"]);
+    expect(legend).toContainEqual(["reference", "rgb(0, 0, 1)"]);
+  });
 });
 
 test("a guide is started by its kind, finished and cancelled", () => {

@@ -25,7 +25,7 @@ def add_parser(verbs: common.Adder) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do it."""
-    from plumbob.viewer.remote import asked, control
+    from plumbob.viewer.control_client import asked, control
 
     answer = control(args.url, args.what, **asked(args.what, args.argument))
     common.print_json({"verb": args.what, "answer": answer}) if args.json else print(answer)

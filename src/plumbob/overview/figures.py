@@ -74,15 +74,13 @@ WHATS: Final = (
 
 
 def figure(subject: Subject, what: str) -> Figure:
-    """One figure by its name.
+    """One figure by its name of `WHATS`.
 
     Raises
     ------
     ParameterError
-        If there is no such figure, or the recording has nothing for it.
+        If the recording has nothing for it.
     """
-    if what not in WHATS:
-        raise ParameterError(f"there is not a figure '{what}'. Give one of {', '.join(WHATS)}.")
     known = figures(subject)
     if what not in known:
         raise ParameterError(f"{subject.name} has nothing to draw for '{what}'. It has {', '.join(known)}.")

@@ -20,7 +20,8 @@ from plumbob.overview import quality
 from plumbob.overview.spectra import Spectra, peak_period, segment_of, welch
 from plumbob.overview.tilt import LIMIT, Headings, Inclination, Motion, TiltStatistics
 from plumbob.overview.traces import WHOLE, Traces, Tracing
-from plumbob.rotations import Frame, dcm_from_quat, euler_zyx_from_quat, quat_rotate
+from plumbob.rotations import euler_zyx_from_quat, quat_rotate
+from plumbob.rotations.headings import euler_sd, heading_of
 
 BURST: Final = 1200.0
 """Length of a burst unless another is given, s: buoys report every 20 to 30 minutes."""
@@ -341,13 +342,11 @@ class Gatherer:
         spectral = np.stack((roll, pitch, part.rate, part.vertical), axis=1)
         spectra = welch(part.t, spectral, step=self._step, segment=self._segment, turns=(0, 1))
         self._spectra.append(spectra)
-        motions = [Motion.of(part.t, angle) for angle in (roll, pitch)]
-        motions = [_peaked(motion, spectra, channel) for channel, motion in enumerate(motions)]
+        motions = [Motion.of(part.t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
         known = TiltStatistics(motions[0], motions[1], Inclination.of(part.t, tilt, self._limit))
         span = (begin, end)
-        self._bursts.append(
-            Burst(begin, end, part.t.size, known, Headings.of(heading), self._verdicts(part, span))
-        )  # fmt: skip
+        verdicts = self._verdicts(part, span)
+        self._bursts.append(Burst(begin, end, part.t.size, known, Headings.of(heading), verdicts))
 
     def _verdicts(self, part: "_Part", span: tuple[float, float]) -> dict[str, quality.Verdict]:
         found = {}
@@ -364,13 +363,6 @@ class Gatherer:
 
 
 _ORDER: Final = {name: number for number, (name, _) in enumerate(flags.MEANING.values())}
-
-
-def _peaked(motion: Motion, spectra: Spectra, channel: int) -> Motion:
-    from dataclasses import replace
-
-    usable = not motion.wrapped and motion.sd > 0.0
-    return replace(motion, tp=peak_period(spectra, channel)) if usable else motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -427,7 +419,7 @@ def _part(imu: ImuData | None, track: AttitudeTrack | None) -> _Part:
 
 def attitude_channels(track: AttitudeTrack) -> dict[str, Floats]:
     """Roll, pitch, heading and inclination of a track, their claimed standard deviations, and its bias; rad, rad/s."""
-    yaw, pitch, roll = euler_zyx_from_quat(track.q_nb).T
+    _, pitch, roll = euler_zyx_from_quat(track.q_nb).T
     found = {
         "roll": roll,
         "pitch": pitch,
@@ -435,39 +427,11 @@ def attitude_channels(track: AttitudeTrack) -> dict[str, Floats]:
         "tilt": np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0)),
     }
     if track.cov_b is not None:
-        sd = angle_sd(track.q_nb, track.cov_b, yaw, pitch)
-        found |= dict(zip(("roll_sd", "pitch_sd", "heading_sd"), sd, strict=True))
+        sd = euler_sd(track.q_nb, track.cov_b).T
+        found |= dict(zip(("heading_sd", "pitch_sd", "roll_sd"), sd, strict=True))
     if track.bias_b is not None:
         found |= {f"bias_{axis}": track.bias_b[:, i] for i, axis in enumerate("xyz")}
     return found
-
-
-def heading_of(q_nb: Floats, frame: Frame) -> Floats:
-    """Heading (N,) of the body's x axis, rad, 0 to 2π clockwise from North."""
-    forward = quat_rotate(q_nb, np.array([1.0, 0.0, 0.0]))
-    return np.asarray(np.arctan2(forward @ frame.east, forward @ frame.north) % (2.0 * np.pi))
-
-
-def angle_sd(q_nb: Floats, cov_b: Floats, yaw: Floats, pitch: Floats) -> tuple[Floats, Floats, Floats]:
-    """Standard deviations (N,), rad, of roll, pitch and heading that a covariance claims, to first order.
-
-    An error φ as a rotation vector about level axes that share the body's yaw changes roll by φx / cos θ, pitch by φy
-    and yaw by φz + φx tan θ, with the pitch θ. NaN where nothing is claimed.
-    """
-    c_nb = dcm_from_quat(q_nb)
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    zero, one = np.zeros_like(cos), np.ones_like(cos)
-    level = np.stack((cos, sin, zero, -sin, cos, zero, zero, zero, one), axis=-1).reshape(-1, 3, 3)
-    turned = level @ c_nb
-    cov = turned @ cov_b @ np.swapaxes(turned, -1, -2)
-    tan = np.tan(pitch)
-    variances = (
-        cov[:, 0, 0] / np.cos(pitch) ** 2,
-        cov[:, 1, 1],
-        cov[:, 2, 2] + 2.0 * tan * cov[:, 0, 2] + tan**2 * cov[:, 0, 0],
-    )
-    roll, pitch_sd, heading = (np.sqrt(np.where(one > 0.0, one, np.nan)) for one in variances)
-    return roll, pitch_sd, heading
 
 
 def _usual_step(t: Floats) -> float:

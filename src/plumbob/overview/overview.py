@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Any, Final
 from plumbob.core import check, units
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import Quantity, to_deg
-from plumbob.data import UNCALIBRATED, ImuData
+from plumbob.data import ImuData
 from plumbob.files import Recording
-from plumbob.overview import quality
-from plumbob.overview.figures import figure, figures
+from plumbob.overview.figures import WHATS, figure, figures
 from plumbob.overview.gathered import BURST, Gatherer
 from plumbob.overview.subject import Progress, Subject, duration, subject_from, subject_of
 from plumbob.overview.tables import comparison_table, summary, tables
-from plumbob.overview.tilt import DEAD, LIMIT
+from plumbob.overview.tilt import LIMIT
 from plumbob.overview.traces import WHOLE
+from plumbob.overview.wording import definitions, remarks
 from plumbob.reporting import Report, Reported
-from plumbob.rotations import Frame, North
+from plumbob.rotations import Frame
 
 if TYPE_CHECKING:
     from plumbob.data.cards import CalibrationCard, NoiseCard
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 Source = str | PathLike[str] | Recording | ImuData
 
 TITLE: Final = "Attitude report"
-BARE: Final = f"Calibration: {UNCALIBRATED}. All numbers of this page are of uncalibrated values."
-"""What is said loudly where no card was applied."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -108,64 +106,6 @@ def _report(subject: Subject, title: str, *, definitions: Sequence[str] = ()) ->
         remarks=remarks(subject),
         figures=list(figures(subject).values()),
         definitions=definitions,
-    )
-
-
-def remarks(subject: Subject) -> list[str]:
-    """What a reader must know of a recording, a sentence each."""
-    g, found = subject.gathered, []
-    if not subject.calibrated:
-        found.append(BARE)
-    if g.traces.each > 1:
-        found.append(
-            f"plots: each pair of points is the smallest and the largest of {g.traces.each} samples; statistics, "
-            "spectra and flags are of all samples"
-        )
-    found += [line for line in subject.remarks if not line.startswith("calibration: ")]
-    if g.tilt is not None:
-        for name, one in (("roll", g.tilt.roll), ("pitch", g.tilt.pitch)):
-            if one.wrapped:
-                found.append(f"{name} went through ±180°, so that its mean, its deviation and its waves are left out")
-    if subject.north is North.FREE:
-        found.append("headings count from an arbitrary zero, so that the rose shows directions against it")
-    if g.spectra is not None and g.spectra.interpolated:
-        found.append(
-            f"spectra: the samples of {g.spectra.interpolated} segments are not even in time and were interpolated, "
-            "which damps high frequencies"
-        )
-    return found
-
-
-def definitions(subjects: Sequence[Subject]) -> tuple[str, ...]:
-    """What the words of the page mean."""
-    first = subjects[0].gathered
-    spectra = next((one.gathered.spectra for one in subjects if one.gathered.spectra is not None), None)
-    welch = (
-        ""
-        if spectra is None
-        else f"Segments of {spectra.length * spectra.step:.4g} s at {1.0 / spectra.step:.6g} Hz, resolution "
-        f"{spectra.resolution:.3g} Hz; "
-    )
-    flagged = ", ".join(f"{flag} {word}" for flag, word in quality.MEANING.items())
-    return (
-        "Roll, pitch and yaw are ZYX Euler angles from the navigation frame to the body; heading is that of the body's "
-        "x axis, clockwise from North; inclination is the angle between the body's vertical axis and the vertical. std "
-        "is the standard deviation about the mean, rms that about zero. The band about a line is ± 1 standard "
-        "deviation as the filter claims it; where it claims none, there is not a band.",
-        "Waves of roll and pitch lie between zero up-crossings about the mean of their burst; the angle must have been "
-        f"{DEAD:g} std below and above it on the two sides. A double amplitude is the highest less the lowest value "
-        "of a wave; the significant one is the mean of the highest third (for a narrow-banded Gaussian process 4.00 "
-        "std; Longuet-Higgins 1952, J. Mar. Res. 11, 245–266). Tz is the mean time between up-crossings, Tp the period "
-        f"of the spectrum's peak. A burst lasts {first.burst:g} s, the last one up to half as much more; statistics of "
-        "the whole are of all samples and of the waves of all bursts.",
-        f"Spectra: Welch's method (1967, doi:10.1109/TAU.1967.1161901). {welch}Hann window, half overlapping, mean "
-        "removed, one-sided, none across a gap or from burst to burst; from the 100th frequency on, values shown are "
-        "means of bands of 1/60 decade.",
-        "Heading statistics are circular: the mean is the direction of the mean vector, the spread √(−2 ln R) with its "
-        "length R, the resultant (Mardia and Jupp 2000, doi:10.1002/9780470316979).",
-        f"Quality flags are in the words of QARTOD: {flagged}; each is the worst of its tests. Tests and recommended "
-        "thresholds follow its table for the time series of waves (cdip.ucsd.edu); thresholds that it leaves to the "
-        "user are those of the table above.",
     )
 
 
@@ -332,7 +272,6 @@ def plot(
     MissingExtraError
         If matplotlib is not installed.
     """
-    from plumbob.overview.figures import WHATS
     from plumbob.reporting.drawing import picture, picture_kind
 
     target = check.path("path", path)

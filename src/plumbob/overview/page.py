@@ -24,7 +24,6 @@ from plumbob.core.web import asset
 from plumbob.overview import quality
 from plumbob.overview.figures import SD, SECTORS
 from plumbob.overview.gathered import SPECTRAL, Gathered
-from plumbob.overview.overview import BARE, remarks
 from plumbob.overview.subject import Subject
 from plumbob.overview.tables import (
     SPECTRAL_UNITS,
@@ -40,6 +39,7 @@ from plumbob.overview.tables import (
     tables,
     threshold_table,
 )
+from plumbob.overview.wording import BARE, remarks
 from plumbob.reporting import LANGUAGES, Table
 from plumbob.reporting.page import CSS, facts_html, table_html
 from plumbob.reporting.style import said
@@ -492,10 +492,7 @@ footer h2 { font-size: 1rem; margin-top: 1.25rem; color: var(--ink); }
   table, figcaption, .grid { font-size: 8pt; }
   figure.chart { break-inside: avoid; }
   .hint { display: none; }
-  .grid span span, .q4, thead th { white-space: normal; vertical-align: bottom; }
-tbody th[scope=row] { overflow-wrap: anywhere; max-width: 15rem; }
-.beside { display: grid; grid-template-columns: minmax(0, 1fr) minmax(0, 1fr); gap: 0 2rem; align-items: start; }
-.loud { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+  .grid span span, .q4, .loud { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
   figure.rose svg { width: 55%; }
   section, h2, h3 { break-inside: auto; }
 }

@@ -20,7 +20,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ShapeError
 from plumbob.core.time import GAP_FACTOR
 from plumbob.core.units import deg
-from plumbob.overview.spectra import peak_period, welch
+from plumbob.overview.spectra import Spectra, peak_period, welch
 
 DEAD: Final = 0.05
 """Band about the mean within which nothing crosses it, in standard deviations."""
@@ -33,6 +33,15 @@ LIMIT: Final = float(deg(15.0))
 
 _BINS = 288
 """Of the histogram of headings, 1.25° each, so that sectors of 10° and of 22.5° can stand about North."""
+
+
+def _pooled(parts: "Sequence[Motion] | Sequence[Inclination]") -> tuple[int, float, float]:
+    """Count, mean and standard deviation of the samples of several stretches, each with some."""
+    count = np.array([one.samples for one in parts], dtype=np.float64)
+    means = np.array([one.mean for one in parts])
+    mean = float(np.sum(count * means) / np.sum(count))
+    variance = np.array([one.sd**2 for one in parts]) + (means - mean) ** 2
+    return int(np.sum(count)), mean, math.sqrt(float(np.sum(count * variance) / np.sum(count)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,20 +118,22 @@ class Motion:
         heights, periods = waves(at, own - mean, gap=GAP_FACTOR * step, dead=DEAD * sd)
         return cls(own.size, mean, sd, float(own.min()), float(own.max()), heights, periods)
 
+    def peaked(self, spectra: Spectra, channel: int) -> Self:
+        """The same, with the period of the peak of a channel's spectrum; without where it means nothing."""
+        usable = not self.wrapped and self.sd > 0.0
+        return replace(self, tp=peak_period(spectra, channel)) if usable else self
+
     @classmethod
     def joined(cls, parts: Sequence[Self], tp: float = math.nan) -> Self:
         """Motion over several stretches: moments of all samples, and the waves that each has about its own mean."""
         known = [one for one in parts if one.samples]
         if not known:
             return cls.of(np.zeros(1), np.full(1, np.nan))
-        count = np.array([one.samples for one in known], dtype=np.float64)
-        means = np.array([one.mean for one in known])
-        mean = float(np.sum(count * means) / np.sum(count))
-        variance = np.array([one.sd**2 for one in known]) + (means - mean) ** 2
+        samples, mean, sd = _pooled(known)
         return cls(
-            samples=int(np.sum(count)),
+            samples=samples,
             mean=mean,
-            sd=math.sqrt(float(np.sum(count * variance) / np.sum(count))),
+            sd=sd,
             least=min(one.least for one in known),
             greatest=max(one.greatest for one in known),
             heights=np.concatenate([one.heights for one in known]),
@@ -192,15 +203,9 @@ class Inclination:
         known = [one for one in parts if one.samples]
         if not known:
             return parts[0]
-        count = np.array([one.samples for one in known], dtype=np.float64)
-        means = np.array([one.mean for one in known])
-        mean = float(np.sum(count * means) / np.sum(count))
-        variance = np.array([one.sd**2 for one in known]) + (means - mean) ** 2
+        samples, mean, sd = _pooled(known)
         highest = max(known, key=lambda one: one.greatest)
-        sd = math.sqrt(float(np.sum(count * variance) / np.sum(count)))
-        return replace(
-            highest, samples=int(np.sum(count)), mean=mean, sd=sd, beyond=sum(one.beyond for one in known)
-        )  # fmt: skip
+        return replace(highest, samples=samples, mean=mean, sd=sd, beyond=sum(one.beyond for one in known))
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,18 +326,9 @@ def tilt_statistics(
     t = check.column("t", t)
     roll, pitch = check.column("roll", roll, t.size), check.column("pitch", pitch, t.size)
     tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
-    found = TiltStatistics(Motion.of(t, roll), Motion.of(t, pitch), Inclination.of(t, tilt, limit))
-    return replace(
-        found,
-        roll=replace(found.roll, tp=_tp(t, roll, found.roll, segment)),
-        pitch=replace(found.pitch, tp=_tp(t, pitch, found.pitch, segment)),
-    )
-
-
-def _tp(t: Floats, angle: Floats, motion: Motion, segment: float | None) -> float:
-    if motion.wrapped or not motion.sd > 0.0:
-        return math.nan
-    return peak_period(welch(t, angle[:, np.newaxis], segment=segment), 0)
+    spectra = welch(t, np.stack((roll, pitch), axis=1), segment=segment)
+    motions = [Motion.of(t, angle).peaked(spectra, i) for i, angle in enumerate((roll, pitch))]
+    return TiltStatistics(motions[0], motions[1], Inclination.of(t, tilt, limit))
 
 
 def waves(t: Floats, x: Floats, *, gap: float, dead: float = 0.0) -> tuple[Floats, Floats]:

@@ -14,7 +14,13 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import FrameError, UnitError
 from plumbob.core.units import to_deg
 from plumbob.rotations.frames import Frame, North
-from plumbob.rotations.quaternions import dcm_from_quat, euler_zyx_from_quat, quat_from_rotvec, quat_multiply
+from plumbob.rotations.quaternions import (
+    dcm_from_quat,
+    euler_zyx_from_quat,
+    quat_from_rotvec,
+    quat_multiply,
+    quat_rotate,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +98,12 @@ def _free(estimate: North, reference: North, aligned: bool) -> HeadingPolicy:
 def turn_heading(q_nb: Floats, angle: float | Floats, frame: Frame) -> Floats:
     """Attitudes (N, 4) whose headings read `angle`, one or (N,), rad more, clockwise seen from above."""
     return quat_multiply(quat_from_rotvec(np.multiply.outer(-angle, frame.up)), q_nb)
+
+
+def heading_of(q_nb: Floats, frame: Frame) -> Floats:
+    """Heading (N,) of the body's x axis, rad, 0 to 2π clockwise from the zero of headings, of attitudes (N, 4)."""
+    forward = quat_rotate(q_nb, np.array([1.0, 0.0, 0.0]))
+    return np.asarray(np.arctan2(forward @ frame.east, forward @ frame.north) % (2.0 * np.pi))
 
 
 def claimed_sd(q_nb: Floats, cov_b: Floats) -> tuple[Floats, Floats]:

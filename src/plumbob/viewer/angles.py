@@ -10,6 +10,11 @@ from plumbob.core.units import to_deg
 from plumbob.rotations import euler_zyx_from_quat, quat_conjugate, quat_multiply
 
 
+def angles_of(q_nb: Floats) -> Floats:
+    """Roll, pitch and yaw (N, 3), degrees, of attitudes (N, 4), as every report of Plumbob prints them."""
+    return to_deg(euler_zyx_from_quat(q_nb))[..., ::-1]
+
+
 class Tare:
     """The attitude that shows as zero roll, pitch and yaw.
 
@@ -35,7 +40,7 @@ class Tare:
         self._inverse = None
 
     def of(self, q_nb: Floats) -> Floats:
-        """Attitudes (N, 4) as they are shown."""
+        """Attitudes (N, 4) or (4,) as they are shown."""
         return q_nb if self._inverse is None else quat_multiply(self._inverse, q_nb)
 
 
@@ -49,10 +54,10 @@ def attitudes_of(told: Mapping[str, Any], tare: Tare, hello: Mapping[str, Any]) 
     if not told:
         return {}
     q_nb = np.array([one["q_nb"] for one in told.values()], dtype=np.float64)
-    angles = np.asarray(to_deg(euler_zyx_from_quat(tare.of(q_nb))))
+    angles = angles_of(tare.of(q_nb))
     if is_heading(hello) and not tare.is_set:
-        angles[:, 0] %= 360.0
+        angles[:, 2] %= 360.0
     return {
         name: {"roll": roll, "pitch": pitch, "yaw": yaw, "sd": None, "error": None} | one
-        for (name, one), (yaw, pitch, roll) in zip(told.items(), angles.tolist(), strict=True)
+        for (name, one), (roll, pitch, yaw) in zip(told.items(), angles.tolist(), strict=True)
     }

@@ -1,11 +1,9 @@
 """What the server answers: a fixed table of routes, made at its start; nothing that a client sends becomes a path."""
 
 import asyncio
-import json
 import mimetypes
 from collections import Counter
 from collections.abc import Awaitable, Callable
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -15,8 +13,9 @@ from plumbob.core.web import asset
 from plumbob.viewer.commands import RefusedError, command_of
 from plumbob.viewer.foxglove import Foxglove
 from plumbob.viewer.guard import App, Guard, Rules
-from plumbob.viewer.hub import Client, Hub
-from plumbob.viewer.messages import Answer, Command
+from plumbob.viewer.hub import Client, Hub, deliver
+from plumbob.viewer.messages import Answer, Command, as_json
+from plumbob.viewer.pipe import PAGE
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
     from starlette.routing import BaseRoute
     from starlette.websockets import WebSocket
 
-    from plumbob.viewer.control import Control
+    from plumbob.viewer.control_server import Control
 
 BODY: Final = 64 << 10
 """Bytes of a request's body at most: a command has a few hundred."""
@@ -32,8 +31,7 @@ OUTSTANDING: Final = 8
 """Commands of a client that wait for their answer at most."""
 FULL: Final = 1013
 """Close code of a client that finds no room, or was too slow: try again later."""
-
-_PAGE: Final = "view/index.html"
+_READ_ONLY: Final = "This view takes no commands. Start it with --control."
 
 
 class Places:
@@ -62,7 +60,7 @@ class Places:
 def files() -> dict[str, tuple[bytes, str]]:
     """Files of the built page by the path under which they are served, with their types; none where it is not built."""
     try:
-        index = asset(_PAGE)
+        index = asset(PAGE)
     except MissingExtraError:
         return {}
     found = {"/": index}
@@ -115,7 +113,7 @@ async def _not_built(_request: "Request") -> "Response":
     from starlette.responses import PlainTextResponse
 
     try:
-        asset(_PAGE)
+        asset(PAGE)
     except MissingExtraError as error:
         return PlainTextResponse(f"{error}\n", 503)
     return PlainTextResponse("The page was built after this view had started. Start it again.\n", 503)
@@ -133,7 +131,7 @@ class Api:
 
     async def state(self, _request: "Request") -> "Response":
         """What is the case now."""
-        return _json(json.dumps(self._hub.state(), allow_nan=False))
+        return _json(as_json(self._hub.state()))
 
     async def command(self, request: "Request") -> "Response":
         """Do what is asked for, and say how it went."""
@@ -150,9 +148,6 @@ class Api:
             return _answer(Answer(id=why.id, ok=False, text=str(why)), 400)
         answer = await self._control.do(command)
         return _answer(answer, 200 if answer.ok else 409)
-
-
-_READ_ONLY: Final = "This view takes no commands. Start it with --control."
 
 
 async def _body(request: "Request") -> bytes | None:
@@ -172,7 +167,7 @@ def _json(text: str, status: int = 200) -> "Response":
 
 
 def _answer(answer: Answer, status: int) -> "Response":
-    return _json(json.dumps(asdict(answer)), status)
+    return _json(as_json(asdict(answer)), status)
 
 
 Serving = Callable[["WebSocket"], Awaitable[None]]
@@ -209,7 +204,7 @@ class Page:
         client = Client(self._hub, int(since) if since.isascii() and since.isdigit() and len(since) < 16 else None)
         await socket.accept()
         self._hub.clients.add(client)
-        sending = asyncio.create_task(self._send(socket, client))
+        sending = asyncio.create_task(deliver(client, socket))
         commands: set[asyncio.Task[None]] = set()
         try:
             while True:
@@ -218,42 +213,27 @@ class Page:
         except WebSocketDisconnect:
             pass
         except KeyError:
+            sending.cancel()
             await socket.close(1003, "A command is text, not bytes.")
         finally:
             self._hub.clients.discard(client)
             sending.cancel()
 
-    async def _send(self, socket: "WebSocket", client: Client) -> None:
-        from starlette.websockets import WebSocketDisconnect
-
-        with suppress(WebSocketDisconnect):
-            while True:
-                await client.wake.wait()
-                client.wake.clear()
-                while (message := client.next()) is not None:
-                    if isinstance(message, str):
-                        await socket.send_text(message)
-                    else:
-                        await socket.send_bytes(message)
-
     def _ask(self, client: Client, text: str, commands: set["asyncio.Task[None]"]) -> None:
+        """Do a command in a task of its own, or say why not."""
         try:
             command = command_of(text)
         except RefusedError as why:
-            client.answer(_text(Answer(id=why.id, ok=False, text=str(why))))
+            client.answer(Answer(id=why.id, ok=False, text=str(why)))
             return
         if not self._hub.control:
-            client.answer(_text(Answer(id=command.id, ok=False, text=_READ_ONLY)))
+            client.answer(Answer(id=command.id, ok=False, text=_READ_ONLY))
         elif len(commands) >= OUTSTANDING:
-            client.answer(_text(Answer(id=command.id, ok=False, text="Too many commands wait for their answers.")))
+            client.answer(Answer(id=command.id, ok=False, text="Too many commands wait for their answers."))
         else:
             task = asyncio.create_task(self._do(client, command))
             commands.add(task)
             task.add_done_callback(commands.discard)
 
     async def _do(self, client: Client, command: Command) -> None:
-        client.answer(_text(await self._control.do(command)))
-
-
-def _text(answer: Answer) -> str:
-    return json.dumps(asdict(answer), separators=(",", ":"))
+        client.answer(await self._control.do(command))

@@ -1,6 +1,5 @@
 """Rows of the charts: fewer where there are too many to draw, the last minute of them, and how they are sent."""
 
-import json
 import struct
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
@@ -9,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.core.check import Floats
-from plumbob.viewer.messages import HISTORY, TICK
+from plumbob.viewer.messages import HISTORY, TICK, as_json
 
 PER_SECOND: Final = 120
 """Rows of a second at most, two for each group of samples."""
@@ -190,7 +189,7 @@ def binary(
     epoch: int,
 ) -> bytes:
     """Binary message as `plumbob.viewer.messages` lays it out; values are (M, N)."""
-    text = b"" if state is None else json.dumps(state, allow_nan=False, separators=(",", ":")).encode()
+    text = b"" if state is None else as_json(state).encode()
     text += b" " * (-len(text) % _ALIGNED)
     head = _HEAD.pack(kind, len(text), len(t), len(values), epoch, 0)
     parts = (t.astype("<f8", copy=False), flags.astype("<u4", copy=False), values.astype("<f4", copy=False))

@@ -9,18 +9,15 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.core.errors import LineError, MissingExtraError, one_line
+from plumbob.core.errors import LineError, one_line
 from plumbob.core.web import asset
-from plumbob.viewer.feed import Asked
 from plumbob.viewer.messages import Batch, Command, Hello
-from plumbob.viewer.pipe import LIMIT, Message, Unpacker, Writer
+from plumbob.viewer.outlet import Asked
+from plumbob.viewer.pipe import LIMIT, PAGE, TOKEN, Message, Unpacker, Writer, require_packages
 
-TOKEN: Final = "PLUMBOB_VIEW_TOKEN"
-"""Variable of the environment that tells the server its token."""
 STARTS: Final = 20
 """How often a server that has died is started again."""
 _APART: Final = 2.0
@@ -30,9 +27,7 @@ _READY: Final = 30.0
 _END: Final = 0.3, 0.8, 0.3
 """Longest waits at the end, s: for the last messages, for the server to end, and to end on being asked to."""
 _SURELY: Final = 5.0
-_NEEDED: Final = ("starlette", "uvicorn", "websockets")
 _COMMAND: Final = {one.name for one in fields(Command)}
-_PAGE: Final = "view/index.html"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,10 +74,8 @@ def require_view() -> None:
     MissingExtraError
         If a package, or the built page, is missing.
     """
-    for name in _NEEDED:
-        if find_spec(name) is None:
-            raise MissingExtraError(f'the live view needs {name}: pip install "plumbob[view]".')
-    asset(_PAGE)
+    require_packages()
+    asset(PAGE)
 
 
 class Server:

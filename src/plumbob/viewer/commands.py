@@ -1,24 +1,26 @@
-"""Commands: what may be asked for, read from what a client sent and believed in nothing."""
+"""Commands: what may be asked for; `command_of` reads one from what a client sent, and believes it nothing."""
 
 import json
 import math
 import re
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from plumbob.core.errors import ParameterError
 from plumbob.viewer.messages import Command, Verb
 
-LONGEST: Final = 200
+LONGEST_NAME: Final = 64
+"""Letters of a name at most."""
+LONGEST_TEXT: Final = 200
 """Letters of a text at most."""
 
-_VERBS: Final[dict[Verb, tuple[str, str]]] = {
+VERBS: Final[dict[str, tuple[str, str]]] = {
     "record": ("", "name"), "stop": ("", ""), "mark": ("text", ""), "tare": ("", ""), "untare": ("", ""),
     "text": ("", "name"), "text-stop": ("", ""), "add": ("name", ""), "remove": ("name", ""), "play": ("", ""),
     "pause": ("", ""), "seek": ("value", ""), "speed": ("value", ""), "calibrate": ("name", "text"),
     "calibrate-end": ("", ""), "calibrate-cancel": ("", ""), "allan-reset": ("", ""),
 }  # fmt: skip
-"""What each verb needs, and what it may have."""
-_NAME: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
+"""What each verb needs, and what it may have: a name, a text or a value."""
+_NAME: Final = re.compile(rf"[A-Za-z0-9_-][A-Za-z0-9_.-]{{0,{LONGEST_NAME - 1}}}")
 _LARGEST: Final = 2**53
 
 
@@ -72,10 +74,11 @@ def _command(number: int, content: dict[str, Any]) -> Command:
     if unknown := sorted(content.keys() - {"id", "verb", "name", "text", "value"}):
         raise ParameterError(f"A command has no '{unknown[0][:20]}'; it has id, verb, name, text and value.")
     verb = content.get("verb")
-    if not isinstance(verb, str) or verb not in _VERBS:
-        raise ParameterError(f"The verb must be one of {', '.join(_VERBS)}.")
-    command = Command(id=number, verb=verb, name=_name(content), text=_text(content), value=_value(content))
-    needed, allowed = _VERBS[verb]
+    if not isinstance(verb, str) or verb not in VERBS:
+        raise ParameterError(f"The verb must be one of {', '.join(VERBS)}.")
+    name, text = _name(content.get("name", "")), checked_text(content.get("text", ""))
+    command = Command(id=number, verb=cast(Verb, verb), name=name, text=text, value=_value(content))
+    needed, allowed = VERBS[verb]
     given = {"name": command.name != "", "text": command.text != "", "value": command.value is not None}
     for one, is_given in given.items():
         if one == needed and not is_given:
@@ -85,19 +88,36 @@ def _command(number: int, content: dict[str, Any]) -> Command:
     return command
 
 
-def _name(content: dict[str, Any]) -> str:
-    name = content.get("name", "")
-    if not isinstance(name, str) or (name and _NAME.fullmatch(name) is None):
+def _name(name: Any) -> str:
+    return "" if name == "" else checked_name(name)
+
+
+def checked_name(name: Any) -> str:
+    """Name of an output or of an estimator, as somebody gave it.
+
+    Raises
+    ------
+    ParameterError
+        If it could be a path, or is too long.
+    """
+    if not isinstance(name, str) or _NAME.fullmatch(name) is None:
         raise ParameterError(
-            "A name has at most 64 letters, digits, '-', '_' and '.', and does not begin with '.'; it is never a path."
+            f"A name has at most {LONGEST_NAME} letters, digits, '-', '_' and '.', and does not begin with '.'; it is "
+            "never a path."
         )
     return name
 
 
-def _text(content: dict[str, Any]) -> str:
-    text = content.get("text", "")
-    if not isinstance(text, str) or len(text) > LONGEST or not text.isprintable():
-        raise ParameterError(f"A text has at most {LONGEST} printable letters, all in one line.")
+def checked_text(text: Any) -> str:
+    """Text of a mark, as somebody gave it.
+
+    Raises
+    ------
+    ParameterError
+        If it is too long, or has more than one line.
+    """
+    if not isinstance(text, str) or len(text) > LONGEST_TEXT or not text.isprintable():
+        raise ParameterError(f"A text has at most {LONGEST_TEXT} printable letters, all in one line.")
     return text
 
 

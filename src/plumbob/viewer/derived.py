@@ -27,7 +27,7 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import TRIADS, ImuData, ImuMeta
 from plumbob.session.sinks import line_of
 from plumbob.viewer.hub import Hub
-from plumbob.viewer.messages import AllanCurve, Command, Guidance
+from plumbob.viewer.messages import AllanCurve, Command, Guidance, numbers
 from plumbob.viewer.pipe import Message
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class Allan:
         step = (self._last - self._first) / (found.count - 1)
         names = [f"{TRIADS[column // 3]}.{'xyz'[column % 3]}" for column in self._columns]
         deviation: dict[str, Sequence[float | None]] = {
-            name: _plain(to_dps(dev) if name.startswith("gyr") else dev)
+            name: numbers(to_dps(dev) if name.startswith("gyr") else dev)
             for name, dev in zip(names, found.dev.T, strict=True)
         }
         return AllanCurve(duration=self._last - self._first, tau=(found.n * step).tolist(), deviation=deviation)
@@ -135,10 +135,6 @@ def _new_stream(channels: int) -> Any:
     from plumbob.noise.stream import AllanStream
 
     return AllanStream(stream_factors(log_factors(_LONGEST, per_decade=_PER_DECADE)), channels=channels)
-
-
-def _plain(values: Floats) -> list[float | None]:
-    return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
 class Unit(NamedTuple):
@@ -372,8 +368,7 @@ class Derived:
 
     def _do(self, action: Callable[[], Any], then: Callable[[Any], None] | None = None) -> None:
         """Do something in the thread, in order, and something with its result in the loop."""
-        loop = asyncio.get_running_loop()
-        future = loop.run_in_executor(self._thread, action)
+        future = asyncio.get_running_loop().run_in_executor(self._thread, action)
         future.add_done_callback(lambda done: None if done.cancelled() else self._done(done, then))
 
     def _done(self, done: "asyncio.Future[Any]", then: Callable[[Any], None] | None) -> None:
@@ -438,7 +433,7 @@ class Derived:
     def _write_lines(self, t: Floats, words: NDArray[np.uint32], values: Floats) -> None:
         """Lines of the primary estimator's angles where they are due."""
         due = [i for i, t_ns in enumerate(to_ns(t).tolist()) if self._lines.due(t_ns)]
-        columns = self._angles()
+        columns = self._hub.places(self._hub.primary, ("roll", "pitch", "yaw"))
         if not due or columns is None:
             return
         angles = values[np.ix_(due, columns)].tolist()
@@ -449,11 +444,3 @@ class Derived:
         ]
         for line in lines:
             self._hub.lines.add(line)  # the tick that follows wakes the clients
-
-    def _angles(self) -> list[int] | None:
-        """Columns of roll, pitch and yaw of the primary estimator."""
-        hello = self._hub.hello or {}
-        name = next((one["name"] for one in hello.get("estimators", ()) if one["primary"]), None)
-        keys = self._hub.history.keys
-        wanted = [f"{name}.{angle}" for angle in ("roll", "pitch", "yaw")]
-        return [keys.index(key) for key in wanted] if all(key in keys for key in wanted) else None

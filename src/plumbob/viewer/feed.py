@@ -5,32 +5,27 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.acquisition.transport import Event, Received
-from plumbob.calibration.predicted import NAMES, REGIONS
 from plumbob.core import flags
 from plumbob.core.check import Floats
-from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError, one_line
-from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.chain import Chain
 from plumbob.filters import Start
-from plumbob.protocols.decode import Frames
 from plumbob.protocols.encode import encode
-from plumbob.protocols.format import Message
-from plumbob.protocols.unpack import counts_for
 from plumbob.rotations import Frame, North, quat_from_euler_zyx
 from plumbob.session.recording_sink import epoch_offset_ns
 from plumbob.session.session import Session, reference_names
 from plumbob.session.stream import Part, Stream
 from plumbob.session.watch import LONG
-from plumbob.viewer.messages import Batch, Column, Command, Hello, Link
-from plumbob.viewer.overlays import MOST, Follower, Overlay, addable, described, units_of
+from plumbob.viewer.messages import Batch, Hello, Link, numbers
+from plumbob.viewer.outlet import Outlet
+from plumbob.viewer.overlays import Follower, Overlay, described, greeting, require_addable, units_of
 from plumbob.viewer.rows import (
     Attitudes,
     Layout,
@@ -38,6 +33,8 @@ from plumbob.viewer.rows import (
     attitudes_now,
     headings_of,
     newest,
+    raw_columns,
+    raw_of,
     rows_at,
     sensed_rows,
     shown_of,
@@ -59,39 +56,6 @@ _TOLD: Final = sum(flags.MEANING) & ~(
 """Flags whose rise and fall are events; the others come and go all the time, or have events of their own."""
 GUIDES: Final = {"mag": "mag", "accel": "acc", "gyro": "gyr"}
 """What can be calibrated with guidance, and the triad that it takes."""
-
-
-class Asked(NamedTuple):
-    """A command, and who gave it."""
-
-    client: Any
-    command: Command
-
-
-class Outlet(Protocol):
-    """What shows a stream: the pipe to a server, or a terminal. None of its methods waits."""
-
-    def hello(self, hello: Hello) -> None:
-        """Begin, or begin again with other columns."""
-
-    def batch(self, batch: Batch) -> None:
-        """Show more samples, and the newest of everything."""
-
-    def event(self, t: float | None, kind: str, text: str) -> None:
-        """Show an event."""
-
-    def reset(self) -> None:
-        """Forget what was shown: time begins again."""
-
-    def answer(self, asked: Asked, ok: bool, text: str) -> None:
-        """Answer a command."""
-
-    def asked(self) -> Sequence[Asked]:
-        """Commands since the last call."""
-
-    @property
-    def ready(self) -> bool:
-        """Whether it can take more without dropping any."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -270,12 +234,9 @@ class Feed:
         frame = self._frame
         if name in (*self._overlays, *self._preparing) or (self._own is not None and name == self._own.name):
             raise ParameterError(f"{name} runs already.")
-        if name not in (known := addable(self._triads)):
-            raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(known)}.")
+        require_addable(name, self._triads, beside=len(self._overlays) + len(self._preparing))
         if frame is None:
             raise ParameterError("the session names no frame, so that nothing can be estimated; give --frame.")
-        if len(self._overlays) + len(self._preparing) >= MOST:
-            raise ParameterError(f"{MOST} estimators are the most that are shown beside the session's; remove one.")
         if not self._started:
             self._attach(name, frame)
             return f"{name} runs beside"
@@ -414,7 +375,8 @@ class Feed:
         if self._follower is not None:
             self._follower.take(units_of([part.units for part in ready.parts]))
             now["points"] = self._follower.points
-        now["raw"] = raw_values(self._message, last.frames)
+        fields = {name: values[-1:] for name, values in last.frames.columns.items()}
+        now["raw"] = [numbers(one)[0] for one in raw_of(self._message, fields).values()]
         now["attitudes"] |= attitudes_now(self._layout, known, reference)
         now["gravity_b"] = newest(ready.imu.usable("acc")) or now["gravity_b"]
         now["field_b"] = newest(ready.imu.usable("mag")) or now["field_b"]
@@ -498,10 +460,8 @@ class Feed:
         return None if told is None else f"{', '.join(reference_names(told))} in the frames"
 
     def _hello(self) -> Hello:
-        session, stream = self._stream.session, self._stream
-        t0_ns = stream.t0_ns
+        session, t0_ns = self._stream.session, self._stream.t0_ns
         noise = None if session.stage is None else session.stage.noise
-        running = {one.name for one in self._layout.shown}
         return Hello(
             session=session.name,
             device=session.meta.device,
@@ -509,30 +469,17 @@ class Feed:
             calibration="uncalibrated" if session.card is None else session.card.name,
             noise="none" if noise is None else f"{noise.device} ({noise.source})",
             live=True,
-            frame=None if self._frame is None else str(self._frame),
             north=None if self._north is None else str(self._north),
-            axes=axes_of(self._frame),
             rate=session.meta.rate_nominal,
-            columns=self._layout.columns,
             raw=self._raw_columns,
-            estimators=self._layout.estimators,
-            filters=[] if self._frame is None else [name for name in addable(self._triads) if name not in running],
             skeleton=None if self._follower is None else self._follower.skeleton,
             guides=[name for name, triad in GUIDES.items() if triad in self._triads],
-            regions=REGIONS.tolist(),
-            regions_names=NAMES,
             control=self._control,
             recording=self._recording,
             duration=None,
             started_utc=None if t0_ns is None else (t0_ns + epoch_offset_ns()) / 1e9,
-            gravity=G0,
-            version=__version__,
+            **greeting(self._layout, self._frame),
         )
-
-
-def axes_of(frame: Frame | None) -> str:
-    """Axes of the body that go with a navigation frame."""
-    return "FRD" if frame is Frame.NED else "FLU"
 
 
 def probed(session: Session) -> Part | None:
@@ -543,26 +490,3 @@ def probed(session: Session) -> Part | None:
     other = Stream(replace(session, stage=None, reference=None))
     found = other.feed(Received(0, rows.tobytes()))
     return found or other.finish()
-
-
-def raw_columns(message: Message, names: Mapping[str, Any]) -> list[Column]:
-    """Columns of what stands in a frame of a message."""
-    return [
-        Column(key=one.name, chart="raw", label=one.name, unit="counts" if one.physical else one.role, digits=0,
-               source=one.name.rpartition(".")[0])
-        for one in message.fields if one.name in names
-    ]  # fmt: skip
-
-
-def raw_values(message: Message, frames: Frames) -> list[float | None]:
-    """What stands in the last of some frames, in counts; None for what is absent."""
-    found: list[float | None] = []
-    for one in message.fields:
-        if one.name not in frames.columns:
-            continue
-        value = frames.columns[one.name][-1]
-        if not np.isfinite(value):
-            found.append(None)
-        else:
-            found.append(float(counts_for(one, np.array([value]))[0][0] if one.physical else value))
-    return found

@@ -10,7 +10,7 @@ import math
 import struct
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -25,7 +25,8 @@ from plumbob.core.version import __version__
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta
 from plumbob.rotations import Frame, North, frame_rotation, quat_from_euler_zyx
 from plumbob.session.rows import ATTITUDE, IMU, attitude_rows, imu_rows, kind_of
-from plumbob.viewer.hub import Hub
+from plumbob.viewer.hub import Hub, deliver
+from plumbob.viewer.messages import as_json
 from plumbob.viewer.pipe import Message
 
 if TYPE_CHECKING:
@@ -128,8 +129,7 @@ class Samples:
     """
 
     def __init__(self, hub: Hub, message: Message) -> None:
-        self._hello = hub.hello or {}
-        self._keys = hub.history.keys
+        self._hub, self._hello = hub, hub.hello or {}
         self._arrays = message.arrays
         self._t = message.arrays["t"]
         since = to_ns(self._t - self._t[-1])
@@ -158,7 +158,7 @@ class Samples:
         return zip(self._utc, imu_rows(self._host, imu), strict=True)
 
     def _attitude(self) -> Iterator[Sample]:
-        name, frame = self._primary, self._hello.get("frame")
+        name, frame = self._hub.primary, self._hello.get("frame")
         q_nb = None if name is None else self._q_nb(name)
         if q_nb is None or frame is None:
             return iter(())
@@ -180,30 +180,24 @@ class Samples:
             yield self._utc[-1], _transform(self._utc[-1], "world (ENU)", parent, _NED.tolist())
         for name in [one["name"] for one in self._hello.get("estimators", ())]:
             q_nb = self._q_nb(name)
-            child = "body" if name == self._primary else f"body ({name})"
+            child = "body" if name == self._hub.primary else f"body ({name})"
             for utc, q in zip(self._utc, [] if q_nb is None else q_nb.tolist(), strict=False):
                 if q[0] == q[0]:
                     yield utc, _transform(utc, parent, child, q)
 
     def _angles(self) -> Iterator[Sample]:
-        found = self._columns(self._primary, _ANGLES)
+        found = self._columns(self._hub.primary, _ANGLES)
         for utc, row in zip(self._utc, [] if found is None else found.tolist(), strict=False):
             if row[0] == row[0]:
-                yield utc, _json(dict(zip(_ANGLES, row, strict=True)))
-
-    @property
-    def _primary(self) -> str | None:
-        return next((one["name"] for one in self._hello.get("estimators", ()) if one["primary"]), None)
+                yield utc, as_json(dict(zip(_ANGLES, row, strict=True))).encode()
 
     def _q_nb(self, name: str) -> Floats | None:
         angles = self._columns(name, _ANGLES)
         return None if angles is None else quat_from_euler_zyx(deg(angles[:, ::-1]))
 
-    def _columns(self, name: str | None, wanted: Any) -> Floats | None:
-        keys = [f"{name}.{one}" for one in wanted]
-        if not all(key in self._keys for key in keys):
-            return None
-        found: Floats = self._arrays["values"][:, [self._keys.index(key) for key in keys]]
+    def _columns(self, name: str | None, wanted: Sequence[str]) -> Floats | None:
+        places = self._hub.places(name, wanted)
+        found: Floats | None = None if places is None else self._arrays["values"][:, places]
         return found
 
 
@@ -211,7 +205,7 @@ _NED: Final = frame_rotation(Frame.ENU, Frame.NED)
 
 
 def _transform(utc: int, parent: str, child: str, q: list[float]) -> bytes:
-    return _json(
+    return as_json(
         {
             "timestamp": _stamp(utc),
             "parent_frame_id": parent,
@@ -219,15 +213,11 @@ def _transform(utc: int, parent: str, child: str, q: list[float]) -> bytes:
             "translation": {"x": 0.0, "y": 0.0, "z": 0.0},
             "rotation": dict(zip("wxyz", q, strict=True)),
         }
-    )
+    ).encode()
 
 
 def _stamp(utc: int) -> dict[str, int]:
     return {"sec": utc // 1_000_000_000, "nsec": utc % 1_000_000_000}
-
-
-def _json(content: Mapping[str, Any]) -> bytes:
-    return json.dumps(content, allow_nan=False, separators=(",", ":")).encode()
 
 
 class Viewer:
@@ -347,16 +337,9 @@ class Foxglove:
         from starlette.websockets import WebSocketDisconnect
 
         with suppress(WebSocketDisconnect):
-            await socket.send_text(json.dumps(self._info()))
-            await socket.send_text(json.dumps(_advertised(), ensure_ascii=False))
-            while True:
-                await viewer.wake.wait()
-                viewer.wake.clear()
-                while (message := viewer.next()) is not None:
-                    if isinstance(message, str):
-                        await socket.send_text(message)
-                    else:
-                        await socket.send_bytes(message)
+            await socket.send_text(as_json(self._info()))
+            await socket.send_text(as_json(_advertised()))
+            await deliver(viewer, socket)
 
     def _info(self) -> dict[str, Any]:
         hello = self._hub.hello or {}
@@ -385,7 +368,7 @@ class Foxglove:
         told = {"timestamp": _stamp(utc), "level": _LOG_WARNING if kind in _WARNED else _LOG_INFO, "message": text,
                 "name": kind, "file": "", "line": 0}  # fmt: skip
         for viewer in self._viewers:
-            viewer.put(_EVENTS, [(utc, _json(told))])
+            viewer.put(_EVENTS, [(utc, as_json(told).encode())])
 
 
 def _advertised() -> dict[str, Any]:

@@ -5,12 +5,12 @@ supersedes itself, who is slow gets the newest.
 """
 
 import asyncio
-import json
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -18,8 +18,11 @@ from plumbob.core.flags import names
 from plumbob.core.text import counted
 from plumbob.viewer.angles import Tare, attitudes_of
 from plumbob.viewer.charts import History, Rows, Thinner, tick
-from plumbob.viewer.messages import Command, Happened, Lines
+from plumbob.viewer.messages import Answer, Happened, Lines, as_json, numbers
 from plumbob.viewer.pipe import Message
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
 
 TICK_S: Final = 1.0 / 50.0
 """Time between two ticks at least, s."""
@@ -36,10 +39,10 @@ _STORM: Final = 100.0  # events that may come at once, and how many in a second 
 _EVENTS_PER_S: Final = 10.0
 _QUIET_S: Final = 1.0  # without events, after which a storm is over
 _PASSED: Final = ("gravity_b", "field_b", "points", "recording", "text", "playback")
+_HIDDEN: Final = ("card",)  # what the feed says to the server alone: the path of the session's card
 
 Item = TypeVar("Item")
 Listener = Callable[[Message], None]
-BATCH: Final = ("t", "flags", "values", "sensed")
 
 
 class Ring(Generic[Item]):
@@ -102,9 +105,9 @@ class Client:
         self._answers: deque[str] = deque()
         self._is_ticks_turn = False
 
-    def answer(self, text: str) -> None:
+    def answer(self, answer: Answer) -> None:
         """Let it have an answer."""
-        self._answers.append(text)
+        self._answers.append(as_json(asdict(answer)))
         self.wake.set()
 
     def next(self) -> str | bytes | None:
@@ -142,7 +145,7 @@ class Client:
         if self._lines < lines.end:
             found = [lines[number] for number in range(max(self._lines, lines.first), lines.end)]
             self._lines = lines.end
-            return _json(asdict(Lines(lines=found)))
+            return as_json(asdict(Lines(lines=found)))
         return None
 
     def _next_newest(self) -> str | None:
@@ -159,6 +162,27 @@ class Client:
         number = ticks.end - 1 if ticks.end - self._tick > _BEHIND else max(self._tick, ticks.first)
         self._tick = number + 1
         return ticks[number]
+
+
+class Source(Protocol):
+    """Where a client's messages come from."""
+
+    wake: asyncio.Event
+
+    def next(self) -> str | bytes | None:
+        """Message that comes next; None where there is none yet."""
+
+
+async def deliver(source: Source, socket: "WebSocket") -> None:
+    """Send a client its messages as they come, until it goes."""
+    from starlette.websockets import WebSocketDisconnect
+
+    with suppress(WebSocketDisconnect):
+        while True:
+            await source.wake.wait()
+            source.wake.clear()
+            while (message := source.next()) is not None:
+                await (socket.send_text(message) if isinstance(message, str) else socket.send_bytes(message))
 
 
 class Hub:
@@ -225,6 +249,16 @@ class Hub:
         self._last = -1.0
         self._events_left, self._events_at, self._left_out = _STORM, time.monotonic(), 0
 
+    @property
+    def primary(self) -> str | None:
+        """Name of the session's own estimator."""
+        return next((one["name"] for one in (self.hello or {}).get("estimators", ()) if one["primary"]), None)
+
+    def places(self, name: str | None, columns: Sequence[str]) -> list[int] | None:
+        """Places of an estimator's columns among all; None where one of them is not there."""
+        keys, wanted = self.history.keys, [f"{name}.{column}" for column in columns]
+        return [keys.index(key) for key in wanted] if all(key in keys for key in wanted) else None
+
     def take(self, message: Message) -> None:
         """Take a message of the pipe."""
         if message.kind == "hello":
@@ -241,7 +275,7 @@ class Hub:
     def tell(self, kind: str, text: str, t: float | None = None) -> None:
         """Let an event be known."""
         event = Happened(id=self.events.end, t=self.t if t is None else t, kind=kind, text=text)
-        self.events.add(_json(asdict(event)))
+        self.events.add(as_json(asdict(event)))
         self.on_event(kind, text, event.t)
         self.wake()
 
@@ -250,7 +284,7 @@ class Hub:
         if message is None:
             self.newest.pop(kind, None)
             return
-        self.newest[kind] = (time.monotonic_ns(), _json(message))
+        self.newest[kind] = (time.monotonic_ns(), as_json(message))
         self.wake()
 
     def wake(self) -> None:
@@ -271,7 +305,7 @@ class Hub:
             "epoch": self.epoch,
             "t": self.t,
             "sent": time.time(),
-            "values": _numbers(self._values),
+            "values": numbers(self._values),
             "raw": fields.get("raw", []),
             "flags": names(self._flags),
             "attitudes": attitudes_of(fields.get("attitudes", {}), self.tare, self.hello or {}),
@@ -291,7 +325,7 @@ class Hub:
             self.ticks.clear()
             self.layouts += 1
         self.hello = content | {"control": self.control}
-        self.hello_text = _json({key: value for key, value in self.hello.items() if key not in _HIDDEN})
+        self.hello_text = as_json({key: value for key, value in self.hello.items() if key not in _HIDDEN})
         self.hellos += 1
         self._schedule(0.0)
         self.wake()
@@ -394,25 +428,3 @@ class Hub:
     @property
     def _speed(self) -> float:
         return float((self.fields.get("playback") or {}).get("speed") or 1.0)
-
-
-_HIDDEN: Final = ("card",)
-"""What the feed says to the server alone: the path of the session's card."""
-
-
-def accepted(command: Command) -> str:
-    """What an event says of a command that was done."""
-    told = " ".join(str(part) for part in (command.name, command.text, command.value) if part not in ("", None))
-    return f"{command.verb} {told}".strip()
-
-
-def _json(content: Mapping[str, Any]) -> str:
-    return json.dumps(content, allow_nan=False, separators=(",", ":"))
-
-
-def _numbers(values: Any) -> list[float | None]:
-    """Numbers as JSON has them: None where one is not finite."""
-    return [value if abs(value) < _INFINITE else None for value in values.tolist()]
-
-
-_INFINITE: Final = float("inf")

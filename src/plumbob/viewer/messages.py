@@ -9,9 +9,14 @@ A state supersedes the one before it: whoever is slow gets the newest. Events qu
 `Hello` names, as they are shown: degrees, °/s, m/s², µT, °C; quaternions are scalar first, body to navigation.
 """
 
-from collections.abc import Sequence
+import json
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+if TYPE_CHECKING:
+    from plumbob.core.check import Floats
 
 PROTOCOL: Final = 1
 """Version of these messages; a page of another version says so instead of drawing."""
@@ -449,8 +454,6 @@ class Command:
 FromServer = Hello | State | Happened | AllanCurve | Guidance | Lines | Answer
 """All that a page must understand."""
 
-Jsonable = Any
-
 
 @dataclass(frozen=True, slots=True)
 class Batch:
@@ -469,3 +472,13 @@ class Batch:
 
     rows: dict[str, Any]
     fields: dict[str, Any] = field(default_factory=dict)
+
+
+def as_json(content: Mapping[str, Any]) -> str:
+    """Message as it is sent."""
+    return json.dumps(content, allow_nan=False, separators=(",", ":"))
+
+
+def numbers(values: "Floats") -> list[float | None]:
+    """Numbers (N,) as JSON has them: None where one is not finite."""
+    return [value if abs(value) < math.inf else None for value in values.tolist()]

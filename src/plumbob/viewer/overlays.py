@@ -1,24 +1,27 @@
 """Further estimators beside the session's own, on the same samples; and a chain's posture from its units."""
 
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from plumbob.arm.figure import stick_points
+from plumbob.calibration.predicted import NAMES, REGIONS
 from plumbob.core import flags
 from plumbob.core.check import Floats
+from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
+from plumbob.core.version import __version__
 from plumbob.data import ImuData, ImuMeta
 from plumbob.data.chain import Chain, Posture
 from plumbob.filters import SMOOTHER, Filter, Start, filter_names, load
 from plumbob.filters.offline import Stage, follower_of
-from plumbob.filters.smoother import FixedLag
+from plumbob.filters.smoother import FixedLag, Smoother
 from plumbob.rotations import Frame, change_frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.session.stream import UnitPart
 from plumbob.viewer.messages import Skeleton
-from plumbob.viewer.rows import Attitudes, Shown, rows_at, shown_of
+from plumbob.viewer.rows import Attitudes, Layout, Shown, rows_at, shown_of
 
 MOST: Final = 8
 """Overlays at the same time."""
@@ -32,7 +35,31 @@ def addable(triads: Sequence[str]) -> list[str]:
     return [name for name in (*filter_names(), SMOOTHER) if set(load(name).NEEDS) <= set(triads)]
 
 
-def described(filter_: Filter | FixedLag) -> str:
+def require_addable(name: str, triads: Sequence[str], *, beside: int) -> None:
+    """Refuse an estimator that does not work on samples with these triads, or one more than `MOST`."""
+    if name not in (known := addable(triads)):
+        raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(known)}.")
+    if beside >= MOST:
+        raise ParameterError(f"{MOST} estimators are the most that are shown beside the first; remove one.")
+
+
+def greeting(layout: Layout, frame: Frame | None) -> dict[str, Any]:
+    """What `messages.Hello` says of a line and of a recording alike."""
+    running = {one.name for one in layout.shown}
+    return {
+        "frame": None if frame is None else str(frame),
+        "axes": "FRD" if frame is Frame.NED else "FLU",
+        "columns": layout.columns,
+        "estimators": layout.estimators,
+        "filters": [] if frame is None else [name for name in addable(layout.triads) if name not in running],
+        "regions": REGIONS.tolist(),
+        "regions_names": NAMES,
+        "gravity": G0,
+        "version": __version__,
+    }
+
+
+def described(filter_: Filter | Smoother | FixedLag) -> str:
     """Filter with what differs from its defaults."""
     told = filter_.facts()["params"]
     return filter_.name if told == "defaults" else f"{filter_.name} ({told})"

@@ -9,15 +9,35 @@ import socket
 import struct
 from collections import deque
 from collections.abc import Iterator, Mapping
+from importlib.util import find_spec
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core.errors import MissingExtraError
+
 LIMIT: Final = 1 << 20
 """Bytes that wait for a slow server at most."""
+TOKEN: Final = "PLUMBOB_VIEW_TOKEN"
+"""Variable of the environment that gives the server its token; options can be read by every process of the machine."""
+PAGE: Final = "view/index.html"
+"""The built page, as `plumbob.core.web.asset` has it."""
 _HEAD: Final = struct.Struct("<II")
 _MOST: Final = 64 << 20
+
+
+def require_packages() -> None:
+    """Refuse to begin without the packages of the server.
+
+    Raises
+    ------
+    MissingExtraError
+        If one is missing.
+    """
+    for name in ("starlette", "uvicorn", "websockets"):
+        if find_spec(name) is None:
+            raise MissingExtraError(f'the live view needs {name}: pip install "plumbob[view]".')
 
 
 class Message(NamedTuple):

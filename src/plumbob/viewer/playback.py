@@ -10,19 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from plumbob.acquisition.transport import Event
-from plumbob.calibration.predicted import NAMES, REGIONS
 from plumbob.core.check import Floats
-from plumbob.core.constants import G0
-from plumbob.core.errors import ParameterError, PlumbobError, ShapeError, one_line
+from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.time import to_ns
-from plumbob.core.version import __version__
 from plumbob.data import AttitudeTrack, ImuData, ImuMeta, calibration_told
 from plumbob.data.array import ImuArray
 from plumbob.data.chain import Chain
 from plumbob.files import Recording
 from plumbob.files.mcap import open_log
 from plumbob.protocols.format import Message
-from plumbob.protocols.unpack import counts_for
 from plumbob.rotations import Frame
 from plumbob.session.estimated import estimate
 from plumbob.session.reading import SUFFIX, read
@@ -30,9 +26,9 @@ from plumbob.session.recorded import read_recorded, reference_of
 from plumbob.session.replay import Replayed, replay
 from plumbob.session.session_toml import SESSION, of_unit, recorded_session
 from plumbob.session.watch import Note
-from plumbob.viewer.feed import Asked, Outlet, axes_of, raw_columns
-from plumbob.viewer.messages import Batch, Column, Hello, Link, Playback
-from plumbob.viewer.overlays import MOST, Follower, addable
+from plumbob.viewer.messages import Batch, Hello, Link, Playback, numbers
+from plumbob.viewer.outlet import Outlet
+from plumbob.viewer.overlays import Follower, described, greeting, require_addable
 from plumbob.viewer.rows import (
     Attitudes,
     Layout,
@@ -40,7 +36,8 @@ from plumbob.viewer.rows import (
     attitudes_now,
     headings_of,
     newest,
-    plain,
+    raw_columns,
+    raw_of,
     rows_at,
     sensed_rows,
     shown_of,
@@ -166,11 +163,7 @@ def load(
     def estimated(name: str | None, *, primary: bool, **settings: Any) -> Estimate:
         recording = Recording(imu=found.imu, track=found.reference, name=path.name)
         own = frame or (estimates[0].track.frame if estimates else None)
-        result = estimate(recording, name, frame=own, note=note if primary else None, **settings)
-        told = result.filter.facts()["params"]
-        title = result.filter.name if told == "defaults" else f"{result.filter.name} ({told})"
-        shown = shown_of(result.filter.name, result.filter.name, title, primary=primary)
-        return Estimate(shown, result.track, result.filter.common.declination)
+        return _estimated(recording, name, own, primary=primary, note=note if primary else None, **settings)
 
     if found.imu is not None and (wanted or not estimates):
         estimates.append(estimated(filter, primary=True, **options))
@@ -178,6 +171,15 @@ def load(
         estimates.append(estimated(name, primary=False))
     _require_unlike([one.shown.name for one in estimates])
     return replace(found, estimates=estimates)
+
+
+def _estimated(
+    recording: Recording, name: str | None, frame: Frame | str | None, *, primary: bool, **settings: Any
+) -> Estimate:
+    result = estimate(recording, name, frame=frame, **settings)
+    kind = result.filter.name
+    shown = shown_of(kind, kind, described(result.filter), primary=primary)
+    return Estimate(shown, result.track, result.filter.common.declination)
 
 
 def _require_unlike(names: Sequence[str]) -> None:
@@ -246,9 +248,7 @@ def _of_line(path: Path, unit: str | None, *, all_: bool, calibration: Any, fram
     estimates = []
     if stage is not None and found.track is not None and found.stream.filter is not None:
         filter_ = found.stream.filter
-        told = filter_.facts()["params"]
-        title = filter_.name if told == "defaults" else f"{filter_.name} ({told})"
-        shown = shown_of(stage.name, stage.filter, title, primary=True)
+        shown = shown_of(stage.name, stage.filter, described(filter_), primary=True)
         estimates = [Estimate(shown, found.track, filter_.common.declination)]
     message = session.form.message(session.message)
     card = found.stream.session.card
@@ -281,10 +281,8 @@ def _raw_of(found: Replayed, message: Message) -> dict[str, NDArray[Any]]:
         parts = [part.frames.columns.get(one.name) for part in found.found.parts]
         known = [part for part in parts if part is not None]
         if known:
-            values = np.concatenate(known).astype(np.float64)
-            columns[one.name] = counts_for(one, values)[0] if one.physical else values
-            columns[one.name] = np.where(np.isfinite(values), columns[one.name], np.nan)
-    return columns
+            columns[one.name] = np.concatenate(known).astype(np.float64)
+    return raw_of(message, columns)
 
 
 def _events_of(found: Replayed) -> list[tuple[float, Event]]:
@@ -397,15 +395,10 @@ class Player:
         loaded = self._loaded
         if loaded.imu is None:
             raise ParameterError("the recording has no samples to estimate from.")
-        if name not in (known := addable(loaded.imu.triads)):
-            raise ParameterError(f"there is no estimator '{name}' for these samples; there are {', '.join(known)}.")
         _require_unlike([*(one.shown.name for one in loaded.estimates), name])
-        if len(loaded.estimates) > MOST:
-            raise ParameterError(f"{MOST} estimators are the most that are shown beside the first; remove one.")
-        result = estimate(Recording(imu=loaded.imu, name=loaded.name), name, frame=loaded.frame)
-        told = result.filter.facts()["params"]
-        shown = shown_of(name, name, name if told == "defaults" else f"{name} ({told})", primary=not loaded.estimates)
-        loaded.estimates.append(Estimate(shown, result.track, result.filter.common.declination))
+        require_addable(name, loaded.imu.triads, beside=len(loaded.estimates) - 1)
+        recording = Recording(imu=loaded.imu, name=loaded.name)
+        loaded.estimates.append(_estimated(recording, name, loaded.frame, primary=not loaded.estimates))
         return self._changed(f"{name} runs beside")
 
     def remove(self, name: str) -> str:
@@ -469,13 +462,13 @@ class Player:
         reference = None if self._reference is None else self._reference.rows(rows)
         imu = None if loaded.imu is None or stop <= start else loaded.imu[rows]
         count = stop - start
-        if count:
-            values = self._layout.values(imu, count, known, reference)
-            words = self._words[rows]
-            sensed = np.full((count, 10), np.nan) if loaded.sensed is None else sensed_rows(loaded.sensed[rows])
-        else:
-            values, words, sensed = np.zeros((0, len(self._layout.columns))), self._words[:0], np.zeros((0, 10))
-        arrays = {"t": self._t[rows], "flags": words, "values": values, "sensed": sensed}
+        sensed = np.full((count, 10), np.nan)
+        if count and loaded.sensed is not None:
+            sensed = sensed_rows(loaded.sensed[rows])
+        values = (
+            self._layout.values(imu, count, known, reference) if count else np.zeros((0, len(self._layout.columns)))
+        )
+        arrays = {"t": self._t[rows], "flags": self._words[rows], "values": values, "sensed": sensed}
         return Batch(arrays, self._fields(at))
 
     def _fields(self, at: slice) -> dict[str, Any]:
@@ -489,7 +482,7 @@ class Player:
             skipped=0,
         )  # fmt: skip
         return {
-            "raw": [plain(np.array([float(column[at][0])]))[0] for column in loaded.raw.values()],
+            "raw": numbers(np.array([column[at.start] for column in loaded.raw.values()], dtype=np.float64)),
             "attitudes": attitudes_now(self._layout, known, reference),
             "gravity_b": None if imu is None else newest(imu.usable("acc")),
             "field_b": None if imu is None else newest(imu.usable("mag")),
@@ -523,11 +516,8 @@ class Player:
 
     def hello(self) -> Hello:
         """What the columns are, and what is played."""
-        loaded, held = self._loaded, self._held
-        running = {one.shown.name for one in loaded.estimates}
+        loaded = self._loaded
         t0_ns = 0 if loaded.imu is None else loaded.imu.meta.t0_ns
-        triads = () if loaded.imu is None else loaded.imu.triads
-        raw: list[Column] = [] if loaded.message is None else raw_columns(loaded.message, loaded.raw)
         return Hello(
             session=loaded.name,
             device=loaded.device,
@@ -535,24 +525,16 @@ class Player:
             calibration=loaded.calibration,
             noise=loaded.noise,
             live=False,
-            frame=None if loaded.frame is None else str(loaded.frame),
-            north=str(held[0].north) if held else None,
-            axes=axes_of(loaded.frame),
+            north=str(self._held[0].north) if self._held else None,
             rate=self._rate,
-            columns=self._layout.columns,
-            raw=raw,
-            estimators=self._layout.estimators,
-            filters=[name for name in addable(triads) if name not in running],
+            raw=[] if loaded.message is None else raw_columns(loaded.message, loaded.raw),
             skeleton=None if self._chain is None else self._chain.skeleton,
             guides=(),
-            regions=REGIONS.tolist(),
-            regions_names=NAMES,
             control=self._control,
             recording=False,
             duration=self._last,
             started_utc=t0_ns / 1e9 if t0_ns else None,
-            gravity=G0,
-            version=__version__,
+            **greeting(self._layout, loaded.frame),
         )
 
 
@@ -576,11 +558,3 @@ class _Postures:
     def points(self, row: int) -> list[list[float] | None]:
         """Points of the stick figure at a sample."""
         return self._follower.points_of({name: q[row] for name, q in self._attitudes.items()})
-
-
-def answered(asked: Asked, outlet: Outlet, action: Callable[[], str]) -> None:
-    """Do what a command asks for, and answer."""
-    try:
-        outlet.answer(asked, True, action())
-    except (PlumbobError, OSError) as error:
-        outlet.answer(asked, False, one_line(error))

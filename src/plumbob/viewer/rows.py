@@ -16,17 +16,19 @@ from plumbob.core.units import to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.reading import default_max_gap, read_at
 from plumbob.filters import SMOOTHER, claims_covariance, filter_names, load
-from plumbob.rotations import Frame, North, change_frame, euler_zyx_from_quat, quat_rotate, wrap
+from plumbob.protocols.format import Message
+from plumbob.protocols.unpack import counts_for
+from plumbob.rotations import Frame, North, change_frame, quat_rotate, wrap
 from plumbob.rotations.headings import HeadingPolicy, euler_sd, heading_policy, turn_heading
-from plumbob.viewer.messages import Attitude, Column, Estimator
+from plumbob.viewer.angles import angles_of
+from plumbob.viewer.messages import Column, Estimator, numbers
 
 REFERENCE: Final = "reference"
 """Name of the reference among the estimators."""
 Stamps = NDArray[np.int64]
 _SENSORS: Final = (("gyr", "rate", "°/s", 3), ("acc", "force", "m/s²", 3), ("mag", "field", "µT", 2))
 _ANGLES: Final = ("roll", "pitch", "yaw")
-_ORDER: Final = [2, 1, 0]
-"""Roll, pitch, yaw of yaw, pitch, roll."""
+_LAST: Final = slice(-1, None)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -250,16 +252,11 @@ class Layout:
             yield errors_of(at.q_nb, true, headed=one.headed)[:, np.newaxis]
 
 
-def angles_of(q_nb: Floats) -> Floats:
-    """Roll, pitch and yaw (N, 3), degrees, as every report of Plumbob prints them."""
-    return to_deg(euler_zyx_from_quat(q_nb))[:, _ORDER]
-
-
 def claimed_of(at: Attitudes) -> Floats:
     """Claimed standard deviations of roll, pitch and yaw (N, 3), degrees; none of a yaw that is free."""
     if at.cov_b is None:
         return _nothing(len(at.q_nb), 3)
-    found = to_deg(euler_sd(at.q_nb, at.cov_b))[:, _ORDER]
+    found = to_deg(euler_sd(at.q_nb, at.cov_b))[:, ::-1]
     if at.north is North.FREE:
         found[:, 2] = np.nan
     return found
@@ -283,23 +280,12 @@ def attitudes_now(
         at = known[one.name].rows(_LAST)
         if not len(at.q_nb) or not np.isfinite(at.q_nb).all():
             continue
-        sd = plain(claimed_of(at)[0]) if one.estimator.claims else None
-        error = None if true is None else plain(errors_of(at.q_nb, true, headed=one.headed))[0]
+        sd = numbers(claimed_of(at)[0]) if one.estimator.claims else None
+        error = None if true is None else numbers(errors_of(at.q_nb, true, headed=one.headed))[0]
         found[one.name] = {"q_nb": at.q_nb[0].tolist(), "sd": sd, "error": error}
     if true is not None and np.isfinite(true).all():
         found[REFERENCE] = {"q_nb": true[0].tolist(), "sd": None, "error": None}
     return found
-
-
-def attitude_told(fields: Mapping[str, Any]) -> Attitude:
-    """Newest attitude of an estimator, as a state has it, of what `attitudes_now` says; before any tare."""
-    roll, pitch, yaw = angles_of(np.array([fields["q_nb"]]))[0].tolist()
-    return Attitude(roll=roll, pitch=pitch, yaw=yaw, **fields)
-
-
-def plain(values: Floats) -> list[float | None]:
-    """Numbers for JSON; None for what is not finite."""
-    return [value if ok else None for value, ok in zip(values.tolist(), np.isfinite(values).tolist(), strict=True)]
 
 
 def newest(values: Floats) -> list[float] | None:
@@ -348,13 +334,30 @@ def _from_north(at: Attitudes, mag: Floats) -> Floats:
     return to_deg(wrap(heading - (at.declination or 0.0 if at.north is North.TRUE else 0.0)))
 
 
+def raw_columns(message: Message, names: Mapping[str, Any]) -> list[Column]:
+    """Columns of what stands in a frame of a message."""
+    return [
+        Column(key=one.name, chart="raw", label=one.name, unit="counts" if one.physical else one.role, digits=0,
+               source=one.name.rpartition(".")[0])
+        for one in message.fields if one.name in names
+    ]  # fmt: skip
+
+
+def raw_of(message: Message, columns: Mapping[str, NDArray[Any]]) -> dict[str, Floats]:
+    """Fields of a message as they stood in the frames, (N,) in counts or words; NaN where one was absent."""
+    found = {}
+    for one in message.fields:
+        if one.name in columns:
+            values = np.asarray(columns[one.name], dtype=np.float64)
+            counts = counts_for(one, values)[0] if one.physical else values
+            found[one.name] = np.where(np.isfinite(values), counts, np.nan)
+    return found
+
+
 def sensed_rows(sensed: ImuData) -> Floats:
     """Uncalibrated samples (N, 10): rate, rad/s, specific force, m/s², field, µT, and temperature, °C."""
     temp = np.full(len(sensed), np.nan) if sensed.temp_c is None else sensed.temp_c
     return np.column_stack([*(sensed.usable(name) for name, *_ in _SENSORS), temp])
-
-
-_LAST: Final = slice(-1, None)
 
 
 def _nothing(count: int, width: int) -> Floats:

@@ -15,19 +15,17 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from plumbob.core.errors import LineError, MissingExtraError, ParameterError, PlumbobError, one_line
+from plumbob.core.errors import LineError, ParameterError, PlumbobError, one_line
 from plumbob.viewer.app import Places, application
-from plumbob.viewer.control import Control
+from plumbob.viewer.control_server import Control
 from plumbob.viewer.derived import Derived
 from plumbob.viewer.guard import Rules
 from plumbob.viewer.hub import Hub
-from plumbob.viewer.pipe import LIMIT, Message, Unpacker, packed
+from plumbob.viewer.pipe import LIMIT, TOKEN, Message, Unpacker, packed, require_packages
 
 if TYPE_CHECKING:
     import uvicorn
 
-TOKEN: Final = "PLUMBOB_VIEW_TOKEN"
-"""Variable of the environment that holds the token; not an option, which every process of the machine could read."""
 SHORTEST: Final = 22
 """Letters of a token at least: 128 bits, 6 to a letter."""
 LOOPBACK: Final = ("127.0.0.1", "::1")
@@ -65,13 +63,7 @@ def _require(token: str) -> None:
         raise ParameterError(
             f"{TOKEN} must hold a token of {SHORTEST} letters or more, as secrets.token_urlsafe makes."
         )
-    for name in ("starlette", "uvicorn", "websockets"):
-        try:
-            __import__(name)
-        except ImportError:
-            raise MissingExtraError(
-                f"the live view needs {name}, which is not installed. Install it with: pip install 'plumbob[view]'."
-            ) from None
+    require_packages()
 
 
 async def _run(options: argparse.Namespace, token: str) -> None:

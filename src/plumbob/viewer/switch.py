@@ -14,36 +14,16 @@ from plumbob.session.recording_sink import RecordingSink, epoch_offset_ns
 from plumbob.session.session import RecordSpec
 from plumbob.session.sinks import TextSink
 from plumbob.session.stream import Part, Stream
+from plumbob.viewer.commands import LONGEST_NAME, checked_name, checked_text
 
-LONGEST: Final = 80
-"""Letters of a name at most."""
-LONGEST_MARK: Final = 200
-"""Letters of a mark at most."""
 MARK: Final = "mark"
 """Kind of the event that a mark is."""
-_NAME: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]*")
 _FREE: Final = 1000
-
-
-def checked_name(name: str) -> str:
-    """Name of an output, as somebody gave it.
-
-    Raises
-    ------
-    ParameterError
-        If it could be a path, or is too long.
-    """
-    if not _NAME.fullmatch(name) or len(name) > LONGEST:
-        raise ParameterError(
-            f"a name has at most {LONGEST} letters, digits, '-', '_' and '.', and does not begin with '.', but "
-            f"got {name[:LONGEST]!r}. It is not a path."
-        )
-    return name
 
 
 def _tame(name: str) -> str:
     """Name of a session as one of a file."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:LONGEST] or "recording"
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:LONGEST_NAME] or "recording"
 
 
 class Switch:
@@ -138,9 +118,9 @@ class Switch:
         ParameterError
             If the text is empty, too long, or has more than one line.
         """
-        text = text.strip()
-        if not text or len(text) > LONGEST_MARK or not text.isprintable():
-            raise ParameterError(f"a mark is a line of at most {LONGEST_MARK} printable letters.")
+        text = checked_text(text.strip())
+        if not text:
+            raise ParameterError("a mark needs a text.")
         event = Event(self._clock(), MARK, text)
         self._events.append(event)
         if self._sink is not None:

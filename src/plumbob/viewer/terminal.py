@@ -21,9 +21,11 @@ from plumbob.core.flags import names
 from plumbob.core.text import visible
 from plumbob.core.units import Quantity, given, to_deg
 from plumbob.data.chain import Chain
-from plumbob.rotations import Frame, North, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_rotate
-from plumbob.viewer.feed import Asked
+from plumbob.rotations import Frame, North
+from plumbob.rotations.headings import heading_of
+from plumbob.viewer.angles import Tare, angles_of
 from plumbob.viewer.messages import Batch, Command, Hello
+from plumbob.viewer.outlet import Asked
 from plumbob.viewer.rows import REFERENCE
 from plumbob.viewer.view import Viewed, opened_up
 
@@ -83,8 +85,8 @@ class Now:
         Its flags.
     events : deque of str
         The newest at the end.
-    tare : ndarray (4,) or None
-        Attitude that angles count from.
+    tare : Tare
+        What angles count from.
     """
 
     hello: Hello | None = None
@@ -93,7 +95,7 @@ class Now:
     t: float | None = None
     words: int = 0
     events: deque[str] = field(default_factory=lambda: deque(maxlen=_EVENTS))
-    tare: Any = None
+    tare: Tare = field(default_factory=Tare)
 
 
 class Terminal:
@@ -196,8 +198,10 @@ class Terminal:
         with self._lock:
             attitudes = self.now.fields.get("attitudes") or {}
             first = next(iter(attitudes.values()), None)
-            set_now = self.now.tare is None and first is not None
-            self.now.tare = quat_conjugate(np.array(first["q_nb"])) if set_now and first is not None else None
+            if self.now.tare.is_set or first is None:
+                self.now.tare.clear()
+            else:
+                self.now.tare.set(first["q_nb"])
 
 
 class _Page:
@@ -244,7 +248,7 @@ class _Page:
         line = Text(f"{visible(hello.session)}  ", style="bold")
         line.append(status, style="bold red" if self._stale else "bold green")
         line.append(f"  {_clock(now.t)}")
-        if now.tare is not None:
+        if now.tare.is_set:
             line.append(f"  {self._say('tared')}", style="yellow")
         yield line
         told = f"{visible(hello.device)}, {visible(hello.format)}, {self._say('calibration')}: "
@@ -263,11 +267,9 @@ class _Page:
         title = [self._say(word) for word in ("estimator", "roll", "pitch", "yaw", "error")]
         yield Text(_row(title[0], [f"{word} [°]" for word in title[1:4]], title[4], narrow=narrow), style="dim")
         for name, one in attitudes.items():
-            roll, pitch, yaw = _angles(one["q_nb"], self._now.tare)
+            angles = angles_of(self._now.tare.of(np.array(one["q_nb"]))).tolist()
             sds = one["sd"] or [None] * 3
-            cells = [
-                f"{round(angle, 2) + 0.0:7.2f}{_sd(sd)}" for angle, sd in zip((roll, pitch, yaw), sds, strict=True)
-            ]
+            cells = [f"{round(angle, 2) + 0.0:7.2f}{_sd(sd)}" for angle, sd in zip(angles, sds, strict=True)]
             error = "" if one["error"] is None else f"{one['error']:.2f}"
             label = self._say(name) if name == REFERENCE else visible(name)
             yield Text(_row(label, cells, error, narrow=narrow), style="dim" if name == REFERENCE else "bold")
@@ -278,7 +280,8 @@ class _Page:
         hello, attitudes = self._now.hello, self._now.fields.get("attitudes") or {}
         if hello is None or hello.frame is None or not attitudes:
             return
-        heading = heading_of(next(iter(attitudes.values()))["q_nb"], Frame(hello.frame))
+        q_nb = np.array(next(iter(attitudes.values()))["q_nb"])
+        heading = float(to_deg(heading_of(q_nb, Frame(hello.frame))))
         width = self._width - 1
         yield Text(tape(heading, width))
         north = self._say(hello.north or North.FREE)
@@ -356,12 +359,6 @@ class _Page:
         return " " + "  ".join(f"{key} {self._say(word)}" for key, word in (("q", "quit"), *own, ("t", "tare"))) + " "
 
 
-def heading_of(q_nb: Sequence[float], frame: Frame) -> float:
-    """Direction of the body's x axis, degrees clockwise from the zero of headings, from 0 to 360."""
-    forward = quat_rotate(np.array(q_nb), [1.0, 0.0, 0.0])
-    return float(to_deg(float(np.arctan2(forward @ frame.east, forward @ frame.north)))) % 360.0
-
-
 def tape(heading: float, width: int) -> str:
     """Tape of headings around one, which stands in the middle: a tick every 10°, a number every 30°."""
     cells = ["·"] * width
@@ -375,12 +372,6 @@ def tape(heading: float, width: int) -> str:
         if at >= 0 and at + len(label) <= width:
             cells[at : at + len(label)] = label
     return "".join(cells)
-
-
-def _angles(q_nb: Sequence[float], tare: Any) -> tuple[float, float, float]:
-    q = np.array(q_nb) if tare is None else quat_multiply(tare, np.array(q_nb))
-    yaw, pitch, roll = map(float, to_deg(euler_zyx_from_quat(q)))
-    return roll, pitch, yaw
 
 
 def _sd(sd: float | None) -> str:

@@ -26,9 +26,10 @@ from plumbob.session.sources import open_source
 from plumbob.session.stream import Part, Stream
 from plumbob.session.watch import Note, Ran, Watch, nothing_of
 from plumbob.viewer.child import Server, Serving, require_view
-from plumbob.viewer.feed import Asked, Feed, Outlet
+from plumbob.viewer.feed import Feed
 from plumbob.viewer.messages import Command
-from plumbob.viewer.playback import Player, answered, load
+from plumbob.viewer.outlet import Desk, Outlet
+from plumbob.viewer.playback import Player, load
 from plumbob.viewer.switch import Switch, lossy
 
 HTTP_PORT: Final = 8770
@@ -191,6 +192,19 @@ def view(
         return replace(found, restarts=server.starts - 1)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _How:
+    """How something is shown, whatever it is."""
+
+    folder: Path
+    control: bool
+    duration: float | None
+    stop: Stopping | None
+    note: Note
+    echo: Note
+    opened: Callable[[], None]
+
+
 class Shows:
     """Something that can be shown: a line or a recording.
 
@@ -232,74 +246,62 @@ class Shows:
         return path
 
     def run(self, outlet: Outlet, **how: Any) -> Viewed:
-        """Show it in an outlet until its end, or until it is stopped; `echo` gets what the outlet shows as events."""
-        return self._play(outlet, **how) if self._session is None else self._follow(self._session, outlet, **how)
+        """Show it in an outlet until its end, or until it is stopped.
 
-    def _follow(
-        self,
-        session: Session,
-        outlet: Outlet,
-        *,
-        folder: Path,
-        control: bool,
-        duration: float | None,
-        stop: Stopping | None,
-        note: Note,
-        echo: Note,
-        opened: Callable[[], None],
-    ) -> Viewed:
+        Parameters
+        ----------
+        outlet : Outlet
+            What shows it.
+        **how
+            ``folder``, ``control``, ``duration``, ``stop``, ``note`` as of `view`; ``opened``, called before the first
+            sample; ``echo``, called with what the outlet shows as events.
+        """
+        if self._session is not None:
+            return self._follow(self._session, outlet, _How(**how))
+        assert self._path is not None
+        return self._play(self._path, outlet, _How(**how))
+
+    def _follow(self, session: Session, outlet: Outlet, how: "_How") -> Viewed:
         session = named_at(session, time.time_ns())
         stream = Stream(session, covariance=True)
-        announce(session, note)
+        announce(session, how.note)
         stream.warm_up()
-        switch = Switch(stream, folder, None if session.record is None else RecordingSink(session, session.record))
+        switch = Switch(stream, how.folder, None if session.record is None else RecordingSink(session, session.record))
         feed = Feed(
-            stream, outlet, also=self._also, chain=self._chain, truth=self._truth, control=control, recording=True,
-            beside=lambda: {"recording": switch.recording, "text": switch.text}, note=note,
+            stream, outlet, also=self._also, chain=self._chain, truth=self._truth, control=how.control, recording=True,
+            beside=lambda: {"recording": switch.recording, "text": switch.text}, note=how.note,
         )  # fmt: skip
 
         def remark(line: str) -> None:
-            echo(line)
+            how.echo(line)
             feed.say(feed.now, "remark", line)
 
         watch = Watch(stream, remark, events=False)
         desk = _LineDesk(feed, switch, outlet)
         texts = [TextSink(session.output.text, session.output.every)] if session.output.text else []
         source = open_source(session.source)
-        opened()
+        how.opened()
 
         def each() -> None:
             watch.look()
             desk.serve()
             feed.tick()
 
-        sinks: list[Sink] = [watch, _Told(echo), feed, *texts]
-        run_stream(stream, source, sinks=sinks, recording=switch, duration=duration, stop=stop, each=each)
+        sinks: list[Sink] = [watch, _Told(how.echo), feed, *texts]
+        run_stream(stream, source, sinks=sinks, recording=switch, duration=how.duration, stop=how.stop, each=each)
         return Viewed(session.name, Ran(watch), switch.recordings, fault=feed.failed)
 
-    def _play(
-        self,
-        outlet: Outlet,
-        *,
-        folder: Path,
-        control: bool,
-        duration: float | None,
-        stop: Stopping | None,
-        note: Note,
-        echo: Note,
-        opened: Callable[[], None],
-    ) -> Viewed:
-        assert self._path is not None
-        loaded = load(self._path, also=self._also, chain=self._chain, note=note, **self._options)
-        player = Player(loaded, outlet, chain=self._chain, control=control)
+    def _play(self, path: Path, outlet: Outlet, how: "_How") -> Viewed:
+        loaded = load(path, also=self._also, chain=self._chain, note=how.note, **self._options)
+        player = Player(loaded, outlet, chain=self._chain, control=how.control)
         desk = _PlayerDesk(player, outlet)
-        opened()
-        end = None if duration is None else time.monotonic() + duration
-        while not (stop and stop.is_set()) and (end is None or time.monotonic() < end):
+        how.opened()
+        end = None if how.duration is None else time.monotonic() + how.duration
+        while not (how.stop and how.stop.is_set()) and (end is None or time.monotonic() < end):
             desk.serve()
             player.tick()
             time.sleep(_PAUSE)
-        return Viewed(self._path.name, None)
+        return Viewed(path.name, None)
 
 
 @contextmanager
@@ -395,27 +397,7 @@ class _Told:
         """Nothing is held open."""
 
 
-class _Desk:
-    """Does what is asked for, a verb each."""
-
-    verbs: Mapping[str, Callable[[Command], str]]
-
-    def __init__(self, outlet: Outlet, other: str) -> None:
-        self._outlet, self._other = outlet, other
-
-    def serve(self) -> None:
-        """Do everything that was asked for since the last call."""
-        for asked in self._outlet.asked():
-            answered(asked, self._outlet, lambda asked=asked: self._do(asked))  # type: ignore[misc]
-
-    def _do(self, asked: Asked) -> str:
-        command = asked.command
-        if command.verb not in self.verbs:
-            raise ParameterError(f"'{command.verb}' is {self._other}.")
-        return self.verbs[command.verb](command)
-
-
-class _LineDesk(_Desk):
+class _LineDesk(Desk):
     """What can be asked of a line."""
 
     def __init__(self, feed: Feed, switch: Switch, outlet: Outlet) -> None:
@@ -431,7 +413,7 @@ class _LineDesk(_Desk):
         }
 
 
-class _PlayerDesk(_Desk):
+class _PlayerDesk(Desk):
     """What can be asked of a recording that is played."""
 
     def __init__(self, player: Player, outlet: Outlet) -> None:

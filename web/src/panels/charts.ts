@@ -11,7 +11,7 @@ import type { Rows } from "../panel";
 import type { OwnPanel, Shell } from "../shell";
 import { theme } from "../theme";
 import { placeOf } from "../store";
-import { ANGLE_NAMES, NAMES, SHORT } from "../names";
+import { ANGLE_NAMES, NAMES, primaryOf, REFERENCE, SHORT } from "../names";
 
 export const WINDOWS = [5, 10, 20, 30, 60, 120, 180, 300, 600];
 const ORDER = ["attitude", "error", "rate", "force", "field", "flags", "residual", "sd", "bias", "temperature"];
@@ -250,9 +250,9 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
       const legend = h("div", { class: "legend" });
       const labels = new Set(this.lines.map((line) => line.of.label)).size;
       for (const line of this.lines) {
-        const swatch = h("i", { class: line.of.source === "reference" ? "dashed" : "", attributes: { "data-line": line.of.key } });
+        const swatch = h("i", { class: line.of.source === REFERENCE ? "dashed" : "", attributes: { "data-line": line.of.key } });
         const called = h("span");
-        if (this.bySource && line.of.source === "reference") say(called, "reference");
+        if (this.bySource && line.of.source === REFERENCE) say(called, "reference");
         else if (this.bySource) put(called, line.of.source);
         else say(called, line.of.label);
         const one = button({ class: "key", attributes: { "aria-pressed": "true" } }, () => {
@@ -275,7 +275,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
     /** A band of one claimed standard deviation of the primary estimator. */
     private band(): void {
       if (this.chart !== "attitude") return;
-      const primary = this.hello.estimators.find((one) => one.primary)?.name;
+      const primary = primaryOf(this.hello)?.name;
       for (const line of this.lines.filter((one) => one.of.source === primary)) {
         const sd = this.hello.columns.findIndex((one) => one.chart === "sd" && one.source === primary && one.label === line.of.label);
         if (sd >= 0) this.bands.push({ line, sd, points: new Points() });
@@ -408,7 +408,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
         if (!line.shown) continue;
         ctx.strokeStyle = colour(this, line);
         ctx.lineWidth = ratio * wide * (this.order(line) ? 1.5 : 1);
-        ctx.setLineDash(line.of.source === "reference" ? [6 * ratio, 4 * ratio] : []);
+        ctx.setLineDash(line.of.source === REFERENCE ? [6 * ratio, 4 * ratio] : []);
         ctx.beginPath();
         trace(ctx, plot, line.points);
         ctx.stroke();
@@ -419,7 +419,7 @@ export function charts(shell: Shell): OwnPanel & { hold(on?: boolean): void; hel
 
     /** The primary estimator is drawn over the others, and the reference over it. */
     private order(line: Line): number {
-      return !this.bySource ? 0 : line.of.source === "reference" ? 2 : line.of.source === this.hello.estimators[0]?.name ? 1 : 0;
+      return !this.bySource ? 0 : line.of.source === REFERENCE ? 2 : line.of.source === primaryOf(this.hello)?.name ? 1 : 0;
     }
 
     private claim(plot: uPlot, line: Points, sd: Points, fill: string, x: (time: number) => number): void {

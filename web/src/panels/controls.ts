@@ -2,6 +2,7 @@
 import { button, h, hint, place, put, say, set } from "../dom";
 import { clock, count } from "../format";
 import type { Hello, State } from "../messages";
+import { REFERENCE } from "../names";
 import type { OwnPanel, Shell } from "../shell";
 import { refusal } from "../shell";
 
@@ -14,7 +15,7 @@ function field(label: string, attributes: Record<string, string>): [HTMLLabelEle
 
 export function controls(shell: Shell): OwnPanel {
   const why = h("p", { class: "refusal" });
-  const [nameLabel, name] = field("Name", { pattern: NAME, maxlength: "100" });
+  const [nameLabel, name] = field("Name", { pattern: NAME, maxlength: "64" });
   const record = button({ class: "main record", say: "Record", hint: "plumbob control URL record (key r)" }, () => start());
   const stop = button({ class: "main", say: "Stop", hint: "plumbob control URL stop (keys Shift r)" }, () => void shell.ask({ verb: "stop" }));
   const kept = h("p", { class: "kept" });
@@ -22,7 +23,7 @@ export function controls(shell: Shell): OwnPanel {
   const marker = button({ say: "Mark", hint: "plumbob control URL mark (key m, then Enter)" }, () => void note());
   const tare = button({ say: "Tare", hint: "plumbob control URL tare (key t)" }, () => void shell.ask({ verb: "tare" }));
   const untare = button({ say: "Untare", hint: "plumbob control URL untare" }, () => void shell.ask({ verb: "untare" }));
-  const [textLabel, text] = field("Text file", { pattern: NAME, maxlength: "100" });
+  const [textLabel, text] = field("Text file", { pattern: NAME, maxlength: "64" });
   const write = button({ say: "Write text", hint: "plumbob control URL text" }, () => {
     if (text.reportValidity()) void shell.ask({ verb: "text", name: text.value });
   });
@@ -93,7 +94,7 @@ export function controls(shell: Shell): OwnPanel {
       filters.replaceChildren(...hello.filters.map((filter) => h("option", { text: filter, attributes: { value: filter } })));
       estimators.hidden = hello.filters.length === 0;
       list.replaceChildren(
-        ...hello.estimators.filter((one) => one.name !== "reference").map((one) => {
+        ...hello.estimators.filter((one) => one.name !== REFERENCE).map((one) => {
           const swatch = h("i", { class: "swatch" });
           swatch.style.color = shell.colourOf(one.name);
           swatch.dataset["of"] = one.name;

@@ -1,7 +1,9 @@
 // Artificial horizon, compass and the numbers beside them.
 import "./scene.css";
 
+import { fixed } from "../format";
 import type { Attitude, Hello, State } from "../messages";
+import { othersOf, primaryOf } from "../names";
 import type { Context, Panel, PanelFactory } from "../panel";
 import { type Course, drawRose, drawTape, rateScale } from "./scene/compass";
 import { make, oncePerFrame, put, sheet, watched, Words } from "./scene/dom";
@@ -103,7 +105,7 @@ class Instruments implements Panel {
   }
 
   private primary(): Attitude | null {
-    const name = (this.told?.estimators.find(({ primary }) => primary) ?? this.told?.estimators[0])?.name;
+    const name = primaryOf(this.told)?.name;
     return (name !== undefined && this.newest?.attitudes[name]) || null;
   }
 
@@ -135,14 +137,8 @@ class Instruments implements Panel {
   }
 
   private others(): { attitude: Attitude; colour: string }[] {
-    const known = this.told?.estimators ?? [];
     const attitudes = this.newest?.attitudes ?? {};
-    const found = known.flatMap(({ name, primary }, k) => {
-      const attitude = attitudes[name];
-      return attitude && !(primary || (k === 0 && !known.some((one) => one.primary))) ? [{ attitude, colour: this.context.series(k) }] : [];
-    });
-    const reference = known.some(({ name }) => name === "reference") ? undefined : attitudes.reference;
-    return reference ? [...found, { attitude: reference, colour: this.context.colours().soft }] : found;
+    return othersOf(this.told, this.context).flatMap(({ name, colour }) => (attitudes[name] ? [{ attitude: attitudes[name], colour }] : []));
   }
 
   private draw(): void {
@@ -185,25 +181,19 @@ class Instruments implements Panel {
       for (const cell of Object.values(cells)) cell.show("—", why);
       return;
     }
-    const sd = (k: number): string => (attitude.sd ? `±${(attitude.sd[k] ?? NaN).toFixed(2)}° (1 σ)` : "");
+    const sd = (k: number): string => (attitude.sd ? `±${fixed(attitude.sd[k], 2)}° (1 σ)` : "");
     const isTared = this.newest?.tared ?? false;
     cells.heading.show(degrees(course.heading ?? NaN).replace("360.00", "0.00"), t(isTared ? "clockwise from above" : (NORTHS[this.told?.north ?? ""] ?? "")));
     cells.yaw.show(degrees(attitude.yaw), sd(2));
     cells.pitch.show(degrees(attitude.pitch), sd(1));
     cells.roll.show(degrees(attitude.roll), sd(0));
     const rate = course.rate;
-    cells.turn.show(rate === null ? "—" : `${plain(rate, 1)}°/s`, rate === null ? "" : `${t("scale")} ±${rateScale(rate)}°/s`);
+    cells.turn.show(rate === null ? "—" : `${fixed(rate, 1)}°/s`, rate === null ? "" : `${t("scale")} ±${rateScale(rate)}°/s`);
   }
 }
 
-/** Fixed digits, without a sign before a zero. */
-function plain(value: number, digits: number): string {
-  const text = value.toFixed(digits);
-  return /^-0\.?0*$/.test(text) ? text.slice(1) : text;
-}
-
 function degrees(value: number): string {
-  return Number.isFinite(value) ? `${plain(value, 2)}°` : "—";
+  return Number.isFinite(value) ? `${fixed(value, 2)}°` : "—";
 }
 
 export const instruments: PanelFactory = (context) => new Instruments(context);

@@ -3,7 +3,7 @@ import { h, put, say, set } from "../dom";
 import { flagNamed } from "../flags";
 import { fixed, NONE, signed, wrapped } from "../format";
 import type { Attitude, Column, Hello, State } from "../messages";
-import { ANGLE_NAMES, compass, headed, SHORT } from "../names";
+import { ANGLE_NAMES, compass, headed, primaryOf, REFERENCE, SHORT } from "../names";
 import type { Own, OwnPanel, Shell } from "../shell";
 
 const ANGLES = ["roll", "pitch", "yaw"] as const;
@@ -67,19 +67,17 @@ export const attitude: Own = (shell) => {
     );
     rows = new Map();
     table.replaceChildren();
-    const names = [...now.estimators.map((one) => one.name), ...(now.columns.some((one) => one.source === "reference") ? ["reference"] : [])];
-    for (const name of new Set(names)) {
-      const estimator = now.estimators.find((one) => one.name === name);
-      const swatch = h("i", { class: name === "reference" ? "swatch dashed" : "swatch" });
+    for (const { name, title } of now.estimators) {
+      const swatch = h("i", { class: name === REFERENCE ? "swatch dashed" : "swatch" });
       swatch.style.color = shell.colourOf(name);
-      const called = name === "reference" ? h("span", { say: "reference" }) : h("span", { text: name });
+      const called = name === REFERENCE ? h("span", { say: "reference" }) : h("span", { text: name });
       const titled = h("th", { attributes: { scope: "row" } }, swatch, called);
-      if (estimator && estimator.title !== name) titled.title = estimator.title;
+      if (title !== name) titled.title = title;
       const made = (erring ? [0, 1, 2, 3] : [0, 1, 2]).map(() => h("td", { class: "live" }, h("span"), h("small")));
       rows.set(name, made);
       table.append(h("tr", {}, titled, ...made));
     }
-    const empty = !now.estimators.some((one) => one.name !== "reference");
+    const empty = !now.estimators.some((one) => one.name !== REFERENCE);
     big.hidden = empty;
     others.hidden = rows.size < 2 && !erring;
     none.hidden = !empty;
@@ -87,7 +85,7 @@ export const attitude: Own = (shell) => {
 
   function write(state: State): void {
     if (hello === null) return;
-    const primary = hello.estimators.find((one) => one.primary) ?? hello.estimators[0];
+    const primary = primaryOf(hello);
     const main = primary ? state.attitudes[primary.name] : undefined;
     tared.hidden = !state.tared;
     ANGLES.forEach((angle, i) => {
@@ -114,7 +112,7 @@ export const attitude: Own = (shell) => {
       put(value, fixed(own?.[angle], digits));
       put(difference, own && main ? `Δ ${signed(wrapped(own[angle] - main[angle]), digits)}` : "");
     });
-    if (made[3]) put(made[3].children[0]!, name === "reference" ? "" : fixed(own?.error, 2));
+    if (made[3]) put(made[3].children[0]!, name === REFERENCE ? "" : fixed(own?.error, 2));
   }
 
   return {

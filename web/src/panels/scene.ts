@@ -1,7 +1,9 @@
 // The body in its navigation frame, in three dimensions.
 import "./scene.css";
 
+import { fixed } from "../format";
 import type { Hello, State } from "../messages";
+import { othersOf, primaryOf, REFERENCE } from "../names";
 import type { Context, Panel, PanelFactory } from "../panel";
 import { button, calm, keep, kept, make, oncePerFrame, paint, press, put, watched, Words } from "./scene/dom";
 import { between, DEG, dot, frameAxes, length, type Quat, quat, rotate, scaled, sceneAttitude, toModel, toScene, unit, type Vec, vec } from "./scene/frames";
@@ -253,11 +255,7 @@ class SceneView implements Panel {
     this.ask();
   }
 
-  private primary(): string | null {
-    return (this.told?.estimators.find(({ primary }) => primary) ?? this.told?.estimators[0])?.name ?? null;
-  }
-
-  private attitude(name: string | null): Quat | null {
+  private attitude(name: string | undefined): Quat | null {
     const q = quat(this.newest?.attitudes[name ?? ""]?.q_nb);
     return q && this.told ? sceneAttitude(q, this.told.frame, this.told.axes) : null;
   }
@@ -273,7 +271,7 @@ class SceneView implements Panel {
         this.trail.push({ t, at: [to[0] - from[0], to[1] - from[1], to[2] - from[2]] });
       }
     } else if (this.model === "ball") {
-      const q = this.attitude(this.primary());
+      const q = this.attitude(primaryOf(this.told)?.name);
       if (q) {
         // Between two states the nose went by an arc, not by a chord.
         const before = this.lastTip ?? q;
@@ -290,16 +288,13 @@ class SceneView implements Panel {
     const { told, newest, context } = this;
     const frame = told?.frame ?? null;
     const axes = told?.axes ?? "FLU";
-    const primary = this.primary();
-    const q = this.attitude(primary);
+    const q = this.attitude(primaryOf(told)?.name);
     const turned = (v: Vec): Vec => (q ? rotate(q, v) : v);
     const force = vec(newest?.gravity_b);
-    const ghosts = (told?.estimators ?? []).flatMap(({ name }, k) => {
-      const other = name === primary ? null : this.attitude(name);
-      return other ? [{ name, q: other, colour: context.series(k) }] : [];
+    const ghosts = othersOf(told, context).flatMap(({ name, colour }) => {
+      const other = this.attitude(name);
+      return other ? [{ name, q: other, colour }] : [];
     });
-    const reference = told?.estimators.some(({ name }) => name === "reference") ? null : this.attitude("reference");
-    if (reference) ghosts.push({ name: "reference", q: reference, colour: context.colours().ink });
     const field = unit(newest?.field_b);
     const along = unit(newest?.gravity_b);
     const directions: Vec[] = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
@@ -379,12 +374,12 @@ class SceneView implements Panel {
     if (this.model !== "arm" && this.toggles.vectors.checked) {
       const force = vec(this.newest?.gravity_b);
       const field = vec(this.newest?.field_b);
-      if (force) lines.push([colours.olive, "block", `${this.context.t("Specific force")} ${length(force).toFixed(2)} m/s²`]);
-      if (field) lines.push([colours.pink, "block", `${this.context.t("Field")} ${length(field).toFixed(1)} µT`]);
+      if (force) lines.push([colours.olive, "block", `${this.context.t("Specific force")} ${fixed(length(force), 2)} m/s²`]);
+      if (field) lines.push([colours.pink, "block", `${this.context.t("Field")} ${fixed(length(field), 1)} µT`]);
       lines.push([colours.muted, "dashed", this.context.t(view.free ? "Up and 0°" : "Up and north")]);
     }
     if (this.toggles.ghosts.checked && this.model !== "arm") {
-      for (const { name, colour } of view.ghosts) lines.push([colour, "thin", name === "reference" ? this.context.t("reference") : name]);
+      for (const { name, colour } of view.ghosts) lines.push([colour, "thin", name === REFERENCE ? this.context.t("reference") : name]);
     }
     if (this.told && this.told.frame === null) lines.push([colours.muted, "none", this.context.t("No attitude is estimated: the body's own axes")]);
     while (this.legend.children.length > lines.length) this.legend.lastChild!.remove();

@@ -1,21 +1,14 @@
-"""`plumbob control`: what the buttons of the live page do, from a script or another shell."""
+"""`plumbob control`, the client's side: what the buttons of the live page do, from a script or another shell."""
 
 import json
 import urllib.error
 import urllib.request
-from typing import Any, Final, get_args
+from typing import Any, Final
 from urllib.parse import parse_qs, urlsplit
 
 from plumbob.core.errors import DecodeError, LineError, ParameterError
-from plumbob.viewer.messages import Command, Verb
+from plumbob.viewer.commands import VERBS
 
-VERBS: Final[tuple[str, ...]] = get_args(Verb)
-NAMED: Final = ("record", "text", "add", "remove", "calibrate")
-"""Verbs that take a name."""
-NUMBERED: Final = ("seek", "speed")
-"""Verbs that take a number."""
-WRITTEN: Final = ("mark",)
-"""Verbs that take a text."""
 _TOKEN: Final = "token"
 _PATIENCE: Final = 15.0
 _MOST: Final = 1 << 16
@@ -29,7 +22,7 @@ def control(url: str, verb: str, *, name: str = "", text: str = "", value: float
     url : str
         Its address with the token, as `plumbob view` prints it.
     verb : str
-        One of `plumbob.viewer.remote.VERBS`: ``record``, ``stop``, ``mark``, ``tare``, ``seek``...
+        One of `plumbob.viewer.commands.VERBS`: ``record``, ``stop``, ``mark``, ``tare``, ``seek``...
     name : str
         Of what is recorded, written, added, removed or calibrated.
     text : str
@@ -52,8 +45,8 @@ def control(url: str, verb: str, *, name: str = "", text: str = "", value: float
         If what answers is not a view.
     """
     _require_known(verb)
-    command = Command(id=1, verb=verb, name=name, text=text, value=value)  # type: ignore[arg-type]
-    answer = _posted(*_place(url), command)
+    given = {"verb": verb, "name": name, "text": text, "value": value}
+    answer = _posted(*_place(url), {"id": 1, **{key: one for key, one in given.items() if one not in ("", None)}})
     if not isinstance(answer.get("ok"), bool) or not isinstance(answer.get("text"), str):
         raise DecodeError(f"what answers at {_bare(url)} is not a view of this version of Plumbob.")
     if not answer["ok"]:
@@ -73,14 +66,14 @@ def asked(verb: str, argument: str | None) -> dict[str, Any]:
     _require_known(verb)
     if argument is None:
         return {}
-    if verb in NAMED:
-        return {"name": argument}
-    if verb in WRITTEN:
-        return {"text": argument}
-    if verb not in NUMBERED:
+    needed, allowed = VERBS[verb]
+    kind = needed or allowed
+    if not kind:
         raise ParameterError(f"'{verb}' takes nothing behind it, but got '{argument}'.")
+    if kind != "value":
+        return {kind: argument}
     try:
-        return {"value": float(argument)}
+        return {kind: float(argument)}
     except ValueError:
         raise ParameterError(f"'{verb}' needs a number, but got '{argument}'.") from None
 
@@ -107,12 +100,10 @@ def _bare(url: str) -> str:
     return urlsplit(url).netloc
 
 
-def _posted(place: str, token: str, command: Command) -> dict[str, Any]:
-    given = {"id": command.id, "verb": command.verb}
-    given |= {name: value for name in ("name", "text", "value") if (value := getattr(command, name)) not in ("", None)}
+def _posted(place: str, token: str, command: dict[str, Any]) -> dict[str, Any]:
     request = urllib.request.Request(
         f"{place}/api/command",
-        data=json.dumps(given).encode(),
+        data=json.dumps(command).encode(),
         headers={"Authorization": f"Bearer {token}", "Content-Type": "application/json"},
         method="POST",
     )

@@ -1,4 +1,4 @@
-"""Doing what clients ask for: here what is a matter of the view, and over the pipe what is one of the session."""
+"""Commands in the server: what is a matter of the view is done here, what is one of the session goes over the pipe."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -7,7 +7,7 @@ from itertools import count
 from typing import Any, Final
 
 from plumbob.core.errors import PlumbobError, one_line
-from plumbob.viewer.hub import Hub, accepted
+from plumbob.viewer.hub import Hub
 from plumbob.viewer.messages import Answer, Command
 from plumbob.viewer.pipe import Message
 
@@ -37,7 +37,7 @@ class Control:
         """Do a command, and say how it went."""
         answer = await (self._do_here(command) if command.verb in self.here else self._ask(command))
         if answer.ok:
-            self._hub.tell("command", f"{accepted(command)}: {answer.text}" if answer.text else accepted(command))
+            self._hub.tell("command", f"{_accepted(command)}: {answer.text}" if answer.text else _accepted(command))
         return answer
 
     async def _do_here(self, command: Command) -> Answer:
@@ -69,8 +69,7 @@ class Control:
             asked.set_result(message.content)
 
     def _tare(self, _command: Command) -> str:
-        primary = next((one["name"] for one in (self._hub.hello or {}).get("estimators", ()) if one["primary"]), None)
-        attitude = self._hub.fields.get("attitudes", {}).get(primary)
+        attitude = self._hub.fields.get("attitudes", {}).get(self._hub.primary)
         if attitude is None:
             raise PlumbobError("There is no attitude to count from yet. Wait for one.")
         self._hub.tare.set(attitude["q_nb"])
@@ -79,3 +78,9 @@ class Control:
     def _untare(self, _command: Command) -> str:
         self._hub.tare.clear()
         return "Roll, pitch and yaw count from the navigation frame."
+
+
+def _accepted(command: Command) -> str:
+    """What an event says of a command that was done."""
+    told = " ".join(str(part) for part in (command.name, command.text, command.value) if part not in ("", None))
+    return f"{command.verb} {told}".strip()
