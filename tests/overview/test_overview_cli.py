@@ -175,6 +175,27 @@ def test_a_picture_of_a_single_sample_has_an_axis_of_time(folder, tmp_path):
     assert (tmp_path / "a.svg").is_file()
 
 
+def test_the_claimed_band_breaks_at_a_gap(monkeypatch, tmp_path):
+    axes = pytest.importorskip("matplotlib.axes")
+    drawn, draw = [], axes.Axes.fill_between
+
+    def watched(ax, t, low, high, **how):
+        drawn.append((t, low))
+        return draw(ax, t, low, high, **how)
+
+    monkeypatch.setattr(axes.Axes, "fill_between", watched)
+    imu = plumbob.simulate("buoy", duration=20.0, seed=1, **SIM).imu
+    keep = (imu.t < 8.0) | (imu.t > 12.0)
+    with_gap = plumbob.ImuData(imu.t[keep], imu.gyr[keep], imu.acc[keep], imu.mag[keep])
+    plumbob.plot(with_gap, tmp_path / "a.svg", what="angles", filter="mekf", frame="NED")
+    assert len(drawn) == 3
+    for t, low in drawn:
+        behind = np.searchsorted(t, 10.0)
+        assert np.isnan(low[behind - 1])
+        assert np.isfinite(low[: behind - 1]).any()
+        assert np.isfinite(low[behind:]).any()
+
+
 def test_a_spectrum_of_a_narrow_band_has_numbers_at_its_axis(tmp_path):
     pytest.importorskip("matplotlib")
     made = plumbob.simulate("buoy", duration=0.03, seed=1, **SIM)

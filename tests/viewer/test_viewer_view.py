@@ -219,6 +219,8 @@ def test_what_does_not_go_together_is_refused(what, line, says):
 @pytest.mark.parametrize(("how", "says"), [
     ({"port": 99999}, "a port is 0 to 65535"),
     ({"port": -1}, "a port is 0 to 65535"),
+    ({"port": "8770"}, "http_port must be an int"),
+    ({"clients": 1.5}, "clients must be an int"),
     ({"clients": 0}, "1 or more"),
     ({"allow_origin": ["app.foxglove.dev"]}, "an origin is as https"),
     ({"allow_origin": ["https://app.foxglove.dev/"]}, "an origin is as https"),

@@ -122,13 +122,17 @@ def _band(ax: "Axes", g: Gathered, channel: str, *, circular: bool) -> None:
     if not g.has(SD[channel]):
         return
     y, sd = (_shown(g, name) for name in (channel, SD[channel]))
-    size = -(-y.size // COLUMNS)
-    starts = np.arange(0, y.size, size)
+    t, size = g.traces.t, -(-y.size // COLUMNS)
+    behind = np.flatnonzero(np.diff(t) > _gap(g)) + 1
+    starts = np.union1d(np.arange(0, y.size, size), behind)
     low, high = np.fmin.reduceat(y - sd, starts), np.fmax.reduceat(y + sd, starts)
     if circular:  # where it turns through North, from one edge to the other
         turned = np.fmax.reduceat(y, starts) - np.fmin.reduceat(y, starts) > 180.0
         low[turned] = high[turned] = np.nan
-    ax.fill_between(g.traces.t[starts], low, high, color=SERIES[5], alpha=0.5, linewidth=0.0, step="post")
+    places = np.searchsorted(starts, behind)  # nothing is claimed across a gap
+    low, high = (np.insert(edge, places, np.nan) for edge in (low, high))
+    shown = np.insert(t[starts], places, t[behind - 1] + g.step)
+    ax.fill_between(shown, low, high, color=SERIES[5], alpha=0.5, linewidth=0.0, step="post")
 
 
 def _angles(g: Gathered, canvas: "FigureBase") -> None:

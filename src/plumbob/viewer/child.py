@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
+from plumbob.core import check
 from plumbob.core.errors import LineError, MissingExtraError, ParameterError, one_line
 from plumbob.core.web import asset
 from plumbob.viewer.feed import Asked
@@ -71,11 +72,12 @@ class Serving:
     folder: Path = Path()
 
     def __post_init__(self) -> None:
+        check.kind("http_port", self.port, int, error=ParameterError)
         if not 0 <= self.port <= _LAST_PORT:
             raise ParameterError(
                 f"a port is 0 to {_LAST_PORT}, but http_port is {self.port}. Give one of them; 0 takes a free one."
             )
-        if self.clients is not None and self.clients < 1:
+        if self.clients is not None and check.kind("clients", self.clients, int, error=ParameterError) < 1:
             raise ParameterError(f"clients is the most that may look, 1 or more, but it is {self.clients}.")
         for origin in self.allow_origin:
             if not _ORIGIN.fullmatch(origin):
