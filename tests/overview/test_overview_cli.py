@@ -169,6 +169,40 @@ def test_plot_is_plot(folder, tmp_path):
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
+def test_a_picture_of_a_single_sample_has_an_axis_of_time(folder, tmp_path):
+    pytest.importorskip("matplotlib")  # its warning of an axis without a length fails the test
+    plumbob.plot(folder / "sea.parquet", tmp_path / "a.svg", what="rates", filter="none", begin="29.985 s")
+    assert (tmp_path / "a.svg").is_file()
+
+
+def test_the_claimed_band_breaks_at_a_gap(monkeypatch, tmp_path):
+    axes = pytest.importorskip("matplotlib.axes")
+    drawn, draw = [], axes.Axes.fill_between
+
+    def watched(ax, t, low, high, **how):
+        drawn.append((t, low))
+        return draw(ax, t, low, high, **how)
+
+    monkeypatch.setattr(axes.Axes, "fill_between", watched)
+    imu = plumbob.simulate("buoy", duration=20.0, seed=1, **SIM).imu
+    keep = (imu.t < 8.0) | (imu.t > 12.0)
+    with_gap = plumbob.ImuData(imu.t[keep], imu.gyr[keep], imu.acc[keep], imu.mag[keep])
+    plumbob.plot(with_gap, tmp_path / "a.svg", what="angles", filter="mekf", frame="NED")
+    assert len(drawn) == 3
+    for t, low in drawn:
+        behind = np.searchsorted(t, 10.0)
+        assert np.isnan(low[behind - 1])
+        assert np.isfinite(low[: behind - 1]).any()
+        assert np.isfinite(low[behind:]).any()
+
+
+def test_a_spectrum_of_a_narrow_band_has_numbers_at_its_axis(tmp_path):
+    pytest.importorskip("matplotlib")
+    made = plumbob.simulate("buoy", duration=0.03, seed=1, **SIM)
+    plumbob.plot(made.imu, tmp_path / "a.svg", what="spectrum", filter="mekf")
+    assert "mathdefault" not in (tmp_path / "a.svg").read_text()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -179,11 +213,14 @@ def test_plot_is_plot(folder, tmp_path):
         (["report", "sea.parquet", "--filter", "track"], "holds no attitude, which filter 'track' takes"),
         (["report", "sea.parquet", "--burst", "0 s"], "burst must be above 0"),
         (["report", "sea.parquet", "--tilt-limit", "3 m"], "'m' is not a unit of angle"),
+        (["report", "sea.parquet", "--tilt-limit", "180 deg"], "an inclination is below 180°"),
         (["report", "none.parquet"], "none.parquet"),
         (["report", "none.mcap"], "none.mcap"),
         (["plot", "sea.parquet", "--what", "rates", "--out", "a.txt"], "the name of a picture must end in"),
         (["plot", "sea.parquet", "--what", "rates", "--filter", "none", "--from", "90s", "--out", "a.svg"],
          "no sample lies between"),
+        *((["plot", "sea.parquet", "--what", "rates", f"--width={width}", "--out", "a.svg"], "picture is 30 to 1000 mm")
+          for width in ("-5mm", "1mm", "85")),
         (["run", "sea.parquet", "--report", "a.txt"], "--report needs a name that ends in .html"),
     ],
 )  # fmt: skip

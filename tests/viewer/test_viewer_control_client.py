@@ -72,7 +72,10 @@ def test_what_is_refused_is_an_error_in_words(status, body, error, says):
     assert "secret" not in str(raised.value)
 
 
-@pytest.mark.parametrize("url", ["", "http://127.0.0.1:8770/", "127.0.0.1:8770/?token=a", "file:///x?token=a"])
+@pytest.mark.parametrize("url", [
+    "", "http://127.0.0.1:8770/", "127.0.0.1:8770/?token=a", "file:///x?token=a", "http://127.0.0.1:http/?token=a",
+    "http://127.0.0.1:99999/?token=a", "http://[::1/?token=a", "http://:8770/?token=a",
+])  # fmt: skip
 def test_an_address_without_its_token_is_refused(url):
     with pytest.raises(ParameterError, match="as plumbob view prints it"):
         control(url, "stop")
@@ -90,8 +93,8 @@ def test_every_verb_has_its_argument():
     assert asked("stop", None) == {}
     assert asked("calibrate", "mag") == {"name": "mag"}
     assert set(VERBS) == set(get_args(Verb))
-    for verb, argument in (("stop", "a"), ("seek", "x"), ("nothing", None)):
-        with pytest.raises(ParameterError):
+    for verb, argument in (("stop", "a"), ("seek", "x"), ("speed", "nan"), ("seek", "inf"), ("nothing", None)):
+        with pytest.raises(ParameterError, match=r"takes nothing|needs a number, but got|knows no verb"):
             asked(verb, argument)
 
 

@@ -209,6 +209,26 @@ def test_what_does_not_go_together_is_refused(what, line, says):
         pass
 
 
+@pytest.mark.parametrize(("how", "says"), [
+    ({"port": 99999}, "a port is 0 to 65535"),
+    ({"port": -1}, "a port is 0 to 65535"),
+    ({"port": "8770"}, "http_port must be an int"),
+    ({"clients": 1.5}, "clients must be an int"),
+    ({"clients": 0}, "1 or more"),
+    ({"allow_origin": ["app.foxglove.dev"]}, "an origin is as https"),
+    ({"allow_origin": ["https://app.foxglove.dev/"]}, "an origin is as https"),
+])  # fmt: skip
+def test_what_cannot_be_served_is_refused(how, says):
+    with pytest.raises(ParameterError, match=says):
+        Serving(**how)
+
+
+def test_origins_are_taken_as_a_browser_sends_them():
+    assert (
+        Serving(allow_origin=["https://app.foxglove.dev", "http://[::1]:8080"]).words(3, 0)[-1] == "http://[::1]:8080"
+    )
+
+
 def test_a_rig_that_is_not_known_is_refused():
     with (
         pytest.raises(ParameterError, match="there is no rig"),

@@ -92,6 +92,11 @@ def _gap(g: Gathered) -> float:
     return max(GAP_FACTOR, 1.01 * g.traces.each) * g.step
 
 
+def _end(g: Gathered) -> float:
+    """End of the axis of time, s: of a single sample one step behind it."""
+    return max(g.end, g.begin + g.step)
+
+
 def _line(ax: "Axes", g: Gathered, channel: str, colour: str, *, jump: float = np.inf) -> None:
     from plumbob.reporting.drawing import envelope
 
@@ -100,7 +105,7 @@ def _line(ax: "Axes", g: Gathered, channel: str, colour: str, *, jump: float = n
     t, own = g.traces.t[known], y[known]
     gap = max(_gap(g), GAP_FACTOR * float(np.median(np.diff(t)))) if t.size > 1 else np.inf
     ax.plot(*envelope(t, own, COLUMNS, gap=gap, jump=jump), color=colour, linewidth=0.6)
-    ax.set_xlim(g.begin, g.end)
+    ax.set_xlim(g.begin, _end(g))
 
 
 def _shown(g: Gathered, channel: str) -> Floats:
@@ -115,13 +120,17 @@ def _band(ax: "Axes", g: Gathered, channel: str, *, circular: bool) -> None:
     if not g.has(SD[channel]):
         return
     y, sd = (_shown(g, name) for name in (channel, SD[channel]))
-    size = -(-y.size // COLUMNS)
-    starts = np.arange(0, y.size, size)
+    t, size = g.traces.t, -(-y.size // COLUMNS)
+    behind = np.flatnonzero(np.diff(t) > _gap(g)) + 1
+    starts = np.union1d(np.arange(0, y.size, size), behind)
     low, high = np.fmin.reduceat(y - sd, starts), np.fmax.reduceat(y + sd, starts)
     if circular:  # where it turns through North, from one edge to the other
         turned = np.fmax.reduceat(y, starts) - np.fmin.reduceat(y, starts) > 180.0
         low[turned] = high[turned] = np.nan
-    ax.fill_between(g.traces.t[starts], low, high, color=SERIES[5], alpha=0.5, linewidth=0.0, step="post")
+    places = np.searchsorted(starts, behind)  # nothing is claimed across a gap
+    low, high = (np.insert(edge, places, np.nan) for edge in (low, high))
+    shown = np.insert(t[starts], places, t[behind - 1] + g.step)
+    ax.fill_between(shown, low, high, color=SERIES[5], alpha=0.5, linewidth=0.0, step="post")
 
 
 def _angles(g: Gathered, canvas: "FigureBase") -> None:
@@ -183,6 +192,7 @@ def _spectrum(g: Gathered, canvas: "FigureBase") -> None:
         ax.set_ylabel(f"{label} [{SPECTRAL_UNITS[names[0]]}]", fontsize=6.0)
         ax.yaxis.set_major_formatter(lambda value, _: _power(value))
     axes[-1].xaxis.set_major_formatter(lambda value, _: _power(value))
+    axes[-1].xaxis.set_minor_formatter(lambda value, _: "")  # of a narrow band matplotlib writes formulas there
     axes[-1].set_xlabel("frequency [Hz]")
     axes[-1].set_xlim(frequency[0], frequency[-1])
 
@@ -229,7 +239,7 @@ def _bursts(g: Gathered, canvas: "FigureBase") -> None:
         ax.set_ylabel(label)
         ax.set_ylim(bottom=0.0)
     axes[2].set_xlabel("time [s]")
-    axes[2].set_xlim(g.begin, g.end)
+    axes[2].set_xlim(g.begin, _end(g))
 
 
 def _flags(g: Gathered, canvas: "FigureBase") -> None:
@@ -243,6 +253,6 @@ def _flags(g: Gathered, canvas: "FigureBase") -> None:
         ax.broken_barh(bars, (place - 0.35, 0.7), facecolors=colour, linewidth=0)
     ax.set_yticks(range(len(rows)), [name for name, *_ in rows])
     ax.set_ylim(len(rows) - 0.5, -0.5)
-    ax.set_xlim(g.begin, max(g.end, g.begin + g.step))
+    ax.set_xlim(g.begin, _end(g))
     ax.grid(visible=True, axis="x")
     ax.set_xlabel("time [s]")

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 Source = str | PathLike[str] | Recording | ImuData
 
 TITLE: Final = "Attitude report"
+_WIDTHS: Final = 0.03, 1.0  # least and greatest width of a picture, m
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -204,7 +205,7 @@ def gatherer_of(
     Raises
     ------
     ParameterError
-        If one of them is not positive.
+        If one of them is not positive, or the limit is not an inclination.
     """
     length = units.given("burst", burst, Quantity.TIME)
     limit = units.given("tilt_limit", tilt_limit, Quantity.ANGLE)
@@ -212,6 +213,8 @@ def gatherer_of(
     for name, value in (("burst", length), ("tilt_limit", limit)):
         if not 0.0 < value < math.inf:
             raise ParameterError(f"{name} must be above 0, but it is {value:g}. Give a positive one.")
+    if limit >= math.pi:
+        raise ParameterError(f"an inclination is below 180°, but tilt_limit is {to_deg(limit):g}°. Give a smaller one.")
     return Gatherer(burst=length, limit=limit, most=most, **more)
 
 
@@ -280,9 +283,20 @@ def plot(
         raise ParameterError(f"there is not a figure '{what}'. Give one of {', '.join(WHATS)}.")
     window = (units.given("begin", begin, Quantity.TIME), units.given("end", end, Quantity.TIME))
     low, high = (-math.inf if window[0] is None else window[0], math.inf if window[1] is None else window[1])
-    metres = units.given("width", width, Quantity.LENGTH)
+    inches = _inches(units.given("width", width, Quantity.LENGTH))
     gatherer = gatherer_of(burst=burst, tilt_limit=tilt_limit, window=(low, high))
     source = file if isinstance(file, Recording | ImuData) else check.path("file", file)
     subject = subject_of(source, gatherer, how, note=note, progress=progress)  # type: ignore[arg-type]
-    inches = None if metres is None else metres / 0.0254
     return picture(target, [figure(subject, what)], lang=lang, overwrite=overwrite, width=inches)
+
+
+def _inches(width: float | None) -> float | None:
+    """Width of a picture, m, in inches."""
+    if width is None:
+        return None
+    if not _WIDTHS[0] <= width <= _WIDTHS[1]:
+        raise ParameterError(
+            f"the width of a picture is {1e3 * _WIDTHS[0]:g} to {1e3 * _WIDTHS[1]:g} mm, but it is {1e3 * width:g} mm. "
+            "Give one in between, as 85mm."
+        )
+    return width / 0.0254

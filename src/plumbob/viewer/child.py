@@ -1,6 +1,7 @@
 """The server as a process of its own: started, fed through a pipe, started again where it dies, ended with the view."""
 
 import os
+import re
 import secrets
 import socket
 import subprocess
@@ -12,7 +13,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Final
 
-from plumbob.core.errors import LineError, one_line
+from plumbob.core import check
+from plumbob.core.errors import LineError, ParameterError, one_line
 from plumbob.core.web import asset
 from plumbob.viewer.messages import Batch, Command, Hello
 from plumbob.viewer.outlet import Asked
@@ -28,6 +30,8 @@ _END: Final = 0.3, 0.8, 0.3
 """Longest waits at the end, s: for the last messages, for the server to end, and to end on being asked to."""
 _SURELY: Final = 5.0
 _COMMAND: Final = {one.name for one in fields(Command)}
+_LAST_PORT: Final = 0xFFFF
+_ORIGIN: Final = re.compile(r"[a-z][a-z0-9+.-]*://[a-z0-9.:\[\]_-]+")  # as a browser sends it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +52,11 @@ class Serving:
         Further origins of pages that may connect.
     folder : path
         Where files are written.
+
+    Raises
+    ------
+    ParameterError
+        If one of them cannot be.
     """
 
     host: str = "127.0.0.1"
@@ -56,6 +65,20 @@ class Serving:
     clients: int | None = None
     allow_origin: Sequence[str] = ()
     folder: Path = Path()
+
+    def __post_init__(self) -> None:
+        check.kind("http_port", self.port, int, error=ParameterError)
+        if not 0 <= self.port <= _LAST_PORT:
+            raise ParameterError(
+                f"a port is 0 to {_LAST_PORT}, but http_port is {self.port}. Give one of them; 0 takes a free one."
+            )
+        if self.clients is not None and check.kind("clients", self.clients, int, error=ParameterError) < 1:
+            raise ParameterError(f"clients is the most that may look, 1 or more, but it is {self.clients}.")
+        for origin in self.allow_origin:
+            if not _ORIGIN.fullmatch(origin):
+                raise ParameterError(
+                    f"an origin is as https://app.foxglove.dev, without a path, but got {origin!r}. Leave the rest out."
+                )
 
     def words(self, number: int, port: int) -> list[str]:
         """Command that starts the server with its end of the pipe."""

@@ -1,6 +1,7 @@
 """`plumbob control`, the client's side: what the buttons of the live page do, from a script or another shell."""
 
 import json
+import math
 import urllib.error
 import urllib.request
 from typing import Any, Final
@@ -73,9 +74,12 @@ def asked(verb: str, argument: str | None) -> dict[str, Any]:
     if kind != "value":
         return {kind: argument}
     try:
-        return {kind: float(argument)}
+        value = float(argument)
     except ValueError:
-        raise ParameterError(f"'{verb}' needs a number, but got '{argument}'.") from None
+        value = math.nan
+    if not math.isfinite(value):
+        raise ParameterError(f"'{verb}' needs a number, but got '{argument}'.")
+    return {kind: value}
 
 
 def _require_known(verb: str) -> None:
@@ -85,9 +89,13 @@ def _require_known(verb: str) -> None:
 
 def _place(url: str) -> tuple[str, str]:
     """Address without the token, and the token."""
-    parts = urlsplit(url)
-    tokens = parse_qs(parts.query).get(_TOKEN, [])
-    if parts.scheme not in ("http", "https") or not parts.netloc or len(tokens) != 1:
+    try:
+        parts = urlsplit(url)
+        is_address = parts.scheme in ("http", "https") and bool(parts.hostname) and (parts.port or 1) > 0
+    except ValueError:  # brackets that do not close, or a port that is not a number
+        is_address = False
+    tokens = parse_qs(parts.query).get(_TOKEN, []) if is_address else []
+    if len(tokens) != 1:
         raise ParameterError(
             "the address must be as plumbob view prints it, http://127.0.0.1:8770/?token=..., in quotation marks where "
             "a shell reads it."

@@ -107,7 +107,7 @@ def listening(host: str, port: int) -> list[socket.socket]:
         first = _bound(kind, address)
     except OSError as error:
         raise LineError(
-            f"the view cannot listen at {host}, port {port}: {error.strerror}. Name another with --host or --port."
+            f"the view cannot listen at {host}, port {port}: {error.strerror}. Name another with --host or --http-port."
         ) from error
     if not is_own:
         return [first]
