@@ -41,12 +41,11 @@ def main() -> None:
             time.sleep(SETTLED)
             shoot(browser, "live.png", view.url, 1440, 900)
             shoot(browser, "live-dark.png", view.url, 1440, 900, dark=True)
-            shoot(browser, "live-phone.png", view.url, 390, 844)
         sea = ("sim", "buoy", "--frame", "NED", "--sensors", "mpu6000+hmc5983", "--unit", "calibrated", "--seed", "1",
                "--duration", "20min", "--out", "sea.parquet")  # fmt: skip
         for words in (sea, ("report", "sea.parquet", "--out", "sea.html")):
             subprocess.run([*PLUMBOB, *words], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-        shoot(browser, "report-page.png", (folder / "sea.html").as_uri(), 1280, 1500)
+        shoot(browser, "report.png", (folder / "sea.html").as_uri(), 1280, 1500)
         browser.close()
 
 
