@@ -1,6 +1,6 @@
 """Pictures of README and docs, taken of the pages themselves in Chromium: ``python website/pictures.py``.
 
-They show the emulated buoy: its live page after half a minute, in light, in dark and on a telephone, and the report
+They show the emulated buoy: its live page after half a minute, in light and in dark, and the report
 of a recording. Another run catches other moments of the waves, so that the files differ; what they show does not.
 """
 

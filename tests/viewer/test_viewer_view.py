@@ -229,6 +229,20 @@ def test_origins_are_taken_as_a_browser_sends_them():
     )
 
 
+def test_a_file_that_is_no_recording_is_not_taken_for_a_port(tmp_path):
+    file = tmp_path / "log.bin"
+    file.write_bytes(b"1")
+    with pytest.raises(ParameterError, match=r"not a port but a file.*record --from"):
+        view(file, format="buoy", folder=tmp_path)
+
+
+def test_a_duration_must_be_above_0(tmp_path):
+    with pytest.raises(ParameterError, match="duration must be above 0, but it is -2s"):
+        view(emulate="buoy", duration="-2s", folder=tmp_path)
+    with pytest.raises(ParameterError, match="duration must be above 0, but it is 0"):
+        plumbob.record(port="/dev/null", format="buoy", duration=0)
+
+
 def test_a_rig_that_is_not_known_is_refused():
     with (
         pytest.raises(ParameterError, match="there is no rig"),

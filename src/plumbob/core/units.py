@@ -12,7 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
 from plumbob.core.constants import G0, NOMINAL_FIELD
-from plumbob.core.errors import UnitError
+from plumbob.core.errors import ParameterError, UnitError
 
 if TYPE_CHECKING:  # the command line asks for units before it needs arrays
     import numpy as np
@@ -308,7 +308,7 @@ def parse(text: str, quantity: Quantity) -> float:
     return to_si(float(number), name or quantity, quantity)
 
 
-def given(name: str, value: float | str | None, quantity: Quantity) -> float | None:
+def given(name: str, value: float | str | None, quantity: Quantity, *, positive: bool = False) -> float | None:
     """What a caller gives for a quantity: a number in SI, or text with its unit, as in ``"0.08 g"``; None stays None.
 
     Raises
@@ -316,15 +316,19 @@ def given(name: str, value: float | str | None, quantity: Quantity) -> float | N
     UnitError
         As in `parse`.
     ParameterError
-        If it is neither.
+        If it is neither, or not above 0 where it must be `positive`.
     """
     if value is None:
         return None
     if isinstance(value, str):
-        return parse(value, quantity)
-    from plumbob.core import check  # imports numpy, which the help of the command line does without
+        number = parse(value, quantity)
+    else:
+        from plumbob.core import check  # imports numpy, which the help of the command line does without
 
-    return check.number(name, value, quantity.value)
+        number = check.number(name, value, quantity.value)
+    if positive and not number > 0.0:
+        raise ParameterError(f"{name} must be above 0, but it is {value}.")
+    return number
 
 
 def dps(value: Number) -> Number:

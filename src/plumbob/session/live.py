@@ -125,7 +125,7 @@ def record(
     given_session = session if isinstance(session, Session) and not line else None
     chosen = _with_outputs(given_session or session_of(_path(session), **line), out, next_part=next_part, text=text)
     chosen = named_at(chosen, time.time_ns())
-    seconds = given("duration", duration, Quantity.TIME)
+    seconds = given("duration", duration, Quantity.TIME, positive=True)
     stream, say = Stream(chosen), note or (lambda line: None)
     announce(chosen, say)
     stream.warm_up()

@@ -499,6 +499,7 @@ def watch(
         raise ParameterError(
             "watch fills a terminal, and standard output is not one. 'plumbob record' follows a line without one."
         )
+    seconds = given("duration", duration, Quantity.TIME, positive=True)
     ended = _Either(stop)
     terminal = Terminal(ended, lang)
 
@@ -510,7 +511,7 @@ def watch(
         stack.enter_context(_keys_at_once())
         stack.enter_context(_painted(terminal))
         return shown.run(
-            terminal, folder=Path(folder), control=True, duration=given("duration", duration, Quantity.TIME),
+            terminal, folder=Path(folder), control=True, duration=seconds,
             stop=ended, note=note, echo=lambda text: None, opened=lambda: None,
         )  # fmt: skip
 

@@ -168,6 +168,7 @@ def view(
     require_view()
     say = note or (lambda line: None)
     place = check.path("folder", folder)
+    seconds = given("duration", duration, Quantity.TIME, positive=True)
     serving = Serving(host=host, port=http_port, control=control, clients=clients, allow_origin=tuple(allow_origin),
                       folder=place)  # fmt: skip
     with ExitStack() as stack:
@@ -185,7 +186,6 @@ def view(
 
                 webbrowser.open(server.url)
 
-        seconds = given("duration", duration, Quantity.TIME)
         found = shown.run(
             server, folder=place, control=control, duration=seconds, stop=stop, note=say, echo=say, opened=begun
         )
@@ -362,6 +362,11 @@ def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:
         return {"file": path, **words}
     if "port" in words:
         raise ParameterError(f"{path} and --port both name the line; give one of them.")
+    if path.is_file():
+        raise ParameterError(
+            f"{path} is not a session (.toml), not a recording by its suffix '{path.suffix}', and not a port but a "
+            "file. Raw bytes become a recording with 'plumbob record --from'."
+        )
     return {"port": str(path), **words}
 
 
