@@ -110,6 +110,7 @@ array: setup
 # The live page under load: clients, latency, what the server costs, frames in the page.
 view: setup page
 	$(BIN)/python -m benchmarks.view_load
+	$(BIN)/python -m benchmarks.view_page
 
 # Filters, smoother and other libraries on the recordings under PLUMBOB_DATA, and docs/accuracy.md of it: about an hour.
 accuracy: $(VENV)/.bench
