@@ -271,7 +271,7 @@ def plot(
     Raises
     ------
     ParameterError
-        If there is no such figure, the recording has nothing for it, or the name has another ending.
+        If the figure is not known, nothing of the recording can be drawn in it, or the file's name has another ending.
     MissingExtraError
         If matplotlib is not installed.
     """

@@ -39,7 +39,7 @@ SHIFT: Final = (1.0, 1.7)
 """Change of the mean from an eighth of a burst to the next, in standard deviations of the burst; a step is 2."""
 EIGHTHS: Final = 8
 LONG: Final = 480.0
-"""Length of a burst from which on means of its eighths are those of many waves, s."""
+"""In a burst of this length or longer, s, the means of its eighths are means of many waves."""
 HARD: Final = 0.5
 """Vertical acceleration without gravity that is too large, g, as [CDIPWaves] recommends."""
 FLAT: Final = (STUCK_FOR, 5.0)
@@ -227,7 +227,7 @@ def _flat(at: Floats, own: Floats) -> float:
 
 
 def _shifting(channel: str, own: Floats) -> Floats:
-    """What must not shift: a unit that turns in the field or leans to one side is no fault of a sensor."""
+    """What must not shift: a unit that turns in the field or leans to one side does not make its sensor faulty."""
     return own if channel in ("gyr", "attitude") else np.sqrt(np.sum(own * own, axis=1))[:, np.newaxis]
 
 

@@ -157,7 +157,7 @@ def _density(x: Floats, step: float) -> Floats:
 def peak_period(spectra: Spectra, channel: int) -> float:
     """Period of the peak of a density, s: a parabola through the logarithms of the highest value and its neighbours.
 
-    NaN where there is no density.
+    NaN where the density is not known.
     """
     density = spectra.density[:, channel]
     if not density.size or not np.isfinite(density).all() or not density.max() > 0.0:

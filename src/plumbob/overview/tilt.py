@@ -94,12 +94,12 @@ class Motion:
 
     @property
     def largest(self) -> float:
-        """Largest double amplitude, rad; NaN where there are no waves."""
+        """Largest double amplitude, rad; NaN without waves."""
         return float(np.max(self.heights)) if self.waves else math.nan
 
     @property
     def tz(self) -> float:
-        """Mean period between zero up-crossings, s; NaN where there are no waves."""
+        """Mean period between zero up-crossings, s; NaN without waves."""
         return float(np.mean(self.periods)) if self.waves else math.nan
 
     @classmethod
