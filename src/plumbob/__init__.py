@@ -79,6 +79,7 @@ if TYPE_CHECKING:
     from plumbob.filters.smoother import FixedLag
     from plumbob.noise.allan import allan
     from plumbob.overview.overview import plot, report
+    from plumbob.papers.reproduce import reproduce
     from plumbob.protocols.decode import Decoder, decode
     from plumbob.protocols.find import find_format
     from plumbob.protocols.format import Format
@@ -142,6 +143,7 @@ _HOME = {
     "record": "session.live",
     "repair": "files.mcap",
     "report": "overview.overview",
+    "reproduce": "papers.reproduce",
     "replay": "session.replay",
     "simulate": "simulation",
     "simulate_chain": "simulation",
@@ -202,6 +204,7 @@ __all__ = [
     "repair",
     "replay",
     "report",
+    "reproduce",
     "simulate",
     "simulate_chain",
     "units",

@@ -241,8 +241,15 @@ def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path)
     assert plumbob.replay(made, check=True).comparison.equal
     with viewed(made, folder=tmp_path) as view, opened(chromium, view) as page:
         player = page.locator(".panel-playback")
-        if player.get_by_role("button", name="Pause", exact=True).count():
-            player.get_by_role("button", name="Pause", exact=True).click()
+        pause = player.get_by_role("button", name="Pause", exact=True)
+
+        def paused():
+            """It plays when it opens, and may have come to its end before the page is there."""
+            if pause.count():
+                pause.click()
+            return not view.get("/api/state")["playback"]["playing"]
+
+        until(paused, "it plays on")
         slider = player.locator('input[type="range"]')
         slider.fill("1.5")
         state = until(

@@ -40,6 +40,7 @@ VERBS = (
     "sim",
     "run",
     "report",
+    "reproduce",
     "plot",
     "eval",
     "allan",

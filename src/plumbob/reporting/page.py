@@ -25,13 +25,13 @@ def page(report: "Report", *, lang: str = "en") -> str:
     """HTML of a report; any text in it is safe."""
     check.one_of("lang", lang, LANGUAGES)
     title = escape(said(report.title, lang))
-    foot = "".join(f"<p>{escape(text)}</p>" for text in report.definitions)
+    foot = "".join(f"<p>{escape(said(text, lang))}</p>" for text in report.definitions)
     moves = _moves(report)
     policy = f"{_POLICY}; {scene.policy()}" if moves else _POLICY
     style = CSS + scene.STYLE if moves else CSS
     script = f"<script>{scene.SCRIPT}</script>\n" if moves else ""
     body = [
-        f"<header><h1>{title}</h1>{facts_html(report.facts, lang)}</header>",
+        f"<header><h1>{title}</h1>{_links(report.links, lang)}{facts_html(report.facts, lang)}</header>",
         *_body(report, lang, count(), depth=1),
     ]
     return (
@@ -54,7 +54,7 @@ def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> I
     if depth > 1:
         yield facts_html(report.facts, lang)
     if report.remarks:
-        yield f"<ul class='note'>{''.join(f'<li>{escape(remark)}</li>' for remark in report.remarks)}</ul>"
+        yield f"<ul class='note'>{''.join(f'<li>{escape(said(remark, lang))}</li>' for remark in report.remarks)}</ul>"
     yield from (scene.scene_html(one, lang) for one in report.scenes)
     yield from (_figure(figure, lang, f"{next(number)}") for figure in report.figures)
     for table in folded:
@@ -66,9 +66,16 @@ def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> I
         yield "</section>"
 
 
+def _links(links: Sequence[tuple[str, str]], lang: str) -> str:
+    items = " · ".join(f"<a href='{escape(address)}'>{escape(said(name, lang))}</a>" for name, address in links)
+    return f"<nav>{items}</nav>" if items else ""
+
+
 def facts_html(facts: Sequence[tuple[str, str]], lang: str) -> str:
     """List of names and values; any text in it is safe."""
-    items = "".join(f"<div><dt>{escape(said(name, lang))}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
+    items = "".join(
+        f"<div><dt>{escape(said(name, lang))}</dt><dd>{escape(said(value, lang))}</dd></div>" for name, value in facts
+    )
     return f"<dl>{items}</dl>" if items else ""
 
 
@@ -132,6 +139,8 @@ header { border-bottom: 2px solid var(--ink); padding-bottom: 1.25rem; }
 h1 { font-size: 1.75rem; line-height: 1.2; margin: 0 0 1rem; overflow-wrap: anywhere; }
 h2 { font-size: 1.3rem; margin: 2.5rem 0 0; overflow-wrap: anywhere; }
 h3 { font-size: 1rem; margin: 2rem 0 0; overflow-wrap: anywhere; }
+nav { margin: -0.4rem 0 1rem; }
+a { color: var(--blue); }
 dl { margin: 0; }
 section dl { margin-top: 1.25rem; }
 dl div { display: grid; grid-template-columns: 8rem 1fr; gap: 0 1rem; padding: 0.1rem 0; }

@@ -108,6 +108,8 @@ class Report:
         What the words and signs mean, for the foot of a page.
     scenes : sequence of Scene
         Bodies that move, on a page only.
+    links : sequence of (str, str)
+        Names and addresses of pages beside this one, on a page only.
     """
 
     title: str
@@ -118,6 +120,7 @@ class Report:
     parts: "Sequence[Report]" = ()
     definitions: Sequence[str] = ()
     scenes: "Sequence[Scene]" = ()
+    links: Sequence[tuple[str, str]] = ()
 
     def text(self, *details: str) -> str:
         """Text for a terminal, with the tables that are always shown and those of the given details."""

@@ -2,7 +2,7 @@
 
 import re
 from itertools import product
-from typing import Final
+from typing import Final, Self
 
 LANGUAGES: Final = ("en", "zh")
 """Of the labels of pages and pictures."""
@@ -24,12 +24,40 @@ _APART = re.compile(r"(: |, | \[[^\]]*\])")
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
 
 
+class Both(str):
+    """English text that carries its Chinese, for sentences that no dictionary of labels could hold.
+
+    Parameters
+    ----------
+    en, zh : str
+        The text in both languages. As a string, it is the English one.
+    """
+
+    zh: str
+
+    def __new__(cls, en: str, zh: str) -> Self:
+        """Make it of both."""
+        made = super().__new__(cls, en)
+        made.zh = zh
+        return made
+
+    def __str__(self) -> str:
+        """Itself: what asks for a string, as a plot's label does, keeps the Chinese."""
+        return self
+
+    def __reduce__(self) -> tuple[type, tuple[str, str]]:
+        """What makes it again."""
+        return type(self), (self[:], self.zh)
+
+
 def said(label: str, lang: str) -> str:
     """A label in a language; what is not a label stays as it is.
 
     Parts of a label that stand apart by a colon, a comma or a unit in brackets are looked up one by one, where the
     first of them is known; a number in it stands as # in the dictionary.
     """
+    if isinstance(label, Both):
+        return label[:] if lang == "en" else label.zh
     if lang == "en":
         return label
     first, *others = [label] if _known(label) else _APART.split(label)

@@ -81,9 +81,18 @@ def load_session(path: str | Path, *, date: str | None = None) -> Session:
     text = text_of(path)
     file = Path(path)
     try:
-        return parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date)
+        return _beside(file, parse_session(text, lambda name: text_of(file.parent / name), name=file.stem, date=date))
     except PlumbobError as error:
         raise type(error)(f"{file}: {error}") from error
+
+
+def _beside(file: Path, session: Session) -> Session:
+    """The session with the file of its bytes beside it, as every file that it names; what is written goes elsewhere."""
+    source = session.source
+    if source is None or source.kind != "file":
+        return session
+    settings = {**source.settings, "path": str(file.parent / source.settings["path"])}
+    return replace(session, source=replace(source, settings=settings))
 
 
 def recorded_session(texts: Mapping[str, str], name: str) -> Session:

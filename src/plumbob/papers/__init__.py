@@ -1,0 +1,27 @@
+"""The five papers, each run whole: from emulated bytes to its tables and figures.
+
+`reproduce` runs them; each paper has a module of its own whose ``run`` makes its page and its outcomes: what the paper
+prints, what its method gives here, what Plumbob gives at its best, and the bar that is to be met.
+"""
+
+from typing import TYPE_CHECKING
+
+from plumbob.core.lazy import lazily
+
+if TYPE_CHECKING:
+    from plumbob.papers.outcome import Item, Outcome, Paper
+    from plumbob.papers.reproduce import NAMES, Reproduction, reproduce
+
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "NAMES": "reproduce",
+        "Item": "outcome",
+        "Outcome": "outcome",
+        "Paper": "outcome",
+        "Reproduction": "reproduce",
+        "reproduce": "reproduce",
+    },
+)
+
+__all__ = ["NAMES", "Item", "Outcome", "Paper", "Reproduction", "reproduce"]

@@ -1,0 +1,203 @@
+"""What a paper's run leaves behind: outcomes with their bars, the paper's items, and its page."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Final
+
+from plumbob.core.errors import ParameterError
+from plumbob.reporting import Report, Table
+from plumbob.reporting.style import Both
+
+Bar = tuple[float, float]
+"""Least and greatest value that meet it."""
+
+OPEN: Final[Bar] = (-math.inf, math.inf)
+"""No bar."""
+
+PASS: Final = Both("pass", "通过")
+MISSED: Final = Both("missed", "未达标")
+SHOWN: Final = Both("shown", "仅列出")
+
+
+def at_most(limit: float) -> Bar:
+    """Bar that is met by values up to a limit."""
+    return (-math.inf, limit)
+
+
+def at_least(limit: float) -> Bar:
+    """Bar that is met by values from a limit on."""
+    return (limit, math.inf)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """One figure of a paper.
+
+    Attributes
+    ----------
+    key : str
+        Short name, unique within the paper, as ``slide.gated.roll``.
+    where : str
+        Place in the paper, as ``Fig 8``, ``Table 1``, ``(7)``, ``§4.3``; empty for what goes beyond it.
+    what : Both
+        A noun.
+    unit : str
+        Of all its values; empty where they have none.
+    paper : float or str or None
+        As printed; None where the paper prints nothing.
+    faithful : float or None
+        By the paper's method, corrected, with the noise that is stated or assumed on the page.
+    best : float or None
+        By the method that Plumbob recommends.
+    faithful_bar, best_bar : Bar
+        Least and greatest value that are to be met; `OPEN` where there is none.
+    reason : Both or None
+        Why the paper's figure cannot be reproduced, or why a bar is missed: one sentence without a full stop.
+    reproducible : bool
+        Whether what the paper prints can be had by its method; where not, `reason` says why.
+    digits : int
+        Significant digits that are shown.
+    """
+
+    key: str
+    where: str
+    what: Both
+    unit: str = ""
+    paper: float | str | None = None
+    faithful: float | None = None
+    best: float | None = None
+    faithful_bar: Bar = OPEN
+    best_bar: Bar = OPEN
+    reason: Both | None = None
+    reproducible: bool = True
+    digits: int = 3
+
+    def __post_init__(self) -> None:
+        """Refuse what says nothing: no value, a bar without a value, or a verdict without its reason."""
+        if self.faithful is None and self.best is None:
+            raise ParameterError(f"outcome {self.key} has no value.")
+        for value, bar in ((self.faithful, self.faithful_bar), (self.best, self.best_bar)):
+            if value is None and bar != OPEN:
+                raise ParameterError(f"outcome {self.key} has a bar, but no value for it.")
+        if not self.reproducible and self.reason is None:
+            raise ParameterError(f"outcome {self.key} is said not to be reproducible, but without a reason.")
+
+    @property
+    def met(self) -> bool:
+        """Whether every bar is met; NaN meets none."""
+        pairs = ((self.faithful, self.faithful_bar), (self.best, self.best_bar))
+        return all(value is None or bar == OPEN or bar[0] <= value <= bar[1] for value, bar in pairs)
+
+    @property
+    def verdict(self) -> Both:
+        """Missed where a bar is; not reproducible, with its reason; shown where there is no bar; or pass."""
+        if not self.met:
+            return Both(f"{MISSED}: {self.reason}", f"{MISSED.zh}：{self.reason.zh}") if self.reason else MISSED
+        if not self.reproducible and self.reason is not None:
+            return Both(f"not reproducible: {self.reason}", f"无法复现：{self.reason.zh}")
+        return SHOWN if self.faithful_bar == self.best_bar == OPEN else PASS
+
+    def summary(self) -> dict[str, Any]:
+        """What JSON has of it; an open end of a bar is null."""
+        bars = {"faithful_bar": self.faithful_bar, "best_bar": self.best_bar}
+        return {
+            "key": self.key,
+            "where": self.where,
+            "what": str(self.what),
+            "unit": self.unit,
+            "paper": self.paper,
+            "faithful": self.faithful,
+            "best": self.best,
+            **{name: [end if math.isfinite(end) else None for end in bar] for name, bar in bars.items()},
+            "met": self.met,
+            "verdict": str(self.verdict),
+        }
+
+    def stored(self) -> dict[str, Any]:
+        """All of it for another process, as JSON can hold it; `restored` makes it again."""
+        held = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: {"en": v[:], "zh": v.zh} if isinstance(v, Both) else v for name, v in held.items()}
+
+    def row(self) -> list[str]:
+        """Cells under `HEAD`."""
+        cells = [self.where or "-", self.what, self.unit or "-", _shown(self.paper, self.digits)]
+        for value, bar in ((self.faithful, self.faithful_bar), (self.best, self.best_bar)):
+            cells += [_shown(value, self.digits), _bar(bar)]
+        return [*cells, self.verdict]
+
+
+def restored(stored: Mapping[str, Any]) -> Outcome:
+    """Outcome of what `Outcome.stored` gave."""
+    made = {name: Both(**v) if isinstance(v, dict) else v for name, v in stored.items()}
+    return Outcome(**made | {name: tuple(made[name]) for name in ("faithful_bar", "best_bar")})
+
+
+HEAD: Final = (
+    Both("where", "出处"), Both("figure", "指标"), Both("unit", "单位"), Both("paper", "论文"),
+    Both("faithful", "按论文"), Both("bar", "标准"), Both("best", "最佳"), Both("bar", "标准"), Both("verdict", "结论"),
+)  # fmt: skip
+
+
+def table(outcomes: Sequence[Outcome], title: str = "") -> Table:
+    """Table of outcomes."""
+    return Table(title, HEAD, [one.row() for one in outcomes], words=(1, 2, 8))
+
+
+def _shown(value: float | str | None, digits: int) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, str):
+        return value
+    if value == 0.0 or not math.isfinite(value):
+        return f"{value:g}"
+    return (
+        f"{value:.{max(digits - 1 - math.floor(math.log10(abs(value))), 0)}f}" if abs(value) >= 1e-4 else f"{value:.1e}"
+    )
+
+
+def _bar(bar: Bar) -> str:
+    low, high = bar
+    if bar == OPEN:
+        return "-"
+    if low == -math.inf:
+        return f"≤ {high:g}"
+    return f"≥ {low:g}" if high == math.inf else f"{low:g} … {high:g}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Item:
+    """Something that a paper describes, states or shows, and what became of it.
+
+    Attributes
+    ----------
+    where : str
+        Place in the paper.
+    what : str
+        A noun, in English.
+    by : str
+        Where it is done: keys of outcomes as ``[slide.gated.roll]``, verbs and files in backticks.
+    reason : str
+        Why it is not done, a sentence; empty where it is.
+    """
+
+    where: str
+    what: str
+    by: str = ""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paper:
+    """What a paper's run gives.
+
+    Attributes
+    ----------
+    report : Report
+        The page, without its table of outcomes, which is put before everything else.
+    outcomes : sequence of Outcome
+        Every figure of the paper.
+    """
+
+    report: Report
+    outcomes: Sequence[Outcome]

@@ -1,0 +1,229 @@
+"""The papers' runs, one or all: `plumbob reproduce`, and `plumbob.reproduce`."""
+
+import json
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from plumbob.core import check
+from plumbob.core.errors import DecodeError, ParameterError
+from plumbob.core.files import write_text
+from plumbob.core.text import counted
+from plumbob.core.version import __version__
+from plumbob.papers.outcome import Item, Outcome, Paper, restored, table
+from plumbob.papers.work import Work
+from plumbob.reporting import Report
+from plumbob.reporting.style import LANGUAGES, Both
+
+TITLES: Final[Mapping[str, Both]] = {
+    "fin": Both(
+        "Bionic fin: attitude and Allan error analysis (Ou 2017)", "仿生鳍条姿态测量及其误差分析（欧世星 2017）"
+    ),
+    "buoy": Both(
+        "Drifting buoy: attitude of a sea-going unit (Yu 2018)", "海洋漂流浮标运动姿态测量系统（余博嵩 2018）"
+    ),
+    "trackball": Both("Trackball: drift of a gyroscope (Chen 2013)", "基于卡尔曼滤波的陀螺仪漂移补偿（陈晨 2013）"),
+    "arm": Both("Teaching arm: six units (Huang and Jiang)", "示教机械臂多传感器姿态解算（黄洋、姜文刚）"),
+    "rod": Both("Farm machine's rod: ADIS16355 (Li 2012)", "ADIS16355 在姿态测量中的应用（黎永键 2012）"),
+}
+NAMES: Final = tuple(TITLES)
+"""Papers by the names of their rigs."""
+STEP: Final = "step"
+"""First word of a line by which a paper's process says how far it is."""
+_LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, those that take long begin
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """What the papers' runs gave.
+
+    Attributes
+    ----------
+    seed : int
+        Of everything that was left to chance.
+    outcomes : mapping of str to sequence of Outcome
+        Every figure of each paper.
+    folder : Path
+        Where the pages and all files are.
+    """
+
+    seed: int
+    outcomes: Mapping[str, Sequence[Outcome]]
+    folder: Path
+
+    @property
+    def met(self) -> bool:
+        """Whether every bar is met."""
+        return all(one.met for paper in self.outcomes.values() for one in paper)
+
+    def report(self) -> Report:
+        """All outcomes, a part for each paper."""
+        parts = [Report(TITLES[name], tables=[table(found)]) for name, found in self.outcomes.items()]
+        links = [(TITLES[name], f"{name}.html") for name in self.outcomes]
+        facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}")]
+        facts.append((Both("outcomes", "指标"), self._counts()))
+        return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, links=links)
+
+    def text(self) -> str:
+        """Every table, for a terminal."""
+        return self.report().text()
+
+    def summary(self) -> dict[str, Any]:
+        """What JSON has of it."""
+        papers = {name: [one.summary() for one in found] for name, found in self.outcomes.items()}
+        return {"seed": self.seed, "version": __version__, "met": self.met, "papers": papers}
+
+    def _counts(self) -> Both:
+        every = [one for found in self.outcomes.values() for one in found]
+        missed = sum(not one.met for one in every)
+        cannot = sum(one.met and not one.reproducible for one in every)
+        return Both(
+            f"{counted(len(every), 'figure')}: {missed} missed, {cannot} not reproducible by the paper's method",
+            f"共 {len(every)} 项：{missed} 项未达标，{cannot} 项按论文方法无法复现",
+        )
+
+
+def reproduce(
+    *papers: str,
+    seed: int = 1,
+    out: str | Path = "reproduced",
+    lang: str = "en",
+    jobs: int = 2,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> Reproduction:
+    """Run papers whole, from emulated bytes to their tables and figures, and write a page for each.
+
+    Parameters
+    ----------
+    *papers : str
+        Some of `NAMES`; none, or ``"all"``: all five.
+    seed : int
+        Of everything that is left to chance; the same seed gives the same bits on the same machine.
+    out : path
+        Folder, made where it is not there: ``index.html``, ``outcomes.json``, a page for each paper, and a folder with
+        its bytes, sessions, recordings and cards.
+    lang : {"en", "zh"}
+        Language of the pages.
+    jobs : int
+        How many papers run side by side, each in a process of its own.
+    overwrite : bool
+        Whether files in `out` may be replaced.
+    progress : callable, optional
+        Called with a paper and what it does, how many steps are done, and of how many.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    ParameterError
+        If a paper is unknown, a number outside its domain, or the folder is not empty and `overwrite` is false.
+    MissingExtraError
+        If matplotlib, which draws the pages' figures, is not installed.
+    """
+    chosen = _chosen(papers)
+    check.one_of("lang", lang, LANGUAGES)
+    if jobs < 1:
+        raise ParameterError(f"jobs must be at least 1, but it is {jobs}.")
+    if seed < 0:
+        raise ParameterError(f"seed must be a whole number of at least 0, but it is {seed}.")
+    folder = _folder(check.path("out", out), overwrite=overwrite)
+    if len(chosen) == 1:
+        outcomes = {chosen[0]: run_paper(chosen[0], folder, seed, lang, progress)}
+    else:
+        outcomes = _side_by_side(chosen, folder, seed, lang, jobs, progress)
+    found = Reproduction(seed, outcomes, folder)
+    found.report().write_html(folder / "index.html", lang=lang, overwrite=True)
+    write_text(folder / "outcomes.json", json.dumps(found.summary(), indent=1) + "\n", overwrite=True)
+    return found
+
+
+def items(paper: str) -> Sequence[Item]:
+    """Everything that a paper describes, states or shows, and where it is done."""
+    found: Sequence[Item] = import_module(f"plumbob.papers.{paper}").ITEMS
+    return found
+
+
+def _chosen(papers: Sequence[str]) -> list[str]:
+    if unknown := [name for name in papers if name not in (*NAMES, "all")]:
+        raise ParameterError(f"'{unknown[0]}' is not a paper; known are {', '.join(NAMES)}, or all.")
+    return list(NAMES) if not papers or "all" in papers else [name for name in NAMES if name in papers]
+
+
+def _folder(folder: Path, *, overwrite: bool) -> Path:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        filled = any(folder.iterdir())
+    except OSError as error:
+        raise DecodeError(f"{folder} cannot be the folder of the pages: {error.strerror}.") from error
+    if filled and not overwrite:
+        raise ParameterError(
+            f"{folder} is not empty; name another folder, or allow its files to be replaced (--force)."
+        )
+    return folder
+
+
+def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress | None) -> Sequence[Outcome]:
+    """Run a paper in this process, and write its page and its outcomes."""
+    own = folder / name
+    own.mkdir(exist_ok=True)
+
+    def told(what: str, done: int, of: int) -> None:
+        if progress is not None:
+            progress(f"{name}: {what}", done, of)
+
+    found: Paper = import_module(f"plumbob.papers.{name}").run(Work(own, seed, told))
+    report = found.report
+    page = replace(
+        report,
+        tables=[table(found.outcomes, Both("Every figure", "全部指标")), *report.tables],
+        links=[(Both("all papers", "全部论文"), "index.html"), *report.links],
+    )
+    page.write_html(folder / f"{name}.html", lang=lang, overwrite=True)
+    return found.outcomes
+
+
+def _side_by_side(
+    names: Sequence[str], folder: Path, seed: int, lang: str, jobs: int, progress: Progress | None
+) -> dict[str, Sequence[Outcome]]:
+    """Run each paper in a process of its own; the first that fails ends all with its error."""
+    running: list[subprocess.Popen[str]] = []
+
+    def run(name: str) -> Sequence[Outcome]:
+        command = [sys.executable, "-m", "plumbob.papers.alone", name, str(folder), f"{seed}", lang]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        running.append(process)
+        assert process.stdout is not None
+        assert process.stderr is not None
+        last: deque[str] = deque(maxlen=5)
+        for line in process.stderr:
+            step = line.rstrip("\n").split("\t")
+            if step[0] != STEP:
+                last.append(line)
+            elif progress is not None:
+                progress(step[1], int(step[2]), int(step[3]))
+        found = process.stdout.read()
+        if process.wait():
+            raise DecodeError(f"{name} ended with exit code {process.returncode}: {''.join(last).strip()}")
+        return [restored(one) for one in json.loads(found)]
+
+    with ThreadPoolExecutor(jobs) as pool:
+        futures = {name: pool.submit(run, name) for name in sorted(names, key=_LONGEST.index)}
+        try:
+            return {name: futures[name].result() for name in names}
+        except BaseException:
+            for future in futures.values():
+                future.cancel()
+            for process in running:
+                process.kill()
+            raise
