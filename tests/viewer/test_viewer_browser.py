@@ -245,8 +245,7 @@ def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path)
 
         def paused():
             """It plays when it opens, and may have come to its end before the page is there."""
-            if pause.count():
-                pause.click()
+            pause.evaluate_all("all => all.forEach(button => button.click())")
             return not view.get("/api/state")["playback"]["playing"]
 
         until(paused, "it plays on")
