@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 export PLUMBOB_DATA ?= $(abspath ../shared/data)
 
-.PHONY: page pictures setup demo test test-long lint docs pages dist house mutants bench noise array arm view accuracy endurance wire fuzz killed clean other-processor
+.PHONY: page papers pictures setup demo test test-long lint docs pages dist house mutants bench noise array arm view accuracy endurance wire fuzz killed clean other-processor
 
 setup: $(VENV)/.installed
 
@@ -70,6 +70,11 @@ pages: setup
 	$(BIN)/python website/equations.py > docs/equations.md
 	$(BIN)/python website/draw_house.py > docs/images/house.svg
 	$(BIN)/python website/view_types.py > web/src/messages.ts
+
+# The five papers' runs, and docs/papers.md from them: some minutes on two cores.
+papers: setup
+	$(BIN)/plumbob reproduce all --out reproduced --force
+	$(BIN)/python website/papers.py reproduced/outcomes.json > docs/papers.md
 
 # The pictures of README and docs, taken in Chromium of the pages themselves.
 pictures: setup page

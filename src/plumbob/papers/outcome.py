@@ -109,6 +109,7 @@ class Outcome:
             "paper": self.paper,
             "faithful": self.faithful,
             "best": self.best,
+            "digits": self.digits,
             **{name: [end if math.isfinite(end) else None for end in bar] for name, bar in bars.items()},
             "met": self.met,
             "verdict": str(self.verdict),
@@ -121,10 +122,8 @@ class Outcome:
 
     def row(self) -> list[str]:
         """Cells under `HEAD`."""
-        cells = [self.where or "-", self.what, self.unit or "-", _shown(self.paper, self.digits)]
-        for value, bar in ((self.faithful, self.faithful_bar), (self.best, self.best_bar)):
-            cells += [_shown(value, self.digits), _bar(bar)]
-        return [*cells, self.verdict]
+        values = (cell(self.faithful, self.faithful_bar, self.digits), cell(self.best, self.best_bar, self.digits))
+        return [self.where or "-", self.what, self.unit or "-", shown(self.paper, self.digits), *values, self.verdict]
 
 
 def restored(stored: Mapping[str, Any]) -> Outcome:
@@ -135,16 +134,17 @@ def restored(stored: Mapping[str, Any]) -> Outcome:
 
 HEAD: Final = (
     Both("where", "出处"), Both("figure", "指标"), Both("unit", "单位"), Both("paper", "论文"),
-    Both("faithful", "按论文"), Both("bar", "标准"), Both("best", "最佳"), Both("bar", "标准"), Both("verdict", "结论"),
+    Both("faithful", "按论文"), Both("best", "最佳"), Both("verdict", "结论"),
 )  # fmt: skip
 
 
 def table(outcomes: Sequence[Outcome], title: str = "") -> Table:
     """Table of outcomes."""
-    return Table(title, HEAD, [one.row() for one in outcomes], words=(1, 2, 8))
+    return Table(title, HEAD, [one.row() for one in outcomes], words=(1, 2, 6))
 
 
-def _shown(value: float | str | None, digits: int) -> str:
+def shown(value: float | str | None, digits: int) -> str:
+    """Value as it is read, with so many significant digits."""
     if value is None:
         return "-"
     if isinstance(value, str):
@@ -156,13 +156,14 @@ def _shown(value: float | str | None, digits: int) -> str:
     )
 
 
-def _bar(bar: Bar) -> str:
+def cell(value: float | None, bar: Bar, digits: int) -> str:
+    """Value as it is read, with its bar in brackets."""
     low, high = bar
-    if bar == OPEN:
-        return "-"
+    if value is None or bar == OPEN:
+        return shown(value, digits)
     if low == -math.inf:
-        return f"≤ {high:g}"
-    return f"≥ {low:g}" if high == math.inf else f"{low:g} … {high:g}"
+        return f"{shown(value, digits)} (≤ {high:g})"
+    return f"{shown(value, digits)} (≥ {low:g})" if high == math.inf else f"{shown(value, digits)} ({low:g} … {high:g})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
