@@ -1,6 +1,6 @@
 """Write docs/papers.md from a run of all papers and their items: ``python website/papers.py OUTCOMES.json``.
 
-``make papers`` runs the papers and writes the page. A test compares the items with the page, and a long one the figures.
+``make papers`` runs the papers and writes the page. A test compares its items with the code, a long one its figures.
 """
 
 import json
@@ -24,9 +24,9 @@ plumbob reproduce all                    # some minutes on two cores; one paper:
 plumbob reproduce buoy --lang zh         # the page in Chinese
 ```
 
-Five papers describe systems that Plumbob runs whole: the rig's bytes are emulated and recorded, a session decodes them, and the
-paper's procedure makes its tables and figures. The folder `reproduced` then has `index.html`, a page for each paper,
-`outcomes.json`, and the bytes, sessions, recordings and cards that they are made of. In Python:
+Five papers describe systems that Plumbob runs whole: the rig's bytes are emulated and recorded, a session decodes them,
+and the paper's procedure makes its tables and figures. The folder `reproduced` then has `index.html`, a page for each
+paper, `outcomes.json`, and the bytes, sessions, recordings and cards that they are made of. In Python:
 
 ```text
 import plumbob as pb
@@ -35,10 +35,11 @@ found = pb.reproduce("buoy", out="buoy-paper")
 print(found.met, found.folder)
 ```
 
-In the tables, *paper* is what the paper prints, *faithful* what its method gives here once its misprints are corrected, and *best* what
-Plumbob recommends. A bar that stands beside a figure is kept by it unless the last column says otherwise. What is simulated cannot
-prove what a paper's hardware did: where noise or motion is not stated, it is assumed, and the page says so. Papers' equations lead to
-the code through [Equations](equations.md): `Ou2017`, `Yu2018`, `Chen2013`, `HuangJiang` and `Li2012`.
+In the tables, *paper* is what the paper prints, *faithful* what its method gives here once its misprints are
+corrected, and *best* what Plumbob recommends; a bar stands in brackets beside what must keep it. What is simulated cannot
+prove what a paper's hardware did: where noise or motion is not stated, it is assumed, and the page of the paper says so.
+The papers' equations lead to the code through [Equations](equations.md), under `Ou2017`, `Yu2018`, `Chen2013`,
+`HuangJiang` and `Li2012`.
 """
 
 
@@ -73,10 +74,16 @@ def _paper(name: str, outcomes: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     yield ""
     yield f"{TITLES[name]}"
     yield ""
-    yield "| where | figure | unit | paper | faithful | best | verdict |"
-    yield "| --- | --- | --- | ---: | ---: | ---: | --- |"
+    yield "| key | where | figure | unit | paper | faithful | best | verdict |"
+    yield "| --- | --- | --- | --- | ---: | ---: | ---: | --- |"
     for one in outcomes:
-        cells = [one["where"] or "–", one["what"], one["unit"] or "–", shown(one["paper"], one["digits"])]
+        cells = [
+            f"`{one['key']}`",
+            one["where"] or "–",
+            one["what"],
+            one["unit"] or "–",
+            shown(one["paper"], one["digits"]),
+        ]
         cells += [_ours(one, "faithful"), _ours(one, "best"), one["verdict"]]
         yield f"| {' | '.join(map(_escaped, cells))} |"
     yield ""
@@ -92,6 +99,13 @@ def items_lines(name: str) -> Iterator[str]:
     for number, one in enumerate(items(name), 1):
         yield f"| {number} | {_escaped(one.where)} | {_escaped(one.what)} | {_done(one)} |"
     yield ""
+
+
+def keys_of(text: str, name: str) -> set[str]:
+    """Keys of a paper's outcomes on the page."""
+    return set(
+        re.findall(r"^\| `([\w.-]+)` \|", text.partition(f"\n## {name}\n")[2].partition("\n## ")[0], re.MULTILINE)
+    )
 
 
 def _done(one: Item) -> str:

@@ -1,0 +1,67 @@
+"""All five papers as a user runs them: every bar, the figures of docs/papers.md, and the same bits from the same seed."""
+
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from plumbob.papers.reproduce import NAMES
+from website.papers import page
+
+pytestmark = pytest.mark.long
+
+PAGE = Path(__file__).parents[2] / "docs" / "papers.md"
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
+SAME = 0.05
+"""Relative difference that another processor may make of a figure, beside what rounding to three digits does."""
+
+
+def reproduced(folder, *papers):
+    command = [sys.executable, "-m", "plumbob", "reproduce", *papers, "--out", str(folder), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("papers") / "all"
+    return json.loads(reproduced(folder, "all")), folder
+
+
+def test_every_bar_is_met_or_its_miss_is_on_the_page_of_the_papers(run):
+    told = PAGE.read_text(encoding="utf-8")
+    for name in NAMES:
+        missed = {one["key"] for one in run[0]["papers"][name] if not one["met"]}
+        own = told.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        assert missed == set(re.findall(r"^\| `([\w.-]+)` \|.*\| missed[^|]*\|$", own, re.MULTILINE)), name
+
+
+def test_the_page_of_the_papers_has_the_figures_of_this_run(run):
+    """Otherwise: make papers."""
+    made, told = page(run[0]["papers"]).splitlines(), PAGE.read_text(encoding="utf-8").splitlines()
+    assert len(made) == len(told)
+    for ours, theirs in zip(made, told, strict=True):
+        assert NUMBER.sub("#", ours) == NUMBER.sub("#", theirs)
+        for a, b in zip(NUMBER.findall(ours), NUMBER.findall(theirs), strict=True):
+            assert math.isclose(float(a), float(b), rel_tol=SAME, abs_tol=1e-9), (ours, theirs)
+
+
+def test_every_paper_has_its_page_with_all_its_outcomes(run):
+    outcomes, folder = run
+    index = (folder / "index.html").read_text(encoding="utf-8")
+    for name in NAMES:
+        text = (folder / f"{name}.html").read_text(encoding="utf-8")
+        assert text.count("<figure>") >= 2
+        assert f"href='{name}.html'" in index
+        assert any((folder / name).glob("*.mcap"))
+        assert outcomes["papers"][name]
+
+
+@pytest.mark.parametrize("name", ["trackball", "rod"])
+def test_the_same_seed_gives_the_same_bits(run, tmp_path, name):
+    assert json.loads(reproduced(tmp_path / "again", name))["papers"][name] == run[0]["papers"][name]
