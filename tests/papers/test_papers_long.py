@@ -1,4 +1,4 @@
-"""All five papers as a user runs them: every bar, the figures of docs/papers.md, and the same bits from the same seed."""
+"""All five papers as a user runs them: every bar, the figures of docs/papers.md, the same bits from the same seed."""
 
 import json
 import math
