@@ -15,9 +15,8 @@ from importlib import resources
 from pathlib import Path
 
 from benchmarks.view_load import used
-from tests.battery.browser import CHROMIUM, FLAGS, until
+from tests.battery.browser import CHROMIUM, FLAGS, until, viewed
 from tests.battery.commandline import PLUMBOB
-from tests.viewer.test_viewer_browser import viewed
 
 COUNT_FRAMES = """seconds => new Promise(done => {
   let frames = 0, longest = 0, before = performance.now();

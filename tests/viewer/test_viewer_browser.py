@@ -1,16 +1,13 @@
 """The live page in a real browser on real servers: what it shows, and what its buttons do."""
 
 import contextlib
-import json
 import os
 import re
 import signal
 import subprocess
-import threading
 import time
-import urllib.request
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -19,72 +16,12 @@ import plumbob
 from plumbob.core.units import to_deg
 from plumbob.data.cards import CalibrationCard
 from plumbob.rotations import euler_zyx_from_quat
-from tests.battery.browser import PATIENCE, until
+from tests.battery.browser import PATIENCE, until, viewed
 from tests.battery.commandline import PLUMBOB, ok
 
 AXE = Path(__file__).parents[2] / "web" / "node_modules" / "axe-core" / "axe.min.js"
 WIDE = {"width": 1440, "height": 900}
 TALL = {"width": 1440, "height": 4200}  # all panels are in sight; those that are not draw nothing
-
-
-class View:
-    """A `plumbob view` that runs."""
-
-    def __init__(self, process, said):
-        self.process, self.said = process, said
-        self.url = until(self._url, lambda: f"no address: {''.join(said)}")
-
-    def _url(self):
-        return next((found[0] for line in self.said if (found := re.search(r"http://\S+", line))), None)
-
-    @property
-    def token(self):
-        return parse_qs(urlsplit(self.url).query)["token"][0]
-
-    def get(self, path):
-        """JSON of a route."""
-        request = urllib.request.Request(urlsplit(self.url)._replace(path=path, query="").geturl())
-        request.add_header("Authorization", f"Bearer {self.token}")
-        with urllib.request.urlopen(request, timeout=10) as answer:
-            return json.load(answer)
-
-    @property
-    def server(self):
-        """Process of its server."""
-        port = urlsplit(self.url).port
-        for folder in Path("/proc").iterdir():
-            with contextlib.suppress(OSError):
-                words = (folder / "cmdline").read_bytes().split(b"\0") if folder.name.isdigit() else []
-                status = (folder / "status").read_text() if b"plumbob.viewer.serve" in words else ""
-                if f"PPid:\t{self.process.pid}\n" in status:
-                    return int(folder.name)
-        raise AssertionError(f"no server of port {port}")
-
-
-@contextlib.contextmanager
-def viewed(*words, folder):
-    """A view of something, which takes commands."""
-    said = []
-    command = [
-        *PLUMBOB,
-        "view",
-        *map(str, words),
-        "--http-port",
-        "0",
-        "--no-open",
-        "--control",
-        "--folder",
-        str(folder),
-    ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
-        reader = threading.Thread(target=lambda: said.extend(process.stdout))
-        reader.start()
-        try:
-            yield View(process, said)
-        finally:
-            process.terminate()
-            process.wait(20)
-            reader.join()
 
 
 @contextlib.contextmanager
