@@ -18,6 +18,7 @@ from tests.battery.commandline import PLUMBOB
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"]
 PATIENCE = 60.0
+COLD = 240.0  # the first view compiles kernels, which a busy machine takes minutes for
 
 
 @contextmanager
@@ -46,7 +47,7 @@ class View:
 
     def __init__(self, process, said):
         self.process, self.said = process, said
-        self.url = until(self._url, lambda: f"no address: {''.join(said)}")
+        self.url = until(self._url, lambda: f"no address: {''.join(said)}", COLD)
 
     def _url(self):
         return next((found[0] for line in self.said if (found := re.search(r"http://\S+", line))), None)
