@@ -35,7 +35,7 @@ that says what is wrong and what to do.
 | 130, 143 | ended by Ctrl-C, by SIGTERM; a file is there as a whole, or as it was before |
 """
 STAGES = {
-    "Try": ("demo", "docs", "warmup"),
+    "Try": ("demo", "reproduce", "docs", "warmup"),
     "Simulate": ("sim", "emulate"),
     "Record": ("record", "replay", "verify", "repair", "export", "decode", "devices"),
     "Read files": ("info", "profile"),
