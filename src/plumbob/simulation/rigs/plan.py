@@ -131,6 +131,8 @@ class Plan:
         Time that it talks, s.
     units : tuple of Unit
         What sits on the body.
+    firmware : bool
+        Whether it sends the attitude that its own processor computes, and not samples.
     """
 
     name: str
@@ -140,6 +142,7 @@ class Plan:
     rate: float
     duration: float
     units: tuple[Unit, ...]
+    firmware: bool = False
 
 
 def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> Plan:
@@ -179,6 +182,10 @@ PLANS: Final[Mapping[str, Plan]] = {
         Plan(
             "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
             (Unit("mpu6000+hmc5983"),),
+        ),
+        Plan(
+            "buoy_attitude", "drifting buoy: attitude from its own processor", scenario("buoy"), Frame.NED, 20.0, 600.0,
+            (Unit("mpu6000+hmc5983"),), firmware=True,
         ),
         Plan(
             "fin", "bionic fin: ADXRS453 and ADXRS290", scenario("fin"), Frame.NED, 500.0, 220.0,

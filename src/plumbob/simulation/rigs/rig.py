@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +11,21 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
 from plumbob.core.units import unit
+from plumbob.data.cards import CalibrationCard
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
+from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, euler_zyx_from_quat
 from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
 from plumbob.simulation.errors import unit_seed
 from plumbob.simulation.rigs import faults as line_faults
 from plumbob.simulation.rigs.faults import Damage, Fault
 from plumbob.simulation.rigs.plan import Chained, Mounted, Plan
+
+if TYPE_CHECKING:
+    from plumbob.simulation.rigs.firmware import Firmware
 
 Column = Floats | NDArray[np.int64]
 _JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever it is rounded by
@@ -110,6 +115,8 @@ class Rig:
         What happens to them on the line.
     chain : ChainSimulation or None
         The chain that the units are on, where they are on one.
+    firmware : Firmware or None
+        What its own processor did, where that computes what it says.
     """
 
     plan: Plan
@@ -119,6 +126,7 @@ class Rig:
     frames: NDArray[np.uint8]
     damage: Damage
     chain: ChainSimulation | None = None
+    firmware: "Firmware | None" = None
 
     def __len__(self) -> int:
         return int(self.due_ns.size)
@@ -147,6 +155,7 @@ def make_rig(
     unit: str = "random",
     clock_error: float = 0.0,
     faults: Mapping[str, float] | None = None,
+    calibration: CalibrationCard | None = None,
 ) -> Rig:
     """Build a rig.
 
@@ -166,6 +175,8 @@ def make_rig(
         By how much the device's own clock is fast: 4e-5 are 40 µs a second.
     faults : mapping of str to float, optional
         Share of the frames that a fault of `plumbob.simulation.rigs.faults.KINDS` befalls.
+    calibration : CalibrationCard, optional
+        What the rig's own processor corrects its samples with.
 
     Raises
     ------
@@ -174,6 +185,10 @@ def make_rig(
     """
     bound = form.bind()
     message = bound.messages[0]
+    if plan.firmware:
+        return _computed(plan, bound, seed, duration, unit, clock_error, faults or {}, calibration)
+    if calibration is not None:
+        raise ParameterError(f"rig {plan.name} sends samples as they are; leave the calibration to who reads them.")
     units, chain = _units(plan, message, seed, plan.duration if duration is None else duration, unit)
     due_ns = to_ns(next(iter(units.values())).imu.t)
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
@@ -183,6 +198,27 @@ def make_rig(
         raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
     frames = encode(bound, columns)
     return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed), chain)
+
+
+def _computed(
+    plan: Plan, form: Format, seed: int, duration: float | None, unit: str, clock_error: float,
+    faults: Mapping[str, float], calibration: CalibrationCard | None,
+) -> Rig:  # fmt: skip
+    """Rig whose own processor computes what it says; its chips count as those of the rig that sends samples."""
+    from plumbob.simulation.rigs.firmware import CHIP_RATE, run_firmware  # with the filters, which no other rig needs
+
+    chips = replace(plan, rate=CHIP_RATE)
+    units, _ = _units(
+        chips, load("buoy").bind().messages[0], seed, plan.duration if duration is None else duration, unit
+    )
+    done = run_firmware(units[""].imu, calibration=calibration)
+    drawn = line_faults.draw(form, faults, done.sent_ns, seed)
+    device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
+    columns = {**done.columns, "counter": drawn.counter}
+    columns["clock"] = columns["clock"] + (device_ns - done.sent_ns) // 1000
+    frames = encode(form, columns)
+    damaged = line_faults.damage(form, drawn, frames, done.sent_ns, seed)
+    return Rig(plan, form, units, done.sent_ns, frames, damaged, firmware=done)
 
 
 def _units(
