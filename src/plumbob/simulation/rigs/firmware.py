@@ -31,8 +31,6 @@ from plumbob.simulation.rigs.flash import FlashLog
 from plumbob.simulation.rigs.schedule import Calls, Ints, Task, poll
 
 FORMAT: Final = "buoy_attitude"
-CHIP_RATE: Final = 1000.0
-"""Hz; how often the MPU-6000 renews its registers at most."""
 TAKES: Final = ("mean", "newest")
 _SAMPLE, _FUSE, _SEND = "sample", "fuse", "send"
 
@@ -173,7 +171,8 @@ def run_firmware(
     Parameters
     ----------
     imu : ImuData
-        What the chips have in their registers, best at `CHIP_RATE`; a read gets the newest value. Body axes of NED.
+        What the chips have in their registers, best at 1 kHz, the most that the MPU-6000 gives; a read gets the newest
+        value. Body axes of NED.
     calibration : CalibrationCard, optional
         What the program corrects its samples with.
     processor : Processor, optional
