@@ -123,6 +123,10 @@ class Chained:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
+CHIP_RATE: Final = 1000.0
+"""Hz; how often the MPU-6000 renews its registers at most."""
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """A rig before it is built.
@@ -141,6 +145,8 @@ class Plan:
         Time that it talks, s.
     units : tuple of Unit
         What sits on the body.
+    firmware : bool
+        Whether it sends the attitude that its own processor computes, and not samples.
     """
 
     name: str
@@ -150,6 +156,12 @@ class Plan:
     rate: float
     duration: float
     units: tuple[Unit, ...]
+    firmware: bool = False
+
+    @property
+    def sampled(self) -> float:
+        """Samples of the units per second, Hz: one for each frame, or what a processor's chips have for it to read."""
+        return CHIP_RATE if self.firmware else self.rate
 
     @property
     def measuring(self) -> tuple[Unit, ...]:
@@ -214,6 +226,10 @@ PLANS: Final[Mapping[str, Plan]] = {
         Plan(
             "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
             (Unit("mpu6000+hmc5983"),),
+        ),
+        Plan(
+            "buoy_attitude", "drifting buoy: attitude from its own processor", scenario("buoy"), Frame.NED, 20.0, 600.0,
+            (Unit("mpu6000+hmc5983"),), firmware=True,
         ),
         Plan(
             "fin", "bionic fin: ADXRS453 and ADXRS290", scenario("fin"), Frame.NED, 500.0, 220.0,

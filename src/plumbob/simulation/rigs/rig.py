@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,12 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, unit
-from plumbob.data.cards import NoiseCard
+from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
+from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, euler_zyx_from_quat
 from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
 from plumbob.simulation.errors import stream, unit_seed
@@ -27,6 +28,9 @@ from plumbob.simulation.rigs.faults import Damage, Fault
 from plumbob.simulation.rigs.plan import Chained, Mounted, Plan
 from plumbob.simulation.signals import Signal
 from plumbob.simulation.simulation import WarmingUp
+
+if TYPE_CHECKING:
+    from plumbob.simulation.rigs.firmware import Firmware
 
 Column = Floats | NDArray[np.int64]
 Card = NoiseCard | str | Path
@@ -129,6 +133,8 @@ class Rig:
         What happens to them on the line.
     chain : ChainSimulation or None
         The chain that the units are on, where they are on one.
+    firmware : Firmware or None
+        What its own processor did, where that computes what it says.
     """
 
     plan: Plan
@@ -138,6 +144,7 @@ class Rig:
     frames: NDArray[np.uint8]
     damage: Damage
     chain: ChainSimulation | None = None
+    firmware: "Firmware | None" = None
 
     def __len__(self) -> int:
         return int(self.due_ns.size)
@@ -166,6 +173,7 @@ def make_rig(
     unit: str = "random",
     clock_error: float = 0.0,
     faults: Mapping[str, float] | None = None,
+    calibration: CalibrationCard | None = None,
     noise: Cards | None = None,
     temp_c: float | str | Signal | None = None,
     warm_up: WarmingUp | None = None,
@@ -190,6 +198,8 @@ def make_rig(
         By how much the device's own clock is fast: 4e-5 are 40 µs a second.
     faults : mapping of str to float, optional
         Share of the frames that a fault of `plumbob.simulation.rigs.faults.KINDS` befalls.
+    calibration : CalibrationCard, optional
+        What the rig's own processor corrects its samples with.
     noise : NoiseCard, str, path, or mapping, optional
         N, B and K of the measuring units instead of their own: one card for all, or cards by prefix.
     temp_c, warm_up : optional
@@ -207,19 +217,34 @@ def make_rig(
     """
     bound = form.bind()
     message = bound.messages[0]
-    modules = _modules(plan, message, seed, noise, high_pass)
-    common = {"frame": plan.frame, "unit": unit, "rate": plan.rate}
+    if calibration is not None and not plan.firmware:
+        raise ParameterError(f"rig {plan.name} sends samples as they are; leave the calibration to who reads them.")
+    measured = load("buoy").bind().messages[0] if plan.firmware else message  # chips count as in the rig of samples
+    modules = _modules(plan, measured, seed, noise, high_pass)
+    common = {"frame": plan.frame, "unit": unit, "rate": plan.sampled}
     common |= {"duration": plan.duration if duration is None else duration}
     world = {name: value for name, value in (("temp_c", temp_c), ("warm_up", warm_up)) if value is not None}
     units, chain = _units(plan, modules, seed, common | world, mount_error)
-    due_ns = to_ns(next(iter(units.values())).imu.t)
+    done = _computed(units[""], calibration) if plan.firmware else None
+    due_ns = to_ns(next(iter(units.values())).imu.t) if done is None else done.sent_ns
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
     device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
-    columns = columns_for(message, units, device_ns, drawn.counter)
+    if done is None:
+        columns = columns_for(message, units, device_ns, drawn.counter)
+    else:
+        clock = done.columns["clock"] + (device_ns - due_ns) // 1000
+        columns = {**done.columns, "clock": clock, "counter": drawn.counter}
     if not columns:
         raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
     frames = encode(bound, columns)
-    return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed), chain)
+    damaged = line_faults.damage(bound, drawn, frames, due_ns, seed)
+    return Rig(plan, bound, units, due_ns, frames, damaged, chain, done)
+
+
+def _computed(unit: Simulation, calibration: CalibrationCard | None) -> "Firmware":
+    from plumbob.simulation.rigs.firmware import run_firmware  # with the filters, which no other rig needs
+
+    return run_firmware(unit.imu, calibration=calibration)
 
 
 def _modules(
