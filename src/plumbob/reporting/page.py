@@ -156,6 +156,7 @@ table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nu
 caption { text-align: left; font-weight: 600; font-size: 1rem; padding-bottom: 0.3rem; }
 th, td { padding: 0.28rem 0.5rem; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--grid); }
 th[scope=row], .text { text-align: left; white-space: normal; overflow-wrap: break-word; }
+td.text { min-width: 7.5rem; }
 th { font-weight: 500; }
 th:first-child { position: sticky; left: 0; background: var(--paper); text-align: left; min-width: 6.5rem; }
 thead th { color: var(--muted); border-bottom: 1px solid var(--muted); }
