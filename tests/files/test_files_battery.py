@@ -169,9 +169,9 @@ def test_unknown_suffixes_list_the_known(tmp_path):
         write(tmp_path / "a", make_imu())
 
 
-@pytest.mark.parametrize("suffix", [".hdf5", ".mat", ".txt"])
+@pytest.mark.parametrize("suffix", [".hdf5", ".mat", ".tsv"])
 def test_formats_that_are_only_read_say_what_to_write(tmp_path, suffix):
-    with pytest.raises(DecodeError, match=r"read only; write \.parquet or \.csv"):
+    with pytest.raises(DecodeError, match=r"read only; write \.parquet, \.csv, \.txt"):
         write(tmp_path / f"a{suffix}", make_imu())
 
 
