@@ -14,7 +14,7 @@ from plumbob.data import ImuMeta
 from plumbob.files import FORMATS, Recording, read, write
 from plumbob.files.notes import TOPICS
 
-FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}}
+FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}, ".txt": {"nan_bits": False}}
 every_format = pytest.mark.parametrize("suffix", FORMATS_WRITTEN)
 
 

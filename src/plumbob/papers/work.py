@@ -91,7 +91,7 @@ class Work:
         return self._kept(rig, name, session)
 
     def sent(self, rig: str, name: str, said: Simulation, *, session: str = "") -> Taken:
-        """Send the samples of a simulation of one's own in the frames of a rig of one unit, and record the bytes.
+        """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
 
         Parameters
         ----------

@@ -370,8 +370,8 @@ def _figure_5(records: Mapping[str, Analysed]) -> Figure:
             _paper_lines(ax, a, tau)
             ax.set_ylim(bottom, top)
             ax.set_title(title, fontsize=7.5)
-            for axis in (ax.xaxis, ax.yaxis):
-                log_ticks(axis, (1,))
+            log_ticks(ax.xaxis, (1,))
+            log_ticks(ax.yaxis, (1, 2, 5))
             ax.set_xlabel(_TAU)
         axes[0].set_ylabel(_SIGMA)
 

@@ -87,7 +87,7 @@ _CHAIN: Final = (
 
 
 def word(folder: Path, kind: str) -> float:
-    """Rate of the word 0xFFFF read as ``s16`` or ``u16``, °/s, by a format of one's own."""
+    """Rate of the word 0xFFFF read as ``s16`` or ``u16``, °/s, by a format of your own."""
     file = folder / f"word-{kind}.toml"
     file.write_text(_WORD.format(type=kind), encoding="utf-8")
     frames = decode(b"\xff\xff", file).frames["word"]
