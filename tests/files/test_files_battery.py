@@ -14,7 +14,7 @@ from plumbob.data import ImuMeta
 from plumbob.files import FORMATS, Recording, read, write
 from plumbob.files.notes import TOPICS
 
-FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}}
+FORMATS_WRITTEN = {".parquet": {"nan_bits": True}, ".csv": {"nan_bits": False}, ".txt": {"nan_bits": False}}
 every_format = pytest.mark.parametrize("suffix", FORMATS_WRITTEN)
 
 
@@ -169,9 +169,9 @@ def test_unknown_suffixes_list_the_known(tmp_path):
         write(tmp_path / "a", make_imu())
 
 
-@pytest.mark.parametrize("suffix", [".hdf5", ".mat", ".txt"])
+@pytest.mark.parametrize("suffix", [".hdf5", ".mat", ".tsv"])
 def test_formats_that_are_only_read_say_what_to_write(tmp_path, suffix):
-    with pytest.raises(DecodeError, match=r"read only; write \.parquet or \.csv"):
+    with pytest.raises(DecodeError, match=r"read only; write \.parquet, \.csv, \.txt"):
         write(tmp_path / f"a{suffix}", make_imu())
 
 

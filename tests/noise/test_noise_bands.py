@@ -150,3 +150,15 @@ def test_intervals_grow_with_departures_from_octave_to_octave():
         chance = 0.5 * math.log(alone[letter].hi / alone[letter].lo)
         assert chance < 0.7 * scatter
         assert 0.6 < told / scatter < 1.7
+
+
+@slow_without_jit
+def test_a_band_that_the_last_fit_explains_is_none():
+    """One in 240 of such records ended in a division by its power, which is 0 (seed found by search)."""
+    rng, count, rate, one = np.random.default_rng(171), 110_000, 500.0, np.ones(3)
+    angle = 4.4 * rng.standard_normal((count + 1, 3))
+    white = errors.white(errors.white_sd(54.0 * one, rate), count, rng)
+    record = rate * np.diff(angle, axis=0) + white + errors.flicker(51.5 * one, 2 * count, rng)[count:]
+    found = analyse(record[:, 0], 1.0 / rate)
+    assert all(band.sd > 0.0 and np.isfinite(band.places).all() for band in found.bands)
+    assert found.terms["N"].value == pytest.approx(54.0, rel=0.03)

@@ -70,10 +70,10 @@ FORMATS: Final = (
     Format(
         name="text",
         suffixes=TABLES,
-        what="text tables, described by a profile in TOML; written as .csv with its profile beside it",
+        what="text tables, described by a profile in TOML; written as .csv or .txt with its profile beside it",
         read=_late("text", "read_text"),
         takes_profile=True,
-        writers=((".csv", _late("text_write", "write_csv")),),
+        writers=tuple((suffix, _late("text_write", "write_csv")) for suffix in (".csv", ".txt")),
     ),
     Format(
         name="BROAD",
@@ -158,7 +158,7 @@ def write(
     added, file = lines("notes", notes), check.path("path", path)
     writers = dict(_format(file).writers)
     if file.suffix.lower() not in writers:
-        raise DecodeError(f"{file}: {file.suffix} is read only; write {' or '.join(_writable())} instead.")
+        raise DecodeError(f"{file}: {file.suffix} is read only; write {', '.join(_writable())} instead.")
     recording = _recording(what, file.stem)
     writers[file.suffix.lower()](file, replace(recording, notes=(*recording.notes, *added)), overwrite)
     return file

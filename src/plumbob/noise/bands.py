@@ -358,7 +358,8 @@ def leave_out(spectrum: Spectrum, n: NDArray[np.int64]) -> LeftOut:
         inside = grown
         kept = spectrum.only(usable & ~inside)
         found = fit(kept)
-    bands = tuple(_band(spectrum, found, one) for one in _runs(inside) if usable[one].all())
+    bands = [_band(spectrum, found, one) for one in _runs(inside) if usable[one].all()]
+    bands = [one for one in bands if one.sd > 0.0]  # the last fit may explain what an earlier one did not
     return LeftOut(tuple(sorted(bands, key=lambda b: -b.sd)), mask, kept, spectrum.only(~inside))
 
 
@@ -422,11 +423,11 @@ def _band(spectrum: Spectrum, found: Fit, one: slice) -> Band:
     power = (spectrum.without_ramp(found.ramp)[one] / spectrum.terms[one] - model) * spectrum.width[one]
     d, turn = spectrum.averaged, np.pi * frequency * spectrum.dt
     power = np.maximum(power, 0.0) * (d * np.sin(turn) / np.sin(d * turn)) ** 2
-    share = np.cumsum(power) / np.sum(power)
-    places = np.interp((np.arange(_PLACES) + 0.5) / _PLACES, share, frequency)
+    total = np.cumsum(power)
+    places = np.interp((np.arange(_PLACES) + 0.5) / _PLACES * total[-1], total, frequency)
     half = 0.5 * spectrum.width[one]
     low, high = float(frequency[0] - half[0]), float(frequency[-1] + half[-1])
-    return Band(low, high, math.sqrt(2.0 * float(np.sum(power))), tuple(places.tolist()), spectrum.dt)
+    return Band(low, high, math.sqrt(2.0 * float(total[-1])), tuple(places.tolist()), spectrum.dt)
 
 
 def _runs(inside: Inside) -> list[slice]:

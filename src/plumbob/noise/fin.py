@@ -28,7 +28,8 @@ _MISPRINTS = (
     '"R" is named a random walk of the angular rate. It is read on the slope −1/2 and is white noise of the rate, a '
     "random walk of the angle: N = R/60 is 0.079, 0.108 and 0.251 °/√h for 290x, 290y and 453z.",
     "B is the height of the flat. Bias instability is that divided by 0.664, and so it is above for this record.",
-    "B of 453z, 57 °/h, lies above the deviation of the same axis at 1 s, 15 °/h: no flat of that curve.",
+    'B of 453z, 57 °/h, lies above its "R", 15 °/h: that line meets the flat at 0.07 s, and its value at 1 s is not '
+    "the curve's.",
     "The percent error is a formula for one deviation of disjoint averages, whatever the noise; it is neither the "
     "error of a coefficient nor that of an overlapping deviation.",
 )

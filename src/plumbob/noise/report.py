@@ -653,8 +653,8 @@ def _frame(ax: "Axes", analyses: Sequence[Analysis] | Sequence[Deviation]) -> No
     ax.set_yscale("log")
     ax.set_xlim(min(a.curve.tau[0] for a in analyses) / 1.1, max(a.curve.tau[-1] for a in analyses) * 1.1)
     ax.set_ylim(low, high)
-    _ticks(ax.xaxis, labels=(1,))
-    _ticks(ax.yaxis, labels=(1, 2, 5) if high / low < 300.0 else (1,))
+    log_ticks(ax.xaxis, labels=(1,))
+    log_ticks(ax.yaxis, labels=(1, 2, 5) if high / low < 300.0 else (1,))
     ax.set_xlabel("averaging time [s]")
     ax.set_ylabel(f"Allan deviation [{written(unit)}]")
 
@@ -673,7 +673,7 @@ def _range(analyses: Sequence[Analysis] | Sequence[Deviation]) -> tuple[float, f
     return low / 1.7, high * 1.5
 
 
-def _ticks(axis: "Axis", labels: tuple[int, ...]) -> None:
+def log_ticks(axis: "Axis", labels: tuple[int, ...]) -> None:
     """Plain numbers at powers of ten, and at their multiples where there are few powers."""
     from matplotlib.ticker import LogLocator
 

@@ -5,9 +5,17 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from plumbob.core.files import write_text
+from plumbob.core.time import to_ns
+from plumbob.files import Recording, write
+from plumbob.protocols.encode import encode
+from plumbob.protocols.find import find_format
 from plumbob.session.emulated import emulate
 from plumbob.session.live import record
+from plumbob.simulation import Simulation
+from plumbob.simulation.rigs.rig import columns_for
 
 _SESSION = """\
 kind = "plumbob session"
@@ -78,8 +86,38 @@ class Work:
         **how
             As of `plumbob.emulate`; the seed is that of the work where none is given.
         """
-        files = Taken(*(self.folder / f"{name}{end}" for end in (".mcap", ".truth.parquet", ".bin", ".session.toml")))
+        files = self._files(name)
         emulate(rig, **{"seed": self.seed, **how}, write=files.capture, truth=files.truth, overwrite=True)
+        return self._kept(rig, name, session)
+
+    def sent(self, rig: str, name: str, said: Simulation, *, session: str = "") -> Taken:
+        """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
+
+        Parameters
+        ----------
+        rig : str
+            Its name, which is that of its format.
+        name : str
+            Of the files.
+        said : Simulation
+            What the unit says, with its truth; values are rounded and cut as the frame's fields do.
+        session : str
+            As in `recorded`.
+        """
+        files, form = self._files(name), find_format(rig).bind()
+        t_ns = to_ns(said.imu.t)
+        files.capture.write_bytes(
+            encode(form, columns_for(form.messages[0], {"": said}, t_ns, np.arange(t_ns.size))).tobytes()
+        )
+        write(files.truth, Recording(imu=said.imu, track=said.truth, name=name), overwrite=True)
+        return self._kept(rig, name, session)
+
+    def _files(self, name: str) -> Taken:
+        return Taken(*(self.folder / f"{name}{end}" for end in (".mcap", ".truth.parquet", ".bin", ".session.toml")))
+
+    def _kept(self, rig: str, name: str, session: str) -> Taken:
+        """Record the bytes that lie in the folder by a session."""
+        files = self._files(name)
         write_text(files.session, _SESSION.format(name=name, rig=rig, more=session), overwrite=True)
         files.recording.unlink(missing_ok=True)  # a recording is never written over
         record(files.session, out=files.recording)

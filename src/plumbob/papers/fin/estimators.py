@@ -1,0 +1,108 @@
+"""How well each estimator finds the coefficients of records whose truth is known, and how long a record B needs."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from plumbob.core.check import Floats
+from plumbob.core.units import to_si
+from plumbob.noise import TERMS, Analysis, Coefficient, Curve, analyse
+from plumbob.noise.fin import percent_error
+from plumbob.papers.fin.records import COUNT, RATE, SIGMA, THREE, drawn, truth
+
+METHODS: Final = ("lines", "undivided", "nearest", "least squares", "likelihood")
+"""Fixed-slope lines where the curve has their slope, B/0.664; the same, B not divided; lines through the point whose
+own slope is nearest; non-negative least squares of σ²; and Plumbob's likelihood."""
+AT: Final = {"Q": math.sqrt(3.0), "N": 1.0, "B": math.sqrt(3.0)}
+"""Averaging time of each ± of the paper, s; B of 453z has that of Q."""
+
+
+class Row(NamedTuple):
+    """A coefficient by an estimator: share of the runs that gave it, and of those bias, scatter and coverage, shares.
+
+    `scatter` is the standard deviation of one run over the truth; `coverage` the share of the intervals of 68.3 %, or
+    of the paper's ±, that hold the truth.
+    """
+
+    found: float
+    bias: float
+    scatter: float
+    coverage: float
+
+
+def nearest(curve: Curve, letter: str) -> float:
+    """Coefficient of the line through the pair of neighbouring points whose slope is nearest to the term's."""
+    x, y = np.log(curve.tau), np.log(curve.dev)
+    term = TERMS[letter]
+    i = int(np.argmin(np.abs(np.diff(y) / np.diff(x) - term.slope)))
+    height = 0.5 * (y[i] + y[i + 1]) - 0.5 * term.slope * (x[i] + x[i + 1])
+    return math.exp(height) / math.sqrt(term.share)
+
+
+def with_paper_interval(value: float, letter: str) -> Coefficient:
+    """A value ± the percent error of (7) at the time that the paper takes for it."""
+    share = percent_error(AT[letter], COUNT / RATE)
+    return Coefficient(value, value * (1.0 - share), value * (1.0 + share))
+
+
+def by_method(found: Analysis, method: str, letter: str) -> Coefficient | None:
+    """One coefficient of an analysis by one of `METHODS`; None where the method gives none."""
+    if method == "nearest":
+        return with_paper_interval(nearest(found.curve, letter), letter)
+    if method in {"lines", "undivided"}:
+        line = found.lines.terms.get(letter)
+        whole = SIGMA if method == "undivided" and letter == "B" else 1.0
+        return None if line is None else with_paper_interval(whole * line.value, letter)
+    return (found.least_squares if method == "least squares" else found.likelihood).terms.get(letter)
+
+
+def three_regimes(rng: np.random.Generator, runs: int) -> Iterator[Mapping[tuple[str, str], Row]]:
+    """Rows by method and letter over so many records of the three regimes; yields every 12 records, the last whole."""
+    found: list[Analysis] = []
+    for i in range(-(-runs // 3)):
+        found += [analyse(np.ascontiguousarray(one), 1.0 / RATE) for one in drawn(THREE, rng).T]
+        if i % 4 == 3 or 3 * (i + 1) >= runs:
+            yield {(m, letter): _row(found, m, letter) for m in METHODS for letter in "QNB"}
+
+
+def _row(found: Sequence[Analysis], method: str, letter: str) -> Row:
+    true = float(getattr(THREE, letter)[0])
+    terms = [c for a in found if (c := by_method(a, method, letter)) is not None]
+    if not terms:
+        return Row(0.0, math.nan, math.nan, math.nan)
+    values = np.array([c.value for c in terms]) / true
+    held = float(np.mean([c.lo <= true <= c.hi for c in terms]))
+    return Row(len(terms) / len(found), float(values.mean()) - 1.0, float(values.std()), held)
+
+
+class Length(NamedTuple):
+    """B over its truth, of records of a length: mean, scatter of one, how many, and in which share it shows."""
+
+    seconds: float
+    mean: float
+    scatter: float
+    runs: int
+    observable: float
+
+
+SLOW: Final = 50.0
+"""Samples per second of the long records, Hz."""
+LENGTHS: Final = ((220.0, 60), (3600.0, 18), (14_400.0, 6), (43_200.0, 3))
+"""Lengths, s, and how many records of each."""
+
+
+def lengths(rng: np.random.Generator) -> Iterator[Length]:
+    """B of the ADXRS453's data sheet, 16 °/h beside 0.015 °/s/√Hz, from records of `LENGTHS`."""
+    of = truth(0.0, 0.9, 16.0)
+    true = float(to_si(16.0, "deg/h"))
+    for seconds, runs in LENGTHS:
+        found = [
+            analyse(np.ascontiguousarray(one), 1.0 / SLOW).terms["B"]
+            for _ in range(runs // 3)
+            for one in drawn(of, rng, round(seconds * SLOW), SLOW, past=1).T
+        ]
+        values: Floats = np.array([c.value for c in found]) / true
+        shown = float(np.mean([c.observable for c in found]))
+        yield Length(seconds, float(values.mean()), float(values.std()), len(found), shown)

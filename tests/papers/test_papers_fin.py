@@ -1,0 +1,179 @@
+"""The fin paper [Ou2017]: its printed forms fail as stated, closed forms hold, records go through bytes and text."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from plumbob.papers.fin import ITEMS, algorithm, attitude, estimation, experiment, forms, records, swimming, system
+from plumbob.papers.work import Work
+from plumbob.reporting.style import Both, said
+from plumbob.simulation import simulate
+from tests.battery.labels import labels
+
+SYMBOLS = r"ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|0xFFFF.*|/\(πfT\)²?|f ≤ f0?"
+"""What has no other word in Chinese: names, and symbols with their units."""
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory):
+    return Work(tmp_path_factory.mktemp("fin"), 1)
+
+
+@pytest.fixture(scope="module")
+def algorithm_part(work):
+    return algorithm.part(work, lambda _: None, 12)
+
+
+def texts(report):
+    """Everything that a page says of a report, sentences too."""
+    found = labels(report) | set(report.remarks) | {value for _, value in report.facts}
+    for table in report.tables:
+        found |= {row[i] for row in table.rows for i in table.words}
+    for part in report.parts:
+        found |= texts(part)
+    return found
+
+
+def without_chinese(report):
+    """Words that a page says in English alone."""
+    plain = {text for text in texts(report) if not isinstance(text, Both) and said(text, "zh") == text}
+    return {text for text in plain if re.search(r"[A-Za-z]{3,}", text) and not re.fullmatch(SYMBOLS, text)}
+
+
+def test_printed_sums_make_white_noise_look_like_quantization():
+    """papers 000, misprints of eq 1 and 2: slopes −1.00 and −1.01 instead of −0.503, σ(1 s) 0.045 and 0.041, not 0.966.
+
+    In closed form both are σ = 1/(n √(t0)), 0.0447 at n = 500; 0.041 is one record's.
+    """
+    white = forms.white_by_readings(np.random.default_rng(1), records=4)
+    assert white.slope("right") == pytest.approx(-0.5, abs=0.02)
+    assert white.at_second("right") == pytest.approx(1.0, abs=3 * 0.04778)  # (7) at 1 s
+    for reading in ("moving", "disjoint"):
+        assert white.slope(reading) == pytest.approx(-1.0, abs=0.02)
+        assert white.at_second(reading) == pytest.approx(math.sqrt(500.0) / 500.0, rel=0.1)
+
+
+def test_printed_sum_has_no_term_at_half_of_the_record():
+    rates = np.random.default_rng(1).standard_normal(100)
+    assert math.isnan(forms.allan_sum(rates, 50, "moving"))
+    halves = rates.reshape(2, 50).mean(axis=1)
+    assert forms.allan_sum(rates, 50) == pytest.approx(abs(halves[1] - halves[0]) / math.sqrt(2.0), rel=1e-12)
+
+
+def test_every_factor_against_sums_of_the_definition():
+    """Bar of papers 000: 1e-12."""
+    rates = np.random.default_rng(2).standard_normal(5000) + 3.0
+    assert forms.every_sum(rates, np.arange(1, 2501, 50)) <= 1e-12
+
+
+def test_the_integrals_of_the_spectra():
+    """∫ sin⁴u/u² = π/4, ∫ sin⁴u/u³ = ln 2, and sin⁴u/u grows as (3/8) ln u; 0.77 up to Nyquist (papers 000, eq 3)."""
+    assert forms.white_integral(1e3, 2) == pytest.approx(math.pi / 4.0, rel=1e-3)
+    growth = forms.white_integral(1e4, 1) - forms.white_integral(1e3, 1)
+    assert growth == pytest.approx(0.375 * math.log(10.0), rel=1e-3)
+    assert forms.flicker_integral(1e3) == pytest.approx(math.log(2.0), rel=1e-4)
+    assert forms.quantisation_integral(0.002, math.sqrt(3.0), 250.0) == pytest.approx(0.77, abs=0.005)
+
+
+def test_rounding_a_rate_is_not_quantization_noise():
+    """papers 000, traps: slope −1/2 of a rounded rate (−0.500, −0.498), −1 of a rounded angle."""
+    found = forms.slopes(np.random.default_rng(3))
+    assert found.rate == pytest.approx(-0.5, abs=0.02)
+    assert found.rate_at_second == pytest.approx(1.0, abs=0.1)
+    assert found.angle == pytest.approx(-1.0, abs=0.02)
+
+
+def test_all_bars_of_the_algorithm(algorithm_part):
+    """Percentages of Table 1 and their T, units, integrals, sums: as papers 000 states them."""
+    _, outcomes = algorithm_part
+    assert not [one.key for one in outcomes if not one.met]
+    by = {one.key: one for one in outcomes}
+    assert by["eq7"].faithful == pytest.approx(6.2989, abs=1e-4)
+    assert by["interval.B.453z"].faithful == pytest.approx(1.7321, abs=5e-5)
+
+
+def test_words_of_the_chips(work):
+    """papers 000, chain traps: 0xFFFF is −0.0125 °/s, and 819.2 °/s where its sign is not looked at."""
+    assert system.word(work.folder, "s16") == pytest.approx(-0.0125)
+    assert system.word(work.folder, "u16") == pytest.approx(819.1875)
+    report, outcomes = system.part(work, records.COUNT)
+    assert not [one.key for one in outcomes if not one.met]
+    assert without_chinese(report) == set()
+
+
+def test_per_axis_integrals_diverge_and_the_quaternion_does_not():
+    """papers 000, attitude traps: 3351° of pitch and 1219° of yaw; coning at most 1e-3°."""
+    free = swimming.without_noise()
+    assert swimming.largest(free.axis)["pitch"] == pytest.approx(3351.0, abs=0.5)
+    assert swimming.largest(free.axis)["yaw"] == pytest.approx(1219.0, abs=0.5)
+    assert max(swimming.largest(free.quaternion).values()) < 5e-4
+    assert swimming.coning() <= 1e-3
+
+
+def test_clipping_is_flagged(work):
+    """papers 000: peaks of 126 and 121 °/s at 1 Hz."""
+    cut = swimming.clipped(work)
+    assert cut.peaks[:2] == pytest.approx([126.0, 121.0], abs=0.5)
+    assert cut.missed == 0
+    assert cut.share > 0.3
+
+
+def test_a_high_pass_takes_the_angle_away():
+    """papers 000: a turn of 90° and a hold read 0.00° behind 0.011 Hz."""
+    assert swimming.turned_without_noise(0.011) == pytest.approx(0.0, abs=0.005)
+
+
+def test_records_keep_their_values_through_bytes_and_text(work):
+    """What the frame rounds to 1/200 and 1/80 °/s, and nothing else."""
+    rates = records.drawn(records.THREE, np.random.default_rng(4), 10_000)
+    found = records.analysed(records.sent(work, "short", rates).recording)
+    assert found.lost == 0.0
+    assert [a.curve.n.size for a in found.noise.analyses] == [5000] * 3
+    report, outcomes = experiment.part(dict.fromkeys(("table", "parts", "three"), found))
+    assert {one.key for one in outcomes if not one.met} == {"allan.n"}  # of a shorter record
+    assert without_chinese(report) == set()
+
+
+def test_the_same_seed_draws_the_same_bits():
+    twice = [records.drawn(records.TABLE_1, np.random.default_rng(5), 500) for _ in range(2)]
+    assert np.array_equal(*twice)
+
+
+def test_estimators_on_a_few_records(work):
+    """Least squares and likelihood find Q and N to a percent; the paper's lines do not."""
+    report, outcomes = estimation.part(work, lambda _: None, 6, long=False)
+    by = {one.key: one for one in outcomes}
+    assert max(by["three.Q.bias"].best, by["three.N.bias"].best) < 1.0
+    assert min(by["three.Q.bias"].faithful, by["three.N.bias"].faithful) > 5.0
+    assert without_chinese(report) == set()
+
+
+def test_pages_speak_chinese(algorithm_part):
+    report, outcomes = algorithm_part
+    assert without_chinese(report) == set()
+    assert all(one.what.zh != one.what[:] for one in outcomes)
+
+
+def test_angles_error_by_term():
+    """N √t and 0.664 B t of 15.066 °/h at 1 s and 57.056 °/h over 220 s: 15.066/3600 √220 and 57.056/3600 · 220."""
+    found = experiment.angle_errors(records.TABLE_1, 2)
+    assert found["N"] == pytest.approx(15.066 / 3600.0 * math.sqrt(220.0))
+    assert found["B"] == pytest.approx(57.056 / 3600.0 * 220.0)
+
+
+def test_temperature_page_and_warm_up_are_of_one_unit():
+    """A unit with an assumed bias per kelvin reads it: 15 K (1 − e^(−220/120)) at the end."""
+    unit = swimming.fin_unit(1)
+    assert unit.gyr is not None
+    made = simulate(
+        "static", frame="NED", sensors=unit, unit="random", seed=1, duration=220.0, warm_up=swimming.WARM_UP
+    )
+    assert made.imu.temp_c[-1] - 25.0 == pytest.approx(15.0 * (1.0 - math.exp(-220.0 / 120.0)), abs=0.01)
+    assert attitude.NAMES["yaw"].zh == "偏航角"
+
+
+def test_every_item_says_where_or_why():
+    assert len(ITEMS) == 23
+    assert all(one.by or one.reason for one in ITEMS)
