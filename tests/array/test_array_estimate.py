@@ -6,6 +6,7 @@ import pytest
 from benchmarks.arrays import BIAS, arm, errors
 from plumbob import Frame, flags
 from plumbob.array import estimate
+from plumbob.array.direction_filter import Params, track_directions
 from plumbob.array.monitoring import Settings
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import dps
@@ -61,6 +62,17 @@ def test_the_covariance_of_the_small_filter_is_that_of_its_errors():
         e = np.radians(errors(track.q_nb[-1:], truth[-1:])[0])
         squares.append(e @ np.linalg.solve(track.cov_b[-1], e))
     assert np.mean(squares) == pytest.approx(3.0, abs=3.0 * 0.39)
+
+
+def test_the_noise_of_the_force_counts_once_and_a_push_counts_more():
+    """At rest the tilt is the mean of n forces: its standard deviation is 0.1 / g / √n. Only a push is no gravity."""
+    force = np.array([0.0, 0.0, -9.80665]) + 0.1 * np.random.default_rng(1).normal(size=(200, 3))
+    force[100, 2] -= 2.0
+    imu = ImuData(np.arange(200) / 10.0, np.zeros((200, 3)), force)
+    track = track_directions(imu, Frame.NED, Params(gyr_noise=1e-9, acc_noise=0.1 * np.sqrt(0.1)))
+    sd = np.sqrt(track.cov_b[:100, 0, 0])
+    assert sd == pytest.approx(0.1 / 9.80665 / np.sqrt(np.arange(1, 101)), rel=0.01)
+    assert np.sqrt(track.cov_b[100, 0, 0]) > 0.9999 * sd[99]
 
 
 def test_arguments_that_do_not_fit_are_refused():
