@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from benchmarks.arrays import as_array, moved
 from plumbob import ImuData
 from plumbob.data.array import ImuArray, Mount
 from plumbob.data.cards import NoiseCard
 from plumbob.data.cards.noise import TriadNoise
+from plumbob.papers.arm.faults import as_array, moved
 from plumbob.rotations import quat_from_rotvec
 
 

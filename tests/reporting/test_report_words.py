@@ -8,7 +8,6 @@ import pytest
 from scipy.signal import lfilter
 
 import plumbob
-from plumbob.array.paper_report import paper_report
 from plumbob.calibration.report import certificate
 from plumbob.calibration.static_test import static_test
 from plumbob.core import flags
@@ -72,11 +71,7 @@ def static(hand):
     return (static_test(poses.imu, poses.truth, found.card).report(facts=[("recording", ""), ("reference", "")]),)
 
 
-def teaching_arm(_):
-    return paper_report(turns=False), paper_report(turns=True)
-
-
-@pytest.mark.parametrize("subject", [evaluations, certificates, noise, static, teaching_arm])
+@pytest.mark.parametrize("subject", [evaluations, certificates, noise, static])
 def test_every_label_of_a_page_has_its_chinese_word(subject, hand):
     for report in subject(hand):
         names = ("a", "b", "values", "column", *load("mekf").Params._fields, *CommonParams._fields)

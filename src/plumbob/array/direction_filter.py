@@ -4,7 +4,8 @@ A multiplicative extended Kalman filter of six states, ``q_true = exp(θ) ⊗ q`
 of the cards and nothing else: each specific force is gravity and each field the Earth's, both with white noise.
 With the trackers of each unit's parity it is the full filter of an array with a bias for each unit, where they are
 equal. While the mean rate is nothing but noise and what the bias may be, the body rests: the attitude stays, and the
-rate is the bias. What misses the size of gravity, or of the mean field, counts as noise too.
+rate is the bias. What misses the size of gravity, or of the mean field, by more than `SEEN` standard deviations counts
+as noise too.
 
 When to choose it: an array that turns slowly in a field that nothing disturbs, as the teaching arm's. Where the body
 accelerates or the field is bent, the project's other filters and the smoother are better.
@@ -37,6 +38,8 @@ LOOKED: Final = 1000.0
 """Level and down parts of the field are means of so many looks."""
 Q, BIAS, RATE, MEAN, MEAN_VAR, STAGE, LOOKS, WIDE, DOWN, STATE = 0, 4, 7, 10, 13, 14, 15, 16, 17, 18
 """Places: attitude, bias, last rate, its mean and the variance of that, what is known, and of the field."""
+SEEN: Final = 4.0
+"""A miss of so many standard deviations is not noise; a smaller one is in the variance already."""
 TREMOR: Final = 0.1
 """What still moves at rest, as a share of the gyroscope's noise."""
 
@@ -158,7 +161,8 @@ def see_gravity(
         x[STAGE] = 1.0
         return
     fx, fy, _ = rotate(x[Q], x[Q + 1], x[Q + 2], x[Q + 3], ax, ay, az)
-    var += (size - G0) * (size - G0)
+    if abs(size - G0) > SEEN * math.sqrt(var):
+        var += (size - G0) * (size - G0)
     h[0], h[1], h[2] = 0.0, -G0 * up, 0.0
     update(p, state, h, fx, var, gain)
     h[0], h[1] = G0 * up, 0.0
@@ -188,7 +192,7 @@ def see_field(
     x[LOOKS] = min(x[LOOKS] + 1.0, LOOKED)
     x[WIDE] += (wide - x[WIDE]) / x[LOOKS]
     x[DOWN] += (hz - x[DOWN]) / x[LOOKS]
-    if abs(wide - x[WIDE]) > 4.0 * math.sqrt(var):
+    if abs(wide - x[WIDE]) > SEEN * math.sqrt(var):
         var += (wide - x[WIDE]) * (wide - x[WIDE])
     h[0], h[1], h[2] = x[DOWN] * north[0], x[DOWN] * north[1], -x[WIDE]
     update(p, state, h, north[0] * hy - north[1] * hx, var, gain)

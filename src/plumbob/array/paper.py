@@ -38,6 +38,9 @@ from plumbob.rotations.kernels import cross, quat_exp, quat_mul, quat_unit, rota
 
 NONE, PI, FUZZY = 0, 1, 2
 LAWS: Final = {"none": NONE, "pi": PI, "fuzzy": FUZZY}
+_DEG: Final = 180.0 / math.pi
+RULE_UNITS: Final = {"deg": (_DEG, 1.0 / _DEG), "deg as rad/s": (_DEG, 1.0), "rad as deg/s": (1.0, 1.0 / _DEG)}
+"""What the rules get for a radian, and what 1 that they give is in rad/s."""
 
 
 class Scheme(NamedTuple):
@@ -59,6 +62,15 @@ class Scheme(NamedTuple):
         The table that adds up the numbers of its sets, instead of `slope` and `far`.
     dip : float
         Of the field, rad below the horizontal: the paper takes it as known.
+    rule_units : {"deg", "deg as rad/s", "rad as deg/s"}
+        What the rules get and give. The first is right: degrees, and °/s. Else degrees are given and what comes out is
+        taken for rad/s, or radians are given to rules of degrees: both are mistakes that the paper leaves open.
+    late : bool
+        The error is that of the attitude of the sample before: a mistake.
+    raw_mean : bool
+        The rate is the mean of both sets as they are read, as the paper's words have it: a mistake, as one is reversed.
+    force_down : bool
+        The specific force is taken for gravity, as the paper's frame has it: a mistake.
     """
 
     set1: str = "fuzzy"
@@ -71,6 +83,10 @@ class Scheme(NamedTuple):
     far: float = dps(3.0)
     sum_table: bool = False
     dip: float = deg(50.0)
+    rule_units: str = "deg"
+    late: bool = False
+    raw_mean: bool = False
+    force_down: bool = False
 
 
 class Sets(NamedTuple):
@@ -138,9 +154,9 @@ def law(kind: int, e: float, dt: float, rules: Floats, integral: Floats, k: int)
         u: float = rules[2] * e + rules[3] * integral[k]
         return u
     if kind == 2:
-        error = math.degrees(e)  # the rules think in degrees
+        error = rules[7] * e
         integral[k] = wind(integral[k], error, dt)
-        v: float = math.radians(regulate(error, integral[k], rules[4], rules[5], rules[6]))
+        v: float = rules[8] * regulate(error, integral[k], rules[4], rules[5], rules[6])
         return v
     return 0.0
 
@@ -152,7 +168,7 @@ def kept(kind: int, rules: Floats, integral: Floats, k: int) -> float:
         u: float = rules[3] * integral[k]
         return u
     if kind == 2:
-        v: float = math.radians(rules[6] * integral[k])
+        v: float = rules[8] * rules[6] * integral[k]
         return v
     return 0.0
 
@@ -163,9 +179,12 @@ def run(
     kinds: Floats, rules: Floats, up: float, field: Floats, ekf: bool, noise: Floats, x: Floats, sums: Floats,
     q_nb: Floats,
 ) -> None:  # fmt: skip
-    """Attitude (N, 4) of both sets; a second set with a weight kinds[2] of zero is left out. `x` holds q and P."""
+    """Attitude (N, 4) of both sets; `x` holds q and P.
+
+    A second set with a weight kinds[2] of zero is left out, also of the start; with kinds[3] the error is late.
+    """
     size = math.sqrt(field[0] * field[0] + field[1] * field[1])
-    first, second, weight = int(kinds[0]), int(kinds[1]), kinds[2]
+    first, second, weight, both = int(kinds[0]), int(kinds[1]), kinds[2], 1.0 if kinds[2] > 0.0 else 0.0
     for i in range(t.shape[0]):
         dt = t[i] - t[i - 1] if i > 0 else 0.0
         w0, w1, w2 = 0.0, 0.0, 0.0
@@ -178,24 +197,26 @@ def run(
                 sums[3, k] = dt * (0.5 * (before + now) + known)  # the rate of a step is the mean of its ends
             w0, w1, w2 = sums[3, 0], sums[3, 1], sums[3, 2]
         if i == 0:
-            ax, ay, az = acc1[0, 0] + acc2[0, 0], acc1[0, 1] + acc2[0, 1], acc1[0, 2] + acc2[0, 2]
+            ax, ay, az = acc1[0, 0] + both * acc2[0, 0], acc1[0, 1] + both * acc2[0, 1], acc1[0, 2] + both * acc2[0, 2]
+            mx, my, mz = mag1[0, 0] + both * mag2[0, 0], mag1[0, 1] + both * mag2[0, 1], mag1[0, 2] + both * mag2[0, 2]
             s = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
             q0, q1, q2, q3 = level(up, s * ax, s * ay, s * az)
-            m0, m1, _ = rotate(
-                q0, q1, q2, q3, mag1[0, 0] + mag2[0, 0], mag1[0, 1] + mag2[0, 1], mag1[0, 2] + mag2[0, 2]
-            )
+            m0, m1, _ = rotate(q0, q1, q2, q3, mx, my, mz)
             q0, q1, q2, q3 = turn_about_vertical(angle_to(m0, m1, field[0] / size, field[1] / size), q0, q1, q2, q3)
             if x[Q] * x[Q] + x[Q + 1] * x[Q + 1] + x[Q + 2] * x[Q + 2] + x[Q + 3] * x[Q + 3] > 0.5:
                 q0, q1, q2, q3 = x[Q], x[Q + 1], x[Q + 2], x[Q + 3]  # a start was given
         else:
             e0, e1, e2, e3 = quat_exp(w0, w1, w2)
             q0, q1, q2, q3 = quat_mul(q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3], e0, e1, e2, e3)
+            p0, p1, p2, p3 = q0, q1, q2, q3
+            if kinds[3] > 0.0:
+                p0, p1, p2, p3 = q_nb[i - 1, 0], q_nb[i - 1, 1], q_nb[i - 1, 2], q_nb[i - 1, 3]
             a0, a1, a2 = error_of(
-                up, q0, q1, q2, q3, field[0], field[1], field[2],
+                up, p0, p1, p2, p3, field[0], field[1], field[2],
                 acc1[i, 0], acc1[i, 1], acc1[i, 2], mag1[i, 0], mag1[i, 1], mag1[i, 2],
             )  # fmt: skip
             c0, c1, c2 = error_of(
-                up, q0, q1, q2, q3, field[0], field[1], field[2],
+                up, p0, p1, p2, p3, field[0], field[1], field[2],
                 acc2[i, 0], acc2[i, 1], acc2[i, 2], mag2[i, 0], mag2[i, 1], mag2[i, 2],
             )  # fmt: skip
             d0 = (1.0 - weight) * law(first, a0, dt, rules, sums[0], 0) + weight * law(
@@ -240,7 +261,7 @@ def paper(
     scheme : Scheme, optional
         Switches; by default the paper's.
     start : ndarray (4,), optional
-        Attitude to start from; by default that of the first samples of both sets together.
+        Attitude to start from; by default that of the first samples of the sets that are used, together.
 
     Raises
     ------
@@ -255,22 +276,26 @@ def paper(
             raise ParameterError(f"the law of a set must be one of {', '.join(LAWS)}, but it is '{name}'.")
     if scheme.sets not in (1, 2):
         raise ParameterError(f"sets must be 1 or 2, but it is {scheme.sets}.")
+    if scheme.rule_units not in RULE_UNITS:
+        raise ParameterError(f"rule_units must be one of {', '.join(RULE_UNITS)}, but it is '{scheme.rule_units}'.")
     both = sets_of(array)
-    rules = np.array(
-        coefficients(Rules(kp=scheme.kp, ki=scheme.ki, slope=scheme.slope, far=scheme.far, sum_table=scheme.sum_table))
-    )
+    laws = Rules(kp=scheme.kp, ki=scheme.ki, slope=scheme.slope, far=scheme.far, sum_table=scheme.sum_table)
+    rules = np.array([*coefficients(laws), *RULE_UNITS[scheme.rule_units]])
     up = float(frame.up[2])
     field = math.cos(scheme.dip) * frame.north - math.sin(scheme.dip) * frame.up
     x = np.zeros(OWN + 12)
+    if scheme.force_down:
+        up = -up
     for k in (0, 4, 7, 9):
         x[P + k] = 1e-3  # [HuangJiang]: P0
     if start is not None:
         x[Q : Q + 4] = start
     q_nb = np.empty((len(array), 4))
-    kinds = np.array([LAWS[scheme.set1], LAWS[scheme.set2], 0.5 * (scheme.sets - 1)], dtype=np.float64)
+    kinds = np.array([LAWS[scheme.set1], LAWS[scheme.set2], 0.5 * (scheme.sets - 1), scheme.late], dtype=np.float64)
     a, b = both.plus, both.minus
+    rate2 = -b["gyr"] if scheme.raw_mean else b["gyr"]
     run(
-        array.t, a["gyr"], a["acc"], a["mag"], b["gyr"], b["acc"], b["mag"], kinds, rules, up, field, scheme.ekf,
+        array.t, a["gyr"], a["acc"], a["mag"], rate2, b["acc"], b["mag"], kinds, rules, up, field, scheme.ekf,
         np.array([1e-4, 1e-3]), x, np.zeros((4, 3)), q_nb,
     )  # fmt: skip
     return AttitudeTrack(t=array.t, q_nb=q_nb, frame=frame, north=North.MAGNETIC, source="teaching-arm paper")

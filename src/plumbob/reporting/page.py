@@ -178,6 +178,7 @@ footer { margin-top: 2.5rem; border-top: 1px solid var(--grid); color: var(--mut
   dl div { display: block; padding: 0.2rem 0; }
   dt { font-size: 0.8rem; }
   th:first-child { max-width: 9rem; }
+  td.text { min-width: 5.5rem; }
 }
 @media print {
   body { font-size: 8.5pt; line-height: 1.4; }

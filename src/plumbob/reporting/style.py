@@ -117,14 +117,8 @@ CHINESE: Final[dict[str, str]] = {
     "after yaw": "标定后偏航", "errors before and after calibration": "标定前后误差",
     "Errors at rest against the heading of the reference": "静止误差与参考航向", "yaw error": "偏航误差",
     "pitch error": "俯仰误差", "roll error": "横滚误差", "heading of the reference": "参考航向",
-    # teaching-arm paper
-    "Teaching-arm paper at rest": "示教机械臂论文：静态", "Teaching-arm paper in the turn": "示教机械臂论文：动态",
-    "Figure #": "图 #", "Table #": "表 #", "attitude error at rest": "静态姿态角误差", "seed": "随机种子",
-    "attitude error in the turn": "动态姿态角误差", "heading in the turn": "航向角变化曲线",
-    "one set without a regulator": "单组无调节", "one set with a PI law": "单组 PI 调节",
-    "fuzzy-PI on two sets": "两组模糊 PI 组合调节", "attitude errors": "姿态角误差", "none": "无调节", "PI": "PI 调节",
-    "fuzzy-PI": "模糊 PI", "PI on both sets": "两组 PI 调节", "range": "误差范围", "std in the paper": "论文标准差",
-    "truth": "真值",
+    # papers
+    "Figure #": "图 #", "Table #": "表 #", "seed": "随机种子", "none": "无", "range": "误差范围", "truth": "真值",
     # noise
     "Noise data sheet": "噪声数据表", "Noise before and after": "前后噪声", "Q quantization": "Q 量化噪声",
     "N white noise": "N 白噪声", "B bias instability": "B 零偏不稳定性", "K random walk": "K 随机游走",

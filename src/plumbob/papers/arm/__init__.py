@@ -1,0 +1,273 @@
+"""Teaching arm: six units in ± sets, fuzzy and PI laws, a Kalman filter [HuangJiang]; and what an array can do.
+
+Both tables of the paper are of simulations. With the noise that it states, its figures would be far smaller; they come
+out with a noise that is assumed, which shows that they are possible and proves nothing. One run of each figure goes
+through the bytes of the rig ``arm``; the statistics over many seeds are drawn directly.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from plumbob.array import monitor
+from plumbob.array.paper import paper
+from plumbob.core.units import dps
+from plumbob.data import ImuData
+from plumbob.data.array import ImuArray
+from plumbob.papers.arm import faults, misprints, tables, teaching
+from plumbob.papers.arm.drawn import Broken, Run
+from plumbob.papers.arm.items import ITEMS
+from plumbob.papers.arm.page import Findings, report
+from plumbob.papers.arm.simulated import AXES, REST, Over, noise_of, with_noise
+from plumbob.papers.arm.tables import ANGLES, SCHEMES, SEEDS
+from plumbob.papers.outcome import Outcome, Paper, at_least, at_most
+from plumbob.papers.work import Work
+from plumbob.reporting.style import Both
+from plumbob.rotations import Frame
+from plumbob.session.reading import read, read_array
+
+__all__ = ["ITEMS", "run"]
+
+FEW: Final = 100
+"""Seeds of what is beside the tables; the least that a figure may have."""
+WATCHED: Final = 200
+"""Seeds of the fault that has bars."""
+_STEPS: Final = 11
+
+
+def run(work: Work) -> Paper:
+    """Run the paper: bytes, tables over many seeds, misprints, recovery, faults, and a teach-in.
+
+    Parameters
+    ----------
+    work : Work
+        Where its files go, and the seed of its runs through bytes; the statistics take seeds 1, 2, … each.
+    """
+    steps = _steps(work)
+    steps("six units through bytes")
+    runs = {turns: through_bytes(work, turns=turns) for turns in (False, True)}
+    steps(f"Table 1 over {SEEDS} seeds")
+    rest = tables.measured(False, SEEDS)
+    steps(f"Table 2 over {SEEDS} seeds")
+    turn = tables.measured(True, SEEDS)
+    outcomes = [
+        one
+        for turns, found in ((False, rest), (True, turn))
+        for one in tables.of_table(turns, found, tables.least(turns, 2))
+    ]
+    steps("both at 100 Hz")
+    few = {name: SCHEMES[name] for name in ("none", "pi", "fuzzy", "control")}
+    fast = tables.measured(True, FEW, rate=100.0, schemes=few)
+    steps("printed forms")
+    printed, read = misprints.found(FEW, dict(rest), dict(turn)), misprints.inference()
+    stated = misprints.stated(FEW)
+    outcomes += [*stated, *misprints.outcomes(printed, read), *misprints.of_gain(), *misprints.once(dict(rest))]
+    outcomes += [*misprints.iron(FEW), *misprints.combination(work.seed), *_of_fast(fast)]
+    steps("recovery and design of the rules")
+    recoveries = {name: tables.recovery(scheme) for name, scheme in tables.RECOVERIES.items()}
+    designs = tables.designs(FEW)
+    outcomes += tables.of_recovery(recoveries)
+    steps("a unit that breaks, through bytes and moving")
+    watched = [broken_at_rest(work), broken_in_motion(work.seed)]
+    steps("faults at rest and in motion")
+    found, alarms = _faults(), _alarms()
+    at_100 = {
+        moving: faults.watched("biased", "gyr", moving=moving, seeds=FEW // 4, rate=100.0) for moving in (False, True)
+    }
+    outcomes += [*_of_faults(found, alarms), *_of_hundred(at_100)]
+    steps("every fault of every sensor")
+    parity = {step: faults.parity_test(step, 1) for step in (0.0, 0.1, 0.2, 0.3, 0.5)}
+    outcomes += _of_parity(parity)
+    every = list(faults.every_fault(10))
+    steps("teach-in through bytes")
+    done = teaching.teach(work)
+    outcomes += teaching.outcomes(done)
+    steps("page")
+    whole = Findings(
+        runs,
+        rest,
+        turn,
+        fast,
+        printed,
+        read,
+        stated,
+        recoveries,
+        designs,
+        watched,
+        parity,
+        every,
+        done,
+        FEW,
+        SEEDS,
+        WATCHED,
+    )
+    return Paper(report=report(whole, work.seed), outcomes=outcomes)
+
+
+def _steps(work: Work) -> Callable[[str], None]:
+    done = iter(range(_STEPS))
+    return lambda what: work.progress(what, next(done), _STEPS)
+
+
+def through_bytes(work: Work, *, turns: bool) -> Run:
+    """One run of every scheme, and of Plumbob's filter, on what a session recorded of the rig's bytes."""
+    taken = work.recorded(
+        "arm",
+        "turn" if turns else "rest",
+        session=teaching.ALL,
+        sensors="arm:turn" if turns else "arm:rest",
+        scenario="arm",
+        set={} if turns else {"turn": "0 deg"},
+    )
+    noise = noise_of(turns)
+    array = with_noise(read_array(taken.recording, mounts="arm"), noise)
+    track = read(taken.truth.with_stem(f"{taken.truth.stem}-u1")).track  # u1 is aligned with the body
+    assert track is not None
+    tracks = {name: paper(array, frame=Frame.NED, scheme=scheme).q_nb for name, scheme in SCHEMES.items()}
+    tracks["six"] = tables.attitude_of(array, noise)
+    return Run(array.t, track.q_nb, tracks)
+
+
+def broken_at_rest(work: Work) -> Broken:
+    """Six units at rest for 90 s through bytes, where 0.2 °/s is added to what one axis was read to say."""
+    taken = work.recorded(
+        "arm",
+        "watch",
+        session=teaching.ALL,
+        sensors="arm:rest",
+        scenario="arm",
+        set={"turn": "0 deg", "time": f"{faults.DURATION:g} s"},
+    )
+    array = with_noise(read_array(taken.recording, mounts="arm"), REST)
+    good = array.units["u3"]
+    assert good.gyr is not None
+    gyr = good.gyr.copy()
+    rows = (array.t >= faults.SINCE) & (array.t < faults.UNTIL)
+    gyr[rows, 0] += dps(0.2)
+    bad = ImuData(good.t, gyr, good.acc, good.mag, meta=good.meta)
+    array = ImuArray({**array.units, "u3": bad}, array.mounts)
+    return Broken(array, monitor(array), "u3", faults.SINCE, faults.UNTIL, Both("at rest", "静止"))
+
+
+def broken_in_motion(seed: int) -> Broken:
+    """The same of units that turn with 60 °/s rms every other 20 s, drawn directly."""
+    array, seen, unit = faults.with_fault(seed, moving=True)
+    return Broken(array, seen, unit, faults.SINCE, faults.UNTIL, Both("moving", "运动"))
+
+
+def _faults() -> dict[bool, faults.Watched]:
+    return {moving: faults.watched("biased", "gyr", moving=moving, seeds=WATCHED) for moving in (False, True)}
+
+
+def _alarms() -> dict[bool, int]:
+    """The greatest count of false alarms in three hours, of three times that."""
+    return {
+        moving: max(faults.false_alarms(moving=moving, seed=seed) for seed in (7, 8, 9)) for moving in (False, True)
+    }
+
+
+def _of_faults(found: Mapping[bool, faults.Watched], alarms: Mapping[bool, int]) -> list[Outcome]:
+    made = []
+    for moving, (en, zh), least, slow, most in (
+        (False, ("at rest", "静止"), 99.0, 2.0, 0.0),
+        (True, ("moving", "运动"), 95.0, 5.0, 1.0),
+    ):
+        case, one = ("moving" if moving else "rest"), found[moving]
+        for key, what, chinese, unit, value, bar in (
+            ("detected", "detected", "检出率", "%", one.detected, at_least(99.0)),
+            ("isolated", "isolated", "隔离率", "%", one.isolated, at_least(least)),
+            ("median", "median time", "中位时间", "s", one.median, at_most(slow)),
+            ("slow", "time that 95 % stay below", "95 % 时间", "s", one.slow, at_most(5.0)),
+            (
+                "alarms",
+                "false alarms in 3 h, greatest of three",
+                "3 h 内误报，三次中最大",
+                "",
+                float(alarms[moving]),
+                at_most(most),
+            ),
+        ):
+            made.append(
+                Outcome(
+                    key=f"fault.{case}.{key}",
+                    where="",
+                    unit=unit,
+                    best=value,
+                    best_bar=bar,
+                    what=Both(
+                        f"fault of 0.2 °/s on a gyroscope axis, {en}: {what}", f"陀螺仪轴 0.2 °/s 故障，{zh}：{chinese}"
+                    ),
+                )
+            )
+    says, out = faults.two_units()
+    made.append(
+        Outcome(
+            key="fault.two",
+            where="",
+            best=float(says and not out),
+            best_bar=at_least(1.0),
+            what=Both(
+                "two sensors on an axis: says 'cannot isolate', leaves none out (1)",
+                "每轴两个传感器：报告“无法隔离”且不剔除（1）",
+            ),
+        )
+    )
+    return made
+
+
+def _of_hundred(found: Mapping[bool, faults.Watched]) -> list[Outcome]:
+    return [
+        Outcome(
+            key=f"fault.{'moving' if moving else 'rest'}.100_hz",
+            where="",
+            unit="s",
+            best=one.median,
+            best_bar=at_most(5.0 if moving else 2.0),
+            what=Both(
+                f"the same at 100 Hz, {'moving' if moving else 'at rest'}: median time",
+                f"同上，100 Hz，{'运动' if moving else '静止'}：中位时间",
+            ),
+        )
+        for moving, one in found.items()
+    ]
+
+
+def _of_parity(found: Mapping[float, faults.Parity]) -> list[Outcome]:
+    made = [
+        Outcome(
+            key="parity.alarms",
+            where="",
+            best=float(found[0.0].found),
+            best_bar=at_most(0.0),
+            what=Both(
+                "test of the parity of a pair: false alarms in 200 × 60 s", "一对轴的奇偶检验：200 × 60 s 内误报"
+            ),
+        )
+    ]
+    for step, one in list(found.items())[1:]:
+        made.append(
+            Outcome(
+                key=f"parity.{step:g}",
+                where="",
+                unit="s",
+                best=one.median,
+                what=Both(
+                    f"the same, step of {step:g} °/s: median time ({one.found} of 200 found)",
+                    f"同上，{step:g} °/s 阶跃：中位时间（200 次检出 {one.found}）",
+                ),
+            )
+        )
+    return made
+
+
+def _of_fast(fast: Mapping[str, Over]) -> list[Outcome]:
+    return [
+        Outcome(
+            key=f"hundred.fuzzy.{axis}",
+            where="",
+            unit="°",
+            faithful=fast["fuzzy"].std[i],
+            best=fast["six"].std[i],
+            what=Both(f"std in the turn at 100 Hz, fuzzy-PI, {axis}", f"100 Hz 动态标准差，模糊 PI，{ANGLES[axis].zh}"),
+        )
+        for i, axis in enumerate(AXES)
+    ]

@@ -1,0 +1,192 @@
+"""A unit that breaks: what the monitor of the array finds, when, and what it says without a reason."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from plumbob.array import monitor
+from plumbob.array.monitoring import Monitored
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.units import dps
+from plumbob.data import ImuData
+from plumbob.data.array import ImuArray
+from plumbob.papers.arm.simulated import MOUNTS, REST, card, felt
+from plumbob.rotations.quaternions import quat_chained
+
+SCALE: Final = 0.003
+"""Scale errors of the units, and angles between their axes."""
+KINDS: Final = ("frozen", "biased", "scaled by 3 %", "noisy ×10", "swapped axes", "dead")
+STEP: Final = {"gyr": dps(0.2), "acc": 0.3, "mag": 2.0}
+"""Bias of a broken axis: rad/s, m/s², µT."""
+LONG: Final = 3 * 3600.0
+DURATION: Final = 90.0
+SINCE, UNTIL = 31.0, 60.0
+"""When a fault begins, in the second of rest after a motion or in its middle, and when it ends, s."""
+
+Body = dict[str, dict[str, Floats]]
+
+
+def moved(seed: int, duration: float, *, moving: bool, rate: float = 10.0, units: int = 6) -> Body:
+    """Values of units at rest, or turning with 60 °/s rms every other 20 s, by unit and triad; `t` and `truth` too.
+
+    At another rate than 10 Hz the scatter of a sample is larger by its root: the noise over time is the same.
+    """
+    rng, count = np.random.default_rng(seed), round(duration * rate)
+    t, rates = np.arange(count) / rate, np.zeros((count, 3))
+    if moving:
+        from scipy.signal import lfilter
+
+        keep = np.exp(-1.0 / rate / 0.5)  # as an arm does, correlated over half a second
+        on = (np.floor(t / 20.0) % 2 == 1)[:, np.newaxis]
+        rates = dps(60.0) * lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=(count, 3)), axis=0) * on
+    q_nb = quat_chained(rates / rate)[-count:] if moving else np.tile([1.0, 0.0, 0.0, 0.0], (count, 1))
+    body, mounts = felt(q_nb, rates), list(MOUNTS.values())
+    found: Body = {"truth": {"q_nb": q_nb, "t": t}}
+    for u in range(units):
+        of = {}
+        for name, values in body.items():
+            errors = np.eye(3) + SCALE * rng.normal(size=(3, 3))
+            scatter = getattr(REST, name) * np.sqrt(rate / 10.0) * rng.normal(size=(count, 3))
+            of[name] = (values @ mounts[u % 6].dcm) @ errors.T + scatter
+        of["gyr"] = of["gyr"] + rng.uniform(-REST.bias, REST.bias, 3)
+        found[f"u{u + 1}"] = of
+    return found
+
+
+def as_array(found: Body) -> ImuArray:
+    """Array of `moved`."""
+    t, mounts = found["truth"]["t"], list(MOUNTS.values())
+    units = {name: ImuData(t, of["gyr"], of["acc"], of["mag"]) for name, of in found.items() if name != "truth"}
+    known = card(REST, 10.0)
+    return ImuArray(units, {name: replace(mounts[k % 6], noise=known) for k, name in enumerate(units)})
+
+
+def broken(kind: str, triad: str, values: Floats, rows: slice, rng: np.random.Generator) -> Floats:
+    """Values (N, 3) of a triad with one of `KINDS` in some rows."""
+    out = values.copy()
+    if kind == "frozen":
+        out[rows] = values[rows.start]
+    elif kind == "biased":
+        out[rows, 0] += STEP[triad]
+    elif kind == "scaled by 3 %":
+        out[rows] *= 1.03
+    elif kind == "noisy ×10":
+        out[rows] += 10.0 * getattr(REST, triad) * rng.normal(size=out[rows].shape)
+    elif kind == "swapped axes":
+        out[rows] = values[rows][:, [1, 0, 2]]
+    elif kind == "dead":
+        out[rows] = np.nan
+    return out
+
+
+def with_fault(
+    seed: int, kind: str = "biased", triad: str = "gyr", *, moving: bool, units: int = 6, rate: float = 10.0
+) -> tuple[ImuArray, Monitored, str]:
+    """An array of which a unit has a fault, what the monitor says, and the unit's name."""
+    found = moved(seed, DURATION, moving=moving, units=units, rate=rate)
+    unit, rows = f"u{1 + seed % units}", slice(round(SINCE * rate), round(UNTIL * rate))
+    found[unit][triad] = broken(kind, triad, found[unit][triad], rows, np.random.default_rng(10_000 + seed))
+    array = as_array(found)
+    return array, monitor(array), unit
+
+
+class Watched(NamedTuple):
+    """What the monitor made of many arrays with the same fault.
+
+    Attributes
+    ----------
+    detected, isolated, again : float
+        Shares, %: with an alarm; of these, with the right unit and triad; and of all, taken in again.
+    median, slow : float
+        Time to the alarm, s: the median, and what 95 % stay below; NaN without an alarm.
+    wrong : int
+        Others that were left out.
+    """
+
+    detected: float
+    isolated: float
+    median: float
+    slow: float
+    wrong: int
+    again: float
+
+
+def watched(kind: str, triad: str, *, moving: bool, seeds: int, rate: float = 10.0) -> Watched:
+    """Of `seeds` arrays."""
+    delays, right, again, wrong = [], 0, 0, 0
+    first, last = round(SINCE * rate), round(UNTIL * rate)
+    for seed in range(seeds):
+        _, seen, unit = with_fault(seed, kind, triad, moving=moving, rate=rate)
+        alarms = (seen.imu.flags[first:last] & np.uint32(flags.UNIT_EXCLUDED | flags.CANNOT_ISOLATE)) != 0
+        hits = [f for f in seen.faults if f.begin >= SINCE - 1e-6]
+        wrong += sum((f.unit, f.triad) != (unit, triad) or f.begin < SINCE - 1e-6 for f in seen.faults)
+        if not alarms.any():
+            continue
+        delays.append(float(np.flatnonzero(alarms)[0]) / rate)
+        if hits and (hits[0].unit, hits[0].triad) == (unit, triad):
+            right += 1
+            again += not seen.excluded(triad)[-1].any()
+    share, found = 100.0 / seeds, max(len(delays), 1)
+    median, slow = (float(np.quantile(delays, q)) if delays else np.nan for q in (0.5, 0.95))
+    return Watched(share * len(delays), 100.0 * right / found, median, slow, wrong, share * again)
+
+
+def false_alarms(*, moving: bool, seed: int = 7) -> int:
+    """How many times a unit is left out in three hours without a fault."""
+    return len(monitor(as_array(moved(seed, LONG, moving=moving))).faults)
+
+
+def two_units() -> tuple[bool, int]:
+    """Of two units with a fault: whether the monitor says that it cannot isolate it, and how many it leaves out."""
+    _, seen, _ = with_fault(0, moving=False, units=2)
+    during = slice(round(SINCE * 10.0), round(UNTIL * 10.0))
+    return bool((seen.imu.flags[during] & np.uint32(flags.CANNOT_ISOLATE)).any()), len(seen.faults)
+
+
+class Parity(NamedTuple):
+    """What the test of one pair of axes by its parity finds.
+
+    Attributes
+    ----------
+    found : int
+        Of 200 runs.
+    median : float
+        Time to the alarm, s.
+    """
+
+    found: int
+    median: float
+
+
+def parity_test(step_dps: float, seed: int, runs: int = 200, duration: float = 60.0) -> Parity:
+    """Alarms where the mean of p = (y⁺ + y⁻)/2, forgotten exponentially by 0.1, exceeds 5 of its standard deviations.
+
+    Parameters
+    ----------
+    step_dps : float
+        On one of the two gyroscopes, deg/s, from the first sample on; 0: without a fault.
+    seed, runs, duration
+        Of the runs of 0.1 °/s noise at 10 Hz, s.
+    """
+    keep, count = 0.9, round(duration * 10.0)
+    sd = 0.1 / np.sqrt(2.0)  # of the parity, deg/s
+    limit = 5.0 * sd * np.sqrt((1.0 - keep) / (1.0 + keep))
+    rng = np.random.default_rng([seed, 3])
+    mean = limit / 5.0 * rng.normal(size=runs)  # it has run for long
+    when = np.full(runs, np.nan)
+    for k in range(count):
+        mean = keep * mean + (1.0 - keep) * (0.5 * step_dps + sd * rng.normal(size=runs))
+        when[np.isnan(when) & (np.abs(mean) > limit)] = k / 10.0
+    found = np.isfinite(when)
+    return Parity(int(found.sum()), float(np.median(when[found])) if found.any() else np.nan)
+
+
+def every_fault(seeds: int) -> Iterator[tuple[bool, str, str, Watched]]:
+    """Each fault of each triad, at rest and moving."""
+    for moving in (False, True):
+        for triad in ("gyr", "acc", "mag"):
+            for kind in KINDS:
+                yield moving, triad, kind, watched(kind, triad, moving=moving, seeds=seeds)

@@ -1,0 +1,312 @@
+"""A machine is taught by hand: bytes of six units on its links become joint angles, a program, and a model that moves.
+
+The paper's system ends with the attitude of one place of an arm; what it is for, a program for a robot, is done here.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from plumbob.arm import JointTrack, align, export, replay, run, taught, urdf_text
+from plumbob.arm.figure import stick_figure
+from plumbob.arm.program import Program
+from plumbob.arm.replayed import HandError, Replay
+from plumbob.core.check import Floats
+from plumbob.core.files import write_text
+from plumbob.core.units import deg, to_deg
+from plumbob.data.chain import Chain
+from plumbob.data.chain_toml import load_chain
+from plumbob.papers.outcome import Outcome, at_least, at_most
+from plumbob.papers.work import Work
+from plumbob.reporting import INK, SERIES, SOFT, Figure, Report, Table
+from plumbob.reporting.style import Both
+from plumbob.rotations import quat_conjugate, quat_multiply, rotvec_from_quat, wrap
+from plumbob.session.reading import read_array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import FigureBase
+
+WORLD: Final = {"mount_angle": "5 deg", "mount_shift": "2 cm", "bend": "20 uT"}
+"""Units sit up to 5° and 2 cm from where the chain says, in a field that iron bends."""
+ALL: Final = 'units = "all"\n'
+_INSTANT: Final = {"mean_rate": False}  # a frame of the rig has the rate at its time
+_HELD: Final = deg(0.5)
+_STILL: Final = 1.8
+"""The program of alignment begins with two seconds at zero, s."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taught:
+    """What a teach-in gave.
+
+    Attributes
+    ----------
+    chain : Chain
+        The machine as it is known.
+    joints, true : JointTrack
+        Joint angles and hand, estimated and true, at the same times.
+    program : Program
+        What was exported.
+    model : Replay
+        What the URDF does with it.
+    hand : HandError
+        Distance of that hand from the true one.
+    residual : float
+        Greatest distance of both kinematics, the chain's and the URDF's, m.
+    mounts_deg : tuple of (float, float)
+        Rms of the units' mounting errors before and after alignment, deg.
+    files : tuple of Path
+        What was written.
+    """
+
+    chain: Chain
+    joints: JointTrack
+    true: JointTrack
+    program: Program
+    model: Replay
+    hand: HandError
+    residual: float
+    mounts_deg: tuple[float, float]
+    files: tuple[Path, ...]
+
+    @property
+    def errors_deg(self) -> Floats:
+        """Of the joint angles (N, K), deg."""
+        return np.asarray(to_deg(wrap(self.joints.angles - self.true.angles)))
+
+    @property
+    def hand_away(self) -> Floats:
+        """Distance (N,) of the estimated hand from the true one, m."""
+        assert self.joints.hand is not None
+        assert self.true.hand is not None
+        found: Floats = np.linalg.norm(self.joints.hand - self.true.hand, axis=1)
+        return found
+
+
+def teach(work: Work, *, duration: float | None = None) -> Taught:
+    """Align the units on one recording, estimate another one, export its program, and replay it.
+
+    Parameters
+    ----------
+    work : Work
+        Where its files go.
+    duration : float, optional
+        Of both recordings, s; by default the rig's 60.
+    """
+    how: dict[str, Any] = {"session": ALL, "set": WORLD, "unit": "calibrated", "duration": duration}
+    first = work.recorded("teach", "align", scenario="calibration", **how)
+    take = work.recorded("teach", "teach", **how)
+    chain = load_chain(take.truth.with_suffix(".chain.toml"))
+    pose = 0.0, _STILL, [0.0] * len(chain.angles)
+    card = align(chain, read_array(first.recording), poses=[pose], pose_sd=_HELD, params=_INSTANT)
+    card.save(work.folder / "arm.card.json", overwrite=True)
+    true = JointTrack.load(take.truth.with_stem(f"{take.truth.stem}-angles"))
+    start = true.angles[0].tolist()
+    found = run(card, read_array(take.recording), frame="NED", pose=start, pose_sd=_HELD, params=_INSTANT).joints
+    program = taught(found, chain, rate="100 Hz")
+    files = tuple(work.folder / f"program.{kind}" for kind in ("csv", "yaml", "mcap", "urdf"))
+    for path in files[:3]:
+        export(program, path, overwrite=True)
+    write_text(files[3], urdf_text(chain), overwrite=True)
+    loaded = Program.load(files[0])
+    model, ours = replay(loaded, files[3]), replay(loaded, chain)
+    assert true.hand is not None
+    placed = load_chain(take.truth.with_name(f"{take.truth.stem}-true.chain.toml"))
+    return Taught(
+        chain,
+        found,
+        true,
+        program,
+        model,
+        model.against(true.t, true.hand),
+        float(np.abs(model.hand - ours.hand).max()),
+        (_turned(chain, placed), _turned(card.chain, placed)),
+        files,
+    )
+
+
+def _turned(one: Chain, other: Chain) -> float:
+    """Rms of the angles between the mounts of two chains, deg."""
+    pairs = [(a.mount.q_bs, b.mount.q_bs) for a, b in zip(one.segments, other.segments, strict=True) if a.unit]
+    turns = [rotvec_from_quat(quat_multiply(quat_conjugate(np.array(a)), np.array(b))) for a, b in pairs]
+    return float(to_deg(np.sqrt(np.mean(np.sum(np.square(turns), axis=1)))))
+
+
+def outcomes(done: Taught) -> list[Outcome]:
+    """Outcomes of the teach-in."""
+    errors, hand = done.errors_deg, done.hand_away
+    used = 100.0 * max(done.program.used(done.chain).values())
+    rows = (
+        (
+            "mounts",
+            "error of the mounting after alignment, rms (before: 5° at most)",
+            "对准后安装误差均方根（对准前最大 5°）",
+            "°",
+            done.mounts_deg[1],
+            at_most(1.0),
+        ),
+        (
+            "angles.rms",
+            "error of the joint angles, rms",
+            "关节角误差均方根",
+            "°",
+            float(np.sqrt(np.mean(errors**2))),
+            at_most(1.0),
+        ),
+        (
+            "angles.max",
+            "error of the joint angles, greatest",
+            "关节角最大误差",
+            "°",
+            float(np.abs(errors).max()),
+            at_most(2.0),
+        ),
+        (
+            "hand.rms",
+            "hand from the true place, rms",
+            "手端位置误差均方根",
+            "mm",
+            1e3 * float(np.sqrt(np.mean(hand**2))),
+            at_most(8.2),
+        ),
+        (
+            "hand.max",
+            "hand from the true place, greatest",
+            "手端位置最大误差",
+            "mm",
+            1e3 * float(hand.max()),
+            at_most(16.4),
+        ),
+        (
+            "program",
+            "hand of the replayed program, rms of the arm's length",
+            "复现程序手端误差均方根（占臂长）",
+            "%",
+            100.0 * done.hand.rms_share,
+            at_most(1.0),
+        ),
+        ("limits", "greatest use of the joints' limits", "关节限值最大利用率", "%", used, at_most(100.0)),
+        ("stops", "stops that were kept", "保留的停顿点", "", float(len(done.program.stops)), at_least(1.0)),
+        (
+            "replay",
+            "URDF beside the chain's own kinematics",
+            "URDF 与链自身运动学之差",
+            "mm",
+            1e3 * done.residual,
+            at_most(1e-6),
+        ),
+    )
+    return [
+        Outcome(key=f"teach.{key}", where="", what=Both(en, zh), unit=unit, best=value, best_bar=bar)
+        for key, en, zh, unit, value, bar in rows
+    ]
+
+
+def part(done: Taught) -> Report:
+    """The teach-in as a part of the page."""
+    names, errors = done.program.names, done.errors_deg
+    head = (
+        Both("joint", "关节"),
+        Both("from [°]", "最小 [°]"),
+        Both("to [°]", "最大 [°]"),
+        Both("error, rms [°]", "误差均方根 [°]"),
+        Both("greatest [°]", "最大误差 [°]"),
+    )
+    angles = to_deg(done.true.angles)
+    rows = [
+        (
+            name,
+            f"{angles[:, k].min():.1f}",
+            f"{angles[:, k].max():.1f}",
+            f"{np.sqrt(np.mean(errors[:, k] ** 2)):.2f}",
+            f"{np.abs(errors[:, k]).max():.2f}",
+        )
+        for k, name in enumerate(names)
+    ]
+    files = ", ".join(path.name for path in done.files)
+    truth, found, program = Both("truth", "真值"), Both("estimate", "估计"), Both("program", "程序")
+    key = [(truth, SOFT, "solid"), (found, SERIES[0], "solid"), (program, SERIES[1], "dashed")]
+    return Report(
+        Both("Teach-in: from bytes to a program that moves a model", "示教：从字节到驱动模型的程序"),
+        facts=[
+            (
+                Both("rig", "模拟装置"),
+                Both(
+                    "teach: six units MPU-6000 + HMC5983 on the links of a "
+                    "six-axis machine, 100 Hz, two recordings through bytes",
+                    "teach：六轴机械臂各连杆一个 MPU-6000 + HMC5983 单元，100 Hz，两段记录均经字节",
+                ),
+            ),
+            (
+                Both("mounting", "安装"),
+                Both(
+                    f"each unit up to 5° and 2 cm off, the field bent by 20 µT; rms {done.mounts_deg[0]:.1f}° before, "
+                    f"{done.mounts_deg[1]:.2f}° after alignment",
+                    "各单元偏差至 5°、2 cm，磁场弯曲 20 µT；对准前均方根 "
+                    f"{done.mounts_deg[0]:.1f}°，对准后 {done.mounts_deg[1]:.2f}°",
+                ),
+            ),
+            (Both("verbs", "命令"), "plumbob arm align, run, export, replay"),
+            (Both("files", "文件"), files),
+        ],
+        tables=[Table(Both("Joint angles", "关节角"), head, rows)],
+        figures=[
+            Figure(Both("Joint angles over time", "关节角随时间变化"), partial(_draw_angles, done), key, height=5.4),
+            Figure(
+                Both("Position of the hand over time", "手端位置随时间变化"), partial(_draw_hand, done), key, height=3.2
+            ),
+            Figure(
+                Both("Errors of the joint angles and of the hand", "关节角与手端误差"),
+                partial(_draw_errors, done),
+                [*((name, SERIES[k], "solid") for k, name in enumerate(names)), (Both("hand", "手端"), INK, "solid")],
+                height=3.0,
+            ),
+        ],
+        scenes=[
+            stick_figure(
+                done.chain,
+                done.joints.t,
+                done.joints.angles,
+                shadow=done.true.angles,
+                caption=Both("Motion of the machine; pale: the truth", "机械臂运动；浅色为真值"),
+            )
+        ],
+    )
+
+
+def _draw_angles(done: Taught, canvas: "FigureBase") -> None:
+    panels = canvas.subplots(len(done.program.names), 1, sharex=True)
+    for k, (ax, name) in enumerate(zip(panels, done.program.names, strict=True)):
+        every = slice(None, None, 6)
+        ax.plot(done.true.t[every], to_deg(done.true.angles[every, k]), color=SOFT, linewidth=2.6)
+        ax.plot(done.joints.t[every], to_deg(done.joints.angles[every, k]), color=SERIES[0], linewidth=0.9)
+        recorded = np.asarray(done.program.recorded)[every]
+        ax.plot(recorded, to_deg(done.program.angles[every, k]), color=SERIES[1], linewidth=0.8, linestyle="--")
+        ax.set_ylabel(f"{name} [°]")
+    panels[-1].set_xlabel(Both("time [s]", "时间 [s]"))
+
+
+def _draw_hand(done: Taught, canvas: "FigureBase") -> None:
+    panels, every = canvas.subplots(3, 1, sharex=True), slice(None, None, 6)
+    assert done.joints.hand is not None
+    assert done.true.hand is not None
+    for k, ax in enumerate(panels):
+        ax.plot(done.true.t[every], done.true.hand[every, k], color=SOFT, linewidth=2.6)
+        ax.plot(done.joints.t[every], done.joints.hand[every, k], color=SERIES[0], linewidth=0.9)
+        ax.plot(done.model.recorded[every], done.model.hand[every, k], color=SERIES[1], linewidth=0.8, linestyle="--")
+        ax.set_ylabel(f"{'xyz'[k]} [m]")
+    panels[-1].set_xlabel(Both("time [s]", "时间 [s]"))
+
+
+def _draw_errors(done: Taught, canvas: "FigureBase") -> None:
+    ax, hand = canvas.subplots(2, 1, sharex=True)
+    every = slice(None, None, 6)
+    for k in range(len(done.program.names)):
+        ax.plot(done.joints.t[every], done.errors_deg[every, k], color=SERIES[k], linewidth=0.9)
+    hand.plot(done.joints.t[every], 1e3 * done.hand_away[every], color=INK, linewidth=0.9)
+    ax.set_ylabel(Both("angle error [°]", "角误差 [°]"))
+    hand.set_ylabel(Both("hand error [mm]", "手端误差 [mm]"))
+    hand.set_xlabel(Both("time [s]", "时间 [s]"))
