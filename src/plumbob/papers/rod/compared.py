@@ -5,7 +5,7 @@ before anything is compared. What the paper calls the error is the difference of
 less the reference's own, and what the reference sits off its declared place is in it too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -29,6 +29,7 @@ from plumbob.rotations import (
     quat_rotate,
     rotvec_from_quat,
 )
+from plumbob.session.emulated import unit_file
 from plumbob.session.estimated import estimate
 from plumbob.simulation.rigs.plan import PLANS
 
@@ -80,8 +81,8 @@ class Compared:
         Attitudes of `LINES`, body to NED.
     truth : AttitudeTrack
         True attitude, with the true bias.
-    ahrs : ndarray (N, 4)
-        Attitude of the reference in its own axes, as its packets say it.
+    ahrs, ahrs_true : ndarray (N, 4)
+        Attitude of the reference in its own axes, as its packets say it and as it is.
     rest : ndarray (N,) of bool
         Where the detector of "ekf7" finds rest.
     bias : ndarray (N, 3)
@@ -93,6 +94,7 @@ class Compared:
     tracks: Mapping[str, Floats]
     truth: AttitudeTrack
     ahrs: Floats
+    ahrs_true: Floats
     rest: NDArray[np.bool_]
     bias: Floats
 
@@ -112,9 +114,14 @@ class Compared:
         return mount_from_gravity(self.reference[self.scored], self.tracks["smoother"][self.scored])
 
     @property
+    def true_mounting(self) -> Floats:
+        """What `mounting` would be for sensors without an error (4,)."""
+        return np.asarray(quat_multiply(quat_conjugate(mapped(self.ahrs_true[:1])), self.truth.q_nb[:1])[0])
+
+    @property
     def scored(self) -> NDArray[np.bool_]:
         """Samples after the first second."""
-        return self.t >= SETTLE
+        return np.asarray(self.t >= SETTLE)
 
     def errors(self, estimate: Floats, by: Floats) -> Floats:
         """Errors of roll and pitch (2, M), °, of the scored samples."""
@@ -132,11 +139,11 @@ def permuted(q_nr: Floats) -> Floats:
     return quat_from_euler_zyx(np.stack((yaw + 0.5 * np.pi, -roll, pitch), axis=-1))
 
 
-def permutation_error(roll: Floats, pitch: Floats) -> Floats:
-    """Errors of roll and pitch (2, N), °, of exchanged angles at true angles (N,), rad."""
+def permutation_error(roll: Floats, pitch: Floats, by: Callable[[Floats], Floats] = permuted) -> Floats:
+    """Errors of roll and pitch (2, N), °, of exchanged angles, or by another way, at true angles (N,), rad."""
     q_nb = quat_from_euler_zyx(np.stack((np.zeros_like(roll), pitch, roll), axis=-1))
     q_nr = quat_multiply(q_nb, np.array(PLANS["rod"].units[1].q_bs))
-    return tilt_errors(permuted(q_nr), q_nb)
+    return tilt_errors(by(q_nr), q_nb)
 
 
 def mount_from_gravity(q_ref: Floats, q_est: Floats) -> Floats:
@@ -164,15 +171,22 @@ def compared(work: Work, duration: float = 600.0) -> Compared:
         tracks[key] = found.track
     assert found is not None
     assert found.reference is not None
-    truth = files.read(taken.truth).track
+    truth, ahrs_true = (files.read(path).track for path in (taken.truth, unit_file(taken.truth, "ref")))
     assert truth is not None
+    assert ahrs_true is not None
     soft = tracks["ekf7"]
     assert soft.flags is not None
     assert soft.bias_b is not None
     return Compared(
-        taken, soft.t - soft.t[0], {key: track.q_nb for key, track in tracks.items()}, truth, found.reference.q_nb,
-        (soft.flags & flags.AT_REST) != 0, soft.bias_b,
-    )  # fmt: skip
+        taken,
+        soft.t - soft.t[0],
+        {key: track.q_nb for key, track in tracks.items()},
+        truth,
+        found.reference.q_nb,
+        ahrs_true.q_nb,
+        (soft.flags & flags.AT_REST) != 0,
+        soft.bias_b,
+    )
 
 
 class Budget(NamedTuple):
@@ -188,11 +202,16 @@ def budget(run: Compared, key: str) -> list[Budget]:
     truth, q_nb = run.truth.q_nb, run.tracks[key]
     parts = (
         (Both("estimate − AHRS, as the paper", "估计 − AHRS（论文的做法）"), run.errors(q_nb, run.reference)),
-        (Both("estimate − AHRS, mounting found from gravity", "估计 − AHRS（由重力求安装误差后）"), run.errors(q_nb, run.aligned)),
+        (
+            Both("estimate − AHRS, axes aligned by gravity", "估计 − AHRS（由重力对准坐标轴）"),
+            run.errors(q_nb, run.aligned),
+        ),
         (Both("estimate − truth", "估计 − 真值"), run.errors(q_nb, truth)),
         (Both("AHRS − truth", "AHRS − 真值"), run.errors(run.reference, truth)),
-        (Both("AHRS − truth, mounting found from gravity", "AHRS − 真值（由重力求安装误差后）"), run.errors(run.aligned, truth)),
-        (Both("exchanged angles − truth", "互换欧拉角 − 真值"), run.errors(permuted(run.ahrs), truth)),
-    )  # fmt: skip
+        (
+            Both("of it the AHRS itself", "其中 AHRS 自身误差"),
+            tilt_errors(run.ahrs[run.scored], run.ahrs_true[run.scored]),
+        ),
+        (Both("of it how it is mounted", "其中 AHRS 安装误差"), run.errors(mapped(run.ahrs_true), truth)),
+    )
     return [Budget(name, np.abs(e).max(axis=1), np.sqrt((e**2).mean(axis=1))) for name, e in parts]
-

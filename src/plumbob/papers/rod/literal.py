@@ -1,8 +1,8 @@
 """The paper's filter by its own equations: 7 × 7 matrices, and a switch for each of its misprints.
 
 It is the second way to what `plumbob.filters.ekf7` does with 28 entries and a detector of rest. Here every equation
-stands as [Li2012] has it, and each of the forms that cannot be right can be switched on, to see what it does. State x is
-q_nb (wxyz) and the gyroscope bias X, rad/s; navigation frame NED; body axes forward, right, down.
+stands as [Li2012] has it, and each of the forms that cannot be right can be switched on, to see what it does.
+State x is q_nb (wxyz) and the gyroscope bias X, rad/s; navigation frame NED; body axes forward, right, down.
 """
 
 import math
@@ -133,7 +133,7 @@ def literal(imu: ImuData, acc_sd: Floats | float = ACC_SD, form: Form | None = N
         Samples at rest at the begin whose mean gives the first attitude.
     """
     form = form or Form()
-    kind = np.float32 if form.single else np.float64
+    kind: type[np.floating] = np.float32 if form.single else np.float64
     assert imu.gyr is not None
     assert imu.acc is not None
     roll, pitch = level_angles(-imu.acc[:rest].mean(axis=0, keepdims=True))
@@ -182,9 +182,7 @@ def filtered(
 
 
 @njit
-def set_transition(
-    phi: Floats, x: NDArray[np.floating], wx: float, wy: float, wz: float, dt: float
-) -> None:
+def set_transition(phi: Floats, x: NDArray[np.floating], wx: float, wy: float, wz: float, dt: float) -> None:
     """Set Φ as `transition` has it."""
     half = 0.5 * dt
     for i in range(7):
@@ -282,9 +280,7 @@ def gain(p: NDArray[np.floating], h: Floats, var: float, ph: Floats, s: Floats, 
 
 
 @njit
-def shrink(
-    p: NDArray[np.floating], k: Floats, h: Floats, var: float, joseph: bool, left: Floats, work: Floats
-) -> None:
+def shrink(p: NDArray[np.floating], k: Floats, h: Floats, var: float, joseph: bool, left: Floats, work: Floats) -> None:
     """Set P to (I−KH)P⁻, or by Joseph's form."""
     for i in range(7):
         for j in range(7):

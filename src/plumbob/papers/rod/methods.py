@@ -25,7 +25,7 @@ from plumbob.simulation import simulate
 from plumbob.simulation.errors import stream
 
 TURN_ON: Final = dps(0.2)
-"""Standard deviation of the gyroscope's bias at turn-on, rad/s: assumed, as much as 20 K make of it by the data sheet."""
+"""Standard deviation of the gyroscope's bias at turn-on, rad/s: assumed; the data sheet allows as much for 20 K."""
 STARTS: Final = 500
 """Samples at rest at the begin, of which a fixed bias is taken: 5 s, as long as the rod waits."""
 SHAKEN: Final = 400.0
@@ -68,14 +68,12 @@ class Case:
     def rest(self) -> NDArray[np.bool_]:
         """Samples at which the detector finds rest, (N,)."""
         assert self.soft.flags is not None
-        return (self.soft.flags & flags.AT_REST) != 0
+        return np.asarray((self.soft.flags & flags.AT_REST) != 0)
 
 
 def case(seed: int, duration: float = 600.0) -> Case:
     """Rod of a seed: a factory-calibrated ADIS16355 with a bias at turn-on, NED."""
-    made = simulate(
-        "rod", frame=Frame.NED, sensors="adis16355", unit="calibrated", seed=seed, duration=duration
-    )  # fmt: skip
+    made = simulate("rod", frame=Frame.NED, sensors="adis16355", unit="calibrated", seed=seed, duration=duration)
     assert made.imu.gyr is not None
     gyr = made.imu.gyr + TURN_ON * stream(seed, "rod", "turn-on").standard_normal(3)
     imu = with_rates(made.imu, gyr)
@@ -92,7 +90,9 @@ Way = Callable[[Case], Floats]
 """From a seed to attitudes (N, 4)."""
 
 
-def _filtered(filter: str, params: Mapping[str, Any] | None = None, *, started: bool = False, card: bool = False) -> Way:
+def _filtered(
+    filter: str, params: Mapping[str, Any] | None = None, *, started: bool = False, card: bool = False
+) -> Way:
     """A filter of Plumbob, with a user's parameters or the unit's noise card."""
 
     def way(one: Case) -> Floats:
@@ -123,7 +123,9 @@ class Method:
 
 METHODS: Final[Mapping[str, Method]] = {
     "accel": Method(Both("accelerometer only", "仅加速度计"), _filtered("tilt_compass")),
-    "gyro": Method(Both("gyroscope only, start bias removed", "仅陀螺仪，扣除初始零偏"), _filtered("integrate", started=True)),
+    "gyro": Method(
+        Both("gyroscope only, start bias removed", "仅陀螺仪，扣除初始零偏"), _filtered("integrate", started=True)
+    ),
     "gyro_kept": Method(Both("gyroscope only, bias kept", "仅陀螺仪，保留零偏"), _filtered("integrate")),
     "r01": Method(Both("7-state filter, R = (0.1 g)²", "七状态滤波，R = (0.1 g)²"), _literal()),
     "r003": Method(Both("7-state filter, R = (0.03 g)²", "七状态滤波，R = (0.03 g)²"), _literal(0.03)),
@@ -132,19 +134,25 @@ METHODS: Final[Mapping[str, Method]] = {
     "hard": Method(Both("hard switch, P kept", "硬切换，P 不重置"), _filtered("ekf7", HARD)),
     "hard_reset": Method(Both("hard switch, P set", "硬切换，P 重置"), _filtered("ekf7", {**HARD, "reset": True})),
     "narrow": Method(
-        Both("hard switch, P kept, 1.7 °/s and 0.08 g", "硬切换，P 不重置，1.7 °/s 与 0.08 g"), _filtered("ekf7", {**HARD, **NARROW})
+        Both("hard switch, P kept, 1.7 °/s and 0.08 g", "硬切换，P 不重置，1.7 °/s 与 0.08 g"),
+        _filtered("ekf7", {**HARD, **NARROW}),
     ),
     "narrow_reset": Method(
         Both("hard switch, P set, 1.7 °/s and 0.08 g", "硬切换，P 重置，1.7 °/s 与 0.08 g"),
         _filtered("ekf7", {**HARD, **NARROW, "reset": True}),
     ),
-    "soft": Method(Both("soft switch: R 0.03 g at rest, 0.1 g in motion", "软切换：静止 R 0.03 g，运动 0.1 g"), _switched),
+    "soft": Method(
+        Both("soft switch: R 0.03 g at rest, 0.1 g in motion", "软切换：静止 R 0.03 g，运动 0.1 g"), _switched
+    ),
     "ekf7": Method(Both("ekf7: soft switch without a step", "ekf7：连续软切换"), lambda one: one.soft.q_nb, ours=True),
     "unpredicted": Method(
-        Both("no prediction of P, start bias removed", "无 P 预测，扣除初始零偏"), _literal(started=True, predicted=False)
+        Both("no prediction of P, start bias removed", "无 P 预测，扣除初始零偏"),
+        _literal(started=True, predicted=False),
     ),
     "unpredicted_kept": Method(Both("no prediction of P, bias kept", "无 P 预测，保留零偏"), _literal(predicted=False)),
-    "unnormalised": Method(Both("no normalisation, R = (0.3 g)²", "不归一化，R = (0.3 g)²"), _literal(0.3, normalised=False)),
+    "unnormalised": Method(
+        Both("no normalisation, R = (0.3 g)²", "不归一化，R = (0.3 g)²"), _literal(0.3, normalised=False)
+    ),
     "whole_angle": Method(Both("(10) without the half angle", "式（10）缺半角"), _literal(half_angle=False)),
     "upside_down": Method(Both("(11) with the sign of gravity", "式（11）取重力符号"), _literal(specific_force=False)),
     "mahony": Method(Both("mahony", "mahony"), _filtered("mahony")),
@@ -152,7 +160,7 @@ METHODS: Final[Mapping[str, Method]] = {
     "mekf": Method(Both("mekf", "mekf"), _filtered("mekf"), ours=True),
     "mekf_card": Method(Both("mekf, noise card", "mekf，噪声卡"), _filtered("mekf", card=True), ours=True),
     "smoother": Method(Both("smoother, noise card", "平滑器，噪声卡"), _filtered("smoother", card=True), ours=True),
-}  # fmt: skip
+}
 """Rows of the table: first what the paper compares, then its filter, its switches, its misprints, and other filters."""
 
 
@@ -202,9 +210,12 @@ def score(t: Floats, q_est: Floats, q_true: Floats) -> Score:
     early = since[since >= SETTLE] < SHAKEN
     lean = float(np.median(leans(q_est, q_true)[-len(t) // 10 :]))
     return Score(
-        e[:, early].max(axis=1), e[:, ~early].max(axis=1, initial=0.0), np.sqrt((e**2).mean(axis=1)),
-        float((e <= LIMIT).all(axis=0).mean()), lean,
-    )  # fmt: skip
+        e[:, early].max(axis=1),
+        e[:, ~early].max(axis=1, initial=0.0),
+        np.sqrt((e**2).mean(axis=1)),
+        float((e <= LIMIT).all(axis=0).mean()),
+        lean,
+    )
 
 
 def jumps(q_est: Floats, q_true: Floats, rest: NDArray[np.bool_]) -> float:
@@ -227,11 +238,11 @@ class Table:
 
     def early(self, key: str) -> Floats:
         """Mean over the seeds of the largest error of roll and pitch before the vibration, (2,), °."""
-        return np.mean([one.early for one in self.scores[key]], axis=0)
+        return np.asarray(np.mean([one.early for one in self.scores[key]], axis=0))
 
     def late(self, key: str) -> Floats:
         """The same after it has begun."""
-        return np.mean([one.late for one in self.scores[key]], axis=0)
+        return np.asarray(np.mean([one.late for one in self.scores[key]], axis=0))
 
     def share(self, key: str) -> float:
         """Share of all samples within 1°."""
@@ -251,9 +262,12 @@ class Table:
 
 
 def measure(
-    seeds: Sequence[int], *, keys: Sequence[str] = tuple(METHODS), duration: float = 600.0,
+    seeds: Sequence[int],
+    *,
+    keys: Sequence[str] = tuple(METHODS),
+    duration: float = 600.0,
     progress: Callable[[int], None] = lambda done: None,
-) -> Table:  # fmt: skip
+) -> Table:
     """Run every way on every seed."""
     scores: dict[str, list[Score]] = {key: [] for key in keys}
     found: dict[str, list[float]] = {"ekf7": [], "hard": [], "hard_reset": []}
