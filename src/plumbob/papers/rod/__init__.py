@@ -29,11 +29,13 @@ def run(work: Work) -> Paper:
         limits.append([methods.disturbed(case, what) for what in methods.DISTURBANCES])
     work.progress("covariance and page", steps - 1, steps)
     first = methods.case(seeds[0])
+    forms = equations.forms(first)
     outcomes = [
         *results.chain(one),
         *equations.formulas(work.seed),
         *equations.misprinted(table),
+        *equations.numerics(forms),
         *results.through_bytes(one),
         *results.over_seeds(table),
     ]
-    return Paper(report=page(one, table, limits, equations.forms(first), equations.grown(first)), outcomes=outcomes)
+    return Paper(report=page(one, table, limits, forms, equations.grown(first)), outcomes=outcomes)

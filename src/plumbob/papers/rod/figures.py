@@ -25,6 +25,8 @@ _TIME: Final = Both("time [s]", "时间 [s]")
 _ROLL, _PITCH = Both("roll [°]", "横滚角 [°]"), Both("pitch [°]", "俯仰角 [°]")
 ZOOM: Final = 380.0, 420.0
 """Window of the enlargements, s: the vibration begins in its middle."""
+CLOSE: Final = 405.5, 409.5
+"""Window in which the lines can be distinguished, s."""
 
 
 def figures(run: Compared) -> list[Figure]:
@@ -48,7 +50,7 @@ def figures(run: Compared) -> list[Figure]:
             ),
             partial(_angles, run, 2, _ROLL),
             key,
-            4.2,
+            5.6,
         ),
         Figure(
             Both(
@@ -57,7 +59,7 @@ def figures(run: Compared) -> list[Figure]:
             ),
             partial(_angles, run, 1, _PITCH),
             key,
-            4.2,
+            5.6,
         ),
         Figure(
             Both("Errors against the truth: accelerometer, gyroscope, fused", "相对真值的误差：加速度计、陀螺仪、融合"),
@@ -79,7 +81,7 @@ def figures(run: Compared) -> list[Figure]:
             partial(_bias, run),
             [
                 (Both("estimated bias, ekf7", "漂移估计（ekf7）"), _BLUE, "solid"),
-                (Both("true bias", "真值"), INK, "dashed"),
+                (Both("true bias with its flicker noise", "真值（含闪变噪声）"), SOFT, "solid"),
                 (Both("at rest", "静止"), SHADE, "block"),
             ],
             3.6,
@@ -98,24 +100,26 @@ def _angle(q_nb: Floats, column: int) -> Floats:
 
 
 def _angles(run: Compared, column: int, label: Both, canvas: "FigureBase") -> None:
-    whole, near = canvas.subplots(2, 1)
+    whole, near, close = canvas.subplots(3, 1)
     lines: tuple[tuple[Floats, dict[str, Any]], ...] = (
         (run.tracks["accel"], {"color": SOFT}),
         (run.reference, {"color": INK}),
         (run.tracks["ekf7"], {"color": _BLUE}),
         (run.tracks["smoother"], {"color": _GREEN, "linestyle": "--"}),
     )
-    window = (run.t >= ZOOM[0]) & (run.t <= ZOOM[1])
-    for q_nb, style in lines:
-        angle = _angle(q_nb, column)
-        _line(whole, run.t, angle, **style)
-        _line(near, run.t[window], angle[window], **style)
-    whole.set_xlim(0.0, run.t[-1])
-    near.set_xlim(*ZOOM)
-    for ax in (whole, near):
+    for ax, window in ((whole, (0.0, float(run.t[-1]))), (near, ZOOM), (close, CLOSE)):
+        inside = (run.t >= window[0]) & (run.t <= window[1])
+        for q_nb, style in lines:
+            _line(ax, run.t[inside], _angle(q_nb[inside], column), **style)
+        ax.set_xlim(*window)
         ax.set_ylabel(label)
-        ax.axvline(SHAKEN, color=MUTED, linewidth=0.6, linestyle=":")
-    near.set_xlabel(_TIME)
+        if window[0] <= SHAKEN <= window[1]:
+            ax.axvline(SHAKEN, color=MUTED, linewidth=0.6, linestyle=":")
+    inside = (run.t >= CLOSE[0]) & (run.t <= CLOSE[1])
+    if inside.any():
+        shown = _angle(run.reference[inside], column)
+        close.set_ylim(float(shown.min()) - 2.0, float(shown.max()) + 2.0)
+    close.set_xlabel(_TIME)
 
 
 def _pair(ax: "Axes", t: Floats, errors: Floats, label: Both, most: float | None = None) -> None:
@@ -162,8 +166,8 @@ def _bias(run: Compared, canvas: "FigureBase") -> None:
     rests = runs(run.t, run.rest, _COLUMNS)
     for i, (ax, axis) in enumerate(zip(axes, "xyz", strict=True)):
         ax.broken_barh(rests, (0.0, 1.0), transform=ax.get_xaxis_transform(), facecolors=SHADE, linewidth=0, zorder=0)
+        _line(ax, run.t, np.asarray(to_dps(run.truth.bias_b[:, i])), color=SOFT)
         _line(ax, run.t, np.asarray(to_dps(run.bias[:, i])), color=_BLUE)
-        _line(ax, run.t, np.asarray(to_dps(run.truth.bias_b[:, i])), color=INK, linestyle="--")
         ax.set_ylabel(Both(f"bias {axis} [°/s]", f"漂移 {axis} [°/s]"))
         ax.set_xlim(0.0, run.t[-1])
         low, high = np.percentile(to_dps(run.bias[run.t > 10.0, i]), (0.5, 99.5))
@@ -191,12 +195,13 @@ def _seeds(table: Table, canvas: "FigureBase") -> None:
     keys = list(table.scores)[::-1]
     for row, key in enumerate(keys):
         largest = table.largest(key)
+        ax.text(-0.01, row, METHODS[key].name, transform=ax.get_yaxis_transform(), ha="right", va="center")
         ax.plot(largest, np.full(largest.size, row), "|", color=_GREEN if METHODS[key].ours else _BLUE, markersize=6.0)
+    ax.set_yticks(range(len(keys)), [""] * len(keys))
     ax.axvline(LIMIT, color=MUTED, linewidth=0.7, linestyle="--")
     ax.set_xscale("log")
     ax.set_xlim(0.2, 200.0)
     ax.set_xticks((0.3, 1.0, 3.0, 10.0, 30.0, 100.0), ("0.3", "1", "3", "10", "30", "100"))
-    ax.set_yticks(range(len(keys)), [METHODS[key].name for key in keys])
     ax.set_xlabel(Both("largest error of roll and pitch [°]", "横滚、俯仰角的最大误差 [°]"))
 
 
@@ -256,5 +261,9 @@ def _covariance(steps: Sequence[Grown], canvas: "FigureBase") -> None:
     left.set_ylabel(Both("standard deviation [°]", "标准差 [°]"))
     right.loglog(t, [one.length for one in steps], color=_GREEN, marker=".", linewidth=1.0)
     right.set_ylabel(Both("standard deviation of |q|", "|q| 的标准差"))
+    left.set_yticks((0.2, 0.5, 1.0, 2.0, 5.0, 10.0), ("0.2", "0.5", "1", "2", "5", "10"))
+    right.set_yticks((5e-4, 1e-3, 2e-3), ("0.0005", "0.001", "0.002"))
     for ax in (left, right):
+        ax.set_xticks((3.0, 10.0, 30.0, 100.0, 300.0), ("3", "10", "30", "100", "300"))
+        ax.minorticks_off()
         ax.set_xlabel(_TIME)

@@ -16,6 +16,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.units import deg, dps, g
 from plumbob.data import ImuData
+from plumbob.rotations.kernels import quat_mul
 
 START: Final = deg(2.0), dps(1.0)
 """Standard deviations of the attitude and of the bias at the start; the paper gives none."""
@@ -44,6 +45,9 @@ class Form(NamedTuple):
         P = (I−KH)P⁻(I−KH)ᵀ + KRKᵀ; printed is (I−KH)P⁻.
     single : bool
         State and covariance are kept in single precision.
+    carried : bool
+        P is turned with the quaternion when that is corrected and normalised, as `plumbob.filters.ekf7` does; the paper
+        leaves it.
     """
 
     predicted: bool = True
@@ -52,6 +56,7 @@ class Form(NamedTuple):
     normalised: bool = True
     joseph: bool = False
     single: bool = False
+    carried: bool = False
 
 
 class Run(NamedTuple):
@@ -145,8 +150,8 @@ def literal(imu: ImuData, acc_sd: Floats | float = ACC_SD, form: Form | None = N
     dt = (imu.t[-1] - imu.t[0]) / (len(imu) - 1)
     var = np.broadcast_to(np.asarray(acc_sd, dtype=np.float64) ** 2, len(imu)).copy()
     filtered(
-        x, p, imu.gyr, imu.acc, var, dt, GYRO_NOISE**2 * dt, BIAS_WALK**2 * dt,
-        form.predicted, form.half_angle, form.specific_force, form.normalised, form.joseph, q_nb, length,
+        x, p, imu.gyr, imu.acc, var, dt, GYRO_NOISE**2 * dt, BIAS_WALK**2 * dt, form.predicted, form.half_angle,
+        form.specific_force, form.normalised, form.joseph, form.carried, q_nb, length,
     )  # fmt: skip
     return Run(q_nb, length, p.astype(np.float64))
 
@@ -155,7 +160,7 @@ def literal(imu: ImuData, acc_sd: Floats | float = ACC_SD, form: Form | None = N
 def filtered(
     x: NDArray[np.floating], p: NDArray[np.floating], gyr: Floats, acc: Floats, var: Floats, dt: float,
     angle_var: float, walk_var: float, predicted: bool, half_angle: bool, specific_force: bool, normalised: bool,
-    joseph: bool, q_nb: Floats, length: Floats,
+    joseph: bool, carried: bool, q_nb: Floats, length: Floats,
 ) -> None:  # fmt: skip
     """Take all samples; x (7,) and p (7, 7) are the state, q_nb (N, 4) and length (N,) what comes out."""
     phi, h, ph, k, left = np.zeros((7, 7)), np.zeros((3, 7)), np.zeros((7, 3)), np.zeros((7, 3)), np.zeros((7, 7))
@@ -167,6 +172,7 @@ def filtered(
                 sandwich(phi, p, work)
                 add_noise(p, x, angle_var, walk_var)
             turn(x, dt * (gyr[n, 0] - x[4]), dt * (gyr[n, 1] - x[5]), dt * (gyr[n, 2] - x[6]), half_angle)
+        q0, q1, q2, q3 = float(x[0]), float(x[1]), float(x[2]), float(x[3])
         sign = -1.0 if specific_force else 1.0  # departs from [Li2012] (11): the sign of specific force
         set_observation(h, e, x, acc[n, 0], acc[n, 1], acc[n, 2], sign)
         gain(p, h, var[n], ph, s, inverse, k)
@@ -179,6 +185,9 @@ def filtered(
             q_nb[n, i] = x[i] / size
             if normalised:  # departs from [Li2012]: normalised
                 x[i] = x[i] / size
+        if carried:  # departs from [Li2012]: P goes with the quaternion
+            set_turn(phi, *quat_mul(q0, -q1, -q2, -q3, x[0], x[1], x[2], x[3]))
+            sandwich(phi, p, work)
 
 
 @njit
@@ -195,6 +204,18 @@ def set_transition(phi: Floats, x: NDArray[np.floating], wx: float, wy: float, w
     phi[0, 4], phi[1, 4], phi[2, 4], phi[3, 4] = half * x[1], -half * x[0], -half * x[3], half * x[2]
     phi[0, 5], phi[1, 5], phi[2, 5], phi[3, 5] = half * x[2], half * x[3], -half * x[0], -half * x[1]
     phi[0, 6], phi[1, 6], phi[2, 6], phi[3, 6] = half * x[3], -half * x[2], half * x[1], -half * x[0]
+
+
+@njit
+def set_turn(phi: Floats, e0: float, e1: float, e2: float, e3: float) -> None:
+    """Set (7, 7) to what a turn by e does with the covariance: q ⊗ e for the quaternion."""
+    for i in range(7):
+        for j in range(7):
+            phi[i, j] = 1.0 if i == j else 0.0
+    phi[0, 0], phi[0, 1], phi[0, 2], phi[0, 3] = e0, -e1, -e2, -e3
+    phi[1, 0], phi[1, 1], phi[1, 2], phi[1, 3] = e1, e0, e3, -e2
+    phi[2, 0], phi[2, 1], phi[2, 2], phi[2, 3] = e2, -e3, e0, e1
+    phi[3, 0], phi[3, 1], phi[3, 2], phi[3, 3] = e3, e2, -e1, e0
 
 
 @njit
@@ -233,11 +254,7 @@ def turn(x: NDArray[np.floating], wx: float, wy: float, wz: float, half_angle: b
     angle = 0.5 * size if half_angle else size  # departs from [Li2012] (10): the half angle, which it lacks
     c = math.cos(angle)
     s = math.sin(angle) / size if size > 0.0 else 0.0
-    q0, q1, q2, q3 = x[0], x[1], x[2], x[3]
-    x[0] = c * q0 - s * (wx * q1 + wy * q2 + wz * q3)  # [Li2012] (10)
-    x[1] = c * q1 + s * (wx * q0 + wz * q2 - wy * q3)
-    x[2] = c * q2 + s * (wy * q0 - wz * q1 + wx * q3)
-    x[3] = c * q3 + s * (wz * q0 + wy * q1 - wx * q2)
+    x[0], x[1], x[2], x[3] = quat_mul(x[0], x[1], x[2], x[3], c, s * wx, s * wy, s * wz)  # [Li2012] (10)
 
 
 @njit

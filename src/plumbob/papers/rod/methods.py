@@ -317,7 +317,8 @@ DISTURBANCES: Final = (
 """What papers.md names as the limits of the test: sustained acceleration, and an error of scale."""
 DISTURBED: Final[Mapping[str, Method]] = {
     "r01": METHODS["r01"],
-    "length_free": Method(Both("the same without normalisation", "同左，不归一化"), _literal(normalised=False)),
+    "length_free": Method(Both("the same, not normalised", "同上，不归一化"), _literal(normalised=False)),
+    "carried": Method(Both("the same, P carried with q", "同上，P 随 q 转换"), _literal(carried=True)),
     "ekf7": METHODS["ekf7"],
     "mekf_card": METHODS["mekf_card"],
     "smoother": METHODS["smoother"],

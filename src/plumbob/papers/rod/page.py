@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from plumbob.papers.rod.compared import LINES, Compared, budget, mount_angles
-from plumbob.papers.rod.equations import Grown
+from plumbob.papers.rod.equations import Grown, Numerics, numerics_table
 from plumbob.papers.rod.figures import covariance_figure, exchange_figure, figures, seeds_figure
 from plumbob.papers.rod.methods import DISTURBANCES, DISTURBED, METHODS
 from plumbob.papers.rod.methods import Table as Scores
@@ -120,7 +120,11 @@ _SLIPS: Final = (
 
 
 def page(
-    run: Compared, table: Scores, limits: Sequence[Sequence[Sequence[float]]], forms: Table, steps: Sequence[Grown]
+    run: Compared,
+    table: Scores,
+    limits: Sequence[Sequence[Sequence[float]]],
+    forms: Sequence[Numerics],
+    steps: Sequence[Grown],
 ) -> Report:
     """Page of all parts, in the order of the paper.
 
@@ -132,7 +136,7 @@ def page(
         Methods over seeds.
     limits : sequence
         Of each seed, of each disturbance, the largest error of each of `methods.DISTURBED`, °.
-    forms : Table
+    forms : sequence of Numerics
         How the filter's numerics matter.
     steps : sequence of Grown
         Covariance over time.
@@ -201,7 +205,7 @@ def _system() -> Report:
     )
 
 
-def _equations(forms: Table, steps: Sequence[Grown]) -> Report:
+def _equations(forms: Sequence[Numerics], steps: Sequence[Grown]) -> Report:
     head = (Both("place", "位置"), Both("printed", "印刷"), Both("correct", "更正"))
     return Report(
         Both("Equations and misprints (§2)", "公式与印刷错误（§2）"),
@@ -215,7 +219,7 @@ def _equations(forms: Table, steps: Sequence[Grown]) -> Report:
                 _SLIPS,
                 words=(1, 2),
             ),
-            forms,
+            numerics_table(forms),
         ],
         remarks=[
             Both(
@@ -224,9 +228,12 @@ def _equations(forms: Table, steps: Sequence[Grown]) -> Report:
                 "P 不会奇异：h 随 |q|² 变化，重力的模值可观测 |q|。Joseph 形式与单精度均不改变结果。",
             ),
             Both(
-                "The heading's standard deviation grows, as nothing observes it; that of the tilt settles within a "
-                "minute.",
-                "航向不可观测，其标准差增长；倾角的标准差在一分钟内稳定。",
+                "Nothing observes the heading, so its standard deviation should only grow. Where it shrinks, P has not "
+                "gone along when q was corrected: the filter believes what nobody measured. That of the tilt settles "
+                "within a minute.",
+                "航向不可观测，其标准差本应只增不减；其减小之处，是 q 被修正时 P 未随之转换，滤波器误认为获得了航向信"
+                "息。"
+                "倾角的标准差在一分钟内稳定。",
             ),
             Both(
                 "Without the prediction of P the filter is fed with the start bias removed, as the paper's "
@@ -253,7 +260,9 @@ def _compared(run: Compared) -> Report:
             numbers = [f"{v:.3f}" for v in (*part.largest, *part.rms)]
             rows.append([Both(f"{line.name}: {part.name}", f"{line.name.zh}：{part.name.zh}"), *numbers])
     rows += [[part.name, *(f"{v:.3f}" for v in (*part.largest, *part.rms))] for part in budget(run, "ekf7")[3:]]
-    found, true = (", ".join(f"{v:.2f}" for v in mount_angles(q)) for q in (run.mounting, run.true_mounting))
+    found, true = (
+        ", ".join(f"{v:.2f}".replace("-", "−") for v in mount_angles(q)) for q in (run.mounting, run.true_mounting)
+    )
     return Report(
         Both("One experiment through bytes (§3, Figure 6)", "经由字节的一次试验（§3，图 6）"),
         facts=[
@@ -290,6 +299,13 @@ def _compared(run: Compared) -> Report:
                 "由重力求得的安装误差是两台设备坐标轴之间的旋转，也包含未标定加速度计的安装误差。",
             ),
             Both(
+                "The unit warms up by 15 K, so its accelerometer's bias moves by up to 0.5 mg/K · 15 K = 7.5 mg, "
+                "0.43° of "
+                "tilt, which no filter can see.",
+                "单元升温 15 K，加速度计零偏变化可达 0.5 mg/K × 15 K = 7.5 mg，相当于 0.43° 倾角，任何滤波器都无法察"
+                "觉。",
+            ),
+            Both(
                 "The paper's Figure 6 shows curves without numbers to read off; its axes, its 600 s and its "
                 "vibration after 400 s are reproduced, not its samples.",
                 "论文图 6 只有曲线，无可读取的数值；复现的是其坐标、600 s 时长与 400 s 后的振动，而非逐点数据。",
@@ -303,32 +319,52 @@ def _methods(table: Scores) -> Report:
     seeds = len(table.rested)
     head = (
         Both("method", "方法"),
-        Both("roll, 0–400 s [°]", "横滚 0–400 s [°]"),
-        Both("pitch, 0–400 s [°]", "俯仰 0–400 s [°]"),
-        Both("roll, 400–600 s [°]", "横滚 400–600 s [°]"),
-        Both("pitch, 400–600 s [°]", "俯仰 400–600 s [°]"),
+        Both("0–400 s [°]", "0–400 s [°]"),
+        Both("400–600 s [°]", "400–600 s [°]"),
         Both("within 1° [%]", "1° 内 [%]"),
         Both("rms [°]", "均方根 [°]"),
-        Both("worst seed [°]", "最差种子 [°]"),
-        Both("seeds within 1° [%]", "1° 内的种子 [%]"),
+        Both("worst [°]", "最差 [°]"),
+        Both("seeds [%]", "种子 [%]"),
     )
-    rows = [
-        [
+    cells = {
+        key: [
             METHODS[key].name,
-            *(f"{v:.2f}" for v in (*table.early(key), *table.late(key))),
+            *("{:.2f} / {:.2f}".format(*of(key)) for of in (table.early, table.late)),
             f"{100.0 * table.share(key):.1f}",
             f"{table.rms(key):.3f}",
             f"{table.largest(key).max():.2f}",
             f"{100.0 * table.kept(key):.0f}",
         ]
         for key in table.scores
+    }
+    first = list(cells)[: list(cells).index("unpredicted")]
+    titles = (
+        Both(
+            "Largest errors of roll / pitch, means over the seeds: sensors alone, the paper's filter, its switches",
+            "横滚 / 俯仰角最大误差（各种子平均）：单一传感器、论文滤波器及其切换",
+        ),
+        Both("The same: misprints, and other filters", "同上：印刷错误与其他滤波器"),
+    )
+    tables = [
+        Table(
+            title,
+            head,
+            [cells[key] for key in keys],
+            strong=[(i, 0) for i, key in enumerate(keys) if METHODS[key].ours],
+        )
+        for title, keys in zip(titles, (first, [key for key in cells if key not in first]), strict=True)
     ]
-    strong = [(row, column) for row, key in enumerate(table.scores) for column in (0, 8) if METHODS[key].ours]
     jumps = ", ".join(f"{max(table.jumps[key]):.2f}°" for key in ("ekf7", "hard", "hard_reset"))
     return Report(
         Both(f"Methods over {seeds} seeds", f"{seeds} 个随机种子下的各方法"),
-        tables=[Table(Both("Largest errors, means over the seeds", "最大误差，各种子平均"), head, rows, strong=strong)],
+        tables=tables,
         remarks=[
+            Both(
+                "Within 1°: share of the samples; worst: largest error of all seeds; seeds: share whose largest "
+                "error is "
+                "within 1°.",
+                "1° 内：误差在 1° 内的样本占比；最差：所有种子的最大误差；种子：最大误差在 1° 内的种子占比。",
+            ),
             Both(
                 f"Largest steps as rest begins or ends: {jumps} with the soft switch, the hard one, and the hard one "
                 "that sets P.",
@@ -341,9 +377,10 @@ def _methods(table: Scores) -> Report:
                 "未给出阈值。",
             ),
             Both(
-                "mahony and vqf lose some seeds in their first seconds, in which they learn the bias at turn-on; the "
+                "mahony and vqf lose some seeds in their first 15 s, in which they learn the bias at turn-on; the "
                 "paper's filter does so, too, but with a gain that its covariance sets.",
-                "mahony 与 vqf 在最初几秒学习上电零偏时，部分种子超出 1°；论文滤波器同样需要学习，但增益由协方差决定。",
+                "mahony 与 vqf 在最初 15 s 内学习上电零偏时，部分种子超出 1°；论文滤波器同样需要学习，但增益由协方差"
+                "决定。",
             ),
             Both(
                 "The smoother knows the samples after each attitude, as the paper's offline processing might; ekf7 "
@@ -376,8 +413,8 @@ def _mounting(run: Compared) -> Report:
 
 def _limits(limits: Sequence[Sequence[Sequence[float]]]) -> Report:
     mean = np.mean(np.array(limits), axis=0)
-    head = (Both("disturbance", "扰动"), *(one.name for one in DISTURBED.values()))
-    rows = [[what.name, *(f"{v:.2f}" for v in line)] for what, line in zip(DISTURBANCES, mean, strict=True)]
+    head = (Both("method", "方法"), *(what.name for what in DISTURBANCES))
+    rows = [[one.name, *(f"{v:.2f}" for v in line)] for one, line in zip(DISTURBED.values(), mean.T, strict=True)]
     return Report(
         Both("What the test leaves out", "试验未涉及的情况"),
         tables=[
