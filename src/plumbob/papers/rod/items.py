@@ -11,14 +11,14 @@ ITEMS: Final = (
         where="§1.1, Fig 1a",
         what="ADIS16355: three rates, three specific forces and the temperature, calibrated, at 819.2 samples per "
         "second",
-        by="[chain.sps], `plumbob emulate adis16355`, src/plumbob/protocols/catalog/adis16355.toml, "
-        "src/plumbob/simulation/presets/adis16355.toml",
+        by="[chain.sps], `plumbob emulate adis16355`, `src/plumbob/protocols/catalog/adis16355.toml`, "
+        "`src/plumbob/simulation/presets/adis16355.toml`",
     ),
     Item(
         where="§1.2, Fig 1b",
         what="hardware: Cortex-M3 that reads the sensor by SPI and keeps its data on an SD card",
-        by="`plumbob record` of a session of kind `spi` or `file`, src/plumbob/protocols/catalog/adis16355.toml, "
-        "src/plumbob/protocols/rigs/rod.toml",
+        by="`plumbob record` of a session of kind `spi` or `file`, `src/plumbob/protocols/catalog/adis16355.toml`, "
+        "`src/plumbob/protocols/rigs/rod.toml`",
     ),
     Item(
         where="§1.2",
@@ -64,7 +64,7 @@ ITEMS: Final = (
     Item(
         where="§2.4",
         what="state of quaternion and gyroscope drift",
-        by="[jacobian.phi], src/plumbob/filters/ekf7.py, src/plumbob/papers/rod/literal.py",
+        by="[jacobian.phi], `src/plumbob/filters/ekf7.py`, `src/plumbob/papers/rod/literal.py`",
     ),
     Item(
         where="(9), (10)",
@@ -84,22 +84,22 @@ ITEMS: Final = (
     Item(
         where="§2.4 (4)–(6)",
         what="gain, update of the state and of the covariance P",
-        by="[fused.equations], src/plumbob/papers/rod/literal.py",
+        by="[fused.equations], `src/plumbob/papers/rod/literal.py`",
     ),
     Item(
         where="§3.1",
         what="AHRS500GA as reference: 100 Hz, heading 0.2°, roll and pitch 0.03° rms",
-        by="[ref.heading], [ref.tilt], [chain.ahrs_rate], src/plumbob/simulation/presets/ahrs500ga.toml",
+        by="[ref.heading], [ref.tilt], [chain.ahrs_rate], `src/plumbob/simulation/presets/ahrs500ga.toml`",
     ),
     Item(
         where="§3.1",
         what="packet of the AHRS500GA: 26 bytes, angles, rates, specific force and field from the third byte on",
-        by="[chain.packet], [chain.first], src/plumbob/protocols/catalog/ahrs500ga.toml",
+        by="[chain.packet], [chain.first], `src/plumbob/protocols/catalog/ahrs500ga.toml`",
     ),
     Item(
         where="§3.1, Fig 4a",
         what="both devices on one clock by two RS232 lines, and all data to a PC",
-        by="[chain.synchronous], `plumbob emulate rod`, src/plumbob/protocols/rigs/rod.toml",
+        by="[chain.synchronous], `plumbob emulate rod`, `src/plumbob/protocols/rigs/rod.toml`",
     ),
     Item(
         where="§3.2, Fig 4b",
