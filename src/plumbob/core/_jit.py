@@ -39,7 +39,7 @@ _KERNEL_SOURCES = (
     "arm/*.py", "array/*.py", "core/*.py", "rotations/*.py", "acquisition/timing/*.py", "calibration/*.py",
     "calibration/*/*.py", "filters/*.py", "filters/*/*.py", "noise/*.py", "noise/static/*.py", "protocols/checksum.py",
     "protocols/scan.py",
-    "protocols/unpack.py",
+    "protocols/unpack.py", "papers/rod/literal.py",
 )  # fmt: skip
 # Where fastmath is not given, numba compiles a kernel with what its first caller has.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "forceinline": True, "fastmath": False}

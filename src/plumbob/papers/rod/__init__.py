@@ -1,0 +1,41 @@
+"""Rod paper: an ADIS16355 on a rod that is moved by hand, compared with an AHRS500GA [Li2012]."""
+
+from plumbob.papers.outcome import Paper
+from plumbob.papers.rod import equations, methods, results
+from plumbob.papers.rod.compared import compared
+from plumbob.papers.rod.items import ITEMS
+from plumbob.papers.rod.page import page
+from plumbob.papers.work import Work
+
+SEEDS = 24
+"""Of the table of methods; the bar is on 95 % of them."""
+TRIED = 3
+"""Seeds under each disturbance."""
+
+__all__ = ["ITEMS", "run"]
+
+
+def run(work: Work) -> Paper:
+    """Run the paper: one recording through bytes, and its methods over many seeds."""
+    steps = 2 + SEEDS + TRIED
+    work.progress("rig, recording and estimates", 0, steps)
+    one = compared(work)
+    seeds = [1000 * work.seed + k for k in range(SEEDS)]
+    table = methods.measure(seeds, progress=lambda done: work.progress("methods over seeds", 1 + done, steps))
+    limits = []
+    for k, seed in enumerate(seeds[:TRIED]):
+        work.progress("what the test leaves out", 1 + SEEDS + k, steps)
+        case = methods.case(seed)
+        limits.append([methods.disturbed(case, what) for what in methods.DISTURBANCES])
+    work.progress("covariance and page", steps - 1, steps)
+    first = methods.case(seeds[0])
+    forms = equations.forms(first)
+    outcomes = [
+        *results.chain(one),
+        *equations.formulas(work.seed),
+        *equations.misprinted(table),
+        *equations.numerics(forms),
+        *results.through_bytes(one),
+        *results.over_seeds(table),
+    ]
+    return Paper(report=page(one, table, limits, forms, equations.grown(first)), outcomes=outcomes)

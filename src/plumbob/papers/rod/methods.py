@@ -1,0 +1,334 @@
+"""Ways to the rod's attitude over many seeds: what one run may owe to chance, and what each switch of the paper costs.
+
+These runs are simulated without bytes; `plumbob.papers.rod.compared` has the one that goes through them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from plumbob.core import flags
+from plumbob.core.check import Floats
+from plumbob.core.units import dps, g, to_deg
+from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data.cards import NoiseCard
+from plumbob.filters.offline import Stage, run_stage
+from plumbob.papers.rod import literal
+from plumbob.papers.rod.literal import Form
+from plumbob.reporting.style import Both
+from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_rotate, wrap
+from plumbob.simulation import simulate
+from plumbob.simulation.errors import stream
+
+TURN_ON: Final = dps(0.2)
+"""Standard deviation of the gyroscope's bias at turn-on, rad/s: assumed; the data sheet allows as much for 20 K."""
+STARTS: Final = 500
+"""Samples at rest at the begin, of which a fixed bias is taken: 5 s, as long as the rod waits."""
+SHAKEN: Final = 400.0
+"""When the vibration begins, s."""
+SETTLE: Final = 1.0
+"""Time from the start that is not scored, s: one look of the accelerometer is 1° off by its own noise."""
+LIMIT: Final = 1.0
+"""Largest error that the paper claims, °."""
+REST_SD, MOTION_SD = g(0.03), g(0.1)
+HARD: Final[Mapping[str, Any]] = {"hard_switch": True}
+NARROW: Final[Mapping[str, Any]] = {"rest_rate": "1.7 deg/s", "rest_force": "0.08 g"}
+"""Thresholds just above the noise of the sensors at rest, for the hard switch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One seed.
+
+    Attributes
+    ----------
+    imu : ImuData
+        Samples of a unit whose gyroscope has a bias at turn-on.
+    started : ImuData
+        The same without the mean rate of the first 5 s.
+    truth : AttitudeTrack
+        True attitude.
+    noise : NoiseCard
+        Noise of the unit.
+    soft : AttitudeTrack
+        What "ekf7" gives of `imu`, with the flags of its detector of rest.
+    """
+
+    imu: ImuData
+    started: ImuData
+    truth: AttitudeTrack
+    noise: NoiseCard
+    soft: AttitudeTrack
+
+    @property
+    def rest(self) -> NDArray[np.bool_]:
+        """Samples at which the detector finds rest, (N,)."""
+        assert self.soft.flags is not None
+        return np.asarray((self.soft.flags & flags.AT_REST) != 0)
+
+
+def case(seed: int, duration: float = 600.0) -> Case:
+    """Rod of a seed: a factory-calibrated ADIS16355 with a bias at turn-on, NED."""
+    made = simulate("rod", frame=Frame.NED, sensors="adis16355", unit="calibrated", seed=seed, duration=duration)
+    assert made.imu.gyr is not None
+    gyr = made.imu.gyr + TURN_ON * stream(seed, "rod", "turn-on").standard_normal(3)
+    imu = with_rates(made.imu, gyr)
+    soft = run_stage(imu, Stage("ekf7", {}), frame=Frame.NED)
+    return Case(imu, with_rates(imu, gyr - gyr[:STARTS].mean(axis=0)), made.truth, made.noise, soft)
+
+
+def with_rates(imu: ImuData, gyr: Floats) -> ImuData:
+    """Samples with other rates (N, 3), rad/s."""
+    return imu.corrected(meta=imu.meta, gyr=gyr)
+
+
+Way = Callable[[Case], Floats]
+"""From a seed to attitudes (N, 4)."""
+
+
+def _filtered(
+    filter: str, params: Mapping[str, Any] | None = None, *, started: bool = False, card: bool = False
+) -> Way:
+    """A filter of Plumbob, with a user's parameters or the unit's noise card."""
+
+    def way(one: Case) -> Floats:
+        stage = Stage(filter, params or {}, noise=one.noise if card else None)
+        return run_stage(one.started if started else one.imu, stage, frame=Frame.NED).q_nb
+
+    return way
+
+
+def _literal(acc_g: float = 0.1, *, started: bool = False, **form: bool) -> Way:
+    """The paper's equations with one noise of the accelerometer, g, and with switches."""
+    return lambda one: literal.literal(one.started if started else one.imu, g(acc_g), Form(**form)).q_nb
+
+
+def _switched(one: Case) -> Floats:
+    """The paper's equations with two noises, at rest and in motion."""
+    return literal.literal(one.imu, np.where(one.rest, REST_SD, MOTION_SD)).q_nb
+
+
+@dataclass(frozen=True, eq=False)
+class Method:
+    """A way, and what it is called."""
+
+    name: Both
+    way: Way
+    ours: bool = False
+
+
+METHODS: Final[Mapping[str, Method]] = {
+    "accel": Method(Both("accelerometer only", "仅加速度计"), _filtered("tilt_compass")),
+    "gyro": Method(
+        Both("gyroscope only, start bias removed", "仅陀螺仪，扣除初始零偏"), _filtered("integrate", started=True)
+    ),
+    "gyro_kept": Method(Both("gyroscope only, bias kept", "仅陀螺仪，保留零偏"), _filtered("integrate")),
+    "r01": Method(Both("7-state filter, R = (0.1 g)²", "七状态滤波，R = (0.1 g)²"), _literal()),
+    "r003": Method(Both("7-state filter, R = (0.03 g)²", "七状态滤波，R = (0.03 g)²"), _literal(0.03)),
+    "r03": Method(Both("7-state filter, R = (0.3 g)²", "七状态滤波，R = (0.3 g)²"), _literal(0.3)),
+    "r1": Method(Both("7-state filter, R = (1 g)²", "七状态滤波，R = (1 g)²"), _literal(1.0)),
+    "hard": Method(Both("hard switch, P kept", "硬切换，P 不重置"), _filtered("ekf7", HARD)),
+    "hard_reset": Method(Both("hard switch, P set", "硬切换，P 重置"), _filtered("ekf7", {**HARD, "reset": True})),
+    "narrow": Method(
+        Both("hard switch, P kept, 1.7 °/s and 0.08 g", "硬切换，P 不重置，1.7 °/s 与 0.08 g"),
+        _filtered("ekf7", {**HARD, **NARROW}),
+    ),
+    "narrow_reset": Method(
+        Both("hard switch, P set, 1.7 °/s and 0.08 g", "硬切换，P 重置，1.7 °/s 与 0.08 g"),
+        _filtered("ekf7", {**HARD, **NARROW, "reset": True}),
+    ),
+    "soft": Method(
+        Both("soft switch: R 0.03 g at rest, 0.1 g in motion", "软切换：静止 R 0.03 g，运动 0.1 g"), _switched
+    ),
+    "ekf7": Method(Both("ekf7: soft switch without a step", "ekf7：连续软切换"), lambda one: one.soft.q_nb, ours=True),
+    "unpredicted": Method(
+        Both("no prediction of P, start bias removed", "无 P 预测，扣除初始零偏"),
+        _literal(started=True, predicted=False),
+    ),
+    "unpredicted_kept": Method(Both("no prediction of P, bias kept", "无 P 预测，保留零偏"), _literal(predicted=False)),
+    "unnormalised": Method(
+        Both("no normalisation, R = (0.3 g)²", "不归一化，R = (0.3 g)²"), _literal(0.3, normalised=False)
+    ),
+    "whole_angle": Method(Both("(10) without the half angle", "式（10）缺半角"), _literal(half_angle=False)),
+    "upside_down": Method(Both("(11) with the sign of gravity", "式（11）取重力符号"), _literal(specific_force=False)),
+    "mahony": Method(Both("mahony", "mahony"), _filtered("mahony")),
+    "vqf": Method(Both("vqf", "vqf"), _filtered("vqf")),
+    "mekf": Method(Both("mekf", "mekf"), _filtered("mekf"), ours=True),
+    "mekf_card": Method(Both("mekf, noise card", "mekf，噪声卡"), _filtered("mekf", card=True), ours=True),
+    "smoother": Method(Both("smoother, noise card", "平滑器，噪声卡"), _filtered("smoother", card=True), ours=True),
+}
+"""Rows of the table: first what the paper compares, then its filter, its switches, its misprints, and other filters."""
+
+
+def tilt_errors(q_est: Floats, q_true: Floats) -> Floats:
+    """Errors of roll and pitch (2, N), °: differences of Euler angles, which hold for a heading that drifts."""
+    error = wrap(euler_zyx_from_quat(q_est) - euler_zyx_from_quat(q_true))
+    return np.asarray(to_deg(error[:, [2, 1]].T))
+
+
+def leans(q_est: Floats, q_true: Floats) -> Floats:
+    """Angle between the estimated and the true vertical, (N,), °, which knows no gimbal lock."""
+    error = quat_multiply(q_est, quat_conjugate(q_true))
+    return np.asarray(to_deg(2.0 * np.arctan2(np.hypot(*error[:, 1:3].T), np.hypot(*error[:, [0, 3]].T))))
+
+
+class Score(NamedTuple):
+    """What one way gives of one seed, °.
+
+    Attributes
+    ----------
+    early, late : ndarray (2,)
+        Largest error of roll and pitch before and after the vibration begins.
+    rms : ndarray (2,)
+        Root mean square of both.
+    share : float
+        Share of the samples at which both are within 1°.
+    lean : float
+        Median angle of the vertical over the last tenth.
+    """
+
+    early: Floats
+    late: Floats
+    rms: Floats
+    share: float
+    lean: float
+
+    @property
+    def largest(self) -> float:
+        """Largest error of both angles over all."""
+        return float(max(self.early.max(), self.late.max(initial=0.0)))
+
+
+def score(t: Floats, q_est: Floats, q_true: Floats) -> Score:
+    """Score attitudes (N, 4) at times (N,), s, by the true ones."""
+    since = t - t[0]
+    e = np.abs(tilt_errors(q_est, q_true)[:, since >= SETTLE])
+    early = since[since >= SETTLE] < SHAKEN
+    lean = float(np.median(leans(q_est, q_true)[-len(t) // 10 :]))
+    return Score(
+        e[:, early].max(axis=1),
+        e[:, ~early].max(axis=1, initial=0.0),
+        np.sqrt((e**2).mean(axis=1)),
+        float((e <= LIMIT).all(axis=0).mean()),
+        lean,
+    )
+
+
+def jumps(q_est: Floats, q_true: Floats, rest: NDArray[np.bool_]) -> float:
+    """Largest change of the tilt error from one sample to the next about each begin and end of rest, °."""
+    error = quat_multiply(q_est, quat_conjugate(q_true))
+    turned = np.linalg.norm(np.diff(quat_rotate(error, np.array([0.0, 0.0, -1.0])), axis=0), axis=1)
+    switches = np.flatnonzero(np.diff(rest.astype(np.int64)))
+    near = np.unique((switches[:, np.newaxis] + [-1, 0, 1]).ravel())
+    near = near[(near >= 0) & (near < turned.size)]
+    return float(to_deg(turned[near].max(initial=0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Scores of every way over the seeds, and the jumps of the soft and the hard switch, °."""
+
+    scores: Mapping[str, Sequence[Score]]
+    jumps: Mapping[str, Sequence[float]]
+    rested: Sequence[float]
+
+    def early(self, key: str) -> Floats:
+        """Mean over the seeds of the largest error of roll and pitch before the vibration, (2,), °."""
+        return np.asarray(np.mean([one.early for one in self.scores[key]], axis=0))
+
+    def late(self, key: str) -> Floats:
+        """The same after it has begun."""
+        return np.asarray(np.mean([one.late for one in self.scores[key]], axis=0))
+
+    def share(self, key: str) -> float:
+        """Share of all samples within 1°."""
+        return float(np.mean([one.share for one in self.scores[key]]))
+
+    def rms(self, key: str) -> float:
+        """Root mean square of roll and pitch over all seeds, the larger one, °."""
+        return float(np.sqrt(np.mean([one.rms**2 for one in self.scores[key]], axis=0)).max())
+
+    def largest(self, key: str) -> Floats:
+        """Largest error of each seed, (seeds,), °."""
+        return np.array([one.largest for one in self.scores[key]])
+
+    def kept(self, key: str) -> float:
+        """Share of the seeds whose largest error is within 1°."""
+        return float(np.mean(self.largest(key) <= LIMIT))
+
+
+def measure(
+    seeds: Sequence[int],
+    *,
+    keys: Sequence[str] = tuple(METHODS),
+    duration: float = 600.0,
+    progress: Callable[[int], None] = lambda done: None,
+) -> Table:
+    """Run every way on every seed."""
+    scores: dict[str, list[Score]] = {key: [] for key in keys}
+    found: dict[str, list[float]] = {"ekf7": [], "hard": [], "hard_reset": []}
+    rested = []
+    for done, seed in enumerate(seeds):
+        progress(done)
+        one = case(seed, duration)
+        for key in keys:
+            q_nb = METHODS[key].way(one)
+            scores[key].append(score(one.imu.t, q_nb, one.truth.q_nb))
+            if key in found:
+                found[key].append(jumps(q_nb, one.truth.q_nb, one.rest))
+        rested.append(float(one.rest.mean()))
+    return Table(scores, found, rested)
+
+
+class Disturbance(NamedTuple):
+    """Something that the table's runs do not have."""
+
+    name: Both
+    on: Callable[[ImuData, AttitudeTrack], ImuData]
+
+
+def _same(imu: ImuData, _: AttitudeTrack) -> ImuData:
+    return imu
+
+
+def _scaled(share: float, imu: ImuData, _: AttitudeTrack) -> ImuData:
+    assert imu.acc is not None
+    return imu.corrected(meta=imu.meta, acc=imu.acc * (1.0 + share))
+
+
+def _driven(size: float, length: float, imu: ImuData, truth: AttitudeTrack) -> ImuData:
+    """With a steady acceleration northward from 200 s on."""
+    assert imu.acc is not None
+    on = (imu.t - imu.t[0] >= 200.0) & (imu.t - imu.t[0] < 200.0 + length)
+    pushed = quat_rotate(quat_conjugate(truth.q_nb), np.array([size, 0.0, 0.0]))
+    return imu.corrected(meta=imu.meta, acc=imu.acc + on[:, np.newaxis] * pushed)
+
+
+DISTURBANCES: Final = (
+    Disturbance(Both("as in the table", "同上表"), _same),
+    Disturbance(Both("accelerometer reads 2 % too much", "加速度计标度因数误差 +2 %"), partial(_scaled, 0.02)),
+    Disturbance(Both("0.05 g for 5 s", "持续加速度 0.05 g，5 s"), partial(_driven, g(0.05), 5.0)),
+    Disturbance(Both("0.1 g for 10 s", "持续加速度 0.1 g，10 s"), partial(_driven, g(0.1), 10.0)),
+)
+"""What papers.md names as the limits of the test: sustained acceleration, and an error of scale."""
+DISTURBED: Final[Mapping[str, Method]] = {
+    "r01": METHODS["r01"],
+    "length_free": Method(Both("the same, not normalised", "同上，不归一化"), _literal(normalised=False)),
+    "carried": Method(Both("the same, P carried with q", "同上，P 随 q 转换"), _literal(carried=True)),
+    "ekf7": METHODS["ekf7"],
+    "mekf_card": METHODS["mekf_card"],
+    "smoother": METHODS["smoother"],
+}
+"""Ways that are tried under them."""
+
+
+def disturbed(one: Case, what: Disturbance) -> list[float]:
+    """Largest error of each of `DISTURBED`, °, under a disturbance."""
+    imu = what.on(one.imu, one.truth)
+    soft = run_stage(imu, Stage("ekf7", {}), frame=Frame.NED)
+    changed = Case(imu, one.started, one.truth, one.noise, soft)
+    return [score(imu.t, one_way.way(changed), one.truth.q_nb).largest for one_way in DISTURBED.values()]
