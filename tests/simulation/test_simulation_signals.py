@@ -8,7 +8,6 @@ from plumbob.simulation.signals import (
     Driven,
     Mixed,
     Moves,
-    Piecewise,
     Polynomial,
     Ramps,
     Sine,
@@ -18,7 +17,6 @@ from plumbob.simulation.signals import (
     constant,
     cycloid,
     quintic,
-    sinusoid,
     stroke,
 )
 
@@ -42,7 +40,6 @@ SIGNALS = {
     "driven": Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
     "mixed": Mixed(WAVES3, RNG.normal(size=(2, 3))),
     "sine": Sine(WAVES),
-    "piecewise": Piecewise((5.0,), (sinusoid(1.0, 0.4), Polynomial((0.0, 1.0, 2.0)))),
 }
 
 
