@@ -1,26 +1,46 @@
-"""Records for the tests of the trackball paper: its unit at rest and on its turntable, and the filters that compete."""
+"""Records for the trackball paper's tests: its unit at rest and on its turntable, and the filters that compete.
+
+Statistics over many seeds are simulated directly; the same noise, as a card, goes into the rig whose bytes are recorded.
+"""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.units import dps, to_si
+from plumbob.core.units import deg, dps, to_si
+from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.filters.channel import RateFilter
 from plumbob.filters.channel_average import same_noise
 from plumbob.filters.channel_scalar import params_of, steady_gain
 from plumbob.rotations import Frame
 from plumbob.simulation import Module, Scenario, TriadErrors, scenario, simulate
 
-RATIOS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)
+RATIOS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)
 """Q/R of the scalar filter; the paper gives neither Q nor R."""
-STEP = 0.1
+AT_REST: Final = 1e-3
+"""Q/R at which the bars of the test at rest are set, and Figures 1 to 3 are drawn."""
+IN_MOTION: Final = 1e-2
+"""Q/R with which Figures 4 and 5 are drawn: a smaller one lags by more."""
+STEP: Final = 0.1
 """Sampling time of both tests, s [Chen2013]."""
-WHITE = dps(0.1)
+SAMPLES: Final = 1000
+"""Of each record, 100 s [Chen2013]."""
+SLOPE: Final = deg(0.6)
+"""Angular acceleration while the table speeds up, rad/s²: 10 r/min in 100 s [Chen2013]."""
+PEAK: Final = dps(60.0)
+"""Rate that is held, 10 r/min [Chen2013]."""
+WHITE: Final = dps(0.1)
 """White noise of one sample, rad/s: assumed, as the paper's figures are lost."""
-FLICKER = to_si(36.0, "deg/h")
+FLICKER: Final = to_si(36.0, "deg/h")
 """Bias instability, rad/s: assumed too."""
+WALK: Final = dps(5e-4)
+"""Random walk of the bias in the long record, rad/s/√s: assumed, it shows from some 100 s on."""
+BIAS: Final = dps(1.5)
+"""Turn-on bias of the simulated units, rad/s: what the paper's compensation takes off."""
+
+_OTHER_SEEDS = 1_000_000  # the stretch at rest that gives the bias has noise of its own
 
 
 class Record(NamedTuple):
@@ -44,6 +64,12 @@ class Contender(NamedTuple):
         return RateFilter(self.filter, channels=rate.shape[1], params=self.params).process(t, rate).rate
 
 
+def noise_card() -> NoiseCard:
+    """Noise of the rig's unit: white noise of `WHITE` per sample, and `FLICKER`."""
+    noise = TriadNoise(_each(WHITE * np.sqrt(STEP)), _each(FLICKER), np.zeros(3))
+    return NoiseCard("mpu3050", "assumed for the trackball paper: 0.1 °/s per sample at 10 Hz, 36 °/h", gyr=noise)
+
+
 def at_rest(seed: int, duration: float, *, flicker: float = FLICKER, walk: float = 0.0, bias: float = 0.0) -> Record:
     """Three channels of the unit at rest.
 
@@ -60,18 +86,24 @@ def at_rest(seed: int, duration: float, *, flicker: float = FLICKER, walk: float
     return _record(scenario("static"), errors, seed, duration)
 
 
-def on_turntable(seed: int, *, scale: float, bias: float) -> Record:
-    """Record the paper's turntable, up to 60 °/s in 100 s and 100 s at that rate; z is its axis.
+def on_turntable(seed: int, *, scale: float) -> tuple[Record, Record]:
+    """Record the paper's turntable, up to 60 °/s in 100 s and 100 s at that rate, z its axis; and a rest before it.
 
     Parameters
     ----------
     seed : int
         Of the noise.
-    scale, bias : float
-        Relative error of the gain, and turn-on bias, rad/s.
+    scale : float
+        Relative error of the gain.
+
+    Returns
+    -------
+    rest, turn : Record
+        With the bias `BIAS`.
     """
-    errors = TriadErrors(white_sd=_each(WHITE), flicker=_each(FLICKER), scale=_each(scale), bias=_each(bias))
-    return _record(scenario("turntable"), errors, seed, None)
+    errors = TriadErrors(white_sd=_each(WHITE), flicker=_each(FLICKER), scale=_each(scale), bias=_each(BIAS))
+    rest = at_rest(seed + _OTHER_SEEDS, SAMPLES * STEP, bias=BIAS)
+    return rest, _record(scenario("turntable"), errors, seed, None)
 
 
 def scalar_filter(ratio: float) -> Contender:
@@ -87,12 +119,22 @@ def average_like(ratio: float) -> Contender:
     return Contender(f"average of {length}", 0.5 * (length - 1), "moving_average", {"samples": float(length)})
 
 
+def two_state() -> Contender:
+    """Filter with two states, as Plumbob recommends where a rate must be smooth."""
+    return Contender("two states", 0.0, "two_state", {"noise": WHITE})
+
+
+def unfiltered() -> Contender:
+    """Moving average of a single sample, which changes nothing."""
+    return Contender("unfiltered", 0.0, "moving_average", {"samples": 1.0})
+
+
 def contenders() -> Iterator[Contender]:
     """Every filter of the turntable: each scalar one, its moving average, and the one with two states."""
     for ratio in RATIOS:
         yield scalar_filter(ratio)
         yield average_like(ratio)
-    yield Contender("two states", 0.0, "two_state", {"noise": WHITE})
+    yield two_state()
 
 
 def _each(size: float) -> Floats:
