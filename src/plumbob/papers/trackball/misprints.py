@@ -47,10 +47,12 @@ def warmed(coefficient: float, seed: int) -> Warmed:
     tests = [_warming(coefficient, seed + 1 + k, SAMPLES * STEP) for k in range(RUNS)]
     raw = [one.usable("gyr")[-LAST:] for one in tests]
     printed = [model.compensate(one.usable("gyr"), one.temp_c)[-LAST:] for one in tests]
-    still = ImuData(t=[0.0, STEP], gyr=_true(coefficient, np.full(2, WARM[1])), temp_c=[WARM[1]] * 2, meta=soak.meta)
+    still = ImuData(
+        t=np.array([0.0, STEP]), gyr=_true(coefficient, np.full(2, WARM[1])), temp_c=np.full(2, WARM[1]), meta=soak.meta
+    )
     own = apply_card(card, still).usable("gyr")
     assert card.gyr is not None
-    return Warmed(*(float(np.mean(of)) for of in (raw, printed, own)), float(card.gyr.bias_per_k[0, 0]))
+    return Warmed(float(np.mean(raw)), float(np.mean(printed)), float(np.mean(own)), float(card.gyr.bias_per_k[0, 0]))
 
 
 def _true(coefficient: float, temp_c: Floats) -> Floats:
@@ -82,7 +84,7 @@ def in_metres() -> float:
 
 
 def one_number_for_a_matrix(seed: int) -> tuple[float, float]:
-    """What is left of the g-sensitivity of a drawn MPU-3050 on its six faces, rms, rad/s, by 0.1 a and by its matrix."""
+    """What is left of a drawn unit's g-sensitivity on its six faces, rms, rad/s, by 0.1 a and by its own matrix."""
     from plumbob.simulation import draw_module
 
     unit = draw_module("mpu3050", seed).gyr
@@ -96,9 +98,9 @@ def one_number_for_a_matrix(seed: int) -> tuple[float, float]:
 
 def gain_error(share: float = 0.01) -> tuple[float, float]:
     """What an error of the gain, which (5) takes for zero, costs at 60 °/s, rad/s: before and after the filter."""
-    held = np.full(2 * SAMPLES, (1.0 + share) * PEAK)
-    t = STEP * np.arange(held.size)
-    return share * PEAK, float(scalar_filter(1e-2).smooth(t, held[:, np.newaxis])[-1, 0] - PEAK)
+    held = np.full((2 * SAMPLES, 1), (1.0 + share) * PEAK)
+    t = np.asarray(STEP * np.arange(held.size), dtype=np.float64)
+    return share * PEAK, float(scalar_filter(1e-2).smooth(t, held)[-1, 0] - PEAK)
 
 
 def allan_as_printed(rate: Floats, n: int) -> float:

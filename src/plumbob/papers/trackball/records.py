@@ -1,6 +1,6 @@
 """Records for the trackball paper's tests: its unit at rest and on its turntable, and the filters that compete.
 
-Statistics over many seeds are simulated directly; the same noise, as a card, goes into the rig whose bytes are recorded.
+Statistics over many seeds are simulated directly; the same noise, as a card, goes into the rig that is recorded.
 """
 
 from collections.abc import Iterator

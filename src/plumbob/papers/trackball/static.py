@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from plumbob.core.check import Floats
 from plumbob.filters.channel_scalar import steady_gain
@@ -61,22 +62,18 @@ class Long(NamedTuple):
     flicker: float
 
 
-class Fits(NamedTuple):
-    """Fits of the five powers of τ to the eight Allan variances of many records.
+class Fit(NamedTuple):
+    """Fits of five powers of τ to eight Allan variances of one channel.
 
     Attributes
     ----------
-    condition : float
-        Of the matrix of the plain fit.
-    negative, weighted_negative : float
-        Share of the records in which a coefficient is negative, by the plain fit and by the weighted one.
+    measured : ndarray (8,)
+        Allan variances, (rad/s)².
     plain, weighted : ndarray (5,)
-        A₋₂ to A₂ of the first record, (rad/s)² times s to the opposite power.
+        A₋₂ to A₂, (rad/s)² times s to the opposite power: by plain least squares, and weighted, none below zero.
     """
 
-    condition: float
-    negative: float
-    weighted_negative: float
+    measured: Floats
     plain: Floats
     weighted: Floats
 
@@ -140,34 +137,31 @@ def measure_long(seeds: Sequence[int]) -> Long:
     assert found is not None
     raw = np.mean(before, axis=0)
     terms = found.terms
-    return Long(
-        np.sqrt(np.mean(after, axis=0) / raw), np.sqrt(raw), terms["N"].value, terms["B"].value
-    )
+    return Long(np.sqrt(np.mean(after, axis=0) / raw), np.sqrt(raw), terms["N"].value, terms["B"].value)
 
 
-def powers(taus: Sequence[float] = TAUS) -> Floats:
+def powers(taus: ArrayLike = TAUS) -> Floats:
     """Columns τⁿ, n = −2 to 2, of the paper's least squares, (8, 5) [Chen2013] (14)."""
     return np.asarray(np.power.outer(np.asarray(taus), np.arange(-2.0, 3.0)))  # [Chen2013] (14)
 
 
-def measure_fits(seeds: Sequence[int]) -> Fits:
-    """Both fits of the first channel of the paper's record, for each seed."""
-    columns, n = powers(), np.array(factors(TAUS))
-    plain, weighted = [], []
-    for seed in seeds:
-        rest = np.ascontiguousarray(at_rest(seed, SAMPLES * STEP).measured[:, 0])
-        variances = deviation(rest, n, "adev") ** 2
-        plain.append(np.linalg.lstsq(columns, variances, rcond=None)[0])
-        weighted.append(fit_weighted(rest))
-    negative, other = (float(np.mean((np.array(a) < 0.0).any(axis=1))) for a in (plain, weighted))
-    return Fits(float(np.linalg.cond(columns)), negative, other, plain[0], weighted[0])
-
-
-def fit_weighted(rate: Floats) -> Floats:
-    """A₋₂ to A₂ (5,) of a channel (N,) from the same eight times: weighted by degrees of freedom, none below zero."""
+def fit(rate: Floats) -> Fit:
+    """Both fits of a channel (N,); the weights are those of the degrees of freedom."""
+    measured = deviation(rate, factors(TAUS), "adev") ** 2
+    plain = np.asarray(np.linalg.lstsq(powers(), measured, rcond=None)[0], dtype=np.float64)
     terms = least_squares(curve(rate, STEP, np.array(factors(TAUS)))).terms
     found = {term.power: terms[letter].value ** 2 * term.share for letter, term in TERMS.items() if letter in terms}
-    return np.array([found.get(power, 0.0) for power in range(-2, 3)])
+    return Fit(measured, plain, np.array([found.get(power, 0.0) for power in range(-2, 3)]))
+
+
+def measure_fits(seeds: Sequence[int]) -> tuple[float, float]:
+    """Share of the records in which a coefficient is negative, by the plain fit and by the weighted one."""
+    fits = [fit(np.ascontiguousarray(at_rest(seed, SAMPLES * STEP).measured[:, 0])) for seed in seeds]
+    plain, weighted = (
+        float(np.mean([(of < 0.0).any() for of in kind]))
+        for kind in ([one.plain for one in fits], [one.weighted for one in fits])
+    )
+    return plain, weighted
 
 
 def _squares(rate: Floats) -> Floats:

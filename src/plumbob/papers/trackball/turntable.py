@@ -104,5 +104,6 @@ def _figures(rate: Floats, true: Floats, given: Floats) -> Floats:
 
 
 def _result(name: str, row: Floats, lag: float) -> OnTurntable:
-    squares, others = row[:3], row[3:].tolist()
-    return OnTurntable(name, *np.sqrt(squares).tolist(), *others, lag_theory=lag)
+    ramp, hold, late = np.sqrt(row[:3]).tolist()
+    ramp_mean, hold_mean, angle, measured = row[3:].tolist()
+    return OnTurntable(name, ramp, hold, late, ramp_mean, hold_mean, angle, measured, lag)
