@@ -27,6 +27,7 @@ from plumbob.papers.trackball.records import (
     contenders,
     noise_card,
     on_turntable,
+    operations,
     scalar_filter,
 )
 from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
@@ -308,6 +309,11 @@ def test_same_seeds_same_figures(tmp_path):
         work.folder.mkdir()
     first, second = (recorded.rest(work) for work in works)
     assert first.after.tobytes() == second.after.tobytes()
+
+
+def test_a_sample_of_the_scalar_filter_takes_nine_operations():
+    """(9) three, (10) two for Q Δt, (11) two, (12) two [Chen2013]."""
+    assert operations() == 9
 
 
 def test_a_gain_that_is_none_has_no_theory():

@@ -13,4 +13,4 @@ def test_every_bar_is_met(tmp_path, seed):
     found = run(Work(tmp_path, seed=seed, progress=lambda what, done, of: steps.append((done, of))))
     assert [one.key for one in found.outcomes if not one.met] == []
     assert steps == [(k, len(steps)) for k in range(len(steps))]
-    assert "The ball's track" in found.report.page()
+    assert "track on its sphere" in found.report.page()

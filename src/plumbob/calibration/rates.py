@@ -28,6 +28,7 @@ from plumbob.session.estimated import recording_of
 DRIFTS: Final[Mapping[str, Callable[[], GyroDrift]]] = {"chen2013": chen2013}
 """Drift models by name."""
 
+_OF_RATES = np.uint32(flags.GYR_HELD | flags.GYR_ABSENT | flags.GYR_CLIPPED | flags.GYR_INVALID | flags.GAP)
 _KEPT = np.uint32(flags.GYR_HELD | flags.TIME_FAULT)  # of the filter's flags; the others are the samples' own
 
 
@@ -79,7 +80,7 @@ class FilteredRates(Shown):
         """What a reader wants to know first, a line each."""
         lines = [f"calibration  {calibration_told(self.imu.meta.calibration)}"]
         lines += [f"{topic:12} {told}" for topic, _, told in (note.partition(": ") for note in self.notes)]
-        for name, count in flags.counts(self.imu.flags).items():
+        for name, count in flags.counts(self.imu.flags & _OF_RATES).items():
             share = 100.0 * count / len(self.imu)
             lines.append(f"flag         {name}: {counted(count, 'sample')} ({share:.2f} %)")
         return "\n".join(lines)

@@ -345,10 +345,11 @@ def _turntable(found: Found) -> Report:
         tables=tables,
         remarks=[
             Both(
-                "Every scalar filter, and the moving average of the same bandwidth beside it, is worse on the ramp "
-                "than the rate without any filter. The filter with two states has no lag.",
-                "匀加速时，所有标量滤波器以及同带宽的滑动平均都比不滤波更差；双状态（角速率、角加速度）滤波器没有滞"
-                "后。",
+                "Every scalar filter of the table, and the moving average of the same bandwidth beside it, is worse "
+                f"on the ramp than the rate without any filter; the best gain, K = {found.gain[0]:.2f}, leaves "
+                f"{to_dps(found.gain[1]):.3f} °/s. The filter with two states has no lag.",
+                f"匀加速时，表中所有标量滤波器以及同带宽的滑动平均都比不滤波更差；最佳增益 K = {found.gain[0]:.2f} 时"
+                f"为 {to_dps(found.gain[1]):.3f} °/s。双状态（角速率、角加速度）滤波器没有滞后。",
             ),
             Both(
                 "The axis of rotation is the rig's z axis; the paper names x.", "模拟装置的转轴为 z 轴，论文记为 x 轴。"

@@ -4,16 +4,18 @@ Statistics over many seeds are simulated directly; the same noise, as a card, go
 """
 
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps, to_si
 from plumbob.data.cards import NoiseCard, TriadNoise
+from plumbob.filters import channel_scalar
 from plumbob.filters.channel import RateFilter
 from plumbob.filters.channel_average import same_noise
 from plumbob.filters.channel_scalar import params_of, steady_gain
+from plumbob.filters.layout import OWN
 from plumbob.rotations import Frame
 from plumbob.simulation import Module, Scenario, TriadErrors, scenario, simulate
 
@@ -135,6 +137,45 @@ def contenders() -> Iterator[Contender]:
         yield scalar_filter(ratio)
         yield average_like(ratio)
     yield two_state()
+
+
+class _Counting(float):
+    """Number that counts how often it and what is made of it was added, multiplied or divided."""
+
+    done = 0
+
+    def _made(self, value: float) -> "_Counting":
+        type(self).done += 1
+        return _Counting(value)
+
+    def __add__(self, other: float) -> "_Counting":
+        return self._made(float(self) + float(other))
+
+    def __sub__(self, other: float) -> "_Counting":
+        return self._made(float(self) - float(other))
+
+    def __rsub__(self, other: float) -> "_Counting":
+        return self._made(float(other) - float(self))
+
+    def __mul__(self, other: float) -> "_Counting":
+        return self._made(float(self) * float(other))
+
+    def __truediv__(self, other: float) -> "_Counting":
+        return self._made(float(self) / float(other))
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def operations() -> int:
+    """How many additions, multiplications and divisions the scalar filter takes for a sample, the first one aside."""
+    params = channel_scalar.Params()
+    c = [_Counting(value) for value in channel_scalar.coefficients(params)]
+    x = [_Counting(0.0) for _ in range(OWN + channel_scalar.own_state(params))]
+    step: Any = getattr(channel_scalar.step, "py_func", channel_scalar.step)  # as it was before it was compiled
+    step(c, x, _Counting(STEP), _Counting(0.1))
+    _Counting.done = 0
+    step(c, x, _Counting(STEP), _Counting(0.2))
+    return _Counting.done
 
 
 def _each(size: float) -> Floats:
