@@ -74,8 +74,8 @@ def counted_twice() -> float:
     """What is left at 45 °C of a part with exactly 0.1 °/s per °C where (5) takes A_x, which holds the temperature."""
     warmer = WARM[1] - WARM[0]
     drift = chen2013().bias_per_k[0] * warmer
-    contained = drift  # [Chen2013] (2): A_x = A_x0 + i + ΔA_t
-    return float(drift - (contained + drift))  # departs from [Chen2013] (5) in the corrected form: A_x0 stands for A_x
+    contained = drift  # [Chen2013] (2): A_x0 + i + ΔA_t
+    return float(drift - (contained + drift))  # [Chen2013] (5): as printed
 
 
 def in_metres() -> float:
@@ -115,7 +115,7 @@ def allan_as_printed(rate: Floats, n: int) -> float:
     """
     m = rate.size // n
     means = rate[: m * n].reshape(m, n).mean(axis=1)
-    return float(np.sqrt(np.sum(means[:-1] ** 2) / (2.0 * (m - 1))))  # [Chen2013] (13), as printed
+    return float(np.sqrt(np.sum(means[:-1] ** 2) / (2.0 * (m - 1))))  # [Chen2013] (13): as printed
 
 
 class PrintedAllan(NamedTuple):

@@ -291,7 +291,7 @@ def _composition(found: Found) -> Report:
             ),
             Both(
                 "The paper's list names the rate random walk (RRW) twice; the second one is the rate ramp (RR). "
-                "Sinusoidal noise is no power of τ: 'plumbob allan' finds it as a line of the spectrum. No "
+                "Sinusoidal noise is not a power of τ: 'plumbob allan' finds it as a line of the spectrum. No "
                 "coefficient may be read off a curve that a filter has bent.",
                 "论文列表中“RRW”出现两次，第二个应为速率斜坡（RR）；正弦噪声不是 τ 的幂次，“plumbob allan” 以谱线形式"
                 "识别。滤波后弯曲的曲线上不能读取系数。",
