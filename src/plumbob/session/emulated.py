@@ -79,7 +79,7 @@ def emulate(
     reference : str, optional
         Parts of a rig's reference instead of its own; "ideal" says exactly what is true.
     unit : {"random", "calibrated"}
-        As of `plumbob.simulate`; a reference keeps its errors, for they are its accuracy.
+        As of `plumbob.simulate`; a reference keeps its errors, because they are its accuracy.
     noise : NoiseCard, str, path, or mapping, optional
         N, B and K of the units that measure, instead of their own: a card for all of them, or cards by the prefix of
         their fields.
