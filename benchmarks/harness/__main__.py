@@ -1,6 +1,6 @@
-"""What Plumbob promises, measured: filters under faults, a gyroscope channel, calibrations, rooms, decoders.
+"""What Plumbob promises, measured: filters under faults, calibrations, rooms, decoders.
 
-Run: python -m benchmarks.harness faults|channel|calibration|rooms|decoders [options]
+Run: python -m benchmarks.harness faults|calibration|rooms|decoders [options]
 """
 
 import argparse
@@ -30,7 +30,6 @@ def build_parser(_words: Sequence[str] = ()) -> argparse.ArgumentParser:
     )
     kinds = parser.add_subparsers(dest="verb", metavar="KIND", required=True)
     _add_faults(kinds)
-    _add_channel(kinds)
     _add_calibration(kinds)
     _add_rooms(kinds)
     _add_decoders(kinds)
@@ -58,18 +57,6 @@ def _add_faults(kinds: common.Adder) -> None:
     p.add_argument("--list", action="store_true", help="list the cases with what they inject")
     common.add_json(p)
     p.set_defaults(run=run_faults)
-
-
-def _add_channel(kinds: common.Adder) -> None:
-    p = kinds.add_parser(
-        "channel",
-        help="the trackball paper's filter of a gyroscope channel, at rest and on a turntable",
-        description="Repeat the trackball paper's tests of its rate filter on simulated data, beside a moving average "
-        "and a filter with two states, and print noise, lag, angle, and what long averaging shows.",
-    )
-    add_seeds(p)
-    common.add_json(p)
-    p.set_defaults(run=run_channel)
 
 
 def _add_calibration(kinds: common.Adder) -> None:
@@ -157,18 +144,6 @@ def run_faults(args: argparse.Namespace) -> int:
     arguments = fault_cases.ARGUMENTS in wanted or not wanted
     with told(first) as advance:
         return show(measure_faults(contenders, first, arguments=arguments, absent=absent, progress=advance), args)
-
-
-def run_channel(args: argparse.Namespace) -> int:
-    """Do it on a gyroscope channel."""
-    from benchmarks.harness.channel import PARTS, measure_channel
-    from plumbob.filters.channel import channel_names
-
-    seeds = seeds_of(args)
-    common.warn_of_compiling([f"channel_{name}" for name in channel_names()])
-    with common.progress(f"{args.seeds} seeds", PARTS * args.seeds) as advance:
-        result = measure_channel(seeds, progress=advance)
-    return show(result, args)
 
 
 def run_calibration(args: argparse.Namespace) -> int:

@@ -59,6 +59,7 @@ from plumbob.core.version import __version__
 if TYPE_CHECKING:
     from plumbob import arm, array
     from plumbob.calibration.calibrate import calibrate
+    from plumbob.calibration.rates import filter_rates
     from plumbob.cli.info import info
     from plumbob.core import errors, flags, units
     from plumbob.core.docs import docs
@@ -133,6 +134,7 @@ _HOME = {
     "evaluate": "evaluation",
     "export": "session.recorded",
     "filter_names": "filters",
+    "filter_rates": "calibration.rates",
     "find_format": "protocols.find",
     "info": "cli.info",
     "load_session": "session.session_toml",
@@ -190,6 +192,7 @@ __all__ = [
     "evaluate",
     "export",
     "filter_names",
+    "filter_rates",
     "find_format",
     "flags",
     "info",

@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 SOURCES = (ROOT / "src").rglob("*.py")
 CITED = re.compile(r"""guide\(["']([^"']+)["']\)""")
-NOT_PRINTED = {"channel.md": "of longer records", "noise.md": "of an hour", "own-csv.md": "a file, tested below"}
+NOT_PRINTED = {"noise.md": "of an hour", "own-csv.md": "a file, tested below"}
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

@@ -93,6 +93,23 @@ def test_turntable_is_the_gyroscope_paper_s():
     assert yaw[200] / DEG == pytest.approx(3000.0, rel=1e-12)
 
 
+def test_turntable_may_rest_before_it_starts():
+    t = np.array([0.0, 9.9, 60.0, 110.0, 200.0])
+    rate = truth("turntable", t, lead=10.0).rate_b[:, 2]
+    np.testing.assert_allclose(rate / DEG, [0.0, 0.0, 30.0, 60.0, 60.0], atol=1e-12)
+    assert scenario("turntable", lead="10 s").duration == 210.0
+
+
+def test_the_ball_rolls_about_its_own_axis_while_that_leans():
+    """In one lean to and fro of 50 s it rolls round 8 1/3 times at 60 °/s; its track reaches 30° to its x axis."""
+    t = np.arange(0.0, 100.0, 0.05)
+    body = truth("ball", t, lead=0.0)
+    down_b = body.in_body([0.0, 0.0, 1.0])
+    assert math.degrees(np.arcsin(np.abs(down_b[:, 0]).max())) == pytest.approx(60.0, abs=0.1)
+    np.testing.assert_allclose(body.rate_b[t > 5.0, 0] / DEG, 60.0, atol=1e-12)
+    assert not truth("ball", [0.0, 3.0], lead=4.0).rate_b.any()
+
+
 def test_ratetable_spins_each_face_both_ways_about_the_vertical():
     plan = scenario("ratetable", peak_rate="80 deg/s", hold="4 s", ramp="1 s", remount="3 s")
     # a face: 4 s at rest, six times ramp and hold, a ramp to rest; then it is turned to the next
@@ -266,7 +283,7 @@ def test_text_with_a_unit_is_understood():
 @pytest.mark.parametrize(
     ("name", "parameters", "rule"),
     [
-        ("sailing", {}, "known are static, turntable, ratetable, slide, buoy, rod, fin, arm, coning"),
+        ("sailing", {}, "known are static, turntable, ball, ratetable, slide, buoy, rod, fin, arm, coning"),
         ("slide", {"speed": 1.0}, "no parameter 'speed'; known are peak_speed, stroke"),
         ("slide", {"stroke": 0.0}, "stroke must be 0.05 to 60 s"),
         ("slide", {"strokes": 2.5}, "whole number"),

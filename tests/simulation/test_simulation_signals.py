@@ -8,7 +8,6 @@ from plumbob.simulation.signals import (
     Driven,
     Mixed,
     Moves,
-    Piecewise,
     Polynomial,
     Ramps,
     Sine,
@@ -19,7 +18,6 @@ from plumbob.simulation.signals import (
     constant,
     cycloid,
     quintic,
-    sinusoid,
     stroke,
 )
 
@@ -44,7 +42,6 @@ SIGNALS = {
     "mixed": Mixed(WAVES3, RNG.normal(size=(2, 3))),
     "sine": Sine(WAVES),
     "warm-up": WarmUp(15.0, 3.0),
-    "piecewise": Piecewise((5.0,), (sinusoid(1.0, 0.4), Polynomial((0.0, 1.0, 2.0)))),
 }
 
 

@@ -249,18 +249,8 @@ def add_mount(kinds: common.Adder) -> None:
 
 def find_mount(args: argparse.Namespace) -> int:
     """Do it."""
-    level, raised = (None if text is None else _span(text) for text in (args.level, args.raised))
+    level, raised = (None if text is None else common.span(text) for text in (args.level, args.raised))
     return capture.find(args, "mount", (args.reference, args.estimate), level=level, raised=raised)
-
-
-def _span(text: str) -> tuple[float, float]:
-    from plumbob.core.errors import ParameterError
-    from plumbob.core.units import Quantity, parse
-
-    first, dots, last = text.partition("..")
-    if not dots:
-        raise ParameterError(f"a span is written as 0s..5s, but it is '{text}'.")
-    return parse(first, Quantity.TIME), parse(last, Quantity.TIME)
 
 
 def add_statictest(kinds: common.Adder) -> None:

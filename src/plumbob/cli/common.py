@@ -218,6 +218,17 @@ def read(path: Path, profile: Path | None = None) -> "Recording":
     return recording
 
 
+def span(text: str) -> tuple[float, float]:
+    """Begin and end of a stretch of time, s, of ``0s..5s``."""
+    from plumbob.core.errors import ParameterError
+    from plumbob.core.units import Quantity, parse
+
+    first, dots, last = text.partition("..")
+    if not dots:
+        raise ParameterError(f"a span is written as 0s..5s, but it is '{text}'.")
+    return parse(first, Quantity.TIME), parse(last, Quantity.TIME)
+
+
 def add_force(parser: argparse.ArgumentParser) -> None:
     """Option --force."""
     parser.add_argument("--force", action="store_true", help="replace files that exist already; never an input")

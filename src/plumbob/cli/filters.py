@@ -28,18 +28,31 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.params import describe
-    from plumbob.filters import CommonParams, estimator_names, load
+    from plumbob.filters import CommonParams, channel, estimator_names, load
+    from plumbob.filters.known import RATE_FILTERS
 
+    if args.name in RATE_FILTERS:
+        listed = {args.name: _entry(channel.load(args.name), described=True)}
+        if args.json:
+            common.print_json({"rate_filters": listed})
+        else:
+            _print_entry(args.name, listed[args.name])
+        return 0
     names = estimator_names() if args.name is None else (args.name,)
     listed = {name: _entry(load(name), described=args.name is not None) for name in names}
     shared = [_row(p) for p in describe(CommonParams)]
+    of_rates = {} if args.name else {name: _entry(channel.load(name), described=False) for name in RATE_FILTERS}
     if args.json:
-        common.print_json({"filters": listed, "every_filter": shared})
+        common.print_json({"filters": listed, "every_filter": shared, "rate_filters": of_rates})
         return 0
     for name, entry in listed.items():
         _print_entry(name, entry)
     print("every filter takes also")
     _print_rows(shared)
+    if of_rates:
+        print("filters of rates, which give no attitude")
+    for name, entry in of_rates.items():
+        _print_entry(name, entry)
     return 0
 
 

@@ -24,7 +24,12 @@ def add_parser(verbs: common.Adder) -> None:
     )
     p.add_argument("file", type=Path, help="recording: .mcap, .parquet, .csv, .txt, BROAD .hdf5 or .mat")
     which = p.add_mutually_exclusive_group()
-    which.add_argument("--filter", metavar="NAME", help="one of 'plumbob filters'; default: smoother")
+    which.add_argument(
+        "--filter",
+        metavar="NAME",
+        help="one of 'plumbob filters'; default: smoother. A filter of rates (scalar, two_state, moving_average) gives "
+        "no attitude: --out is then the recording with its rates filtered",
+    )
     which.add_argument(
         "--causal", action="store_true", help="as a live system knows it: nothing later is used; as --lag 0s"
     )
@@ -41,6 +46,15 @@ def add_parser(verbs: common.Adder) -> None:
     common.add_unit(p)
     common.add_calibration(p)
     common.add_noise(p)
+    p.add_argument(
+        "--drift",
+        metavar="MODEL",
+        help="taken off before a filter of rates: chen2013, the trackball paper's figures, which are not those of your "
+        "unit; the model of that is a card (--calibration)",
+    )
+    p.add_argument(
+        "--rest", metavar="A..B", help="before a filter of rates: take the mean of this stretch off, as 0s..100s"
+    )
     p.add_argument("--out", type=Path, metavar="FILE", help="where to write the track (.parquet or .csv)")
     p.add_argument(
         "--card", type=Path, metavar="FILE", help="where to write the card with what was found of the gyroscope"
@@ -59,9 +73,13 @@ def add_parser(verbs: common.Adder) -> None:
 def run(args: argparse.Namespace) -> int:
     """Do it."""
     from plumbob.core.errors import ParameterError
-    from plumbob.filters.known import SMOOTHER
+    from plumbob.filters.known import RATE_FILTERS, SMOOTHER
     from plumbob.session.estimated import estimate
 
+    if args.filter in RATE_FILTERS:
+        return _rates(args)
+    if args.drift or args.rest:
+        raise ParameterError(f"--drift and --rest are for a filter of rates: --filter {', '.join(RATE_FILTERS)}.")
     stages = common.stages(args.filter or SMOOTHER, args.params)
     if len(stages) != 1:
         raise ParameterError("run takes one filter; to compare several use 'plumbob benchmark accuracy'.")
@@ -112,6 +130,42 @@ def run(args: argparse.Namespace) -> int:
         print(f"card         {args.card}")
     if args.report:
         print(f"page         {args.report}")
+    return 0
+
+
+_OF_ATTITUDES = ("frame", "init", "place", "date", "noise", "card", "report")
+"""Options that mean nothing for a filter of rates."""
+
+
+def _rates(args: argparse.Namespace) -> int:
+    """Filter the rates."""
+    from plumbob.calibration.rates import filter_rates
+    from plumbob.core.errors import ParameterError
+
+    if beside := [f"--{name}" for name in _OF_ATTITUDES if getattr(args, name) is not None]:
+        raise ParameterError(f"{', '.join(beside)}: {args.filter} gives no attitude. Leave it out.")
+    common.check_outputs(args, *common.with_profile(args.out), inputs=(args.file, args.profile, args.calibration))
+    common.warn_of_compiling([f"channel_{args.filter}"])
+    result = filter_rates(
+        args.file,
+        args.filter,
+        params=dict(common.pairs(args.params)),
+        drift=args.drift,
+        rest=None if args.rest is None else common.span(args.rest),
+        calibration=args.calibration,
+        profile=args.profile,
+        unit=args.unit,
+        out=args.out,
+        overwrite=args.force,
+    )
+    report = result.summary()
+    if args.json:
+        common.print_json({"file": str(args.file), "out": str(args.out) if args.out else None, **report})
+        return 0
+    print(f"{args.file}: {counted(report['samples'], 'sample')}, {report['duration_s']:.3f} s")
+    print(result.text())
+    if args.out:
+        print(f"written      {args.out}")
     return 0
 
 

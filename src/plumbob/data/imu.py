@@ -433,7 +433,7 @@ class ImuData(Series):
 
         Nothing is judged again, so that a part of a recording can be corrected as the whole. Flags stay, because
         they say what the sensor measured: a value at the end of its range is clipped, whatever a calibration makes of
-        it.
+        it. Absent alone is read from the new values: it means NaN.
 
         Parameters
         ----------
@@ -449,7 +449,9 @@ class ImuData(Series):
                 raise ShapeError(f"the recording has no {name} to correct, only {', '.join(self.triads)}.")
             state[name] = check.read_only(check.rows(name, value, 3, len(self)))
             absent, _, invalid = TRIAD_FLAGS[name]
-            found[np.isnan(state[name]).any(axis=1) & (self.flags & np.uint32(invalid) == 0)] |= absent
+            missing = np.isnan(state[name]).any(axis=1)
+            found[~missing] &= ~np.uint32(absent)
+            found[missing & (self.flags & np.uint32(invalid) == 0)] |= absent
         return self._like(state | {"flags": check.read_only(found)})
 
     @classmethod

@@ -1,7 +1,8 @@
 """Filters of one rate channel: a rate goes in, a smoother rate comes out, and no attitude is known.
 
-They are not attitude filters, and `filter_names` does not list them. What they are for: to show what smoothing a
-gyroscope does (its noise falls), and what it does not (its bias, its drift and its integral stay).
+They are not attitude filters, and `filter_names` does not list them; `plumbob.filter_rates` runs one on a recording.
+What they are for: to show what smoothing a gyroscope does (its noise falls), and what it does not (its bias, its drift
+and its integral stay).
 
 ================  ==================================================================
 name              file
@@ -31,13 +32,12 @@ from plumbob.core.constants import IMPOSSIBLE_RATE
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.params import build, describe, shown
 from plumbob.core.time import to_ns
+from plumbob.filters.known import RATE_FILTERS
 from plumbob.filters.layout import COUNT, OWN, RATE, tick
 
-_MODULES: Mapping[str, str] = {
-    "scalar": "channel_scalar",
-    "two_state": "channel_two_state",
-    "moving_average": "channel_average",
-}
+_MODULES: Mapping[str, str] = dict(
+    zip(RATE_FILTERS, ("channel_scalar", "channel_two_state", "channel_average"), strict=True)
+)
 
 
 class Smoothed(NamedTuple):
@@ -58,6 +58,9 @@ class Smoothed(NamedTuple):
 class ChannelModule(Protocol):
     """What the file of a channel filter must hold."""
 
+    SUMMARY: str
+    REFERENCES: tuple[str, ...]
+    NEEDS: tuple[str, ...]
     Params: Any
     step: Kernel[..., None]
 
@@ -210,7 +213,7 @@ class RateFilter:
 
 def channel_names() -> tuple[str, ...]:
     """Names that `RateFilter` accepts."""
-    return tuple(_MODULES)
+    return RATE_FILTERS
 
 
 def load(name: str) -> ChannelModule:

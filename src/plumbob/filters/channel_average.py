@@ -29,6 +29,10 @@ from plumbob.core.params import Spec
 from plumbob.core.units import Quantity
 from plumbob.filters.layout import OWN, RATE
 
+SUMMARY: Final = "moving average of each rate, the control of the same bandwidth"
+REFERENCES: Final = ("Chen2013",)
+NEEDS: Final = ("gyr",)
+
 LENGTH: Final = 0
 
 FILLED: Final = OWN

@@ -34,6 +34,10 @@ from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, dps
 from plumbob.filters.layout import BLIND, LEVEL, OWN, RATE, STAGE
 
+SUMMARY: Final = "scalar Kalman filter of each rate, a low-pass of first order with its lag"
+REFERENCES: Final = ("Chen2013",)
+NEEDS: Final = ("gyr",)
+
 Q: Final = 0
 R: Final = 1
 P0: Final = 2

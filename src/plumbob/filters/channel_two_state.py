@@ -31,6 +31,10 @@ from plumbob.core.params import Spec
 from plumbob.core.units import Quantity, deg, dps
 from plumbob.filters.layout import BLIND, LEVEL, OWN, RATE, STAGE
 
+SUMMARY: Final = "Kalman filter of each rate and its angular acceleration, without lag on a ramp"
+REFERENCES: Final = ("BarShalom2001", "Chen2013")
+NEEDS: Final = ("gyr",)
+
 DENSITY: Final = 0
 R: Final = 1
 START: Final = 2

@@ -28,6 +28,9 @@ _MODULES = (
 )
 
 
+RATE_FILTERS = ("scalar", "two_state", "moving_average")
+"""Filters of one rate channel, which give no attitude: `plumbob.filters.channel`."""
+
 SMOOTHER = "smoother"
 """What estimates where no filter is named: a whole recording, or a stream."""
 CAUSAL_LAG = "0 s"
@@ -52,6 +55,11 @@ def load(name: str) -> "FilterModule":
     ParameterError
         If there is no filter of that name.
     """
+    if isinstance(name, str) and name in RATE_FILTERS:
+        raise ParameterError(
+            f"'{name}' filters rates and gives no attitude: plumbob.filter_rates, or 'plumbob run --filter {name}', "
+            "gives samples, which a filter of attitudes may then take."
+        )
     if not isinstance(name, str) or name not in estimator_names():
         raise ParameterError(f"there is no filter {said(name)}; known are {', '.join(estimator_names())}.")
     place = "smoother.model" if name == SMOOTHER else name

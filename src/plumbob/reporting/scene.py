@@ -63,7 +63,7 @@ def policy() -> str:
 
 def scene_html(scene: Scene, lang: str) -> str:
     """Figure of a scene; the page that holds it needs `SCRIPT`, `STYLE` and `policy`."""
-    words = json.dumps(_data(scene), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    words = json.dumps(_data(scene, lang), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     data = words.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
     play, time = escape(said("play", lang)), escape(said("time", lang))
     return (
@@ -75,7 +75,7 @@ def scene_html(scene: Scene, lang: str) -> str:
     )
 
 
-def _data(scene: Scene) -> dict[str, Any]:
+def _data(scene: Scene, lang: str) -> dict[str, Any]:
     rows = _rows(scene.t)
     names = list(scene.points)
     return {
@@ -85,7 +85,7 @@ def _data(scene: Scene) -> dict[str, Any]:
         "shadow": [_rounded(scene.shadow[name][rows], _DIGITS) for name in names if name in scene.shadow],
         "lines": [[names.index(one), names.index(other)] for one, other in scene.lines],
         "trail": names.index(scene.trail) if scene.trail else -1,
-        "values": [[name, _rounded(values[rows], 1)] for name, values in scene.values.items()],
+        "values": [[said(name, lang), _rounded(values[rows], 1)] for name, values in scene.values.items()],
         "unit": scene.unit,
     }
 

@@ -343,7 +343,7 @@ def estimate(
     notes: list[str] = []
     written = None if out is None else check.path("out", out)
     native = written is not None and written.suffix.lower() == ".parquet"
-    label, source, imu = _recording_of(recording, profile, unit, whole=keep and not native)
+    label, source, imu = recording_of(recording, profile, unit, whole=keep and not native)
     stage = _stage(filter, causal, lag, Stage("", dict(params or {}), noise=_noise(noise), init=init))
     frame = navigation_frame(imu, None if frame is None else Frame.parse(frame), where=label)
 
@@ -444,10 +444,16 @@ def _kernel_of(name: str) -> str:
     return f"claiming_{name}" if name in filter_names() and claims_covariance(name) else f"batch_{name}"
 
 
-def _recording_of(
+def recording_of(
     given: str | Path | Recording | ImuData, profile: str | Path | None, unit: str | None, *, whole: bool
 ) -> tuple[str, Recording, ImuData]:
-    """What messages call it, the recording, and its samples."""
+    """What messages call it, the recording, and its samples.
+
+    Raises
+    ------
+    ShapeError
+        If it holds no sensor data.
+    """
     if isinstance(given, ImuData):
         given = unsaved(given, "the samples")
     if isinstance(given, Recording):

@@ -20,10 +20,10 @@ from plumbob.simulation.captures import Bands, Cone, Faces, LevelRing, Poses, Ra
 from plumbob.simulation.motion import ConingMotion, EulerMotion, Motion, Scenario, draw_sea, oscillator, require_whole
 from plumbob.simulation.signals import (
     Moves,
-    Piecewise,
     Polynomial,
     Ramps,
     Signal,
+    Sine,
     Sinusoids,
     Stack,
     Windowed,
@@ -93,6 +93,8 @@ class Turntable(Scenario):
 
     rate: ClassVar[float] = 10.0
 
+    lead: Annotated[float, Spec(Quantity.TIME, "rest before it starts", 0.0, 1e5)] = 0.0
+
     peak_rate: Annotated[
         float, Spec(Quantity.RATE, "rate that is held, clockwise from above", dps(0.01), dps(2000.0))
     ] = dps(60.0)
@@ -103,14 +105,40 @@ class Turntable(Scenario):
     @property
     def duration(self) -> float:
         """Time that it takes, s."""
-        return self.spin_up + self.hold
+        return self.lead + self.spin_up + self.hold
 
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Heading that is a parabola and then a line."""
-        start = Polynomial((0.0, 0.0, 0.5 * self.peak_rate / self.spin_up))
-        held = Polynomial((-0.5 * self.peak_rate * self.spin_up, self.peak_rate))
-        heading = Piecewise((0.0, self.spin_up), (_REST, start, held))
+        heading = Ramps((self.lead, self.lead + self.spin_up), (0.0, self.peak_rate))
         return EulerMotion(Frame.NED, Stack((heading, _REST, _REST)), lever_b=(-self.radius, 0.0, 0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ball(Scenario):
+    """Ball that is lapped between plates: it rolls about its x axis, which leans to and fro [Chen2013].
+
+    So the point that touches the lower plate goes round the ball, from circle to circle.
+    """
+
+    rate: ClassVar[float] = 10.0
+
+    lead: Annotated[float, Spec(Quantity.TIME, "rest before it starts", 0.0, 1e5)] = 0.0
+    spin_up: Annotated[float, Spec(Quantity.TIME, "time from rest to its full rates", 0.1, 1e4)] = 5.0
+    rolling: Annotated[float, Spec(Quantity.RATE, "rate at which it rolls", dps(0.01), dps(2000.0))] = dps(60.0)
+    lean: Annotated[float, Spec(Quantity.ANGLE, "largest lean of its x axis", 0.0, deg(85.0))] = deg(60.0)
+    period: Annotated[float, Spec(Quantity.TIME, "in which its x axis leans to and fro", 1.0, 1e4)] = 50.0
+    turning: Annotated[float, Spec(Quantity.TIME, "time that it is lapped", 1.0, 1e5)] = 100.0
+
+    @property
+    def duration(self) -> float:
+        """Time that it takes, s."""
+        return self.lead + self.turning
+
+    def motion(self, rng: np.random.Generator, duration: float) -> Motion:
+        """Roll that is a parabola and then a line, and a pitch that is a sine of such a phase."""
+        knots = (self.lead, self.lead + self.spin_up)
+        lean = self.lean * Sine(Ramps(knots, (0.0, 2.0 * math.pi / self.period)))
+        return EulerMotion(Frame.NED, Stack((_REST, lean, Ramps(knots, (0.0, self.rolling)))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -359,6 +387,7 @@ class Coning(Scenario):
 SCENARIOS: Mapping[str, type[Scenario]] = {
     "static": Static,
     "turntable": Turntable,
+    "ball": Ball,
     "ratetable": RateTable,
     "slide": Slide,
     "buoy": Buoy,

@@ -241,23 +241,6 @@ def stroke(start: float, duration: float, peak_speed: float) -> Moves:
 
 
 @dataclass(frozen=True)
-class Piecewise(Signal):
-    """Signals that take over from each other: piece 0 until ``switch[0]``, piece 1 until ``switch[1]``, and so on.
-
-    Pieces are functions of the same absolute time; that they fit together is for who joins them.
-    """
-
-    switch: tuple[float, ...]
-    pieces: tuple[Signal, ...]
-
-    def at(self, t: Floats) -> Jet:
-        """Value and derivatives at the instants t (N,), s."""
-        piece = np.searchsorted(np.asarray(self.switch), t, side="right")
-        jets = [signal.at(t) for signal in self.pieces]
-        return Jet(*(np.choose(piece, parts) for parts in zip(*jets, strict=True)))
-
-
-@dataclass(frozen=True)
 class Sum(Signal):
     """Sum of signals of one shape."""
 

@@ -1,0 +1,135 @@
+"""Rates of a recording, compensated and filtered: the steps one by one, and the command line to the bit."""
+
+import json
+
+import numpy as np
+import pytest
+
+import plumbob
+from plumbob import CalibrationCard, ImuData, ImuMeta, flags
+from plumbob.calibration.gyr.drift import GyroDrift, chen2013
+from plumbob.cli.main import main
+from plumbob.core.errors import ParameterError, ShapeError
+from plumbob.core.units import dps, g, to_dps
+from plumbob.data.cards import TriadCalibration
+from plumbob.filters.channel import RateFilter
+
+T = 0.1 * np.arange(400)
+BIAS = dps(np.array([1.5, -0.7, 0.2]))
+PARAMS = {"walk": "0.0316 deg/s", "noise": "0.1 deg/s"}
+
+
+def warming(**changes):
+    """A unit that warms from 25 to 35 °C, at rest for 20 s, then turning; with the paper's coefficients and a bias."""
+    rng = np.random.default_rng(4)
+    acc = np.tile([0.0, 0.0, -g(1.0)], (T.size, 1))
+    temp_c = 25.0 + T / 4.0
+    rate = np.outer(np.where(T < 20.0, 0.0, 0.01 * (T - 20.0)), [0.0, 0.0, 1.0])
+    drift = chen2013().offset(temp_c, acc) + BIAS
+    values = {"gyr": rate + drift + dps(0.1) * rng.normal(size=(T.size, 3)), "acc": acc, "temp_c": temp_c}
+    return ImuData(t=T, **{**values, **changes}, meta=ImuMeta(device="ball")), rate
+
+
+def test_it_takes_off_the_drift_then_the_constant_and_then_filters():
+    imu, _ = warming()
+    found = plumbob.filter_rates(imu, "scalar", params=PARAMS, drift="chen2013", rest=("0 s", "20 s"))
+    drift = chen2013().at_rest(imu.gyr[:200], imu.temp_c[:200], imu.acc[:200])
+    by_hand = RateFilter("scalar", channels=3, params=PARAMS).process(T, drift.compensate(imu.gyr, imu.temp_c, imu.acc))
+    assert np.array_equal(found.imu.gyr, by_hand.rate)
+    np.testing.assert_allclose(found.drift.bias, BIAS, atol=dps(0.03))  # 0.1 °/s over √200
+    assert found.imu.acc.tobytes() == imu.acc.tobytes()
+    assert np.array_equal(found.imu.flags, imu.flags)
+    assert any(line.startswith("rates: filter: scalar(walk=0.0316 deg/s") for line in found.recording.notes)
+
+
+def test_a_window_of_one_sample_shows_the_compensation_alone():
+    imu, rate = warming()
+    found = plumbob.filter_rates(imu, "moving_average", params={"samples": 1}, drift="chen2013", rest=(0.0, 20.0))
+    left = to_dps(found.imu.gyr - rate)
+    assert np.abs(left.mean(axis=0)).max() < 0.02
+    assert left.std() == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize(("lacking", "told"), [("temp_c", "no temperature"), ("acc", "no specific force")])
+def test_a_part_of_the_drift_whose_sensor_is_missing_stays_and_is_named(lacking, told):
+    imu, _ = warming(**{lacking: None})
+    said = []
+    found = plumbob.filter_rates(imu, "two_state", drift="chen2013", rest=(0.0, 5.0), note=said.append)
+    assert told in said[0]
+    assert tuple(said) == found.notes
+    kept = found.drift.g_sensitivity if lacking == "temp_c" else found.drift.bias_per_k
+    assert kept.any()
+    assert not (found.drift.bias_per_k if lacking == "temp_c" else found.drift.g_sensitivity).any()
+
+
+def test_a_card_stands_in_place_of_a_drift_model():
+    imu, _ = warming()
+    card = CalibrationCard("ball", "2026-01-01", "test", gyr=TriadCalibration(np.eye(3), BIAS, "rad/s", "rad/s"))
+    found = plumbob.filter_rates(imu, "moving_average", params={"samples": 1}, calibration=card)
+    np.testing.assert_allclose(found.imu.gyr, imu.gyr - BIAS, atol=1e-15)
+    assert found.imu.meta.calibration is not None
+    with pytest.raises(ParameterError, match="Give one of them"):
+        plumbob.filter_rates(imu, "scalar", calibration=card, drift=GyroDrift())
+
+
+def test_what_is_missing_is_held_and_flagged_and_a_file_keeps_it(tmp_path):
+    gyr = np.full((T.size, 3), 0.1)
+    gyr[[5, 6]], gyr[9, 1] = np.nan, np.inf
+    found = plumbob.filter_rates(warming(gyr=gyr)[0], "scalar", out=tmp_path / "a.parquet")
+    assert np.isfinite(found.imu.gyr).all()
+    held = (found.imu.flags & flags.GYR_HELD) != 0
+    assert np.flatnonzero(held).tolist() == [5, 6, 9]
+    assert not (found.imu.flags & flags.GYR_ABSENT).any()
+    again = plumbob.read(tmp_path / "a.parquet")
+    assert np.array_equal(again.imu.flags, found.imu.flags)
+    assert again.imu.gyr.tobytes() == found.imu.gyr.tobytes()
+
+
+def test_the_command_line_gives_the_same_to_the_bit_and_an_attitude_follows(tmp_path, capsys):
+    imu, _ = warming()
+    file, out = plumbob.write(tmp_path / "a.parquet", imu), tmp_path / "b.parquet"
+    words = ["--params", "walk=0.0316deg/s,noise=0.1deg/s", "--drift", "chen2013", "--rest", "0s..20s"]
+    assert main(["run", str(file), "--filter", "scalar", *words, "--out", str(out), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    ours = plumbob.filter_rates(file, "scalar", params=PARAMS, drift="chen2013", rest=(0.0, 20.0))
+    assert plumbob.read(out).imu.gyr.tobytes() == ours.imu.gyr.tobytes()
+    assert {name: told[name] for name in ours.summary()} == json.loads(json.dumps(ours.summary()))
+    assert plumbob.estimate(out, "integrate", frame="NED").outline.samples == T.size
+    assert main(["run", str(out), "--filter", "moving_average"]) == 0
+    printed = capsys.readouterr().out
+    assert "filter       moving_average(samples=20)" in printed
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--filter scalar --frame NED --init level", "--frame, --init: scalar gives no attitude"),
+        ("--filter mahony --rest 0s..5s", "--drift and --rest are for a filter of rates"),
+        ("--filter scalar --rest 5s", "a span is written as 0s..5s"),
+        ("--filter scalar --drift mine", "'mine' is not a drift model; known is chen2013"),
+        ("--filter scalar --rest 50s..60s", "holds no sample; the recording goes from 0 to 39.9 s"),
+        ("--filter scalar --params q=1", "scalar has no parameter 'q'"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(tmp_path, capsys, words, message):
+    file = plumbob.write(tmp_path / "a.parquet", warming()[0])
+    assert main(["run", str(file), *words.split()]) == 1
+    assert message in capsys.readouterr().err
+
+
+def test_filters_of_rates_are_refused_where_an_attitude_is_asked_for():
+    with pytest.raises(ParameterError, match=r"plumbob\.filter_rates"):
+        plumbob.estimate(warming()[0], "scalar", frame="NED")
+    with pytest.raises(ParameterError, match="no channel filter 'mahony'"):
+        plumbob.filter_rates(warming()[0], "mahony")
+    with pytest.raises(ShapeError, match="has no gyroscope"):
+        plumbob.filter_rates(warming(gyr=None)[0], "scalar")
+
+
+def test_filters_of_rates_are_listed_apart(capsys):
+    assert main(["filters", "--json"]) == 0
+    assert list(json.loads(capsys.readouterr().out)["rate_filters"]) == ["scalar", "two_state", "moving_average"]
+    assert main(["filters", "scalar"]) == 0
+    assert "When to choose it" in capsys.readouterr().out
+    assert main(["filters", "two_state", "--json"]) == 0
+    assert [row["name"] for row in json.loads(capsys.readouterr().out)["rate_filters"]["two_state"]["parameters"]]

@@ -1,0 +1,321 @@
+"""The trackball paper's tests: records are what they should be, figures follow from theory, and misprints fail."""
+
+import math
+import re
+from dataclasses import fields, is_dataclass
+
+import numpy as np
+import pytest
+
+from plumbob.core.errors import ParameterError
+from plumbob.core.units import deg, dps, to_dps
+from plumbob.filters.channel_scalar import ramp_lag, steady_gain
+from plumbob.noise import deviation
+from plumbob.papers.outcome import Item
+from plumbob.papers.trackball import ITEMS, misprints, recorded, static
+from plumbob.papers.trackball.found import Found
+from plumbob.papers.trackball.page import page
+from plumbob.papers.trackball.records import (
+    FLICKER,
+    RATIOS,
+    SLOPE,
+    STEP,
+    WALK,
+    WHITE,
+    at_rest,
+    average_like,
+    contenders,
+    noise_card,
+    on_turntable,
+    operations,
+    scalar_filter,
+)
+from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
+from plumbob.papers.trackball.turntable import SCALES, best_gain, measure_turntable
+from plumbob.papers.work import Work
+from plumbob.reporting.style import Both, said
+
+SEEDS = range(6)
+
+
+@pytest.fixture(scope="module")
+def short():
+    return static.measure_short(range(30))
+
+
+@pytest.fixture(scope="module")
+def white():
+    return static.measure_white(range(2))
+
+
+@pytest.fixture(scope="module")
+def long():
+    return static.measure_long(range(2))
+
+
+@pytest.fixture(scope="module")
+def table():
+    return {scale: measure_turntable(SEEDS, scale) for scale in SCALES}
+
+
+@pytest.fixture(scope="module")
+def tests(tmp_path_factory):
+    """The recorded tests, through real bytes."""
+    work = Work(tmp_path_factory.mktemp("trackball"), seed=2)
+    card = recorded.card(work)
+    return recorded.rest(work), recorded.soaked(work), recorded.turned(work, card), recorded.lapped(work, card)
+
+
+@pytest.fixture(scope="module")
+def found(short, white, long, table, tests):
+    rest, soaked, turned, lapped = tests
+    return Found(
+        seeds={"short": 30, "white": 2, "long": 2, "table": len(SEEDS)},
+        parts={part: misprints.warmed(part, 5) for part in misprints.PARTS},
+        soaked=soaked,
+        rest=rest,
+        short=short,
+        white=white,
+        long=long,
+        fit=static.fit(rest.before[:, 0]),
+        negative=static.measure_fits(range(5)),
+        turned=turned,
+        table=table,
+        gain=best_gain(range(2), [0.4, 0.6, 0.8]),
+        lapped=lapped,
+        printed=misprints.allan_of_white(1),
+        matrix=misprints.one_number_for_a_matrix(1),
+    )
+
+
+def test_the_turntable_is_the_paper_s():
+    """0 to 10 r/min in 100 s, 1000 samples, then 1000 at 60 °/s; an axis in the plane of the table measures nothing."""
+    rest, run = on_turntable(0, scale=0.0)
+    assert run.t.size == 2000
+    assert np.diff(run.t) == pytest.approx(STEP)
+    assert run.true[:, 2] == pytest.approx(np.minimum(deg(0.6) * run.t, dps(60.0)), abs=1e-12)
+    assert np.abs(run.true[:, :2]).max() < 1e-12
+    noise = (run.measured - run.true).std()
+    assert noise == pytest.approx(WHITE, rel=0.05)  # flicker adds 2 %, and 6000 samples scatter by 1 %
+    assert rest.measured.mean(axis=0) == pytest.approx(dps(1.5), abs=dps(0.05))
+
+
+def test_the_allan_deviation_at_50_s_stays(short):
+    """90 single differences before and after. They differ by the filter's memory of one end, 3 s of 50, at most."""
+    assert short.adev[RATIOS.index(1e-3), -1] == pytest.approx(1.0, abs=0.1)
+
+
+def test_white_noise_falls_as_theory_says(white):
+    """Two seeds of three channels of 1e5 samples hold 2·3·1e5·K/2 independent values: 300 for the slowest, 8 %."""
+    for ratio, measured in zip(RATIOS, white, strict=True):
+        k = steady_gain(ratio)
+        assert static.theory(ratio) == k / (2.0 - k)  # Σ K² (1 − K)²ⁱ
+        assert measured == pytest.approx(static.theory(ratio), rel=4.0 * math.sqrt(2.0 / (0.5 * k * 6 * 95_000)))
+
+
+def test_allan_deviation_falls_at_short_times_only(short, long):
+    """Beyond the filter's memory Δt/K the ratio returns to 1; at its start it is that of the differences of the filter.
+
+    For white noise the settled filter gives E[(x̂₂ − x̂₁)²] = 2 v (1 − (1 − K)) = 2 v K, v = K/(2 − K): a ratio of
+    √(K v) at one sample; in the paper's record, its start adds to it.
+    """
+    for k, ratio in enumerate(RATIOS[:3]):
+        settled = math.sqrt(steady_gain(ratio) * static.theory(ratio))
+        assert short.adev[k, 0] > 0.95 * settled
+        assert list(short.adev[k, 1:6]) == sorted(short.adev[k, 1:6])
+        assert long.adev[k, 0] == pytest.approx(settled, rel=0.05)
+        assert long.adev[k, LONG_TAUS.index(600.0)] == pytest.approx(1.0, abs=0.01)
+        assert long.adev[k, LONG_TAUS.index(100.0)] == pytest.approx(1.0, abs=0.02)
+    assert short.adev[2, TAUS.index(1.0)] < 0.2
+
+
+def test_four_hours_hold_what_was_planted(long):
+    """σ² = N²/τ + (0.6643 B)² + K² τ/3 at 600 s, from 6 records of some 25 degrees of freedom: 6 %, and 4 of it."""
+    n, b, k = WHITE * math.sqrt(STEP), 0.6643 * FLICKER, WALK
+    planted = math.sqrt(n**2 / 600.0 + b**2 + k**2 * 600.0 / 3.0)
+    assert long.before[LONG_TAUS.index(600.0)] == pytest.approx(planted, rel=0.23)
+    assert long.white == pytest.approx(n, rel=0.02)
+
+
+def test_the_angle_keeps_its_error(short):
+    """A settled filter holds back Σ (y − x̂) = (1 − K)/K (x̂_end − x̂_start) and no more, however long the record is.
+
+    For Q/R = 0.001 that is 31 samples of 0.013 °/s · √2, or 0.06°, against angles of √500 · 0.1 °/s · 0.1 s = 0.2° from
+    white noise and more from flicker. Added as squares it is below 5 %.
+    """
+    assert short.angle[:3] == pytest.approx(1.0, abs=0.05)
+
+
+def test_one_difference_scatters_as_half_a_normal_distribution(short):
+    """√(π/2 − 1) = 0.756 at 50 s, where a record has one difference; degrees of freedom are told beside."""
+    assert short.scatter[-1] == pytest.approx(math.sqrt(0.5 * math.pi - 1.0), abs=0.2)
+    assert degrees_of_freedom(1000, 50.0) == 1.0
+    assert degrees_of_freedom(1000, 10.0) == pytest.approx(12.8, abs=0.1)  # scatter 0.29, as 400 simulations show
+
+
+def test_lags_are_those_of_theory(table):
+    """Over 400 samples the mean of y − x̂ scatters by √2 (1 − K)/K sd(x̂) / 400, 0.3 % of the lag; the bar is 5 %."""
+    rows = table[0.0]
+    for ratio in RATIOS[:4]:
+        k = steady_gain(ratio)
+        row = rows[f"scalar Q/R={ratio:g}"]
+        assert row.lag_theory == pytest.approx(SLOPE * STEP * (1.0 - k) / k)
+        assert row.lag == pytest.approx(row.lag_theory, rel=0.05)
+        assert scalar_filter(ratio).lag == pytest.approx(ramp_lag(k, SLOPE, STEP) / (SLOPE * STEP))
+        average = rows[average_like(ratio).name]
+        assert average.lag == pytest.approx(average.lag_theory, rel=0.05)
+    assert abs(to_dps(rows["two states"].lag)) < 0.01
+
+
+def test_what_helps_on_the_ramp_is_the_bias_and_not_the_filter(table):
+    """1.5 °/s of bias go; then no scalar filter or average beats the unfiltered rate, but the one with two states."""
+    rows = table[0.0]
+    assert to_dps(rows["measured"].ramp_rms) == pytest.approx(1.5, abs=0.05)
+    removed = rows["bias removed"].ramp_rms
+    assert to_dps(removed) == pytest.approx(0.1, rel=0.1)
+    names = [c.name for c in contenders()]
+    assert len(names) == 11
+    assert all(rows[name].ramp_rms > removed for name in names[:-1])
+    assert rows["two states"].ramp_rms < 0.5 * removed
+    assert rows["scalar Q/R=0.01"].angle == pytest.approx(deg(0.5707 * 100.0), rel=0.05)  # lag over the ramp
+    assert rows["two states"].angle < 1.1 * rows["bias removed"].angle
+
+
+def test_a_gain_error_stays_and_a_lag_can_hide_it(table):
+    """1 % of 60 °/s is 0.6 °/s at constant rate, for everyone who has arrived there."""
+    rows = table[0.01]
+    for name in ("bias removed", "scalar Q/R=0.01", "two states"):
+        assert to_dps(rows[name].hold_mean) == pytest.approx(0.6, abs=0.02)
+    assert rows["scalar Q/R=0.01"].ramp_rms < rows["bias removed"].ramp_rms
+
+
+def test_fits_of_five_powers():
+    """A curve of N and B alone: its weights are found by both fits where nothing is random; cond as in papers.md."""
+    assert np.linalg.cond(static.powers()) == pytest.approx(3141.0, abs=1.0)
+    plain, weighted = static.measure_fits(range(20))
+    assert (plain, weighted) == (1.0, 0.0)
+
+
+def test_printed_forms_fail_as_they_must():
+    """(13) as printed is √½ of white noise; with a mean m it is m/√2 [closed forms]. (5) takes 2 °/s twice off."""
+    printed = misprints.allan_of_white(3)
+    assert printed.printed / printed.corrected == pytest.approx(math.sqrt(0.5), rel=0.01)
+    assert to_dps(printed.with_mean) == pytest.approx(1.5 / math.sqrt(2.0), rel=0.01)
+    assert to_dps(misprints.counted_twice()) == pytest.approx(-2.0)
+    assert to_dps(misprints.in_metres()) == pytest.approx(0.1 * 8.80665)
+    assert to_dps(np.array(misprints.gain_error())) == pytest.approx([0.6, 0.6], abs=1e-6)
+    assert misprints.axis_in_the_plane(1) == pytest.approx((0.0, 60.0), abs=1e-9)
+    assert misprints.allan_as_printed(np.array([1.0, 1.0, 3.0, 3.0, 9.0]), 2) == math.sqrt(0.5 * 1.0)
+
+
+@pytest.mark.parametrize(("part", "raw", "left"), [(0.03, 0.59, -1.39), (-0.05, -0.98, -2.95)])
+def test_the_paper_s_temperature_makes_other_parts_worse(part, raw, left):
+    """Figures of the corrected specification, from 25 to 45 °C; a card of the part itself leaves 0.002 °/s."""
+    at = misprints.warmed(part, 7)
+    assert to_dps(at.raw) == pytest.approx(raw, abs=0.05)
+    assert to_dps(at.printed) == pytest.approx(left, abs=0.05)
+    assert abs(to_dps(at.own)) < 0.002
+    assert to_dps(at.coefficient) == pytest.approx(part, abs=5e-4)
+
+
+def test_the_recorded_static_test_is_the_paper_s(tests):
+    rest = tests[0]
+    assert (rest.t.size, rest.temp_c) == (1000, 25.0)
+    assert 1.0 / to_dps(rest.quantum) == pytest.approx(131.0)  # LSB/(°/s) [Chen2013]
+    assert np.abs(rest.before.mean(axis=0)).max() < 1e-12  # J is taken off
+    assert rest.after[:, 0].std() < 0.5 * rest.before[:, 0].std()
+    assert rest.compared.tau == pytest.approx(TAUS)
+
+
+def test_the_recorded_turntable_shows_the_lag_in_the_attitude(tests):
+    turned = tests[2]
+    assert turned.t.size == 2000
+    errors = {name: to_dps(rate - turned.true)[:1000] for name, rate in turned.rates.items()}
+    assert np.sqrt(np.mean(errors["best"] ** 2)) < 0.05
+    ends = {name: abs(math.degrees(error[999])) for name, error in turned.headings.items()}
+    assert ends["calibrated, paper's filter"] - ends["calibrated"] == pytest.approx(57.0, abs=2.0)
+    assert ends["calibrated"] < 5.0
+
+
+def test_the_ball_keeps_its_track_where_it_is_calibrated_and_not_filtered(tests):
+    lapped = tests[3]
+    off = {name: np.degrees(recorded.apart(at, lapped.tracks["true"])).max() for name, at in lapped.tracks.items()}
+    assert off["calibrated"] < 10.0
+    assert off["calibrated"] < min(off["best"], off["paper"], off["measured"])
+
+
+def test_points_and_angles_between_them():
+    """A body whose nose points down touches with its nose: attitude 90° nose down, q = (√½, 0, −√½, 0)."""
+    nose_down = np.array([[math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0]])
+    assert recorded.touching(nose_down) == pytest.approx(np.array([[1.0, 0.0, 0.0]]), abs=1e-15)
+    assert recorded.apart(np.eye(3), np.roll(np.eye(3), 1, axis=0)) == pytest.approx(0.5 * math.pi)
+
+
+def test_the_noise_of_the_rig_is_the_noise_of_the_statistics():
+    assert noise_card().gyr.n_rpsd == pytest.approx(WHITE * math.sqrt(STEP))
+    still = at_rest(1, 1000.0, flicker=0.0).measured
+    assert deviation(still, [1]) == pytest.approx(WHITE, rel=0.05)
+
+
+def test_outcomes_are_whole_and_their_keys_unique(found):
+    outcomes = found.outcomes()
+    keys = [one.key for one in outcomes]
+    assert len(set(keys)) == len(keys) > 55
+    assert all(one.what.zh != one.what for one in outcomes)
+    missed = {one.key for one in outcomes if not one.met}
+    assert missed <= {"allan.ratio.50", "allan.scatter.50", "allan.scatter.10"}  # few seeds here
+
+
+def test_items_name_outcomes_that_exist(found):
+    keys = {one.key for one in found.outcomes()}
+    assert len(ITEMS) == 23
+    assert all(isinstance(one, Item) and (one.by or one.reason) for one in ITEMS)
+    for one in ITEMS:
+        assert set(re.findall(r"\[([\w.]+)\]", one.by)) <= keys, one
+
+
+def test_every_text_of_the_page_has_its_chinese(found):
+    report = page(found, 2)
+    texts = list(shown(report))
+    assert len(texts) > 100
+    english = [text for text in texts if not isinstance(text, Both) and said(text, "zh") == text]
+    assert [
+        text
+        for text in english
+        if re.search(r"[a-z]{4}", text) and not text.startswith(("plumbob ", "solid", "dashed", "dotted"))
+    ] == []
+    assert "陀螺漂移模型建立" in report.page(lang="zh")
+
+
+def shown(thing):
+    """Every text of a report, with those of its figures' keys."""
+    if isinstance(thing, str):
+        yield thing
+    elif isinstance(thing, dict):
+        yield from (one for one in thing if isinstance(one, Both))
+    elif isinstance(thing, (list, tuple)):
+        for one in thing:
+            yield from shown(one)
+    elif is_dataclass(thing):
+        names = {"dash", "links", "lines", "trail", "unit", "points", "shadow"}
+        for one in (getattr(thing, f.name) for f in fields(thing) if f.name not in names):
+            yield from shown(one)
+
+
+def test_same_seeds_same_figures(tmp_path):
+    assert measure_turntable([3], 0.0) == measure_turntable([3], 0.0)
+    works = [Work(tmp_path / name, seed=4) for name in "ab"]
+    for work in works:
+        work.folder.mkdir()
+    first, second = (recorded.rest(work) for work in works)
+    assert first.after.tobytes() == second.after.tobytes()
+
+
+def test_a_sample_of_the_scalar_filter_takes_nine_operations():
+    """(9) three, (10) two for Q Δt, (11) two, (12) two [Chen2013]."""
+    assert operations() == 9
+
+
+def test_a_gain_that_is_none_has_no_theory():
+    with pytest.raises(ParameterError):
+        scalar_filter(0.0)
