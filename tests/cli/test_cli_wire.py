@@ -60,6 +60,24 @@ def test_the_emulator_writes_what_the_rig_says(buoy):
     assert buoy.read_bytes() == make_rig(PLANS["buoy"], load("buoy"), seed=1, duration=5.0).stream()
 
 
+def test_options_of_a_rig_are_those_of_python(tmp_path):
+    from plumbob.core.units import deg
+    from plumbob.data.cards import NoiseCard, TriadNoise
+
+    card = NoiseCard("unit 7", "told", gyr=TriadNoise(n_rpsd=[0.01] * 3, b=[0.0] * 3, k_rpsd=[0.0] * 3))
+    card.save(tmp_path / "card.json")
+    ok("emulate", "ring", "--duration", "2s", "--write", "a.bin", "--noise", "card.json", "--sensors", "ideal",
+       "--temp", "30degC", "--warm-up", "15 K, 1 s", "--high-pass", "0.5Hz", "--mount-error", "1deg", "--seed", 4,
+       "--reference", "ahrs500ga", cwd=tmp_path)  # fmt: skip
+    plan = PLANS["ring"].with_sensors("ideal").with_reference("ahrs500ga")
+    want = make_rig(plan, load("ring"), seed=4, duration=2.0, noise=card, temp_c=30.0, warm_up=(15.0, 1.0),
+                    high_pass=0.5, mount_error=deg(1.0))  # fmt: skip
+    assert (tmp_path / "a.bin").read_bytes() == want.stream()
+    ok("emulate", "arm", "--duration", "2s", "--write", "b.bin", "--noise", "u2=card.json", cwd=tmp_path)
+    want = make_rig(PLANS["arm"], load("arm"), seed=0, duration=2.0, noise={"u2": card})
+    assert (tmp_path / "b.bin").read_bytes() == want.stream()
+
+
 def test_a_table_has_units_in_its_header_and_nothing_but_rows(buoy):
     out, err = ok("decode", buoy, "--format", "buoy", "--rate", "100Hz")
     head, *rows = out.splitlines()
@@ -166,7 +184,12 @@ def test_bytes_of_a_bus_that_are_no_multiple_or_another_format_are_noticed(buoy)
         (("emulate",), "needs a RIG"),
         (("emulate", "mpu6000"), "--scenario buoy"),
         (("emulate", "mpu6000", "--scenario", "buoy"), "give a rate"),
-        (("emulate", "buoy", "--sensors", "mpu6000"), "its own sensors"),
+        (("emulate", "buoy", "--sensors", "mpu6000"), "mpu6000 has no mag"),
+        (("emulate", "buoy", "--frame", "ENU"), "its own frame"),
+        (("emulate", "buoy", "--reference", "ideal"), "has no reference"),
+        (("emulate", "buoy", "--warm-up", "15 K"), "RISE, TIME"),
+        (("emulate", "arm", "--noise", "u1=a.json", "--noise", "b.json"), "one card for all units"),
+        (("emulate", "arm", "--noise", "u1=a.json"), "a.json"),
         (("emulate", "buoy", "--speed", "fast"), "or max"),
         (("emulate", "buoy", "--set", "height=1m"), "name it with --scenario"),
         (("emulate", "buoy", "--tcp", "4000"), "HOST:PORT"),

@@ -231,7 +231,8 @@ def test_viewers_library_reads_the_recording(recording):
 
 def test_reference_in_the_same_frames_is_read_and_compared(tmp_path):
     """The rod's rig: its AHRS gives the truth, to half a count of 180°/2^15."""
-    rig = make_rig(PLANS["rod"], load_rig("rod"), seed=1, duration=20.0, unit="calibrated")
+    plan = PLANS["rod"].with_reference("ideal")
+    rig = make_rig(plan, load_rig("rod"), seed=1, duration=20.0, unit="calibrated")
     text = (
         'kind = "plumbob session"\nversion = 1\n[format]\nname = "rod"\n[imu]\nframe = "NED"\n'
         '[reference]\nunit = "ref"\nnorth = "magnetic"\n'

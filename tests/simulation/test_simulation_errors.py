@@ -173,3 +173,75 @@ def test_errors_cannot_be_changed_behind_their_back():
     with pytest.raises(ValueError, match="read-only"):
         e.bias[0] = 1.0
     np.testing.assert_array_equal(replace(e, scale=0.1).bias, [0.1, 0.1, 0.1])
+
+
+CORNER = 0.5
+
+
+def high_passed(truth, **more):
+    return readings(TriadErrors(high_pass=CORNER, **more), truth)
+
+
+def test_a_step_behind_a_high_pass_decays_with_its_corner():
+    """A first-order high-pass answers a step by exp(-2π f t)."""
+    step = np.zeros_like(TRUTH)
+    step[1000:] = (1.0, -2.0, 3.0)
+    t = np.arange(COUNT - 1000) / RATE
+    found = high_passed(step).values
+    assert not found[:1000].any()
+    np.testing.assert_allclose(found[1000:], np.exp(-2.0 * np.pi * CORNER * t)[:, np.newaxis] * step[-1], atol=1e-12)
+
+
+def test_a_turn_behind_a_high_pass_is_forgotten():
+    """The integral of a rate pulse of 90° decays as exp(-2π f t): nothing is left of a turn that is held."""
+    rate = np.zeros_like(TRUTH)
+    rate[100:200, 2] = np.radians(90.0)
+    angle = np.degrees(np.cumsum(high_passed(rate).values[:, 2]) / RATE)
+    assert np.cumsum(rate[:, 2])[-1] / RATE == pytest.approx(np.radians(90.0))
+    assert angle[:200].max() > 20.0
+    assert abs(angle[-1]) < 1e-6  # 38 s of 0.3 s each
+
+
+def test_a_sinusoid_behind_a_high_pass_has_the_gain_of_first_order():
+    """At the corner 1/√2; held constant between instants, 100 of them a period, to 2 %."""
+    t = np.arange(COUNT) / RATE
+    wave = np.sin(2.0 * np.pi * CORNER * t)[:, np.newaxis] * np.ones(3)
+    settled = high_passed(wave).values[2000:]
+    np.testing.assert_allclose(np.sqrt(2.0 * (settled**2).mean(axis=0)), np.sqrt(0.5), rtol=0.02)
+
+
+def test_what_is_steady_is_gone_from_the_first_value_on():
+    still = np.full_like(TRUTH, 0.7)
+    found = measure(
+        TriadErrors(high_pass=CORNER, bias=0.3, bias_per_k=0.01), still, triad="gyr", seed=1, rate=RATE,
+        temp_c=np.full(COUNT, 40.0), force_b=FORCE,
+    )  # fmt: skip
+    assert np.abs(found.values).max() < 1e-12
+    assert np.abs(found.bias).max() < 1e-12
+    card = TriadErrors(high_pass=CORNER, bias=0.3, bias_per_k=0.01, scale=0.1).card("rad/s")
+    assert not card.bias.any()
+    assert not card.bias_per_k.any()
+    np.testing.assert_allclose(np.diag(card.matrix), 1.0 / 1.1)
+
+
+def test_white_noise_behind_a_high_pass_falls_with_one_over_tau():
+    """Its integral is a first-order process of variance N²/(2 ω): far beyond 1/ω, σ(τ) = N √(3/(2 ω)) / τ."""
+    count, n = 200_000, 0.01
+    found = measure(
+        TriadErrors(high_pass=CORNER, white_rpsd=n), np.zeros((count, 3)), triad="gyr", seed=1, rate=RATE,
+        temp_c=np.full(count, 25.0), force_b=np.zeros((count, 3)),
+    ).values  # fmt: skip
+    theta = np.vstack((np.zeros(3), np.cumsum(found, axis=0))) / RATE
+    m = int(20.0 * RATE)
+    second = theta[2 * m :] - 2.0 * theta[m:-m] + theta[: -2 * m]
+    sigma = np.sqrt(0.5 * (second**2).mean()) / 20.0
+    assert sigma == pytest.approx(n * np.sqrt(3.0 / (4.0 * np.pi * CORNER)) / 20.0, rel=0.05)
+
+
+def test_a_corner_that_cannot_be_is_refused():
+    with pytest.raises(ParameterError, match="high_pass must be positive and finite, but it is 0 Hz"):
+        TriadErrors(high_pass=0.0)
+
+
+def test_a_high_pass_stays_behind_an_ideal_calibration():
+    assert TriadErrors(high_pass=CORNER, bias=0.3).calibrated().high_pass == CORNER

@@ -10,7 +10,7 @@ from plumbob.core.constants import G0
 from plumbob.core.errors import ParameterError
 from plumbob.core.units import UNITS, unit
 from plumbob.simulation import draw_module, preset, preset_names
-from plumbob.simulation.presets import FIGURES, MARKS, Figure
+from plumbob.simulation.presets import ANGLES, FIGURES, MARKS, Figure
 
 DEG = math.pi / 180.0
 ALL = [(name, triad, figure) for name in preset_names() for triad, sheet in preset(name).triads.items()
@@ -22,8 +22,9 @@ def si(name, triad, figure):
 
 
 def test_every_sensor_of_the_survey_is_there():
-    assert preset_names() == ("adis16355", "adis16355:allan", "adis16355:density", "adxrs290", "adxrs453", "arm",
-                              "arm:rest", "arm:turn", "hmc5983", "ideal", "mpu3050", "mpu6000", "mpu6050")  # fmt: skip
+    assert preset_names() == ("adis16355", "adis16355:allan", "adis16355:density", "adxrs290", "adxrs453", "ahrs500ga",
+                              "arm", "arm:rest", "arm:turn", "dcm260b", "hmc5983", "ideal", "mpu3050", "mpu6000",
+                              "mpu6050")  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "triad", "figure"), ALL)
@@ -117,6 +118,23 @@ def test_two_gyroscopes_make_one_triad():
     assert module.mag is None
 
 
+@pytest.mark.parametrize(
+    ("name", "heading", "tilt", "mark"),
+    [
+        ("dcm260b", 0.8, 0.2, "V1"),  # [Yu2018] section 4: heading 0.8°, roll and pitch 0.2°, at rest
+        ("ahrs500ga", 0.2, 0.03, "UNVERIFIED"),  # [Li2012] section 3.1 claims 0.2° and 0.03° RMS
+    ],
+)
+def test_references_have_the_accuracy_that_the_papers_state(name, heading, tilt, mark):
+    assert {figure.mark for figure in preset(name).attitude.values()} == {mark}
+    assert set(preset(name).attitude) == set(ANGLES)
+    module = draw_module(name, 1)
+    assert (module.attitude.heading, module.attitude.tilt) == pytest.approx((heading * DEG, tilt * DEG), rel=1e-12)
+    assert module.calibrated().attitude == module.attitude
+    assert ("attitude.heading" in module.source) == (mark == "UNVERIFIED")
+    assert draw_module("mpu6000", 1).attitude is None
+
+
 def test_names_variants_and_spelling():
     assert preset("mpu6050").name == "mpu6000"
     assert preset("adis16355").name == "adis16355:density"
@@ -132,6 +150,7 @@ def test_names_variants_and_spelling():
         ("adxrs290", "add a part with z"),
         ("adxrs453", "add a part with xy"),
         ("mpu6000+mpu3050", "both have gyr axis"),
+        ("ahrs500ga+dcm260b", "both have acc axis"),
     ],
 )
 def test_what_cannot_be_built_is_refused(sensors, rule):

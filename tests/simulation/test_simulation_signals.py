@@ -14,6 +14,7 @@ from plumbob.simulation.signals import (
     Sine,
     Sinusoids,
     Stack,
+    WarmUp,
     Windowed,
     constant,
     cycloid,
@@ -42,6 +43,7 @@ SIGNALS = {
     "driven": Driven(0.0, 0.5, RNG.normal(size=(20, 2)), 6.0, 0.3),
     "mixed": Mixed(WAVES3, RNG.normal(size=(2, 3))),
     "sine": Sine(WAVES),
+    "warm-up": WarmUp(15.0, 3.0),
     "piecewise": Piecewise((5.0,), (sinusoid(1.0, 0.4), Polynomial((0.0, 1.0, 2.0)))),
 }
 

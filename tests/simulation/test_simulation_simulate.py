@@ -8,7 +8,8 @@ import pytest
 
 from plumbob.core import flags
 from plumbob.core.constants import G0
-from plumbob.core.errors import CalibrationError, FrameError, ParameterError
+from plumbob.core.errors import CalibrationError, FrameError, ParameterError, PlumbobError
+from plumbob.core.units import deg
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import NoiseCard, TriadNoise
 from plumbob.rotations import Frame, North, change_frame, euler_zyx_from_quat, quat_angle, quat_multiply, quat_rotate
@@ -308,6 +309,39 @@ def test_flicker_and_walk_of_a_card_drift_by_what_it_says():
     np.testing.assert_allclose(
         np.diff(made.imu.gyr, axis=0).std(axis=0), flicker.b * math.sqrt(4.0 / math.pi), rtol=math.pi / math.sqrt(count)
     )
+
+
+@pytest.mark.parametrize("asked", ["15 K, 120 s", "15 degC, 2 min", "15,120", (15.0, 120.0), ("15 K", 120)])
+def test_a_unit_warms_up_exponentially(asked):
+    made = run("static", temp_c="20 degC", warm_up=asked)
+    np.testing.assert_allclose(made.imu.temp_c, 20.0 + 15.0 * (1.0 - np.exp(-made.imu.t / 120.0)), atol=1e-12)
+    falling = run("static", temp_c=Polynomial((25.0, -0.1)), warm_up=asked)  # added to any other course
+    np.testing.assert_allclose(falling.imu.temp_c, made.imu.temp_c + 5.0 - 0.1 * made.imu.t, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("asked", "rule"),
+    [
+        ("15 K", "RISE, TIME, as '15 K, 120 s', but it is '15 K'"),
+        ("15 m, 120 s", "unit of temperature"),
+        ("15 K, 120 m", "unit of time"),
+        ("15 K, 0 s", "the time of warm_up must be above 0"),
+        ((float("nan"), 1.0), "the rise of warm_up must be"),
+    ],
+)
+def test_a_warm_up_that_cannot_be_is_refused(asked, rule):
+    with pytest.raises(PlumbobError, match=rule):
+        run("static", warm_up=asked)
+
+
+def test_a_reference_says_angles_of_its_own():
+    made, other = run("rod", "ahrs500ga"), run("rod", "mpu6000")
+    off = made.angles - euler_zyx_from_quat(made.truth.q_nb)
+    assert 0.0 < np.abs(off[:, 0]).max() < 6.0 * deg(0.2)
+    assert 0.0 < np.abs(off[:, 1:]).max() < 6.0 * deg(0.03)
+    assert other.angles is None
+    np.testing.assert_array_equal(run("rod", "ahrs500ga", lost=0.3).angles[0], made.angles[0])
+    assert len(run("rod", "ahrs500ga", lost=0.3).angles) < len(made.angles)
 
 
 def test_a_card_of_sensors_that_the_unit_has_not_is_refused():

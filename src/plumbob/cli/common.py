@@ -168,6 +168,13 @@ def add_noise(
     parser.add_argument("--noise", type=Path, metavar="JSON", help=help_)
 
 
+def add_warm_up(parser: argparse.ArgumentParser) -> None:
+    """Option --warm-up."""
+    parser.add_argument(
+        "--warm-up", metavar="RISE,TIME", help="temperature rises by RISE (1 - exp(-t/TIME)), as '15 K, 120 s'"
+    )
+
+
 def add_option(parser: argparse.ArgumentParser) -> None:
     """Option --option."""
     parser.add_argument(

@@ -29,8 +29,20 @@ def add_parser(verbs: common.Adder) -> None:
 def _add_content(p: argparse.ArgumentParser) -> None:
     p.add_argument("--scenario", metavar="NAME", help="motion of the body (default: the rig's own)")
     p.add_argument("--set", default="", metavar="P", help="name=value,... with units: parameters of --scenario")
-    p.add_argument("--sensors", default="ideal", metavar="A+B", help="parts of a format's units (default ideal)")
+    p.add_argument("--sensors", metavar="A+B", help="parts of what measures (default: a rig's own; ideal of a format)")
+    p.add_argument("--reference", metavar="A", help="part of a rig's reference, as ideal (default: the rig's own)")
     p.add_argument("--unit", choices=("random", "calibrated"), default="random", help="default random, as off the line")
+    p.add_argument(
+        "--noise",
+        action="append",
+        default=[],
+        metavar="[UNIT=]JSON",
+        help="noise card whose N, B and K the units take instead of their own, or one unit by its prefix; repeatable",
+    )
+    p.add_argument("--temp", metavar="T", help="temperature, as 40degC (default 25 degC)")
+    common.add_warm_up(p)
+    p.add_argument("--high-pass", metavar="HZ", help="first-order high-pass behind the gyroscopes, as 0.5Hz")
+    p.add_argument("--mount-error", metavar="A", help="how far references really sit from declared, sd, as 0.5deg")
     common.add_frame(p, "navigation frame of a format's truth, and its body's axes (a rig has its own; default NED)")
     common.add_option(p)
     p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")
@@ -71,7 +83,9 @@ def run(args: argparse.Namespace) -> int:
     if args.what is None:
         raise ParameterError("emulate needs a RIG or a format; 'plumbob emulate --list' shows what there is.")
     write = sys.stdout.buffer if args.write == "-" else args.write
-    common.check_outputs(args, *outputs(args.what, args.truth, write, args.fault_log))
+    noise = _noise(args.noise)
+    cards = noise.values() if isinstance(noise, dict) else (noise,)
+    common.check_outputs(args, *outputs(args.what, args.truth, write, args.fault_log), inputs=tuple(cards))
     stop = Stop()
     with ExitStack() as stack:
 
@@ -81,11 +95,13 @@ def run(args: argparse.Namespace) -> int:
                 stack.enter_context(common.stopped_by_signals(stop))
                 print(name, flush=True)
 
-        asked = ("scenario", "sensors", "unit", "frame", "seed", "clock_error", "rate", "duration", "truth", "link",
-                 "tcp", "udp", "speed", "fault_log")  # fmt: skip
+        asked = ("scenario", "sensors", "reference", "unit", "warm_up", "high_pass", "mount_error", "frame", "seed",
+                 "clock_error", "rate", "duration", "truth", "link", "tcp", "udp", "speed", "fault_log")  # fmt: skip
         served = emulate(
             args.what,
             **{name: value for name in asked if (value := getattr(args, name)) is not None},
+            noise=noise,
+            temp_c=args.temp,
             set=dict(common.pairs(args.set)),
             options=common.options_of(args),
             faults=dict(common.pairs(args.faults)),
@@ -99,6 +115,23 @@ def run(args: argparse.Namespace) -> int:
     late = f"; latest by {served.latest_ns / 1e6:.1f} ms" if served.latest_ns else ""
     common.note(f"{counted(served.frames, 'frame')}: {told}{late}")
     return 0
+
+
+def _noise(asked: list[str]) -> "Path | dict[str, Path] | None":
+    """Noise cards that the options name: one for all units, or by prefix; a path may hold an equals sign, too."""
+    from plumbob.core.errors import ParameterError
+
+    named = {word.partition("=")[0]: Path(word.partition("=")[2]) for word in asked if _is_named(word)}
+    if len(named) == len(asked):
+        return named or None
+    if len(asked) > 1:
+        raise ParameterError("give --noise one card for all units, or UNIT=CARD once for each unit that has one.")
+    return Path(asked[0])
+
+
+def _is_named(word: str) -> bool:
+    prefix, equals, _ = word.partition("=")
+    return bool(equals) and prefix.isidentifier()
 
 
 def _print_list() -> None:

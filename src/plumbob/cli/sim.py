@@ -28,6 +28,7 @@ def add_parser(verbs: common.Adder) -> None:
     add_scenario_options(p, optional=True)
     p.add_argument("--chain", metavar="NAME|TOML", help="chain that a program moves (default, of teach: teach)")
     common.add_noise(p, "noise card whose N, B and K the sensors take instead of their own")
+    common.add_warm_up(p)
     p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")
     p.add_argument("--out", type=Path, metavar="FILE", help="recording to write (.parquet or .csv)")
     p.add_argument("--card", type=Path, metavar="JSON", help="write the unit's calibration card too")
@@ -89,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     common.check_outputs(args, *common.with_profile(args.out), args.card, args.noise_card, inputs=(args.noise,))
     frame, given = scenario_settings(args)
     choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed, "noise": args.noise}
-    result = simulate(args.scenario, frame=frame, **choice, **given)
+    result = simulate(args.scenario, frame=frame, warm_up=args.warm_up, **choice, **given)
     notes = (result.truth.source, *(() if args.noise is None else (f"noise {result.noise.source}",)))
     recording = files.Recording(imu=result.imu, track=result.truth, name=args.scenario, notes=notes)
     files.write(args.out, recording, overwrite=args.force)
@@ -118,9 +119,9 @@ def _run_chain(args: argparse.Namespace) -> int:
     outputs = (args.out, *chain_files(args.out), *(file for own in cards.values() for file in own))
     common.check_outputs(args, *outputs, inputs=(args.noise, file))
     frame, given = scenario_settings(args)
-    noise = {} if args.noise is None else {"noise": args.noise}
+    world = {key: value for key in ("noise", "warm_up") if (value := getattr(args, key)) is not None}
     choice = {"sensors": args.sensors, "unit": args.unit, "seed": args.seed}
-    made = simulate_chain(chain, args.scenario, frame=frame, **choice, **noise, **given)
+    made = simulate_chain(chain, args.scenario, frame=frame, **choice, **world, **given)
     told = f"simulated {made.program.name}, seed {args.seed}"
     recording = files.Recording(array=made.array, name=made.chain.name, notes=(told,))
     files.write(args.out, recording, overwrite=args.force)

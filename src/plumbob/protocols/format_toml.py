@@ -202,22 +202,41 @@ def _embedded(raw: Mapping[str, Any]) -> list[Field]:
     """Fields of a catalogued device's message inside this frame.
 
     What begins its own frames, its constants, parity and check become statuses that can say absent: a device that is
-    silent or disturbed must not cost the frame around it.
+    silent or disturbed must not cost the frame around it. Where frames may begin in several ways, a field of the
+    message has to say in which.
     """
     inner = device(raw["device"]).bind(raw.get("options", {}))
     message = inner.message(raw.get("message", ""))
     framing = inner.framing
-    if len(framing.sync) > 1 or framing.length_field or framing.end:
-        raise DecodeError(
-            f"embed: frames of {inner.name} differ in how they begin, end or in length; only one kind can stand inside."
-        )
+    sync = framing.sync[0] if framing.sync else b""
+    if len(framing.sync) > 1:
+        if not set(range(len(sync))) <= {f.at + i for f in message.fields if not f.derived for i in range(f.size)}:
+            raise DecodeError(f"embed: frames of {inner.name} begin in several ways; only one kind can stand inside.")
+        sync = b""
+    if framing.end:
+        raise DecodeError(f"embed: frames of {inner.name} have an end of their own; such cannot stand inside.")
     begin, unit = raw["at"], raw.get("unit", "")
     prefix = f"{unit}." if unit else ""
     values = tuple(dict.fromkeys(prefix + (f.triad or f.name) for f in message.fields if f.physical))
     own, gone = f"{prefix}{inner.name}", {0: "absent"}
     found = [_inside(f, prefix, begin, values) for f in message.fields]
-    for i, byte in enumerate(framing.sync[0] if framing.sync else b""):
+    for i, byte in enumerate(sync):
         found.append(Field(f"{own}.sync{i}", begin + i, "u8", 1, role="match", value=byte, says=gone, of=values))
+    if rule := framing.length_field:
+        at, length = begin + rule.at, message.length - rule.add
+        found.append(
+            Field(
+                f"{own}.length",
+                at,
+                f"u{8 * rule.size}",
+                rule.size,
+                rule.order,
+                role="match",
+                value=length,
+                says=gone,
+                of=values,
+            )
+        )
     for i, (start, stop, bit) in enumerate(framing.parity):
         at, size = begin + start, stop - start
         found.append(

@@ -12,18 +12,21 @@ from plumbob.acquisition.transport import Stop, Stopping
 from plumbob.core.errors import ParameterError
 from plumbob.core.files import profile_beside, replacing, require_place, write_text
 from plumbob.core.units import Quantity, given
+from plumbob.data import TRIADS
 from plumbob.data.chain_toml import chain_text
 from plumbob.files.table import SUFFIXES, write_table
 from plumbob.protocols.find import find_format
 from plumbob.protocols.format import Format
 from plumbob.protocols.unpack import units_of
 from plumbob.rotations import Frame
-from plumbob.simulation import ChainSimulation, Scenario
+from plumbob.simulation import ChainSimulation, Scenario, draw_module
 from plumbob.simulation import scenario as named_scenario
 from plumbob.simulation.rigs.faults import Fault
 from plumbob.simulation.rigs.plan import PLANS, Chained, Plan, plan_for
-from plumbob.simulation.rigs.rig import Rig, make_rig
+from plumbob.simulation.rigs.rig import Cards, Rig, make_rig
 from plumbob.simulation.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
+from plumbob.simulation.signals import Signal
+from plumbob.simulation.simulation import WarmingUp
 
 LOOPBACK = "127.0.0.1"
 """Where no host is named: to be heard by other machines is asked for, as 0.0.0.0."""
@@ -34,8 +37,14 @@ def emulate(
     *,
     scenario: str | None = None,
     set: Mapping[str, Any] | None = None,
-    sensors: str = "ideal",
+    sensors: str | None = None,
+    reference: str | None = None,
     unit: str = "random",
+    noise: Cards | None = None,
+    temp_c: float | str | Signal | None = None,
+    warm_up: WarmingUp | None = None,
+    high_pass: float | str | None = None,
+    mount_error: float | str = 0.0,
     frame: Frame | str | None = None,
     options: Mapping[str, str] | None = None,
     seed: int = 0,
@@ -65,10 +74,24 @@ def emulate(
         Motion of the body, or program of a chain; by default that of the rig.
     set : mapping, optional
         Parameters of `scenario`, or settings of a chain: SI, or text with a unit.
-    sensors : str
-        Parts of a format's units.
+    sensors : str, optional
+        Parts of the units that measure, joined by ``+``; by default a rig's own, and "ideal" of a format.
+    reference : str, optional
+        Parts of a rig's reference instead of its own; "ideal" says exactly what is true.
     unit : {"random", "calibrated"}
-        As of `plumbob.simulate`.
+        As of `plumbob.simulate`; a reference keeps its errors, for they are its accuracy.
+    noise : NoiseCard, str, path, or mapping, optional
+        N, B and K of the units that measure, instead of their own: a card for all of them, or cards by the prefix of
+        their fields.
+    temp_c : float, str or Signal, optional
+        Temperature, °C, constant or over time; by default 25 °C.
+    warm_up : str or tuple, optional
+        Rise and time constant of what is added to it, as ``"15 K, 120 s"``: ``rise (1 - exp(-t / time))``.
+    high_pass : float or str, optional
+        Corner, Hz, of a first-order high-pass behind each gyroscope that measures, before its converter.
+    mount_error : float or str
+        Standard deviation about each axis, rad, of how a rig's references really sit, drawn; of all units where there
+        is no reference. What a session and the frames say of the mounting stays as declared.
     frame : Frame or str, optional
         Navigation frame of a format's truth, and its body's axes; a rig has its own; by default NED.
     options : mapping of str to str, optional
@@ -111,6 +134,7 @@ def emulate(
     """
     pace = _speed(speed, fastest=write is not None)
     form, plan = _plan(what, options, scenario, set, sensors, frame, given("rate", rate, Quantity.FREQUENCY))
+    plan = plan if reference is None else plan.with_reference(reference)
     for path in outputs(what, truth, write, fault_log):
         require_place(path, overwrite=overwrite)
     rig = make_rig(
@@ -121,9 +145,14 @@ def emulate(
         unit=unit,
         clock_error=given("clock_error", clock_error, Quantity.RATIO) or 0.0,
         faults={kind: given(kind, share, Quantity.RATIO) or 0.0 for kind, share in (faults or {}).items()},
+        noise=noise,
+        temp_c=temp_c,
+        warm_up=warm_up,
+        high_pass=given("high_pass", high_pass, Quantity.FREQUENCY),
+        mount_error=given("mount_error", mount_error, Quantity.ANGLE) or 0.0,
     )
     if truth:  # before the port is named, so that who waits for it finds the truth and the card
-        _write_truth(Path(truth), rig, overwrite=overwrite)
+        _write_truth(Path(truth), rig, noise=noise is not None, overwrite=overwrite)
     stop = stop or Stop()
     with _port(link, tcp, udp, write, stop, overwrite=overwrite) as port, _fault_log(fault_log) as log:
         if opened is not None:
@@ -186,20 +215,35 @@ def _plan(
     options: Mapping[str, str] | None,
     scenario: str | None,
     parameters: Mapping[str, Any] | None,
-    sensors: str,
+    sensors: str | None,
     frame: Frame | str | None,
     rate: float | None,
 ) -> tuple[Format, Plan]:
     form = find_format(what).bind(options or {})
     if _is_rig(what, form):
         plan = PLANS[form.name]
-        if sensors != "ideal" or frame:
-            raise ParameterError(f"rig {plan.name} has its own sensors and frame; leave --sensors and --frame out.")
+        if frame:
+            raise ParameterError(f"rig {plan.name} has its own frame; leave --frame out.")
+        if sensors is not None:
+            _require_triads(plan, form, sensors)
+            plan = plan.with_sensors(sensors)
         return form, replace(_moved(plan, scenario, parameters), rate=rate or plan.rate)
     motion = _named(scenario, parameters)
     if motion is None:
         raise ParameterError(f"say what moves {form.name}: --scenario buoy, or another of 'plumbob sim --list'.")
-    return form, plan_for(form, motion, sensors=sensors, frame=Frame.parse(frame or Frame.NED), rate=rate)
+    return form, plan_for(form, motion, sensors=sensors or "ideal", frame=Frame.parse(frame or Frame.NED), rate=rate)
+
+
+def _require_triads(plan: Plan, form: Format, sensors: str) -> None:
+    """Refuse parts that leave a triad of a rig's frame without a sensor."""
+    module = draw_module(sensors, 0)
+    for prefix in (one.prefix for one in plan.measuring):
+        for triad in TRIADS:
+            name = f"{prefix}.{triad}" if prefix else triad
+            if getattr(module, triad) is None and name in {one.triad for one in form.messages[0].fields}:
+                raise ParameterError(
+                    f"{module.name} has no {triad}, which the frame of {plan.name} has; add such a part."
+                )
 
 
 def _named(scenario: str | None, parameters: Mapping[str, Any] | None) -> Scenario | None:
@@ -281,10 +325,11 @@ def unit_file(path: Path, prefix: str) -> Path:
     return path.with_stem(f"{path.stem}-{prefix}") if prefix else path
 
 
-def _write_truth(path: Path, rig: Rig, *, overwrite: bool) -> None:
+def _write_truth(path: Path, rig: Rig, *, noise: bool, overwrite: bool) -> None:
     for prefix, unit in rig.units.items():
         own = unit_file(path, prefix)
-        recording = files.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=(unit.truth.source,))
+        notes = (unit.truth.source, *((f"noise {unit.noise.source}",) if noise else ()))
+        recording = files.Recording(imu=unit.imu, track=unit.truth, name=own.stem, notes=notes)
         files.write(own, recording, overwrite=overwrite)
         unit.calibration.save(own.with_suffix(".card.json"), overwrite=overwrite)
     if rig.chain is not None:

@@ -288,7 +288,7 @@ def simulate_chain(
     gyr_range, acc_range : float, optional
         Full scales, rad/s and m/s², instead of the sensors' own.
     **world : float or str
-        As of `simulate`: strength, dip, declination, temp_c, mag_rate, noise.
+        As of `simulate`: strength, dip, declination, temp_c, warm_up, mag_rate, noise.
 
     Returns
     -------
@@ -397,7 +397,7 @@ def _require_known(world: Mapping[str, Any]) -> None:
     for name in world:
         if name in {"jitter", "lost"}:
             raise ParameterError(f"the units of a chain share one time line; leave {name} out.")
-        if name not in SETTINGS and name != "noise":
+        if name not in SETTINGS and name not in {"noise", "warm_up"}:
             raise ParameterError(f"a chain has no setting '{name}'; known are {', '.join(SETTINGS)}.")
 
 

@@ -2,10 +2,11 @@
 
 One equation holds for every triad; what a triad does not have is zero::
 
-    measured = clip(step(G(T) (I + M) (W truth + h) + b(T) + S f + drift + white))
+    measured = clip(step(F(G(T) (I + M) (W truth + h) + b(T) + S f + drift + white)))
 
 G gain, M misalignment, W and h soft and hard iron (magnetometer), b bias, S g-sensitivity (gyroscope) to the specific
-force f, drift = flicker + random walk + ramp, T temperature. Units are those of the triad, u: rad/s, m/s² or µT.
+force f, drift = flicker + random walk + ramp, F a high-pass where the chain has one, T temperature. Units are those of
+the triad, u: rad/s, m/s² or µT.
 
 Random processes of IEEE Std 952, each at its own Allan level, and the random streams that drive them.
 
@@ -146,6 +147,10 @@ class TriadErrors:
         How much older than its time stamp a value is, s.
     rate : float or None
         Own sampling rate, Hz, where it differs from the recording's; rows without a new value are NaN.
+    high_pass : float or None
+        Corner of a first-order high-pass between sensor and converter, Hz. The triad lay for long before the recording
+        as at its first instant, so that what is steady then is gone from the first value on; of the noise before the
+        recording nothing is left in the filter.
 
     Raises
     ------
@@ -171,19 +176,22 @@ class TriadErrors:
     full_scale: Floats = field(default_factory=lambda: np.full(3, math.inf))
     latency: Floats = field(default_factory=_nothing)
     rate: float | None = None
+    high_pass: float | None = None
 
     def __post_init__(self) -> None:
         """Bring every array to its shape and validate it."""
-        for name in (f.name for f in fields(self) if f.name not in {"temp_ref_c", "rate"}):
+        for name in (f.name for f in fields(self) if f.name not in {"temp_ref_c", "rate", "high_pass"}):
             shape = (3, 3) if name in _MATRICES else (3,)
             object.__setattr__(self, name, check.read_only(_shaped(name, getattr(self, name), shape)))
         if np.diag(self.misalignment).any():
             raise ParameterError("misalignment must have a zero diagonal; the gain of an axis is its scale.")
-        if self.rate is not None and not 0.0 < self.rate < math.inf:
-            raise ParameterError(f"rate must be positive and finite, but it is {self.rate:g} Hz.")
+        for name in ("rate", "high_pass"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise ParameterError(f"{name} must be positive and finite, but it is {value:g} Hz.")
 
     def calibrated(self) -> Self:
-        """Return the same triad after an ideal calibration: noise, quantisation, range and rate stay."""
+        """Return the same triad after an ideal calibration: noise, quantisation, range, rate and high-pass stay."""
         perfect = type(self)()
         return replace(self, **{name: getattr(perfect, name) for name in _DETERMINISTIC})
 
@@ -215,20 +223,22 @@ class TriadErrors:
     def card(self, unit: str) -> TriadCalibration:
         """Calibration that undoes response, bias, iron, the bias's temperature and g-sensitivity: what is perfect.
 
-        A card has no place for the temperature of the gain, and for latency; they remain.
+        A card has no place for the temperature of the gain, for latency, and for a high-pass; they remain. Behind a
+        high-pass nothing steady is left to take away.
         """
+        steady = 1.0 if self.high_pass is None else 0.0
         return TriadCalibration(
             matrix=np.asarray(np.linalg.inv(self.response), dtype=np.float64),
-            bias=self.bias + self.iron,
+            bias=steady * (self.bias + self.iron),
             unit_in=unit,
             unit_out=unit,
-            bias_per_k=self.bias_per_k,
+            bias_per_k=steady * self.bias_per_k,
             temp_ref_c=self.temp_ref_c,
-            g_sensitivity=self.g_sensitivity,
+            g_sensitivity=steady * self.g_sensitivity,
         )
 
     def noise_card(self, rate: float) -> TriadNoise:
-        """N, B and K of the triad when it is sampled at `rate`, Hz, or at its own rate."""
+        """N, B and K of the triad, before its high-pass, when it is sampled at `rate`, Hz, or at its own rate."""
         n = self.white_rpsd
         own = self.white_sd / math.sqrt(self.own_rate(rate))
         return TriadNoise(n_rpsd=np.hypot(n, own), b=self.flicker, k_rpsd=self.walk_rpsd)
@@ -272,9 +282,32 @@ def measure(
     warmer = (temp_c - e.temp_ref_c)[:, np.newaxis]
     gain_change = 1.0 + warmer * e.scale_per_k / (1.0 + e.scale)
     bias = e.bias + warmer * e.bias_per_k + force_b @ e.g_sensitivity.T + _drift(e, count, triad, seed, rate)
-    analogue = gain_change * (truth_b @ e.response.T + e.iron) + bias + _white(e, count, triad, seed, rate)
-    digital = _steps(analogue, e.lsb)
+    exact, noise = gain_change * (truth_b @ e.response.T + e.iron), _white(e, count, triad, seed, rate)
+    if e.high_pass is not None:
+        parts = ((exact, exact[0]), (bias, bias[0]), (noise, np.zeros(3)))
+        exact, bias, noise = (high_passed(part, start, e.high_pass, rate) for part, start in parts)
+    digital = _steps(exact + bias + noise, e.lsb)
     return Measured(np.clip(digital, -e.full_scale, e.full_scale), bias, np.abs(digital) >= e.full_scale)
+
+
+def high_passed(values: Floats, settled: Floats, corner: float, rate: float) -> Floats:
+    """Values (N, 3) behind a first-order high-pass, exact for what is constant between the instants.
+
+    Parameters
+    ----------
+    values : ndarray (N, 3)
+        At evenly spaced instants, u.
+    settled : ndarray (3,)
+        What had gone in for long before the first instant, u.
+    corner : float
+        Corner frequency, Hz: a step decays as exp(-2π corner t).
+    rate : float
+        Of the instants, Hz.
+    """
+    from scipy.signal import lfilter
+
+    left = math.exp(-2.0 * math.pi * corner / rate)
+    return np.asarray(lfilter([1.0, -1.0], [1.0, -left], values, axis=0, zi=-settled[np.newaxis])[0])
 
 
 def _white(e: TriadErrors, count: int, triad: str, seed: int, rate: float) -> Floats:

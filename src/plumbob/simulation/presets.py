@@ -21,7 +21,7 @@ A part with variants takes one after a colon, ``"adis16355:allan"``; the bare na
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
 from typing import Any, Self
@@ -34,6 +34,7 @@ from plumbob.core.units import unit
 from plumbob.data import TRIADS
 from plumbob.data.cards import NoiseCard
 from plumbob.rotations import skew
+from plumbob.simulation.attitude import AttitudeErrors
 from plumbob.simulation.errors import TriadErrors, stream
 
 MARKS = ("V", "V1", "C", "UNVERIFIED")
@@ -62,6 +63,12 @@ FIGURES: Mapping[str, str] = {
     "total_rms": "noise over the whole bandwidth; not simulated, density and rate give the noise",
 }
 """Figures that a preset may hold, and what they mean."""
+
+ANGLES: Mapping[str, str] = {
+    "heading": "root mean square error of the heading",
+    "tilt": "root mean square error of roll and of pitch",
+}
+"""Figures of the attitude that a reference says itself, and what they mean."""
 
 _UNSAID = {"range": math.inf}  # where a sheet says nothing; any other figure is then 0
 _NOT_SIMULATED = {"nonlinearity", "vibration_rectification", "bandwidth", "total_rms"}
@@ -119,12 +126,15 @@ class Preset:
         What the figures' source tags stand for.
     triads : mapping
         "gyr", "acc", "mag" to their `TriadSheet`.
+    attitude : mapping
+        Accuracy of the angles that a reference says itself, by name (`ANGLES`); empty for other parts.
     """
 
     name: str
     title: str
     sources: Mapping[str, str]
     triads: Mapping[str, TriadSheet]
+    attitude: Mapping[str, Figure] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +149,8 @@ class Module:
         Where its figures come from, and which of them are not verified.
     gyr, acc, mag : TriadErrors or None
         Its triads; None where it has none.
+    attitude : AttitudeErrors or None
+        Of the angles that it says itself; None where it says none.
     """
 
     name: str
@@ -146,11 +158,12 @@ class Module:
     gyr: TriadErrors | None = None
     acc: TriadErrors | None = None
     mag: TriadErrors | None = None
+    attitude: AttitudeErrors | None = None
 
     def calibrated(self) -> Self:
-        """Return the unit after an ideal calibration: noise, quantisation and range stay."""
+        """Return the unit after an ideal calibration: noise, quantisation and range stay, and its attitude's errors."""
         triads = {name: getattr(self, name) for name in TRIADS}
-        return type(self)(self.name, self.source, **{n: e and e.calibrated() for n, e in triads.items()})
+        return replace(self, **{n: e and e.calibrated() for n, e in triads.items()})
 
     def with_mag_rate(self, rate: float) -> Self:
         """Return the unit with another sampling rate of its magnetometer, Hz."""
@@ -160,6 +173,18 @@ class Module:
         """Return the unit with other full scales, rad/s and m/s²; its counts stay as many, and so grow or shrink."""
         ranges = {name: (getattr(self, name), end) for name, end in (("gyr", gyr), ("acc", acc)) if end is not None}
         return replace(self, **{name: errors and errors.with_range(end) for name, (errors, end) in ranges.items()})
+
+    def with_high_pass(self, corner: float) -> Self:
+        """Return the unit with a first-order high-pass of that corner, Hz, behind its gyroscope.
+
+        Raises
+        ------
+        ParameterError
+            If it has no gyroscope.
+        """
+        if self.gyr is None:
+            raise ParameterError(f"{self.name} has no gyroscope for a high-pass; leave the high-pass out.")
+        return replace(self, gyr=replace(self.gyr, high_pass=corner))
 
     def with_noise(self, card: NoiseCard) -> Self:
         """Return the unit with N, B and K of a card instead of its own, in each triad that the card has.
@@ -201,7 +226,9 @@ def preset(name: str) -> Preset:
     raw = _load(file)
     variant = raw.get("variants", {}).get(full.partition(":")[2], {})
     triads = {triad: _sheet(full, raw, triad, variant.get(triad, {})) for triad in TRIADS if triad in raw}
-    return Preset(full, raw["title"], raw["sources"], triads)
+    attitude = {key: _figure(f"{full} attitude.{key}", raw["attitude"][key], raw["sources"]) for key in ANGLES
+                if "attitude" in raw}  # fmt: skip
+    return Preset(full, raw["title"], raw["sources"], triads, attitude)
 
 
 def draw_module(sensors: str, seed: int) -> Module:
@@ -222,7 +249,11 @@ def draw_module(sensors: str, seed: int) -> Module:
     parts = [preset(name.strip()) for name in sensors.split("+")]
     triads = {triad: _join(parts, triad) for triad in TRIADS}
     errors = {triad: _draw(triad, figures, seed) for triad, figures in triads.items() if figures is not None}
-    return Module("+".join(part.name for part in parts), _provenance(parts), **errors)
+    said = [part.attitude for part in parts if part.attitude]
+    if len(said) > 1:
+        raise ParameterError(f"{sensors} has two parts that say an attitude; leave one out.")
+    attitude = AttitudeErrors(**{name: float(said[0][name].si[0]) for name in ANGLES}) if said else None
+    return Module("+".join(part.name for part in parts), _provenance(parts), **errors, attitude=attitude)
 
 
 def _join(parts: list[Preset], triad: str) -> dict[str, Floats] | None:
@@ -280,8 +311,11 @@ def _provenance(parts: list[Preset]) -> str:
     doubtful = [
         f"{part.name} {triad}.{name}"
         for part in parts
-        for triad, sheet in part.triads.items()
-        for name, figure in sheet.figures.items()
+        for triad, figures in (
+            *((name, sheet.figures) for name, sheet in part.triads.items()),
+            ("attitude", part.attitude),
+        )
+        for name, figure in figures.items()
         if figure.mark == "UNVERIFIED" and name not in _NOT_SIMULATED
     ]
     told = "presets " + "+".join(part.name for part in parts)

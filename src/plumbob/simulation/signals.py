@@ -282,6 +282,27 @@ class Scaled(Signal):
 
 
 @dataclass(frozen=True, eq=False)
+class WarmUp(Signal):
+    """``rise (1 - exp(-t / time))``: what a device warms up by after it was switched on at time 0.
+
+    Parameters
+    ----------
+    rise : float
+        Where it ends, in the unit of the signal.
+    time : float
+        Time constant, s.
+    """
+
+    rise: float
+    time: float
+
+    def at(self, t: Floats) -> Jet:
+        """Value and derivatives at the instants t (N,), s."""
+        left = self.rise * np.exp(-t / self.time)
+        return Jet(self.rise - left, left / self.time, -left / self.time**2)
+
+
+@dataclass(frozen=True, eq=False)
 class Mixed(Signal):
     """A matrix times a signal with components.
 

@@ -14,7 +14,7 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.series import Series
 from plumbob.core.time import to_ns, to_s
-from plumbob.core.units import Quantity, deg, given
+from plumbob.core.units import Quantity, deg, given, split, unit
 from plumbob.data import TRIADS, AttitudeTrack, ImuData, ImuMeta, Range
 from plumbob.data.cards import UNITS, CalibrationCard, NoiseCard
 from plumbob.rotations import Frame, North
@@ -23,7 +23,7 @@ from plumbob.simulation.motion import Scenario, Truth
 from plumbob.simulation.presets import Module, draw_module
 from plumbob.simulation.scenarios import SCENARIOS
 from plumbob.simulation.scenarios import scenario as named_scenario
-from plumbob.simulation.signals import Signal, constant, earth_field
+from plumbob.simulation.signals import Signal, WarmUp, constant, earth_field
 
 _MOST_SAMPLES = 50_000_000
 
@@ -108,6 +108,9 @@ def _count(rate: float, duration: float) -> int:
     return round(samples)
 
 
+WarmingUp = str | tuple[float | str, float | str]
+"""Rise and time constant of a device that warms up, as `warming_up` takes them."""
+
 KINDS = ("random", "calibrated")
 """What a unit may be: as it left the line, or after an ideal calibration."""
 
@@ -145,6 +148,8 @@ class Simulation(Series):
         Errors of the unit.
     scenario : Scenario
         The motion, with its parameters.
+    angles : ndarray (N, 3) or None
+        Heading from true North, pitch and roll that a reference says itself, rad, NED; None of a unit that says none.
     """
 
     imu: ImuData
@@ -154,6 +159,7 @@ class Simulation(Series):
     kinematics: Truth
     module: Module
     scenario: Scenario
+    angles: Floats | None = None
 
     def facts(self) -> Mapping[str, str]:
         """Scenario and samples."""
@@ -199,6 +205,7 @@ def simulate(
     jitter: float | str = 0.0,
     lost: float | str = 0.0,
     noise: NoiseCard | str | Path | None = None,
+    warm_up: WarmingUp | None = None,
     **parameters: float | str,
 ) -> Simulation:
     """Simulate a recording; every number may be text with its unit, as ``"60 s"``.
@@ -224,6 +231,9 @@ def simulate(
         The Earth's magnetic field: µT, rad below the horizontal, rad of magnetic North east of true North.
     temp_c : float or Signal
         Temperature, °C, constant or over time.
+    warm_up : str or tuple, optional
+        What is added to it, ``rise (1 - exp(-t / time))``: rise and time constant, as ``"15 K, 120 s"`` or
+        ``(15.0, 120.0)``.
     mag_rate : float, optional
         Sampling rate of the magnetometer, Hz, default: that of its data sheet; rows between are NaN.
     jitter : float
@@ -247,6 +257,7 @@ def simulate(
     strength, dip, jitter = _number("strength", strength), _number("dip", dip), _number("jitter", jitter)
     declination = _number("declination", declination)
     warmth = temp_c if isinstance(temp_c, Signal) else constant(_number("temp_c", temp_c))
+    warmth = warmth if warm_up is None else warmth + warming_up(warm_up)
     card = None if noise is None else check.kind("noise", NoiseCard.of(noise), NoiseCard)
     magnetic = None if mag_rate is None else _number("mag_rate", mag_rate)
     plan, module = _plan(scenario, parameters), _unit(sensors, unit, seed, magnetic, card)
@@ -262,7 +273,11 @@ def simulate(
         declination=declination,
     )
     stamped = motion.truth(line.stamps).in_frame(frame) if jitter else world.body(0.0)
-    return _simulation(world, stamped.rows(line.kept), plan, module, seed, calibrated=unit == "calibrated")
+    made = _simulation(world, stamped.rows(line.kept), plan, module, seed, calibrated=unit == "calibrated")
+    if module.attitude is None:
+        return made
+    angles = module.attitude.said(stamped.in_frame(Frame.NED).q_nb, seed=seed, rate=rate)
+    return replace(made, angles=angles[line.kept])
 
 
 def _simulation(
@@ -295,6 +310,30 @@ def _simulation(
 def _number(name: str, value: float | str) -> float:
     quantity = {"rate": Quantity.FREQUENCY, "duration": Quantity.TIME, **WORLD}[name]
     return check.number(name, given(name, value, quantity), quantity.value)
+
+
+def warming_up(asked: WarmingUp) -> WarmUp:
+    """How a device warms up: rise, K, and time constant, s, as numbers or as one text, ``"15 K, 120 s"``.
+
+    Raises
+    ------
+    ParameterError
+        If it is neither, or the time is not above 0.
+    UnitError
+        If a text's number or unit is wrong.
+    """
+    parts = asked.split(",") if isinstance(asked, str) else tuple(asked)
+    if len(parts) != 2:
+        raise ParameterError(f"warm_up is RISE, TIME, as '15 K, 120 s', but it is {check.said(asked)}.")
+    time = given("the time of warm_up", parts[1], Quantity.TIME, positive=True)
+    if isinstance(parts[0], str):
+        number, name = split(parts[0])
+        rise = float(number) * unit(name or "K", Quantity.TEMPERATURE).factor  # a difference: no zero point
+    else:
+        rise = check.number("the rise of warm_up", parts[0], "K")
+    if not np.isfinite(rise):
+        raise ParameterError(f"the rise of warm_up must be finite, but it is {rise:g} K.")
+    return WarmUp(rise, float(time or 0.0))
 
 
 def _plan(scenario: str | Scenario, parameters: dict[str, float | str]) -> Scenario:

@@ -1,24 +1,26 @@
 """What each rig is made of: its units, their mounting, and what is done with them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
-from typing import Any, ClassVar, Final
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
+from plumbob.core.units import to_deg
 from plumbob.data.array import PRESETS
 from plumbob.data.chain import Chain
 from plumbob.protocols.format import Format
 from plumbob.protocols.unpack import units_of
-from plumbob.rotations import Frame
+from plumbob.rotations import Frame, quat_from_rotvec, quat_multiply
 from plumbob.simulation import Motion, Scenario, Truth, scenario
 from plumbob.simulation.chains import CHAINS
 from plumbob.simulation.errors import stream
 
 Quat = tuple[float, float, float, float]
+ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,14 +54,16 @@ class Mounted(Scenario):
     frame: Frame
     q_bs: Quat
     seed: int
+    off: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     rate: ClassVar[float] = 100.0
 
     @property
     def told(self) -> str:
-        """The body's scenario, and how the unit sits on it."""
-        turned = "" if self.q_bs == (1.0, 0.0, 0.0, 0.0) else f", of a unit at q_bs = {self.q_bs}"
-        return self.plan.told + turned
+        """The body's scenario, how the unit is said to sit on it, and how far that is from the truth."""
+        turned = "" if self.q_bs == ALIGNED else f", of a unit at q_bs = {self.q_bs}"
+        off = f", mounted {to_deg(float(np.linalg.norm(self.off))):.3g}° off" if any(self.off) else ""
+        return self.plan.told + turned + off
 
     @property
     def duration(self) -> float:
@@ -69,10 +73,13 @@ class Mounted(Scenario):
     def motion(self, rng: np.random.Generator, duration: float) -> Motion:
         """Body's motion, drawn with the rig's seed instead of the unit's."""
         body = self.plan.motion(stream(self.seed, "scenario"), duration)
-        return MountedMotion(body, self.frame, self.q_bs)
+        return MountedMotion(body, self.frame, self.true_q_bs)
 
-
-ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
+    @property
+    def true_q_bs(self) -> Quat:
+        """How the unit really sits: `off`, rad about its own axes, from what is said."""
+        w, x, y, z = quat_multiply(np.array(self.q_bs), quat_from_rotvec(np.array(self.off))).tolist()
+        return (w, x, y, z) if any(self.off) else self.q_bs
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +94,14 @@ class Unit:
         Of its fields in the frame; empty where there is one unit only.
     q_bs : tuple of 4 float
         How it is mounted: from its axes to the body's.
+    reference : bool
+        Whether it is what the others are compared with.
     """
 
     sensors: str
     prefix: str = ""
     q_bs: Quat = ALIGNED
+    reference: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +150,31 @@ class Plan:
     rate: float
     duration: float
     units: tuple[Unit, ...]
+
+    @property
+    def measuring(self) -> tuple[Unit, ...]:
+        """Units that are not references."""
+        return tuple(one for one in self.units if not one.reference)
+
+    def with_sensors(self, sensors: str) -> Self:
+        """Return the plan with other parts, joined by ``+``, in every unit that is not a reference."""
+        return self._with(sensors, reference=False)
+
+    def with_reference(self, sensors: str) -> Self:
+        """Return the plan with other parts in its reference: ``"ideal"`` says exactly what is true.
+
+        Raises
+        ------
+        ParameterError
+            If it has none.
+        """
+        if len(self.measuring) == len(self.units):
+            raise ParameterError(f"{self.name} has no reference beside its units; leave the reference out.")
+        return self._with(sensors, reference=True)
+
+    def _with(self, sensors: str, *, reference: bool) -> Self:
+        units = (replace(one, sensors=sensors) if one.reference is reference else one for one in self.units)
+        return replace(self, units=tuple(units))
 
 
 def plan_for(form: Format, motion: Scenario, *, sensors: str, frame: Frame, rate: float | None) -> Plan:
@@ -194,7 +229,12 @@ PLANS: Final[Mapping[str, Plan]] = {
         ),
         Plan(
             "rod", "rod moved by hand: ADIS16355 beside an AHRS500GA", scenario("rod"), Frame.NED, 100.0, 600.0,
-            (Unit("adis16355"), Unit("ideal", "ref", _REFERENCE)),
+            (Unit("adis16355"), Unit("ahrs500ga", "ref", _REFERENCE, reference=True)),
+        ),
+        Plan(
+            "ring", "static ring test: the buoy's unit beside a DCM260B", scenario("table36"), Frame.NED, 100.0,
+            scenario("table36").duration,
+            (Unit("mpu6000+hmc5983"), Unit("dcm260b", "ref", reference=True)),
         ),
         Plan(
             "teach", "six-axis machine taught by hand: a nine-axis unit on each link",

@@ -1,28 +1,37 @@
 """A rig: every frame with its time, the truth behind it, and the faults on the way."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
-from plumbob.core.units import unit
+from plumbob.core.units import to_deg, unit
+from plumbob.data.cards import NoiseCard
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.rotations import Frame, euler_zyx_from_quat
 from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
-from plumbob.simulation.errors import unit_seed
+from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.rigs import faults as line_faults
 from plumbob.simulation.rigs.faults import Damage, Fault
 from plumbob.simulation.rigs.plan import Chained, Mounted, Plan
+from plumbob.simulation.signals import Signal
+from plumbob.simulation.simulation import WarmingUp
 
 Column = Floats | NDArray[np.int64]
+Card = NoiseCard | str | Path
+Cards = Card | Mapping[str, Card]
+"""A noise card for every measuring unit, or one for each of some units, by the prefix of their fields."""
 _JUST_BELOW = 1.0 - 1e-9  # a value at the end of its range stays there whatever it is rounded by
 
 
@@ -71,12 +80,22 @@ def _in_register(one: Field, values: Floats) -> Floats:
 
 
 def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:
-    """True roll, pitch and heading, for devices that say them; heading from true North."""
+    """Roll, pitch and heading, for devices that say them: of a reference, else true; heading from true North."""
     names = {name: f"{prefix}.{name}" if prefix else name for name in ("heading", "pitch", "roll")}
     if not any(name in fields for name in names.values()):
         return {}
-    angles = euler_zyx_from_quat(simulation.kinematics.in_frame(Frame.NED).q_nb)
-    return {names[key]: angles[:, i] for i, key in enumerate(names) if names[key] in fields}
+    angles = simulation.angles
+    if angles is None:
+        angles = euler_zyx_from_quat(simulation.kinematics.in_frame(Frame.NED).q_nb)
+    found = {names[key]: angles[:, i] for i, key in enumerate(names) if names[key] in fields}
+    if (heading := fields.get(names["heading"])) and _counts_from_zero(heading):
+        found[heading.name] = np.remainder(found[heading.name], 2.0 * math.pi)
+    return found
+
+
+def _counts_from_zero(one: Field) -> bool:
+    """Whether a heading goes from 0° to 360°; decimal digits do, of compasses that speak so [RI-705]."""
+    return one.type == "bcd" or (one.range or one.limits)[0] >= 0
 
 
 def _presence(one: Field, measured: Mapping[str, Floats], count: int) -> NDArray[np.int64]:
@@ -147,6 +166,11 @@ def make_rig(
     unit: str = "random",
     clock_error: float = 0.0,
     faults: Mapping[str, float] | None = None,
+    noise: Cards | None = None,
+    temp_c: float | str | Signal | None = None,
+    warm_up: WarmingUp | None = None,
+    high_pass: float | None = None,
+    mount_error: float = 0.0,
 ) -> Rig:
     """Build a rig.
 
@@ -166,6 +190,15 @@ def make_rig(
         By how much the device's own clock is fast: 4e-5 are 40 µs a second.
     faults : mapping of str to float, optional
         Share of the frames that a fault of `plumbob.simulation.rigs.faults.KINDS` befalls.
+    noise : NoiseCard, str, path, or mapping, optional
+        N, B and K of the measuring units instead of their own: one card for all, or cards by prefix.
+    temp_c, warm_up : optional
+        Temperature, °C, and by how much the rig warms up, as of `plumbob.simulation.simulate`.
+    high_pass : float, optional
+        Corner of a first-order high-pass behind each measuring unit's gyroscope, Hz.
+    mount_error : float
+        Standard deviation about each axis, rad, of how the references sit against what the plan says; of all units
+        where there is no reference.
 
     Raises
     ------
@@ -174,7 +207,11 @@ def make_rig(
     """
     bound = form.bind()
     message = bound.messages[0]
-    units, chain = _units(plan, message, seed, plan.duration if duration is None else duration, unit)
+    modules = _modules(plan, message, seed, noise, high_pass)
+    common = {"frame": plan.frame, "unit": unit, "rate": plan.rate}
+    common |= {"duration": plan.duration if duration is None else duration}
+    world = {name: value for name, value in (("temp_c", temp_c), ("warm_up", warm_up)) if value is not None}
+    units, chain = _units(plan, modules, seed, common | world, mount_error)
     due_ns = to_ns(next(iter(units.values())).imu.t)
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
     device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
@@ -185,28 +222,47 @@ def make_rig(
     return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed), chain)
 
 
+def _modules(
+    plan: Plan, message: Message, seed: int, noise: Cards | None, high_pass: float | None
+) -> dict[str, Module]:
+    """Modules by prefix, each with its own errors, or with those that are asked for instead."""
+    cards: Mapping[str, Card] = {}
+    if noise is not None:
+        cards = noise if isinstance(noise, Mapping) else {one.prefix: noise for one in plan.measuring}
+    if unknown := [name for name in cards if name not in [one.prefix for one in plan.measuring]]:
+        names = ", ".join(one.prefix or "the unit without a prefix" for one in plan.measuring)
+        raise ParameterError(f"{plan.name} has no measuring unit '{unknown[0]}' for a noise card; it has {names}.")
+    modules = {}
+    for number, one in enumerate(plan.units):
+        module = fitted(draw_module(one.sensors, unit_seed(seed, number)), message, one.prefix)
+        if one.prefix in cards:
+            module = module.with_noise(check.kind("noise", NoiseCard.of(cards[one.prefix]), NoiseCard))
+        if high_pass is not None and not one.reference:
+            module = module.with_high_pass(high_pass)
+        modules[one.prefix] = module
+    return modules
+
+
 def _units(
-    plan: Plan, message: Message, seed: int, duration: float, kind: str
+    plan: Plan, modules: Mapping[str, Module], seed: int, common: Mapping[str, Any], mount_error: float
 ) -> tuple[Mapping[str, Simulation], ChainSimulation | None]:
-    """Units by prefix, each with its own errors and noise, and the chain that they are on."""
-    seeds = {one.prefix: unit_seed(seed, number) for number, one in enumerate(plan.units)}
-    modules = {
-        one.prefix: fitted(draw_module(one.sensors, seeds[one.prefix]), message, one.prefix) for one in plan.units
-    }
-    common: dict[str, Any] = {"frame": plan.frame, "unit": kind, "rate": plan.rate, "duration": duration}
+    """Units by prefix, each with its own noise, and the chain that they are on."""
+    if not 0.0 <= mount_error <= math.pi:
+        raise ParameterError(f"mount_error must be 0 to 180°, but it is {to_deg(mount_error):g}°.")
     if isinstance(plan.scenario, Chained):
-        chained = plan.scenario
-        made = simulate_chain(chained.chain, chained.program, sensors=modules, seed=seed, **common, **chained.settings)
+        if mount_error:
+            raise ParameterError("the units of a chain have --set mount_angle; leave mount_error out.")
+        chained, settings = plan.scenario, {**plan.scenario.settings, **common}
+        made = simulate_chain(chained.chain, chained.program, sensors=modules, seed=seed, **settings)
         return made.units, made
-    units = {
-        one.prefix: simulate(
-            Mounted(plan=plan.scenario, frame=plan.frame, q_bs=one.q_bs, seed=seed),
-            sensors=modules[one.prefix],
-            seed=seeds[one.prefix],
-            **common,
-        )
-        for one in plan.units
-    }
+    aslant = [one for one in plan.units if one.reference] or plan.units
+    units = {}
+    for number, one in enumerate(plan.units):
+        motion = Mounted(plan=plan.scenario, frame=plan.frame, q_bs=one.q_bs, seed=seed)
+        if mount_error and one in aslant:
+            x, y, z = (mount_error * stream(seed, "mount", one.prefix).standard_normal(3)).tolist()
+            motion = replace(motion, off=(x, y, z))
+        units[one.prefix] = simulate(motion, sensors=modules[one.prefix], seed=unit_seed(seed, number), **common)
     return units, None
 
 
