@@ -34,6 +34,9 @@ def add_parser(verbs: common.Adder) -> None:
     p.add_argument("file", metavar="FILE", help="raw bytes, as a device sent them; '-' for standard input")
     p.add_argument("--format", required=True, metavar="F", help="device, rig, or TOML file; see 'plumbob devices'")
     common.add_option(p)
+    p.add_argument(
+        "--ring", action="store_true", help="the file is a log written round and round: its frames by their counter"
+    )
     p.add_argument("--message", default="", metavar="M", help="which kind of frame (default the first that occurs)")
     p.add_argument(
         "--rate", metavar="HZ", help="frames per second: adds a column of time, counted from the first frame"
@@ -68,7 +71,8 @@ def run(args: argparse.Namespace) -> int:
         if args.out is None:
             table.print_new()
 
-    counts = decode(_chunks(args.file, table), form, each=take).counts
+    pieces = _chunks(args.file, table)
+    counts = decode(_in_order(pieces, form) if args.ring else pieces, form, each=take).counts
     if not counts.received:
         raise DecodeError(f"{args.file} is empty. Give a file of raw bytes.")
     if not sum(counts.frames.values()):
@@ -222,6 +226,18 @@ def _chunks(name: str, table: _Table) -> Iterator[bytes]:
         for data in _pieces(file):
             table.head = table.head or data[:_HINT]
             yield data
+
+
+def _in_order(pieces: Iterator[bytes], form: "Format") -> Iterator[bytes]:
+    """Frames of a ring in the order of their counter; tells what else is there."""
+    from plumbob.protocols.ring import read_ring
+
+    found = read_ring(b"".join(pieces), form)
+    common.note(
+        f"{counted(found.records, 'record')}, {found.missing} missing between the first and the last; beside them "
+        f"{found.blank} blank bytes and {found.torn} torn"
+    )
+    yield found.stream
 
 
 def _pieces(file: BinaryIO) -> Iterator[bytes]:

@@ -50,6 +50,8 @@ def _add_content(p: argparse.ArgumentParser) -> None:
     p.add_argument("--rate", metavar="HZ", help="frames per second, as 100Hz (default: the format's)")
     p.add_argument("--duration", metavar="S", help="duration, as 60s (default: the scenario's)")
     p.add_argument("--truth", type=Path, metavar="FILE", help="recording of samples and truth; calibration card beside")
+    common.add_calibration(p, "card that the processor of rig buoy_attitude corrects its samples with")
+    p.add_argument("--flash-log", type=Path, metavar="FILE", help="image of that rig's Flash log, as it is at the end")
 
 
 def _add_port(p: argparse.ArgumentParser) -> None:
@@ -85,7 +87,8 @@ def run(args: argparse.Namespace) -> int:
     write = sys.stdout.buffer if args.write == "-" else args.write
     noise = _noise(args.noise)
     cards = noise.values() if isinstance(noise, dict) else (noise,)
-    common.check_outputs(args, *outputs(args.what, args.truth, write, args.fault_log), inputs=tuple(cards))
+    written = outputs(args.what, args.truth, write, args.fault_log, args.flash_log)
+    common.check_outputs(args, *written, inputs=(*cards, args.calibration))
     stop = Stop()
     with ExitStack() as stack:
 
@@ -96,7 +99,8 @@ def run(args: argparse.Namespace) -> int:
                 print(name, flush=True)
 
         asked = ("scenario", "sensors", "reference", "unit", "warm_up", "high_pass", "mount_error", "frame", "seed",
-                 "clock_error", "rate", "duration", "truth", "link", "tcp", "udp", "speed", "fault_log")  # fmt: skip
+                 "clock_error", "rate", "duration", "truth", "calibration", "flash_log", "link", "tcp", "udp", "speed",
+                 "fault_log")  # fmt: skip
         served = emulate(
             args.what,
             **{name: value for name in asked if (value := getattr(args, name)) is not None},

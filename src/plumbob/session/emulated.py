@@ -13,6 +13,7 @@ from plumbob.core.errors import ParameterError
 from plumbob.core.files import profile_beside, replacing, require_place, write_text
 from plumbob.core.units import Quantity, given
 from plumbob.data import TRIADS
+from plumbob.data.cards import CalibrationCard
 from plumbob.data.chain_toml import chain_text
 from plumbob.files.table import SUFFIXES, write_table
 from plumbob.protocols.find import find_format
@@ -52,6 +53,8 @@ def emulate(
     rate: float | str | None = None,
     duration: float | str | None = None,
     truth: str | Path | None = None,
+    calibration: CalibrationCard | str | Path | None = None,
+    flash_log: str | Path | None = None,
     link: str | Path | None = None,
     tcp: str | None = None,
     udp: str | None = None,
@@ -105,6 +108,10 @@ def emulate(
     truth : path, optional
         Recording of samples and truth to write before the port is named; the unit's card is written beside it. Of a
         chain, true joint angles and the chain are written too.
+    calibration : CalibrationCard or path, optional
+        What a rig with a processor of its own, as ``buoy_attitude``, corrects its samples with.
+    flash_log : path, optional
+        Image of such a rig's Flash log as it is at the end; `plumbob.protocols.ring.read_ring` reads it.
     link, tcp, udp, write : optional
         Where to: a pseudo-terminal, to which `link` may lead; a server at ``HOST:PORT``; datagrams to ``HOST:PORT``; or
         the bytes alone into a file or an open stream.
@@ -135,7 +142,7 @@ def emulate(
     pace = _speed(speed, fastest=write is not None)
     form, plan = _plan(what, options, scenario, set, sensors, frame, given("rate", rate, Quantity.FREQUENCY))
     plan = plan if reference is None else plan.with_reference(reference)
-    for path in outputs(what, truth, write, fault_log):
+    for path in outputs(what, truth, write, fault_log, flash_log):
         require_place(path, overwrite=overwrite)
     rig = make_rig(
         plan,
@@ -150,7 +157,12 @@ def emulate(
         warm_up=warm_up,
         high_pass=given("high_pass", high_pass, Quantity.FREQUENCY),
         mount_error=given("mount_error", mount_error, Quantity.ANGLE) or 0.0,
+        calibration=CalibrationCard.load(calibration) if isinstance(calibration, str | Path) else calibration,
     )
+    if flash_log:
+        _write_flash(Path(flash_log), rig, overwrite=overwrite)
+    if rig.firmware is not None and note is not None:
+        note("; ".join(f"{name} {told}" for name, told in rig.firmware.facts().items()))
     if truth:  # before the port is named, so that who waits for it finds the truth and the card
         _write_truth(Path(truth), rig, noise=noise is not None, overwrite=overwrite)
     stop = stop or Stop()
@@ -163,10 +175,14 @@ def emulate(
 
 
 def outputs(
-    what: str | Path, truth: str | Path | None, write: str | Path | BinaryIO | None, fault_log: str | Path | None
+    what: str | Path,
+    truth: str | Path | None,
+    write: str | Path | BinaryIO | None,
+    fault_log: str | Path | None,
+    flash_log: str | Path | None = None,
 ) -> Iterator[Path]:
     """Files that `emulate` would write, with those beside them."""
-    yield from (Path(path) for path in (write, fault_log) if isinstance(path, str | Path))
+    yield from (Path(path) for path in (write, fault_log, flash_log) if isinstance(path, str | Path))
     if truth is None:
         return
     form = find_format(what)
@@ -224,6 +240,8 @@ def _plan(
         plan = PLANS[form.name]
         if frame:
             raise ParameterError(f"rig {plan.name} has its own frame; leave --frame out.")
+        if plan.firmware and rate:
+            raise ParameterError(f"rig {plan.name} computes at its own rates; leave --rate out.")
         if sensors is not None:
             _require_triads(plan, form, sensors)
             plan = plan.with_sensors(sensors)
@@ -323,6 +341,13 @@ def _fault_log(path: str | Path | None) -> Iterator[Callable[[Fault], None]]:
 def unit_file(path: Path, prefix: str) -> Path:
     """Where the file of one of several units lies."""
     return path.with_stem(f"{path.stem}-{prefix}") if prefix else path
+
+
+def _write_flash(path: Path, rig: Rig, *, overwrite: bool) -> None:
+    if rig.firmware is None:
+        raise ParameterError(f"rig {rig.plan.name} has no Flash log; emulate buoy_attitude, or leave --flash-log out.")
+    with replacing(path, overwrite=overwrite) as temporary:
+        temporary.write_bytes(rig.firmware.flash.image)
 
 
 def _write_truth(path: Path, rig: Rig, *, noise: bool, overwrite: bool) -> None:

@@ -40,7 +40,9 @@ BURST: Final = 120.0
 SMOOTHER: Final = Contender("smoother", {})
 _UNIT: Final = '[imu]\ndevice = "{device}"\nframe = "NED"\n'
 _REFERENCE: Final = '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
-_LIVE: Final = '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\ntext = "{text}"\n'
+_LIVE: Final = (
+    '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\ntext = "{text}"\n'
+)
 
 
 class Calibrated(NamedTuple):
@@ -113,10 +115,12 @@ def slides(work: Work, unit: Calibrated) -> dict[tuple[float, float], Slid]:
     found = {}
     for speed, stroke in STROKES:
         settings = {"peak_speed": speed, "stroke": stroke}
-        taken = work.recorded("buoy", f"slide-{speed:g}-{stroke:g}", session=_unit(work), scenario="slide", set=settings)
+        taken = work.recorded(
+            "buoy", f"slide-{speed:g}-{stroke:g}", session=_unit(work), scenario="slide", set=settings
+        )
         imu, truth = samples_of(taken.recording), truth_of(taken)
         errors = {
-            name: errors_deg(_estimated(one, imu, unit), truth) for name, one in {**SLIDE, "smoother": SMOOTHER}.items()
+            name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb) for name, one in {**SLIDE, "smoother": SMOOTHER}.items()
         }
         found[speed, stroke] = Slid(imu.t, errors)
     return found
@@ -162,7 +166,7 @@ def sail(work: Work, unit: Calibrated, contenders: Mapping[str, Contender]) -> S
     assert again.track is not None
     assert again.comparison is not None
     imu, truth = samples_of(taken.recording), truth_of(taken)
-    errors = {name: errors_deg(_estimated(one, imu, unit), truth) for name, one in contenders.items()}
+    errors = {name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb) for name, one in contenders.items()}
     lines = sum(not line.startswith("#") for line in text.read_text(encoding="utf-8").splitlines())
     overview = report(taken.recording, filter="mekf", burst=BURST)
     page = _written(overview, work.folder / REPORT)

@@ -1,4 +1,4 @@
-"""The buoy's own program at work [Yu2018]: its events, its line at 20 Hz and its log in Flash, by the emulated firmware."""
+"""The buoy's own program at work [Yu2018]: its events, its line at 20 Hz and its log in Flash, emulated."""
 
 from typing import Final, NamedTuple
 
@@ -70,7 +70,7 @@ def run_device(work: Work, card: CalibrationCard) -> Device:
     data = taken.capture.read_bytes()
     track, truth = track_of(data), truth_of(taken)
     rows = np.searchsorted(truth.t, track.t - 1e-6)
-    _, pitch, roll = np.abs(errors_deg(track, truth[rows])).max(axis=0).tolist()
+    _, pitch, roll = np.abs(errors_deg(track.q_nb, truth.q_nb[rows])).max(axis=0).tolist()
     chips = samples_of(taken.truth)
     done = run_firmware(chips, calibration=card)
     slow = run_firmware(chips, calibration=card, processor=Processor(uart_waits=True, flash_waits=True))

@@ -1,8 +1,8 @@
 """The buoy paper's slide [Yu2018] and a sea, on simulated units with cards of their own, by several filters.
 
 A unit is drawn within the limits of the data sheets of MPU-6000 and HMC5983, all errors included: zero-rate output,
-scale, misalignment, iron. It is calibrated twice from one capture on six faces and twelve edges: as the paper does, with
-one reading in each of 18 regions, six parameters, and the zero-rate output at rest removed; and as Plumbob recommends,
+scale, misalignment, iron. It is calibrated twice from one capture on six faces and twelve edges: as the paper does, with one
+reading in each of 18 regions, six parameters, and the zero-rate output at rest removed; and as Plumbob recommends,
 with accelerometer, gyroscope and magnetometer by all samples and the mounting by two poses. Simulated directly: no
 bytes.
 """
@@ -19,7 +19,7 @@ from plumbob.core.check import Floats
 from plumbob.core.constants import G0
 from plumbob.core.errors import CalibrationError
 from plumbob.core.units import to_deg
-from plumbob.data import AttitudeTrack, ImuData
+from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard, TriadCalibration
 from plumbob.evaluation.metrics import wrap
@@ -132,15 +132,15 @@ def cards(seed: int) -> tuple[CalibrationCard, CalibrationCard]:
     return paper_card(capture, still), best_card(capture, simulated("raise", seed).imu)
 
 
-def errors_deg(track: AttitudeTrack, truth: AttitudeTrack) -> Floats:
-    """Errors (N, 3) of yaw, pitch and roll, deg, where both are known at the same times."""
-    return np.asarray(to_deg(wrap(euler_zyx_from_quat(track.q_nb) - euler_zyx_from_quat(truth.q_nb))))
+def errors_deg(q_nb: Floats, truth: Floats) -> Floats:
+    """Errors (N, 3) of yaw, pitch and roll of attitudes (N, 4), deg."""
+    return np.asarray(to_deg(wrap(euler_zyx_from_quat(q_nb) - euler_zyx_from_quat(truth))))
 
 
 def estimated(one: Contender, made: Simulation, seed: int) -> Floats:
     """Errors (N, 3) of yaw, pitch and roll, deg, of a contender on a unit's samples with its card."""
     imu = apply_card(cards(seed)[0 if one.paper else 1], made.imu)
-    return errors_deg(run_stage(imu, one.stage, frame=Frame.NED), made.truth)
+    return errors_deg(run_stage(imu, one.stage, frame=Frame.NED).q_nb, made.truth.q_nb)
 
 
 def slide(speed: float, stroke: float, seeds: Sequence[int]) -> dict[str, Floats]:
@@ -172,7 +172,7 @@ def gain_scan(
     found = []
     for kp in kps:
         track = run_stage(made.imu, Stage("mahony", {"kp": kp, "gate": gate}), frame=Frame.NED)
-        _, pitch, roll = np.abs(errors_deg(track, made.truth)).max(axis=0).tolist()
+        _, pitch, roll = np.abs(errors_deg(track.q_nb, made.truth.q_nb)).max(axis=0).tolist()
         found.append((roll, pitch))
     return found
 

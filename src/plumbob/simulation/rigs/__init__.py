@@ -10,6 +10,8 @@ from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
     from plumbob.simulation.rigs.faults import KINDS, Fault
+    from plumbob.simulation.rigs.firmware import Firmware, Processor, run_firmware
+    from plumbob.simulation.rigs.flash import FlashLog
     from plumbob.simulation.rigs.plan import PLANS, Plan, Unit, plan_for
     from plumbob.simulation.rigs.rig import Rig, make_rig
     from plumbob.simulation.rigs.serving import FilePort, Port, Served, TcpPort, UdpPort, serve
@@ -22,8 +24,11 @@ __getattr__, __dir__ = lazily(
         "PLANS": "plan",
         "Fault": "faults",
         "FilePort": "serving",
+        "Firmware": "firmware",
+        "FlashLog": "flash",
         "Plan": "plan",
         "Port": "serving",
+        "Processor": "firmware",
         "PtyPort": "terminal",
         "Rig": "rig",
         "Served": "serving",
@@ -32,6 +37,7 @@ __getattr__, __dir__ = lazily(
         "Unit": "plan",
         "make_rig": "rig",
         "plan_for": "plan",
+        "run_firmware": "firmware",
         "serve": "serving",
     },
 )
@@ -41,8 +47,11 @@ __all__ = [
     "PLANS",
     "Fault",
     "FilePort",
+    "Firmware",
+    "FlashLog",
     "Plan",
     "Port",
+    "Processor",
     "PtyPort",
     "Rig",
     "Served",
@@ -51,5 +60,6 @@ __all__ = [
     "Unit",
     "make_rig",
     "plan_for",
+    "run_firmware",
     "serve",
 ]

@@ -21,6 +21,8 @@ from plumbob.simulation.errors import stream
 
 Quat = tuple[float, float, float, float]
 ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
+CHIP_RATE: Final = 1000.0
+"""Hz; how often the MPU-6000 of a rig with a processor of its own renews its registers at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +143,8 @@ class Plan:
         Time that it talks, s.
     units : tuple of Unit
         What sits on the body.
+    firmware : bool
+        Whether it sends the attitude that its own processor computes, and not samples.
     """
 
     name: str
@@ -150,6 +154,7 @@ class Plan:
     rate: float
     duration: float
     units: tuple[Unit, ...]
+    firmware: bool = False
 
     @property
     def measuring(self) -> tuple[Unit, ...]:
@@ -214,6 +219,10 @@ PLANS: Final[Mapping[str, Plan]] = {
         Plan(
             "buoy", "drifting buoy: MPU-6000 and HMC5983", scenario("buoy"), Frame.NED, 100.0, 600.0,
             (Unit("mpu6000+hmc5983"),),
+        ),
+        Plan(
+            "buoy_attitude", "drifting buoy: attitude from its own processor", scenario("buoy"), Frame.NED, 20.0, 600.0,
+            (Unit("mpu6000+hmc5983"),), firmware=True,
         ),
         Plan(
             "fin", "bionic fin: ADXRS453 and ADXRS290", scenario("fin"), Frame.NED, 500.0, 220.0,

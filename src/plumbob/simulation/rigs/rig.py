@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,19 +14,23 @@ from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError
 from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, unit
-from plumbob.data.cards import NoiseCard
+from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.protocols.decode import columns_of
 from plumbob.protocols.encode import encode
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
+from plumbob.protocols.rigs import load
 from plumbob.rotations import Frame, euler_zyx_from_quat
 from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors, draw_module, simulate, simulate_chain
 from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.rigs import faults as line_faults
 from plumbob.simulation.rigs.faults import Damage, Fault
-from plumbob.simulation.rigs.plan import Chained, Mounted, Plan
+from plumbob.simulation.rigs.plan import CHIP_RATE, Chained, Mounted, Plan
 from plumbob.simulation.signals import Signal
 from plumbob.simulation.simulation import WarmingUp
+
+if TYPE_CHECKING:
+    from plumbob.simulation.rigs.firmware import Firmware
 
 Column = Floats | NDArray[np.int64]
 Card = NoiseCard | str | Path
@@ -129,6 +133,8 @@ class Rig:
         What happens to them on the line.
     chain : ChainSimulation or None
         The chain that the units are on, where they are on one.
+    firmware : Firmware or None
+        What its own processor did, where that computes what it says.
     """
 
     plan: Plan
@@ -138,6 +144,7 @@ class Rig:
     frames: NDArray[np.uint8]
     damage: Damage
     chain: ChainSimulation | None = None
+    firmware: "Firmware | None" = None
 
     def __len__(self) -> int:
         return int(self.due_ns.size)
@@ -171,6 +178,7 @@ def make_rig(
     warm_up: WarmingUp | None = None,
     high_pass: float | None = None,
     mount_error: float = 0.0,
+    calibration: CalibrationCard | None = None,
 ) -> Rig:
     """Build a rig.
 
@@ -199,6 +207,8 @@ def make_rig(
     mount_error : float
         Standard deviation about each axis, rad, of how the references sit against what the plan says; of all units
         where there is no reference.
+    calibration : CalibrationCard, optional
+        What the rig's own processor corrects its samples with.
 
     Raises
     ------
@@ -207,11 +217,15 @@ def make_rig(
     """
     bound = form.bind()
     message = bound.messages[0]
-    modules = _modules(plan, message, seed, noise, high_pass)
-    common = {"frame": plan.frame, "unit": unit, "rate": plan.rate}
+    if calibration is not None and not plan.firmware:
+        raise ParameterError(f"rig {plan.name} sends samples as they are; leave the calibration to who reads them.")
+    modules = _modules(plan, load("buoy").bind().messages[0] if plan.firmware else message, seed, noise, high_pass)
+    common = {"frame": plan.frame, "unit": unit, "rate": CHIP_RATE if plan.firmware else plan.rate}
     common |= {"duration": plan.duration if duration is None else duration}
     world = {name: value for name, value in (("temp_c", temp_c), ("warm_up", warm_up)) if value is not None}
     units, chain = _units(plan, modules, seed, common | world, mount_error)
+    if plan.firmware:
+        return _computed(plan, bound, units, seed, clock_error, faults or {}, calibration)
     due_ns = to_ns(next(iter(units.values())).imu.t)
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
     device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
@@ -241,6 +255,23 @@ def _modules(
             module = module.with_high_pass(high_pass)
         modules[one.prefix] = module
     return modules
+
+
+def _computed(
+    plan: Plan, form: Format, units: Mapping[str, Simulation], seed: int, clock_error: float,
+    faults: Mapping[str, float], calibration: CalibrationCard | None,
+) -> Rig:  # fmt: skip
+    """Rig whose own processor computes what it says; its chips count as those of the rig that sends samples."""
+    from plumbob.simulation.rigs.firmware import run_firmware  # with the filters, which no other rig needs
+
+    done = run_firmware(units[""].imu, calibration=calibration)
+    drawn = line_faults.draw(form, faults, done.sent_ns, seed)
+    device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
+    columns = {**done.columns, "counter": drawn.counter}
+    columns["clock"] = columns["clock"] + (device_ns - done.sent_ns) // 1000
+    frames = encode(form, columns)
+    damaged = line_faults.damage(form, drawn, frames, done.sent_ns, seed)
+    return Rig(plan, form, units, done.sent_ns, frames, damaged, firmware=done)
 
 
 def _units(

@@ -1,0 +1,80 @@
+"""An image of a log that was written round and round: its frames in the order of their counter."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from plumbob.core.errors import DecodeError
+from plumbob.protocols.decode import decode
+from plumbob.protocols.format import Format
+
+_BLANK = 0xFF
+
+
+class Ring(NamedTuple):
+    """What an image of a log holds.
+
+    Attributes
+    ----------
+    stream : bytes
+        Its frames, the oldest first, and nothing else.
+    records : int
+        Number of them.
+    missing : int
+        Numbers between the first and the last that no frame has.
+    blank, torn : int
+        Bytes that belong to no frame: erased ones, and others.
+    """
+
+    stream: bytes
+    records: int
+    missing: int
+    blank: int
+    torn: int
+
+
+def read_ring(image: bytes, form: Format) -> Ring:
+    """Find the frames in an image of a log, and order them.
+
+    The counter may wrap: the widest gap in its circle is taken for the seam, so that the log must hold less than half
+    of what it counts.
+
+    Parameters
+    ----------
+    image : bytes
+        What the chip holds.
+    form : Format
+        What a record is; of one message, with a counter.
+
+    Raises
+    ------
+    DecodeError
+        If the format has no counter, or several messages, or the image has no frame of it.
+    """
+    counter = form.messages[0].of_role("counter")
+    if counter is None or len(form.messages) > 1:
+        raise DecodeError(
+            f"{form.name} cannot be a log's record, which is one message with a counter; leave out --ring."
+        )
+    found, counts = decode(image, form)
+    if form.messages[0].name not in found:
+        raise DecodeError(f"no record of {form.name} is in the {len(image)} bytes{counts.why_rejected()}.")
+    frames = found[form.messages[0].name]
+    length = form.messages[0].length
+    numbers = frames.columns[counter.name].astype(np.int64)
+    order = np.argsort(numbers, kind="stable")
+    circle = 1 << counter.width
+    steps = np.diff(numbers[order], append=numbers[order[0]] + circle)
+    seam = int(np.argmax(steps)) + 1
+    order, steps = np.roll(order, -seam), np.roll(steps, -seam)[:-1]
+    data = np.frombuffer(image, dtype=np.uint8)
+    places = frames.start[:, np.newaxis] + np.arange(length)
+    rest = np.delete(data, places.ravel())
+    blank = int(np.count_nonzero(rest == _BLANK))
+    return Ring(
+        stream=data[places[order]].tobytes(),
+        records=len(frames),
+        missing=int(np.maximum(steps - 1, 0).sum()),
+        blank=blank,
+        torn=rest.size - blank,
+    )
