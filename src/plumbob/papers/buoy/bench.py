@@ -38,6 +38,8 @@ REPORT: Final = "sea-report.html"
 BURST: Final = 120.0
 """Length of a burst of the sea's report, s."""
 SMOOTHER: Final = Contender("smoother", {})
+KEPT: Final = "zero-rate output kept"
+"""The paper's filter where the gyroscope's zero-rate output is not removed at the start."""
 _UNIT: Final = '[imu]\ndevice = "{device}"\nframe = "NED"\n'
 _REFERENCE: Final = '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
 _LIVE: Final = (
@@ -54,6 +56,8 @@ class Calibrated(NamedTuple):
         Readings of the magnetometer in the 18 regions, counts of its converter.
     mag : ndarray (18, 3)
         The same, µT.
+    step : float
+        Of a count, µT.
     regions : int
         Regions that the specific force fills, of 18.
     paper, best : CalibrationCard
@@ -64,6 +68,7 @@ class Calibrated(NamedTuple):
 
     mag_counts: Floats
     mag: Floats
+    step: float
     regions: int
     paper: CalibrationCard
     best: CalibrationCard
@@ -80,8 +85,10 @@ def calibrated(work: Work) -> Calibrated:
     still = capture[: int(np.searchsorted(capture.t, capture.t[0] + 2.5))]
     best = best_card(capture, samples_of(raised.recording))
     best.save(work.folder / CARD, overwrite=True)
-    counts = np.rint(mag / step_of(capture))
-    return Calibrated(counts, mag, int(np.count_nonzero(filled(acc))), paper_card(capture, still), best, still)
+    step = step_of(capture)
+    return Calibrated(
+        np.rint(mag / step), mag, step, int(np.count_nonzero(filled(acc))), paper_card(capture, still), best, still
+    )
 
 
 def step_of(imu: ImuData) -> float:
@@ -111,8 +118,8 @@ class Slid(NamedTuple):
 
 
 def slides(work: Work, unit: Calibrated) -> dict[tuple[float, float], Slid]:
-    """Slide in each set of strokes, by each of `SLIDE` and by the smoother, which knows the future."""
-    found = {}
+    """Slide in each set of strokes, by each of `SLIDE` and by the smoother, which knows the future; once `KEPT` too."""
+    found: dict[tuple[float, float], Slid] = {}
     for speed, stroke in STROKES:
         settings = {"peak_speed": speed, "stroke": stroke}
         taken = work.recorded(
@@ -120,8 +127,12 @@ def slides(work: Work, unit: Calibrated) -> dict[tuple[float, float], Slid]:
         )
         imu, truth = samples_of(taken.recording), truth_of(taken)
         errors = {
-            name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb) for name, one in {**SLIDE, "smoother": SMOOTHER}.items()
+            name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb)
+            for name, one in {**SLIDE, "smoother": SMOOTHER}.items()
         }
+        if not found:
+            kept = estimate(imu, "mahony", calibration=unit.paper.without("gyr"), frame=Frame.NED).track
+            errors[KEPT] = errors_deg(kept.q_nb, truth.q_nb)
         found[speed, stroke] = Slid(imu.t, errors)
     return found
 

@@ -5,6 +5,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from plumbob.core.check import Floats
+from plumbob.core.time import to_s
 from plumbob.data.cards import CalibrationCard
 from plumbob.papers.buoy.bench import samples_of, truth_of
 from plumbob.papers.buoy.trials import errors_deg
@@ -83,7 +84,7 @@ def run_device(work: Work, card: CalibrationCard) -> Device:
         latest=done.latest,
         idle=done.idle,
         waiting=slow.missed,
-        calls={name: (1e-9 * one.begun_ns, 1e-9 * one.done_ns) for name, one in done.calls.items()},
+        calls={name: (to_s(one.begun_ns), to_s(one.done_ns)) for name, one in done.calls.items()},
         roll=roll,
         pitch=pitch,
         frames=len(track),

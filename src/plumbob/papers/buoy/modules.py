@@ -24,9 +24,8 @@ from plumbob.core.constants import G0
 from plumbob.core.units import deg, g, to_deg, to_si
 from plumbob.data import ImuData
 from plumbob.data.cards import TriadCalibration
-from plumbob.evaluation.metrics import wrap
 from plumbob.filters import Filter
-from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_rotate
+from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_rotate, wrap
 from plumbob.simulation import TriadErrors, earth_field, scenario
 from plumbob.simulation.captures import PoseScenario
 from plumbob.simulation.errors import measure
@@ -228,12 +227,16 @@ def measure_ring(row: Row, seeds: Sequence[int]) -> Ring:
     turns = [_turn(row, seed) for seed in seeds]
     before, yaw, level = to_deg(np.array([turn[:3] for turn in turns])).T
     return Ring(
-        *(float(np.median(one)) for one in (before, yaw, level)),
-        *(float(np.quantile(one, 0.95, method="higher")) for one in (yaw, level)),
-        *(float(np.mean(yaw <= limit)) for limit in (2.5, 5.0)),
-        float(np.mean(np.maximum(yaw, level) <= 5.0)),
-        float(np.mean(before <= 5.0)),
-        float(np.mean([turn[3] > 0 for turn in turns])),
+        before=float(np.median(before)),
+        yaw=float(np.median(yaw)),
+        level=float(np.median(level)),
+        yaw95=float(np.quantile(yaw, 0.95, method="higher")),
+        level95=float(np.quantile(level, 0.95, method="higher")),
+        within=float(np.mean(yaw <= 2.5)),
+        yaw5=float(np.mean(yaw <= 5.0)),
+        all5=float(np.mean(np.maximum(yaw, level) <= 5.0)),
+        before5=float(np.mean(before <= 5.0)),
+        failed=float(np.mean([turn[3] > 0 for turn in turns])),
     )
 
 
@@ -358,4 +361,5 @@ def _paper_yaw(unit: Unit, acc: Floats, mag: Floats, rng: np.random.Generator) -
         return None
     truth = table_poses()
     shown = read_both(unit, truth, rng)
-    return float(to_deg(largest(*(applied(c, v) for c, v in zip(cards, shown, strict=True)), truth)[0]))
+    acc, mag = (applied(card, vectors) for card, vectors in zip(cards, shown, strict=True))
+    return float(to_deg(largest(acc, mag, truth)[0]))

@@ -9,9 +9,9 @@ import numpy as np
 from plumbob.calibration.static_test import ANGLES, StaticTest
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
-from plumbob.core.units import from_si, to_deg
+from plumbob.core.units import from_si, to_deg, to_dps
 from plumbob.filters import mahony
-from plumbob.papers.buoy.bench import Calibrated, Sailed, Slid
+from plumbob.papers.buoy.bench import KEPT, Calibrated, Sailed, Slid
 from plumbob.papers.buoy.device import PERIODS, Device
 from plumbob.papers.buoy.figures import ANGLE
 from plumbob.papers.buoy.literal import RATES, Misprints, loop
@@ -22,7 +22,10 @@ from plumbob.reporting.style import Both
 
 FIRST: Final = STROKES[0]
 """The set of strokes that the bars of the gate are about."""
-_ROLL, _PITCH = 0, 1
+KPS: Final = (0.1, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
+"""Gains of the scan, 1/s."""
+SCANNED: Final = ((3.0, 0.8), (1.5, 0.6))
+"""Its strokes, m/s and s."""
 
 
 class Results(NamedTuple):
@@ -54,6 +57,8 @@ class Results(NamedTuple):
         Largest roll of any stroke to 3 m/s with Kp 0.5 and without the gate, deg.
     misprints : Misprints
         What printed forms give.
+    modules : int
+        How many were turned on the table.
     """
 
     unit: Calibrated
@@ -68,12 +73,14 @@ class Results(NamedTuple):
     scan: Mapping[tuple[float, float], Floats]
     strongest: float
     misprints: Misprints
+    modules: int
 
 
 def outcomes(found: Results) -> list[Outcome]:
     """Every figure, in the order of the paper."""
     return [
         *_design(found),
+        *_boot(found),
         *_events(found.device),
         *_capture(found),
         *_static(found),
@@ -107,9 +114,47 @@ def _design(found: Results) -> Iterator[Outcome]:
         key="mag.step", where="§2.1", what=Both("step of the magnetometer at ±8 Ga", "磁阻传感器 ±8 Ga 时的分辨率"),
         unit="mG", paper=0.73, faithful=float(from_si(WIDE_STEP, "mgauss")), reproducible=False,
         reason=Both(
-            "0.73 mG belongs to ±0.88 Ga; at ±8.1 Ga the part has 4.35 mG", "0.73 mG 对应 ±0.88 Ga；±8.1 Ga 时为 4.35 mG"
+            "0.73 mG belongs to ±0.88 Ga; at ±8.1 Ga the part has 4.35 mG",
+            "0.73 mG 对应 ±0.88 Ga；±8.1 Ga 时为 4.35 mG"
         ),
     )  # fmt: skip
+
+
+def _boot(found: Results) -> Iterator[Outcome]:
+    """The start of the slide: what is removed of the rates, what it would do, and the first attitude."""
+    slid, gyr = found.slid[FIRST], found.unit.paper.gyr
+    assert gyr is not None
+    bias = float(to_dps(np.abs(gyr.bias).max()))
+    yield Outcome(
+        key="boot.bias",
+        where="§1.2",
+        unit="°/s",
+        faithful=bias,
+        what=Both("zero-rate output that is removed at the start, largest axis", "启动时去除的陀螺零偏（最大轴）"),
+    )
+    kept = float(np.abs(slid.errors[KEPT][:, 1:]).max())
+    yield Outcome(
+        key="boot.kept",
+        where="§1.2",
+        unit="°",
+        faithful=kept,
+        what=Both("largest roll or pitch where it is kept", "不去除零偏时横滚、俯仰最大误差"),
+    )
+    first = (float(np.abs(slid.errors[name][0, 1:]).max()) for name in ("gate 0.08 g", "mekf"))
+    faithful, best = first
+    yield Outcome(
+        key="boot.first",
+        where="§1.2",
+        unit="°",
+        paper="≤ 5",
+        faithful=faithful,
+        best=best,
+        faithful_bar=at_most(5.0),
+        best_bar=at_most(1.2),
+        what=Both(
+            "roll or pitch error of the initial attitude, from one reading", "初始姿态横滚、俯仰误差（单次测量）"
+        ),
+    )
 
 
 def _events(device: Device) -> Iterator[Outcome]:
@@ -133,11 +178,13 @@ def _events(device: Device) -> Iterator[Outcome]:
         faithful=100.0 * device.idle,
     )  # fmt: skip
     yield Outcome(
-        key="log.same", where="§2.1", what=Both("records that the Flash log gives back to the bit", "Flash 存储逐位一致"),
+        key="log.same", where="§2.1", what=Both("records that the Flash log gives back to the bit",
+                                                "Flash 存储逐位一致"),
         unit="%", faithful=100.0 * device.same, faithful_bar=at_least(100.0),
     )  # fmt: skip
     yield Outcome(
-        key="log.years", where="§0", what=Both("life of the log at 20 Hz", "Flash 寿命（20 Hz）"), unit=Both("years", "年"),
+        key="log.years", where="§0", what=Both("life of the log at 20 Hz", "Flash 寿命（20 Hz）"), unit=Both("years",
+                                                                                                             "年"),
         paper="≤ 1", faithful=device.years, faithful_bar=at_least(1.0),
     )  # fmt: skip
     for axis, limit in (("roll", 3.3), ("pitch", 2.7)):
@@ -154,7 +201,8 @@ def _capture(found: Results) -> Iterator[Outcome]:
         paper=18.0, faithful=float(found.unit.regions), faithful_bar=(18.0, 18.0),
     )  # fmt: skip
     yield Outcome(
-        key="fewest", where="§3.1", what=Both("fewest readings that determine the fit", "拟合所需最少测量组数"), unit="",
+        key="fewest", where="§3.1", what=Both("fewest readings that determine the fit",
+                                              "拟合所需最少测量组数"), unit="",
         paper=6.0, faithful=float(_fewest(found.unit.mag)), faithful_bar=(6.0, 6.0),
     )  # fmt: skip
     names = {
@@ -223,12 +271,13 @@ def _modules(found: Results) -> Iterator[Outcome]:
     )  # fmt: skip
     yield Outcome(
         key="modules.alone", where="§4.2", unit="°", faithful=rings["magnetometer alone"].yaw95,
-        what=Both("yaw that 95 % keep with the magnetometer alone calibrated", "仅校准磁阻传感器时 95 % 模块的航向角偏差"),
+        what=Both("yaw that 95 % keep with the magnetometer alone calibrated",
+                  "仅校准磁阻传感器时 95 % 模块的航向角偏差"),
     )  # fmt: skip
 
 
 _TOO_WEAK: Final = Both(
-    "an inclination of Kp v/g at most is fed in, so 9.6° with 6.1° needs 3.9 m/s on a desk at Kp = 0.5, or Kp of 1 to 1.5",
+    "at most Kp v/g of inclination is fed in, so 9.6° with 6.1° needs 3.9 m/s on a desk at Kp 0.5, or Kp of 1 to 1.5",
     "可注入的倾角不超过 Kp·v/g，Kp = 0.5 时 9.6° 与 6.1° 需桌面速度 3.9 m/s，或 Kp 为 1 至 1.5",
 )
 
@@ -241,7 +290,8 @@ def _slide(found: Results) -> Iterator[Outcome]:
         open_, shut, new = (first[name][:, column] for name in ("no gate", "gate 0.08 g", "mekf"))
         yield Outcome(
             key=f"slide.open.{axis}", where="Fig 8", unit="°", paper=free, faithful=float(np.median(open_)),
-            reproducible=False, reason=_TOO_WEAK, what=Both(f"largest {axis} without the gate", f"未经阀值滤波最大{zh}误差"),
+            reproducible=False, reason=_TOO_WEAK, what=Both(f"largest {axis} without the gate",
+                                                            f"未经阀值滤波最大{zh}误差"),
         )  # fmt: skip
         yield Outcome(
             key=f"slide.gated.{axis}", where="Fig 8", unit="°", paper=gated, faithful=float(shut.max()),
@@ -269,7 +319,8 @@ def _slide(found: Results) -> Iterator[Outcome]:
                       f"最大横滚或俯仰角误差，行程 {speed:g} m/s、{stroke:g} s"),
         )  # fmt: skip
     yield Outcome(
-        key="slide.bound", where="§4.3", unit="°", faithful=found.strongest, faithful_bar=at_most(bound(3.0)), paper=9.6,
+        key="slide.bound", where="§4.3", unit="°", faithful=found.strongest, faithful_bar=at_most(bound(3.0)),
+        paper=9.6,
         reproducible=False, reason=_TOO_WEAK,
         what=Both(f"largest roll of any stroke to 3 m/s at Kp 0.5 (Kp v/g: {bound(3.0):.1f}°)",
                   f"Kp 0.5、3 m/s 各行程的最大横滚角误差（Kp·v/g：{bound(3.0):.1f}°）"),
@@ -321,33 +372,40 @@ def _literal(found: Results) -> Iterator[Outcome]:
     m, pi = found.misprints, loop()
     fast, slow = pi.poles
     rows: list[tuple[str, str, str, Both, float, tuple[float, float]]] = [
-        ("rows", "(3)", "°", Both("turn of 150° by the printed rows", "按原式 (3) 转动 150° 的结果"), m.turned[0], (0, 0)),
-        ("norm", "(3)", "1", Both("norm of q after 600 s at 0.62 rad/s, not normalised", "0.62 rad/s、600 s 后 |q|（未归一化）"),
+        ("rows", "(3)", "°", Both("turn of 150° by the printed rows",
+                                  "按原式 (3) 转动 150° 的结果"), m.turned[0], (0, 0)),
+        ("norm", "(3)", "1", Both("norm of q after 600 s at 0.62 rad/s, not normalised",
+                                  "0.62 rad/s、600 s 后 |q|（未归一化）"),
          m.norm, (1.325, 1.335)),
         *((f"lag.{rate:g}", "(3)", "°/s", Both(f"lag of the first-order step at {rate:g} °/s",
                                                 f"一阶龙格库塔在 {rate:g} °/s 的滞后"), lag, (0.95 * want, 1.05 * want))
           for rate, lag, want in zip(RATES, m.lags, (0.013, 0.48, 20.0), strict=True)),
         ("arctan", "(6)", "rad", Both("yaw of 2 rad by arctan", "航向角 2 rad 按 arctan 的结果"), m.arctan[0],
          (-1.1417, -1.1415)),
-        ("order", "§1.1", "rad", Both("roll of 0.4 rad by (4) where q is built Z-X-Y", "按 Z-X-Y 构造时式 (4) 对 0.4 rad 的结果"),
+        ("order", "§1.1", "rad", Both("roll of 0.4 rad by (4) where q is built Z-X-Y",
+                                      "按 Z-X-Y 构造时式 (4) 对 0.4 rad 的结果"),
          m.orders[0][0], (-0.3245, -0.3235)),
         ("normalised", "(14)", "°", Both("largest yaw error by (14) without its /R", "式 (14) 首行缺 /R 的航向角误差"),
          m.normalised[0], at_least(5.0)),
-        ("modulus", "§1.3", "°", Both("inclination left of 10° after 30 s by moduli", "按模值修正 10° 倾角 30 s 后的误差"),
+        ("modulus", "§1.3", "°", Both("inclination left of 10° after 30 s by moduli",
+                                      "按模值修正 10° 倾角 30 s 后的误差"),
          m.regulated[0], at_least(10.0)),
         ("gate.g", "(15)", "g", Both("level acceleration that 0.08 g lets pass", "ε = 0.08 g 可通过的水平加速度"),
          m.gates[0][0], (0.4075, 0.4085)),
-        ("gate.si", "(15)", "g", Both("level acceleration that 0.08 m/s² lets pass", "ε = 0.08 m/s² 可通过的水平加速度"),
+        ("gate.si", "(15)", "g", Both("level acceleration that 0.08 m/s² lets pass",
+                                      "ε = 0.08 m/s² 可通过的水平加速度"),
          m.gates[1][0], (0.1275, 0.1285)),
         ("gate.rest", "(15)", "%", Both("samples at rest with 20 mg of bias that 0.08 m/s² lets pass",
-                                         "零偏 20 mg 时静止样本通过 ε = 0.08 m/s² 的比例"), 100.0 * m.shares[1], at_most(0.5)),
+                                         "零偏 20 mg 时静止样本通过 ε = 0.08 m/s² 的比例"),
+         100.0 * m.shares[1], at_most(0.5)),
         ("step", "§2.1", "°", Both(f"yaw that steps of {from_si(WIDE_STEP, 'mgauss'):.2f} mG cost over "
                                     f"{from_si(STEP, 'mgauss'):.2f} mG, median",
                                     "4.35 mG 相对 0.73 mG 分辨率的航向角代价（中位数）"),
          found.rings["step 4.35 mG"].yaw - found.rings["faces"].yaw, (-math.inf, math.inf)),
         ("pole.fast", "(7)", "rad/s", Both("fast pole of the PI loop", "PI 回路快极点"), fast, (-0.4305, -0.4295)),
         ("pole.slow", "(7)", "rad/s", Both("slow pole of the PI loop", "PI 回路慢极点"), slow, (-0.0698, -0.0696)),
-        ("zero_rate", "(7)", "°", Both("inclination error that 5 °/s of zero-rate output gives", "5 °/s 零偏引起的倾角误差峰值"),
+        ("zero_rate", "(7)", "°", Both("inclination error that 5 °/s of zero-rate output gives",
+                                       "5 °/s 零偏引起的倾角误差峰值"),
          m.zero_rate[0], (7.8, 8.4)),
     ]  # fmt: skip
     for key, where, unit, what, value, bar in rows:

@@ -1,10 +1,10 @@
 """The buoy paper's slide [Yu2018] and a sea, on simulated units with cards of their own, by several filters.
 
 A unit is drawn within the limits of the data sheets of MPU-6000 and HMC5983, all errors included: zero-rate output,
-scale, misalignment, iron. It is calibrated twice from one capture on six faces and twelve edges: as the paper does, with one
-reading in each of 18 regions, six parameters, and the zero-rate output at rest removed; and as Plumbob recommends,
-with accelerometer, gyroscope and magnetometer by all samples and the mounting by two poses. Simulated directly: no
-bytes.
+scale, misalignment, iron. It is calibrated twice from one capture on six faces and twelve edges: as the paper does,
+with one reading in each of 18 regions, six parameters, and the zero-rate output at rest removed; and as Plumbob
+recommends, with accelerometer, gyroscope and magnetometer by all samples and the mounting by two poses. Simulated
+directly: no bytes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,10 +22,9 @@ from plumbob.core.units import to_deg
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard, TriadCalibration
-from plumbob.evaluation.metrics import wrap
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.papers.buoy.modules import by_paper
-from plumbob.rotations import Frame, euler_zyx_from_quat
+from plumbob.rotations import Frame, euler_zyx_from_quat, wrap
 from plumbob.simulation import Simulation, simulate
 
 SENSORS: Final = "mpu6000+hmc5983"
