@@ -308,7 +308,8 @@ def _slide(found: Results) -> Report:
                  "order only: slow strokes pass it.",
                  "阀值仅检验比力模值，水平加速度对其影响为二阶：慢行程可通过阀值。"),
             Both(f"Poles of the PI loop: {pi.poles[0]:.3f} and {pi.poles[1]:.4f} rad/s, damping ratio "
-                 f"{pi.damping:.2f}. A zero-rate output of 5 °/s would peak at {5 * pi.peak:.1f}°, so it is removed at the start.",
+                 f"{pi.damping:.2f}. A zero-rate output of 5 °/s would peak at {5 * pi.peak:.1f}°, so it is "
+                 "removed at the start.",
                  f"PI 回路极点 {pi.poles[0]:.3f}、{pi.poles[1]:.4f} rad/s，阻尼比 {pi.damping:.2f}。"
                  f"5 °/s 的零偏将引起 {5 * pi.peak:.1f}° 峰值误差，故启动时予以去除。"),
         ],
