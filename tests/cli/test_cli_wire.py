@@ -302,3 +302,15 @@ def test_the_printed_header_compiles(tmp_path):
 def test_the_page_of_devices_is_up_to_date():
     """Otherwise: plumbob devices --markdown > docs/devices.md."""
     assert (ROOT / "docs" / "devices.md").read_text(encoding="utf-8") == ok("devices", "--markdown")[0]
+
+
+def test_sim_warms_up_as_a_rig_does(tmp_path):
+    from plumbob import read, read_array
+
+    warm = ("--frame", "NED", "--duration", "3s", "--rate", "50Hz", "--warm-up", "15 K, 1 s")
+    ok("sim", "static", *warm, "--set", "temp_c=20degC", "--out", "a.parquet", cwd=tmp_path)
+    imu = read(tmp_path / "a.parquet").imu
+    np.testing.assert_allclose(imu.temp_c, 20.0 + 15.0 * (1.0 - np.exp(-imu.t)), atol=1e-5)
+    ok("sim", "teach", *warm, "--out", "b.parquet", cwd=tmp_path)
+    for one in read_array(tmp_path / "b.parquet").units.values():
+        np.testing.assert_allclose(one.temp_c, 25.0 + 15.0 * (1.0 - np.exp(-one.t)), atol=1e-5)

@@ -184,6 +184,14 @@ def test_faults_of_the_line_are_those_of_any_rig(rig):
     assert hurt.firmware.frames == rig.firmware.frames
 
 
+def test_what_its_sensors_are_is_what_it_computes_from(rig):
+    """A gyroscope behind a high-pass says no steady rate; the chips are sampled at 1 kHz all the same."""
+    other = make_rig(PLAN, FORM, seed=3, duration=30.0, unit="calibrated", high_pass=0.5)
+    assert other.units[""].imu.meta.rate_nominal == rig.units[""].imu.meta.rate_nominal == 1000.0
+    assert other.frames.shape == rig.frames.shape
+    assert not np.array_equal(other.frames, rig.frames)
+
+
 def test_a_coarse_recording_is_fused_where_it_has_something_new():
     """At 100 Hz, of three or four reads one is new."""
     t = np.arange(500) / 100.0

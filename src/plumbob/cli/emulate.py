@@ -87,8 +87,8 @@ def run(args: argparse.Namespace) -> int:
     write = sys.stdout.buffer if args.write == "-" else args.write
     noise = _noise(args.noise)
     cards = noise.values() if isinstance(noise, dict) else (noise,)
-    written = outputs(args.what, args.truth, write, args.fault_log, args.flash_log)
-    common.check_outputs(args, *written, inputs=(*cards, args.calibration))
+    files = outputs(args.what, args.truth, write, args.fault_log, args.flash_log)
+    common.check_outputs(args, *files, inputs=(*cards, args.calibration))
     stop = Stop()
     with ExitStack() as stack:
 

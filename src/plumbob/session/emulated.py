@@ -82,7 +82,7 @@ def emulate(
     reference : str, optional
         Parts of a rig's reference instead of its own; "ideal" says exactly what is true.
     unit : {"random", "calibrated"}
-        As of `plumbob.simulate`; a reference keeps its errors, for they are its accuracy.
+        As of `plumbob.simulate`; a reference keeps its errors, because they are its accuracy.
     noise : NoiseCard, str, path, or mapping, optional
         N, B and K of the units that measure, instead of their own: a card for all of them, or cards by the prefix of
         their fields.
@@ -152,12 +152,12 @@ def emulate(
         unit=unit,
         clock_error=given("clock_error", clock_error, Quantity.RATIO) or 0.0,
         faults={kind: given(kind, share, Quantity.RATIO) or 0.0 for kind, share in (faults or {}).items()},
+        calibration=CalibrationCard.load(calibration) if isinstance(calibration, str | Path) else calibration,
         noise=noise,
         temp_c=temp_c,
         warm_up=warm_up,
         high_pass=given("high_pass", high_pass, Quantity.FREQUENCY),
         mount_error=given("mount_error", mount_error, Quantity.ANGLE) or 0.0,
-        calibration=CalibrationCard.load(calibration) if isinstance(calibration, str | Path) else calibration,
     )
     if flash_log:
         _write_flash(Path(flash_log), rig, overwrite=overwrite)

@@ -171,7 +171,8 @@ def run_firmware(
     Parameters
     ----------
     imu : ImuData
-        What the chips have in their registers, best at 1 kHz; a read gets the newest value. Body axes of NED.
+        What the chips have in their registers, best at 1 kHz, the most that the MPU-6000 gives; a read gets the newest
+        value. Body axes of NED.
     calibration : CalibrationCard, optional
         What the program corrects its samples with.
     processor : Processor, optional

@@ -21,8 +21,6 @@ from plumbob.simulation.errors import stream
 
 Quat = tuple[float, float, float, float]
 ALIGNED: Final[Quat] = (1.0, 0.0, 0.0, 0.0)
-CHIP_RATE: Final = 1000.0
-"""Hz; how often the MPU-6000 of a rig with a processor of its own renews its registers at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +123,10 @@ class Chained:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
+CHIP_RATE: Final = 1000.0
+"""Hz; how often the MPU-6000 renews its registers at most."""
+
+
 @dataclass(frozen=True, slots=True)
 class Plan:
     """A rig before it is built.
@@ -155,6 +157,11 @@ class Plan:
     duration: float
     units: tuple[Unit, ...]
     firmware: bool = False
+
+    @property
+    def sampled(self) -> float:
+        """Samples of the units per second, Hz: one for each frame, or what a processor's chips have for it to read."""
+        return CHIP_RATE if self.firmware else self.rate
 
     @property
     def measuring(self) -> tuple[Unit, ...]:

@@ -25,7 +25,7 @@ from plumbob.simulation import ChainSimulation, Module, Simulation, TriadErrors,
 from plumbob.simulation.errors import stream, unit_seed
 from plumbob.simulation.rigs import faults as line_faults
 from plumbob.simulation.rigs.faults import Damage, Fault
-from plumbob.simulation.rigs.plan import CHIP_RATE, Chained, Mounted, Plan
+from plumbob.simulation.rigs.plan import Chained, Mounted, Plan
 from plumbob.simulation.signals import Signal
 from plumbob.simulation.simulation import WarmingUp
 
@@ -173,12 +173,12 @@ def make_rig(
     unit: str = "random",
     clock_error: float = 0.0,
     faults: Mapping[str, float] | None = None,
+    calibration: CalibrationCard | None = None,
     noise: Cards | None = None,
     temp_c: float | str | Signal | None = None,
     warm_up: WarmingUp | None = None,
     high_pass: float | None = None,
     mount_error: float = 0.0,
-    calibration: CalibrationCard | None = None,
 ) -> Rig:
     """Build a rig.
 
@@ -198,6 +198,8 @@ def make_rig(
         By how much the device's own clock is fast: 4e-5 are 40 µs a second.
     faults : mapping of str to float, optional
         Share of the frames that a fault of `plumbob.simulation.rigs.faults.KINDS` befalls.
+    calibration : CalibrationCard, optional
+        What the rig's own processor corrects its samples with.
     noise : NoiseCard, str, path, or mapping, optional
         N, B and K of the measuring units instead of their own: one card for all, or cards by prefix.
     temp_c, warm_up : optional
@@ -207,8 +209,6 @@ def make_rig(
     mount_error : float
         Standard deviation about each axis, rad, of how the references sit against what the plan says; of all units
         where there is no reference.
-    calibration : CalibrationCard, optional
-        What the rig's own processor corrects its samples with.
 
     Raises
     ------
@@ -219,21 +219,32 @@ def make_rig(
     message = bound.messages[0]
     if calibration is not None and not plan.firmware:
         raise ParameterError(f"rig {plan.name} sends samples as they are; leave the calibration to who reads them.")
-    modules = _modules(plan, load("buoy").bind().messages[0] if plan.firmware else message, seed, noise, high_pass)
-    common = {"frame": plan.frame, "unit": unit, "rate": CHIP_RATE if plan.firmware else plan.rate}
+    measured = load("buoy").bind().messages[0] if plan.firmware else message  # chips count as in the rig of samples
+    modules = _modules(plan, measured, seed, noise, high_pass)
+    common = {"frame": plan.frame, "unit": unit, "rate": plan.sampled}
     common |= {"duration": plan.duration if duration is None else duration}
     world = {name: value for name, value in (("temp_c", temp_c), ("warm_up", warm_up)) if value is not None}
     units, chain = _units(plan, modules, seed, common | world, mount_error)
-    if plan.firmware:
-        return _computed(plan, bound, units, seed, clock_error, faults or {}, calibration)
-    due_ns = to_ns(next(iter(units.values())).imu.t)
+    done = _computed(units[""], calibration) if plan.firmware else None
+    due_ns = to_ns(next(iter(units.values())).imu.t) if done is None else done.sent_ns
     drawn = line_faults.draw(bound, faults or {}, due_ns, seed)
     device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
-    columns = columns_for(message, units, device_ns, drawn.counter)
+    if done is None:
+        columns = columns_for(message, units, device_ns, drawn.counter)
+    else:
+        clock = done.columns["clock"] + (device_ns - due_ns) // 1000
+        columns = {**done.columns, "clock": clock, "counter": drawn.counter}
     if not columns:
         raise ParameterError(f"{form.name} has no field that a simulation can fill: no triad, temperature or angle.")
     frames = encode(bound, columns)
-    return Rig(plan, bound, units, due_ns, frames, line_faults.damage(bound, drawn, frames, due_ns, seed), chain)
+    damaged = line_faults.damage(bound, drawn, frames, due_ns, seed)
+    return Rig(plan, bound, units, due_ns, frames, damaged, chain, done)
+
+
+def _computed(unit: Simulation, calibration: CalibrationCard | None) -> "Firmware":
+    from plumbob.simulation.rigs.firmware import run_firmware  # with the filters, which no other rig needs
+
+    return run_firmware(unit.imu, calibration=calibration)
 
 
 def _modules(
@@ -255,23 +266,6 @@ def _modules(
             module = module.with_high_pass(high_pass)
         modules[one.prefix] = module
     return modules
-
-
-def _computed(
-    plan: Plan, form: Format, units: Mapping[str, Simulation], seed: int, clock_error: float,
-    faults: Mapping[str, float], calibration: CalibrationCard | None,
-) -> Rig:  # fmt: skip
-    """Rig whose own processor computes what it says; its chips count as those of the rig that sends samples."""
-    from plumbob.simulation.rigs.firmware import run_firmware  # with the filters, which no other rig needs
-
-    done = run_firmware(units[""].imu, calibration=calibration)
-    drawn = line_faults.draw(form, faults, done.sent_ns, seed)
-    device_ns = drawn.device_ns + np.rint(drawn.device_ns * clock_error).astype(np.int64)
-    columns = {**done.columns, "counter": drawn.counter}
-    columns["clock"] = columns["clock"] + (device_ns - done.sent_ns) // 1000
-    frames = encode(form, columns)
-    damaged = line_faults.damage(form, drawn, frames, done.sent_ns, seed)
-    return Rig(plan, form, units, done.sent_ns, frames, damaged, firmware=done)
 
 
 def _units(
