@@ -138,7 +138,7 @@ def slides(work: Work, unit: Calibrated) -> dict[tuple[float, float], Slid]:
 
 
 class Sailed(NamedTuple):
-    """Ten minutes at sea.
+    """A time at sea.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Sailed(NamedTuple):
     lines : int
         Lines of attitude that went out at 20 Hz.
     overview : Overview
-        Its report: tilt by burst, quality flags.
+        Its report, by the filter that reports have: tilt by burst, quality flags.
     page : bool
         Whether the report's page could be written: the pages of Plumbob may not be built here.
     """
@@ -168,18 +168,19 @@ class Sailed(NamedTuple):
     page: bool
 
 
-def sail(work: Work, unit: Calibrated, contenders: Mapping[str, Contender]) -> Sailed:
+def sail(work: Work, unit: Calibrated, contenders: Mapping[str, Contender], duration: float) -> Sailed:
     """Record the sea live with the best card and the recommended filter, with an outward line at 20 Hz."""
     text = work.folder / OUTPUT
     text.unlink(missing_ok=True)
-    taken = work.recorded("buoy", "sea", session=_unit(work) + _LIVE.format(card=CARD, text=text.as_posix()))
+    live = _LIVE.format(card=CARD, text=text.as_posix())
+    taken = work.recorded("buoy", "sea", session=_unit(work) + live, duration=duration)
     again = replay(taken.recording, check=True, keep="track")
     assert again.track is not None
     assert again.comparison is not None
     imu, truth = samples_of(taken.recording), truth_of(taken)
     errors = {name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb) for name, one in contenders.items()}
     lines = sum(not line.startswith("#") for line in text.read_text(encoding="utf-8").splitlines())
-    overview = report(taken.recording, filter="mekf", burst=BURST)
+    overview = report(taken.recording, burst=BURST)
     page = _written(overview, work.folder / REPORT)
     return Sailed(imu.t, truth, again.track, errors, again.comparison.equal, lines, overview, page)
 

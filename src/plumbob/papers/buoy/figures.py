@@ -163,9 +163,9 @@ def fig8(slid: Slid) -> Figure:
     return Figure(caption, draw, key, height=3.2)
 
 
-def waves(sailed: Sailed, span: tuple[float, float] = (300.0, 360.0)) -> Figure:
-    """Roll at sea over a minute, and the errors of three ways to find it."""
-    rows = (sailed.t >= span[0]) & (sailed.t < span[1])
+def waves(sailed: Sailed) -> Figure:
+    """Roll at sea over the last minute, and the errors of four ways to find it."""
+    rows = sailed.t >= sailed.t[-1] - 60.0
     lines: Sequence[tuple[str, Both, str]] = (
         ("tilt_compass", Both("accelerometer and compass alone", "仅加速度计与磁阻传感器"), SOFT),
         ("gate 0.08 g", Both("the paper's filter, gate 0.08 g", "论文滤波器（阀值 0.08 g）"), BLUE),
@@ -206,15 +206,13 @@ def gains(kps: Sequence[float], scans: Mapping[Both, tuple[Floats, Floats]]) -> 
         (Both("the same with the gate", "同上，加阀值"), INK, "dashed"),
         (Both("9.6° and 3.3° of the paper", "论文 9.6° 与 3.3°"), MUTED, "dotted"),
     ]
-    caption = Both(
-        "Largest roll by Kp: 9.6° cannot be had with the paper's 0.5", "最大横滚角与 Kp：Kp = 0.5 时达不到 9.6°"
-    )
+    caption = Both("Largest roll on a slide over Kp; the paper's is 0.5", "滑动时最大横滚角误差与 Kp（论文取 0.5）")
     return Figure(caption, draw, key, height=2.6)
 
 
-def model(track: AttitudeTrack, truth: AttitudeTrack, span: tuple[float, float] = (300.0, 330.0)) -> Scene:
-    """The host program's model of Fig 6: axes and rim of the buoy as estimated, the truth beside it pale."""
-    rows = np.flatnonzero((track.t >= span[0]) & (track.t < span[1]))[::5]
+def model(track: AttitudeTrack, truth: AttitudeTrack) -> Scene:
+    """The host program's model of Fig 6: axes and rim of the buoy in the last half minute, the truth beside it pale."""
+    rows = np.flatnonzero(track.t >= track.t[-1] - 30.0)[::5]
     places = {
         "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "−x": (-1.0, 0.0, 0.0), "−y": (0.0, -1.0, 0.0),
         "z": (0.0, 0.0, 0.9), "o": (0.0, 0.0, 0.0),
@@ -238,3 +236,8 @@ def model(track: AttitudeTrack, truth: AttitudeTrack, span: tuple[float, float] 
 def _seen(places: Mapping[str, tuple[float, float, float]], q_nb: Floats) -> dict[str, Floats]:
     """Places in axes of north, west and up, (N, 3) each."""
     return {name: quat_rotate(q_nb, np.array(place)) * [1.0, -1.0, -1.0] for name, place in places.items()}
+
+
+def signed(value: float, digits: int) -> str:
+    """Number with so many digits, and a minus as it is printed."""
+    return f"{value:.{digits}f}".replace("-", "−")

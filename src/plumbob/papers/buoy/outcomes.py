@@ -28,6 +28,9 @@ SCANNED: Final = ((3.0, 0.8), (1.5, 0.6))
 """Its strokes, m/s and s."""
 
 
+_FIG: Final = {number: Both(f"Fig {number}", f"图 {number}") for number in (4, 7, 8)}
+
+
 class Results(NamedTuple):
     """All that the run found.
 
@@ -170,11 +173,11 @@ def _events(device: Device) -> Iterator[Outcome]:
         yield Outcome(key=f"rate.{task}", where="§2.2", what=what, unit="Hz", paper=paper,
                       faithful=device.rates[task], faithful_bar=bar, digits=4)  # fmt: skip
     yield Outcome(
-        key="events.missed", where="Fig 4", what=Both("events missed", "未处理事件数"), unit="", faithful=float(
+        key="events.missed", where=_FIG[4], what=Both("events missed", "未处理事件数"), unit="", faithful=float(
             sum(device.missed.values())), faithful_bar=(0.0, 0.0),
     )  # fmt: skip
     yield Outcome(
-        key="events.idle", where="Fig 4", what=Both("share of time in low power", "低功耗时间占比"), unit="%",
+        key="events.idle", where=_FIG[4], what=Both("share of time in low power", "低功耗时间占比"), unit="%",
         faithful=100.0 * device.idle,
     )  # fmt: skip
     yield Outcome(
@@ -189,7 +192,7 @@ def _events(device: Device) -> Iterator[Outcome]:
     )  # fmt: skip
     for axis, limit in (("roll", 3.3), ("pitch", 2.7)):
         yield Outcome(
-            key=f"device.{axis}", where="Fig 8", paper=limit, unit="°", faithful=getattr(device, axis),
+            key=f"device.{axis}", where=_FIG[8], paper=limit, unit="°", faithful=getattr(device, axis),
             faithful_bar=at_most(limit),
             what=Both(f"largest {axis} on the line at 20 Hz, gated", f"20 Hz 输出最大{ANGLE[axis].zh}误差（阀值）"),
         )  # fmt: skip
@@ -230,10 +233,10 @@ def _static(found: Results) -> Iterator[Outcome]:
     for name in ANGLES:
         before, after, ours = (to_deg(e.stats[name].max_abs) for e in (paper.before, paper.after, best.after))
         zh = ANGLE[name].zh
-        yield Outcome(key=f"static.before.{name}", where="Fig 7", unit="°", faithful=before,
+        yield Outcome(key=f"static.before.{name}", where=_FIG[7], unit="°", faithful=before,
                       what=Both(f"largest {name} error before compensation", f"补偿前{zh}最大偏差"))  # fmt: skip
         yield Outcome(
-            key=f"static.after.{name}", where="Fig 7", unit="°", paper="≤ 5", faithful=after, best=ours,
+            key=f"static.after.{name}", where=_FIG[7], unit="°", paper="≤ 5", faithful=after, best=ours,
             faithful_bar=at_most(5.0), best_bar=at_most(2.5 if name == "yaw" else 1.0),
             what=Both(f"largest {name} error after compensation, beside DCM260B", f"补偿后{zh}最大偏差（对 DCM260B）"),
         )  # fmt: skip
@@ -289,23 +292,23 @@ def _slide(found: Results) -> Iterator[Outcome]:
         zh = ANGLE[axis].zh
         open_, shut, new = (first[name][:, column] for name in ("no gate", "gate 0.08 g", "mekf"))
         yield Outcome(
-            key=f"slide.open.{axis}", where="Fig 8", unit="°", paper=free, faithful=float(np.median(open_)),
+            key=f"slide.open.{axis}", where=_FIG[8], unit="°", paper=free, faithful=float(np.median(open_)),
             reproducible=False, reason=_TOO_WEAK, what=Both(f"largest {axis} without the gate",
                                                             f"未经阀值滤波最大{zh}误差"),
         )  # fmt: skip
         yield Outcome(
-            key=f"slide.gated.{axis}", where="Fig 8", unit="°", paper=gated, faithful=float(shut.max()),
+            key=f"slide.gated.{axis}", where=_FIG[8], unit="°", paper=gated, faithful=float(shut.max()),
             best=float(new.max()), faithful_bar=at_most(gated), best_bar=at_most(1.2),
             what=Both(f"largest {axis} with the gate, any unit", f"阀值滤波后最大{zh}误差（全部模块）"),
         )  # fmt: skip
         yield Outcome(
-            key=f"slide.reduction.{axis}", where="Fig 8", unit="%", paper=100.0 * (1.0 - gated / free),
+            key=f"slide.reduction.{axis}", where=_FIG[8], unit="%", paper=100.0 * (1.0 - gated / free),
             faithful=float(np.median(100.0 * (1.0 - shut / open_))), faithful_bar=at_least(60.0),
             what=Both(f"{axis} that the gate takes away, median", f"阀值滤波对{zh}误差的削减（中位数）"),
         )  # fmt: skip
         one = {name: slid.largest(name)[column] for name in ("no gate", "gate 0.08 g", "mekf")}
         yield Outcome(
-            key=f"slide.unit.{axis}", where="Fig 8", unit="°", paper=gated, faithful=one["gate 0.08 g"],
+            key=f"slide.unit.{axis}", where=_FIG[8], unit="°", paper=gated, faithful=one["gate 0.08 g"],
             best=one["mekf"], faithful_bar=at_most(gated), best_bar=at_most(1.2),
             what=Both(f"largest {axis} with the gate, the unit through bytes (without: {one['no gate']:.2f}°)",
                       f"阀值滤波后最大{zh}误差，经字节流的模块（未滤波 {one['no gate']:.2f}°）"),
@@ -319,7 +322,7 @@ def _slide(found: Results) -> Iterator[Outcome]:
                       f"最大横滚或俯仰角误差，行程 {speed:g} m/s、{stroke:g} s"),
         )  # fmt: skip
     yield Outcome(
-        key="slide.bound", where="§4.3", unit="°", faithful=found.strongest, faithful_bar=at_most(bound(3.0)),
+        key="slide.bound", where="§4.3", unit="°", faithful=found.strongest, faithful_bar=at_most(round(bound(3.0), 2)),
         paper=9.6,
         reproducible=False, reason=_TOO_WEAK,
         what=Both(f"largest roll of any stroke to 3 m/s at Kp 0.5 (Kp v/g: {bound(3.0):.1f}°)",
@@ -342,7 +345,8 @@ def _sea(found: Results) -> Iterator[Outcome]:
                       f"波浪中{ANGLE[axis].zh}均方根误差，经字节流的模块"),
         )  # fmt: skip
     yield Outcome(
-        key="sea.output", where="§2.2", unit="Hz", paper=20.0, best=found.sailed.lines / 600.0, best_bar=(19.9, 20.1),
+        key="sea.output", where="§2.2", unit="Hz", paper=20.0,
+        best=float(found.sailed.lines / found.sailed.t[-1]), best_bar=(19.9, 20.1),
         what=Both("lines of attitude that the host hands on", "上位机转发姿态速率"), digits=4,
     )  # fmt: skip
     yield Outcome(
@@ -374,7 +378,7 @@ def _literal(found: Results) -> Iterator[Outcome]:
     rows: list[tuple[str, str, str, Both, float, tuple[float, float]]] = [
         ("rows", "(3)", "°", Both("turn of 150° by the printed rows",
                                   "按原式 (3) 转动 150° 的结果"), m.turned[0], (0, 0)),
-        ("norm", "(3)", "1", Both("norm of q after 600 s at 0.62 rad/s, not normalised",
+        ("norm", "(3)", "", Both("norm of q after 600 s at 0.62 rad/s, not normalised",
                                   "0.62 rad/s、600 s 后 |q|（未归一化）"),
          m.norm, (1.325, 1.335)),
         *((f"lag.{rate:g}", "(3)", "°/s", Both(f"lag of the first-order step at {rate:g} °/s",

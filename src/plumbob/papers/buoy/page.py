@@ -1,20 +1,20 @@
 """The buoy paper's page [Yu2018]: parts in the order of the paper."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
 from plumbob.calibration.static_test import ANGLES
-from plumbob.core.units import from_si, to_deg
+from plumbob.core.units import to_deg, to_dps
 from plumbob.overview.quality import FAIL, MEANING
 from plumbob.overview.tilt import tilt_statistics
 from plumbob.papers.buoy import bench, figures, trials
 from plumbob.papers.buoy.device import PERIODS
-from plumbob.papers.buoy.figures import ANGLE
-from plumbob.papers.buoy.literal import KI, KP, RATES, loop
-from plumbob.papers.buoy.modules import STEP, WIDE_STEP
+from plumbob.papers.buoy.figures import ANGLE, signed
+from plumbob.papers.buoy.literal import KI, KP, loop
+from plumbob.papers.buoy.misprinted import misprinted
 from plumbob.papers.buoy.outcomes import FIRST, KPS, SCANNED, Results, sea_rms
 from plumbob.reporting import Figure, Report, Table
 from plumbob.reporting.style import Both
@@ -47,7 +47,7 @@ def page(found: Results, seed: int) -> Report:
     return Report(
         Both("Drifting buoy: attitude of a sea-going unit (Yu 2018)", "海洋漂流浮标运动姿态测量系统（余博嵩 2018）"),
         facts=facts,
-        parts=[*parts, _misprints(found)],
+        parts=[*parts, misprinted(found)],
         links=links,
         definitions=_DEFINITIONS,
     )
@@ -83,7 +83,12 @@ def _system(found: Results) -> Report:
         (Both("static reference", "静态参考"), "DCM260B", Both("rig ring: emulated with 0.8° and 0.2°",
          "rig ring：按 0.8°、0.2° 仿真")),
     ]  # fmt: skip
-    same = found.sailed.equal
+    same, slid = found.sailed.equal, found.slid[FIRST]
+    gyr = found.unit.paper.gyr
+    assert gyr is not None
+    bias = ", ".join(signed(v, 1) for v in to_dps(gyr.bias))
+    kept = float(np.abs(slid.errors[bench.KEPT][:, 1:]).max())
+    yaw, pitch, roll = (signed(v, 2) for v in slid.errors["gate 0.08 g"][0])
     return Report(
         Both("The system (Figs 1, 2, 3, 6)", "系统（图 1、2、3、6）"),
         tables=[
@@ -93,10 +98,15 @@ def _system(found: Results) -> Report:
             )
         ],
         remarks=[
-            Both("The live page with the same model: `plumbob view --emulate buoy` opens it; at a real port, "
-                 "`plumbob view --port PORT --format buoy`.",
-                 "实时页面及三维模型：`plumbob view --emulate buoy`；"
-                 "接实际串口时 `plumbob view --port PORT --format buoy`。"),
+            Both(f"Boot: the zero-rate output at rest, ({bias}) °/s, is removed; kept, it would tilt the estimate by "
+                 f"up to {kept:.0f}°. The initial attitude, of one reading of accelerometer and compass, is off by "
+                 f"{roll}° in roll, {pitch}° in pitch and {yaw}° in yaw.",
+                 f"启动：去除静止时陀螺零偏（{bias}）°/s；若不去除，估计倾角误差可达 {kept:.0f}°。"
+                 f"由一次加速度、磁强测量所得初始姿态误差：横滚 {roll}°、俯仰 {pitch}°、航向 {yaw}°。"),
+            Both("The live page with a model like that of Fig 6: plumbob view --emulate buoy opens it; at a real port, "
+                 "plumbob view --port PORT --format buoy.",
+                 "实时页面及三维模型：plumbob view --emulate buoy；"
+                 "接实际串口时 plumbob view --port PORT --format buoy。"),
             Both(f"The sea was recorded live with {found.sailed.lines} lines of attitude at 20 Hz, and a replay of the "
                  f"stored bytes gives {'the same attitude to the bit' if same else 'ANOTHER attitude'}.",
                  f"海上试验实时记录，以 20 Hz 输出 {found.sailed.lines} 行姿态；由存储字节回放的姿态"
@@ -307,10 +317,10 @@ def _slide(found: Results) -> Report:
             Both("The gate looks at the length of the specific force, which a level acceleration changes in second "
                  "order only: slow strokes pass it.",
                  "阀值仅检验比力模值，水平加速度对其影响为二阶：慢行程可通过阀值。"),
-            Both(f"Poles of the PI loop: {pi.poles[0]:.3f} and {pi.poles[1]:.4f} rad/s, damping ratio "
+            Both(f"Poles of the PI loop: {signed(pi.poles[0], 3)} and {signed(pi.poles[1], 4)} rad/s, damping ratio "
                  f"{pi.damping:.2f}. A zero-rate output of 5 °/s would peak at {5 * pi.peak:.1f}°, so it is "
                  "removed at the start.",
-                 f"PI 回路极点 {pi.poles[0]:.3f}、{pi.poles[1]:.4f} rad/s，阻尼比 {pi.damping:.2f}。"
+                 f"PI 回路极点 {signed(pi.poles[0], 3)}、{signed(pi.poles[1], 4)} rad/s，阻尼比 {pi.damping:.2f}。"
                  f"5 °/s 的零偏将引起 {5 * pi.peak:.1f}° 峰值误差，故启动时予以去除。"),
         ],
         figures=[figures.fig8(found.slid[FIRST]), _gain_figure(found)],
@@ -369,11 +379,9 @@ def _sea(found: Results) -> Report:
         "", *(Both(f"{seas} seas: {one}", f"{seas} 个海况：{one.zh}") for one in axes),
         *(Both(f"bytes: {one}", f"字节流：{one.zh}") for one in axes),
     )  # fmt: skip
-    title = Both(
-        "Rms error in waves, Hs 1.5 m, Tp 6 s, ten minutes [°]", "波浪中均方根误差，Hs 1.5 m、Tp 6 s、10 min [°]"
-    )
+    title = Both("Rms error in waves, Hs 1.5 m, Tp 6 s [°]", "波浪中均方根误差，Hs 1.5 m、Tp 6 s [°]")
     return Report(
-        Both("At sea: what the paper is for", "海上：论文的应用目标"),
+        Both("At sea", "海上试验"),
         tables=[Table(title, head, rows), _tilt_table(found), _quality_table(found)],
         remarks=[
             Both("The paper's Kp is ten times too high for waves: its corner, 0.08 Hz, lies just below the swell; the "
@@ -387,7 +395,7 @@ def _sea(found: Results) -> Report:
 
 
 def _tilt_table(found: Results) -> Table:
-    """Statistics of tilt by the report, beside the true ones."""
+    """Statistics of tilt by the report, whose filter is the smoother, beside the true ones."""
     truth = found.sailed.truth
     _, pitch, roll = euler_zyx_from_quat(truth.q_nb).T
     true = tilt_statistics(truth.t, roll, pitch)
@@ -395,7 +403,7 @@ def _tilt_table(found: Results) -> Table:
     assert ours is not None
     rows = []
     for name in ("roll", "pitch"):
-        for who, one in ((Both("estimate", "估计"), getattr(ours, name)), (Both("truth", "真值"), getattr(true, name))):
+        for who, one in ((Both("report", "报告"), getattr(ours, name)), (Both("truth", "真值"), getattr(true, name))):
             label = Both(f"{name}, {who}", f"{ANGLE[name].zh}，{who.zh}")
             angles = [f"{to_deg(v):.2f}" for v in (one.sd, one.significant, one.largest)]
             rows.append([label, *angles, f"{one.tz:.2f}", f"{one.tp:.2f}", f"{one.waves}"])
@@ -404,7 +412,7 @@ def _tilt_table(found: Results) -> Table:
                                                                                            "最大双幅值 [°]"),
         "Tz [s]", "Tp [s]", Both("waves", "波数"),
     )  # fmt: skip
-    return Table(Both("Tilt statistics of the ten minutes", "10 min 倾斜统计"), head, rows)
+    return Table(Both("Tilt statistics of the sea through bytes", "海上试验（字节流）倾斜统计"), head, rows)
 
 
 def _quality_table(found: Results) -> Table:
@@ -431,80 +439,3 @@ def _quality_table(found: Results) -> Table:
                                                                                                "最大 [°]"),
     )  # fmt: skip
     return Table(Both("Quality flags by burst of two minutes", "各 2 min 分段质量标志"), head, rows, words=(1, 2, 3, 4))
-
-
-def _misprints(found: Results) -> Report:
-    head = (
-        Both("where", "出处"), Both("printed", "原文"), Both("corrected", "改正"), Both("the printed form gives",
-                                                                                        "原式结果"),
-        Both("the corrected form gives", "改正后结果"),
-    )  # fmt: skip
-    return Report(
-        Both("Misprints, each computed as printed", "印刷错误（均按原式实际计算）"),
-        tables=[Table("", head, [list(row) for row in _misprint_rows(found)], words=(1, 2, 3, 4))],
-    )
-
-
-def _misprint_rows(found: Results) -> Iterator[Sequence[str]]:
-    m = found.misprints
-    asked, zxy, zyx = "(0.400, −0.300, 1.100)", *(_triple(one) for one in m.orders)
-    yield (
-        "§1.1", Both("order Z-X-Y", "旋转顺序 Z-X-Y"), Both("(4) to (6) are Z-Y-X", "式 (4)–(6) 为 Z-Y-X"),
-        Both(f"{zxy} rad of {asked}", f"{asked} 得 {zxy} rad"), f"{zyx} rad",
-    )  # fmt: skip
-    yield (
-        "(3)", Both("rows 2 to 4 repeat q1, q2, q3", "第 2–4 行重复 q1、q2、q3"), Both("the product of quaternions",
-                                                                                       "四元数乘积"),
-        Both(f"from the identity {m.turned[0]:g}° in a turn of 150°: it never moves",
-             f"自单位四元数转 150° 得 {m.turned[0]:g}°：始终不动"), f"{m.turned[1]:.2f}°",
-    )  # fmt: skip
-    yield (
-        "(3)", Both("no normalising", "未归一化"), Both("normalised after each step", "每步归一化"),
-        Both(f"|q| = {m.norm:.3f} after 600 s at 0.62 rad/s", f"0.62 rad/s、600 s 后 |q| = {m.norm:.3f}"), "1.000",
-    )  # fmt: skip
-    lags = ", ".join(f"{lag:.3g}" for lag in m.lags)
-    rates = ", ".join(f"{rate:g}" for rate in RATES)
-    yield (
-        "(3)", Both("first-order step", "一阶龙格库塔"), Both("exact step of the rotation vector", "旋转矢量精确更新"),
-        Both(f"slow by {lags} °/s at {rates} °/s", f"{rates} °/s 时滞后 {lags} °/s"), "0",
-    )  # fmt: skip
-    yield (
-        "(4), (6)", "arctan", "atan2", Both(f"yaw of 2 rad: {m.arctan[0]:.2f} rad",
-                                            f"航向 2 rad 得 {m.arctan[0]:.2f} rad"),
-        f"{m.arctan[1]:.2f} rad",
-    )  # fmt: skip
-    yield (
-        "§1.3", Both("e by the moduli of the products", "以叉积模值构造 e"), Both("sum of the two vectors",
-                                                                                  "两矢量之和"),
-        Both(f"10° of roll at rest become {m.regulated[0]:.0f}° in 30 s",
-             f"静止 10° 横滚 30 s 后为 {m.regulated[0]:.0f}°"),
-        f"{m.regulated[1]:.2f}°",
-    )  # fmt: skip
-    yield (
-        "(14)", Both("first row without /R", "首行缺 /R"), Both("all rows by R", "各行均除以 R"),
-        Both(f"yaw wrong by up to {m.normalised[0]:.0f}°", f"航向角误差达 {m.normalised[0]:.0f}°")
-        , f"{m.normalised[1]:.1g}°",
-    )  # fmt: skip
-    g, si = m.gates
-    yield (
-        "(15)", Both("ε = 0.08, no unit", "ε = 0.08，无单位"), Both("0.08 g, as its reduction fits",
-                                                                    "0.08 g，与其削减量相符"),
-        Both(f"0.08 m/s²: passes {si[0]:.3f} g across ({si[1]:.1f}°), and {100 * m.shares[1]:.0f} % of the samples "
-             "at rest with 20 mg of bias",
-             f"0.08 m/s²：可通过水平 {si[0]:.3f} g（{si[1]:.1f}°），"
-             f"零偏 20 mg 时静止样本通过 {100 * m.shares[1]:.0f} %"),
-        Both(f"passes {g[0]:.3f} g across ({g[1]:.1f}°), and {100 * m.shares[0]:.0f} % at rest",
-             f"可通过水平 {g[0]:.3f} g（{g[1]:.1f}°），静止通过 {100 * m.shares[0]:.0f} %"),
-    )  # fmt: skip
-    fine, wide = found.rings["faces"].yaw, found.rings["step 4.35 mG"].yaw
-    yield (
-        "§2.1", Both("±8 Ga with 0.73 mG", "±8 Ga、0.73 mG"),
-        Both(f"{from_si(STEP, 'mgauss'):.2f} mG at ±0.88 Ga, {from_si(WIDE_STEP, 'mgauss'):.2f} mG at ±8.1 Ga",
-             "±0.88 Ga 为 0.73 mG，±8.1 Ga 为 4.35 mG"),
-        Both(f"yaw {wide:.2f}° at ±8.1 Ga", f"±8.1 Ga 时航向 {wide:.2f}°"),
-        Both(f"{fine:.2f}° at ±0.88 Ga", f"±0.88 Ga 时 {fine:.2f}°"),
-    )  # fmt: skip
-
-
-def _triple(values: tuple[float, float, float]) -> str:
-    return "(" + ", ".join(f"{v:.3f}".replace("-", "−") for v in values) + ")"

@@ -152,11 +152,11 @@ def slide(speed: float, stroke: float, seeds: Sequence[int]) -> dict[str, Floats
     return {name: np.array(each) for name, each in found.items()}
 
 
-def sea(seeds: Sequence[int]) -> dict[str, Floats]:
-    """Root mean squares of the errors of roll, pitch and yaw, deg, (seeds, 3), of each of `SEA`, ten minutes each."""
+def sea(seeds: Sequence[int], duration: float) -> dict[str, Floats]:
+    """Root mean squares of the errors of roll, pitch and yaw, deg, (seeds, 3), of each of `SEA`, in `duration`, s."""
     found: dict[str, list[Floats]] = {name: [] for name in SEA}
     for seed in seeds:
-        made = simulated("buoy", seed)
+        made = simulated("buoy", seed, duration=duration)
         kept = made.imu.t >= SETTLE
         for name, one in SEA.items():
             found[name].append(np.sqrt(np.mean(estimated(one, made, seed)[kept] ** 2, axis=0))[::-1])
