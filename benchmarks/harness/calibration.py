@@ -8,8 +8,6 @@ from benchmarks.harness.bar import Bar, bar_lines
 from benchmarks.harness.calibration_accel import CARES, measure_accel
 from benchmarks.harness.calibration_accel import ROWS as POSITIONS
 from benchmarks.harness.calibration_mag import CASES, measure_mag
-from benchmarks.harness.calibration_static import REFUSED, measure_refusals, measure_static
-from benchmarks.harness.calibration_static import ROWS as CAPTURES
 from benchmarks.harness.calibration_table import SESSIONS, measure_table
 from benchmarks.harness.calibration_temperature import SOAKS, measure_temperature
 from benchmarks.harness.section import Section
@@ -34,8 +32,6 @@ class Part(NamedTuple):
 
 
 PARTS: Final[Mapping[str, Part]] = {
-    "static": Part(measure_static, len(CAPTURES)),
-    "refusals": Part(measure_refusals, len(REFUSED)),
     "mag": Part(measure_mag, len(CASES)),
     "accel": Part(measure_accel, len(CARES) * len(POSITIONS)),
     "table": Part(measure_table, len(SESSIONS)),

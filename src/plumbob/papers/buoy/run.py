@@ -1,0 +1,101 @@
+"""The buoy paper's run [Yu2018]: all that its page says is measured here."""
+
+import math
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from plumbob.papers.buoy import bench, trials
+from plumbob.papers.buoy.device import run_device
+from plumbob.papers.buoy.literal import GATES, KP, misprints
+from plumbob.papers.buoy.modules import (
+    DEGENERATE,
+    WIDE_STEP,
+    Row,
+    by_choice,
+    by_ellipsoid,
+    mag_alone,
+    measure_degenerate,
+    measure_ring,
+)
+from plumbob.papers.buoy.outcomes import KPS, SCANNED, Results, outcomes
+from plumbob.papers.buoy.page import page
+from plumbob.papers.outcome import Paper
+from plumbob.papers.work import Work
+
+MODULES: Final = 200
+UNITS: Final = 20
+SEAS: Final = 3
+OFFERED: Final = 50
+"""How many modules are turned on the table, units slid, seas sailed, and degenerate captures offered."""
+DURATION: Final = 600.0
+"""Of a sea, s."""
+_LONGER: Final = (0.4, 0.6, 0.8, 1.0, 1.3, 1.6)
+ROWS: Final[Mapping[str, Row]] = {
+    "pitch": Row("pitch"),
+    "roll": Row("roll"),
+    "faces": Row(),
+    "pitch, chosen": Row("pitch", by_choice),
+    "roll, chosen": Row("roll", by_choice),
+    "faces, chosen": Row(fit=by_choice),
+    "magnetometer alone": Row(fit=mag_alone),
+    "tilt 40°": Row(tilt=math.radians(40.0)),
+    "step 4.35 mG": Row(step=WIDE_STEP),
+    "c 0.02": Row(c=0.02),
+    "c 0.05": Row(c=0.05),
+    "c 0.1": Row(c=0.1),
+    "c 0.1, general": Row(c=0.1, fit=by_ellipsoid),
+}
+"""Rows of the table of captures and fits."""
+
+
+def run(work: Work) -> Paper:
+    """Run the paper."""
+    found = measured(work)
+    return Paper(report=page(found, work.seed), outcomes=outcomes(found))
+
+
+def measured(
+    work: Work, *, modules: int = MODULES, units: int = UNITS, seas: int = SEAS, offered: int = OFFERED,
+    duration: float = DURATION,
+) -> Results:  # fmt: skip
+    """Everything that the page says; with fewer seeds and a shorter sea, s, where asked."""
+    steps = 6 + len(ROWS) + len(trials.STROKES)
+    told = iter(range(steps))
+
+    def say(what: str) -> None:
+        work.progress(what, next(told), steps)
+
+    say("capture and calibration")
+    unit = bench.calibrated(work)
+    say("firmware")
+    device = run_device(work, unit.paper)
+    say("static test and slides")
+    static, slid = bench.ring(work, unit), bench.slides(work, unit)
+    say("sea")
+    sailed = bench.sail(work, unit, {**trials.SEA, "smoother": bench.SMOOTHER}, duration)
+    rings = {}
+    for name, row in ROWS.items():
+        say(f"{modules} modules: {name}")
+        rings[name] = measure_ring(row, _seeds(work, modules))
+    slides = {}
+    for speed, stroke in trials.STROKES:
+        say(f"{units} units slid: {speed:g} m/s, {stroke:g} s")
+        slides[speed, stroke] = trials.slide(speed, stroke, _seeds(work, units))
+    say(f"{seas} seas")
+    sea = trials.sea(_seeds(work, seas), duration)
+    say("gains and misprints")
+    scan = {
+        one: np.stack([trials.gain_scan(KPS, *one, gate=gate, seed=work.seed) for gate in ("off", GATES[0])], axis=2)
+        for one in SCANNED
+    }
+    strongest = max(trials.gain_scan((KP,), 3.0, stroke, gate="off", seed=work.seed)[0][0] for stroke in _LONGER)
+    refused = {name: measure_degenerate(name, _seeds(work, offered)) for name in DEGENERATE}
+    return Results(
+        unit, device, static, slid, sailed, rings, refused, slides, sea, scan, strongest, misprints(), modules
+    )
+
+
+def _seeds(work: Work, count: int) -> range:
+    return range(1000 * work.seed, 1000 * work.seed + count)
