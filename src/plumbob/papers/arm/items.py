@@ -8,7 +8,7 @@ ITEMS: Final[tuple[Item, ...]] = (
     Item(
         where="§0",
         what="teaching by hand: a program for a robot from units on an arm",
-        by="`plumbob arm align`, `run`, `export`, `replay`; [teach.angles.rms], "
+        by="`plumbob arm align`, `plumbob arm run`, `plumbob arm export`, `plumbob arm replay`; [teach.angles.rms], "
         "[teach.hand.rms], [teach.program], [teach.replay]",
     ),
     Item(
@@ -27,12 +27,12 @@ ITEMS: Final[tuple[Item, ...]] = (
     Item(
         where="§2, Fig 2",
         what="six units on ± axes, the signs of both sets",
-        by="`plumbob emulate arm`, `src/plumbob/array/paper.py` `sets_of`; [pair.bias], [pair.noise], [pair.parity]",
+        by="`plumbob emulate arm`, `src/plumbob/array/paper.py` (sets_of); [pair.bias], [pair.noise], [pair.parity]",
     ),
     Item(
         where="(7)–(11)",
         what="roll, pitch and yaw from the combined measurements, with their noise",
-        by="`src/plumbob/array/paper.py` `run`, its first row",
+        by="`src/plumbob/array/paper.py` (run), its first row",
     ),
     Item(where="(12)", what="quaternion to start from", by="`src/plumbob/filters/start.py`"),
     Item(
@@ -43,33 +43,33 @@ ITEMS: Final[tuple[Item, ...]] = (
     Item(
         where="(15)–(17)",
         what="errors by vector products, one for each set",
-        by="`src/plumbob/array/paper.py` `error_of`; formed at the predicted attitude: [misprint.late]",
+        by="`src/plumbob/array/paper.py` (error_of); formed at the predicted attitude: [misprint.late]",
     ),
     Item(
         where="(18)",
         what="fuzzy regulator of set 1, from the error and its integral",
-        by="`src/plumbob/filters/fuzzy_pi.py` `regulate`; [misprint.units.deg], "
+        by="`src/plumbob/filters/fuzzy_pi.py` (regulate); [misprint.units.deg], "
         "[misprint.units.rad], [misprint.units.rad.recovery]",
     ),
     Item(
         where="(19)",
         what="PI regulator of set 2, P = 0.8, I = 0.02",
-        by="`src/plumbob/array/paper.py` `law`; [recovery.control]",
+        by="`src/plumbob/array/paper.py` (law); [recovery.control]",
     ),
     Item(
         where="(20)",
         what="rate of the body as the mean of both sets, of opposite mounting",
-        by="`src/plumbob/array/paper.py` `run`; [misprint.raw.rate], [misprint.raw.yaw]",
+        by="`src/plumbob/array/paper.py` (run); [misprint.raw.rate], [misprint.raw.yaw]",
     ),
     Item(
         where="(21)–(23)",
         what="state equation of the EKF on the quaternion",
-        by="`src/plumbob/filters/ekf_quaternion.py` `predict`",
+        by="`src/plumbob/filters/ekf_quaternion.py` (predict)",
     ),
     Item(
         where="(24)–(27)",
         what="measurement equation: two directions of units 1 to 3",
-        by="`src/plumbob/filters/ekf_quaternion.py` `correct_direction`; [once.roll], [once.pitch], [once.yaw]",
+        by="`src/plumbob/filters/ekf_quaternion.py` (correct_direction); [once.roll], [once.pitch], [once.yaw]",
     ),
     Item(
         where="§4",
@@ -95,7 +95,7 @@ ITEMS: Final[tuple[Item, ...]] = (
     Item(
         where="§4",
         what="Q = 0.0001 I3, R = 0.001 I6, P0 = 0.001 I4",
-        by="`src/plumbob/array/paper.py` `paper`, and the defaults of `src/plumbob/filters/ekf_quaternion.py`",
+        by="`src/plumbob/array/paper.py` (paper), and the defaults of `src/plumbob/filters/ekf_quaternion.py`",
     ),
     Item(where="Fig 3", what="errors at rest, one set without a regulator", by="Figure 3 on the page, through bytes"),
     Item(where="Fig 4", what="errors at rest with PI", by="Figure 4 on the page, through bytes"),
