@@ -1,10 +1,8 @@
 """Rod paper: an ADIS16355 on a rod that is moved by hand, compared with an AHRS500GA [Li2012]."""
 
 from plumbob.papers.outcome import Paper
-from plumbob.papers.rod import equations, methods, results
-from plumbob.papers.rod.compared import compared
+from plumbob.papers.rod import compared, equations, methods, page, results
 from plumbob.papers.rod.items import ITEMS
-from plumbob.papers.rod.page import page
 from plumbob.papers.work import Work
 
 SEEDS = 24
@@ -19,7 +17,7 @@ def run(work: Work) -> Paper:
     """Run the paper: one recording through bytes, and its methods over many seeds."""
     steps = 2 + SEEDS + TRIED
     work.progress("rig, recording and estimates", 0, steps)
-    one = compared(work)
+    one = compared.compared(work)
     seeds = [1000 * work.seed + k for k in range(SEEDS)]
     table = methods.measure(seeds, progress=lambda done: work.progress("methods over seeds", 1 + done, steps))
     limits = []
@@ -38,4 +36,4 @@ def run(work: Work) -> Paper:
         *results.through_bytes(one),
         *results.over_seeds(table),
     ]
-    return Paper(report=page(one, table, limits, forms, equations.grown(first)), outcomes=outcomes)
+    return Paper(report=page.page(one, table, limits, forms, equations.grown(first)), outcomes=outcomes)

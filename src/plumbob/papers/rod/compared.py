@@ -49,12 +49,11 @@ DOWN: Final = np.array([0.0, 0.0, 1.0])
 
 
 class Line(NamedTuple):
-    """An estimate: its name, the filter, its parameters, and whether it takes the noise card."""
+    """An estimate: its name, the filter, and its parameters."""
 
     name: Both
     filter: str
     params: Mapping[str, Any]
-    card: bool = False
 
 
 LINES: Final[Mapping[str, Line]] = {

@@ -88,7 +88,7 @@ def printed_angles(q: Floats) -> Floats:
     """Roll, pitch and yaw, rad, of a quaternion (4,) as (1) to (3) are printed."""
     q0, q1, q2, q3 = q
     roll = math.atan2(2.0 * (q2 * q3 - q0 * q1), 1.0 - 2.0 * (q1 * q1 + q2 * q2))
-    pitch = math.asin(-2.0 * (q1 * q3 - q0 * q2))  # [Li2012] (2), which is right
+    pitch = math.asin(-2.0 * (q1 * q3 - q0 * q2))  # [Li2012] (2): it is right
     yaw = math.atan2(2.0 * (q1 * q2 - q0 * q3), 1.0 - 2.0 * (q2 * q2 + q3 * q3))
     return np.array([roll, pitch, yaw])
 
