@@ -102,7 +102,7 @@ ITEMS: Final = (
         where="§3.1",
         what="capture of one reading in each of 18 regions of attitude",
         by="[regions], [modules.yaw.pitch], [modules.yaw.roll], [modules.yaw.faces]; "
-        "guided by `plumbob calibrate --live`",
+        "guided by `plumbob calibrate mag --live`",
     ),
     Item(
         where="§3.1",

@@ -214,9 +214,9 @@ def _ring_table(found: Results) -> Table:
 
 def _refused_table(found: Results) -> Table:
     head = (
-        Both("capture", "采集方式"), Both("refused by Plumbob with the right reason [%]", "Plumbob 以正确理由拒绝 [%]"),
-        Both("paper's fit gives no ellipsoid [%]", "论文拟合无椭球解 [%]"),
-        Both("yaw error where it gives one [°]", "有解时航向偏差 [°]"),
+        Both("capture", "采集方式"), Both("refused for the right reason [%]", "以正确理由拒绝 [%]"),
+        Both("paper: no ellipsoid [%]", "论文：无椭球解 [%]"),
+        Both("yaw error of its others [°]", "论文：有解时航向偏差 [°]"),
     )  # fmt: skip
     names = {
         "ring": Both("level ring, ±1° of the hand", "水平旋转，手抖 ±1°"),
