@@ -464,7 +464,7 @@ def _temperature(warm: s.WarmedUp) -> tuple[Report, list[Outcome]]:
             "The unit warms up by 15 K with a time constant of 120 s, at rest. A first record of 600 s makes the card "
             "(calibrate temperature), a second one with other noise is scored. Both are at 100 Hz. The coefficients "
             "are assumed: the data sheets at hand state none.",
-            "器件静止预热，升温 15 K，时间常数 120 s。首次 600 s 记录求取标定卡（calibrate gyro --method "
+            "器件静止预热，升温 15 K，时间常数 120 s。首次 600 s 记录求取标定卡（calibrate "
             "temperature），第二次（另一噪声）用于评价，均为 100 Hz。温度系数为假设值：现有数据手册未给出。",
         ),
     )

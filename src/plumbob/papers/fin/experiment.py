@@ -137,11 +137,11 @@ def part(records: Mapping[str, Analysed]) -> tuple[Report, list[Outcome]]:
         ),
         Both(
             "The line of R of the 453z meets its flat at 0.07 s, and is read at 1 s, where the curve is four times as "
-            "high: a value of the line, not of the curve. Yet a unit with these coefficients gives them back. The "
+            "high: a value of the line, not of the curve. Yet a unit with these two gives both back within 10 %. The "
             "data sheet of the ADXRS453 has 54 °/h at 1 s and 16 °/h of bias instability, near the printed two in the "
             "other order.",
             "453z 的 R 直线与平坦段交于 0.07 s，却在 1 s 处读取，该处曲线高约四倍：所读为直线值而非曲线值；"
-            "但具有这些系数的器件仍能读回原值。ADXRS453 数据手册为 1 s 处 54 °/h、零偏不稳定性 16 °/h，"
+            "但具有这两项系数的器件仍能读回二者（10 % 内）。ADXRS453 数据手册为 1 s 处 54 °/h、零偏不稳定性 16 °/h，"
             "与所印两值相近而次序相反。",
         ),
         Both(
