@@ -71,10 +71,10 @@ pages: setup
 	$(BIN)/python website/draw_house.py > docs/images/house.svg
 	$(BIN)/python website/view_types.py > web/src/messages.ts
 
-# The five papers' runs, and docs/papers.md from them: some minutes on two cores.
+# The five papers' runs; from them docs/papers.md and the README's table: some minutes on two cores.
 papers: setup
 	$(BIN)/plumbob reproduce all --out reproduced --force
-	$(BIN)/python website/papers.py reproduced/outcomes.json > docs/papers.md
+	$(BIN)/python website/papers.py reproduced/outcomes.json
 
 # The pictures of README and docs, taken in Chromium of the pages themselves.
 pictures: setup page

@@ -1,6 +1,7 @@
 """Write docs/papers.md from a run of all papers and their items: ``python website/papers.py OUTCOMES.json``.
 
-``make papers`` runs the papers and writes the page. A test compares its items with the code, a long one its figures.
+``make papers`` runs the papers, writes the page, and renews the README's table, which has some of its rows. A test
+compares the page's items with the code and the README with the page, a long one the page's figures with a run.
 """
 
 import json
@@ -9,7 +10,7 @@ import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from plumbob.papers.outcome import Item, cell, shown
 from plumbob.papers.reproduce import NAMES, TITLES, items
@@ -41,6 +42,39 @@ cannot prove what a paper's hardware did: where noise or motion is not stated, i
 says so. The papers' equations lead to the code through [Equations](equations.md), under `Ou2017`, `Yu2018`,
 `Chen2013`, `HuangJiang` and `Li2012`.
 """
+
+
+README: Final = Path(__file__).parents[1] / "README.md"
+SHOWN: Final = {
+    ("fin", "three.N.bias"): "error of white noise N, read off Allan plots of 220 s",
+    ("buoy", "static.after.yaw"): "largest heading error at 36 rests, after calibration",
+    ("buoy", "slide.gated.roll"): "largest roll error while it is slid over a desk",
+    ("buoy", "sea.roll"): "roll error in waves, rms",
+    ("trackball", "ramp.rms"): "rate error while the speed rises, rms",
+    ("arm", "static.fuzzy.yaw"): "yaw at rest, standard deviation",
+    ("arm", "turn.fuzzy.yaw"): "yaw in a turn, standard deviation",
+    ("rod", "bytes.ahrs.pitch"): "largest pitch difference to the reference, 600 s, vibrating",
+    ("rod", "drift.ratio"): "drift of the gyroscope alone over that of the fusion",
+}
+"""Figures of the README's table, and how it names them."""
+_BEGIN, _END = "<!-- papers: made by make papers -->\n", "<!-- end of papers -->\n"
+
+
+def readme(text: str, made: str) -> str:
+    """README with its table made from the text of docs/papers.md."""
+    lines = ["| paper | figure | printed | its method, corrected | Plumbob |", "| --- | --- | ---: | ---: | ---: |"]
+    for (name, key), told in SHOWN.items():
+        cells = next(line for line in _section(made, name).splitlines() if line.startswith(f"| `{key}` |")).split(" | ")
+        unit, values = cells[3], [cell.partition(" (")[0] for cell in cells[4:7]]
+        shown_s = [value if value == "-" or unit == "–" else f"{value} {unit}".replace(" °", "°") for value in values]
+        shown_s = [one.replace("°/s", " °/s") for one in shown_s]
+        lines.append(f"| {name} | {told} | {' | '.join(shown_s)} |".replace("| - |", "| – |"))
+    head, _, rest = text.partition(_BEGIN)
+    return head + _BEGIN + "\n".join(lines) + "\n" + _END + rest.partition(_END)[2]
+
+
+def _section(made: str, name: str) -> str:
+    return made.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
 
 
 def page(outcomes: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
@@ -124,8 +158,10 @@ def _escaped(text: str) -> str:
 
 
 def main(path: str) -> int:
-    """Print the page."""
-    print(page(json.loads(Path(path).read_text(encoding="utf-8"))["papers"]), end="")
+    """Write the page, and renew the README's table."""
+    made = page(json.loads(Path(path).read_text(encoding="utf-8"))["papers"])
+    (README.parent / "docs" / "papers.md").write_text(made, encoding="utf-8")
+    README.write_text(readme(README.read_text(encoding="utf-8"), made), encoding="utf-8")
     return 0
 
 

@@ -14,7 +14,7 @@ from plumbob.papers.outcome import Outcome, at_least, at_most, restored, table
 from plumbob.papers.reproduce import NAMES, TITLES, items, reproduce
 from plumbob.reporting import Report
 from plumbob.reporting.style import Both, said
-from website.papers import items_lines, keys_of
+from website.papers import README, items_lines, keys_of, readme
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "papers.md"
@@ -108,3 +108,10 @@ def test_every_item_is_done_or_has_its_reason(name):
 def test_the_page_of_the_papers_has_every_item(name):
     """Otherwise: make papers."""
     assert "\n".join(items_lines(name)) in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_table_of_the_readme_has_figures_of_the_page_of_the_papers():
+    """Otherwise: make papers."""
+    text = README.read_text(encoding="utf-8")
+    assert readme(text, PAGE.read_text(encoding="utf-8")) == text
+    assert text.count("\n| rod | ") == 2
