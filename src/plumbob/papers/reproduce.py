@@ -41,6 +41,13 @@ STEP: Final = "step"
 """First word of a line by which a paper's process says how far it is."""
 FOUND: Final = "found"
 """First word of the line by which it says what it found."""
+LEGEND: Final = Both(
+    "faithful: by the paper's method, its misprints corrected; best: as Plumbob recommends; in brackets the bar; "
+    "shown: without a bar; not reproducible: the paper's method cannot give what it prints.",
+    "按论文：按论文方法并更正其印刷错误；最佳：按 Plumbob 推荐的方法；括号内为指标限值；"
+    "仅列出：无限值；无法复现：论文方法得不到其所印数值。",
+)
+"""What the words of the table of outcomes mean."""
 _KILLED: Final = 9
 _LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, those that take long begin
 
@@ -76,7 +83,9 @@ class Reproduction:
         links = [(TITLES[name], f"{name}.html") for name in self.outcomes]
         facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}")]
         facts.append((Both("outcomes", "指标"), self._counts()))
-        return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, links=links)
+        return Report(
+            Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, links=links, remarks=[LEGEND]
+        )
 
     def text(self) -> str:
         """Every table, for a terminal."""
@@ -193,6 +202,7 @@ def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress 
     page = replace(
         report,
         tables=[table(found.outcomes, Both("Every figure", "全部指标")), *report.tables],
+        remarks=[LEGEND, *report.remarks],
         links=[(Both("all papers", "全部论文"), "index.html"), *report.links],
     )
     page.write_html(folder / f"{name}.html", lang=lang, overwrite=True)
