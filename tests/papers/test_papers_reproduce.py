@@ -4,14 +4,18 @@ import copy
 import json
 import math
 import re
+import subprocess
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import plumbob
-from plumbob.core.errors import ParameterError
+from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
 from plumbob.papers.outcome import Outcome, at_least, at_most, restored, table
-from plumbob.papers.reproduce import NAMES, TITLES, items, reproduce
+from plumbob.papers.reproduce import LEGEND, NAMES, TITLES, _alone, items, reproduce
+from plumbob.papers.work import Work
 from plumbob.reporting import Report
 from plumbob.reporting.style import Both, said
 from website.papers import README, items_lines, keys_of, readme
@@ -77,14 +81,90 @@ def test_a_table_shows_values_with_their_bars():
 def test_what_cannot_be_run_is_refused(tmp_path):
     with pytest.raises(ParameterError, match="'fish' is not a paper; known are fin, buoy, trackball, arm, rod, or all"):
         reproduce("fish")
-    with pytest.raises(ParameterError, match="jobs must be at least 1"):
+    with pytest.raises(ParameterError, match="jobs must be a whole number of at least 1"):
         reproduce("fin", jobs=0, out=tmp_path)
     with pytest.raises(ParameterError, match="seed must be a whole number"):
         reproduce("fin", seed=-1, out=tmp_path)
     (tmp_path / "own.txt").write_text("mine")
     with pytest.raises(ParameterError, match="is not empty"):
         reproduce("fin", out=tmp_path)
+    with pytest.raises(ParameterError, match=r"seed must be a whole number of at least 0, but it is 1\.5"):
+        reproduce("fin", seed=1.5, out=tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["own.txt"]
+
+
+def test_without_matplotlib_it_says_so_before_any_work(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(MissingExtraError, match="the pages' figures need matplotlib"):
+        reproduce("fin", out=tmp_path / "pages")
+    assert not (tmp_path / "pages").exists()
+
+
+def alone(monkeypatch, code):
+    """Make each paper's process run this code, with the paper's name as `name`."""
+    started = []
+
+    def start(*words):
+        command = [sys.executable, "-c", f"import sys, time, os; name = sys.argv[1]\n{code}", *words]
+        started.append(subprocess.Popen(command, stderr=subprocess.PIPE, encoding="utf-8"))
+        return started[-1]
+
+    monkeypatch.setattr("plumbob.papers.reproduce._alone", start)
+    return started
+
+
+def test_papers_side_by_side_give_their_outcomes_however_long(tmp_path, monkeypatch):
+    """1 MiB is more than a pipe holds."""
+    long = json.dumps([outcome(reason=Both("noise", "噪" * 200_000)).stored()])
+    (tmp_path / "found.json").write_text(long)
+    read = f"open({str(tmp_path / 'found.json')!r}).read()"
+    alone(monkeypatch, f"sys.stderr.write('step\\t' + name + ': a\\t0\\t1\\nfound\\t' + {read} + '\\n')")
+    steps = []
+    found = reproduce("rod", "fin", out=tmp_path / "pages", progress=lambda *step: steps.append(step))
+    assert list(found.outcomes) == ["fin", "rod"]
+    assert found.outcomes["rod"] == [outcome(reason=Both("noise", "噪" * 200_000))]
+    assert LEGEND in found.report().remarks
+    assert sorted(steps) == [("fin: a", 0, 1), ("rod: a", 0, 1)]
+
+
+@pytest.mark.parametrize(
+    ("end", "told"),
+    [
+        ("sys.exit('no room')", "arm ended with exit code 1: no room"),
+        ("os.kill(os.getpid(), 9)", "arm was ended by signal 9, as a system does that is short of memory; try one job"),
+    ],
+)
+def test_the_first_paper_that_fails_ends_all(tmp_path, monkeypatch, end, told):
+    started = alone(monkeypatch, f"time.sleep(60) if name != 'arm' else {end}")
+    with pytest.raises(DecodeError, match=told):
+        reproduce("all", out=tmp_path)
+    assert all(process.poll() is not None for process in started)
+
+
+def test_a_module_in_the_folder_of_work_does_not_hide_ours(tmp_path, monkeypatch):
+    (tmp_path / "random.py").write_text("raise SystemExit('not this one')")
+    monkeypatch.chdir(tmp_path)
+    process = _alone("fish", str(tmp_path), "1", "en")
+    assert "not this one" not in process.communicate()[1]
+
+
+def test_what_is_not_recorded_whole_is_refused(tmp_path, monkeypatch):
+    """As on a disk that is full: a figure of what is left would be wrong."""
+
+    def full(*_args, note, **_how):
+        note("stopped: no space")
+        return SimpleNamespace(lossy=True)
+
+    monkeypatch.setattr("plumbob.papers.work.record", full)
+    with pytest.raises(DecodeError, match=r"x\.mcap was not recorded whole: stopped: no space\."):
+        Work(tmp_path).recorded("rod", "x", duration=0.1)
+
+
+def test_a_value_that_is_not_finite_is_null_in_json():
+    told = outcome(faithful=math.nan, best=math.inf).summary()
+    assert told["faithful"] is None
+    assert told["best"] is None
 
 
 def test_it_is_the_same_function_by_every_name():

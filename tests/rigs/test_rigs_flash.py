@@ -114,3 +114,11 @@ def test_what_cannot_be_is_refused():
         read_ring(FlashLog().image, FORM)
     with pytest.raises(DecodeError, match="cannot be a log's record"):
         read_ring(b"", BARE)
+
+
+def test_a_blank_image_is_called_blank():
+    form = load("buoy_attitude").bind()
+    with pytest.raises(DecodeError, match="which are blank, as an erased chip is"):
+        read_ring(b"\xff" * 4096, form)
+    with pytest.raises(DecodeError, match="no record of buoy_attitude is in the 4096 bytes"):
+        read_ring(bytes(4096), form)

@@ -350,3 +350,9 @@ def test_a_card_of_sensors_that_the_unit_has_not_is_refused():
         run("static", sensors="mpu6000", noise=replace(CARD, mag=noise))
     with pytest.raises(ParameterError, match="has no triad"):
         run("static", noise=NoiseCard("unit 7", "empty"))
+
+
+@pytest.mark.parametrize("temp_c", [-300.0, "-300 degC", "-1 K"])
+def test_nothing_is_colder_than_absolute_zero(temp_c):
+    with pytest.raises(ParameterError, match=r"at least -273\.15 °C, absolute zero"):
+        simulate("static", sensors="mpu3050", **SHORT, temp_c=temp_c)

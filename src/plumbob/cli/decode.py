@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
             table.print_new()
 
     pieces = _chunks(args.file, table)
-    counts = decode(_in_order(pieces, form) if args.ring else pieces, form, each=take).counts
+    counts = decode(_in_order(args.file, pieces, form) if args.ring else pieces, form, each=take).counts
     if not counts.received:
         raise DecodeError(f"{args.file} is empty. Give a file of raw bytes.")
     if not sum(counts.frames.values()):
@@ -228,11 +228,15 @@ def _chunks(name: str, table: _Table) -> Iterator[bytes]:
             yield data
 
 
-def _in_order(pieces: Iterator[bytes], form: "Format") -> Iterator[bytes]:
+def _in_order(name: str, pieces: Iterator[bytes], form: "Format") -> Iterator[bytes]:
     """Frames of a ring in the order of their counter; tells what else is there."""
+    from plumbob.core.errors import DecodeError
     from plumbob.protocols.ring import read_ring
 
-    found = read_ring(b"".join(pieces), form)
+    try:
+        found = read_ring(b"".join(pieces), form)
+    except DecodeError as error:
+        raise DecodeError(f"{name}: {error}") from error
     common.note(
         f"{counted(found.records, 'record')}, {found.missing} missing between the first and the last; beside them "
         f"{found.blank} blank bytes and {found.torn} torn"

@@ -42,7 +42,7 @@ def _add_content(p: argparse.ArgumentParser) -> None:
     p.add_argument("--temp", metavar="T", help="temperature, as 40degC (default 25 degC)")
     common.add_warm_up(p)
     p.add_argument("--high-pass", metavar="HZ", help="first-order high-pass behind the gyroscopes, as 0.5Hz")
-    p.add_argument("--mount-error", metavar="A", help="how far references really sit from declared, sd, as 0.5deg")
+    p.add_argument("--mount-error", metavar="A", help="sd of how references (units, without one) really sit, as 0.5deg")
     common.add_frame(p, "navigation frame of a format's truth, and its body's axes (a rig has its own; default NED)")
     common.add_option(p)
     p.add_argument("--seed", type=int, default=0, metavar="N", help="seed of everything random (default 0)")

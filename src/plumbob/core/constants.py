@@ -5,6 +5,9 @@ from typing import Final
 G0: Final = 9.80665
 """Standard acceleration of free fall, m/s² (3rd CGPM 1901; ISO 80000-3)."""
 
+ABSOLUTE_ZERO_C: Final = -273.15
+"""Nothing is colder, °C (9th SI Brochure, 2.3.1)."""
+
 NOMINAL_FIELD: Final = 50.0
 """Size of the Earth's field that stands for an unknown one, µT: it is 22 to 67 (World Magnetic Model 2025)."""
 

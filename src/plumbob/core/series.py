@@ -58,7 +58,7 @@ class Series(Shown):
         panels: dict[str, dict[str, NDArray[Any]]] = {}
         for name, values in others:
             panels.setdefault(_kind(name), {})[name.partition(" [")[0]] = values
-        figure = _needed("matplotlib.figure", "plots", "plumbob[plot]").Figure(
+        figure = needed("matplotlib.figure", "plots", "plumbob[plot]").Figure(
             figsize=(7.5, _HEIGHT * len(panels) + 0.5), layout="constrained"
         )
         axes = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
@@ -75,7 +75,7 @@ class Series(Shown):
 
 def frame_of(columns: Mapping[str, NDArray[Any]]) -> Any:
     """Table for pandas of columns by name; errors as of `Series.to_frame`."""
-    return _needed("pandas", "tables", "pandas").DataFrame({name: np.array(one) for name, one in columns.items()})
+    return needed("pandas", "tables", "pandas").DataFrame({name: np.array(one) for name, one in columns.items()})
 
 
 def _kind(name: str) -> str:
@@ -85,7 +85,8 @@ def _kind(name: str) -> str:
     return f"{stem}{bracket}{unit}" if stem else bracket.strip() + unit or word
 
 
-def _needed(module: str, what: str, package: str) -> Any:
+def needed(module: str, what: str, package: str) -> Any:
+    """Import a module that an extra brings, or say which one: `what` needs it, and `package` has it."""
     try:
         return import_module(module)
     except ImportError as error:

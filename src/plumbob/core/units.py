@@ -11,7 +11,7 @@ from enum import StrEnum
 from functools import cache
 from typing import TYPE_CHECKING, TypeVar
 
-from plumbob.core.constants import G0, NOMINAL_FIELD
+from plumbob.core.constants import ABSOLUTE_ZERO_C, G0, NOMINAL_FIELD
 from plumbob.core.errors import ParameterError, UnitError
 
 if TYPE_CHECKING:  # the command line asks for units before it needs arrays
@@ -114,7 +114,7 @@ UNITS: dict[str, Unit] = {
     "relative": Unit(Quantity.FIELD, NOMINAL_FIELD),  # of the field of the place, whose size nobody said
     "degC": Unit(Quantity.TEMPERATURE, 1.0),
     "mdegC": Unit(Quantity.TEMPERATURE, 1e-3),
-    "K": Unit(Quantity.TEMPERATURE, 1.0, -273.15),
+    "K": Unit(Quantity.TEMPERATURE, 1.0, ABSOLUTE_ZERO_C),
     "rad": Unit(Quantity.ANGLE, 1.0),
     "deg": Unit(Quantity.ANGLE, _DEG),
     "arcsec": Unit(Quantity.ANGLE, _DEG / 3600.0),

@@ -1,6 +1,6 @@
 """A paper's run in a process of its own: ``python -m plumbob.papers.alone NAME FOLDER SEED LANG``.
 
-It says on standard error how far it is, a line for each step, and on standard output what it found, as JSON.
+It says on standard error how far it is, a line for each step, and at the end what it found, as JSON in one line.
 """
 
 import json
@@ -8,22 +8,22 @@ import sys
 from pathlib import Path
 
 from plumbob.core.errors import PlumbobError
-from plumbob.papers.reproduce import STEP, run_paper
+from plumbob.papers.reproduce import FOUND, STEP, run_paper
 
 
 def main(name: str, folder: str, seed: str, lang: str) -> int:
     """Run the paper."""
 
-    def told(what: str, done: int, of: int) -> None:
-        sys.stderr.write(f"{STEP}\t{what}\t{done}\t{of}\n")
+    def say(*words: object) -> None:
+        sys.stderr.write("\t".join(map(str, words)) + "\n")
         sys.stderr.flush()
 
     try:
-        found = run_paper(name, Path(folder), int(seed), lang, told)
-    except PlumbobError as error:
-        sys.stderr.write(f"{error}\n")
+        found = run_paper(name, Path(folder), int(seed), lang, lambda *step: say(STEP, *step))
+    except (PlumbobError, OSError) as error:
+        say(error)
         return 1
-    sys.stdout.write(json.dumps([one.stored() for one in found]))
+    say(FOUND, json.dumps([one.stored() for one in found]))
     return 0
 
 

@@ -99,16 +99,16 @@ class Outcome:
         return SHOWN if self.faithful_bar == self.best_bar == OPEN else PASS
 
     def summary(self) -> dict[str, Any]:
-        """What JSON has of it; an open end of a bar is null."""
+        """What JSON has of it; an open end of a bar is null, and so is a value that is not finite."""
         bars = {"faithful_bar": self.faithful_bar, "best_bar": self.best_bar}
+        values = {"faithful": self.faithful, "best": self.best}
         return {
             "key": self.key,
             "where": self.where,
             "what": str(self.what),
             "unit": self.unit,
             "paper": self.paper,
-            "faithful": self.faithful,
-            "best": self.best,
+            **{name: value if value is not None and math.isfinite(value) else None for name, value in values.items()},
             "digits": self.digits,
             **{name: [end if math.isfinite(end) else None for end in bar] for name, bar in bars.items()},
             "met": self.met,

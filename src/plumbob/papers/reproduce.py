@@ -1,19 +1,22 @@
 """The papers' runs, one or all: `plumbob reproduce`, and `plumbob.reproduce`."""
 
 import json
+import os
 import subprocess
 import sys
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
+from threading import Event, Lock
 from typing import Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.files import write_text
+from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
 from plumbob.papers.outcome import Item, Outcome, Paper, restored, table
@@ -36,6 +39,16 @@ NAMES: Final = tuple(TITLES)
 """Papers by the names of their rigs."""
 STEP: Final = "step"
 """First word of a line by which a paper's process says how far it is."""
+FOUND: Final = "found"
+"""First word of the line by which it says what it found."""
+LEGEND: Final = Both(
+    "faithful: by the paper's method, its misprints corrected; best: as Plumbob recommends; in brackets the bar; "
+    "shown: without a bar; not reproducible: the paper's method cannot give what it prints.",
+    "按论文：按论文方法并更正其印刷错误；最佳：按 Plumbob 推荐的方法；括号内为指标限值；"
+    "仅列出：无限值；无法复现：论文方法得不到其所印数值。",
+)
+"""What the words of the table of outcomes mean."""
+_KILLED: Final = 9
 _LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, those that take long begin
 
 Progress = Callable[[str, int, int], None]
@@ -70,7 +83,9 @@ class Reproduction:
         links = [(TITLES[name], f"{name}.html") for name in self.outcomes]
         facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}")]
         facts.append((Both("outcomes", "指标"), self._counts()))
-        return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, links=links)
+        return Report(
+            Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, links=links, remarks=[LEGEND]
+        )
 
     def text(self) -> str:
         """Every table, for a terminal."""
@@ -133,10 +148,10 @@ def reproduce(
     """
     chosen = _chosen(papers)
     check.one_of("lang", lang, LANGUAGES)
-    if jobs < 1:
-        raise ParameterError(f"jobs must be at least 1, but it is {jobs}.")
-    if seed < 0:
-        raise ParameterError(f"seed must be a whole number of at least 0, but it is {seed}.")
+    for named, value, least in (("jobs", jobs, 1), ("seed", seed, 0)):
+        if not isinstance(value, int) or isinstance(value, bool) or value < least:
+            raise ParameterError(f"{named} must be a whole number of at least {least}, but it is {check.said(value)}.")
+    needed("matplotlib.figure", "the pages' figures", "plumbob[plot]")  # now, not after minutes
     folder = _folder(check.path("out", out), overwrite=overwrite)
     if len(chosen) == 1:
         outcomes = {chosen[0]: run_paper(chosen[0], folder, seed, lang, progress)}
@@ -187,6 +202,7 @@ def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress 
     page = replace(
         report,
         tables=[table(found.outcomes, Both("Every figure", "全部指标")), *report.tables],
+        remarks=[LEGEND, *report.remarks],
         links=[(Both("all papers", "全部论文"), "index.html"), *report.links],
     )
     page.write_html(folder / f"{name}.html", lang=lang, overwrite=True)
@@ -198,32 +214,60 @@ def _side_by_side(
 ) -> dict[str, Sequence[Outcome]]:
     """Run each paper in a process of its own; the first that fails ends all with its error."""
     running: list[subprocess.Popen[str]] = []
+    starting, ending = Lock(), Event()
 
     def run(name: str) -> Sequence[Outcome]:
-        command = [sys.executable, "-m", "plumbob.papers.alone", name, str(folder), f"{seed}", lang]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        running.append(process)
-        assert process.stdout is not None
-        assert process.stderr is not None
-        last: deque[str] = deque(maxlen=5)
-        for line in process.stderr:
-            step = line.rstrip("\n").split("\t")
-            if step[0] != STEP:
-                last.append(line)
-            elif progress is not None:
-                progress(step[1], int(step[2]), int(step[3]))
-        found = process.stdout.read()
-        if process.wait():
-            raise DecodeError(f"{name} ended with exit code {process.returncode}: {''.join(last).strip()}")
-        return [restored(one) for one in json.loads(found)]
+        with starting:  # a process that starts while all are ended would be left alone
+            if ending.is_set():
+                return ()
+            process = _alone(name, f"{folder}", f"{seed}", lang)
+            running.append(process)
+        return _followed(name, process, progress)
 
     with ThreadPoolExecutor(jobs) as pool:
         futures = {name: pool.submit(run, name) for name in sorted(names, key=_LONGEST.index)}
         try:
-            return {name: futures[name].result() for name in names}
+            for future in as_completed(futures.values()):
+                future.result()
         except BaseException:
-            for future in futures.values():
-                future.cancel()
-            for process in running:
-                process.kill()
+            ending.set()
+            with starting:
+                for process in running:
+                    process.kill()
+                    process.wait()
             raise
+    return {name: futures[name].result() for name in names}
+
+
+def _alone(*words: str) -> subprocess.Popen[str]:
+    """Start a paper's process: with the modules of this one, whatever lies in the folder where it is started."""
+    paths = os.pathsep.join(path or f"{Path.cwd()}" for path in sys.path)
+    return subprocess.Popen(
+        [sys.executable, "-P", "-m", "plumbob.papers.alone", *words],
+        env={**os.environ, "PYTHONPATH": paths, "PYTHONIOENCODING": "utf-8"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+    )
+
+
+def _followed(name: str, process: subprocess.Popen[str], progress: Progress | None) -> Sequence[Outcome]:
+    """Hear a paper's process to its end: how far it is, what it found, or why it ended."""
+    found: list[Outcome] = []
+    last: deque[str] = deque(maxlen=5)
+    assert process.stderr is not None
+    with process.stderr as lines:
+        for line in lines:
+            word, *told = line.rstrip("\n").split("\t")
+            if word == FOUND:
+                found = [restored(one) for one in json.loads(told[0])]
+            elif word != STEP:
+                last.append(line)
+            elif progress is not None:
+                progress(told[0], int(told[1]), int(told[2]))
+    if code := process.wait():
+        how = f"was ended by signal {-code}" if code < 0 else f"ended with exit code {code}"
+        how += ", as a system does that is short of memory; try one job" if -code == _KILLED else ""
+        raise DecodeError(f"{name} {how}: {''.join(last).strip()}" if last else f"{name} {how}.")
+    return found

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from plumbob.core.errors import DecodeError
 from plumbob.core.files import write_text
 from plumbob.core.time import to_ns
 from plumbob.files import Recording, write
@@ -120,5 +121,8 @@ class Work:
         files = self._files(name)
         write_text(files.session, _SESSION.format(name=name, rig=rig, more=session), overwrite=True)
         files.recording.unlink(missing_ok=True)  # a recording is never written over
-        record(files.session, out=files.recording)
+        told: list[str] = []
+        done = record(files.session, out=files.recording, note=told.append)
+        if done.lossy:  # a figure of what is left would be wrong without a word
+            raise DecodeError(f"{files.recording} was not recorded whole: {'; '.join(told)}.")
         return files

@@ -58,7 +58,8 @@ def read_ring(image: bytes, form: Format) -> Ring:
         )
     found, counts = decode(image, form)
     if form.messages[0].name not in found:
-        raise DecodeError(f"no record of {form.name} is in the {len(image)} bytes{counts.why_rejected()}.")
+        erased = ", which are blank, as an erased chip is" if image and image.count(_BLANK) == len(image) else ""
+        raise DecodeError(f"no record of {form.name} is in the {len(image)} bytes{erased}{counts.why_rejected()}.")
     frames = found[form.messages[0].name]
     length = form.messages[0].length
     numbers = frames.columns[counter.name].astype(np.int64)

@@ -20,6 +20,7 @@ from plumbob.core import check
 from plumbob.core.check import Floats
 from plumbob.core.errors import MissingExtraError, ParameterError
 from plumbob.core.files import replacing
+from plumbob.core.series import needed
 from plumbob.reporting.style import GRID, INK, LANGUAGES, MUTED, PALETTE, SHADE, SOFT, said
 
 if TYPE_CHECKING:
@@ -142,11 +143,9 @@ def _canvas(
     height: float, lang: str, *, salt: str = "picture", embedded: bool = False, width: float = _WIDTH
 ) -> Iterator[Any]:
     """A figure of matplotlib in our style, which holds as long as it is drawn on."""
-    try:
-        import matplotlib as mpl
-        from matplotlib.figure import Figure as Canvas
-    except ImportError as error:
-        raise MissingExtraError('plots need matplotlib: pip install "plumbob[plot]".') from error
+    mpl = needed("matplotlib", "plots", "plumbob[plot]")
+    from matplotlib.figure import Figure as Canvas
+
     fonts = logging.getLogger("matplotlib.font_manager")
     level = fonts.level
     with mpl.rc_context(), warnings.catch_warnings():

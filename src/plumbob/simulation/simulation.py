@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from plumbob.core import check, flags
 from plumbob.core.check import Floats
+from plumbob.core.constants import ABSOLUTE_ZERO_C
 from plumbob.core.errors import ParameterError
 from plumbob.core.series import Series
 from plumbob.core.time import to_ns, to_s
@@ -256,7 +257,7 @@ def simulate(
     frame = Frame.parse(frame)
     strength, dip, jitter = _number("strength", strength), _number("dip", dip), _number("jitter", jitter)
     declination = _number("declination", declination)
-    warmth = temp_c if isinstance(temp_c, Signal) else constant(_number("temp_c", temp_c))
+    warmth = temp_c if isinstance(temp_c, Signal) else constant(_temperature(temp_c))
     warmth = warmth if warm_up is None else warmth + warming_up(warm_up)
     card = None if noise is None else check.kind("noise", NoiseCard.of(noise), NoiseCard)
     magnetic = None if mag_rate is None else _number("mag_rate", mag_rate)
@@ -305,6 +306,14 @@ def _simulation(
         module=unit,
         scenario=plan,
     )
+
+
+def _temperature(temp_c: float | str) -> float:
+    """Temperature, °C, that there can be."""
+    value = _number("temp_c", temp_c)
+    if value < ABSOLUTE_ZERO_C:
+        raise ParameterError(f"temp_c must be at least {ABSOLUTE_ZERO_C} °C, absolute zero, but it is {value:g} °C.")
+    return value
 
 
 def _number(name: str, value: float | str) -> float:

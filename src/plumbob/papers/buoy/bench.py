@@ -3,6 +3,7 @@
 Every step emulates a rig into bytes, records these by a session, and goes on from the recording.
 """
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -42,9 +43,7 @@ KEPT: Final = "zero-rate output kept"
 """The paper's filter where the gyroscope's zero-rate output is not removed at the start."""
 _UNIT: Final = '[imu]\ndevice = "{device}"\nframe = "NED"\n'
 _REFERENCE: Final = '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
-_LIVE: Final = (
-    '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\ntext = "{text}"\n'
-)
+_LIVE: Final = '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\ntext = {text}\n'
 
 
 class Calibrated(NamedTuple):
@@ -172,7 +171,7 @@ def sail(work: Work, unit: Calibrated, contenders: Mapping[str, Contender], dura
     """Record the sea live with the best card and the recommended filter, with an outward line at 20 Hz."""
     text = work.folder / OUTPUT
     text.unlink(missing_ok=True)
-    live = _LIVE.format(card=CARD, text=text.as_posix())
+    live = _LIVE.format(card=CARD, text=json.dumps(text.as_posix(), ensure_ascii=False))
     taken = work.recorded("buoy", "sea", session=_unit(work) + live, duration=duration)
     again = replay(taken.recording, check=True, keep="track")
     assert again.track is not None
