@@ -173,7 +173,7 @@ caption { text-align: left; font-weight: 600; font-size: 1rem; padding-bottom: 0
 th, td { padding: 0.28rem 0.5rem; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--grid); }
 th[scope=row], .text { text-align: left; white-space: normal; overflow-wrap: break-word; }
 td.text { min-width: 7.5rem; }
-td.short { min-width: 0; }
+td.short { min-width: 0; white-space: nowrap; }
 td.long { min-width: 15rem; }
 th { font-weight: 500; }
 th:first-child { position: sticky; left: 0; background: var(--paper); text-align: left; min-width: 6.5rem; }
@@ -196,6 +196,7 @@ footer { margin-top: 2.5rem; border-top: 1px solid var(--grid); color: var(--mut
   dl div { display: block; padding: 0.2rem 0; }
   dt { font-size: 0.8rem; }
   th:first-child { max-width: 9rem; }
+  caption { max-width: calc(100vw - 2rem); }
   td.text:not(.short, .long) { min-width: 5.5rem; }
 }
 @media print {

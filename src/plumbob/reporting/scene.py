@@ -71,7 +71,7 @@ def scene_html(scene: Scene, lang: str) -> str:
         f"<script type='application/json'>{data}</script><canvas tabindex='0' aria-label='{time}'></canvas>"
         f"<div class='seek'><button type='button' aria-label='{play}'>▶</button>"
         f"<input type='range' min='0' value='0' step='1' aria-label='{time}'><output></output></div>"
-        "<div class='values'></div><noscript>This figure needs JavaScript.</noscript></figure>"
+        f"<div class='values'></div><noscript>{said('This figure needs JavaScript.', lang)}</noscript></figure>"
     )
 
 
@@ -87,6 +87,7 @@ def _data(scene: Scene, lang: str) -> dict[str, Any]:
         "trail": names.index(scene.trail) if scene.trail else -1,
         "values": [[said(name, lang), _rounded(values[rows], 1)] for name, values in scene.values.items()],
         "unit": scene.unit,
+        "grid": said("grid", lang),
     }
 
 
@@ -208,7 +209,8 @@ for (const figure of document.querySelectorAll("figure.scene")) {
       labels.set(key, [labels.has(key) ? labels.get(key)[0] + ", " + name : name, at]);
     });
     for (const [name, at] of labels.values()) pen.fillText(name, at[0] + 9, at[1] - 7);
-    pen.fillText("grid " + (step >= 1 ? step + " m" : Math.round(step * 1000) + " mm"), 10, canvas.clientHeight - 10);
+    const wide = step >= 1 ? step + " m" : Math.round(step * 1000) + " mm";
+    pen.fillText(data.grid + " " + wide, 10, canvas.clientHeight - 10);
     clock.textContent = data.t[frame].toFixed(2) + " s";
     data.values.forEach(([, values], k) => {
       const value = values[frame];
