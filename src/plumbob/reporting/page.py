@@ -18,7 +18,7 @@ from plumbob.reporting.style import LANGUAGES, said
 if TYPE_CHECKING:
     from plumbob.reporting.report import Figure, Report, Table
 
-_SHORT_CELL, _LONG_CELL = 12, 60  # letters of a cell of words
+_SHORT_CELL, _LONG_CELL = 16, 60  # letters of a cell of words
 _MINUS = re.compile(r"-(?=[\d.∞]|$)")  # of a number, or alone
 _LONG = 20  # rows of a titled table that is not folded away
 _PART = "part-"  # and its number: where a link of the page leads
