@@ -62,7 +62,7 @@ def _add_faults(kinds: common.Adder) -> None:
 def _add_calibration(kinds: common.Adder) -> None:
     p = kinds.add_parser(
         "calibration",
-        help="calibrations of many simulated units: errors, predictions, refusals",
+        help="calibrations of many simulated units: errors, predictions",
         description="Calibrate many simulated units from captures of many kinds, turn them on the tilted table of the "
         "buoy paper, offer captures that must be refused, and print what is reached beside what it should be.",
     )
@@ -70,7 +70,7 @@ def _add_calibration(kinds: common.Adder) -> None:
         "--sections",
         default="",
         metavar="A,B",
-        help="some of static, refusals, mag, accel, table, temperature (default all)",
+        help="some of mag, accel, table, temperature (default all)",
     )
     add_seeds(p, default=200)
     common.add_json(p)

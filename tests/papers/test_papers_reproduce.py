@@ -14,7 +14,7 @@ import pytest
 import plumbob
 from plumbob.core.errors import DecodeError, MissingExtraError, ParameterError
 from plumbob.papers.outcome import Outcome, at_least, at_most, restored, table
-from plumbob.papers.reproduce import LEGEND, NAMES, TITLES, _alone, items, reproduce
+from plumbob.papers.reproduce import DEFINITIONS, NAMES, TITLES, _alone, items, reproduce
 from plumbob.papers.work import Work
 from plumbob.reporting import Report
 from plumbob.reporting.style import Both, said
@@ -124,7 +124,7 @@ def test_papers_side_by_side_give_their_outcomes_however_long(tmp_path, monkeypa
     found = reproduce("rod", "fin", out=tmp_path / "pages", progress=lambda *step: steps.append(step))
     assert list(found.outcomes) == ["fin", "rod"]
     assert found.outcomes["rod"] == [outcome(reason=Both("noise", "噪" * 200_000))]
-    assert LEGEND in found.report().remarks
+    assert found.report().remarks == DEFINITIONS
     assert sorted(steps) == [("fin: a", 0, 1), ("rod: a", 0, 1)]
 
 

@@ -25,7 +25,7 @@ import numpy as np
 from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ParameterError, ShapeError
-from plumbob.core.units import deg, dps
+from plumbob.core.units import deg, dps, to_deg
 from plumbob.data import AttitudeTrack
 from plumbob.data.array import ImuArray
 from plumbob.filters.ekf_quaternion import P, correct_direction, predict
@@ -38,7 +38,7 @@ from plumbob.rotations.kernels import cross, quat_exp, quat_mul, quat_unit, rota
 
 NONE, PI, FUZZY = 0, 1, 2
 LAWS: Final = {"none": NONE, "pi": PI, "fuzzy": FUZZY}
-_DEG: Final = 180.0 / math.pi
+_DEG: Final = float(to_deg(1.0))
 RULE_UNITS: Final = {"deg": (_DEG, 1.0 / _DEG), "deg as rad/s": (_DEG, 1.0), "rad as deg/s": (1.0, 1.0 / _DEG)}
 """What the rules get for a radian, and what 1 that they give is in rad/s."""
 

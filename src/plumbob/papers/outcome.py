@@ -18,6 +18,7 @@ OPEN: Final[Bar] = (-math.inf, math.inf)
 PASS: Final = Both("pass", "通过")
 MISSED: Final = Both("missed", "未达标")
 SHOWN: Final = Both("shown", "仅列出")
+CANNOT: Final = Both("not reproducible", "无法复现")
 
 
 def at_most(limit: float) -> Bar:
@@ -90,13 +91,21 @@ class Outcome:
         return all(value is None or bar == OPEN or bar[0] <= value <= bar[1] for value, bar in pairs)
 
     @property
-    def verdict(self) -> Both:
-        """Missed where a bar is; not reproducible, with its reason; shown where there is no bar; or pass."""
+    def word(self) -> Both:
+        """Missed where a bar is; not reproducible; shown where there is no bar; or pass."""
         if not self.met:
-            return Both(f"{MISSED}: {self.reason}", f"{MISSED.zh}：{self.reason.zh}") if self.reason else MISSED
-        if not self.reproducible and self.reason is not None:
-            return Both(f"not reproducible: {self.reason}", f"无法复现：{self.reason.zh}")
+            return MISSED
+        if not self.reproducible:
+            return CANNOT
         return SHOWN if self.faithful_bar == self.best_bar == OPEN else PASS
+
+    @property
+    def verdict(self) -> Both:
+        """Its word, with the reason where it is missed or not reproducible."""
+        word = self.word
+        if self.reason is None or word in (SHOWN, PASS):
+            return word
+        return Both(f"{word}: {self.reason}", f"{word.zh}：{self.reason.zh}")
 
     def summary(self) -> dict[str, Any]:
         """What JSON has of it; an open end of a bar is null, and so is a value that is not finite."""
@@ -157,10 +166,12 @@ def shown(value: float | str | None, digits: int) -> str:
 
 
 def cell(value: float | None, bar: Bar, digits: int) -> str:
-    """Value as it is read, with its bar in brackets."""
+    """Value as it is read, with its bar in brackets; an equals sign where the bar is one number."""
     low, high = bar
     if value is None or bar == OPEN:
         return shown(value, digits)
+    if f"{low:g}" == f"{high:g}":  # exact
+        return f"{f'{low:g}' if low <= value <= high else shown(value, digits)} (= {low:g})"
     if low == -math.inf:
         return f"{shown(value, digits)} (≤ {high:g})"
     return f"{shown(value, digits)} (≥ {low:g})" if high == math.inf else f"{shown(value, digits)} ({low:g} … {high:g})"

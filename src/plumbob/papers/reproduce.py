@@ -19,9 +19,11 @@ from plumbob.core.files import write_text
 from plumbob.core.series import needed
 from plumbob.core.text import counted
 from plumbob.core.version import __version__
-from plumbob.papers.outcome import Item, Outcome, Paper, restored, table
+from plumbob.papers.outcome import CANNOT, MISSED, PASS, SHOWN, Item, Outcome, Paper, restored, table
+from plumbob.papers.summary import ABOUT, counts, main_figures, not_had
 from plumbob.papers.work import Work
-from plumbob.reporting import Report
+from plumbob.reporting import Report, Table
+from plumbob.reporting.page import part_links
 from plumbob.reporting.style import LANGUAGES, Both
 
 TITLES: Final[Mapping[str, Both]] = {
@@ -41,15 +43,19 @@ STEP: Final = "step"
 """First word of a line by which a paper's process says how far it is."""
 FOUND: Final = "found"
 """First word of the line by which it says what it found."""
-LEGEND: Final = Both(
-    "faithful: by the paper's method, its misprints corrected; best: as Plumbob recommends; in brackets the bar; "
-    "shown: without a bar; not reproducible: the paper's method cannot give what it prints.",
-    "按论文：按论文方法并更正其印刷错误；最佳：按 Plumbob 推荐的方法；括号内为指标限值；"
-    "仅列出：无限值；无法复现：论文方法得不到其所印数值。",
-)
-"""What the words of the table of outcomes mean."""
 _KILLED: Final = 9
 _LONGEST: Final = ("arm", "buoy", "fin", "rod", "trackball")  # side by side, those that take long begin
+
+_ABOUT: Final = Both("about", "内容")
+DEFINITIONS: Final = (
+    Both("Paper: as printed. Faithful: by the paper's method, its misprints corrected. Best: by the method that "
+         "Plumbob recommends. In brackets: the bar that must be kept.",
+         "论文：原文数值。按论文：改正印刷错误后按论文方法所得。最佳：Plumbob 推荐方法所得。括号内为须满足的限值。"),
+    Both("Pass: every bar is kept. Shown: there is no bar. Not reproducible: the paper's method cannot give what the "
+         "paper prints.",
+         "通过：满足全部限值。仅列出：无限值。无法复现：按论文方法不能得到原文数值。"),
+)  # fmt: skip
+"""What the words of the tables of outcomes mean."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -80,11 +86,22 @@ class Reproduction:
     def report(self) -> Report:
         """All outcomes, a part for each paper."""
         parts = [Report(TITLES[name], tables=[table(found)]) for name, found in self.outcomes.items()]
-        links = [(TITLES[name], f"{name}.html") for name in self.outcomes]
         facts = [("made by", f"plumbob {__version__}"), (Both("seed", "随机种子"), f"{self.seed}")]
         facts.append((Both("outcomes", "指标"), self._counts()))
-        return Report(
-            Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, links=links, remarks=[LEGEND]
+        return Report(Both("Five papers, reproduced", "五篇论文的复现"), facts=facts, parts=parts, remarks=DEFINITIONS)
+
+    def index(self) -> Report:
+        """What `index.html` has: counts, then the main figures of each paper, all of them folded away."""
+        names = Both("paper", "论文"), Both("figures", "指标"), PASS, SHOWN, CANNOT, MISSED
+        rows = [[TITLES[name], *map(str, counts(found))] for name, found in self.outcomes.items()]
+        parts = [
+            Report(TITLES[name], facts=[(_ABOUT, ABOUT[name])], tables=_first_tables(name, found))
+            for name, found in self.outcomes.items()
+        ]
+        links = [(TITLES[name], f"{name}.html") for name in self.outcomes]
+        counted_up = Table("", names, rows)
+        return replace(
+            self.report(), tables=[counted_up], parts=parts, links=links, remarks=(), definitions=DEFINITIONS
         )
 
     def text(self) -> str:
@@ -97,13 +114,23 @@ class Reproduction:
         return {"seed": self.seed, "version": __version__, "met": self.met, "papers": papers}
 
     def _counts(self) -> Both:
-        every = [one for found in self.outcomes.values() for one in found]
-        missed = sum(not one.met for one in every)
-        cannot = sum(one.met and not one.reproducible for one in every)
-        return Both(
-            f"{counted(len(every), 'figure')}: {missed} missed, {cannot} not reproducible by the paper's method",
-            f"共 {len(every)} 项：{missed} 项未达标，{cannot} 项按论文方法无法复现",
-        )
+        return _counted([one for found in self.outcomes.values() for one in found])
+
+
+def _counted(outcomes: Sequence[Outcome]) -> Both:
+    every, _, _, cannot, missed = counts(outcomes)
+    return Both(
+        f"{counted(every, 'figure')}: {missed} missed, {cannot} not reproducible by the paper's method",
+        f"共 {every} 项：{missed} 项未达标，{cannot} 项按论文方法无法复现",
+    )
+
+
+def _first_tables(name: str, outcomes: Sequence[Outcome]) -> list[Table]:
+    """Main figures, what cannot be had, and all figures, which a page folds away."""
+    why = not_had(outcomes)
+    title = Both(f"All {len(outcomes)} figures with their bars", f"全部 {len(outcomes)} 项指标及限值")
+    every = replace(table(outcomes, title), detail="all")
+    return [main_figures(name, outcomes), *([why] if why else []), every]
 
 
 def reproduce(
@@ -158,7 +185,7 @@ def reproduce(
     else:
         outcomes = _side_by_side(chosen, folder, seed, lang, jobs, progress)
     found = Reproduction(seed, outcomes, folder)
-    found.report().write_html(folder / "index.html", lang=lang, overwrite=True)
+    found.index().write_html(folder / "index.html", lang=lang, overwrite=True)
     write_text(folder / "outcomes.json", json.dumps(found.summary(), indent=1) + "\n", overwrite=True)
     return found
 
@@ -201,9 +228,10 @@ def run_paper(name: str, folder: Path, seed: int, lang: str, progress: Progress 
     report = found.report
     page = replace(
         report,
-        tables=[table(found.outcomes, Both("Every figure", "全部指标")), *report.tables],
-        remarks=[LEGEND, *report.remarks],
-        links=[(Both("all papers", "全部论文"), "index.html"), *report.links],
+        facts=[(_ABOUT, ABOUT[name]), (Both("outcomes", "指标"), _counted(found.outcomes)), *report.facts],
+        tables=[*_first_tables(name, found.outcomes), *report.tables],
+        links=[(Both("all papers", "全部论文"), "index.html"), *report.links, *part_links(report)],
+        definitions=[*DEFINITIONS, *report.definitions],
     )
     page.write_html(folder / f"{name}.html", lang=lang, overwrite=True)
     return found.outcomes

@@ -3,6 +3,7 @@
 No script is in it but the one that moves its scenes, where it has any.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from html import escape
@@ -17,7 +18,10 @@ from plumbob.reporting.style import LANGUAGES, said
 if TYPE_CHECKING:
     from plumbob.reporting.report import Figure, Report, Table
 
+_SHORT_CELL, _LONG_CELL = 16, 60  # letters of a cell of words
+_MINUS = re.compile(r"-(?=[\d.∞]|$)")  # of a number, or alone
 _LONG = 20  # rows of a titled table that is not folded away
+_PART = "part-"  # and its number: where a link of the page leads
 _POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 
 
@@ -60,10 +64,16 @@ def _body(report: "Report", lang: str, number: "count[int]", *, depth: int) -> I
     for table in folded:
         inside = table_html(replace(table, title=""), lang)
         yield f"<details><summary>{escape(said(table.title, lang))}</summary>{inside}</details>"
-    for part in report.parts:
-        yield f"<section><h{min(depth + 1, 6)}>{escape(said(part.title, lang))}</h{min(depth + 1, 6)}>"
+    for i, part in enumerate(report.parts, 1):
+        name = f" id='{_PART}{i}'" if depth == 1 else ""
+        yield f"<section{name}><h{min(depth + 1, 6)}>{escape(said(part.title, lang))}</h{min(depth + 1, 6)}>"
         yield from _body(part, lang, number, depth=depth + 1)
         yield "</section>"
+
+
+def part_links(report: "Report") -> list[tuple[str, str]]:
+    """Links to the parts of a page, for its head."""
+    return [(part.title, f"#{_PART}{i}") for i, part in enumerate(report.parts, 1)]
 
 
 def _links(links: Sequence[tuple[str, str]], lang: str) -> str:
@@ -87,8 +97,8 @@ def table_html(table: "Table", lang: str) -> str:
         value = said(value, lang)
         if i == 0:
             return f"<th scope='row'>{escape(value)}</th>"
-        kind = "text" if i in words else "none" if value.startswith(("<", "not ", "未")) or value == "-" else ""
-        text = escape(value if i in words else value.replace("-", "−"))
+        kind = _width(value) if i in words else "none" if value.startswith(("<", "not ", "未")) or value == "-" else ""
+        text = escape(value if i in words else _MINUS.sub("−", value))
         strong = f"<strong>{text}</strong>" if (row, i) in table.strong else text
         return f"<td class='{kind}'>{strong}</td>" if kind else f"<td>{strong}</td>"
 
@@ -102,6 +112,12 @@ def table_html(table: "Table", lang: str) -> str:
     title = f"<caption>{escape(said(table.title, lang))}</caption>" if table.title else ""
     head = f"<thead><tr>{names}</tr></thead>" if any(table.head) else ""
     return f"<div class='scroll'><table>{title}{head}<tbody>{rows}</tbody></table></div>"
+
+
+def _width(words: str) -> str:
+    """Classes of a cell of words: long ones have a column that is wide enough to read."""
+    letters = len(words.encode("gb18030", "replace"))  # a Chinese sign counts as two
+    return "text long" if letters > _LONG_CELL else "text" if letters > _SHORT_CELL else "text short"
 
 
 def _figure(figure: "Figure", lang: str, salt: str) -> str:
@@ -157,6 +173,8 @@ caption { text-align: left; font-weight: 600; font-size: 1rem; padding-bottom: 0
 th, td { padding: 0.28rem 0.5rem; text-align: right; white-space: nowrap; border-bottom: 1px solid var(--grid); }
 th[scope=row], .text { text-align: left; white-space: normal; overflow-wrap: break-word; }
 td.text { min-width: 7.5rem; }
+td.short { min-width: 0; white-space: nowrap; }
+td.long { min-width: 15rem; }
 th { font-weight: 500; }
 th:first-child { position: sticky; left: 0; background: var(--paper); text-align: left; min-width: 6.5rem; }
 thead th { color: var(--muted); border-bottom: 1px solid var(--muted); }
@@ -178,7 +196,8 @@ footer { margin-top: 2.5rem; border-top: 1px solid var(--grid); color: var(--mut
   dl div { display: block; padding: 0.2rem 0; }
   dt { font-size: 0.8rem; }
   th:first-child { max-width: 9rem; }
-  td.text { min-width: 5.5rem; }
+  caption { max-width: calc(100vw - 2rem); }
+  td.text:not(.short, .long) { min-width: 5.5rem; }
 }
 @media print {
   body { font-size: 8.5pt; line-height: 1.4; }

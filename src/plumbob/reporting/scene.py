@@ -33,7 +33,7 @@ class Scene:
     t : ndarray (N,)
         Times, s.
     points : mapping of str to ndarray (N, 3)
-        Places by name, m; z is up.
+        Places by name, m; z is up. A name that begins with a dot is a helper's: no mark, no label, thin lines.
     lines : sequence of (str, str)
         Points that are joined.
     trail : str
@@ -43,7 +43,7 @@ class Scene:
     unit : str
         Of these numbers.
     shadow : mapping of str to ndarray (N, 3)
-        A second body with the same lines, drawn pale: what the first one is compared with.
+        A second body with the same lines, drawn pale: what the first one is compared with; may have fewer points.
     """
 
     caption: str
@@ -71,22 +71,24 @@ def scene_html(scene: Scene, lang: str) -> str:
         f"<script type='application/json'>{data}</script><canvas tabindex='0' aria-label='{time}'></canvas>"
         f"<div class='seek'><button type='button' aria-label='{play}'>▶</button>"
         f"<input type='range' min='0' value='0' step='1' aria-label='{time}'><output></output></div>"
-        "<div class='values'></div><noscript>This figure needs JavaScript.</noscript></figure>"
+        f"<div class='values'></div><noscript>{said('This figure needs JavaScript.', lang)}</noscript></figure>"
     )
 
 
 def _data(scene: Scene, lang: str) -> dict[str, Any]:
     rows = _rows(scene.t)
     names = list(scene.points)
+    shaded = names if scene.shadow else []
     return {
         "t": _rounded(scene.t[rows], 3),
-        "names": names,
+        "names": [said(name, lang) for name in names],
         "points": [_rounded(scene.points[name][rows], _DIGITS) for name in names],
-        "shadow": [_rounded(scene.shadow[name][rows], _DIGITS) for name in names if name in scene.shadow],
+        "shadow": [_rounded(scene.shadow[name][rows], _DIGITS) if name in scene.shadow else [] for name in shaded],
         "lines": [[names.index(one), names.index(other)] for one, other in scene.lines],
         "trail": names.index(scene.trail) if scene.trail else -1,
         "values": [[said(name, lang), _rounded(values[rows], 1)] for name, values in scene.values.items()],
         "unit": scene.unit,
+        "grid": said("grid", lang),
     }
 
 
@@ -132,6 +134,7 @@ for (const figure of document.querySelectorAll("figure.scene")) {
     list.append(item);
     return cell;
   });
+  const helps = k => data.names[k].startsWith(".");
   const known = p => p && p[0] !== null && p[1] !== null && p[2] !== null;
   const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
   for (const way of [...data.points, ...data.shadow]) for (const p of way) if (known(p))
@@ -162,13 +165,16 @@ for (const figure of document.querySelectorAll("figure.scene")) {
   };
   const body = (points, colour, width) => {
     pen.strokeStyle = pen.fillStyle = colour;
-    pen.lineWidth = width;
-    for (const [a, b] of data.lines) path([points[a][frame], points[b][frame]]);
-    for (const way of points) if (known(way[frame])) {
+    for (const [a, b] of data.lines) {
+      pen.lineWidth = helps(a) ? 1 : width;
+      path([points[a][frame], points[b][frame]]);
+    }
+    points.forEach((way, k) => {
+      if (helps(k) || !known(way[frame])) return;
       pen.beginPath();
       pen.arc(...project(way[frame]), width * 0.9 + 1, 0, 7);
       pen.fill();
-    }
+    });
   };
   const draw = () => {
     const ratio = devicePixelRatio || 1, style = getComputedStyle(figure);
@@ -203,12 +209,13 @@ for (const figure of document.querySelectorAll("figure.scene")) {
     pen.fillStyle = colour("muted");
     const labels = new Map();
     data.names.forEach((name, k) => {
-      if (!known(data.points[k][frame])) return;
+      if (helps(k) || !known(data.points[k][frame])) return;
       const at = project(data.points[k][frame]), key = at.map(Math.round).join();
       labels.set(key, [labels.has(key) ? labels.get(key)[0] + ", " + name : name, at]);
     });
     for (const [name, at] of labels.values()) pen.fillText(name, at[0] + 9, at[1] - 7);
-    pen.fillText("grid " + (step >= 1 ? step + " m" : Math.round(step * 1000) + " mm"), 10, canvas.clientHeight - 10);
+    const wide = step >= 1 ? step + " m" : Math.round(step * 1000) + " mm";
+    pen.fillText(data.grid + " " + wide, 10, canvas.clientHeight - 10);
     clock.textContent = data.t[frame].toFixed(2) + " s";
     data.values.forEach(([, values], k) => {
       const value = values[frame];

@@ -118,7 +118,8 @@ CHINESE: Final[dict[str, str]] = {
     "Errors at rest against the heading of the reference": "静止误差与参考航向", "yaw error": "偏航误差",
     "pitch error": "俯仰误差", "roll error": "横滚误差", "heading of the reference": "参考航向",
     # papers
-    "Figure #": "图 #", "Table #": "表 #", "seed": "随机种子", "none": "无", "range": "误差范围", "truth": "真值",
+    "Figure #": "图 #", "Fig #": "图 #", "Table #": "表 #", "seed": "随机种子", "none": "无", "range": "误差范围",
+    "truth": "真值", "grid": "网格", "play": "播放", "This figure needs JavaScript.": "此图需要 JavaScript。",
     # noise
     "Noise data sheet": "噪声数据表", "Noise before and after": "前后噪声", "Q quantization": "Q 量化噪声",
     "N white noise": "N 白噪声", "B bias instability": "B 零偏不稳定性", "K random walk": "K 随机游走",

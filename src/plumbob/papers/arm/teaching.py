@@ -34,6 +34,7 @@ WORLD: Final = {"mount_angle": "5 deg", "mount_shift": "2 cm", "bend": "20 uT"}
 ALL: Final = 'units = "all"\n'
 _INSTANT: Final = {"mean_rate": False}  # a frame of the rig has the rate at its time
 _HELD: Final = deg(0.5)
+_DASHES: Final = (0.0, (5.0, 5.0))  # long enough to tell a line from the one below
 _STILL: Final = 1.8
 """The program of alignment begins with two seconds at zero, s."""
 
@@ -284,7 +285,7 @@ def _draw_angles(done: Taught, canvas: "FigureBase") -> None:
         ax.plot(done.true.t[every], to_deg(done.true.angles[every, k]), color=SOFT, linewidth=2.6)
         ax.plot(done.joints.t[every], to_deg(done.joints.angles[every, k]), color=SERIES[0], linewidth=0.9)
         recorded = np.asarray(done.program.recorded)[every]
-        ax.plot(recorded, to_deg(done.program.angles[every, k]), color=SERIES[1], linewidth=0.8, linestyle="--")
+        ax.plot(recorded, to_deg(done.program.angles[every, k]), color=SERIES[1], linewidth=1.0, linestyle=_DASHES)
         ax.set_ylabel(f"{name} [°]")
     panels[-1].set_xlabel(Both("time [s]", "时间 [s]"))
 
@@ -296,7 +297,9 @@ def _draw_hand(done: Taught, canvas: "FigureBase") -> None:
     for k, ax in enumerate(panels):
         ax.plot(done.true.t[every], done.true.hand[every, k], color=SOFT, linewidth=2.6)
         ax.plot(done.joints.t[every], done.joints.hand[every, k], color=SERIES[0], linewidth=0.9)
-        ax.plot(done.model.recorded[every], done.model.hand[every, k], color=SERIES[1], linewidth=0.8, linestyle="--")
+        ax.plot(
+            done.model.recorded[every], done.model.hand[every, k], color=SERIES[1], linewidth=1.0, linestyle=_DASHES
+        )
         ax.set_ylabel(f"{'xyz'[k]} [m]")
     panels[-1].set_xlabel(Both("time [s]", "时间 [s]"))
 

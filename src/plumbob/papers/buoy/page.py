@@ -71,7 +71,7 @@ def _system(found: Results) -> Report:
         (Both("initial attitude", "初始姿态"), Both("accelerometer and compass", "加速度计、磁阻传感器"),
          "filters/start.py"),
         (Both("attitude update", "姿态更新"), "(2), (3)", "filters/integrate_first_order.py, filters/mahony.py"),
-        (Both("data fusion", "数据融合"), "(7), Fig 2", "filters/mahony.py"),
+        (Both("data fusion", "数据融合"), Both("(7), Fig 2", "(7)，图 2"), "filters/mahony.py"),
         (Both("calibration", "校准"), "(8)–(14)", "calibration/ellipsoid/, plumbob calibrate accel, mag"),
         (Both("gate", "阀值滤波"), "(15)", "filters/mahony.py: gate"),
         (Both("storage", "存储"), "Flash", Both("emulated NOR Flash, read by plumbob decode --ring",

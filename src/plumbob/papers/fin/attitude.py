@@ -75,7 +75,7 @@ def _real_time(swum: s.Swum, free: s.PerAxis, noisy: Floats, seeds: int) -> tupl
             key="live.same",
             where="§1",
             what=Both("replay of the live attitude equal to the bit (1: yes)", "重放与实时姿态逐位一致（1：是）"),
-            paper="real-time",
+            paper=Both("real-time", "实时"),
             faithful=float(swum.same_live),
             faithful_bar=(1.0, 1.0),
         ),

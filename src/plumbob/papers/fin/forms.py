@@ -132,7 +132,7 @@ def quantised_spectrum(rng: np.random.Generator, low: float = 5.0, high: float =
     density = float(np.mean(np.abs(np.fft.rfft(rates))[inside] ** 2)) / (COUNT * RATE)
 
     def printed(t: float) -> float:
-        return float(np.mean(4.0 / t * np.sin(np.pi * f[inside] * t) ** 2))  # [Ou2017] (3), Q = 1
+        return float(np.mean(4.0 / t * np.sin(np.pi * f[inside] * t) ** 2))  # [Ou2017] (3): Q = 1
 
     return Spectra(density / printed(1.0 / RATE), density / printed(math.sqrt(3.0)))
 

@@ -14,7 +14,7 @@ ITEMS: Final = (
     Item(
         where="§1",
         what="attitude against the geographic frame: yaw, pitch and roll in real time",
-        by="[live.same] [swim.yaw] [swim.pitch] [swim.roll]; `record` with a filter, `replay --check`",
+        by="[live.same] [swim.yaw] [swim.pitch] [swim.roll]; `record` with a filter in its session, `replay --check`",
     ),
     Item(where="§1", what="ADXRS453 about z: ±300 °/s, 80 LSB/(°/s)", by="[system.counts.453] [system.range.453]"),
     Item(

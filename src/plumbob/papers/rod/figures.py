@@ -182,8 +182,12 @@ def seeds_figure(table: Table) -> Figure:
         Both("Largest error of each seed", "各随机种子的最大误差"),
         partial(_seeds, table),
         [
-            (Both("as the paper, its switches and misprints", "论文方法、其开关与印刷错误"), _BLUE, "solid"),
-            (Both("Plumbob", "Plumbob"), _GREEN, "solid"),
+            (
+                Both("sensors alone, variants of the paper, other filters", "单一传感器、论文方法的变体、其他滤波器"),
+                _BLUE,
+                "solid",
+            ),
+            (Both("faithful (ekf7) and recommended", "按论文（ekf7）与推荐方法"), _GREEN, "solid"),
             (Both("1°", "1°"), MUTED, "dashed"),
         ],
         5.0,

@@ -212,7 +212,7 @@ def _equations(forms: Sequence[Numerics], steps: Sequence[Grown]) -> Report:
         tables=[
             Table(
                 Both(
-                    "Misprints and gaps; what each does stands among the figures above",
+                    "Misprints and gaps; what each does stands in the table of all figures, above",
                     "印刷错误与缺漏；其后果见上方指标",
                 ),
                 head,

@@ -78,7 +78,7 @@ def chain(run: Compared) -> list[Outcome]:
         Outcome(
             key="chain.packet",
             where="§3.1",
-            unit="byte",
+            unit=Both("byte", "字节"),
             paper=26.0,
             faithful=float(packet.messages[0].length),
             faithful_bar=(26.0, 26.0),
@@ -247,7 +247,7 @@ def over_seeds(table: Table) -> list[Outcome]:
             key="accel.early",
             where="§3.3 (1)",
             unit="°",
-            paper="correct",
+            paper=Both("correct", "正确"),
             faithful=float(table.early("accel").max()),
             reproducible=False,
             reason=by_hand,
@@ -269,7 +269,7 @@ def over_seeds(table: Table) -> list[Outcome]:
             key="gyro.largest",
             where="§3.3 (3)",
             unit="°",
-            paper="grows",
+            paper=Both("grows", "逐渐增大"),
             faithful=float(gyro.mean()),
             faithful_bar=at_least(5.0),
             what=Both(
@@ -281,7 +281,7 @@ def over_seeds(table: Table) -> list[Outcome]:
             key="gyro.kept",
             where="§3.3 (3)",
             unit="°",
-            paper="grows",
+            paper=Both("grows", "逐渐增大"),
             faithful=float(table.largest("gyro_kept").min()),
             faithful_bar=at_least(5.0),
             what=Both(

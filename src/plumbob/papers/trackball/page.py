@@ -424,12 +424,12 @@ def _scene(lapped: Lapped) -> Scene:
     """The touching point on a ball of three circles: true, and, pale, by the paper's compensation and filter."""
     rows = slice(None, None, 2)
     t, true, paper = lapped.t[rows], lapped.tracks["true"][rows], lapped.tracks["paper"][rows]
-    points = {"o": np.zeros((t.size, 3)), "true": true}
+    points = {"o": np.zeros((t.size, 3)), Both("true", "真实"): true}
     lines = [("o", "true")]
     turn = np.radians(np.arange(0, 360, 30))
     flat = np.stack((np.cos(turn), np.sin(turn), np.zeros(turn.size)), axis=1)
     for k, columns in enumerate(((0, 1, 2), (0, 2, 1), (2, 0, 1))):  # the circles in the planes of the axes
-        names = [f"{k}.{i}" for i in range(turn.size)]
+        names = [f".{k}.{i}" for i in range(turn.size)]
         points |= {name: np.tile(at, (t.size, 1)) for name, at in zip(names, flat[:, columns], strict=True)}
         lines += list(zip(names, [*names[1:], names[0]], strict=True))
     return Scene(

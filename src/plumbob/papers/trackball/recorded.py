@@ -11,11 +11,13 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from plumbob import estimate, filter_rates, read
 from plumbob.calibration.calibrate import calibrate
+from plumbob.calibration.rates import filter_rates
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
+from plumbob.session.estimated import estimate
+from plumbob.session.reading import read
 from plumbob.noise import Comparison, compare
 from plumbob.papers.trackball.records import (
     AT_REST,
