@@ -17,9 +17,11 @@ ITEMS: Final[tuple[Item, ...]] = (
         by="`src/plumbob/rotations/quaternions.py`; NED instead of the left-handed frame: [misprint.sign]",
     ),
     Item(
-        where="(4)–(6)",
-        what="roll, pitch and yaw by accelerometers and magnetometers",
-        by="`src/plumbob/filters/tilt_compass.py`",
+        where="(4)–(12)",
+        what="roll, pitch and yaw by accelerometers and magnetometers, of one unit and of the combined "
+        "measurements with their noise; quaternion to start from",
+        by="`src/plumbob/filters/tilt_compass.py`; `src/plumbob/array/paper.py` (run), its first row; "
+        "`src/plumbob/filters/start.py`",
     ),
     Item(
         where="§2, Fig 1", what="structure of the whole algorithm", by="`src/plumbob/array/paper.py`, table on the page"
@@ -29,12 +31,6 @@ ITEMS: Final[tuple[Item, ...]] = (
         what="six units on ± axes, the signs of both sets",
         by="`plumbob emulate arm`, `src/plumbob/array/paper.py` (sets_of); [pair.bias], [pair.noise], [pair.parity]",
     ),
-    Item(
-        where="(7)–(11)",
-        what="roll, pitch and yaw from the combined measurements, with their noise",
-        by="`src/plumbob/array/paper.py` (run), its first row",
-    ),
-    Item(where="(12)", what="quaternion to start from", by="`src/plumbob/filters/start.py`"),
     Item(
         where="(13), (14)",
         what="complementary filter with a gain K",
@@ -62,14 +58,11 @@ ITEMS: Final[tuple[Item, ...]] = (
         by="`src/plumbob/array/paper.py` (run); [misprint.raw.rate], [misprint.raw.yaw]",
     ),
     Item(
-        where="(21)–(23)",
-        what="state equation of the EKF on the quaternion",
-        by="`src/plumbob/filters/ekf_quaternion.py` (predict)",
-    ),
-    Item(
-        where="(24)–(27)",
-        what="measurement equation: two directions of units 1 to 3",
-        by="`src/plumbob/filters/ekf_quaternion.py` (correct_direction); [once.roll], [once.pitch], [once.yaw]",
+        where="(21)–(27), §4",
+        what="EKF on the quaternion: state equation, measurement equation of two directions of units 1 to 3, Q = "
+        "0.0001 I3, R = 0.001 I6, P0 = 0.001 I4",
+        by="`src/plumbob/filters/ekf_quaternion.py` (predict, correct_direction, and its defaults), "
+        "`src/plumbob/array/paper.py` (paper); [once.roll], [once.pitch], [once.yaw]",
     ),
     Item(
         where="§4",
@@ -83,27 +76,22 @@ ITEMS: Final[tuple[Item, ...]] = (
     ),
     Item(
         where="§4",
-        what="factors 3, 1, 1, universes ±6, ±3, ±9, triangles, a table of rules by experience",
-        by="`src/plumbob/filters/fuzzy_pi.py`; [inference.gain], "
-        "[inference.reach], [inference.apart], [recovery.fuzzy], [recovery.sum]",
-    ),
-    Item(
-        where="§4",
-        what="rules themselves",
+        what="factors 3, 1, 1, universes ±6, ±3, ±9, triangles, and a table of rules by experience",
+        by="`src/plumbob/filters/fuzzy_pi.py`; [inference.gain], [inference.reach], [inference.apart], "
+        "[recovery.fuzzy], [recovery.sum]",
         reason="The paper does not print its table; the page compares three that fit its words.",
     ),
     Item(
-        where="§4",
-        what="Q = 0.0001 I3, R = 0.001 I6, P0 = 0.001 I4",
-        by="`src/plumbob/array/paper.py` (paper), and the defaults of `src/plumbob/filters/ekf_quaternion.py`",
+        where="Fig 3–5",
+        what="errors at rest: one set without a regulator, with PI, and fuzzy-PI",
+        by="Figures 3 to 5 on the page, through bytes",
     ),
-    Item(where="Fig 3", what="errors at rest, one set without a regulator", by="Figure 3 on the page, through bytes"),
-    Item(where="Fig 4", what="errors at rest with PI", by="Figure 4 on the page, through bytes"),
-    Item(where="Fig 5", what="errors at rest with fuzzy-PI", by="Figure 5 on the page, through bytes"),
     Item(
-        where="Table 1",
-        what="standard deviations at rest, none, PI and fuzzy-PI",
-        by="[static.none.roll], [static.pi.roll], [static.fuzzy.roll] and so on for pitch and yaw",
+        where="Table 1, Table 2",
+        what="standard deviations at rest and in the turn, none, PI and fuzzy-PI",
+        by="[static.none.roll], [static.pi.roll], [static.fuzzy.roll], [turn.none.roll], [turn.pi.roll], "
+        "[turn.fuzzy.roll] and so on for pitch and yaw; yaw in the turn with PI: [turn.pi.yaw], [iron.pi], "
+        "[iron.control]",
     ),
     Item(
         where="Table 1, Table 2",
@@ -113,25 +101,15 @@ ITEMS: Final[tuple[Item, ...]] = (
     ),
     Item(
         where="§4",
-        what="fuzzy-PI is better than PI at rest",
-        by="[static.fuzzy_over_pi.yaw], and the control [static.control.yaw]",
+        what="fuzzy-PI is better than PI, at rest and in the turn, there most of all in yaw",
+        by="[static.fuzzy_over_pi.yaw], [turn.fuzzy_over_pi.yaw], and the controls [static.control.yaw], "
+        "[turn.control.yaw]",
     ),
     Item(where="Fig 6", what="yaw from 0° to −90°", by="Figure 6 on the page, through bytes"),
     Item(
-        where="Fig 7", what="errors in the turn, one set without a regulator", by="Figure 7 on the page, through bytes"
-    ),
-    Item(where="Fig 8", what="errors in the turn with PI", by="Figure 8 on the page, through bytes"),
-    Item(where="Fig 9", what="errors in the turn with fuzzy-PI", by="Figure 9 on the page, through bytes"),
-    Item(
-        where="Table 2",
-        what="standard deviations in the turn",
-        by="[turn.none.roll], [turn.pi.roll], [turn.fuzzy.roll] and so "
-        "on; yaw with PI: [turn.pi.yaw], [iron.pi], [iron.control]",
-    ),
-    Item(
-        where="§4",
-        what="fuzzy-PI is better than PI in the turn, most of all in yaw",
-        by="[turn.fuzzy_over_pi.yaw], and the control [turn.control.yaw]",
+        where="Fig 7–9",
+        what="errors in the turn: one set without a regulator, with PI, and fuzzy-PI",
+        by="Figures 7 to 9 on the page, through bytes",
     ),
     Item(
         where="§5",

@@ -20,17 +20,16 @@ ITEMS: Final = (
         what="body and navigation frame, roll, pitch and yaw, order Z-X-Y by the text",
         by="`src/plumbob/rotations/frames.py`; [literal.order]",
     ),
-    Item(where="(1)", what="attitude quaternion of axis and angle", by="`src/plumbob/rotations/quaternions.py`"),
+    Item(
+        where="(1), (4) to (6)",
+        what="attitude quaternion of axis and angle, and the Euler angles of it",
+        by="`src/plumbob/rotations/quaternions.py`; `src/plumbob/papers/buoy/literal.py`; [literal.arctan]",
+    ),
     Item(
         where="(2), (3)",
         what="differential equation of the quaternion, first-order Runge-Kutta",
         by="`src/plumbob/filters/integrate_first_order.py`; [literal.rows], [literal.norm], [literal.lag.172], "
         "[literal.lag.573], [literal.lag.2000]",
-    ),
-    Item(
-        where="(4) to (6)",
-        what="Euler angles of the quaternion",
-        by="`src/plumbob/papers/buoy/literal.py`; [literal.arctan]",
     ),
     Item(
         where="§1.2",
@@ -75,19 +74,22 @@ ITEMS: Final = (
         what="main loop that polls event flags, low power between them",
         by="`src/plumbob/simulation/rigs/firmware.py`; [events.missed], [events.idle]",
     ),
-    Item(where="§2.2", what="timer of 1 ms, events of 3, 10 and 50 ms", by="[rate.sample], [rate.fuse], [rate.send]"),
-    Item(where="§2.2", what="attitude at 100 Hz, on the line at 20 Hz", by="[rate.fuse], [rate.send], [sea.output]"),
+    Item(
+        where="§2.2",
+        what="timer of 1 ms, events of 3, 10 and 50 ms: attitude at 100 Hz, on the line at 20 Hz",
+        by="[rate.sample], [rate.fuse], [rate.send], [sea.output]",
+    ),
     Item(
         where="§3.1",
-        what="linear calibration of the accelerometer by six faces",
-        by="`plumbob calibrate accel --shape six`",
+        what="linear calibration of the accelerometer by six faces, and by an ellipsoid the same way as the "
+        "magnetometer",
+        by="`plumbob calibrate accel --shape six`; `plumbob calibrate accel`; [modules.level], [modules.alone]",
     ),
     Item(
-        where="(8), (9)",
-        what="ellipsoid of six parameters, and its linear form",
-        by="`src/plumbob/calibration/ellipsoid/ellipsoid_fit.py`",
+        where="(8) to (13)",
+        what="ellipsoid of six parameters, its linear form, least squares of six readings or more",
+        by="`src/plumbob/calibration/ellipsoid/ellipsoid_fit.py`; [fewest], [modules.yaw.faces]",
     ),
-    Item(where="(10) to (13)", what="least squares of six readings or more", by="[fewest], [modules.yaw.faces]"),
     Item(
         where="(14)",
         what="corrected and normalised field",
@@ -95,19 +97,10 @@ ITEMS: Final = (
     ),
     Item(
         where="§3.1",
-        what="accelerometer calibrated the same way",
-        by="`plumbob calibrate accel`; [modules.level], [modules.alone]",
-    ),
-    Item(
-        where="§3.1",
-        what="capture of one reading in each of 18 regions of attitude",
-        by="[regions], [modules.yaw.pitch], [modules.yaw.roll], [modules.yaw.faces]; "
-        "guided by `plumbob calibrate mag --live`",
-    ),
-    Item(
-        where="§3.1",
-        what="readings crowded in one place give a wrong ellipsoid",
-        by="[refused.ring], [refused.unit], [refused.table]",
+        what="capture of one reading in each of 18 regions of attitude; readings crowded in one place give a wrong "
+        "ellipsoid",
+        by="[regions], [modules.yaw.pitch], [modules.yaw.roll], [modules.yaw.faces]; guided by `plumbob "
+        "calibrate mag --live`; [refused.ring], [refused.unit], [refused.table]",
     ),
     Item(where="Fig 5", what="field before and after the fit", by="figure 5 of the page; [modules.iron]"),
     Item(

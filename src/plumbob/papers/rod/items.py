@@ -26,14 +26,10 @@ ITEMS: Final = (
         reason=_BEYOND,
     ),
     Item(
-        where="§2.1",
-        what="direction cosine matrices from Euler angles and from the quaternion, frames n and b",
-        by="[misprint.matrices], [eq.euler]",
-    ),
-    Item(
-        where="(1)–(3)",
-        what="roll, pitch and heading from the quaternion",
-        by="[misprint.eq1], [misprint.eq2], [misprint.eq3], [misprint.conjugate], [eq.euler]",
+        where="§2.1, (1)–(3)",
+        what="direction cosine matrices from Euler angles and from the quaternion, frames n and b; roll, pitch and "
+        "heading from the quaternion",
+        by="[misprint.matrices], [misprint.eq1], [misprint.eq2], [misprint.eq3], [misprint.conjugate], [eq.euler]",
     ),
     Item(
         where="§2.2, (4)–(6), Fig 2",
@@ -77,24 +73,17 @@ ITEMS: Final = (
         by="[jacobian.phi], [misprint.prediction.early], [misprint.prediction.late], [misprint.prediction.share]",
     ),
     Item(
-        where="§2.4 (2), (3), (11)",
-        what="gravity by the quaternion and its observation matrix H",
-        by="[jacobian.h], [misprint.eq11]",
-    ),
-    Item(
-        where="§2.4 (4)–(6)",
-        what="gain, update of the state and of the covariance P",
-        by="[fused.equations], `src/plumbob/papers/rod/literal.py`",
+        where="§2.4 (2)–(6), (11)",
+        what="gravity by the quaternion and its observation matrix H; gain, update of the state and of the "
+        "covariance P",
+        by="[jacobian.h], [misprint.eq11]; [fused.equations], `src/plumbob/papers/rod/literal.py`",
     ),
     Item(
         where="§3.1",
-        what="AHRS500GA as reference: 100 Hz, heading 0.2°, roll and pitch 0.03° rms",
-        by="[ref.heading], [ref.tilt], [chain.ahrs_rate], `src/plumbob/simulation/presets/ahrs500ga.toml`",
-    ),
-    Item(
-        where="§3.1",
-        what="packet of the AHRS500GA: 26 bytes, angles, rates, specific force and field from the third byte on",
-        by="[chain.packet], [chain.first], `src/plumbob/protocols/catalog/ahrs500ga.toml`",
+        what="AHRS500GA as reference: 100 Hz, heading 0.2°, roll and pitch 0.03° rms; its packet: 26 bytes, "
+        "angles, rates, specific force and field from the third byte on",
+        by="[ref.heading], [ref.tilt], [chain.ahrs_rate], [chain.packet], [chain.first], "
+        "`src/plumbob/simulation/presets/ahrs500ga.toml`, `src/plumbob/protocols/catalog/ahrs500ga.toml`",
     ),
     Item(
         where="§3.1, Fig 4a",

@@ -11,13 +11,8 @@ ITEMS: Final = (
         by="[ball.track]; scenario ball; `src/plumbob/papers/trackball/recorded.py`",
     ),
     Item(
-        where="(1)",
-        what="static drift model: bias and scale error of each axis",
-        by="`src/plumbob/calibration/gyr/drift.py`",
-    ),
-    Item(
-        where="(2)",
-        what="bias of a constant, a random part and temperature",
+        where="(1), (2)",
+        what="static drift model: bias of a constant, a random part and temperature, and scale error of each axis",
         by="`src/plumbob/calibration/gyr/drift.py`; page, Misprints",
     ),
     Item(
@@ -25,11 +20,10 @@ ITEMS: Final = (
         what="temperature drift of 0.1 °/s/°C from 25 °C",
         by="[drift.k_t] [drift.raw.a] [drift.left.a] [drift.raw.b] [drift.left.b]; `run --drift chen2013`",
     ),
-    Item(where="§1", what="resolution of 131 LSB/(°/s)", by="[drift.scale]"),
     Item(
         where="§1",
-        what="static nonlinearity of 0.2 %, for which B_x is set to 0",
-        by="[drift.gain]",
+        what="resolution of 131 LSB/(°/s); static nonlinearity of 0.2 %, for which B_x is set to 0",
+        by="[drift.scale] [drift.gain]",
         reason="The nonlinearity itself is not simulated; what matters is the tolerance of the gain.",
     ),
     Item(where="(4)", what="drift by acceleration of 0.1 °/s/g", by="[drift.k_a] [drift.metres]"),
@@ -45,11 +39,10 @@ ITEMS: Final = (
         what="procedure at rest: 25 °C, level, 0.1 s, 1000 samples before and after, link to a computer",
         by="[rest.step] [rest.samples] [rest.temperature]; rig trackball",
     ),
-    Item(where="Fig 1", what="random sequence of x before the filter", by="[rest.before]; page, Figure 1"),
     Item(
-        where="Fig 2",
-        what="random sequence of x after the filter, clearly converged",
-        by="[rest.after] [rest.variance.q3]; page, Figure 2",
+        where="Fig 1, Fig 2",
+        what="random sequence of x before and after the filter, clearly converged",
+        by="[rest.before] [rest.after] [rest.variance.q3]; page, Figures 1 and 2",
     ),
     Item(where="(13)", what="Allan variance", by="[allan.printed]; `src/plumbob/noise/factors.py`"),
     Item(
