@@ -37,14 +37,14 @@ print(found.met, found.folder)
 ```
 
 In the tables, *paper* is what the paper prints, *faithful* what its method gives here once its misprints are
-corrected, and *best* what Plumbob recommends; a bar stands in brackets beside what must keep it. The verdict is *pass*
-or *missed* by the bars, *shown* where a figure has none, and *not reproducible* where the paper's method cannot give what
-is printed. What is simulated cannot prove what a paper's hardware did: where noise or motion is not stated, it is
-assumed, and the page of the paper says so. The papers' equations lead to the code through [Equations](equations.md),
-under `Ou2017`, `Yu2018`, `Chen2013`, `HuangJiang` and `Li2012`.
+corrected, and *best* what Plumbob recommends; a bar stands in brackets beside what must keep it. The verdict is
+*pass* or *missed* by the bars, *shown* where a figure has none, and *not reproducible* where the paper's method
+cannot give what is printed. What is simulated cannot prove what a paper's hardware did: where noise or motion is
+not stated, it is assumed, and the page of the paper says so. The papers' equations lead to the code through
+[Equations](equations.md), under `Ou2017`, `Yu2018`, `Chen2013`, `HuangJiang` and `Li2012`.
 
-`plumbob verify`, `info`, `run` and `plot` take a recording of that folder (`.mcap`), `replay` those with a filter, and
-`record` a session (`.session.toml`); `plumbob view --emulate buoy` shows a rig live.
+`plumbob verify`, `info`, `run` and `plot` take a recording of that folder (`.mcap`), `replay` those with a filter,
+and `record` a session (`.session.toml`); `plumbob view --emulate buoy` shows a rig live.
 """
 
 

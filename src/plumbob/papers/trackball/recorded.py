@@ -16,8 +16,6 @@ from plumbob.calibration.rates import filter_rates
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
 from plumbob.data import AttitudeTrack
-from plumbob.session.estimated import estimate
-from plumbob.session.reading import read
 from plumbob.noise import Comparison, compare
 from plumbob.papers.trackball.records import (
     AT_REST,
@@ -33,6 +31,8 @@ from plumbob.papers.trackball.records import (
 from plumbob.papers.trackball.static import TAUS, factors
 from plumbob.papers.work import Work
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
+from plumbob.session.estimated import estimate
+from plumbob.session.reading import read
 from plumbob.simulation import scenario
 from plumbob.simulation.errors import stream
 
