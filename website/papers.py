@@ -70,8 +70,8 @@ def readme(text: str, made: str) -> str:
     for (name, key), told in SHOWN.items():
         cells = next(line for line in _section(made, name).splitlines() if line.startswith(f"| `{key}` |")).split(" | ")
         unit, values = cells[3], [cell.partition(" (")[0] for cell in cells[4:7]]
-        shown_s = [value if value == "-" or unit == "–" else f"{value} {unit}".replace(" °", "°") for value in values]
-        shown_s = [one.replace("°/s", " °/s") for one in shown_s]
+        near = unit if unit == "°" else f" {unit}"
+        shown_s = [value if unit == "–" or not value[-1].isdigit() else value + near for value in values]
         lines.append(f"| {name} | {told} | {' | '.join(shown_s)} |".replace("| - |", "| – |"))
     head, _, rest = text.partition(_BEGIN)
     return head + _BEGIN + "\n".join(lines) + "\n" + _END + rest.partition(_END)[2]

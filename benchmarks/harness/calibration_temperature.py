@@ -1,9 +1,10 @@
 """Soaks of many simulated gyroscopes: what a polynomial of each unit leaves, and what the trackball paper's figure.
 
 Every unit is drawn as an MPU-3050 leaves the line, and its bias bends: a slope, a square and a cube of random size and
-sign, in place of the preset's. It lies still while the temperature goes from 25 to 45 °C and back, and the drift that the fit tells for this span
-is held against the true one. The bars are for white noise alone. The second soak adds the bias instability of the
-paper's part, 36 °/h: a bias that wanders by 0.007 °/s by itself shows no curve to 0.005 °/s, however it is fitted.
+sign, in place of the preset's. It lies still while the temperature goes from 25 to 45 °C and back, and the drift that
+the fit tells for this span is held against the true one. The bars are for white noise alone. The second soak adds the
+bias instability of the paper's part, 36 °/h: a bias that wanders by 0.007 °/s by itself shows no curve to 0.005 °/s,
+however it is fitted.
 """
 
 import math
