@@ -12,7 +12,7 @@ import pytest
 from plumbob.papers.reproduce import NAMES
 from website.papers import page
 
-pytestmark = pytest.mark.long
+pytestmark = pytest.mark.long("some minutes; the parts of each paper are tested with few seeds")
 
 PAGE = Path(__file__).parents[2] / "docs" / "papers.md"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e-?\d+)?")
@@ -21,6 +21,7 @@ SAME = 0.05
 
 
 def reproduced(folder, *papers):
+    """What `plumbob reproduce` prints."""
     command = [sys.executable, "-m", "plumbob", "reproduce", *papers, "--out", str(folder), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -65,3 +66,9 @@ def test_every_paper_has_its_page_with_all_its_outcomes(run):
 @pytest.mark.parametrize("name", ["trackball", "rod"])
 def test_the_same_seed_gives_the_same_bits(run, tmp_path, name):
     assert json.loads(reproduced(tmp_path / "again", name))["papers"][name] == run[0]["papers"][name]
+
+
+@pytest.mark.parametrize("name", ["trackball", "buoy"])
+def test_every_bar_is_met_with_another_seed(tmp_path, name):
+    found = json.loads(reproduced(tmp_path / "other", name, "--seed", "2"))
+    assert [one["key"] for one in found["papers"][name] if not one["met"]] == []
