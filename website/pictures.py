@@ -36,10 +36,11 @@ def papers(browser: "Browser") -> None:
         shots[name] = f"data:image/png;base64,{b64encode(figure.screenshot()).decode()}"
     live = f"data:image/png;base64,{b64encode((IMAGES / 'live.png').read_bytes()).decode()}"
     cells = "".join(f"<div><h2>{name}</h2><img src='{shot}'></div>" for name, shot in (*shots.items(), ("live", live)))
+    page.goto("about:blank")  # a report's page lets no picture in
     page.set_viewport_size({"width": 1240, "height": 900})
     page.set_content(
         "<style>body{margin:12px;display:grid;grid-template-columns:1fr 1fr;gap:12px 24px;font:14px sans-serif}"
-        f"h2{{font-size:15px;margin:4px 0;color:#5b6570}}img{{width:100%}}</style>{cells}"
+        f"h2{{font-size:15px;margin:4px 0;color:#5b6570}}img{{display:block;width:100%}}</style>{cells}"
     )
     page.screenshot(path=IMAGES / "papers.png", full_page=True)
     page.close()
