@@ -154,7 +154,7 @@ def test_a_small_run_is_whole(found):
 
 def test_items_name_outcomes_that_exist(found):
     keys = {one.key for one in outcomes(found)}
-    assert len(ITEMS) == 33
+    assert len(ITEMS) == 28
     assert all(isinstance(one, Item) and (one.by or one.reason) for one in ITEMS)
     for one in ITEMS:
         assert set(re.findall(r"\[([\w.-]+)\]", one.by)) <= keys, one

@@ -268,7 +268,7 @@ def test_outcomes_are_whole_and_their_keys_unique(found):
 
 def test_items_name_outcomes_that_exist(found):
     keys = {one.key for one in found.outcomes()}
-    assert len(ITEMS) == 23
+    assert len(ITEMS) == 20
     assert all(isinstance(one, Item) and (one.by or one.reason) for one in ITEMS)
     for one in ITEMS:
         assert set(re.findall(r"\[([\w.]+)\]", one.by)) <= keys, one

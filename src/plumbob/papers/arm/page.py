@@ -8,6 +8,7 @@ import numpy as np
 
 from plumbob.core.check import Floats
 from plumbob.core.constants import G0
+from plumbob.core.units import to_deg
 from plumbob.papers.arm import drawn, faults, misprints, tables, teaching
 from plumbob.papers.arm.drawn import Broken, Run
 from plumbob.papers.arm.simulated import MOUNTS, Noise, Over, noise_of
@@ -101,7 +102,7 @@ def report(whole: Findings, seed: int) -> Report:
 
 def _noise_fact() -> Both:
     def said(noise: Noise, en: str, zh: str) -> tuple[str, str]:
-        gyr, bias, acc = np.degrees(noise.gyr), np.degrees(noise.bias), noise.acc / G0
+        gyr, bias, acc = to_deg(noise.gyr), to_deg(noise.bias), noise.acc / G0
         text = f"{gyr:.2g} °/s, ±{bias:.2g} °/s, {acc:.2g} g, {noise.mag:g} µT"
         return f"{en} {text}", f"{zh} {text}"
 

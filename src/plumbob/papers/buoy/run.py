@@ -1,11 +1,11 @@
 """The buoy paper's run [Yu2018]: all that its page says is measured here."""
 
-import math
 from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 
+from plumbob.core.units import deg
 from plumbob.papers.buoy import bench, trials
 from plumbob.papers.buoy.device import run_device
 from plumbob.papers.buoy.literal import GATES, KP, misprints
@@ -40,7 +40,7 @@ ROWS: Final[Mapping[str, Row]] = {
     "roll, chosen": Row("roll", by_choice),
     "faces, chosen": Row(fit=by_choice),
     "magnetometer alone": Row(fit=mag_alone),
-    "tilt 40°": Row(tilt=math.radians(40.0)),
+    "tilt 40°": Row(tilt=deg(40.0)),
     "step 4.35 mG": Row(step=WIDE_STEP),
     "c 0.02": Row(c=0.02),
     "c 0.05": Row(c=0.05),

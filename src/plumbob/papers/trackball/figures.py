@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.units import to_deg, to_dps
+from plumbob.core.units import deg, to_deg, to_dps
 from plumbob.noise.terms import TERMS
 from plumbob.papers.trackball.recorded import Lapped, Rest, Turned
 from plumbob.papers.trackball.records import AT_REST, RATIOS, SAMPLES, STEP
@@ -271,7 +271,7 @@ def _draw_ball(ax: "Axes", points: Floats, colour: str) -> None:
     up = np.cross(_VIEW, right)
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     ax.plot(np.cos(turn), np.sin(turn), color=MUTED, linewidth=0.8)
-    for x in np.sin(np.radians([-60.0, -30.0, 0.0, 30.0, 60.0])):
+    for x in np.sin(deg(np.array([-60.0, -30.0, 0.0, 30.0, 60.0]))):
         r = np.sqrt(1.0 - x * x)
         circle = np.stack((np.full(turn.size, x), r * np.cos(turn), r * np.sin(turn)), axis=1)
         near = circle @ _VIEW > 0.0

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 
 from plumbob.core.check import Floats
-from plumbob.core.units import from_si, to_deg, to_dps
+from plumbob.core.units import deg, from_si, to_deg, to_dps
 from plumbob.filters.channel_scalar import steady_gain
 from plumbob.papers.trackball import figures, misprints
 from plumbob.papers.trackball.found import Found
@@ -426,7 +426,7 @@ def _scene(lapped: Lapped) -> Scene:
     t, true, paper = lapped.t[rows], lapped.tracks["true"][rows], lapped.tracks["paper"][rows]
     points = {"o": np.zeros((t.size, 3)), Both("true", "真实"): true}
     lines = [("o", "true")]
-    turn = np.radians(np.arange(0, 360, 30))
+    turn = deg(np.arange(0.0, 360.0, 30.0))
     flat = np.stack((np.cos(turn), np.sin(turn), np.zeros(turn.size)), axis=1)
     for k, columns in enumerate(((0, 1, 2), (0, 2, 1), (2, 0, 1))):  # the circles in the planes of the axes
         names = [f".{k}.{i}" for i in range(turn.size)]
