@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from plumbob.papers.reproduce import NAMES
+from plumbob.papers import fin
+from plumbob.papers.reproduce import NAMES, items
+from plumbob.papers.work import Work
+from tests.papers.test_papers_fin import without_chinese
 from website.papers import page
 
 pytestmark = pytest.mark.long("some minutes; the parts of each paper are tested with few seeds")
@@ -22,22 +25,31 @@ NOTHING = 1e-4
 """Smaller figures are rounding errors of one processor."""
 
 
-def reproduced(folder, *papers):
-    """What `plumbob reproduce` prints."""
-    command = [sys.executable, "-m", "plumbob", "reproduce", *papers, "--out", str(folder), "--json"]
+CANNOT = {"accel.early", "switch.hard.jump", "switch.hard", "switch.hard_reset", "switch.narrow", "switch.narrow_reset"}
+"""What the rod's paper prints and its method cannot give."""
+
+
+def reproduced(folder, *words):
+    """Papers that `plumbob reproduce` prints; it says of each every step, in order."""
+    command = [sys.executable, "-m", "plumbob", "reproduce", *words, "--out", str(folder), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return done.stdout
+    papers = json.loads(done.stdout)["papers"]
+    for name in papers:
+        steps = re.findall(rf"^note: {name}: .* \((\d+)/(\d+)\)$", done.stderr, re.MULTILINE)
+        assert steps == [(f"{k}", f"{len(steps)}") for k in range(len(steps))], name
+        assert steps
+    return papers
 
 
 def test_all_papers_as_a_user_runs_them(tmp_path):
     """One run for all of it: it takes minutes, and workers do not share what one of them made."""
     folder = tmp_path / "all"
-    papers = json.loads(reproduced(folder, "all"))["papers"]
+    papers = reproduced(folder, "all")
     every_miss_is_told(papers)
     figures_are_those_of_the_page(papers)
     every_paper_has_its_page(papers, folder)
-    again = json.loads(reproduced(tmp_path / "again", "trackball", "rod"))["papers"]
+    again = reproduced(tmp_path / "again", "trackball", "rod")
     assert again == {name: papers[name] for name in ("trackball", "rod")}  # same seed, same bits
 
 
@@ -45,7 +57,11 @@ def every_miss_is_told(papers):
     """Every bar is met, or docs/papers.md says that it is missed."""
     told = PAGE.read_text(encoding="utf-8")
     for name in NAMES:
+        keys = [one["key"] for one in papers[name]]
+        assert len(set(keys)) == len(keys)
+        assert {key for item in items(name) for key in re.findall(r"\[([\w.-]+)\]", item.by)} <= set(keys), name
         missed = {one["key"] for one in papers[name] if not one["met"]}
+        assert all(one["verdict"].startswith("missed: ") for one in papers[name] if not one["met"])
         own = told.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
         assert missed == set(re.findall(r"^\| `([\w.-]+)` \|.*\| missed[^|]*\|$", own, re.MULTILINE)), name
 
@@ -68,9 +84,18 @@ def every_paper_has_its_page(papers, folder):
         assert f"href='{name}.html'" in index
         assert any((folder / name).glob("*.mcap"))
         assert papers[name]
+    assert {one["key"] for one in papers["rod"] if one["verdict"].startswith("not reproducible")} == CANNOT
+    assert "track on its sphere" in (folder / "trackball.html").read_text(encoding="utf-8")
+    assert (folder / "buoy" / "sea.mcap").is_file()
+    programs = {f"program.{end}" for end in ("csv", "yaml", "mcap", "urdf")}
+    assert {path.name for path in (folder / "arm").glob("program.*")} == programs
 
 
 @pytest.mark.parametrize("name", ["trackball", "buoy"])
 def test_every_bar_is_met_with_another_seed(tmp_path, name):
-    found = json.loads(reproduced(tmp_path / "other", name, "--seed", "2"))
-    assert [one["key"] for one in found["papers"][name] if not one["met"]] == []
+    found = reproduced(tmp_path / "other", name, "--seed", "2")
+    assert [one["key"] for one in found[name] if not one["met"]] == []
+
+
+def test_every_text_of_the_fin_s_page_has_its_chinese(tmp_path):
+    assert without_chinese(fin.run(Work(tmp_path, 1)).report) == set()
