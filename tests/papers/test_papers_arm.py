@@ -18,7 +18,7 @@ from plumbob.papers.arm.page import Findings, report
 from plumbob.papers.outcome import Outcome
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
-from tests.battery.labels import labels
+from tests.battery.labels import labels, texts
 
 FEW = 40
 
@@ -190,14 +190,6 @@ def page(rest, turn, through):
         ),
         seed=1,
     )  # fmt: skip
-
-
-def texts(part):
-    yield from (part.title, *part.remarks, *(text for fact in part.facts for text in fact))
-    for table in part.tables:
-        yield from (table.title, *table.head, *(cell for row in table.rows for cell in row))
-    for inner in part.parts:
-        yield from texts(inner)
 
 
 NAMES = re.compile(

@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from plumbob.papers.outcome import Item
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
 from plumbob.rotations import quat_from_euler_zyx, quat_from_rotvec
+from tests.battery.labels import texts
 
 SEEDS = range(6)
 
@@ -174,9 +174,9 @@ def test_the_same_unit_goes_through_all_rigs(found):
 
 def test_every_text_of_the_page_has_its_chinese(found):
     report = page(found, 2)
-    texts = list(shown(report))
-    assert len(texts) > 200
-    english = [text for text in texts if not isinstance(text, Both) and said(text, "zh") == text]
+    every = list(texts(report))
+    assert len(every) > 200
+    english = [text for text in every if not isinstance(text, Both) and said(text, "zh") == text]
     assert [text for text in english if re.search(r"[a-z]{4}", text) and not NAMES.match(text)] == []
     chinese = report.page(lang="zh")
     assert "外力加速度干扰测试" in chinese
@@ -187,19 +187,6 @@ NAMES = re.compile(
     r"plumbob |filters/|calibration/|solid|dashed|dotted|arctan|atan2|C#|Plumbob|Flash|Matlab|\w+\.html$"
 )
 """What has no Chinese: commands, files, styles of lines, functions."""
-
-
-def shown(thing):
-    """Every text of a report, with those of its figures' keys."""
-    if isinstance(thing, str):
-        yield thing
-    elif isinstance(thing, (list, tuple)):
-        for one in thing:
-            yield from shown(one)
-    elif is_dataclass(thing):
-        names = {"dash", "links", "lines", "trail", "unit", "points", "shadow", "values"}
-        for one in (getattr(thing, f.name) for f in fields(thing) if f.name not in names):
-            yield from shown(one)
 
 
 def test_same_seed_same_bits(tmp_path):

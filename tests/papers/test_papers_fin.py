@@ -10,7 +10,7 @@ from plumbob.papers.fin import ITEMS, algorithm, attitude, estimation, experimen
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
 from plumbob.simulation import simulate
-from tests.battery.labels import labels
+from tests.battery.labels import labels, texts
 
 SYMBOLS = r"ADXRS\d+ [xyz]|ADXRS\d+|\d+[xyz]|σ.*|0xFFFF.*|/\(πfT\)²?|f ≤ f0?"
 """What has no other word in Chinese: names, and symbols with their units."""
@@ -26,19 +26,11 @@ def algorithm_part(work):
     return algorithm.part(work, lambda _: None, 12)
 
 
-def texts(report):
-    """Everything that a page says of a report, sentences too."""
-    found = labels(report) | set(report.remarks) | {value for _, value in report.facts}
-    for table in report.tables:
-        found |= {row[i] for row in table.rows for i in table.words}
-    for part in report.parts:
-        found |= texts(part)
-    return found
-
-
 def without_chinese(report):
     """Words that a page says in English alone."""
-    plain = {text for text in texts(report) if not isinstance(text, Both) and said(text, "zh") == text}
+    plain = {
+        text for text in (*texts(report), *labels(report)) if not isinstance(text, Both) and said(text, "zh") == text
+    }
     return {text for text in plain if re.search(r"[A-Za-z]{3,}", text) and not re.fullmatch(SYMBOLS, text)}
 
 

@@ -2,7 +2,6 @@
 
 import math
 import re
-from dataclasses import fields, is_dataclass
 
 import numpy as np
 import pytest
@@ -34,6 +33,7 @@ from plumbob.papers.trackball.static import LONG_TAUS, TAUS, degrees_of_freedom
 from plumbob.papers.trackball.turntable import SCALES, best_gain, measure_turntable
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both, said
+from tests.battery.labels import texts
 
 SEEDS = range(6)
 
@@ -276,30 +276,15 @@ def test_items_name_outcomes_that_exist(found):
 
 def test_every_text_of_the_page_has_its_chinese(found):
     report = page(found, 2)
-    texts = list(shown(report))
-    assert len(texts) > 100
-    english = [text for text in texts if not isinstance(text, Both) and said(text, "zh") == text]
+    every = list(texts(report))
+    assert len(every) > 100
+    english = [text for text in every if not isinstance(text, Both) and said(text, "zh") == text]
     assert [
         text
         for text in english
         if re.search(r"[a-z]{4}", text) and not text.startswith(("plumbob ", "solid", "dashed", "dotted"))
     ] == []
     assert "陀螺漂移模型建立" in report.page(lang="zh")
-
-
-def shown(thing):
-    """Every text of a report, with those of its figures' keys."""
-    if isinstance(thing, str):
-        yield thing
-    elif isinstance(thing, dict):
-        yield from (one for one in thing if isinstance(one, Both))
-    elif isinstance(thing, (list, tuple)):
-        for one in thing:
-            yield from shown(one)
-    elif is_dataclass(thing):
-        names = {"dash", "links", "lines", "trail", "unit", "points", "shadow"}
-        for one in (getattr(thing, f.name) for f in fields(thing) if f.name not in names):
-            yield from shown(one)
 
 
 def test_same_seeds_same_figures(tmp_path):

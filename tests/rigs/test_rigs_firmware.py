@@ -17,7 +17,7 @@ from plumbob.protocols.ring import read_ring
 from plumbob.rotations import North, quat_angle
 from plumbob.simulation import scenario
 from plumbob.simulation.rigs import PLANS, FlashLog, Processor, make_rig, run_firmware
-from plumbob.simulation.rigs.firmware import track_of
+from plumbob.simulation.rigs.firmware import decoded
 from tests.battery.commandline import ok, refused
 
 CC = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -142,7 +142,7 @@ def test_the_log_holds_the_frames_that_went_out(plain):
     found = read_ring(plain.flash.image, FORM)
     assert found.stream == plain.frames[: 599 // 8 * 8 * 32]
     assert plain.flash.waiting == 599 % 8
-    assert np.array_equal(track_of(found.stream).q_nb, plain.track.q_nb[: 599 // 8 * 8])
+    assert np.array_equal(decoded(found.stream).q_nb, plain.track.q_nb[: 599 // 8 * 8])
 
 
 def test_a_full_log_is_said_and_a_second_run_goes_on_with_its_numbers(imu):
@@ -266,7 +266,7 @@ def test_on_the_command_line_it_is_a_rig_with_a_log_and_records_like_an_ahrs(tmp
     recording = read(tmp_path / "said.mcap")
     assert len(recording.imu) == 399
     assert recording.track is not None
-    want = track_of((tmp_path / "said.bin").read_bytes())
+    want = decoded((tmp_path / "said.bin").read_bytes())
     assert np.degrees(quat_angle(recording.track.q_nb, want.q_nb)).max() < 1e-9
     ok("emulate", "buoy_attitude", "--calibration", "truth.card.json", *words, "--force", cwd=tmp_path)
     assert "no Flash log" in refused("emulate", "buoy", "--duration", "5s", *words[4:], "--force", cwd=tmp_path)

@@ -151,7 +151,7 @@ def filter_rates(
     """
     label, source, imu = recording_of(recording, profile, unit, whole=True)
     if imu.gyr is None:
-        raise ShapeError(f"{label} has no gyroscope, so there are no rates to filter.")
+        raise ShapeError(f"{label} has no gyroscope, whose rates this filters.")
     smoother = RateFilter(filter, channels=3, params=params)
     notes: list[str] = []
 

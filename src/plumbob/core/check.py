@@ -170,6 +170,11 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
     return array.view()  # whose flag cannot be set back, while the memory's owner is read-only
 
 
+def last_marked(marks: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Row of the last mark at or before each row, (N,); −1 before the first."""
+    return np.maximum.accumulate(np.where(marks, np.arange(marks.size), -1))
+
+
 def runs(marks: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First place and the one after the last of each run of marked places (N,), in order."""
     edges = np.flatnonzero(np.diff(marks.astype(np.int8), prepend=0, append=0))

@@ -81,6 +81,11 @@ def total_rmse(q_est: Floats, q_ref: Floats) -> float:
     return float(np.sqrt(np.mean(attitude_errors(q_est, q_ref)["total"] ** 2)))
 
 
+def euler_errors(q_est: Floats, q_ref: Floats) -> Floats:
+    """Differences of yaw, pitch and roll (N, 3), rad, each the shorter way round; near pitch ±90° they mean nothing."""
+    return wrap(euler_zyx_from_quat(q_est) - euler_zyx_from_quat(q_ref))
+
+
 def _euler_errors(q_est: Floats, q_ref: Floats) -> dict[str, Floats]:
     est, ref = euler_zyx_from_quat(q_est), euler_zyx_from_quat(q_ref)
     yaw, pitch, roll = np.moveaxis(wrap(est - ref), -1, 0)

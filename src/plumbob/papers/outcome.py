@@ -92,7 +92,7 @@ class Outcome:
 
     @property
     def word(self) -> Both:
-        """Missed where a bar is; not reproducible; shown where there is no bar; or pass."""
+        """Missed, if a bar is; else not reproducible, if it is; else shown, if it has no bar; else pass."""
         if not self.met:
             return MISSED
         if not self.reproducible:

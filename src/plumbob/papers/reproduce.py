@@ -51,7 +51,7 @@ DEFINITIONS: Final = (
     Both("Paper: as printed. Faithful: by the paper's method, its misprints corrected. Best: by the method that "
          "Plumbob recommends. In brackets: the bar that must be kept.",
          "论文：原文数值。按论文：改正印刷错误后按论文方法所得。最佳：Plumbob 推荐方法所得。括号内为须满足的限值。"),
-    Both("Pass: every bar is kept. Shown: there is no bar. Not reproducible: the paper's method cannot give what the "
+    Both("Pass: every bar is kept. Shown: without a bar. Not reproducible: the paper's method cannot give what the "
          "paper prints.",
          "通过：满足全部限值。仅列出：无限值。无法复现：按论文方法不能得到原文数值。"),
 )  # fmt: skip

@@ -10,10 +10,12 @@ import numpy as np
 from plumbob.core.errors import DecodeError
 from plumbob.core.files import write_text
 from plumbob.core.time import to_ns
+from plumbob.data import ImuData
 from plumbob.files import Recording, write
 from plumbob.protocols.encode import encode
 from plumbob.protocols.find import find_format
 from plumbob.session.emulated import emulate
+from plumbob.session.estimated import recording_of
 from plumbob.session.live import record
 from plumbob.simulation import Simulation
 from plumbob.simulation.rigs.rig import columns_for
@@ -55,6 +57,11 @@ class Taken(NamedTuple):
     session: Path
 
 
+def samples_of(file: Path) -> ImuData:
+    """Samples of a recording of one unit."""
+    return recording_of(file, None, None, whole=True)[2]
+
+
 @dataclass(frozen=True, slots=True)
 class Work:
     """What a paper's run works with.
@@ -73,7 +80,16 @@ class Work:
     seed: int = 1
     progress: Callable[[str, int, int], None] = field(default=_nowhere)
 
-    def recorded(self, rig: str, name: str, *, session: str = "", **how: Any) -> Taken:
+    def steps(self, count: int) -> Callable[[str], None]:
+        """Call what this gives with what is being done, before each of so many steps."""
+        done = iter(range(count))
+        return lambda what: self.progress(what, next(done), count)
+
+    def seeds(self, count: int) -> range:
+        """Seeds of so many runs beside the one through bytes; those of another work are others."""
+        return range(1000 * self.seed, 1000 * self.seed + count)
+
+    def recorded(self, rig: str, name: str, *, session: str = "", text: Path | None = None, **how: Any) -> Taken:
         """Emulate a rig, and record its bytes by a session, as a user would.
 
         Parameters
@@ -84,12 +100,14 @@ class Work:
             Of the files.
         session : str
             What goes on in the session's table ``[format]``, and its further tables, as TOML.
+        text : path, optional
+            Where the session's outward line goes.
         **how
             As of `plumbob.emulate`; the seed is that of the work where none is given.
         """
         files = self._files(name)
         emulate(rig, **{"seed": self.seed, **how}, write=files.capture, truth=files.truth, overwrite=True)
-        return self._kept(rig, name, session)
+        return self._kept(rig, name, session, text)
 
     def sent(self, rig: str, name: str, said: Simulation, *, session: str = "") -> Taken:
         """Send the samples of a simulation of your own in the frames of a rig of one unit, and record the bytes.
@@ -116,13 +134,13 @@ class Work:
     def _files(self, name: str) -> Taken:
         return Taken(*(self.folder / f"{name}{end}" for end in (".mcap", ".truth.parquet", ".bin", ".session.toml")))
 
-    def _kept(self, rig: str, name: str, session: str) -> Taken:
+    def _kept(self, rig: str, name: str, session: str, text: Path | None = None) -> Taken:
         """Record the bytes that lie in the folder by a session."""
         files = self._files(name)
         write_text(files.session, _SESSION.format(name=name, rig=rig, more=session), overwrite=True)
         files.recording.unlink(missing_ok=True)  # a recording is never written over
         told: list[str] = []
-        done = record(files.session, out=files.recording, note=told.append)
+        done = record(files.session, out=files.recording, text=text, note=told.append)
         if done.lossy:  # a figure of what is left would be wrong without a word
             raise DecodeError(f"{files.recording} was not recorded whole: {'; '.join(told)}.")
         return files

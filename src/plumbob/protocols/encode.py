@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from plumbob.core import check
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.protocols.checksum import algorithm, of_rows
 from plumbob.protocols.field import Checksum, Field
@@ -92,13 +93,12 @@ def _counts(one: Field, value: NDArray[np.generic] | None, count: int) -> NDArra
     if not one.physical:
         return np.asarray(value, dtype=np.int64)
     numbers = np.asarray(value, dtype=np.float64)
-    return counts_for(one, numbers if one.overflow else _held(numbers))[0]
+    return counts_for(one, numbers if one.overflow else held(numbers))[0]
 
 
-def _held(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def held(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Each missing value as the last one before it, or 0 before the first."""
-    there = ~np.isnan(values)
-    last = np.maximum.accumulate(np.where(there, np.arange(values.size), -1))
+    last = check.last_marked(~np.isnan(values))
     return np.where(last >= 0, values[last], 0.0)
 
 

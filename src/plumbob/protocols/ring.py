@@ -1,6 +1,6 @@
 """An image of a log that was written round and round: its frames in the order of their counter."""
 
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -8,7 +8,8 @@ from plumbob.core.errors import DecodeError
 from plumbob.protocols.decode import decode
 from plumbob.protocols.format import Format
 
-_BLANK = 0xFF
+BLANK: Final = 0xFF
+"""What an erased byte reads."""
 
 
 class Ring(NamedTuple):
@@ -58,7 +59,7 @@ def read_ring(image: bytes, form: Format) -> Ring:
         )
     found, counts = decode(image, form)
     if form.messages[0].name not in found:
-        erased = ", which are blank, as an erased chip is" if image and image.count(_BLANK) == len(image) else ""
+        erased = ", which are blank, as an erased chip is" if image and image.count(BLANK) == len(image) else ""
         raise DecodeError(f"no record of {form.name} is in the {len(image)} bytes{erased}{counts.why_rejected()}.")
     frames = found[form.messages[0].name]
     length = form.messages[0].length
@@ -71,7 +72,7 @@ def read_ring(image: bytes, form: Format) -> Ring:
     data = np.frombuffer(image, dtype=np.uint8)
     places = frames.start[:, np.newaxis] + np.arange(length)
     rest = np.delete(data, places.ravel())
-    blank = int(np.count_nonzero(rest == _BLANK))
+    blank = int(np.count_nonzero(rest == BLANK))
     return Ring(
         stream=data[places[order]].tobytes(),
         records=len(frames),

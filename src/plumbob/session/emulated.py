@@ -93,8 +93,8 @@ def emulate(
     high_pass : float or str, optional
         Corner, Hz, of a first-order high-pass behind each gyroscope that measures, before its converter.
     mount_error : float or str
-        Standard deviation about each axis, rad, of how a rig's references really sit, drawn; of all units where there
-        is no reference. What a session and the frames say of the mounting stays as declared.
+        Standard deviation about each axis, rad, of how a rig's references really sit, drawn; of all units where none
+        is a reference. Sessions and frames keep the mounting that is declared.
     frame : Frame or str, optional
         Navigation frame of a format's truth, and its body's axes; a rig has its own; by default NED.
     options : mapping of str to str, optional
@@ -152,7 +152,7 @@ def emulate(
         unit=unit,
         clock_error=given("clock_error", clock_error, Quantity.RATIO) or 0.0,
         faults={kind: given(kind, share, Quantity.RATIO) or 0.0 for kind, share in (faults or {}).items()},
-        calibration=CalibrationCard.load(calibration) if isinstance(calibration, str | Path) else calibration,
+        calibration=None if calibration is None else CalibrationCard.of(calibration),
         noise=noise,
         temp_c=temp_c,
         warm_up=warm_up,

@@ -5,11 +5,12 @@ out with a noise that is assumed, which shows that they are possible and proves 
 through the bytes of the rig ``arm``; the statistics over many seeds are drawn directly.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Final
 
 from plumbob.array import monitor
 from plumbob.array.paper import paper
+from plumbob.calibration.calibrate_mount import track_of
 from plumbob.core.units import dps
 from plumbob.data import ImuData
 from plumbob.data.array import ImuArray
@@ -23,7 +24,7 @@ from plumbob.papers.outcome import Outcome, Paper, at_least, at_most
 from plumbob.papers.work import Work
 from plumbob.reporting.style import Both
 from plumbob.rotations import Frame
-from plumbob.session.reading import read, read_array
+from plumbob.session.reading import read_array
 
 __all__ = ["ITEMS", "run"]
 
@@ -42,7 +43,7 @@ def run(work: Work) -> Paper:
     work : Work
         Where its files go, and the seed of its runs through bytes; the statistics take seeds 1, 2, … each.
     """
-    steps = _steps(work)
+    steps = work.steps(_STEPS)
     steps("six units through bytes")
     runs = {turns: through_bytes(work, turns=turns) for turns in (False, True)}
     steps(f"Table 1 over {SEEDS} seeds")
@@ -103,11 +104,6 @@ def run(work: Work) -> Paper:
     return Paper(report=report(whole, work.seed), outcomes=outcomes)
 
 
-def _steps(work: Work) -> Callable[[str], None]:
-    done = iter(range(_STEPS))
-    return lambda what: work.progress(what, next(done), _STEPS)
-
-
 def through_bytes(work: Work, *, turns: bool) -> Run:
     """One run of every scheme, and of Plumbob's filter, on what a session recorded of the rig's bytes."""
     taken = work.recorded(
@@ -120,8 +116,7 @@ def through_bytes(work: Work, *, turns: bool) -> Run:
     )
     noise = noise_of(turns)
     array = with_noise(read_array(taken.recording, mounts="arm"), noise)
-    track = read(taken.truth.with_stem(f"{taken.truth.stem}-u1")).track  # u1 is aligned with the body
-    assert track is not None
+    track = track_of(taken.truth.with_stem(f"{taken.truth.stem}-u1"))  # u1 is aligned with the body
     tracks = {name: paper(array, frame=Frame.NED, scheme=scheme).q_nb for name, scheme in SCHEMES.items()}
     tracks["six"] = tables.attitude_of(array, noise)
     return Run(array.t, track.q_nb, tracks)

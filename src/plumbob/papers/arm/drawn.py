@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-TIME: Final = Both("time [s]", "时间 [s]")
+TIME: Final = "time [s]"
 FAITHFUL: Final = Both("faithful", "按论文")
 BEST: Final = Both("best: six units, filter of directions", "最佳：六单元方向滤波")
 TRUTH: Final = Both("truth", "真值")

@@ -17,6 +17,8 @@ from plumbob.reporting.style import Both
 
 _PI: Final = Scheme(set1="pi", sets=1)
 _SUM: Final = Scheme(sum_table=True)
+_STD: Final = Both("std at rest, mean of the angles", "静态标准差，三角平均")
+_RMS: Final = Both("rms", "均方根")
 
 
 class Found(NamedTuple):
@@ -146,17 +148,19 @@ def found(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Foun
             "steep": _PI._replace(kp=2.0 * math.pi * 15.0),
         },
     )
+    return [*_of_rates(seeds, turn), *_of_units(still, rest), _of_time(seeds), *_of_loop(still, rest)]
+
+
+def _of_rates(seeds: int, turn: dict[str, Over]) -> list[Found]:
+    """Mean of raw signals in place of half their difference."""
     turned = measured(True, seeds, ours=False, schemes={"raw": Scheme(raw_mean=True)})
-    quiet = measured(True, seeds, noise=STATED, ours=False, schemes={"right": _PI, "late": _PI._replace(late=True)})
     literal, right = raw_mean_error(1)
-    slow, quick = recovery(_SUM._replace(rule_units="rad as deg/s", ekf=False)), recovery(_SUM._replace(ekf=False))
-    std, rms = Both("std at rest, mean of the angles", "静态标准差，三角平均"), Both("rms", "均方根")
     return [
         Found(
             "raw.rate",
             "(20)",
             Both("rate as the mean of the raw signals", "角速度取原始信号均值"),
-            Both(f"{rms} of the rate, swing of ±5 °/s", f"角速度{rms.zh}，±5 °/s 摆动"),
+            Both(f"{_RMS} of the rate, swing of ±5 °/s", f"角速度{_RMS.zh}，±5 °/s 摆动"),
             literal,
             right,
             "°/s",
@@ -167,18 +171,25 @@ def found(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Foun
             "raw.yaw",
             "(20)",
             Both("the same in the scheme", "同上，整个算法"),
-            Both(f"{rms} of yaw in the turn", f"动态航向角{rms.zh}"),
+            Both(f"{_RMS} of yaw in the turn", f"动态航向角{_RMS.zh}"),
             float(turned["raw"].rms[2]),
             float(turn["fuzzy"].rms[2]),
             "°",
             at_least(1.0),
             Both("the EKF alone follows the turn, and lags", "只有 EKF 跟随转动，且滞后"),
         ),
+    ]
+
+
+def _of_units(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
+    """Degrees and radians mixed at the rules."""
+    slow, quick = recovery(_SUM._replace(rule_units="rad as deg/s", ekf=False)), recovery(_SUM._replace(ekf=False))
+    return [
         Found(
             "units.deg",
             "(18)",
             Both("e in °, u taken as rad/s", "e 用度，u 当作 rad/s"),
-            std,
+            _STD,
             mean(still["deg"]),
             mean(rest["sum"]),
             "°",
@@ -189,7 +200,7 @@ def found(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Foun
             "units.rad",
             "(18)",
             Both("e in rad, u taken as °/s", "e 用弧度，u 当作 °/s"),
-            std,
+            _STD,
             mean(still["rad"]),
             mean(rest["sum"]),
             "°",
@@ -209,22 +220,33 @@ def found(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Foun
             at_least(30.0),
             Both("only this test finds it", "只有此测试能发现"),
         ),
-        Found(
-            "late",
-            "(15)",
-            Both("e at the attitude of the sample before", "误差取上一采样的姿态"),
-            Both(f"{rms} of yaw at 3 °/s, stated noise, PI", f"3 °/s 转动航向角{rms.zh}，论文噪声，PI"),
-            float(quiet["late"].rms[2]),
-            float(quiet["right"].rms[2]),
-            "°",
-            (0.16, 0.21),
-            Both("a lag of one sample, 0.3°, of which the loop keeps a part", "滞后一个采样（0.3°），环路保留其一部分"),
-        ),
+    ]
+
+
+def _of_time(seeds: int) -> Found:
+    """Error at the attitude of one sample before."""
+    quiet = measured(True, seeds, noise=STATED, ours=False, schemes={"right": _PI, "late": _PI._replace(late=True)})
+    return Found(
+        "late",
+        "(15)",
+        Both("e at the attitude of the sample before", "误差取上一采样的姿态"),
+        Both(f"{_RMS} of yaw at 3 °/s, stated noise, PI", f"3 °/s 转动航向角{_RMS.zh}，论文噪声，PI"),
+        float(quiet["late"].rms[2]),
+        float(quiet["right"].rms[2]),
+        "°",
+        (0.16, 0.21),
+        Both("a lag of one sample, 0.3°, of which the loop keeps a part", "滞后一个采样（0.3°），环路保留其一部分"),
+    )
+
+
+def _of_loop(still: dict[str, Over], rest: dict[str, Over]) -> list[Found]:
+    """Sign of the specific force, and a gain beyond what the loop bears."""
+    return [
         Found(
             "sign",
             "(5)",
             Both("specific force taken for gravity", "把比力当作重力"),
-            Both(f"{rms} of roll at rest", f"静态横滚角{rms.zh}"),
+            Both(f"{_RMS} of roll at rest", f"静态横滚角{_RMS.zh}"),
             float(still["down"].rms[0]),
             float(rest["fuzzy"].rms[0]),
             "°",
@@ -238,7 +260,7 @@ def found(seeds: int, rest: dict[str, Over], turn: dict[str, Over]) -> list[Foun
             "gain",
             "§4",
             Both("K for 15 Hz: 2π·15 = 94 1/s", "15 Hz 对应的 K：2π·15 = 94 1/s"),
-            std,
+            _STD,
             mean(still["steep"]),
             mean(rest["pi"]),
             "°",

@@ -287,7 +287,7 @@ def _draw_angles(done: Taught, canvas: "FigureBase") -> None:
         recorded = np.asarray(done.program.recorded)[every]
         ax.plot(recorded, to_deg(done.program.angles[every, k]), color=SERIES[1], linewidth=1.0, linestyle=_DASHES)
         ax.set_ylabel(f"{name} [°]")
-    panels[-1].set_xlabel(Both("time [s]", "时间 [s]"))
+    panels[-1].set_xlabel("time [s]")
 
 
 def _draw_hand(done: Taught, canvas: "FigureBase") -> None:
@@ -301,7 +301,7 @@ def _draw_hand(done: Taught, canvas: "FigureBase") -> None:
             done.model.recorded[every], done.model.hand[every, k], color=SERIES[1], linewidth=1.0, linestyle=_DASHES
         )
         ax.set_ylabel(f"{'xyz'[k]} [m]")
-    panels[-1].set_xlabel(Both("time [s]", "时间 [s]"))
+    panels[-1].set_xlabel("time [s]")
 
 
 def _draw_errors(done: Taught, canvas: "FigureBase") -> None:
@@ -312,4 +312,4 @@ def _draw_errors(done: Taught, canvas: "FigureBase") -> None:
     hand.plot(done.joints.t[every], 1e3 * done.hand_away[every], color=INK, linewidth=0.9)
     ax.set_ylabel(Both("angle error [°]", "角误差 [°]"))
     hand.set_ylabel(Both("hand error [mm]", "手端误差 [mm]"))
-    hand.set_xlabel(Both("time [s]", "时间 [s]"))
+    hand.set_xlabel("time [s]")

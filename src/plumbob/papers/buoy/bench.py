@@ -3,13 +3,13 @@
 Every step emulates a rig into bytes, records these by a session, and goes on from the recording.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from plumbob.calibration.calibrate_mount import track_of
 from plumbob.calibration.predicted import filled
 from plumbob.calibration.static_test import StaticTest, static_test
 from plumbob.core.check import Floats
@@ -26,7 +26,7 @@ from plumbob.papers.buoy.trials import (
     paper_card,
     region_readings,
 )
-from plumbob.papers.work import Taken, Work
+from plumbob.papers.work import Work, samples_of
 from plumbob.rotations import Frame
 from plumbob.session.estimated import estimate
 from plumbob.session.reading import read
@@ -43,7 +43,7 @@ KEPT: Final = "zero-rate output kept"
 """The paper's filter where the gyroscope's zero-rate output is not removed at the start."""
 _UNIT: Final = '[imu]\ndevice = "{device}"\nframe = "NED"\n'
 _REFERENCE: Final = '[reference]\nunit = "ref"\nnorth = "magnetic"\n'
-_LIVE: Final = '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\ntext = {text}\n'
+_LIVE: Final = '[calibration]\ncard = "{card}"\n[estimate]\nfilter = "mekf"\n[output]\nevery = "50 ms"\n'
 
 
 class Calibrated(NamedTuple):
@@ -124,7 +124,7 @@ def slides(work: Work, unit: Calibrated) -> dict[tuple[float, float], Slid]:
         taken = work.recorded(
             "buoy", f"slide-{speed:g}-{stroke:g}", session=_unit(work), scenario="slide", set=settings
         )
-        imu, truth = samples_of(taken.recording), truth_of(taken)
+        imu, truth = samples_of(taken.recording), track_of(taken.truth)
         errors = {
             name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb)
             for name, one in {**SLIDE, "smoother": SMOOTHER}.items()
@@ -171,12 +171,12 @@ def sail(work: Work, unit: Calibrated, contenders: Mapping[str, Contender], dura
     """Record the sea live with the best card and the recommended filter, with an outward line at 20 Hz."""
     text = work.folder / OUTPUT
     text.unlink(missing_ok=True)
-    live = _LIVE.format(card=CARD, text=json.dumps(text.as_posix(), ensure_ascii=False))
-    taken = work.recorded("buoy", "sea", session=_unit(work) + live, duration=duration)
+    live = _unit(work) + _LIVE.format(card=CARD)
+    taken = work.recorded("buoy", "sea", session=live, text=text, duration=duration)
     again = replay(taken.recording, check=True, keep="track")
     assert again.track is not None
     assert again.comparison is not None
-    imu, truth = samples_of(taken.recording), truth_of(taken)
+    imu, truth = samples_of(taken.recording), track_of(taken.truth)
     errors = {name: errors_deg(_estimated(one, imu, unit).q_nb, truth.q_nb) for name, one in contenders.items()}
     lines = sum(not line.startswith("#") for line in text.read_text(encoding="utf-8").splitlines())
     overview = report(taken.recording, burst=BURST)
@@ -197,20 +197,6 @@ def _written(overview: Overview, path: Path) -> bool:
 def _estimated(one: Contender, imu: ImuData, unit: Calibrated) -> AttitudeTrack:
     card = unit.paper if one.paper else unit.best
     return estimate(imu, one.filter, params=one.params, calibration=card, frame=Frame.NED).track
-
-
-def samples_of(path: Path) -> ImuData:
-    """Samples of a recording."""
-    imu = read(path).imu
-    assert imu is not None
-    return imu
-
-
-def truth_of(taken: Taken) -> AttitudeTrack:
-    """True attitude of what was emulated."""
-    track = read(taken.truth).track
-    assert track is not None
-    return track
 
 
 def _unit(work: Work) -> str:

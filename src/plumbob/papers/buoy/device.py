@@ -4,16 +4,16 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from plumbob.calibration.calibrate_mount import track_of
 from plumbob.core.check import Floats
 from plumbob.core.time import to_s
 from plumbob.data.cards import CalibrationCard
-from plumbob.papers.buoy.bench import samples_of, truth_of
 from plumbob.papers.buoy.trials import errors_deg
-from plumbob.papers.work import Work
+from plumbob.papers.work import Work, samples_of
 from plumbob.protocols.decode import decode
 from plumbob.protocols.rigs import load
 from plumbob.protocols.ring import read_ring
-from plumbob.simulation.rigs.firmware import FORMAT, Processor, run_firmware, track_of
+from plumbob.simulation.rigs.firmware import FORMAT, Processor, decoded, run_firmware
 
 PERIODS: Final = {"sample": 3, "fuse": 10, "send": 50}
 """Of the events, ms [Yu2018]."""
@@ -69,7 +69,7 @@ def run_device(work: Work, card: CalibrationCard) -> Device:
     image = work.folder / "flash.bin"
     taken = work.recorded(FORMAT, "device", scenario="slide", set=_SLIDE, calibration=card, flash_log=image)
     data = taken.capture.read_bytes()
-    track, truth = track_of(data), truth_of(taken)
+    track, truth = decoded(data), track_of(taken.truth)
     rows = np.searchsorted(truth.t, track.t - 1e-6)
     _, pitch, roll = np.abs(errors_deg(track.q_nb, truth.q_nb[rows])).max(axis=0).tolist()
     chips = samples_of(taken.truth)

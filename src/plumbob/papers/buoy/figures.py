@@ -153,7 +153,7 @@ def fig8(slid: Slid) -> Figure:
                 for side in (-1.0, 1.0):
                     ax.axhline(side * printed[panel], color=colour, linewidth=0.6, linestyle=":")
             ax.set_ylabel(Both(f"{name} [°]", f"{ANGLE[name].zh} [°]"))
-        axes[-1].set_xlabel(Both("time [s]", "时间 [s]"))
+        axes[-1].set_xlabel("time [s]")
 
     key = [(name, colour, "solid") for _, name, colour, _ in lines]
     key.append((Both("largest in the paper", "论文最大值"), MUTED, "dotted"))
@@ -181,7 +181,7 @@ def waves(sailed: Sailed) -> Figure:
             lower.plot(sailed.t[rows], sailed.errors[key][rows, 2], color=colour, linewidth=0.8)
         upper.set_ylabel(Both("true roll [°]", "横滚角真值 [°]"))
         lower.set_ylabel(Both("roll error [°]", "横滚角误差 [°]"))
-        lower.set_xlabel(Both("time [s]", "时间 [s]"))
+        lower.set_xlabel("time [s]")
 
     key = [(Both("truth", "真值"), INK, "solid"), *((name, colour, "solid") for _, name, colour in lines)]
     return Figure(Both("Roll in waves, beyond the paper", "波浪中的横滚角（论文之外）"), draw, key, height=3.2)

@@ -222,7 +222,7 @@ def _capture(found: Results) -> Iterator[Outcome]:
 
 
 def _fewest(mag: Floats) -> int:
-    """Readings from which on the matrix of equation (12) has a rank of six."""
+    """Least count of readings with which the matrix of equation (12) has rank six."""
     x, y, z = (mag / np.abs(mag).max()).T
     rows = np.column_stack((-y * y, -z * z, 2.0 * x, 2.0 * y, 2.0 * z, np.ones_like(x)))  # [Yu2018] (12)
     return next(n for n in range(1, len(rows) + 1) if np.linalg.matrix_rank(rows[:n]) == rows.shape[1])

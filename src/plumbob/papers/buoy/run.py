@@ -61,12 +61,7 @@ def measured(
     duration: float = DURATION,
 ) -> Results:  # fmt: skip
     """Everything that the page says; with fewer seeds and a shorter sea, s, where asked."""
-    steps = 6 + len(ROWS) + len(trials.STROKES)
-    told = iter(range(steps))
-
-    def say(what: str) -> None:
-        work.progress(what, next(told), steps)
-
+    say = work.steps(6 + len(ROWS) + len(trials.STROKES))
     say("capture and calibration")
     unit = bench.calibrated(work)
     say("firmware")
@@ -78,24 +73,20 @@ def measured(
     rings = {}
     for name, row in ROWS.items():
         say(f"{modules} modules: {name}")
-        rings[name] = measure_ring(row, _seeds(work, modules))
+        rings[name] = measure_ring(row, work.seeds(modules))
     slides = {}
     for speed, stroke in trials.STROKES:
         say(f"{units} units slid: {speed:g} m/s, {stroke:g} s")
-        slides[speed, stroke] = trials.slide(speed, stroke, _seeds(work, units))
+        slides[speed, stroke] = trials.slide(speed, stroke, work.seeds(units))
     say(f"{seas} seas")
-    sea = trials.sea(_seeds(work, seas), duration)
+    sea = trials.sea(work.seeds(seas), duration)
     say("gains and misprints")
     scan = {
         one: np.stack([trials.gain_scan(KPS, *one, gate=gate, seed=work.seed) for gate in ("off", GATES[0])], axis=2)
         for one in SCANNED
     }
     strongest = max(trials.gain_scan((KP,), 3.0, stroke, gate="off", seed=work.seed)[0][0] for stroke in _LONGER)
-    refused = {name: measure_degenerate(name, _seeds(work, offered)) for name in DEGENERATE}
+    refused = {name: measure_degenerate(name, work.seeds(offered)) for name in DEGENERATE}
     return Results(
         unit, device, static, slid, sailed, rings, refused, slides, sea, scan, strongest, misprints(), modules
     )
-
-
-def _seeds(work: Work, count: int) -> range:
-    return range(1000 * work.seed, 1000 * work.seed + count)

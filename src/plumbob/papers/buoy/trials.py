@@ -22,9 +22,10 @@ from plumbob.core.units import to_deg
 from plumbob.data import ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard, TriadCalibration
+from plumbob.evaluation.metrics import euler_errors
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.papers.buoy.modules import by_paper
-from plumbob.rotations import Frame, euler_zyx_from_quat, wrap
+from plumbob.rotations import Frame
 from plumbob.simulation import Simulation, simulate
 
 SENSORS: Final = "mpu6000+hmc5983"
@@ -133,7 +134,7 @@ def cards(seed: int) -> tuple[CalibrationCard, CalibrationCard]:
 
 def errors_deg(q_nb: Floats, truth: Floats) -> Floats:
     """Errors (N, 3) of yaw, pitch and roll of attitudes (N, 4), deg."""
-    return np.asarray(to_deg(wrap(euler_zyx_from_quat(q_nb) - euler_zyx_from_quat(truth))))
+    return to_deg(euler_errors(q_nb, truth))
 
 
 def estimated(one: Contender, made: Simulation, seed: int) -> Floats:

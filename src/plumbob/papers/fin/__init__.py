@@ -22,13 +22,7 @@ _SEEDS: Final = 9
 
 def run(work: Work) -> Paper:
     """Run the paper whole: system, attitude, algorithm, experiment, estimators."""
-    done = 0
-
-    def step(what: str) -> None:
-        nonlocal done
-        work.progress(what, done, _STEPS)
-        done += 1
-
+    step = work.steps(_STEPS)
     records, still = experiment.static_records(work, step)
     angles, of_angles, swum = attitude.part(work, step, still.recording, _SEEDS)
     parts = [

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Step = Callable[[str], None]
 
 NAMES: Final = {"yaw": Both("yaw", "偏航角"), "pitch": Both("pitch", "俯仰角"), "roll": Both("roll", "滚转角")}
-TIME: Final = Both("time [s]", "时间 [s]")
+TIME: Final = "time [s]"
 _COLUMNS = 900
 _PAGE: Final = {"yaw": 1.23, "pitch": 0.38, "roll": 0.26}
 """Errors that an earlier prototype had with noise of its own, degrees, for comparison alone."""
@@ -46,7 +46,7 @@ def part(work: Work, step: Step, still: Path, seeds: int) -> tuple[Report, list[
     step("attitude while swimming")
     swum, free = s.swim(work), s.without_noise()
     step("attitude over seeds")
-    noisy, swinging = s.over_seeds(work.seed, seeds), s.over_seeds(work.seed, seeds, twist="0 deg")
+    noisy, swinging = s.over_seeds(work, seeds), s.over_seeds(work, seeds, twist="0 deg")
     step("clipping")
     cut = s.clipped(work)
     step("high-pass")

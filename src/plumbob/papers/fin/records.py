@@ -17,8 +17,7 @@ from plumbob.data import ImuData
 from plumbob.files import write
 from plumbob.noise.allan import Noise, allan
 from plumbob.noise.fin import TABLE
-from plumbob.papers.work import Taken, Work
-from plumbob.session.reading import read
+from plumbob.papers.work import Taken, Work, samples_of
 from plumbob.simulation import Simulation, errors, simulate
 
 RATE: Final = 500.0
@@ -110,12 +109,10 @@ class Analysed:
 
 def analysed(recording: Path) -> Analysed:
     """Rates of a recording's bytes, stored as TXT, read back, and analysed at every n [Ou2017] (steps 1 to 8)."""
-    imu = read(recording).imu
-    assert imu is not None
+    imu = samples_of(recording)
     text = recording.with_suffix(".txt")
     write(text, imu, overwrite=True)
-    back = read(text).imu
-    assert back is not None
+    back = samples_of(text)
     return Analysed(allan(text, taus="all"), float(np.max(np.abs(rates_of(back) - rates_of(imu)))), text)
 
 

@@ -8,22 +8,23 @@ from typing import Any, ClassVar, Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.calibrate import calibrate
+from plumbob.calibration.calibrate_mount import track_of
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.units import deg, dps, to_deg, to_dps
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.calibrated import apply_card
 from plumbob.data.cards import CalibrationCard
+from plumbob.evaluation.metrics import euler_errors
 from plumbob.files import write
 from plumbob.filters import Filter
 from plumbob.noise import deviation
 from plumbob.papers.fin.forms import slope
 from plumbob.papers.fin.records import LENGTH, RATE, rates_of
-from plumbob.papers.work import Taken, Work
+from plumbob.papers.work import Work, samples_of
 from plumbob.protocols.find import find_format
-from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_normalize, wrap
+from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_normalize
 from plumbob.session.estimated import estimate
-from plumbob.session.reading import read
 from plumbob.session.replay import replay
 from plumbob.simulation import EulerMotion, Module, Motion, Scenario, Simulation, draw_module, simulate
 from plumbob.simulation.rigs.rig import fitted
@@ -72,7 +73,7 @@ def integrated(imu: ImuData, start: Floats | None = None) -> AttitudeTrack:
 
 def errors_deg(track: AttitudeTrack, truth: AttitudeTrack) -> Floats:
     """Errors (N, 3) of yaw, pitch and roll, degrees."""
-    return to_deg(wrap(euler_zyx_from_quat(track.q_nb) - euler_zyx_from_quat(truth.q_nb)))
+    return to_deg(euler_errors(track.q_nb, truth.q_nb))
 
 
 def per_axis_deg(imu: ImuData) -> Floats:
@@ -130,7 +131,7 @@ def swim(work: Work) -> Swum:
     text = taken.recording.with_suffix(".txt")
     write(text, imu, overwrite=True)
     back = estimate(text, "integrate", init="level", frame="NED").track
-    truth = known(taken)
+    truth = track_of(taken.truth)
     return Swum(
         imu.t,
         true_deg(truth),
@@ -140,13 +141,6 @@ def swim(work: Work) -> Swum:
         bool(np.array_equal(back.q_nb, track.q_nb)),
         len(imu),
     )
-
-
-def known(taken: Taken) -> AttitudeTrack:
-    """True attitude of what was recorded."""
-    truth = read(taken.truth).track
-    assert truth is not None
-    return truth
 
 
 class PerAxis(NamedTuple):
@@ -176,13 +170,11 @@ def without_noise(**parameters: str) -> PerAxis:
     return PerAxis(made.imu.t, axis, quaternion, np.max(np.abs(to_dps(rates_of(made.imu))), axis=0))
 
 
-def over_seeds(seed: int, runs: int, **parameters: str) -> tuple[Floats, Floats]:
+def over_seeds(work: Work, runs: int, **parameters: str) -> tuple[Floats, Floats]:
     """Median of the largest errors (3,), degrees, by quaternion and per axis, with the parts' noise and rounding."""
     found: tuple[list[Floats], list[Floats]] = ([], [])
-    for i in range(runs):
-        made = simulate(
-            "fin", frame="NED", sensors=fin_unit(seed), unit="calibrated", seed=1000 * seed + i, **parameters
-        )
+    for seed in work.seeds(runs):
+        made = simulate("fin", frame="NED", sensors=fin_unit(work.seed), unit="calibrated", seed=seed, **parameters)
         found[0].append(np.max(np.abs(errors_deg(integrated(made.imu), made.truth)), axis=0))
         found[1].append(np.max(np.abs(per_axis_deg(made.imu) - true_deg(made.truth)), axis=0))
     return np.asarray(np.median(found[0], axis=0)), np.asarray(np.median(found[1], axis=0))
@@ -239,8 +231,7 @@ def clipped(work: Work) -> Clipped:
     taken = work.recorded(
         "fin", "fast", session=LIVE, unit="calibrated", duration=20.0, scenario="fin", set={"frequency": "1 Hz"}
     )
-    imu = read(taken.recording).imu
-    assert imu is not None
+    imu = samples_of(taken.recording)
     made = simulate("fin", frame="NED", sensors="ideal", unit="calibrated", seed=0, duration=20.0, frequency=1.0)
     said = to_dps(rates_of(imu))
     at_end = (np.abs(said[:, :2]) >= 100.0).any(axis=1) | (np.abs(said[:, 2]) >= 300.0)
@@ -251,7 +242,7 @@ def clipped(work: Work) -> Clipped:
         said,
         float(np.mean(flagged)),
         int(np.sum(at_end & ~flagged)),
-        errors_deg(integrated(imu), known(taken)),
+        errors_deg(integrated(imu), track_of(taken.truth)),
     )
 
 
@@ -314,15 +305,11 @@ def high_passed(work: Work, still: Path) -> HighPassed:
 
 
 def _z_dps(recording: Path) -> Floats:
-    imu = read(recording).imu
-    assert imu is not None
-    return np.ascontiguousarray(to_dps(rates_of(imu))[:, 2])
+    return np.ascontiguousarray(to_dps(rates_of(samples_of(recording)))[:, 2])
 
 
 def _through_bytes(work: Work, name: str, made: Simulation) -> ImuData:
-    imu = read(work.sent("fin", name, made).recording).imu
-    assert imu is not None
-    return imu
+    return samples_of(work.sent("fin", name, made).recording)
 
 
 class WarmedUp(NamedTuple):

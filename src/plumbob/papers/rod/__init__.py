@@ -15,17 +15,17 @@ __all__ = ["ITEMS", "run"]
 
 def run(work: Work) -> Paper:
     """Run the paper: one recording through bytes, and its methods over many seeds."""
-    steps = 2 + SEEDS + TRIED
-    work.progress("rig, recording and estimates", 0, steps)
+    step = work.steps(2 + SEEDS + TRIED)
+    step("rig, recording and estimates")
     one = compared.compared(work)
-    seeds = [1000 * work.seed + k for k in range(SEEDS)]
-    table = methods.measure(seeds, progress=lambda done: work.progress("methods over seeds", 1 + done, steps))
+    seeds = work.seeds(SEEDS)
+    table = methods.measure(seeds, progress=lambda _: step("methods over seeds"))
     limits = []
-    for k, seed in enumerate(seeds[:TRIED]):
-        work.progress("what the test leaves out", 1 + SEEDS + k, steps)
+    for seed in seeds[:TRIED]:
+        step("what the test leaves out")
         case = methods.case(seed)
         limits.append([methods.disturbed(case, what) for what in methods.DISTURBANCES])
-    work.progress("covariance and page", steps - 1, steps)
+    step("covariance and page")
     first = methods.case(seeds[0])
     forms = equations.forms(first)
     outcomes = [

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob import files
+from plumbob.calibration.calibrate_mount import track_of
 from plumbob.core import flags
 from plumbob.core.check import Floats
 from plumbob.core.units import to_deg
@@ -170,9 +170,7 @@ def compared(work: Work, duration: float = 600.0) -> Compared:
         tracks[key] = found.track
     assert found is not None
     assert found.reference is not None
-    truth, ahrs_true = (files.read(path).track for path in (taken.truth, unit_file(taken.truth, "ref")))
-    assert truth is not None
-    assert ahrs_true is not None
+    truth, ahrs_true = (track_of(path) for path in (taken.truth, unit_file(taken.truth, "ref")))
     soft = tracks["ekf7"]
     assert soft.flags is not None
     assert soft.bias_b is not None

@@ -36,6 +36,7 @@ from plumbob.rotations import (
 from plumbob.simulation.errors import stream
 from plumbob.simulation.rigs.plan import PLANS
 
+_TINY: Final = at_most(1e-12)
 ANGLES: Final = 0.3, -0.2, 0.9
 """Roll, pitch and yaw, rad, at which the printed forms are tried."""
 STEP: Final = 1e-3
@@ -106,18 +107,16 @@ def _near(value: float, by: float) -> tuple[float, float]:
 
 def formulas(seed: int) -> list[Outcome]:
     """Outcomes of (1) to (8) and (10), of Φ and H, and of the mounting: closed forms, no simulation."""
+    return [*_of_angles(), *_of_gravity(), *_of_matrices(seed), *permutations()]
+
+
+def _of_angles() -> list[Outcome]:
+    """Angles and matrices of a quaternion, (1) to (3), as printed and corrected."""
     roll, pitch, yaw = ANGLES
     q = quat_from_euler_zyx(np.array([yaw, pitch, roll]))
     wrong, mirrored = printed_angles(q), printed_angles(quat_conjugate(q))
     right = np.abs(np.array(euler_zyx_from_quat(q))[::-1] - ANGLES)
-    down = dcm_from_quat(q)
-    g_b = -observed(q)
-    g170 = -observed(quat_from_euler_zyx(deg(np.array([0.0, 0.0, 170.0]))))
-    atan, atan2 = math.atan(g170[1] / g170[2]), float(level_angles(g170[np.newaxis])[0][0])
-    w = np.array([0.0, deg(54.0), 0.0])
-    phi, h = worst_jacobians(seed)
-    euler = euler_matrix(roll, pitch, yaw)
-    tiny = at_most(1e-12)
+    down, euler = dcm_from_quat(q), euler_matrix(roll, pitch, yaw)
     printed = Both("as printed", "按印刷")
     return [
         Outcome(
@@ -125,7 +124,7 @@ def formulas(seed: int) -> list[Outcome]:
             where="(1)–(3)",
             unit="rad",
             best=float(right.max()),
-            best_bar=tiny,
+            best_bar=_TINY,
             what=Both(
                 "angles of a quaternion, corrected: error at (0.3, −0.2, 0.9)",
                 "四元数求姿态角（更正式）在 (0.3, −0.2, 0.9) 的误差",
@@ -182,13 +181,24 @@ def formulas(seed: int) -> list[Outcome]:
             faithful=float(np.abs(euler - down).max()),
             faithful_bar=at_least(0.1),
             best=float(np.abs(euler.T - down).max()),
-            best_bar=tiny,
+            best_bar=_TINY,
             digits=2,
             what=Both(
                 "largest difference of the two matrices called C_n^b; transposed",
                 "两个记作 C_n^b 的矩阵之差的最大值；转置后",
             ),
         ),
+    ]
+
+
+def _of_gravity() -> list[Outcome]:
+    """Angles at rest, (4) to (8), and the turn of (10)."""
+    roll, pitch, yaw = ANGLES
+    g_b = -observed(quat_from_euler_zyx(np.array([yaw, pitch, roll])))
+    g170 = -observed(quat_from_euler_zyx(deg(np.array([0.0, 0.0, 170.0]))))
+    atan, atan2 = math.atan(g170[1] / g170[2]), float(level_angles(g170[np.newaxis])[0][0])
+    w = np.array([0.0, deg(54.0), 0.0])
+    return [
         Outcome(
             key="eq.level",
             where="(4)–(8)",
@@ -196,7 +206,7 @@ def formulas(seed: int) -> list[Outcome]:
             best=float(
                 max(abs(float(a[0]) - b) for a, b in zip(level_angles(g_b[np.newaxis]), (roll, pitch), strict=True))
             ),
-            best_bar=tiny,
+            best_bar=_TINY,
             what=Both("roll and pitch of gravity at rest: error", "静止时由重力求横滚、俯仰角的误差"),
         ),
         Outcome(
@@ -221,6 +231,13 @@ def formulas(seed: int) -> list[Outcome]:
             best_bar=_near(54.0, 0.01),
             what=Both("turn for W = 54°, as printed; with the half angle", "W = 54° 时按印刷转过的角度；用半角"),
         ),
+    ]
+
+
+def _of_matrices(seed: int) -> list[Outcome]:
+    """Φ and H against differences, and the mounting."""
+    phi, h = worst_jacobians(seed)
+    return [
         Outcome(
             key="jacobian.phi",
             where="§2.4 (1)",
@@ -252,7 +269,6 @@ def formulas(seed: int) -> list[Outcome]:
                 "由安装旋转将 AHRS 姿态与重力转到载体轴的误差",
             ),
         ),
-        *permutations(),
     ]
 
 

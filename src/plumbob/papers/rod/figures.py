@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-_BLUE, _RED, _GREEN, _PINK, _AMBER = SERIES[:5]
+_BLUE, _RED, _GREEN, _, _AMBER = SERIES[:5]
 _COLUMNS = 900
-_TIME: Final = Both("time [s]", "时间 [s]")
+_TIME: Final = "time [s]"
 _ROLL, _PITCH = Both("roll [°]", "横滚角 [°]"), Both("pitch [°]", "俯仰角 [°]")
 ZOOM: Final = 380.0, 420.0
 """Window of the enlargements, s: the vibration begins in its middle."""

@@ -16,11 +16,12 @@ from plumbob.core.check import Floats
 from plumbob.core.units import dps, g, to_deg
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.cards import NoiseCard
+from plumbob.evaluation.metrics import attitude_errors, euler_errors
 from plumbob.filters.offline import Stage, run_stage
 from plumbob.papers.rod import literal
 from plumbob.papers.rod.literal import Form
 from plumbob.reporting.style import Both
-from plumbob.rotations import Frame, euler_zyx_from_quat, quat_conjugate, quat_multiply, quat_rotate, wrap
+from plumbob.rotations import Frame, quat_conjugate, quat_multiply, quat_rotate
 from plumbob.simulation import simulate
 from plumbob.simulation.errors import stream
 
@@ -166,14 +167,12 @@ METHODS: Final[Mapping[str, Method]] = {
 
 def tilt_errors(q_est: Floats, q_true: Floats) -> Floats:
     """Errors of roll and pitch (2, N), °: differences of Euler angles, which hold for a heading that drifts."""
-    error = wrap(euler_zyx_from_quat(q_est) - euler_zyx_from_quat(q_true))
-    return np.asarray(to_deg(error[:, [2, 1]].T))
+    return np.asarray(to_deg(euler_errors(q_est, q_true)[:, [2, 1]].T))
 
 
 def leans(q_est: Floats, q_true: Floats) -> Floats:
     """Angle between the estimated and the true vertical, (N,), °, which knows no gimbal lock."""
-    error = quat_multiply(q_est, quat_conjugate(q_true))
-    return np.asarray(to_deg(2.0 * np.arctan2(np.hypot(*error[:, 1:3].T), np.hypot(*error[:, [0, 3]].T))))
+    return np.asarray(to_deg(attitude_errors(q_est, q_true)["inclination"]))
 
 
 class Score(NamedTuple):

@@ -23,13 +23,9 @@ def run(work: Work) -> Paper:
         "parts that warm up", "static test", "soak", "rate table", "turntable", "ball", "many records at rest",
         "white noise", "four hours", "fits", "many turntables", "misprints",
     )  # fmt: skip
-    steps = iter(range(len(names)))
-
-    def begin(name: str) -> None:
-        work.progress(name, next(steps), len(names))
-
-    first = 1000 * work.seed
-    seeds = {name: range(first, first + count) for name, count in SEEDS.items()}
+    begin = work.steps(len(names))
+    seeds = {name: work.seeds(count) for name, count in SEEDS.items()}
+    first = seeds["short"].start
     begin(names[0])
     parts = {part: misprints.warmed(part, first + 100 * k) for k, part in enumerate(misprints.PARTS)}
     begin(names[1])

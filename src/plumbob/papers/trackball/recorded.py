@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from plumbob.calibration.calibrate import calibrate
+from plumbob.calibration.calibrate_mount import track_of
 from plumbob.calibration.rates import filter_rates
 from plumbob.core.check import Floats
 from plumbob.core.units import dps
@@ -29,10 +30,9 @@ from plumbob.papers.trackball.records import (
     unfiltered,
 )
 from plumbob.papers.trackball.static import TAUS, factors
-from plumbob.papers.work import Work
+from plumbob.papers.work import Work, samples_of
 from plumbob.rotations import Frame, quat_conjugate, quat_rotate
 from plumbob.session.estimated import estimate
-from plumbob.session.reading import read
 from plumbob.simulation import scenario
 from plumbob.simulation.errors import stream
 
@@ -131,8 +131,8 @@ LINES: Final[Mapping[str, Line]] = {
 def rest(work: Work) -> Rest:
     """Record the static test, and compare it before and after the scalar filter."""
     file = work.recorded(RIG, "static", noise=noise_card()).recording
-    raw = read(file).imu
-    assert raw is not None and raw.gyr is not None and raw.temp_c is not None
+    raw = samples_of(file)
+    assert raw.gyr is not None and raw.temp_c is not None
     before, after, best = (
         filter_rates(file, one.filter, params=one.params, drift="chen2013", rest=(0.0, REST)).imu.usable("gyr")
         for one in (unfiltered(), scalar_filter(AT_REST), two_state())
@@ -164,14 +164,14 @@ def soaked(work: Work) -> Soaked:
 def turned(work: Work, card: Path) -> Turned:
     """Record the turntable after a rest, and filter its rates in every way."""
     taken = work.recorded(RIG, "turntable", noise=noise_card(), scenario="turntable", set={"lead": REST})
-    imu = read(taken.recording).imu
-    assert imu is not None and imu.gyr is not None
+    imu = samples_of(taken.recording)
+    assert imu.gyr is not None
     plan = scenario("turntable", lead=REST)
     true = plan.motion(stream(0, "scenario"), plan.duration).truth(imu.t).rate_b[:, 2]
     begin = imu.t >= REST
     found = {name: _filtered(taken.recording, line, card) for name, line in LINES.items()}
     rates = {name: one.imu.usable("gyr")[begin, 2] for name, one in found.items()}
-    truth = _heading(_track(taken.truth))[begin]
+    truth = _heading(track_of(taken.truth))[begin]
     headings = {}
     for name in (name for name, line in LINES.items() if line.card):
         track = estimate(found[name].recording, "integrate", frame=Frame.NED, init="level").track
@@ -182,7 +182,7 @@ def turned(work: Work, card: Path) -> Turned:
 def lapped(work: Work, card: Path) -> Lapped:
     """Record the ball after a rest, integrate its rates, and follow the point that touches the lower plate."""
     taken = work.recorded(RIG, "ball", noise=noise_card(), scenario="ball", set={"lead": REST})
-    truth = _track(taken.truth)
+    truth = track_of(taken.truth)
     begin = truth.t >= REST
     tracks = {"true": touching(truth.q_nb[begin])}
     measured = estimate(taken.recording, "integrate", frame=Frame.NED, init="level").track
@@ -207,12 +207,6 @@ def apart(one: Floats, other: Floats) -> Floats:
 def _filtered(file: Path, line: Line, card: Path) -> Any:
     how: dict[str, Any] = {"calibration": card} if line.card else {"drift": "chen2013"}
     return filter_rates(file, line.filter.filter, params=line.filter.params, rest=(0.0, REST), **how)
-
-
-def _track(file: Path) -> AttitudeTrack:
-    track = read(file).track
-    assert track is not None
-    return track
 
 
 def _heading(track: AttitudeTrack) -> Floats:

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from plumbob.core import flags
+from plumbob.core import check, flags
 from plumbob.core.check import Floats
 from plumbob.core.errors import DecodeError, ParameterError
 from plumbob.core.text import Shown
@@ -210,16 +210,16 @@ def run_firmware(
     rows = encode(load(FORMAT), columns)
     log.write(rows)
     busy = sum(int((np.minimum(one.done_ns, end_ns) - one.begun_ns).sum()) for one in calls.values())
-    return Firmware(rows, columns, sent_ns, track_of(rows.tobytes()), calls, 1.0 - busy / end_ns, samples, fused, log)
+    return Firmware(rows, columns, sent_ns, decoded(rows.tobytes()), calls, 1.0 - busy / end_ns, samples, fused, log)
 
 
-def track_of(data: bytes) -> AttitudeTrack:
+def decoded(data: bytes) -> AttitudeTrack:
     """Attitude that frames of format ``buoy_attitude`` say, by their own clock, from the first sample of the buoy.
 
     Raises
     ------
     DecodeError
-        If there is no frame.
+        If the bytes hold no frame.
     """
     found = decode(data, load(FORMAT)).frames
     if FORMAT not in found:
@@ -250,8 +250,7 @@ def _samples(imu: ImuData, read_ns: Ints) -> ImuData:
 
 
 def _renewed(values: Floats, row: Ints) -> Floats:
-    there = ~np.isnan(values).any(axis=1)
-    last = np.maximum.accumulate(np.where(there, np.arange(len(values)), -1))[row]
+    last = check.last_marked(np.asarray(~np.isnan(values).any(axis=1)))[row]
     new = np.diff(last, prepend=-1) > 0
     return np.where(new[:, np.newaxis], values[last], np.nan)
 
@@ -281,7 +280,7 @@ def _taken(values: Floats, start: Ints, stop: Ints, take: str) -> Floats:
     """Mean, or newest, of the values (N, 3) in each range; NaN where there is none."""
     there = np.asarray(~np.isnan(values).any(axis=1))
     if take == "newest":
-        last = np.maximum.accumulate(np.where(there, np.arange(len(values)), -1))[stop - 1]
+        last = check.last_marked(there)[stop - 1]
         return np.where((last >= start)[:, np.newaxis], values[last], np.nan)
     sums = np.add.reduceat(np.where(there[:, np.newaxis], values, 0.0)[: stop[-1]], start)
     counts = np.add.reduceat(there[: stop[-1]].astype(np.int64), start)[:, np.newaxis]

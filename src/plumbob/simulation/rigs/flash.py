@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from plumbob.core.errors import ParameterError, ShapeError
 from plumbob.core.text import Shown
+from plumbob.protocols.ring import BLANK
 
 Bytes = NDArray[np.uint8]
 
 YEAR_S: Final = 365.25 * 86400.0
-BLANK: Final = 0xFF
-"""What an erased byte reads."""
 
 
 class FlashLog(Shown):

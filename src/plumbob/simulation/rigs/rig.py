@@ -16,7 +16,7 @@ from plumbob.core.time import to_ns
 from plumbob.core.units import to_deg, unit
 from plumbob.data.cards import CalibrationCard, NoiseCard
 from plumbob.protocols.decode import columns_of
-from plumbob.protocols.encode import encode
+from plumbob.protocols.encode import encode, held
 from plumbob.protocols.field import Field
 from plumbob.protocols.format import Format, Message
 from plumbob.protocols.rigs import load
@@ -74,13 +74,11 @@ def columns_for(
 
 def _in_register(one: Field, values: Floats) -> Floats:
     """Hold the last value where there is none, and run into the rail where the sensor is at the end of its range."""
-    there = ~np.isnan(values)
-    last = np.maximum.accumulate(np.where(there, np.arange(values.size), -1))
-    held = np.where(last >= 0, values[last], 0.0)
+    said = held(values)
     if not one.triad or one.type[0] == "f":
-        return held
-    beyond = np.abs(held) >= one.full_scale * _JUST_BELOW
-    return np.where(beyond, np.nan if one.overflow else np.copysign(np.inf, held), held)
+        return said
+    beyond = np.abs(said) >= one.full_scale * _JUST_BELOW
+    return np.where(beyond, np.nan if one.overflow else np.copysign(np.inf, said), said)
 
 
 def _angles(simulation: Simulation, fields: Mapping[str, Field], prefix: str) -> dict[str, Floats]:
