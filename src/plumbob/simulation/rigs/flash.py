@@ -98,8 +98,8 @@ class FlashLog(Shown):
             raise ShapeError(f"a log takes records of {self.record} bytes, but {len(data)} bytes are not a multiple.")
         self._buffer += data
         used = self.per_page * self.record
-        rows = np.frombuffer(bytes(self._buffer), dtype=np.uint8)
-        rows = rows[: rows.size // used * used].reshape(-1, used)
+        waiting = np.frombuffer(bytes(self._buffer), dtype=np.uint8)
+        rows = waiting[: waiting.size // used * used].reshape(-1, used)
         while len(rows):
             count = min(len(rows), self.pages - self._next % self.pages)
             self._cells[self._next : self._next + count, :used] = rows[:count]
