@@ -13,7 +13,8 @@ from plumbob.core._jit import njit
 from plumbob.core.check import Floats
 from plumbob.core.errors import ClockError
 
-_LONGEST = float(2**23)  # 97 days: beyond, neighbouring float64 seconds are more than a nanosecond apart
+LONGEST: Final = float(2**23)
+"""Seconds of a recording at most, 97 days: beyond, neighbouring float64 are more than a nanosecond apart."""
 
 
 def to_ns(t: Floats) -> NDArray[np.int64]:
@@ -24,10 +25,10 @@ def to_ns(t: Floats) -> NDArray[np.int64]:
     ClockError
         If a time is 97 days or farther from the start, where seconds can no longer hold the nanosecond.
     """
-    if t.size and not float(np.max(np.abs(t))) < _LONGEST:
+    if t.size and not float(np.max(np.abs(t))) < LONGEST:
         raise ClockError(
             f"t reaches {float(np.max(np.abs(t))):.6g} s, but seconds count from the start of the recording and end at "
-            f"{_LONGEST:.0f} s. For unix time use t - t[0] and put the start into meta.t0_ns."
+            f"{LONGEST:.0f} s. For unix time use t - t[0] and put the start into meta.t0_ns."
         )
     whole = np.trunc(t)  # t * 1e9 would round twice, and miss by 1 ns from 48 days on
     return whole.astype(np.int64) * 1_000_000_000 + np.rint((t - whole) * 1e9).astype(np.int64)

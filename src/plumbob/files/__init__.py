@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from plumbob.core.lazy import lazily
 
 if TYPE_CHECKING:
-    from plumbob.files.formats import FORMATS, Format, read, write
+    from plumbob.files.formats import FORMATS, Format, is_recording, kind_of, read, write
     from plumbob.files.notes import Recording, findings, found_in, inferred, inferred_in
     from plumbob.files.numbers import Numbers, open_numbers
     from plumbob.files.profile import Profile
@@ -23,6 +23,8 @@ __getattr__, __dir__ = lazily(
         "found_in": "notes",
         "inferred": "notes",
         "inferred_in": "notes",
+        "is_recording": "formats",
+        "kind_of": "formats",
         "load_profile": "profile_toml",
         "open_numbers": "numbers",
         "parse_profile": "profile_toml",
@@ -41,6 +43,8 @@ __all__ = [
     "found_in",
     "inferred",
     "inferred_in",
+    "is_recording",
+    "kind_of",
     "load_profile",
     "open_numbers",
     "parse_profile",

@@ -333,6 +333,15 @@ def read_broad(path: str | Path) -> Recording:
         )
 
 
+def accepts(file: Path) -> bool:
+    """Whether a file names the arrays of a trial; packed variables of MATLAB v5, which hide them, are taken for one."""
+    with file.open("rb") as stream:
+        start = stream.read(16)
+        if not start.startswith(tuple(_LOADERS)):
+            return False
+        return b"opt_quat" in stream.read() or start.startswith(_MAT5_SIGNATURE)
+
+
 def _loader(file: Path) -> Any:
     with file.open("rb") as stream:
         start = stream.read(16)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from plumbob.core import check
 from plumbob.core.errors import DecodeError, ParameterError
-from plumbob.core.files import TABLES, existing_file
+from plumbob.core.files import TABLES, existing_file, reading, sidecars
 from plumbob.data import AttitudeTrack, ImuData
 from plumbob.data.array import ImuArray
 from plumbob.files.notes import Recording, findings_of, lines
@@ -36,6 +36,9 @@ class Format:
         As `read`, but samples may stay in the file.
     takes_profile : bool
         Whether a profile describes such files.
+    accepts : callable or None
+        Whether a path is of this format, by its content; asked where several formats share a suffix, or it is a folder.
+        None: the suffix says it all.
     writers : tuple of (str, callable)
         Suffixes that can be written, with their writers, which also take whether a file may be replaced.
     """
@@ -46,6 +49,7 @@ class Format:
     read: Callable[..., Recording]
     opened: Callable[[Path], Recording] | None = None
     takes_profile: bool = False
+    accepts: Callable[[Path], bool] | None = None
     writers: tuple[tuple[str, Callable[[Path, Recording, bool], None]], ...] = ()
 
 
@@ -58,7 +62,30 @@ def _late(module: str, name: str) -> Callable[..., Any]:
     return call
 
 
+def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str) -> Format:
+    """A format of `plumbob.files.foreign`, whose module has `accepts` and `read`; a suffix of "" is a folder."""
+    return Format(
+        name, suffixes, what, _late(f"foreign.{module}", "read"), accepts=_late(f"foreign.{module}", "accepts")
+    )
+
+
 FORMATS: Final = (
+    _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP with CDR messages"),
+    _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4"),
+    _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink"),
+    _foreign("EuRoC", "euroc", ("", ".csv"), "EuRoC and TUM VI: folders with mav0/imu0, or their data.csv"),
+    _foreign("KITTI", "kitti", ("",), "KITTI raw: a drive's folder with oxts/data"),
+    _foreign("RepoIMU", "repoimu", (".csv",), "trials of RepoIMU"),
+    _foreign(
+        "phone",
+        "phones",
+        (".zip", ".csv", ".txt", ""),
+        "phyphox, Sensor Logger and SensorLog, zipped, or as folder or CSV",
+    ),
+    _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs"),
+    _foreign(
+        "x-IMU3", "ximu3", (".ximu3", ".csv", ""), "logs of x-IMU3, and the folders of CSV that its GUI makes of them"
+    ),
     Format(
         name="native",
         suffixes=(".parquet",),
@@ -80,6 +107,14 @@ FORMATS: Final = (
         suffixes=(".hdf5", ".h5", ".mat"),
         what="trials of the BROAD data set, HDF5 or MATLAB v5; read only",
         read=_late("broad", "read_broad"),
+        accepts=_late("broad", "accepts"),
+    ),
+    Format(
+        name="arrays",
+        suffixes=(".mat", ".h5", ".hdf5", ".npz"),
+        what="named arrays of MATLAB, HDF5 and NumPy, described by a profile in TOML; read only",
+        read=_late("foreign.tables", "read"),
+        takes_profile=True,
     ),
 )
 
@@ -108,8 +143,8 @@ def read(
     UnitError, ClockError, ShapeError, FrameError
         If its numbers cannot be what they are declared to be.
     """
-    kind = _format(check.path("path", path))
-    file = existing_file(path)
+    kind = kind_of(path, described=profile is not None)
+    file = Path(path)
     if profile is not None and not kind.takes_profile:
         raise ParameterError(f"{file} describes itself ({kind.name}), so it takes no profile; leave --profile out.")
     if kind.takes_profile:
@@ -156,7 +191,7 @@ def write(
         If the notes are not lines of text.
     """
     added, file = lines("notes", notes), check.path("path", path)
-    writers = dict(_format(file).writers)
+    writers = {suffix: writer for kind in _by_suffix(file) for suffix, writer in kind.writers}
     if file.suffix.lower() not in writers:
         raise DecodeError(f"{file}: {file.suffix} is read only; write {', '.join(_writable())} instead.")
     recording = _recording(what, file.stem)
@@ -174,15 +209,61 @@ def _recording(what: Recording | ImuData | ImuArray | AttitudeTrack, name: str) 
     return check.kind("what", what, Recording, hint="An ImuData or an AttitudeTrack will do, too.")
 
 
-def _format(path: Path) -> Format:
-    for kind in FORMATS:
-        if path.suffix.lower() in kind.suffixes:
-            return kind
+def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
+    """Format of a file or a folder, by its suffix, and by its content where several share that.
+
+    A text table beside which its profile lies is one, whatever its columns look like.
+
+    Parameters
+    ----------
+    path : path
+        The file, or the folder where a format is one.
+    described : bool
+        Whether a profile is given for it.
+
+    Raises
+    ------
+    DecodeError
+        If there is none, its suffix is unknown, or no format of its suffix knows its content.
+    """
+    file = check.path("path", path)
+    if not file.is_dir():
+        candidates = _by_suffix(file)
+        existing_file(file)
+    else:
+        candidates = [kind for kind in FORMATS if "" in kind.suffixes]
+    described = described or any(beside.is_file() for beside in sidecars(file))
+    if described and any(kind.takes_profile for kind in candidates):
+        candidates = [kind for kind in candidates if kind.takes_profile]
+    with reading(file):
+        for kind in candidates:
+            if kind.accepts is None or kind.accepts(file):
+                return kind
+    names = ", ".join(kind.name for kind in candidates)
+    if file.is_dir():
+        raise DecodeError(f"{file} is a folder, and not one of {names}; name one file in it.")
+    raise DecodeError(f"{file}: its content is not that of a '{file.suffix}' file that is known, which are {names}.")
+
+
+def is_recording(path: Path) -> bool:
+    """Whether a path may be that of a recording: its suffix is that of one, or it is a folder of a known format."""
+    if path.is_dir():
+        return any(kind.accepts is not None and kind.accepts(path) for kind in FORMATS if "" in kind.suffixes)
+    return path.suffix.lower() in {suffix for kind in FORMATS for suffix in kind.suffixes if suffix}
+
+
+def _by_suffix(path: Path) -> list[Format]:
+    """Formats that a suffix may mean."""
+    if found := [kind for kind in FORMATS if path.suffix and path.suffix.lower() in kind.suffixes]:
+        return found
     from plumbob.files.numbers import SUFFIXES
 
-    known = ", ".join(suffix for kind in FORMATS for suffix in kind.suffixes)
+    known = ", ".join(dict.fromkeys(suffix for kind in FORMATS for suffix in kind.suffixes if suffix))
     hint = " Plain numbers are not a recording; 'plumbob allan' takes them." if path.suffix.lower() in SUFFIXES else ""
-    raise DecodeError(f"{path}: the suffix '{path.suffix}' is unknown; known are {known}.{hint}")
+    raise DecodeError(
+        f"{path}: the suffix '{path.suffix}' is unknown; known are {known}; raw bytes are for 'plumbob record --from'."
+        f"{hint}"
+    )
 
 
 def _writable() -> list[str]:

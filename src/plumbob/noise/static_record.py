@@ -211,7 +211,7 @@ def is_recording(file: Path, profile: Path | None, kind: str | None) -> bool:
     suffix = file.suffix.lower()
     if suffix in TEXT_SUFFIXES:
         return profile is not None or any(beside.is_file() for beside in sidecars(file))
-    return suffix not in SUFFIXES and suffix in (".mcap", *(s for form in files.FORMATS for s in form.suffixes))
+    return suffix not in SUFFIXES and files.is_recording(file)
 
 
 def _of_recording(

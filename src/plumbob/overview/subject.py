@@ -23,7 +23,7 @@ from plumbob.overview.gathered import Gathered, Gatherer
 from plumbob.rotations import North
 from plumbob.rotations.headings import counted_from
 from plumbob.session.estimated import Estimated, estimate
-from plumbob.session.reading import SUFFIX, read_one
+from plumbob.session.reading import is_own, read_one
 
 if TYPE_CHECKING:
     from plumbob.session.session import Session
@@ -234,7 +234,7 @@ def _opened(
         yield file.of_unit(how.get("unit")), (), None
         return
     path = Path(file)
-    if path.suffix == SUFFIX and path.is_file():
+    if is_own(path) and path.is_file():
         with _recorded(path, how) as found:
             yield found
         return

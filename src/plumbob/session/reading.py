@@ -55,20 +55,22 @@ def read(
     MissingExtraError
         If the format needs a package that is not installed.
     """
-    from plumbob.files import FORMATS
     from plumbob.files import read as read_samples
 
     file = check.path("path", path)
-    if file.suffix == SUFFIX:
+    if is_own(file):
         from plumbob.session.recorded import read_recorded
 
         return read_recorded(file, unit=unit)
-    known = [suffix for kind in FORMATS for suffix in kind.suffixes]
-    if file.suffix.lower() not in known:
-        listed = f"known are {', '.join([SUFFIX, *known])}; raw bytes are for 'plumbob record --from'"
-        raise DecodeError(f"{file}: the suffix '{file.suffix}' is unknown; {listed}.")
     found = read_samples(file, profile=profile, whole=whole)
     return found if unit is None else found.of_unit(unit)
+
+
+def is_own(path: Path) -> bool:
+    """Whether a path is that of a recording by Plumbob, whole or damaged, and not of another program's MCAP."""
+    from plumbob.files.foreign import ros
+
+    return path.suffix == SUFFIX and not (path.is_file() and ros.accepts(path))
 
 
 def read_one(

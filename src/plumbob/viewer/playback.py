@@ -21,7 +21,7 @@ from plumbob.files.mcap import open_log
 from plumbob.protocols.format import Message
 from plumbob.rotations import Frame
 from plumbob.session.estimated import estimate
-from plumbob.session.reading import SUFFIX, read
+from plumbob.session.reading import is_own, read
 from plumbob.session.recorded import read_recorded, reference_of
 from plumbob.session.replay import Replayed, replay
 from plumbob.session.session_toml import SESSION, of_unit, recorded_session
@@ -191,9 +191,9 @@ def _require_unlike(names: Sequence[str]) -> None:
 def _loaded(
     path: Path, unit: str | None, profile: str | Path | None, *, all_: bool, calibration: Any, frame: Any
 ) -> Loaded:
-    if path.suffix == SUFFIX and SESSION in open_log(path).metadata:
+    if is_own(path) and SESSION in open_log(path).metadata:
         return _of_line(path, unit, all_=all_, calibration=calibration, frame=frame)
-    found = read_recorded(path, estimated=True) if path.suffix == SUFFIX else read(path, profile=profile)
+    found = read_recorded(path, estimated=True) if is_own(path) else read(path, profile=profile)
     array = found.array
     if all_ and array is None:
         raise ParameterError(f"{path} holds one unit, but a chain has one on each segment. Leave --chain out.")
@@ -204,7 +204,7 @@ def _loaded(
         from plumbob.filters.offline import calibrated
 
         imu = calibrated(imu, CalibrationCard.of(calibration))
-    carries = track is not None and (imu is None or path.suffix == SUFFIX)
+    carries = track is not None and (imu is None or is_own(path))
     estimates = [_carried(track, imu)] if carries and track is not None else []
     known = imu if imu is not None else track
     if known is None:

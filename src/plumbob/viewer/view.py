@@ -329,8 +329,10 @@ def opened_up(
             raise ParameterError("a Session says everything about its stream; leave the other options out.")
         yield Shows(_with_units(what, known), also=also, chain=known)
         return
+    from plumbob.files import is_recording
+
     path = None if what is None else check.path("what", what)
-    if path is not None and _is_recording(path):
+    if path is not None and is_recording(path):
         yield Shows(path=path, options=_of_recording(line), also=also, chain=known)
         return
     session = session_of(**_of_line(path, line))
@@ -340,14 +342,6 @@ def opened_up(
 def _with_units(session: Session, chain: Chain | None) -> Session:
     """Session that decodes all units where a chain carries them."""
     return session if chain is None or session.units else of_unit(session, ALL)
-
-
-def _is_recording(path: Path) -> bool:
-    """Whether a path is that of a recording, by its suffix."""
-    from plumbob.files import FORMATS
-    from plumbob.session.reading import SUFFIX
-
-    return path.suffix.lower() in {SUFFIX, *(suffix for kind in FORMATS for suffix in kind.suffixes)}
 
 
 def _of_line(path: Path | None, line: Mapping[str, Any]) -> dict[str, Any]:

@@ -41,7 +41,6 @@ def trials_in(*places: Path) -> list[Path]:
     DecodeError
         If a place does not exist, or a folder holds none.
     """
-    known = [suffix for kind in io.FORMATS for suffix in kind.suffixes]
     found: list[Path] = []
     for place in places:
         if place.is_file():
@@ -49,8 +48,9 @@ def trials_in(*places: Path) -> list[Path]:
             continue
         if not place.is_dir():
             raise DecodeError(f"{place} is not a folder of recordings.")
-        inside = sorted(p for p in place.iterdir() if p.suffix.lower() in known)
+        inside = sorted(p for p in place.iterdir() if io.is_recording(p))
         if not inside:
+            known = dict.fromkeys(suffix for kind in io.FORMATS for suffix in kind.suffixes if suffix)
             raise DecodeError(f"{place} holds no recording; known suffixes are {', '.join(known)}.")
         found += inside
     return found

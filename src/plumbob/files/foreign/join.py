@@ -1,0 +1,200 @@
+"""Streams with clocks of their own on one time line: the gyroscope's stamps lead, and no row is made up.
+
+A log that keeps each sensor in a table of its own has no common rows. Rows of all stamps would hold a number of one
+sensor and NaN of the others, and no filter could integrate them. Here the leading stream's stamps are the rows:
+
+- a stream of at least half its rate is interpolated linearly between its two neighbours, where these are not farther
+  apart than a gap; a stream of more than 1.5 times its rate is averaged over each step first, as picking single samples
+  of it would fold its vibration;
+- a slower stream keeps its own values, each at the row that is nearest in time; the rows between are NaN, which the
+  filters take as 'no new value'.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from plumbob.core import check
+from plumbob.core.check import Floats
+from plumbob.core.errors import ClockError, ShapeError
+from plumbob.core.text import counted
+from plumbob.core.time import GAP_FACTOR, LONGEST
+from plumbob.data import TRIADS, ImuData, ImuMeta
+
+DISORDER: Final = 0.01
+"""Share of stamps that may be out of order or repeated before the clock is refused."""
+_SLOW, _FAST = 0.5, 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """What one sensor said, by its own clock.
+
+    Parameters
+    ----------
+    t_ns : array_like (N,) of int
+        Stamps, ns, of a clock that all streams of a recording share.
+    values : array_like (N, 3) or (N,)
+        Values in SI units: rad/s, m/s², µT, °C; NaN where there is none.
+    """
+
+    t_ns: ArrayLike
+    values: ArrayLike
+
+
+def joined(
+    streams: Mapping[str, Stream], *, meta: ImuMeta, epoch_ns: int | None = None
+) -> tuple[ImuData, tuple[str, ...]]:
+    """Samples of several sensors on the time line of the gyroscope, or of the fastest where there is none.
+
+    Parameters
+    ----------
+    streams : mapping of str to Stream
+        By ``gyr``, ``acc``, ``mag`` and ``temp_c``; at least one of the triads.
+    meta : ImuMeta
+        What is known besides; its `t0_ns` is set to the UTC of the first row, where that is known.
+    epoch_ns : int or None
+        UTC of the stamp 0, ns since 1970; 0 where stamps are UTC themselves; None where it is unknown.
+
+    Returns
+    -------
+    ImuData
+        The samples; its time begins at 0 with the first row.
+    tuple of str
+        What was done, a line for each stream that needed it.
+
+    Raises
+    ------
+    ShapeError
+        If no triad is among the streams, or shapes differ.
+    ClockError
+        If more than `DISORDER` of a stream's stamps are repeated or out of order.
+    """
+    ordered, notes = dict[str, tuple[NDArray[np.int64], Floats]](), list[str]()
+    for name, stream in streams.items():
+        ordered[name] = _ordered(name, stream, notes)
+    triads = [name for name in TRIADS if name in ordered and ordered[name][0].size]
+    if not triads:
+        raise ShapeError(f"a recording needs a stream of gyr, acc or mag, but it has {', '.join(streams) or 'none'}.")
+    lead = "gyr" if "gyr" in triads else max(triads, key=lambda name: ordered[name][0].size)
+    rows = ordered[lead][0]
+    columns: dict[str, Any] = {}
+    for name, (stamps, values) in ordered.items():
+        if not stamps.size:
+            notes.append(f"{name}: no sample")
+            continue
+        columns[name], how = _at(rows, stamps, values)
+        if how:
+            notes.append(f"{name}: {counted(stamps.size, 'sample')} on stamps of its own, {how} at those of {lead}")
+    t0_ns = 0 if epoch_ns is None else int(rows[0]) + epoch_ns
+    return ImuData(t=(rows - rows[0]) / 1e9, meta=replace(meta, t0_ns=t0_ns), **columns), tuple(notes)
+
+
+def _ordered(name: str, stream: Stream, notes: list[str]) -> tuple[NDArray[np.int64], Floats]:
+    """Stamps that increase, with their values; what repeats or goes back is left out, and told."""
+    stamps = np.asarray(stream.t_ns, dtype=np.int64)
+    values = np.asarray(stream.values, dtype=np.float64)
+    if stamps.ndim != 1 or values.shape[:1] != stamps.shape:
+        raise ShapeError(f"{name} has values {values.shape} for stamps {stamps.shape}; each stamp needs one row.")
+    if not stamps.size:
+        return stamps, values
+    if (span := (int(stamps.max()) - int(stamps.min())) / 1e9) >= LONGEST:
+        raise ClockError(
+            f"{name}: its stamps span {span:.4g} s, but a recording has {LONGEST:.0f} s at most; some "
+            "stamps are wrong, or they are not in the unit that the format says."
+        )
+    kept = np.ones(stamps.size, dtype=bool)
+    kept[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
+    lost = stamps.size - int(kept.sum())
+    if lost > DISORDER * stamps.size:
+        raise ClockError(
+            f"{name}: {lost} of {stamps.size} stamps repeat or go back; at most {DISORDER:.0%} may. Check its clock, "
+            "or write the rows in the order of time."
+        )
+    if lost:
+        notes.append(f"{name}: {counted(lost, 'sample')} left out, whose stamps repeat or go back")
+    return stamps[kept], values[kept]
+
+
+def _at(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats) -> tuple[Floats, str]:
+    """Values at the rows, and how they came there; nothing where the stamps are the same."""
+    if np.array_equal(rows, stamps):
+        return values, ""
+    step, own = _step(rows), _step(stamps)
+    if own * _SLOW > step:
+        return _nearest(rows, stamps, values, step), "each at the nearest row"
+    averaged = step > own * _FAST
+    return (
+        _interpolated(rows, stamps, _averaged(stamps, values, step, own) if averaged else values, own),
+        f"{'averaged over a step and ' if averaged else ''}interpolated linearly",
+    )
+
+
+def _step(stamps: NDArray[np.int64]) -> float:
+    """Median step, ns."""
+    return float(np.median(np.diff(stamps))) if stamps.size > 1 else np.inf
+
+
+def _nearest(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats, step: float) -> Floats:
+    """Each value at the row nearest in time, not farther than a gap's worth of rows; the last one of a row counts."""
+    found = np.full((rows.size, *values.shape[1:]), np.nan)
+    right = np.clip(np.searchsorted(rows, stamps), 0, rows.size - 1)
+    left = np.maximum(right - 1, 0)
+    place = np.where(np.abs(rows[left] - stamps) <= np.abs(rows[right] - stamps), left, right)
+    near = np.abs(rows[place] - stamps) <= GAP_FACTOR * step
+    found[place[near]] = values[near]
+    return found
+
+
+def _interpolated(rows: NDArray[np.int64], stamps: NDArray[np.int64], values: Floats, own: float) -> Floats:
+    """Values between neighbours that are not a gap apart; NaN elsewhere, also outside and beside a NaN."""
+    right = np.searchsorted(stamps, rows)
+    high = np.minimum(right, stamps.size - 1)
+    exact = stamps[high] == rows
+    low = np.where(exact, high, np.maximum(right - 1, 0))
+    span = stamps[high] - stamps[low]
+    known = exact | ((right > 0) & (right < stamps.size) & (span <= GAP_FACTOR * own))
+    share = np.divide(rows - stamps[low], span, out=np.zeros(rows.size), where=span > 0)
+    found = np.full((rows.size, *values.shape[1:]), np.nan)
+    part = share[known] if values.ndim == 1 else share[known, None]
+    with np.errstate(invalid="ignore"):
+        between = values[low[known]] + part * (values[high[known]] - values[low[known]])
+    found[known] = np.where(exact[known] if values.ndim == 1 else exact[known, None], values[high[known]], between)
+    return found
+
+
+def _averaged(stamps: NDArray[np.int64], values: Floats, step: float, own: float) -> Floats:
+    """Mean over a window of one step of the rows about each stamp; windows do not cross gaps."""
+    width = max(3, 2 * round(step / own / 2) + 1)
+    found = np.copy(values)
+    for part in _parts(stamps):
+        piece = values[part]
+        if len(piece) >= width:
+            windows = np.lib.stride_tricks.sliding_window_view(piece, width, axis=0)
+            found[part.start + width // 2 : part.stop - width // 2] = windows.mean(axis=-1)
+    return found
+
+
+def _parts(stamps: NDArray[np.int64]) -> Iterator[slice]:
+    """Stretches without a gap."""
+    breaks = np.flatnonzero(np.diff(stamps) > GAP_FACTOR * _step(stamps)) + 1
+    ends = [0, *breaks.tolist(), stamps.size]
+    yield from (slice(a, b) for a, b in pairwise(ends))
+
+
+def stamps_of(name: str, seconds: ArrayLike) -> NDArray[np.int64]:
+    """Integer ns of seconds (N,), as some logs keep them; float64 keeps today's Unix seconds to .24 µs.
+
+    Raises
+    ------
+    ClockError
+        If one is not a number, or no clock has it.
+    """
+    values = check.column(name, seconds)
+    if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 9.2e9:
+        raise ClockError(f"{name} holds what is no time in seconds; check the column.")
+    return np.round(values * 1e9).astype(np.int64)
