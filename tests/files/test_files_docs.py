@@ -50,7 +50,7 @@ def test_the_example_of_dates_counts_and_axes(tmp_path):
 
 def test_every_suffix_column_and_key_is_documented():
     for kind in FORMATS:
-        for suffix in kind.suffixes:
+        for suffix in filter(None, kind.suffixes):
             assert f"`{suffix}`" in PAGE
     for column in COLUMNS:
         assert column.startswith("cov_") or f"`{column}`" in PAGE

@@ -9,6 +9,7 @@ SciPy's reader of such files is not used, since damaged ones can end its process
 """
 
 import math
+import mmap
 import struct
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -334,12 +335,13 @@ def read_broad(path: str | Path) -> Recording:
 
 
 def accepts(file: Path) -> bool:
-    """Whether a file names the arrays of a trial; packed variables of MATLAB v5, which hide them, are taken for one."""
+    """Whether a file names an array of a trial; MATLAB v5 packs the names, so that any such file may be one."""
     with file.open("rb") as stream:
         start = stream.read(16)
-        if not start.startswith(tuple(_LOADERS)):
-            return False
-        return b"opt_quat" in stream.read() or start.startswith(_MAT5_SIGNATURE)
+        if not start.startswith(_HDF5_SIGNATURE):
+            return start.startswith(_MAT5_SIGNATURE)
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            return any(content.find(key.encode()) >= 0 for key in SHAPES)
 
 
 def _loader(file: Path) -> Any:

@@ -70,6 +70,14 @@ def _foreign(name: str, module: str, suffixes: tuple[str, ...], what: str) -> Fo
 
 
 FORMATS: Final = (
+    Format(
+        name="native",
+        suffixes=(".parquet",),
+        what="native recording: every bit, units and a checksum inside",
+        read=_late("parquet", "read_parquet"),
+        opened=_late("parquet", "open_parquet"),
+        writers=((".parquet", _late("parquet", "write_parquet")),),
+    ),
     _foreign("ROS", "ros", (".bag", ".db3", ".mcap", ""), "ROS 1 bags, ROS 2 bags and MCAP with CDR messages"),
     _foreign("ULog", "ulog", (".ulg", ".ulog"), "logs of PX4"),
     _foreign("DataFlash", "ardupilot", (".bin", ".log", ".tlog"), "logs of ArduPilot, and telemetry of MAVLink"),
@@ -85,14 +93,6 @@ FORMATS: Final = (
     _foreign("Xsens", "xsens", (".txt", ".mtb"), "exports of MT Manager as text, and its MTB logs"),
     _foreign(
         "x-IMU3", "ximu3", (".ximu3", ".csv", ""), "logs of x-IMU3, and the folders of CSV that its GUI makes of them"
-    ),
-    Format(
-        name="native",
-        suffixes=(".parquet",),
-        what="native recording: every bit, units and a checksum inside",
-        read=_late("parquet", "read_parquet"),
-        opened=_late("parquet", "open_parquet"),
-        writers=((".parquet", _late("parquet", "write_parquet")),),
     ),
     Format(
         name="text",
@@ -228,8 +228,9 @@ def kind_of(path: str | os.PathLike[str], *, described: bool = False) -> Format:
     """
     file = check.path("path", path)
     if not file.is_dir():
-        candidates = _by_suffix(file)
+        candidates = _by_suffix(file) if file.suffix else []
         existing_file(file)
+        candidates = candidates or _by_suffix(file)
     else:
         candidates = [kind for kind in FORMATS if "" in kind.suffixes]
     described = described or any(beside.is_file() for beside in sidecars(file))
