@@ -186,6 +186,7 @@ def test_record_stop_replay_and_seek_by_the_page_alone(chromium, buoy, tmp_path)
             return not view.get("/api/state")["playback"]["playing"]
 
         until(paused, "it plays on")
+        player.get_by_role("button", name="Play", exact=True).wait_for()
         slider = player.locator('input[type="range"]')
         slider.fill("1.5")
         state = until(

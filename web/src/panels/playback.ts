@@ -21,8 +21,11 @@ export function playback(shell: Shell): OwnPanel & { toggle(): void } {
   let held = false;
   let wanted: ReturnType<typeof setTimeout> | null = null;
 
+  // What the button says is what it asks for: the newest state may be a frame ahead of what was drawn.
+  let offered: "play" | "pause" = "play";
+
   function toggle(): void {
-    void shell.ask({ verb: shell.latest()?.playback?.playing ? "pause" : "play" });
+    void shell.ask({ verb: offered });
   }
 
   function seek(to: number): void {
@@ -61,8 +64,9 @@ export function playback(shell: Shell): OwnPanel & { toggle(): void } {
     const now = state.playback;
     element.hidden = now === null;
     if (now === null) return;
+    offered = now.playing ? "pause" : "play";
     say(play, now.playing ? "Pause" : "Play");
-    set(play, "title", `plumbob control URL ${now.playing ? "pause" : "play"}`);
+    set(play, "title", `plumbob control URL ${offered}`);
     set(slider, "max", String(hello.duration ?? 0));
     if (!held) {
       slider.value = String(now.position);
