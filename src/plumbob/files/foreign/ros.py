@@ -11,9 +11,9 @@ The stamp in a message's header is when it was measured, and leads; when the rec
 stamp was set. Stamps are UTC where they lie behind the year 2001; earlier ones are of a simulation or since power-on.
 """
 
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
@@ -165,8 +165,8 @@ def _without_raw(imus: list[Topic]) -> list[Topic]:
 
 
 def _left_out(topics: Iterable[Topic], used: Iterable[Topic]) -> list[str]:
-    names = {id(topic) for topic in used}
-    rest = [topic for topic in topics if id(topic) not in names]
+    taken = list(used)
+    rest = [topic for topic in topics if topic not in taken]
     return [f"left out: {_listed(rest)}"] if rest else []
 
 
@@ -207,8 +207,10 @@ def _of_imus(chosen: list[Topic], topics: list[Topic], name: str) -> Recording:
                     f"{chosen[0].name} (in Python, unit='{chosen[0].name}')."
                 )
     units = [_unit(topic, table, topics) for topic, table in zip(chosen, tables, strict=True)]
-    lines = [line for one in units for line in one.notes]
-    notes = [CONVENTIONS, *lines, *_left_out(topics, [topic for one in units for topic in one.used])]
+    used = [topic for one in units for topic in one.used]
+    notes = [CONVENTIONS, *(line for one in units for line in one.notes), *_left_out(topics, used)]
+    if any(topic.kind in {MAG, TEMPERATURE} and topic not in used for topic in topics):
+        notes.append("of magnetometers and thermometers one is taken for each IMU, whose header names the same frame")
     if len(units) == 1:
         return Recording(imu=units[0].imu, track=units[0].track, name=name, notes=tuple(dict.fromkeys(notes)))
     notes += [f"{one.used[0].name}: its orientation is left out; name it with --unit" for one in units if one.track]
@@ -238,11 +240,11 @@ def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
         return _Unit(None, track, used, notes)
     frame = next(iter(table.frames), "")
     meta = ImuMeta(device=frame or topic.name, frame=Frame.ENU)
-    if mag := _beside(MAG, topic, table, topics, notes):
+    if mag := _beside(MAG, topic, table, topics):
         numbers = mag[1].numbers
         values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
         _add("mag", mag[0], Stream(_stamps(*mag)[0], values), streams, stamps, used, notes)
-    if temperature := _beside(TEMPERATURE, topic, table, topics, notes):
+    if temperature := _beside(TEMPERATURE, topic, table, topics):
         values = temperature[1].numbers[:, 0]
         _add("temp_c", temperature[0], Stream(_stamps(*temperature)[0], values), streams, stamps, used, notes)
     imu, how = joined(streams, meta=meta, epoch_ns=epoch)
@@ -255,20 +257,21 @@ def _present(values: Floats, said: Floats) -> Floats:
     return np.where(absent[:, np.newaxis], np.nan, values) if absent.any() else values
 
 
-def _beside(kind: str, imu: Topic, table: Table, topics: list[Topic], notes: list[str]) -> tuple[Topic, Table] | None:
+def _beside(kind: str, imu: Topic, table: Table, topics: list[Topic]) -> tuple[Topic, Table] | None:
     """The topic of a type in the IMU's frame; of several, the one whose name begins most like the IMU's."""
     found = []
     for topic in (one for one in topics if one.kind == kind):
         other = ros_bags.table(topic)
         if other.frames == table.frames:
-            found.append((len(os.path.commonprefix([topic.name, imu.name])), topic, other))
-        else:
-            notes.append(
-                f"{topic.name} is left out: it is in the frame {', '.join(other.frames) or 'without a name'}, and "
-                f"{imu.name} in {', '.join(table.frames) or 'one without a name'}"
-            )
+            found.append((_alike(topic.name, imu.name), topic, other))
     best = max(found, key=lambda one: one[0], default=None)
     return None if best is None else best[1:]
+
+
+def _alike(one: str, other: str) -> int:
+    """Parts of two topics' names that are the same, from the first."""
+    pairs = zip(one.strip("/").split("/"), other.strip("/").split("/"), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 def _add(
@@ -288,7 +291,7 @@ def _add(
         return
     if key == "mag":
         try:
-            ImuData(t=np.arange(len(values)), mag=values)
+            ImuData(t=np.arange(len(values), dtype=np.float64), mag=values)
         except UnitError as error:
             notes.append(f"{topic.name} is left out, for it is hardly in tesla, as sensor_msgs has it: {error}")
             return

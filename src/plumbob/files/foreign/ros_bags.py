@@ -57,7 +57,7 @@ LAYOUTS: Final = {
 """By type: its layout behind std_msgs/Header, the same in ROS 1 and ROS 2 (github.com/ros2/common_interfaces)."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Topic:
     """A topic of one type, and what it said.
 
@@ -481,8 +481,8 @@ def _parsed(topic: Topic, message: bytes) -> tuple[int, str, bytes]:
     tail = message[at : at + 8 * kind.numbers]
     if len(tail) != 8 * kind.numbers or len(message) - at - len(tail) > (7 if cdr else 0):
         raise DecodeError(
-            f"{topic.name}: a message has {counted(len(message), 'byte')}, but one of {topic.kind} with this header has "
-            f"{at + 8 * kind.numbers}; {_ADVICE}"
+            f"{topic.name}: a message has {counted(len(message), 'byte')}, but one of {topic.kind} with this "
+            f"header has {at + 8 * kind.numbers}; {_ADVICE}"
         )
     if rest >= 10**9:
         raise DecodeError(f"{topic.name}: a stamp has {rest} ns beyond its second; {_ADVICE}")
