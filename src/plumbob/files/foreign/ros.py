@@ -182,7 +182,10 @@ def _epoch(stamps: NDArray[np.int64], notes: list[str]) -> int | None:
     """UTC of the stamp 0, ns; None where stamps are not UTC."""
     if stamps.size and int(stamps[0]) >= UTC_FROM:
         return 0
-    notes.append("stamps lie before 2001, as those of a simulation or since power-on do; UTC is not known")
+    notes.append(
+        "stamps lie before 2001, as those of a simulation or since power-on do; UTC is not known, and t = 0 is at the "
+        f"stamp {stamps[0]} ns"
+    )
     return None
 
 
