@@ -122,7 +122,7 @@ def test_covariance_of_the_orientation_turns_into_body_axes(tmp_path):
 def test_an_orientation_that_was_never_set_is_left_out(tmp_path):
     given = made.samples() | {"xyzw": np.tile([0.0, 0.0, 0.0, 1.0], (made.ROWS, 1))}  # the default in ROS 2
     found = plumbob.read(made.write_2(tmp_path / "a", made.imu_rows(given, covs=(0.0, 0.0, 0.0))))
-    assert found.track is None and any("never leaves the default" in note for note in found.notes)
+    assert found.track is None and any("always the default" in note for note in found.notes)
 
 
 def test_without_stamps_the_recorders_time_counts(tmp_path):

@@ -36,7 +36,6 @@ def add_parser(verbs: common.Adder) -> None:
     common.add_force(p)
     common.add_calibration(p, "calibration card to apply to the samples")
     p.set_defaults(run=run)
-    verbs.choices["export"] = p  # what it was called before, in scripts with --out
 
 
 def run(args: argparse.Namespace) -> int:

@@ -107,6 +107,9 @@ def build_parser(verbs: Sequence[str] = VERBS) -> argparse.ArgumentParser:
     parsers = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     for verb in verbs:
         import_module(f"plumbob.cli.{verb}").add_parser(parsers)
+    for former, verb in FORMER.items() if len(verbs) == 1 else ():
+        if verb in verbs:
+            parsers.choices[former] = parsers.choices[verb]  # not in the list of all
     return parser
 
 

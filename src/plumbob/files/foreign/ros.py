@@ -296,7 +296,7 @@ def _add(
         try:
             ImuData(t=np.arange(len(values), dtype=np.float64), mag=values)
         except UnitError as error:
-            notes.append(f"{topic.name} is left out, for it is hardly in tesla, as sensor_msgs has it: {error}")
+            notes.append(f"{topic.name} is left out: it is hardly in tesla, as sensor_msgs has it: {error}")
             return
     used.append(topic)
     where = np.minimum(np.searchsorted(rows, stamps), rows.size - 1)
@@ -318,7 +318,7 @@ def _orientation(topic: Topic, table: Table, stamps: NDArray[np.int64], notes: l
     if np.isnan(xyzw).any(axis=1).all():
         return None
     if (numbers[:, :4] == _UNSET).all() and not numbers[:, 4:13].any():
-        notes.append(f"{topic.name}: its orientation is left out, for it never leaves the default of the message")
+        notes.append(f"{topic.name}: its orientation is left out: it is always the default of the message")
         return None
     return _track(topic, stamps, xyzw, numbers[:, 4:13].reshape(-1, 3, 3), notes)
 
