@@ -202,8 +202,14 @@ class TestFolders:
 
     def test_it_never_writes_over_its_input(self, recording, tmp_path):
         plumbob.convert(recording, tmp_path / "a", layout="rosbag2")
-        with pytest.raises(ParameterError, match="is an input"):
-            plumbob.convert(tmp_path / "a", tmp_path / "a", layout="rosbag2", overwrite=True)
+        for given in (tmp_path / "a", tmp_path / "a" / "a.mcap"):
+            with pytest.raises(ParameterError, match="is or holds the input"):
+                plumbob.convert(given, tmp_path / "a", layout="rosbag2", overwrite=True)
+
+    def test_what_a_killed_process_left_is_removed(self, recording, tmp_path):
+        (tmp_path / ".a.plumbob-0123abcd.tmp" / "a").mkdir(parents=True)
+        plumbob.convert(recording, tmp_path / "a", layout="euroc")
+        assert [one.name for one in tmp_path.iterdir()] == ["a"]
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap"])

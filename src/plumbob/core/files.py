@@ -245,9 +245,12 @@ def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], boo
     """
     require_folder_place(path, overwrite=overwrite, known=known)
     final = Path(os.path.realpath(path))
-    beside = final.with_name(f".{final.name[:40]}.plumbob-{secrets.token_hex(4)}.tmp")
+    start, held = f".{final.name[:40]}.plumbob-", -1
+    beside = final.with_name(f"{start}{secrets.token_hex(4)}.tmp")
     try:
+        _remove_abandoned_folders(final.parent, start)
         beside.mkdir()
+        held = _held(beside)
         made = beside / final.name
         yield made
         for folder, _, names in os.walk(made):
@@ -270,6 +273,32 @@ def replacing_folder(path: Path, *, overwrite: bool, known: Callable[[Path], boo
     finally:
         with _uninterrupted():
             shutil.rmtree(beside, ignore_errors=True)
+            if held >= 0:
+                os.close(held)
+
+
+def _held(folder: Path) -> int:
+    """Open and lock a folder, as long as its writer lives; -1 where folders cannot be."""
+    if sys.platform == "win32":
+        return -1
+    descriptor = os.open(folder, os.O_RDONLY)
+    with suppress(OSError):  # a disk without locks
+        lock(descriptor)
+    return descriptor
+
+
+def _remove_abandoned_folders(parent: Path, start: str) -> None:
+    """Remove temporary folders whose writer was killed: then nobody has them locked."""
+    for other in parent.iterdir():
+        if sys.platform == "win32" or not re.fullmatch(rf"{re.escape(start)}[0-9a-f]{{8}}\.tmp", other.name):
+            continue
+        with suppress(OSError):  # locked, gone, or another user's
+            descriptor = os.open(other, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                lock(descriptor)
+                shutil.rmtree(other)
+            finally:
+                os.close(descriptor)
 
 
 def require_folder_place(path: Path, *, overwrite: bool, known: Callable[[Path], bool]) -> None:

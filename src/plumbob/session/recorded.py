@@ -281,8 +281,8 @@ def convert(
     require_writer(file, layout)
     if not isinstance(recording, Recording):
         given = Path(recording)
-        if given.exists() and given.resolve() == file.resolve():
-            raise ParameterError(f"{file} is an input; writing there would destroy it. Name another file.")
+        if given.exists() and file.resolve() in (given.resolve(), *given.resolve().parents):
+            raise ParameterError(f"{file} is or holds the input; writing there would destroy it. Name another file.")
         own = is_own(given)
         recording = (
             read_recorded(given, estimated=True, unit=unit) if own else files.read(given, profile=profile, unit=unit)

@@ -248,7 +248,7 @@ def _unit(topic: Topic, table: Table, topics: list[Topic]) -> _Unit:
         values = to_si(_present(numbers[:, :3], numbers[:, 3]), "T")
         _add("mag", mag[0], Stream(_stamps(*mag)[0], values), streams, stamps, used, notes)
     if temperature := _beside(TEMPERATURE, topic, table, topics):
-        values = temperature[1].numbers[:, 0]
+        values = np.where(np.isfinite(temperature[1].numbers[:, 0]), temperature[1].numbers[:, 0], np.nan)
         _add("temp_c", temperature[0], Stream(_stamps(*temperature)[0], values), streams, stamps, used, notes)
     imu, how = joined(streams, meta=meta, epoch_ns=epoch)
     return _Unit(imu, track, used, notes + list(how))
@@ -337,10 +337,10 @@ def _track(
     """
     kept = np.ones(stamps.size, dtype=bool)
     kept[1:] = stamps[1:] > np.maximum.accumulate(stamps)[:-1]
-    with np.errstate(invalid="ignore"):
-        wrong = np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) > 1e-3
-    if wrong.any():
-        notes.append(f"{topic.name}: {counted(int(wrong.sum()), 'quaternion')} not of norm 1, taken as unknown")
+    some = ~np.isnan(xyzw).all(axis=1)
+    wrong = ~(np.abs(np.linalg.norm(xyzw, axis=1) - 1.0) <= 1e-3)
+    if (count := int(np.count_nonzero(some & wrong))) > 0:
+        notes.append(f"{topic.name}: {counted(count, 'quaternion')} not of norm 1, taken as unknown")
     q_nb = quat_from_xyzw(np.where(wrong[:, np.newaxis], np.nan, xyzw))[kept]
     if not np.isfinite(q_nb).any():
         raise DecodeError(f"{topic.name} holds no quaternion of norm 1.")
@@ -350,7 +350,8 @@ def _track(
         )
     cov_b = None
     if cov_n is not None and cov_n.any():
-        known = np.where((cov_n[:, :1, :1] == -1.0) | ~cov_n.any(axis=(1, 2), keepdims=True), np.nan, cov_n)[kept]
+        good = np.isfinite(cov_n).all(axis=(1, 2)) & cov_n.any(axis=(1, 2)) & (cov_n[:, 0, 0] != -1.0)
+        known = np.where(good[:, np.newaxis, np.newaxis], cov_n, np.nan)[kept]
         c_nb = dcm_from_quat(q_nb)
         cov_b = np.swapaxes(c_nb, 1, 2) @ known @ c_nb
         notes.append(
